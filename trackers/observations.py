@@ -1,0 +1,64 @@
+"""What a sensor reports: the decoded message, the same live, from a twin's recording and from a robot's bag.
+
+Stamps are integer nanoseconds as in a bag (`stamp_ns`); `t` is the same in seconds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.errors import InputError
+
+NS_PER_S = 1_000_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class LaserScan:
+    """One sweep of a planar scanner, in the scanner's frame: x ahead, y left, z up, angles counter-clockwise from x.
+
+    `ranges_m` follows ROS REP 117: a finite value is a return, +inf no return within range, NaN an invalid reading.
+    `sweep_time_s` is the time from the first beam (taken at the stamp) to the last; 0 for an instantaneous scan.
+    """
+
+    sensor: str
+    stamp_ns: int
+    ranges_m: NDArray[np.float32]  # (n_beam,)
+    angle_min_rad: float
+    angle_increment_rad: float
+    range_min_m: float
+    range_max_m: float
+    sweep_time_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.ranges_m.ndim != 1:
+            raise InputError(f"scan of {self.sensor!r}: ranges have shape {self.ranges_m.shape}; one row is expected")
+
+    @property
+    def t(self) -> float:
+        """Stamp [s]."""
+        return self.stamp_ns / NS_PER_S
+
+    @property
+    def angles_rad(self) -> NDArray[np.float64]:
+        """Bearing of each beam in the scanner's frame, (n_beam,)."""
+        return self.angle_min_rad + self.angle_increment_rad * np.arange(self.ranges_m.size)
+
+
+@dataclass(frozen=True, eq=False)
+class Image:
+    """One colour image, RGB, as decoded from its message."""
+
+    sensor: str
+    stamp_ns: int
+    rgb: NDArray[np.uint8]  # (height, width, 3)
+
+    @property
+    def t(self) -> float:
+        """Stamp [s]."""
+        return self.stamp_ns / NS_PER_S
+
+
+Observation = LaserScan | Image

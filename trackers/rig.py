@@ -1,0 +1,174 @@
+"""The rig: where each sensor is and how it projects, all that a message cannot say.
+
+Written by users as `rig.yaml`, resolved from a scenario's sensors by the twin, carried in every bag.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PositiveInt, ValidationError, model_validator
+from scipy.spatial.transform import Rotation
+
+from trackers.errors import InputError
+
+Point2 = tuple[FiniteFloat, FiniteFloat]
+Point3 = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+
+
+class Strict(BaseModel):
+    """Frozen, typed configuration that refuses unknown keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Pose(Strict):
+    """A rigid transform: `xyz` [m], then `rpy` roll, pitch, yaw [rad] about the fixed x, y, z axes (as in URDF)."""
+
+    xyz: Point3 = (0.0, 0.0, 0.0)
+    rpy: Point3 = (0.0, 0.0, 0.0)
+
+    @property
+    def rotation(self) -> NDArray[np.float64]:
+        """Rotation matrix, (3, 3)."""
+        return Rotation.from_euler("xyz", self.rpy).as_matrix()
+
+    @property
+    def translation(self) -> NDArray[np.float64]:
+        """Translation [m], (3,)."""
+        return np.array(self.xyz)
+
+    @classmethod
+    def from_matrix(cls, rotation: NDArray[np.float64], xyz: Point3) -> Pose:
+        """The pose with this rotation matrix (3, 3) and origin [m]."""
+        roll, pitch, yaw = Rotation.from_matrix(rotation).as_euler("xyz")
+        return cls(xyz=xyz, rpy=(float(roll), float(pitch), float(yaw)))
+
+
+class FisheyeIntrinsics(Strict):
+    """Kannala–Brandt fisheye: r(θ) = θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸), u = fx r cos φ + cx, v = fy r sin φ + cy.
+
+    θ is the angle from the optical axis; with all k = 0 the lens is equidistant. `field_of_view_rad` is the full
+    angle over which the lens forms an image (outside it pixels are black). This is OpenCV's `fisheye` and ROS's
+    `equidistant` model.
+    """
+
+    width: PositiveInt
+    height: PositiveInt
+    fx: float = Field(gt=0)
+    fy: float = Field(gt=0)
+    cx: FiniteFloat
+    cy: FiniteFloat
+    k: tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat] = (0.0, 0.0, 0.0, 0.0)
+    field_of_view_rad: float = Field(gt=0, lt=2 * np.pi)
+
+    def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Pixel coordinates (..., 2) of points (..., 3) [m] in the camera frame (x right, y down, z ahead).
+
+        Also returns whether each point lies inside the field of view, (...,).
+        """
+        x, y, z = points[..., 0], points[..., 1], points[..., 2]
+        rho = np.hypot(x, y)
+        theta = np.arctan2(rho, z)
+        square = theta * theta
+        k1, k2, k3, k4 = self.k
+        radius = theta * (1 + square * (k1 + square * (k2 + square * (k3 + square * k4))))
+        scale = np.divide(radius, rho, out=np.zeros_like(radius), where=rho > 0)
+        pixels = np.stack([self.fx * scale * x + self.cx, self.fy * scale * y + self.cy], axis=-1)
+        return pixels, theta <= self.field_of_view_rad / 2
+
+
+class LaserSensor(Strict):
+    """A planar scanner on the rig; `room_from_sensor` takes its frame (x ahead, y left, z up) to the room's."""
+
+    kind: Literal["laser"] = "laser"
+    topic: str
+    room_from_sensor: Pose = Pose()
+    role: Literal["waist", "knee"] | None = None
+    time_offset_s: FiniteFloat = 0.0
+
+
+class FisheyeSensor(Strict):
+    """A fisheye camera on the rig; `room_from_sensor` takes its optical frame (x right, y down, z ahead) to the room's."""
+
+    kind: Literal["fisheye"] = "fisheye"
+    topic: str
+    room_from_sensor: Pose = Pose()
+    intrinsics: FisheyeIntrinsics
+    time_offset_s: FiniteFloat = 0.0
+
+
+RigSensor = Annotated[LaserSensor | FisheyeSensor, Field(discriminator="kind")]
+
+
+class Rig(Strict):
+    """Every sensor by name, and the tracked area as a polygon in the room frame [m] (None: everywhere)."""
+
+    sensors: dict[str, RigSensor]
+    area: tuple[Point2, ...] | None = None
+
+    @model_validator(mode="after")
+    def _area_is_a_polygon(self) -> Rig:
+        if self.area is not None and len(self.area) < 3:
+            raise ValueError(f"area has {len(self.area)} corners; a polygon needs at least 3")
+        return self
+
+    def lasers(self) -> dict[str, LaserSensor]:
+        """The scanners by name."""
+        return {name: sensor for name, sensor in self.sensors.items() if isinstance(sensor, LaserSensor)}
+
+    def cameras(self) -> dict[str, FisheyeSensor]:
+        """The cameras by name."""
+        return {name: sensor for name, sensor in self.sensors.items() if isinstance(sensor, FisheyeSensor)}
+
+    @property
+    def main_sensor(self) -> str:
+        """The sensor whose stamps a tracker is judged at: the waist scanner, else the first scanner, else the first sensor.
+
+        Raises InputError for a rig without sensors.
+        """
+        lasers = self.lasers()
+        for name, laser in lasers.items():
+            if laser.role == "waist":
+                return name
+        for name in (*lasers, *self.sensors):
+            return name
+        raise InputError("the rig has no sensors; at least one under 'sensors:' is needed")
+
+    def dump_yaml(self) -> str:
+        """The rig as the text of a `rig.yaml`."""
+        return yaml.safe_dump(self.model_dump(mode="json", exclude_none=True), sort_keys=False)
+
+    @classmethod
+    def load(cls, path: Path) -> Rig:
+        """The rig in a `rig.yaml`; raises InputError naming the file and every field at fault."""
+        try:
+            return cls.parse(path.read_text(), str(path))
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read ({error.strerror}); a rig.yaml is expected") from error
+
+    @classmethod
+    def parse(cls, text: str, source: str) -> Rig:
+        """The rig in the text of a `rig.yaml`; `source` names the text in errors (InputError)."""
+        try:
+            content = yaml.safe_load(text)
+        except yaml.YAMLError as error:
+            raise InputError(f"{source}: not YAML ({str(error).splitlines()[0]}); a mapping with 'sensors:' is expected") from error
+        try:
+            return cls.model_validate(content)
+        except ValidationError as error:
+            raise InputError(describe_validation_error(error, source)) from error
+
+
+def describe_validation_error(error: ValidationError, source: str) -> str:
+    """One line for each fault of a pydantic validation: file, dotted path, what is wrong, the value."""
+    lines = []
+    for fault in error.errors():
+        path = ".".join(str(part) for part in fault["loc"]) or "(whole file)"
+        value = "" if fault["type"] in ("missing", "model_type", "dict_type") else f" (got {fault['input']!r})"
+        lines.append(f"{source}: {path}: {fault['msg'].removeprefix('Value error, ')}{value}")
+    return "\n".join(lines)
