@@ -11,19 +11,14 @@ from typing import Annotated, Literal
 import numpy as np
 import yaml
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PositiveInt, ValidationError, model_validator
+from pydantic import Field, FiniteFloat, PositiveInt, model_validator
 from scipy.spatial.transform import Rotation
 
+from trackers.configuration import Strict, parse_yaml, read_text, validate
 from trackers.errors import InputError
 
 Point2 = tuple[FiniteFloat, FiniteFloat]
 Point3 = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
-
-
-class Strict(BaseModel):
-    """Frozen, typed configuration that refuses unknown keys."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class Pose(Strict):
@@ -93,7 +88,7 @@ class LaserSensor(Strict):
 
 
 class FisheyeSensor(Strict):
-    """A fisheye camera on the rig; `room_from_sensor` takes its optical frame (x right, y down, z ahead) to the room's."""
+    """A fisheye camera on the rig; `room_from_sensor` takes its optical frame (x right, y down, z ahead)."""
 
     kind: Literal["fisheye"] = "fisheye"
     topic: str
@@ -127,7 +122,7 @@ class Rig(Strict):
 
     @property
     def main_sensor(self) -> str:
-        """The sensor whose stamps a tracker is judged at: the waist scanner, else the first scanner, else the first sensor.
+        """The sensor at whose stamps a tracker is judged: the waist scanner, else the first scanner or sensor.
 
         Raises InputError for a rig without sensors.
         """
@@ -146,29 +141,9 @@ class Rig(Strict):
     @classmethod
     def load(cls, path: Path) -> Rig:
         """The rig in a `rig.yaml`; raises InputError naming the file and every field at fault."""
-        try:
-            return cls.parse(path.read_text(), str(path))
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read ({error.strerror}); a rig.yaml is expected") from error
+        return cls.parse(read_text(path, "a rig.yaml"), str(path))
 
     @classmethod
     def parse(cls, text: str, source: str) -> Rig:
         """The rig in the text of a `rig.yaml`; `source` names the text in errors (InputError)."""
-        try:
-            content = yaml.safe_load(text)
-        except yaml.YAMLError as error:
-            raise InputError(f"{source}: not YAML ({str(error).splitlines()[0]}); a mapping with 'sensors:' is expected") from error
-        try:
-            return cls.model_validate(content)
-        except ValidationError as error:
-            raise InputError(describe_validation_error(error, source)) from error
-
-
-def describe_validation_error(error: ValidationError, source: str) -> str:
-    """One line for each fault of a pydantic validation: file, dotted path, what is wrong, the value."""
-    lines = []
-    for fault in error.errors():
-        path = ".".join(str(part) for part in fault["loc"]) or "(whole file)"
-        value = "" if fault["type"] in ("missing", "model_type", "dict_type") else f" (got {fault['input']!r})"
-        lines.append(f"{source}: {path}: {fault['msg'].removeprefix('Value error, ')}{value}")
-    return "\n".join(lines)
+        return validate(cls, parse_yaml(text, source, "a mapping with 'sensors:'"), source)

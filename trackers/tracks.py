@@ -46,8 +46,8 @@ class TrackFrame:
 class Tracker(Protocol):
     """Takes observations in order of arrival and reports tracks.
 
-    Built as `Class(rig, background, rng, **options)`: the rig, the observations of the empty room (may be empty: then the
-    tracker learns the background as it goes), a `numpy.random.Generator` of its own.
+    Built as `Class(rig, background, rng, **options)`: the rig, the observations of the empty room (may be none: then
+    the tracker learns the background as it goes), a `numpy.random.Generator` of its own.
 
     `update` may return the frames that the observation completed, oldest first (a tracker that waits for several
     sensors of one moment completes a frame late), or None: then `tracks()` is read after each observation of

@@ -1,0 +1,118 @@
+"""Typed, frozen configuration read from YAML, and errors that say what would have been valid."""
+
+from __future__ import annotations
+
+import difflib
+import types
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
+
+import yaml
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from trackers.errors import InputError
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class Strict(BaseModel):
+    """Frozen, typed configuration that refuses unknown keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class _UniqueKeyLoader(yaml.SafeLoader):
+    """Safe YAML that refuses a key given twice, which plain YAML would silently overwrite."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen = set()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if key in seen:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"the key {key!r} stands twice in one mapping", key_node.start_mark
+                )
+            seen.add(key)
+        return super().construct_mapping(node, deep)
+
+
+def parse_yaml(text: str, source: str, expected: str) -> dict[str, Any]:
+    """The mapping in a YAML text; raises InputError naming the source, the line and what is expected."""
+    try:
+        content = yaml.load(text, _UniqueKeyLoader)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f"{source}, line {mark.line + 1}" if mark is not None else source
+        problem = getattr(error, "problem", None) or str(error).splitlines()[0]
+        raise InputError(f"{where}: not valid YAML ({problem}); {expected} is expected") from error
+    if not isinstance(content, dict):
+        raise InputError(f"{source}: holds {type(content).__name__}, not a mapping; {expected} is expected")
+    return content
+
+
+def read_text(source: Any, expected: str) -> str:
+    """The text of a file; raises InputError naming the file and what is expected of it."""
+    try:
+        return source.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{source}: is not a text file; {expected} is expected") from error
+    except OSError as error:
+        raise InputError(f"{source}: cannot be read ({error.strerror}); {expected} is expected") from error
+
+
+def validate(model: type[Model], content: Any, source: str) -> Model:
+    """The content as this model; raises InputError with one line for every fault: source, path, fault, value."""
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        raise InputError("\n".join(_lines(error, model, source))) from error
+
+
+def _lines(error: ValidationError, model: type[BaseModel], source: str) -> list[str]:
+    lines = []
+    for fault in error.errors():
+        path = ".".join(str(part) for part in fault["loc"]) or "(whole file)"
+        message = fault["msg"].removeprefix("Value error, ")
+        if fault["type"] == "extra_forbidden":
+            message = "unknown key" + _valid_keys(model, fault["loc"])
+        elif fault["type"] not in ("missing", "model_type", "dict_type", "union_tag_not_found"):
+            message += f" (got {fault['input']!r})"
+        lines.append(f"{source}: {path}: {message}")
+    return lines
+
+
+def _valid_keys(model: type[BaseModel], location: tuple[int | str, ...]) -> str:
+    """'; did you mean X; valid here: ...' for an unknown key at this location."""
+    models: list[Any] = [model]
+    for part in location[:-1]:
+        models = [inner for each in models for inner in _inner(each, part)]
+    keys = sorted({name for each in models if _is_model(each) for name in each.model_fields})
+    if not keys:
+        return ""
+    close = difflib.get_close_matches(str(location[-1]), keys, n=1)
+    return (f"; did you mean {close[0]!r}?" if close else ";") + f" valid here: {', '.join(keys)}"
+
+
+def _is_model(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, BaseModel)
+
+
+def _inner(kind: Any, part: int | str) -> list[Any]:
+    """The models one step down a pydantic error location: a field, a mapping's value or a union's tag."""
+    if _is_model(kind):
+        if part in kind.model_fields:
+            return _unwrap(kind.model_fields[part].annotation)
+        literal = kind.model_fields.get("kind")
+        is_tag = literal is not None and part in get_args(literal.annotation)
+        return [kind] if is_tag else []
+    if get_origin(kind) in (dict, list, tuple):
+        return _unwrap(get_args(kind)[-1] if get_origin(kind) is dict else get_args(kind)[0])
+    return []
+
+
+def _unwrap(kind: Any) -> list[Any]:
+    """The members of Annotated and union types."""
+    if get_origin(kind) is Annotated:
+        return _unwrap(get_args(kind)[0])
+    if get_origin(kind) in (Union, types.UnionType):
+        return [inner for member in get_args(kind) for inner in _unwrap(member)]
+    return [kind]

@@ -1,0 +1,101 @@
+"""The people a tracker follows, as arrays, and the rules of track management (Bai and Takahashi, section III B)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from trackers.filters.imm import ImmState
+from trackers.rig import Strict
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class ManagementOptions(Strict):
+    """When a track is believed, and when it is given up."""
+
+    confirm_after_s: float = Field(0.5, ge=0, description="a tentative track measured for longer is a person [s]")
+    coast_s: float = Field(1.5, ge=0, description="a person not measured for this long is gone [s]")
+    tentative_coast_s: float = Field(
+        0.15, ge=0, description="a tentative track not measured for longer was a false alarm [s] (ours: one scan may miss)"
+    )
+    body_radius_m: float = Field(
+        0.45, ge=0, description="nothing new starts this near to a person already tracked or just measured [m] (ours)"
+    )
+    area_margin_m: float = Field(0.3, ge=0, description="how far outside the rig's area people are still followed [m]")
+
+
+@dataclass(frozen=True, eq=False)
+class People:
+    """n tracks, oldest first; tentative ones among them until they are confirmed."""
+
+    id: NDArray[np.int64]  # (n,) 0 while tentative
+    state: ImmState
+    born_t: Array  # (n,) [s]
+    measured_t: Array  # (n,) last measured [s]
+    n_measured: NDArray[np.int64]  # (n,)
+    born_at: Array  # (n, 2) first measured position [m]
+    confirmed: Mask  # (n,)
+    reference: Array  # (n, bins) colour histogram
+    has_reference: Mask  # (n,)
+
+    def __len__(self) -> int:
+        return self.id.size
+
+    @classmethod
+    def born(cls, state: ImmState, position: Array, t: float, reference: Array, has_reference: Mask) -> People:
+        """Tentative tracks first measured at `position` (n, 2) at time t."""
+        n = len(state)
+        return cls(
+            id=np.zeros(n, np.int64),
+            state=state,
+            born_t=np.full(n, t),
+            measured_t=np.full(n, t),
+            n_measured=np.ones(n, np.int64),
+            born_at=position,
+            confirmed=np.zeros(n, np.bool_),
+            reference=reference,
+            has_reference=has_reference,
+        )
+
+    def select(self, kept: Mask) -> People:
+        """The tracks of a mask (n,)."""
+        if kept.all():
+            return self
+        return People(
+            self.id[kept],
+            self.state.select(kept),
+            self.born_t[kept],
+            self.measured_t[kept],
+            self.n_measured[kept],
+            self.born_at[kept],
+            self.confirmed[kept],
+            self.reference[kept],
+            self.has_reference[kept],
+        )
+
+    def joined(self, other: People) -> People:
+        """These tracks followed by `other`."""
+        if len(other) == 0:
+            return self
+        return People(
+            np.concatenate([self.id, other.id]),
+            self.state.joined(other.state),
+            np.concatenate([self.born_t, other.born_t]),
+            np.concatenate([self.measured_t, other.measured_t]),
+            np.concatenate([self.n_measured, other.n_measured]),
+            np.concatenate([self.born_at, other.born_at]),
+            np.concatenate([self.confirmed, other.confirmed]),
+            np.concatenate([self.reference, other.reference]),
+            np.concatenate([self.has_reference, other.has_reference]),
+        )
+
+    def alive(self, t: float, options: ManagementOptions) -> Mask:
+        """Which tracks go on: confirmed ones measured within the coasting time, tentative ones measured lately, (n,)."""
+        patience = np.where(self.confirmed, options.coast_s, options.tentative_coast_s)
+        # half a microsecond: stamps are decimal, sums of periods are not
+        return t - self.measured_t <= patience + 5e-7

@@ -1,0 +1,210 @@
+"""CLEAR MOT: who is matched with whom, frame by frame, and MOTA, MOTP and their counts.
+
+Bernardin and Stiefelhagen, "Evaluating multiple object tracking performance: the CLEAR MOT metrics", 2008, in the
+reading of py-motmetrics 1.4: a person and the track last matched with them are matched again as long as they are
+within the gate; the rest is assigned so that as many pairs as possible, then as near as possible, come about.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+MOSTLY_TRACKED_SHARE = 0.8
+MOSTLY_LOST_SHARE = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class PairMatrix:
+    """Every person against every track of one frame.
+
+    `values` (n, m) are distances (any unit; NaN: never a pair) for CLEAR and identity, similarities from 0 to 1 for
+    HOTA.
+    """
+
+    person_ids: NDArray[np.int64]  # (n,)
+    track_ids: NDArray[np.int64]  # (m,)
+    values: NDArray[np.float64]  # (n, m)
+
+    def __post_init__(self) -> None:
+        if self.values.shape != (self.person_ids.size, self.track_ids.size):
+            raise ValueError(
+                f"values have shape {self.values.shape}; ({self.person_ids.size}, {self.track_ids.size}) is needed"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class FrameMatches:
+    """The pairs of one frame: row of the person and column of the track in the frame's `PairMatrix`, their distance."""
+
+    rows: NDArray[np.intp]  # (k,)
+    columns: NDArray[np.intp]  # (k,)
+    distances: NDArray[np.float64]  # (k,)
+
+
+@dataclass(frozen=True)
+class IdSwitch:
+    """From this frame on a person is matched with another track than the last time they were matched."""
+
+    frame: int
+    person_id: int
+    previous_track_id: int
+    track_id: int
+
+
+@dataclass(frozen=True)
+class ClearScores:
+    """CLEAR counts of one run, or of several added together."""
+
+    persons: int  # true positions, summed over frames
+    matches: int  # pairs, those of a switch included
+    misses: int
+    false_positives: int
+    id_switches: int
+    fragmentations: int
+    distance_sum: float  # of all matches, in the unit of the distances
+    mostly_tracked: int  # persons matched in at least 80 % of their frames
+    partially_tracked: int
+    mostly_lost: int  # persons matched in less than 20 % of their frames
+
+    def __add__(self, other: ClearScores) -> ClearScores:
+        return ClearScores(*(mine + theirs for mine, theirs in zip(_fields(self), _fields(other), strict=True)))
+
+    @property
+    def mota(self) -> float | None:
+        """1 − (misses + false positives + switches) / true positions; None where nobody was there."""
+        if not self.persons:
+            return None
+        return 1.0 - (self.misses + self.false_positives + self.id_switches) / self.persons
+
+    @property
+    def motp(self) -> float | None:
+        """Mean distance of the matches; None without any."""
+        return self.distance_sum / self.matches if self.matches else None
+
+    @property
+    def recall(self) -> float | None:
+        """Share of true positions that are matched."""
+        return self.matches / self.persons if self.persons else None
+
+    @property
+    def precision(self) -> float | None:
+        """Share of reported positions that are matched."""
+        reported = self.matches + self.false_positives
+        return self.matches / reported if reported else None
+
+
+def match_frames(frames: Sequence[PairMatrix], gate: float) -> list[FrameMatches]:
+    """The CLEAR correspondence of a run: pairs at most `gate` apart, earlier pairs kept.
+
+    Where two persons were last matched with the same track, the one matched with it last has the first claim: the
+    result does not depend on the order of the persons (py-motmetrics lets the first in the list have it).
+    """
+    partner: dict[int, int] = {}
+    last_matched: dict[int, int] = {}
+    matches = []
+    for index, frame in enumerate(frames):
+        allowed = frame.values <= gate  # NaN is no pair
+        rows, columns = _kept_pairs(frame, allowed, partner, last_matched)
+        allowed[rows, :] = False
+        allowed[:, columns] = False
+        new_rows, new_columns = assign(frame.values, allowed)
+        all_rows = np.concatenate([np.array(rows, dtype=np.intp), new_rows])
+        all_columns = np.concatenate([np.array(columns, dtype=np.intp), new_columns])
+        for person, track in zip(
+            frame.person_ids[all_rows].tolist(), frame.track_ids[all_columns].tolist(), strict=True
+        ):
+            partner[person] = track
+            last_matched[person] = index
+        order = np.argsort(all_rows)
+        all_rows, all_columns = all_rows[order], all_columns[order]
+        matches.append(FrameMatches(all_rows, all_columns, frame.values[all_rows, all_columns]))
+    return matches
+
+
+def assign(costs: NDArray[np.float64], allowed: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of as many allowed pairs as possible, and among those of the smallest summed cost (n, m)."""
+    if not allowed.any():
+        empty = np.zeros(0, dtype=np.intp)
+        return empty, empty
+    # One forbidden pair more must cost more than any set of allowed pairs.
+    forbidden = 2 * min(costs.shape) * (float(np.abs(costs[allowed]).max()) + 1) + 1
+    rows, columns = linear_sum_assignment(np.where(allowed, costs, forbidden))
+    real = allowed[rows, columns]
+    return rows[real], columns[real]
+
+
+def find_switches(frames: Sequence[PairMatrix], matches: Sequence[FrameMatches]) -> list[IdSwitch]:
+    """Every identity switch, in order of time, then person; a gap in between, however long, does not undo a switch."""
+    partner: dict[int, int] = {}
+    switches = []
+    for index, (frame, pairs) in enumerate(zip(frames, matches, strict=True)):
+        found = zip(frame.person_ids[pairs.rows].tolist(), frame.track_ids[pairs.columns].tolist(), strict=True)
+        for person, track in sorted(found):
+            previous = partner.get(person)
+            if previous is not None and previous != track:
+                switches.append(IdSwitch(index, person, previous, track))
+            partner[person] = track
+    return switches
+
+
+def clear(frames: Sequence[PairMatrix], gate: float, matches: Sequence[FrameMatches] | None = None) -> ClearScores:
+    """CLEAR scores of one run; `matches` spares the matching where `match_frames` has been called already."""
+    if matches is None:
+        matches = match_frames(frames, gate)
+    matched: dict[int, list[bool]] = {}
+    for frame, pairs in zip(frames, matches, strict=True):
+        flags = np.zeros(frame.person_ids.size, dtype=np.bool_)
+        flags[pairs.rows] = True
+        for person, flag in zip(frame.person_ids.tolist(), flags.tolist(), strict=True):
+            matched.setdefault(person, []).append(flag)
+    histories = [np.array(flags) for flags in matched.values()]
+    shares = np.array([history.mean() for history in histories])
+    persons = sum(history.size for history in histories)
+    n_matches = sum(pairs.rows.size for pairs in matches)
+    mostly_tracked = int(np.count_nonzero(shares >= MOSTLY_TRACKED_SHARE))
+    mostly_lost = int(np.count_nonzero(shares < MOSTLY_LOST_SHARE))
+    return ClearScores(
+        persons=persons,
+        matches=n_matches,
+        misses=persons - n_matches,
+        false_positives=sum(frame.track_ids.size for frame in frames) - n_matches,
+        id_switches=len(find_switches(frames, matches)),
+        fragmentations=sum(_fragmentations(history) for history in histories),
+        distance_sum=float(sum(pairs.distances.sum() for pairs in matches)),
+        mostly_tracked=mostly_tracked,
+        partially_tracked=len(histories) - mostly_tracked - mostly_lost,
+        mostly_lost=mostly_lost,
+    )
+
+
+def _kept_pairs(
+    frame: PairMatrix, allowed: NDArray[np.bool_], partner: dict[int, int], last_matched: dict[int, int]
+) -> tuple[list[int], list[int]]:
+    column_of = {track: column for column, track in enumerate(frame.track_ids.tolist())}
+    claims = []
+    for row, person in enumerate(frame.person_ids.tolist()):
+        column = column_of.get(partner.get(person, -1))
+        if column is not None and allowed[row, column]:
+            claims.append((-last_matched[person], row, column))
+    rows: list[int] = []
+    columns: list[int] = []
+    for _, row, column in sorted(claims):
+        if column not in columns:
+            rows.append(row)
+            columns.append(column)
+    return rows, columns
+
+
+def _fragmentations(history: NDArray[np.bool_]) -> int:
+    """How often a matched person goes unmatched and is matched again later."""
+    where = np.flatnonzero(history)
+    return int(np.count_nonzero(np.diff(where) > 1))
+
+
+def _fields(scores: ClearScores) -> tuple:
+    return tuple(getattr(scores, name) for name in scores.__dataclass_fields__)

@@ -1,0 +1,95 @@
+"""Misidentified and lost: does a track stay with its person for as long as the person is there?
+
+Counted as in the tables of the laser-and-fisheye paper: "a track carries on with another person", "a track ends while
+its person is inside".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from trackers.observations import NS_PER_S
+from twin.evaluate.clear import FrameMatches, IdSwitch
+from twin.evaluate.frames import Frame
+
+LEAVING_GRACE_NS = NS_PER_S // 2
+
+
+@dataclass(frozen=True)
+class Event:
+    """One break between a track and a person.
+
+    switch: the person goes on under `track_id`, before it was `previous_track_id`. misidentification: the track goes on
+    with `person_id`, before it was `previous_person_id`. lost: the track was seen for the last time, its person stays.
+    """
+
+    kind: Literal["switch", "misidentification", "lost"]
+    stamp_ns: int
+    person_id: int
+    track_id: int
+    previous_person_id: int | None = None
+    previous_track_id: int | None = None
+
+
+def switch_events(frames: Sequence[Frame], switches: Sequence[IdSwitch]) -> list[Event]:
+    """The identity switches of CLEAR as events."""
+    return [
+        Event("switch", frames[s.frame].stamp_ns, s.person_id, s.track_id, previous_track_id=s.previous_track_id)
+        for s in switches
+    ]
+
+
+def continuity(
+    frames: Sequence[Frame], judged: Sequence[Frame], matches: Sequence[FrameMatches]
+) -> tuple[list[Event], list[Event]]:
+    """Misidentifications and lost tracks, each in order of time.
+
+    `frames` hold everybody, `judged` the same frames without what is outside the area, `matches` their correspondence.
+
+    Misidentification: a track's person is the one it is matched with in its first frame with status confirmed, or,
+    where it has no match there, in the first later one that has. Each time the track, confirmed, is matched with
+    another person, one misidentification is counted, and that one becomes its person. Frames in which the track
+    coasts say nothing: a track that is predicted past somebody has not taken them for its person yet.
+
+    Lost: a track that has had a person is in some frame for the last time, that frame is not the last of the run, and
+    its person (the last one, as above) is inside the area then and in all frames up to 0.5 s later, at least the next
+    one. Somebody who steps out within that time was about to leave, and counts as left; so does one whose truth ends.
+    """
+    person_of: dict[int, int] = {}
+    last_seen: dict[int, int] = {}
+    misidentifications = []
+    for index, (frame, inside, pairs) in enumerate(zip(frames, judged, matches, strict=True)):
+        last_seen.update(dict.fromkeys(frame.track_ids.tolist(), index))
+        persons = inside.person_ids[pairs.rows].tolist()
+        tracks = inside.track_ids[pairs.columns].tolist()
+        confirmed = inside.confirmed[pairs.columns].tolist()
+        for track, person, is_confirmed in sorted(zip(tracks, persons, confirmed, strict=True)):
+            if not is_confirmed:
+                continue
+            previous = person_of.setdefault(track, person)
+            if previous != person:
+                misidentifications.append(
+                    Event("misidentification", inside.stamp_ns, person, track, previous_person_id=previous)
+                )
+                person_of[track] = person
+    ended = sorted((index, track) for track, index in last_seen.items() if track in person_of)
+    lost = [
+        Event("lost", frames[index].stamp_ns, person_of[track], track)
+        for index, track in ended
+        if index < len(frames) - 1 and _stays(frames, index, person_of[track])
+    ]
+    return misidentifications, lost
+
+
+def _stays(frames: Sequence[Frame], index: int, person: int) -> bool:
+    """Whether a person is inside the area in this frame and until the grace is over."""
+    until_ns = frames[index].stamp_ns + LEAVING_GRACE_NS
+    for later in range(index, len(frames)):
+        frame = frames[later]
+        if later > index + 1 and frame.stamp_ns > until_ns:
+            break
+        if not (frame.in_area & (frame.person_ids == person)).any():
+            return False
+    return True

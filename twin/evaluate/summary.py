@@ -1,0 +1,145 @@
+"""From a table of truth and a table of tracks to the figures of `metrics.json`, and to what a report draws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.errors import InputError
+from twin.evaluate.clear import FrameMatches, PairMatrix, clear, find_switches, match_frames
+from twin.evaluate.continuity import Event, continuity, switch_events
+from twin.evaluate.frames import Frame, align, inside_area, wrap_angle
+from twin.evaluate.hota import hota
+from twin.evaluate.identity import identity
+from twin.evaluate.set_distance import gospa, ospa
+from twin.recording.tables import TrackTable, TruthTable
+
+DEFAULT_GATE_M = 0.5
+WIDE_GATE_M = 1.0
+CUTOFF_M = 1.0
+OSPA_ORDER = 1.0
+GOSPA_ORDER = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """Everything known about one tracker's run: the figures, and the frames, pairs and events behind them.
+
+    f frames, k pairs in all frames together; people outside the area and the tracks that follow them are left out.
+    """
+
+    metrics: dict[str, Any]
+    stamps_ns: NDArray[np.int64]  # (f,) judged frames
+    misses: NDArray[np.int64]  # (f,)
+    false_positives: NDArray[np.int64]  # (f,)
+    ospa_m: NDArray[np.float64]  # (f,)
+    gospa_m: NDArray[np.float64]  # (f,)
+    match_stamps_ns: NDArray[np.int64]  # (k,)
+    match_person_ids: NDArray[np.int64]  # (k,)
+    match_track_ids: NDArray[np.int64]  # (k,)
+    match_distances_m: NDArray[np.float64]  # (k,)
+    events: tuple[Event, ...]  # by stamp
+
+
+def evaluate(truth: TruthTable, tracks: TrackTable, gate_m: float = DEFAULT_GATE_M) -> dict[str, Any]:
+    """The figures of one tracker as `metrics.json` holds them (without ms_per_frame); None where one does not apply.
+
+    Raises InputError for a gate that is not positive and for tables that share no moment (see `frames.align`).
+    """
+    return evaluate_with_details(truth, tracks, gate_m).metrics
+
+
+def evaluate_with_details(truth: TruthTable, tracks: TrackTable, gate_m: float = DEFAULT_GATE_M) -> Evaluation:
+    """The figures of one tracker, and what stands behind them; raises as `evaluate`.
+
+    Head errors are mean absolute differences over the matches in which truth and track both have a value, yaw the
+    shorter way round. OSPA (c = 1 m, p = 1) and GOSPA (c = 1 m, p = 2, α = 2) are means over the frames.
+    """
+    if not (isfinite(gate_m) and gate_m > 0):
+        raise InputError(f"gate is {gate_m} m; a positive number of metres is expected")
+    frames = align(truth, tracks)
+    judged = inside_area(frames, gate_m)
+    pair_matrices = [frame.pair_matrix() for frame in judged]
+    matches = match_frames(pair_matrices, gate_m)
+    switches = switch_events(judged, find_switches(pair_matrices, matches))
+    misidentifications, lost = continuity(frames, judged, matches)
+    ospa_m = np.array([ospa(pairs.values, CUTOFF_M, OSPA_ORDER) for pairs in pair_matrices])
+    gospa_m = np.array([gospa(pairs.values, CUTOFF_M, GOSPA_ORDER).distance for pairs in pair_matrices])
+    scores = clear(pair_matrices, gate_m, matches)
+    at_1m = _matrix_figures([frame.pair_matrix() for frame in inside_area(frames, WIDE_GATE_M)], WIDE_GATE_M)
+    head_error_m, head_yaw_error_rad = _head_errors(judged, matches)
+    metrics: dict[str, Any] = {
+        **_matrix_figures(pair_matrices, gate_m, matches),
+        "gospa_m": float(gospa_m.mean()),
+        "ospa_m": float(ospa_m.mean()),
+        "false_positives": scores.false_positives,
+        "misses": scores.misses,
+        "misidentifications": len(misidentifications),
+        "lost_tracks": len(lost),
+        "head_error_m": head_error_m,
+        "head_yaw_error_rad": head_yaw_error_rad,
+        "gate_m": float(gate_m),
+        "at_1m": {name: at_1m[name] for name in ("mota", "motp_m", "idf1", "hota", "id_switches")},
+    }
+    n_matches = np.array([pairs.rows.size for pairs in matches])
+    stamps = np.array([frame.stamp_ns for frame in judged], dtype=np.int64)
+    return Evaluation(
+        metrics=metrics,
+        stamps_ns=stamps,
+        misses=np.array([frame.person_ids.size for frame in judged]) - n_matches,
+        false_positives=np.array([frame.track_ids.size for frame in judged]) - n_matches,
+        ospa_m=ospa_m,
+        gospa_m=gospa_m,
+        match_stamps_ns=np.repeat(stamps, n_matches),
+        match_person_ids=np.concatenate([f.person_ids[p.rows] for f, p in zip(judged, matches, strict=True)]),
+        match_track_ids=np.concatenate([f.track_ids[p.columns] for f, p in zip(judged, matches, strict=True)]),
+        match_distances_m=np.concatenate([pairs.distances for pairs in matches]),
+        events=tuple(sorted([*switches, *misidentifications, *lost], key=lambda event: event.stamp_ns)),
+    )
+
+
+def _matrix_figures(
+    pair_matrices: Sequence[PairMatrix], gate_m: float, matches: Sequence[FrameMatches] | None = None
+) -> dict[str, Any]:
+    """The figures that need nothing but the distances."""
+    scores = clear(pair_matrices, gate_m, matches)
+    similarities = [
+        PairMatrix(pairs.person_ids, pairs.track_ids, np.maximum(0.0, 1.0 - pairs.values / (2 * gate_m)))
+        for pairs in pair_matrices
+    ]
+    higher_order = hota(similarities)
+    applies = higher_order.applies
+    return {
+        "mota": scores.mota,
+        "motp_m": scores.motp,
+        "idf1": identity(pair_matrices, gate_m).idf1,
+        "hota": float(higher_order.hota.mean()) if applies else None,
+        "deta": float(higher_order.det_a.mean()) if applies else None,
+        "assa": float(higher_order.ass_a.mean()) if applies else None,
+        "id_switches": scores.id_switches,
+    }
+
+
+def _head_errors(
+    judged: Sequence[Frame], matches: Sequence[FrameMatches]
+) -> tuple[dict[str, float | None], float | None]:
+    """Mean absolute head error per axis [m] and in yaw [rad]; None where nothing was estimated."""
+    gaps = np.concatenate(
+        [
+            frame.track_head[pairs.columns] - frame.person_head[pairs.rows]
+            for frame, pairs in zip(judged, matches, strict=True)
+        ]
+    )  # (k, 4)
+    gaps[:, 3] = wrap_angle(gaps[:, 3])
+    means = [_mean_absolute(gaps[:, axis]) for axis in range(4)]
+    return dict(zip("xyz", means[:3], strict=True)), means[3]
+
+
+def _mean_absolute(values: NDArray[np.float64]) -> float | None:
+    known = values[~np.isnan(values)]
+    return float(np.abs(known).mean()) if known.size else None

@@ -1,0 +1,1 @@
+"""Recordings: bags in and out, tables, video."""

@@ -1,0 +1,169 @@
+"""A CSV file as named columns, each cell checked, each fault named by file, line, column and value."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+from math import isfinite, nan
+from pathlib import Path
+from typing import NoReturn, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.errors import InputError
+from trackers.observations import NS_PER_S
+
+_MAX_INT64 = int(np.iinfo(np.int64).max)
+_MAX_STAMP_S = Decimal(_MAX_INT64 // NS_PER_S)
+_Value = TypeVar("_Value")
+
+
+@dataclass(frozen=True)
+class CsvColumns:
+    """The cells of a CSV file by column, as text, with the line each row stands on."""
+
+    source: str
+    cells: Mapping[str, Sequence[str]]
+    lines: Sequence[int]
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    def take(self, rows: NDArray[np.intp]) -> CsvColumns:
+        """The rows with these indices."""
+        wanted: list[int] = rows.tolist()
+        cells = {name: [column[row] for row in wanted] for name, column in self.cells.items()}
+        return CsvColumns(self.source, cells, [self.lines[row] for row in wanted])
+
+    def filled(self, names: Iterable[str]) -> NDArray[np.bool_]:
+        """Whether a row has any of these cells filled, (n,)."""
+        return np.array([any(row) for row in zip(*(self.cells[name] for name in names), strict=True)], dtype=np.bool_)
+
+    def stamps_ns(self, name: str) -> NDArray[np.int64]:
+        """Seconds in decimal notation as integer nanoseconds, to the nearest, (n,); exact where a float is not."""
+        return np.array(self._convert(name, _stamp_ns, "a time in seconds"), dtype=np.int64)
+
+    def integers(self, name: str, minimum: int) -> NDArray[np.int64]:
+        """Integers of at least `minimum`, (n,); "3.0" counts as 3, the way a table with empty cells is often saved."""
+
+        def convert(text: str) -> int:
+            try:
+                value = int(text)
+            except ValueError:
+                number = float(text)
+                if not number.is_integer():
+                    raise
+                value = int(number)
+            if not minimum <= value <= _MAX_INT64:
+                raise ValueError
+            return value
+
+        return np.array(self._convert(name, convert, f"an integer of at least {minimum}"), dtype=np.int64)
+
+    def flags(self, name: str) -> NDArray[np.bool_]:
+        """Yes or no as 1 or 0, true or false, (n,)."""
+        words = {"0": False, "1": True, "false": False, "true": True}
+
+        def convert(text: str) -> bool:
+            if text.lower() not in words:
+                raise ValueError
+            return words[text.lower()]
+
+        return np.array(self._convert(name, convert, "0 or 1"), dtype=np.bool_)
+
+    def words(self, name: str, valid: Sequence[str]) -> NDArray[np.str_]:
+        """Words of a fixed choice, (n,)."""
+
+        def convert(text: str) -> str:
+            if text not in valid:
+                raise ValueError
+            return text
+
+        converted = self._convert(name, convert, " or ".join(repr(word) for word in valid))
+        return np.array(converted, dtype=f"<U{max(len(word) for word in valid)}")
+
+    def numbers(self, name: str, *, may_be_empty: bool) -> NDArray[np.float64]:
+        """Finite numbers, (n,); NaN for an empty cell where one is allowed."""
+        valid = "a finite number or an empty cell" if may_be_empty else "a finite number"
+        cells = self.cells[name]
+        try:
+            values = np.array([float(cell) if cell else nan for cell in cells], dtype=np.float64)
+        except ValueError:
+            values = None
+        n_empty = cells.count("") if may_be_empty else 0
+        if values is not None and np.count_nonzero(~np.isfinite(values)) == n_empty and "_" not in "".join(cells):
+            return values
+        # Something is wrong somewhere: go cell by cell to say where.
+        fault = next(r for r, c in enumerate(cells) if (c or not may_be_empty) and not _is_finite_number(c))
+        self.refuse(fault, name, valid)
+
+    def refuse(self, row: int, name: str, valid: str) -> NoReturn:
+        """Raise the InputError that names this cell and what would be valid."""
+        value = self.cells[name][row]
+        found = f"is {value!r}" if value else "is empty"
+        raise InputError(f"{self.source}: line {self.lines[row]}: {name} {found}; {valid} is expected")
+
+    def _convert(self, name: str, convert: Callable[[str], _Value], valid: str) -> list[_Value]:
+        cells = self.cells[name]
+        known: dict[str, _Value] = {}
+        for text in dict.fromkeys(cells):
+            try:
+                if "_" in text:  # Python reads 1_000 as a number; a table does not mean it
+                    raise ValueError
+                known[text] = convert(text)
+            except (ValueError, OverflowError, InvalidOperation):
+                self.refuse(cells.index(text), name, valid)
+        return [known[text] for text in cells]
+
+
+def read_csv_columns(path: Path, required: Sequence[str], what: str) -> CsvColumns:
+    """Read a CSV file with a header; `what` names the kind of table in errors.
+
+    Raises InputError for a file that cannot be read, is no CSV, lacks a required column, names one twice or has a row
+    of another length than the header.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            reader = csv.reader(stream, strict=True)
+            header = next(reader, None)
+            rows, lines = [], []
+            for row in reader:
+                if row:
+                    rows.append(row)
+                    lines.append(reader.line_num)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); a {what} is expected") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path}: is not a CSV file in UTF-8 ({error}); a {what} is expected") from error
+    expected = ",".join(required)
+    if header is None:
+        raise InputError(f"{path}: is empty; a {what} with the columns {expected} is expected")
+    header = [name.strip() for name in header]
+    for name in required:
+        if name not in header:
+            raise InputError(f"{path}: line 1: column {name!r} is missing; a {what} has the columns {expected}")
+    for name in header:
+        if header.count(name) > 1:
+            raise InputError(f"{path}: line 1: column {name!r} stands there twice; each column name once is expected")
+    for row, line in zip(rows, lines, strict=True):
+        if len(row) != len(header):
+            raise InputError(f"{path}: line {line}: has {len(row)} cells; {len(header)} as in the header are expected")
+    columns = list(zip(*rows, strict=True)) if rows else [()] * len(header)
+    return CsvColumns(str(path), dict(zip(header, columns, strict=True)), lines)
+
+
+def _stamp_ns(text: str) -> int:
+    seconds = Decimal(text.strip())
+    if not seconds.is_finite() or abs(seconds) > _MAX_STAMP_S:
+        raise ValueError
+    return int((seconds * NS_PER_S).to_integral_value())
+
+
+def _is_finite_number(text: str) -> bool:
+    try:
+        return "_" not in text and isfinite(float(text))
+    except ValueError:
+        return False

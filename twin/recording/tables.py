@@ -1,0 +1,282 @@
+"""The tables `truth.csv` and `tracks/<tracker>.csv`: written row by row, read whole and checked.
+
+Both have one row a person (or track) and moment. A moment at which nobody is there (nobody is tracked) is one row with
+only `t` filled: it says that the moment was looked at. `t` is in seconds with nine decimals, so that the nanosecond
+stamps survive; all other numbers are the shortest decimals that read back to the same float. Room frame, metres,
+radians, metres per second.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import isfinite, isnan, nan
+from operator import attrgetter
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.errors import InputError
+from trackers.observations import NS_PER_S
+from trackers.tracks import Track, TrackFrame
+from twin.recording.csv_columns import CsvColumns, read_csv_columns
+from twin.recording.whole_file import whole_file
+from twin.truth import PersonTruth, TruthFrame
+
+_TRUTH_NUMBERS = ("x", "y", "z", "yaw", "head_x", "head_y", "head_z", "head_yaw", "vx", "vy")
+_TRACK_NUMBERS = ("x", "y", "z", "vx", "vy", "head_x", "head_y", "head_z", "head_yaw")
+TRUTH_COLUMNS = ("t", "id", *_TRUTH_NUMBERS, "in_area")
+TRACK_COLUMNS = ("t", "id", *_TRACK_NUMBERS, "status")
+STATUSES = ("confirmed", "coasting")
+_VISIBLE = "visible_"
+_truth_numbers = attrgetter(*_TRUTH_NUMBERS)
+_track_numbers = attrgetter(*_TRACK_NUMBERS)
+
+
+@dataclass(frozen=True, eq=False)
+class TruthTable:
+    """Truth as columns, one element a person and moment, ordered by stamp, then id; units as in `PersonTruth`."""
+
+    source: str
+    frame_stamps_ns: NDArray[np.int64]  # (n_frame,) every moment once, those without people too, ascending
+    stamps_ns: NDArray[np.int64]  # (n,)
+    id: NDArray[np.int64]  # (n,)
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    z: NDArray[np.float64]
+    yaw: NDArray[np.float64]
+    head_x: NDArray[np.float64]
+    head_y: NDArray[np.float64]
+    head_z: NDArray[np.float64]
+    head_yaw: NDArray[np.float64]
+    vx: NDArray[np.float64]
+    vy: NDArray[np.float64]
+    in_area: NDArray[np.bool_]
+    visible: dict[str, NDArray[np.float64]]  # by sensor
+
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """Stamps [s], (n,)."""
+        return self.stamps_ns / NS_PER_S
+
+
+@dataclass(frozen=True, eq=False)
+class TrackTable:
+    """Tracks as columns, one element a track and moment, ordered by stamp, then id; units as in `Track`."""
+
+    source: str
+    frame_stamps_ns: NDArray[np.int64]  # (n_frame,) every moment once, those without tracks too, ascending
+    stamps_ns: NDArray[np.int64]  # (n,)
+    id: NDArray[np.int64]  # (n,)
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    z: NDArray[np.float64]
+    vx: NDArray[np.float64]
+    vy: NDArray[np.float64]
+    head_x: NDArray[np.float64]
+    head_y: NDArray[np.float64]
+    head_z: NDArray[np.float64]
+    head_yaw: NDArray[np.float64]
+    status: NDArray[np.str_]  # (n,) of STATUSES
+
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """Stamps [s], (n,)."""
+        return self.stamps_ns / NS_PER_S
+
+
+class TruthWriter:
+    """Takes truth frames in order of time; made by `truth_writer`."""
+
+    def __init__(self, stream: TextIO, sensors: Sequence[str]) -> None:
+        self._rows = _RowWriter(stream, (*TRUTH_COLUMNS, *(_VISIBLE + sensor for sensor in sensors)))
+        self._sensors = tuple(sensors)
+
+    def write(self, frame: TruthFrame) -> None:
+        """Write one frame; raises ValueError for a stamp not later than the last, a repeated id or a bad number."""
+        self._rows.write(frame.stamp_ns, frame.people, self._cells)
+
+    def _cells(self, person: PersonTruth) -> list[str]:
+        cells = [_number(value) for value in _truth_numbers(person)]
+        visible = [_number(person.visible.get(sensor, nan)) for sensor in self._sensors]
+        return [*cells, "1" if person.in_area else "0", *visible]
+
+
+class TrackWriter:
+    """Takes track frames in order of time; made by `track_writer`."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._rows = _RowWriter(stream, TRACK_COLUMNS)
+
+    def write(self, frame: TrackFrame) -> None:
+        """Write one frame; raises ValueError for a stamp not later than the last, a repeated id or a bad number."""
+        self._rows.write(frame.stamp_ns, frame.tracks, self._cells)
+
+    @staticmethod
+    def _cells(track: Track) -> list[str]:
+        if track.status not in STATUSES:
+            raise ValueError(f"track {track.id}: status {track.status!r} is none of {STATUSES}")
+        return [*(_number(value) for value in _track_numbers(track)), track.status]
+
+
+@contextmanager
+def truth_writer(path: Path, sensors: Sequence[str] = ()) -> Iterator[TruthWriter]:
+    """A writer of `truth.csv` with a column visible_<sensor> each; the file is there when the block has ended well.
+
+    Raises InputError where the file cannot be written.
+    """
+    with whole_file(path) as stream:
+        yield TruthWriter(stream, sensors)
+
+
+@contextmanager
+def track_writer(path: Path) -> Iterator[TrackWriter]:
+    """A writer of `tracks/<tracker>.csv`; the file is there when the block has ended well.
+
+    Raises InputError where the file cannot be written.
+    """
+    with whole_file(path) as stream:
+        yield TrackWriter(stream)
+
+
+def read_truth(path: Path) -> TruthTable:
+    """Read a `truth.csv`; cells other than t, id, x, y and in_area may be empty.
+
+    Columns visible_<sensor> are kept by sensor, others that the contract does not name are passed over. Raises
+    InputError naming file, line, column and value.
+    """
+    columns = read_csv_columns(path, TRUTH_COLUMNS, "truth table")
+    frame_stamps, rows, stamps, ids = _index(columns, TRUTH_COLUMNS[1:])
+    visible = {}
+    for name in columns.cells:
+        if name.startswith(_VISIBLE):
+            share = rows.numbers(name, may_be_empty=True)
+            for row in np.flatnonzero((share < 0) | (share > 1))[:1]:
+                rows.refuse(int(row), name, "a share from 0 to 1 or an empty cell")
+            visible[name.removeprefix(_VISIBLE)] = share
+    numbers = {name: rows.numbers(name, may_be_empty=name not in ("x", "y")) for name in _TRUTH_NUMBERS}
+    in_area = rows.flags("in_area")
+    return TruthTable(str(path), frame_stamps, stamps, ids, **numbers, in_area=in_area, visible=visible)
+
+
+def read_tracks(path: Path) -> TrackTable:
+    """Read a `tracks/<tracker>.csv`; cells other than t, id, x, y and status may be empty.
+
+    Columns that the contract does not name are passed over. Raises InputError naming file, line, column and value.
+    """
+    columns = read_csv_columns(path, TRACK_COLUMNS, "tracks table")
+    frame_stamps, rows, stamps, ids = _index(columns, TRACK_COLUMNS[1:])
+    numbers = {name: rows.numbers(name, may_be_empty=name not in ("x", "y")) for name in _TRACK_NUMBERS}
+    return TrackTable(str(path), frame_stamps, stamps, ids, **numbers, status=rows.words("status", STATUSES))
+
+
+def truth_table(frames: Iterable[TruthFrame], source: str = "truth") -> TruthTable:
+    """Truth frames as the table that reading their file would give; raises ValueError for a repeated (stamp, id)."""
+    frames = list(frames)
+    people = [(frame.stamp_ns, person) for frame in frames for person in frame.people]
+    frame_stamps, stamps, ids, order = _memory_index([f.stamp_ns for f in frames], [(s, p.id) for s, p in people])
+    ordered = [people[i][1] for i in order]
+    sensors = sorted({sensor for person in ordered for sensor in person.visible})
+    return TruthTable(
+        source,
+        frame_stamps,
+        stamps,
+        ids,
+        **_memory_numbers(ordered, _TRUTH_NUMBERS),
+        in_area=np.array([person.in_area for person in ordered], dtype=np.bool_),
+        visible={s: np.array([person.visible.get(s, nan) for person in ordered], dtype=np.float64) for s in sensors},
+    )
+
+
+def track_table(frames: Iterable[TrackFrame], source: str = "tracks") -> TrackTable:
+    """Track frames as the table that reading their file would give; raises ValueError for a repeated (stamp, id)."""
+    frames = list(frames)
+    tracks = [(frame.stamp_ns, track) for frame in frames for track in frame.tracks]
+    frame_stamps, stamps, ids, order = _memory_index([f.stamp_ns for f in frames], [(s, t.id) for s, t in tracks])
+    ordered = [tracks[i][1] for i in order]
+    status = np.array([track.status for track in ordered], dtype="<U9")
+    return TrackTable(source, frame_stamps, stamps, ids, **_memory_numbers(ordered, _TRACK_NUMBERS), status=status)
+
+
+class _RowWriter:
+    """The part that both writers share: the header, the order of time, the rows without anybody."""
+
+    def __init__(self, stream: TextIO, columns: Sequence[str]) -> None:
+        self._stream = stream
+        self._empty_cells = "," * (len(columns) - 1)
+        self._last_stamp_ns: int | None = None
+        stream.write(",".join(columns) + "\n")
+
+    def write(self, stamp_ns: int, entries: Sequence, cells_of) -> None:
+        if self._last_stamp_ns is not None and stamp_ns <= self._last_stamp_ns:
+            raise ValueError(
+                f"frame at {stamp_ns} ns comes after the one at {self._last_stamp_ns} ns; stamps must grow"
+            )
+        ids = [int(entry.id) for entry in entries]
+        if len(set(ids)) < len(ids):
+            raise ValueError(f"frame at {stamp_ns} ns: an id is repeated in {ids}")
+        t = _seconds(stamp_ns)
+        lines = []
+        for id_, entry in zip(ids, entries, strict=True):
+            if id_ < 1:
+                raise ValueError(f"frame at {stamp_ns} ns: id {id_}; ids start at 1")
+            if not (isfinite(entry.x) and isfinite(entry.y)):
+                raise ValueError(f"frame at {stamp_ns} ns: id {id_} is at ({entry.x}, {entry.y}); a place is needed")
+            lines.append(",".join([t, str(id_), *cells_of(entry)]) + "\n")
+        self._stream.write("".join(lines) or t + self._empty_cells + "\n")
+        self._last_stamp_ns = stamp_ns
+
+
+def _seconds(stamp_ns: int) -> str:
+    whole, rest = divmod(abs(int(stamp_ns)), NS_PER_S)
+    return f"{'-' if stamp_ns < 0 else ''}{whole}.{rest:09d}"
+
+
+def _number(value: float) -> str:
+    if isfinite(value):
+        return repr(float(value))
+    if isnan(value):
+        return ""
+    raise ValueError(f"{value} in a table; a finite number, or NaN for one that is not known, is needed")
+
+
+def _index(
+    columns: CsvColumns, names: Sequence[str]
+) -> tuple[NDArray[np.int64], CsvColumns, NDArray[np.int64], NDArray[np.int64]]:
+    """Every moment once; the rows with somebody, ordered by stamp and id; their stamps [ns]; their ids."""
+    all_stamps = columns.stamps_ns("t")
+    filled = columns.filled(names) if len(columns) else np.zeros(0, dtype=np.bool_)
+    somebody = np.flatnonzero(filled)
+    all_ids = np.zeros(len(columns), dtype=np.int64)  # 0: a row without anybody
+    all_ids[somebody] = columns.take(somebody).integers("id", minimum=1)
+    order = np.lexsort((all_ids, all_stamps))
+    stamps, ids = all_stamps[order], all_ids[order]
+    same_moment = stamps[1:] == stamps[:-1]
+    for fault in np.flatnonzero(same_moment & ((ids[1:] == ids[:-1]) | (ids[:-1] == 0)))[:1]:
+        first, second = sorted((int(order[fault]), int(order[fault + 1])))
+        what = f"t {columns.cells['t'][second]}, id {columns.cells['id'][second] or 'empty'}"
+        where = f"{columns.source}: line {columns.lines[second]}"
+        if ids[fault] == ids[fault + 1]:
+            raise InputError(f"{where}: {what} stands on line {columns.lines[first]} too; each pair once is expected")
+        raise InputError(
+            f"{where}: {what} contradicts line {columns.lines[first]}; only t filled says that nobody is there"
+        )
+    kept = order[filled[order]]
+    return np.unique(all_stamps), columns.take(kept), all_stamps[kept], all_ids[kept]
+
+
+def _memory_index(
+    frame_stamps: list[int], keys: list[tuple[int, int]]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], list[int]]:
+    if len(set(frame_stamps)) < len(frame_stamps) or len(set(keys)) < len(keys):
+        raise ValueError("a stamp, or an id within a stamp, is repeated; each is expected once")
+    order = sorted(range(len(keys)), key=keys.__getitem__)
+    index = np.array([keys[i] for i in order], dtype=np.int64).reshape(-1, 2)
+    return np.array(sorted(frame_stamps), dtype=np.int64), index[:, 0], index[:, 1], order
+
+
+def _memory_numbers(entries: Sequence, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+    return {name: np.array([getattr(entry, name) for entry in entries], dtype=np.float64) for name in names}
