@@ -17,9 +17,13 @@ from trackers.observations import NS_PER_S, LaserScan, Observation
 
 @dataclass
 class Epoch:
-    """The observations of one moment, by sensor; `ns`: that moment on the rig's clock [ns]."""
+    """The observations of one moment, by sensor.
+
+    ns: that moment, each sensor's time offset taken off [ns]; stamp_ns: the same as the main sensor's clock shows it.
+    """
 
     ns: int
+    stamp_ns: int
     observations: dict[str, Observation] = field(default_factory=dict)
 
     @property
@@ -81,11 +85,11 @@ class EpochGatherer:
     def _add_scan(self, scan: LaserScan, ns: int) -> None:
         epoch = self._nearest(ns, without=scan.sensor)
         if epoch is None:
-            epoch = Epoch(ns)
+            epoch = Epoch(ns, ns + self._offset_ns[self._main])
             self._pending.append(epoch)
         epoch.observations[scan.sensor] = scan
         if scan.sensor == self._main:
-            epoch.ns = ns
+            epoch.ns, epoch.stamp_ns = ns, scan.stamp_ns
         self._pending.sort(key=lambda pending: pending.ns)
 
     def _join_images(self) -> None:

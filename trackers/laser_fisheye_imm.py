@@ -5,7 +5,8 @@ Per epoch: gather what the sensors report of one moment; detect trunks and legs 
 under every motion model; associate by global nearest neighbour on d = N + w E, trunks first, legs for who is left (never
 both); update who was measured, let the others coast; end tracks; start tracks.
 
-Not modelled: that sensors of one epoch look at slightly different moments (up to half a scan period), and that a scan sweeps.
+Simplified: the sensors of one epoch are taken to look at one moment (they differ by up to half a scan period), and a scan
+to be taken at once.
 
 Ours, not the paper's, each an option: the correction from a cluster's middle to the body's axis, the completion of half
 hidden clusters, the grouping of arms and legs, confirmed tracks associated before tentative ones, the velocity of a new track
@@ -16,24 +17,33 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, ValidationError, field_validator
+from pydantic import Field
 
 from trackers.area import within
 from trackers.epochs import Epoch, EpochGatherer
 from trackers.errors import InputError
 from trackers.filters.gating import global_nearest_neighbour, mahalanobis, validation_region
-from trackers.filters.imm import Imm, ImmState
-from trackers.filters.motion import IMM_MODELS, KALMAN_MODELS, MotionModel, transition_matrix
-from trackers.laser.grouping import distances, pair_legs
-from trackers.laser.layer import Detections, KneeOptions, LaserLayer, LayerOptions, WaistOptions
-from trackers.observations import NS_PER_S, Image, LaserScan, Observation
+from trackers.filters.imm import Imm
+from trackers.filters.motion import (
+    IMM_MODELS,
+    KALMAN_MODELS,
+    MEASUREMENT_VARIANCE_M2,
+    MODE_STAYS,
+    MotionModel,
+    transition_matrix,
+)
+from trackers.laser.grouping import distances, group_legs
+from trackers.laser.layer import Detections, KneeOptions, LaserLayer, WaistOptions
+from trackers.laser.roles import Role, scanners_by_role
+from trackers.observations import Image, LaserScan, Observation
+from trackers.options import parse_options
 from trackers.people import ManagementOptions, People
-from trackers.rig import LaserSensor, Rig, Strict
+from trackers.rig import Rig, Strict
 from trackers.tracks import Track, TrackFrame
 from trackers.vision.histogram import ColourHistogram, HistogramOptions, chi_squared_distance, updated_reference
 from trackers.vision.torso import TorsoOptions, TorsoProjector, TorsoWindows
@@ -41,14 +51,355 @@ from trackers.vision.torso import TorsoOptions, TorsoProjector, TorsoWindows
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
-Role = Literal["waist", "knee"]
 
 logger = logging.getLogger(__name__)
 
 CITATION = (
     "Z. Bai, K. Takahashi: Identification and Tracking Using Laser and Vision of Maneuvering People "
-    "(two-layer laser, fisheye camera, interacting multiple model estimator)"
+    "(two-layer laser range sensor, fisheye camera, interacting multiple model estimator)"
 )
 
-WAIST_FROM_M = 0.7
-"""A scanner without a role mounted at least this high [m] is taken for the waist scanner, lower for the knee scanner."""
+
+class LaserFisheyeImmOptions(Strict):
+    """Every constant of the paper, and what we added to it."""
+
+    filter: Literal["imm", "kalman"] = Field("imm", description="three models, or the single-model baseline (model 3)")
+    layers: tuple[Role, ...] = Field(("waist", "knee"), min_length=1, description="which scanners to use")
+    camera: bool = Field(True, description="whether to use the fisheye camera, where there is one")
+    imm_variances: tuple[tuple[float, float], tuple[float, float], tuple[float, float]] = Field(
+        tuple((model.acceleration_variance, model.turn_acceleration_variance) for model in IMM_MODELS),
+        description="diagonals of Q1, Q2, Q3 [m²/s⁴, rad²/s⁴]",
+    )
+    kalman_variances: tuple[float, float] = Field(
+        (KALMAN_MODELS[0].acceleration_variance, KALMAN_MODELS[0].turn_acceleration_variance),
+        description="diagonal of Q of the single model [m²/s⁴, rad²/s⁴]",
+    )
+    mode_stays: float = Field(MODE_STAYS, gt=0, le=1, description="probability that a mode stays from one scan to the next")
+    measurement_variance_m2: float = Field(MEASUREMENT_VARIANCE_M2, gt=0, description="diagonal of R [m²]")
+    start_speed_m_s: float = Field(1.5, gt=0, description="standard deviation of a new track's speed [m/s] (ours)")
+    colour_weight: float = Field(1.0, ge=0, description="w in d = N + w E (inferred: 1)")
+    period_s: float = Field(0.1, gt=0, description="scan period that the variances are for; longer gaps are cut into such steps [s]")
+    max_wait_s: float = Field(0.15, ge=0, description="how long a moment waits for a sensor that has not reported [s]")
+    waist: WaistOptions = WaistOptions()
+    knee: KneeOptions = KneeOptions()
+    torso: TorsoOptions = TorsoOptions()
+    histogram: HistogramOptions = HistogramOptions()
+    management: ManagementOptions = ManagementOptions()
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What one epoch shows: trunks with their colours, single legs."""
+
+    trunks: Detections
+    legs: Detections
+    windows: TorsoWindows | None
+    histograms: Array  # (k, bins) of the trunks; meaningful where comparable
+    comparable: Mask  # (k,)
+    clear: Mask  # (k,) may be learned from
+
+
+@dataclass(frozen=True, eq=False)
+class _Matches:
+    """Which track was measured where, and what was left over."""
+
+    track: Index  # (p,)
+    position: Array  # (p, 2)
+    variance: Array  # (p,) of the position on each axis
+    trunk: Index  # (p,) the trunk, or -1 where legs were used
+    new_position: Array  # (q, 2) measurements that no track took
+    new_trunk: Index  # (q,)
+
+
+class LaserFisheyeImm:
+    """Tracker of people from a waist scanner, a knee scanner and a fisheye camera; does with less (see module).
+
+    background: observations of the empty room; a scanner without any learns its background as it goes. Options are those
+    of `LaserFisheyeImmOptions`. Frames leave as soon as their moment is whole; `finish` returns those still waiting. They
+    carry the main sensor's stamp. Nothing here is random: `rng` is not used.
+
+    Raises InputError for an unknown or wrong option, and for a rig without a laser scanner to use.
+    """
+
+    def __init__(
+        self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
+    ) -> None:
+        self.options = parse_options(LaserFisheyeImmOptions, options, "laser-fisheye-imm")
+        empty_room = list(background)
+        self._scanners = scanners_by_role(rig, self.options.layers)
+        self._layers = {role: self._layer(rig, role, name, empty_room) for role, name in self._scanners.items()}
+        self._camera = next(iter(rig.cameras()), None) if self.options.camera and "waist" in self._scanners else None
+        self._projector = None
+        if self._camera is not None:
+            waist = rig.lasers()[self._scanners["waist"]]
+            self._projector = TorsoProjector(waist, rig.cameras()[self._camera], self.options.torso)
+            self._intrinsics = rig.cameras()[self._camera].intrinsics
+        self._histogram = ColourHistogram(self.options.histogram)
+        self._imm = self._make_filter()
+        used = {*self._scanners.values()} | ({self._camera} if self._camera else set())
+        main = rig.main_sensor if rig.main_sensor in used else next(iter(self._scanners.values()))
+        offsets = {name: rig.sensors[name].time_offset_s for name in used}
+        self._gatherer = EpochGatherer(used, main, offsets, self.options.period_s, self.options.max_wait_s)
+        self._area = None if rig.area is None else np.array(rig.area)
+        self._people = self._born(np.empty((0, 2)), 0.0, np.empty((0, self._histogram.size)), np.empty(0, np.bool_))
+        self._next_id = 1
+        self._t: float | None = None
+        self._windows: list[tuple[int | None, Array]] = []
+        if self.background_learned_causally:
+            logger.warning("no scans of the empty room: the background is learned from the scans as they come")
+
+    @property
+    def background_learned_causally(self) -> bool:
+        """Whether a scanner came without scans of the empty room."""
+        return any(layer.learns_background for layer in self._layers.values())
+
+    @property
+    def discarded(self) -> int:
+        """Observations dropped so far because they came too late, twice, or (images) without a scan of their moment."""
+        return self._gatherer.discarded
+
+    def update(self, observation: Observation) -> list[TrackFrame]:
+        """Take one observation; the frames it completes, oldest first. Sensors that are not used are ignored."""
+        return [self._work(epoch) for epoch in self._gatherer.add(observation)]
+
+    def finish(self) -> list[TrackFrame]:
+        """The frames still held back when the observations have ended."""
+        return [self._work(epoch) for epoch in self._gatherer.finish()]
+
+    def tracks(self) -> list[Track]:
+        """Everyone confirmed, as of the last frame, by id."""
+        people, confirmed = self._people, np.flatnonzero(self._people.confirmed)
+        means, _ = self._imm.estimate(people.state.select(confirmed))
+        tracks = [
+            Track(
+                id=int(people.id[index]),
+                x=float(x),
+                y=float(y),
+                vx=float(speed * np.cos(heading)),
+                vy=float(speed * np.sin(heading)),
+                status="confirmed" if people.measured_t[index] == self._t else "coasting",
+            )
+            for index, (x, y, heading, speed, _) in zip(confirmed, means, strict=True)
+        ]
+        return sorted(tracks, key=lambda track: track.id)
+
+    def torso_windows(self) -> list[tuple[int | None, Array]]:
+        """The torso windows of the last frame's image: whose (None: nobody's yet), and the outline in pixels (p, 2)."""
+        return self._windows
+
+    def _work(self, epoch: Epoch) -> TrackFrame:
+        seen = self._detect(epoch)
+        self._predict(epoch.t)
+        matches = self._associate(seen)
+        self._update(matches, epoch.t)
+        self._learn_colours(matches, seen)
+        self._confirm(epoch.t)
+        self._note_windows(matches, seen)
+        self._end(epoch.t)
+        self._start(matches, seen, epoch.t)
+        return TrackFrame(epoch.stamp_ns, tuple(self.tracks()))
+
+    # --- detect
+
+    def _detect(self, epoch: Epoch) -> _Seen:
+        trunks, legs = self._scanned(epoch, "waist"), self._scanned(epoch, "knee")
+        nothing = np.zeros(len(trunks), np.bool_)
+        image = None if self._camera is None else epoch.observations.get(self._camera)
+        if self._projector is None or not isinstance(image, Image):
+            return _Seen(trunks, legs, None, np.zeros((len(trunks), self._histogram.size)), nothing, nothing)
+        expected = (self._intrinsics.height, self._intrinsics.width, 3)
+        if image.rgb.shape != expected:
+            raise InputError(f"image of {image.sensor!r} has shape {image.rgb.shape}; the rig's intrinsics say {expected}")
+        windows = self._projector.windows(trunks)
+        histograms = self._histogram.of_windows(image.rgb, windows.pixels, windows.inside)
+        return _Seen(trunks, legs, windows, histograms, windows.usable, windows.clear)
+
+    def _scanned(self, epoch: Epoch, role: Role) -> Detections:
+        scan = epoch.observations.get(self._scanners.get(role, ""))
+        if not isinstance(scan, LaserScan):
+            return Detections.none()
+        detections = self._layers[role].detect(scan)
+        if self._area is None or len(detections) == 0:
+            return detections
+        return detections.select(within(self._area, detections.position, self.options.management.area_margin_m))
+
+    # --- predict
+
+    def _predict(self, t: float) -> None:
+        elapsed = 0.0 if self._t is None else t - self._t
+        self._t = t
+        # who is gone by now need not be carried over a long gap
+        self._people = self._people.select(self._people.alive(t - self.options.period_s, self.options.management))
+        state = self._imm.predict_over(self._people.state, elapsed, self.options.period_s)
+        self._people = replace(self._people, state=state)
+
+    # --- associate
+
+    def _associate(self, seen: _Seen) -> _Matches:
+        """Trunks to tracks, then legs to the tracks left over: waist, else knee, never both."""
+        everyone = np.arange(len(self._people))
+        tracks, trunks = self._match(everyone, seen.trunks.position, self.options.waist.radius_m, self._colour_cost(seen))
+        left = np.setdiff1d(everyone, tracks, assume_unique=True)
+        expected = self._positions()[left[self._people.confirmed[left]]]
+        knee, R = self.options.knee, self.options.measurement_variance_m2
+        walkers, one_legged = group_legs(self._unclaimed_legs(seen, left), expected, knee.pair_m, knee.stride_m)
+        by_legs, legs = self._match(left, walkers, self.options.knee.radius_m, None)
+        new_trunk = np.setdiff1d(np.arange(len(seen.trunks)), trunks, assume_unique=True)
+        new_walker = np.setdiff1d(np.arange(len(walkers)), legs, assume_unique=True)
+        return _Matches(
+            track=np.concatenate([tracks, by_legs]),
+            position=np.concatenate([seen.trunks.position[trunks], walkers[legs]]),
+            variance=np.concatenate([np.full(trunks.size, R), R + one_legged[legs] * knee.single_leg_variance_m2]),
+            trunk=np.concatenate([trunks, np.full(legs.size, -1)]),
+            new_position=np.concatenate([seen.trunks.position[new_trunk], walkers[new_walker]]),
+            new_trunk=np.concatenate([new_trunk, np.full(new_walker.size, -1)]),
+        )
+
+    def _match(self, tracks: Index, position: Array, radius_m: float, extra: Array | None) -> tuple[Index, Index]:
+        """Pairs (track, measurement) among `tracks` (p,) and measurements (k, 2); confirmed tracks choose first."""
+        if tracks.size == 0 or len(position) == 0:
+            return np.empty(0, np.intp), np.empty(0, np.intp)
+        state = self._people.state.select(tracks)
+        distance = mahalanobis(state.positions, self._imm.innovation_covariance(state), position)
+        if extra is not None:
+            distance = distance + extra[tracks]
+        allowed = validation_region(state.positions, position, radius_m)
+        confirmed = self._people.confirmed[tracks]
+        first = global_nearest_neighbour(distance, allowed & confirmed[:, None])
+        if confirmed.all():
+            return tracks[first[0]], first[1]
+        allowed[confirmed] = False
+        allowed[:, first[1]] = False
+        then = global_nearest_neighbour(distance, allowed)
+        return tracks[np.concatenate([first[0], then[0]])], np.concatenate([first[1], then[1]])
+
+    def _colour_cost(self, seen: _Seen) -> Array | None:
+        """w E for every track and trunk, (n, k); 0 where either has no colours (N alone)."""
+        known, shown = self._people.has_reference, seen.comparable
+        if not known.any() or not shown.any():
+            return None
+        cost = np.zeros((known.size, shown.size))
+        distance = chi_squared_distance(self._people.reference[known], seen.histograms[shown])
+        cost[np.ix_(known, shown)] = self.options.colour_weight * distance
+        return cost
+
+    def _unclaimed_legs(self, seen: _Seen, unmatched: Index) -> Array:
+        """Legs (l, 2) that do not belong to somebody whose trunk is seen: nearer to nobody, or to an unmatched person."""
+        legs = seen.legs.position
+        if len(legs) == 0 or len(seen.trunks) == 0:
+            return legs
+        to_trunk = distances(legs, seen.trunks.position).min(axis=1)
+        hidden = unmatched[self._people.confirmed[unmatched]]
+        to_hidden = np.full(len(legs), np.inf)
+        if hidden.size:
+            to_hidden = distances(legs, self._positions()[hidden]).min(axis=1)
+        return legs[(to_trunk > self.options.knee.claim_m) | (to_hidden < to_trunk)]
+
+    def _positions(self) -> Array:
+        """Each track's position over its modes, (n, 2) [m]."""
+        state = self._people.state
+        return (state.mean[:2] * state.probability).sum(axis=1).T
+
+    # --- update
+
+    def _update(self, matches: _Matches, t: float) -> None:
+        people, track = self._people, matches.track
+        R = matches.variance[:, None, None] * np.eye(2)
+        state = self._imm.update(people.state, track, matches.position, R)
+        second = people.n_measured[track] == 1
+        if second.any():
+            state = state.replaced(track[second], self._from_two(track[second], matches.position[second], t))
+        measured_t, n_measured = people.measured_t.copy(), people.n_measured.copy()
+        measured_t[track] = t
+        n_measured[track] += 1
+        self._people = replace(people, state=state, measured_t=measured_t, n_measured=n_measured)
+
+    def _from_two(self, track: Index, position: Array, t: float):
+        """States of tracks measured for the second time: the velocity between the two, shrunk by its own uncertainty.
+
+        A filter over heading and speed cannot find the heading of somebody it believes at rest.
+        """
+        R, prior = self.options.measurement_variance_m2, self.options.start_speed_m_s**2
+        elapsed = t - self._people.born_t[track]
+        moved = (position - self._people.born_at[track]) / elapsed[:, None]
+        # one elapsed time a batch: tracks started at different times differ, so the variances are per track
+        measured = 2 * R / elapsed**2
+        trust = prior / (prior + measured)
+        return self._imm.start(position, moved * trust[:, None], R, prior * (1 - trust))
+
+    def _learn_colours(self, matches: _Matches, seen: _Seen) -> None:
+        by_trunk = matches.trunk >= 0
+        track, trunk = matches.track[by_trunk], matches.trunk[by_trunk]
+        clear = seen.clear[trunk]
+        if not clear.any():
+            return
+        track, histograms = track[clear], seen.histograms[trunk[clear]]
+        people = self._people
+        reference, has_reference = people.reference.copy(), people.has_reference.copy()
+        blended = updated_reference(reference[track], histograms, self.options.histogram.memory)
+        reference[track] = np.where(has_reference[track, None], blended, histograms)
+        has_reference[track] = True
+        self._people = replace(people, reference=reference, has_reference=has_reference)
+
+    # --- confirm, end, start
+
+    def _confirm(self, t: float) -> None:
+        people = self._people
+        old_enough = t - people.born_t > self.options.management.confirm_after_s + 5e-7
+        new = np.flatnonzero(~people.confirmed & old_enough & (people.measured_t == t))
+        if new.size == 0:
+            return
+        confirmed, ids = people.confirmed.copy(), people.id.copy()
+        confirmed[new] = True
+        ids[new] = self._next_id + np.arange(new.size)
+        self._next_id += new.size
+        self._people = replace(people, confirmed=confirmed, id=ids)
+
+    def _end(self, t: float) -> None:
+        kept = self._people.alive(t, self.options.management)
+        if self._area is not None and len(self._people):
+            kept &= within(self._area, self._positions(), self.options.management.area_margin_m)
+        self._people = self._people.select(kept)
+
+    def _start(self, matches: _Matches, seen: _Seen, t: float) -> None:
+        position, trunk = matches.new_position, matches.new_trunk
+        if len(position) == 0:
+            return
+        bodies = np.concatenate([self._positions(), matches.position])
+        if len(bodies):
+            free = distances(position, bodies).min(axis=1) > self.options.management.body_radius_m
+            position, trunk = position[free], trunk[free]
+        histograms = np.zeros((len(position), self._histogram.size))
+        by_trunk = trunk >= 0
+        has_reference = by_trunk.copy()
+        has_reference[by_trunk] = seen.clear[trunk[by_trunk]]
+        histograms[has_reference] = seen.histograms[trunk[has_reference]]
+        self._people = self._people.joined(self._born(position, t, histograms, has_reference))
+
+    def _born(self, position: Array, t: float, reference: Array, has_reference: Mask) -> People:
+        options = self.options
+        state = self._imm.start(position, None, options.measurement_variance_m2, options.start_speed_m_s**2)
+        return People.born(state, position, t, reference, has_reference)
+
+    def _note_windows(self, matches: _Matches, seen: _Seen) -> None:
+        self._windows = []
+        if seen.windows is None:
+            return
+        owner = {int(trunk): int(self._people.id[track]) for track, trunk in zip(matches.track, matches.trunk, strict=True)}
+        self._windows = [
+            (owner.get(int(trunk)) or None, seen.windows.outline(int(trunk))) for trunk in np.flatnonzero(seen.comparable)
+        ]
+
+    # --- set up
+
+    def _layer(self, rig: Rig, role: Role, name: str, empty_room: list[Observation]) -> LaserLayer:
+        scans = [item for item in empty_room if isinstance(item, LaserScan) and item.sensor == name]
+        return LaserLayer(rig.lasers()[name], scans, self.options.waist if role == "waist" else self.options.knee)
+
+    def _make_filter(self) -> Imm:
+        options = self.options
+        pattern, variances = (
+            (IMM_MODELS, options.imm_variances) if options.filter == "imm" else (KALMAN_MODELS, (options.kalman_variances,))
+        )
+        models = tuple(MotionModel(model.turn_persists, *pair) for model, pair in zip(pattern, variances, strict=True))
+        return Imm(models, transition_matrix(len(models), options.mode_stays), np.eye(2) * options.measurement_variance_m2)

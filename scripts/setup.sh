@@ -1,0 +1,38 @@
+# shellcheck shell=bash
+# Sourced by the other scripts: makes .venv beside the sources and installs the project in it, once; "extra" names what else.
+# A stamp holds the hash of pyproject.toml, so that a second call costs nothing until the dependencies change.
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+project_extra="${1:-}"
+python="$(command -v python3.13 || command -v python3.12 || command -v python3.11 || command -v python3 || true)"
+if [ -z "$python" ] || ! "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))'; then
+    echo "Python 3.11 or newer is needed, with its venv module: on Debian, apt-get install python3 python3-venv" >&2
+    exit 1
+fi
+if [ ! -x .venv/bin/python ] && ! "$python" -m venv .venv; then
+    echo "No virtual environment could be made: on Debian, apt-get install python3-venv" >&2
+    exit 1
+fi
+stamp=".venv/installed${project_extra:+-$project_extra}"
+wanted="$(sha256sum pyproject.toml | cut -d' ' -f1)"
+if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
+    echo "Installing the project into .venv (a minute or two, once) ..." >&2
+    .venv/bin/python -m pip install --quiet --editable ".${project_extra:+[$project_extra]}" >&2
+    echo "$wanted" > "$stamp"
+fi
+export MUJOCO_GL=egl
+
+# EGL is a system library: pip cannot bring it.
+if ! .venv/bin/python -c 'import ctypes; ctypes.CDLL("libEGL.so.1")' 2>/dev/null; then
+    line="apt-get update && apt-get install -y --no-install-recommends libegl1 libgl1-mesa-dri"
+    if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
+        echo "Installing the EGL libraries ..." >&2
+        sh -c "$line" >&2
+    elif command -v sudo >/dev/null && sudo -n true 2>/dev/null; then
+        echo "Installing the EGL libraries with sudo ..." >&2
+        sudo sh -c "$line" >&2
+    else
+        echo "Rendering needs EGL. Type this, then run the script again:" >&2
+        echo "    sudo sh -c '$line'" >&2
+        exit 1
+    fi
+fi

@@ -1,0 +1,144 @@
+"""Observations survive their messages to the bit, and what cannot be used is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from recorded import a_scan, an_image, assert_same
+from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__CompressedImage as CompressedImage
+from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__Image as RawImage
+from rosbags.typesys.stores.ros2_humble import std_msgs__msg__Header as Header
+
+from trackers.errors import InputError
+from trackers.observations import Image, LaserScan
+from twin.recording.messages import LASER_SCAN, TYPESTORE, decode, encode, from_message, time_message
+
+HEADER = Header(time_message(7), "camera")
+
+finite = st.floats(-10, 10)
+scans = st.builds(
+    LaserScan,
+    sensor=st.sampled_from(["waist", "knee"]),
+    stamp_ns=st.integers(-(10**9), 2**31 * 10**9 - 1),
+    ranges_m=arrays(np.float32, st.integers(2, 40), elements=st.floats(width=32)),
+    angle_min_rad=finite,
+    angle_increment_rad=finite,
+    range_min_m=st.floats(0, 1),
+    range_max_m=st.floats(2, 100),
+    sweep_time_s=st.floats(0, 1),
+)
+
+
+@given(scans)
+def test_a_scan_is_handed_on_as_a_replay_gives_it(scan):
+    encoded = encode(scan)
+    assert_same(encoded.observation, decode(encoded.data, encoded.msgtype, scan.sensor))
+    again = encode(encoded.observation)
+    assert_same(again.observation, encoded.observation)
+    assert bytes(again.data) == bytes(encoded.data)
+
+
+@given(scans)
+def test_a_scan_loses_float32_and_nothing_else(scan):
+    got = encode(scan).observation
+    assert (got.sensor, got.stamp_ns) == (scan.sensor, scan.stamp_ns)
+    for name in ("angle_min_rad", "angle_increment_rad", "range_min_m", "range_max_m"):
+        assert getattr(got, name) == float(np.float32(getattr(scan, name)))
+    assert got.sweep_time_s == pytest.approx(scan.sweep_time_s, rel=1e-6, abs=1e-40)
+    inside = (scan.ranges_m >= got.range_min_m) & (scan.ranges_m < got.range_max_m) & (scan.ranges_m > 0)
+    np.testing.assert_array_equal(got.ranges_m[inside], scan.ranges_m[inside])
+    assert not np.isfinite(got.ranges_m[~inside]).any()
+
+
+def test_ranges_follow_rep_117():
+    ranges = np.array([0.0, 0.01, 0.02, 5.5, 5.6, 9.0, -1.0, np.inf, -np.inf, np.nan], dtype=np.float32)
+    scan = replace(a_scan(0), ranges_m=ranges, range_min_m=float(ranges[2]), range_max_m=float(ranges[4]))
+    nan, inf = np.nan, np.inf
+    expected = np.array([nan, nan, ranges[2], ranges[3], inf, inf, nan, inf, nan, nan], dtype=np.float32)
+    np.testing.assert_array_equal(encode(scan).observation.ranges_m, expected)
+    assert ranges[0] == 0.0, "the scan that went in is not changed"
+
+
+def test_zero_is_no_range_though_range_min_is_zero():
+    scan = replace(a_scan(0), ranges_m=np.zeros(3, dtype=np.float32), range_min_m=0.0)
+    assert np.isnan(encode(scan).observation.ranges_m).all()
+
+
+def test_the_scan_message_as_ros_reads_it():
+    message = TYPESTORE.deserialize_cdr(encode(a_scan(3_000_000_005)).data, LASER_SCAN)
+    assert (message.header.stamp.sec, message.header.stamp.nanosec, message.header.frame_id) == (3, 5, "waist")
+    assert message.angle_max == pytest.approx(np.pi / 2, abs=1e-6)
+    assert message.time_increment == pytest.approx(0.025 / 30)
+
+
+@pytest.mark.parametrize("size", [0, 1])
+def test_scans_without_a_sweep(size):
+    scan = replace(a_scan(0), ranges_m=np.ones(size, dtype=np.float32), sweep_time_s=0.0)
+    encoded = encode(scan)
+    assert_same(encoded.observation, decode(encoded.data, encoded.msgtype, "waist"))
+    with pytest.raises(ValueError, match="to sweep"):
+        encode(replace(scan, sweep_time_s=0.1))
+
+
+def test_an_image_is_handed_on_as_a_replay_gives_it():
+    encoded = encode(an_image(40))
+    assert_same(encoded.observation, decode(encoded.data, encoded.msgtype, "camera"))
+    difference = np.abs(encoded.observation.rgb.astype(int) - an_image(40).rgb)
+    assert difference[:16].mean() < 2, "red, green and blue in their order"
+    assert difference.max() > 0, "the JPEG's loss is in what is handed on"
+
+
+def test_jpeg_quality_counts():
+    assert len(encode(an_image(0), jpeg_quality=20).data) < len(encode(an_image(0), jpeg_quality=95).data)
+
+
+def test_encode_refuses_what_is_no_colour_image():
+    with pytest.raises(ValueError, match="uint8"):
+        encode(Image("camera", 0, np.zeros((4, 4, 3))))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("encoding", ["rgb8", "bgr8", "mono8"])
+def test_raw_images_with_padded_rows(encoding):
+    rgb = an_image(0).rgb
+    pixels = {"rgb8": rgb, "bgr8": rgb[..., ::-1], "mono8": rgb[..., :1]}[encoding]
+    rows = np.pad(pixels.reshape(32, -1), ((0, 0), (0, 5)))
+    message = RawImage(HEADER, 32, 48, encoding, 0, rows.shape[1], rows.ravel())
+    expected = np.repeat(rgb[..., :1], 3, axis=2) if encoding == "mono8" else rgb
+    got = from_message(message, "camera", offset_ns=-2)
+    assert isinstance(got, Image)
+    assert got.stamp_ns == 5
+    np.testing.assert_array_equal(got.rgb, expected)
+
+
+def test_a_lossless_png_comes_through():
+    _, png = cv2.imencode(".png", cv2.cvtColor(an_image(0).rgb, cv2.COLOR_RGB2BGR))
+    got = from_message(CompressedImage(HEADER, "png", png.ravel()), "camera")
+    assert isinstance(got, Image)
+    np.testing.assert_array_equal(got.rgb, an_image(0).rgb)
+
+
+@pytest.mark.parametrize(
+    ("message", "complaint"),
+    [
+        (RawImage(HEADER, 2, 2, "yuv422", 0, 4, np.zeros(8, np.uint8)), "'yuv422'; one of rgb8, bgr8, mono8"),
+        (RawImage(HEADER, 2, 2, "rgb8", 0, 6, np.zeros(8, np.uint8)), "height x step bytes"),
+        (RawImage(HEADER, 2, 2, "rgb8", 0, 4, np.zeros(8, np.uint8)), "height x step bytes"),
+        (CompressedImage(HEADER, "jpeg", np.zeros(0, np.uint8)), "JPEG or PNG is expected"),
+        (CompressedImage(HEADER, "jpeg", np.arange(90, dtype=np.uint8)), "JPEG or PNG is expected"),
+        (CompressedImage(HEADER, "16UC1; compressedDepth png", np.zeros(9, np.uint8)), "compressedDepth"),
+    ],
+)
+def test_images_that_cannot_be_used(message, complaint):
+    with pytest.raises(InputError, match=complaint):
+        from_message(message, "camera")
+
+
+def test_a_scan_without_a_range_of_ranges_is_refused():
+    with pytest.raises(InputError, match="range_max 0 m"):
+        encode(replace(a_scan(0), range_min_m=0.0, range_max_m=0.0))

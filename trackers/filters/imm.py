@@ -1,0 +1,293 @@
+"""Interacting multiple model estimator of extended Kalman filters, batched over tracks (Bar-Shalom; Bai and Takahashi).
+
+An `Imm` is the algorithm and never changes; an `ImmState` holds the arrays of n tracks with m modes each and is passed in
+and handed back. With one mode it is a plain extended Kalman filter (`trackers.filters.kalman`).
+
+    predicted = imm.predict(state, period_s)          # a track that is not measured now coasts on this: nothing more to do
+    state = imm.update(predicted, index, positions)   # the tracks `index` measured at `positions`
+
+After `predict` the mode probabilities are those that the transition matrix predicts, c̄ = μ M: a coasting track keeps them.
+
+Headings are angles: before modes are mixed or averaged each heading is moved by whole turns to within half a turn of the
+most probable mode's, so that modes a full turn apart mix as equals. Headings are not wrapped to one turn otherwise.
+
+Where the mathematics ends: a period of 0 changes nothing (no time, no switching); a negative or non-finite period, a
+non-finite measurement and a covariance that overflows are refused with InputError; a singular covariance is allowed,
+because the measurement noise, which must be positive definite, keeps every innovation covariance invertible.
+
+The tracks stand in the last axis of every array: each operation then runs along them, several times faster than products
+of many small matrices.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.errors import InputError
+from trackers.filters.motion import (
+    DISTURBANCE_SIZE,
+    HEADING,
+    IMM_MODELS,
+    MEASUREMENT_VARIANCE_M2,
+    SPEED,
+    STATE_SIZE,
+    TURN_RATE,
+    MotionModel,
+    disturbance_variances,
+    linearise,
+    nearest_turn,
+    persistence,
+    transition_matrix,
+)
+
+Array = NDArray[np.float64]
+Selection = NDArray[np.intp] | NDArray[np.bool_]
+
+_TINY = np.finfo(float).tiny
+_UNDISTURBED = np.zeros(DISTURBANCE_SIZE)
+
+
+@dataclass(frozen=True, eq=False)
+class ImmState:
+    """n tracks with m modes each: what an `Imm` takes and hands back."""
+
+    mean: Array  # (5, m, n)
+    covariance: Array  # (5, 5, m, n)
+    probability: Array  # (m, n), each column sums to 1
+
+    def __len__(self) -> int:
+        return self.mean.shape[-1]
+
+    @property
+    def positions(self) -> Array:
+        """Position of each track in each mode, (n, m, 2) [m]."""
+        return self.mean[:2].T
+
+    def select(self, index: Selection) -> ImmState:
+        """The tracks at `index` (integers or a mask)."""
+        return ImmState(self.mean[..., index], self.covariance[..., index], self.probability[..., index])
+
+    def joined(self, other: ImmState) -> ImmState:
+        """These tracks followed by `other`."""
+        return ImmState(
+            np.concatenate([self.mean, other.mean], axis=-1),
+            np.concatenate([self.covariance, other.covariance], axis=-1),
+            np.concatenate([self.probability, other.probability], axis=-1),
+        )
+
+    def replaced(self, index: Selection, other: ImmState) -> ImmState:
+        """These tracks with those at `index` exchanged for `other`."""
+        mean, covariance, probability = self.mean.copy(), self.covariance.copy(), self.probability.copy()
+        mean[..., index], covariance[..., index], probability[..., index] = other.mean, other.covariance, other.probability
+        return ImmState(mean, covariance, probability)
+
+
+class Imm:
+    """IMM of extended Kalman filters over the state (x, y, θ, v, θ̇), measured in (x, y), for any number of modes.
+
+    models: one per mode; transition: (m, m) mode transition probabilities per step, row: from, column: to (None: 0.9 to
+    stay, the rest shared evenly); measurement_covariance: R (2, 2) [m²] (None: the paper's). Raises InputError for a
+    transition matrix that is not one or an R that is not positive definite.
+    """
+
+    def __init__(
+        self,
+        models: tuple[MotionModel, ...] = IMM_MODELS,
+        transition: Array | None = None,
+        measurement_covariance: Array | None = None,
+    ) -> None:
+        if not models:
+            raise InputError("an IMM needs at least one motion model; none was given")
+        self.models = models
+        self.n_mode = len(models)
+        self.transition = transition_matrix(self.n_mode) if transition is None else np.asarray(transition, float)
+        self.R = (
+            np.eye(2) * MEASUREMENT_VARIANCE_M2
+            if measurement_covariance is None
+            else np.asarray(measurement_covariance, float)
+        )
+        _check_transition(self.transition, self.n_mode)
+        _check_measurement_covariance(self.R)
+        self._persistence = persistence(models)[:, None]  # (m, 1)
+        self._deviation = np.sqrt(disturbance_variances(models)).T[:, :, None]  # (2, m, 1)
+
+    def start(
+        self,
+        position: Array,
+        velocity: Array | None = None,
+        position_variance_m2: float = MEASUREMENT_VARIANCE_M2,
+        speed_variance: float | Array = 1.0,
+        turn_rate_variance: float = 1.0,
+    ) -> ImmState:
+        """New tracks at `position` (n, 2) [m], at rest or with `velocity` (n, 2) [m/s] of variance `speed_variance` [m²/s²], a number or (n,).
+
+        The heading's standard deviation is the speed's over the speed itself, at most that of an unknown angle (π/√3).
+        Every mode starts alike and equally probable.
+        """
+        position = np.asarray(position, float).reshape(-1, 2)
+        velocity = np.zeros_like(position) if velocity is None else np.asarray(velocity, float).reshape(-1, 2)
+        _check_finite(position, "the position of a new track")
+        _check_finite(velocity, "the velocity of a new track")
+        n = len(position)
+        speed = np.hypot(velocity[:, 0], velocity[:, 1])
+        mean = np.zeros((STATE_SIZE, n))
+        mean[:2] = position.T
+        mean[HEADING] = np.arctan2(velocity[:, 1], velocity[:, 0])
+        mean[SPEED] = speed
+        covariance = np.zeros((STATE_SIZE, STATE_SIZE, n))
+        covariance[0, 0] = covariance[1, 1] = position_variance_m2
+        covariance[HEADING, HEADING] = np.minimum(speed_variance / np.maximum(speed, 1e-6) ** 2, np.pi**2 / 3)
+        covariance[SPEED, SPEED] = speed_variance
+        covariance[TURN_RATE, TURN_RATE] = turn_rate_variance
+        return ImmState(
+            np.repeat(mean[:, None], self.n_mode, axis=1),
+            np.repeat(covariance[:, :, None], self.n_mode, axis=2),
+            np.full((self.n_mode, n), 1 / self.n_mode),
+        )
+
+    def predict(self, state: ImmState, period_s: float) -> ImmState:
+        """Mix the modes and move each on by one step of `period_s` [s]; the probabilities become the predicted ones (c̄)."""
+        if not (np.isfinite(period_s) and period_s >= 0):
+            raise InputError(f"prediction over {period_s!r} s; a finite period of 0 s or more is expected")
+        if period_s == 0 or len(state) == 0:
+            return state
+        mixed = self._mix(state) if self.n_mode > 1 else state
+        mean, F, G = linearise(mixed.mean, _UNDISTURBED, period_s, self._persistence)
+        noise = G * self._deviation
+        half = _transition_times(F, mixed.covariance)
+        covariance = _transition_times(F, half.swapaxes(0, 1))
+        covariance += np.einsum("aqmn,bqmn->abmn", noise, noise)
+        covariance = _symmetric(covariance)
+        _check_finite(covariance, "a predicted covariance")
+        return ImmState(mean, covariance, mixed.probability)
+
+    def predict_over(self, state: ImmState, elapsed_s: float, period_s: float) -> ImmState:
+        """Predict over `elapsed_s` in equal steps of about `period_s`, the period that Q and the transition matrix are for."""
+        if not (np.isfinite(elapsed_s) and elapsed_s >= 0):
+            raise InputError(f"prediction over {elapsed_s!r} s; a finite time of 0 s or more is expected")
+        n_step = max(1, round(elapsed_s / period_s))
+        for _ in range(n_step):
+            state = self.predict(state, elapsed_s / n_step)
+        return state
+
+    def innovation_covariance(self, predicted: ImmState) -> Array:
+        """S = H P Hᵀ + R of each track in each mode, (n, m, 2, 2) [m²]."""
+        return predicted.covariance[:2, :2].T + self.R
+
+    def update(
+        self, predicted: ImmState, index: NDArray[np.intp], position: Array, measurement_covariance: Array | None = None
+    ) -> ImmState:
+        """The tracks with those at `index` (k,) updated by their measured `position` (k, 2) [m]; the others unchanged.
+
+        measurement_covariance: R of each measurement, (k, 2, 2) [m²], positive definite; None: the filter's own.
+        """
+        index = np.asarray(index, np.intp)
+        if index.size == 0:
+            return predicted
+        position = np.asarray(position, float).reshape(-1, 2)
+        _check_finite(position, "a measured position")
+        prior = predicted.select(index)
+        P = prior.covariance
+        R = self.R[:, :, None] if measurement_covariance is None else np.moveaxis(measurement_covariance, 0, -1)
+        s_xx, s_xy, s_yy = P[0, 0] + R[0, 0], P[0, 1] + R[0, 1], P[1, 1] + R[1, 1]  # (m, k) each
+        determinant = s_xx * s_yy - s_xy * s_xy
+        gain = np.empty((STATE_SIZE, 2, *determinant.shape))
+        gain[:, 0] = P[0] * (s_yy / determinant) - P[1] * (s_xy / determinant)
+        gain[:, 1] = P[1] * (s_xx / determinant) - P[0] * (s_xy / determinant)
+        innovation_x = position[:, 0] - prior.mean[0]
+        innovation_y = position[:, 1] - prior.mean[1]
+        mean = prior.mean + gain[:, 0] * innovation_x + gain[:, 1] * innovation_y
+        # Joseph's form, (I − KH) P (I − KH)ᵀ + K R Kᵀ, stays positive semi-definite under rounding
+        covariance = P - np.einsum("apmn,pbmn->abmn", gain, P[:2])
+        columns = covariance[:, :2] - np.einsum("apmn,pqn->aqmn", gain, np.broadcast_to(R, (2, 2, index.size)))
+        covariance -= np.einsum("apmn,bpmn->abmn", columns, gain)
+        probability = prior.probability
+        if self.n_mode > 1:
+            square = s_yy * innovation_x**2 - 2 * s_xy * innovation_x * innovation_y + s_xx * innovation_y**2
+            log_likelihood = -0.5 * (square / determinant + np.log(determinant))
+            # relative to the best mode, so that a far measurement cannot underflow every mode at once
+            weight = probability * np.exp(log_likelihood - log_likelihood.max(axis=0))
+            weight = np.maximum(weight, _TINY)
+            probability = weight / weight.sum(axis=0)
+        return predicted.replaced(index, ImmState(mean, _symmetric(covariance), probability))
+
+    def estimate(self, state: ImmState) -> tuple[Array, Array]:
+        """Mean (n, 5) and covariance (n, 5, 5) of each track over its modes."""
+        means = _aligned(state)
+        mean = (means * state.probability).sum(axis=1)
+        spread = means - mean[:, None]
+        covariance = ((state.covariance + spread[:, None] * spread) * state.probability).sum(axis=2)
+        return mean.T, covariance.T
+
+    def _mix(self, state: ImmState) -> ImmState:
+        """The mixed initial conditions of every mode (eq. 3), with the predicted mode probabilities."""
+        means = _aligned(state)
+        predicted = self.transition.T @ state.probability  # (m, n)
+        joint = state.probability[:, None] * self.transition[:, :, None]  # (from, to, n)
+        if predicted.min() > 0:
+            share = joint / predicted
+        else:  # a mode that cannot be entered (c̄ = 0) keeps itself: it weighs nothing, but must stay finite
+            staying = np.broadcast_to(np.eye(self.n_mode)[:, :, None], joint.shape)
+            share = np.where(predicted > 0, joint / np.where(predicted > 0, predicted, 1.0), staying)
+        mean = np.einsum("ftn,afn->atn", share, means)
+        covariance = np.einsum("ftn,abfn->abtn", share, state.covariance)
+        spread = means[:, :, None] - mean[:, None]  # (5, from, to, n)
+        covariance += np.einsum("aftn,bftn->abtn", spread * share, spread)
+        return ImmState(mean, covariance, predicted)
+
+
+def inverse_2x2(matrix: Array) -> tuple[Array, Array]:
+    """Inverse and determinant of 2 × 2 matrices (..., 2, 2), in closed form; the determinant must not be 0."""
+    a, b, c, d = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 0], matrix[..., 1, 1]
+    determinant = a * d - b * c
+    inverse = np.empty_like(matrix)
+    inverse[..., 0, 0] = d
+    inverse[..., 0, 1] = -b
+    inverse[..., 1, 0] = -c
+    inverse[..., 1, 1] = a
+    inverse /= determinant[..., None, None]
+    return inverse, determinant
+
+
+def _transition_times(F: Array, matrix: Array) -> Array:
+    """F matrix, (5, 5, m, n), doing only the products that the models' Jacobian F (identity elsewhere) holds."""
+    product = matrix.copy()
+    product[:2] += np.einsum("abmn,bcmn->acmn", F[:2, HEADING:], matrix[HEADING:])
+    product[HEADING] += F[HEADING, TURN_RATE] * matrix[TURN_RATE]
+    product[TURN_RATE] *= F[TURN_RATE, TURN_RATE]
+    return product
+
+
+def _aligned(state: ImmState) -> Array:
+    """Means (5, m, n) with headings within half a turn of the most probable mode's."""
+    headings = state.mean[HEADING]  # (m, n)
+    likeliest = headings[state.probability.argmax(axis=0), np.arange(len(state))]
+    means = state.mean.copy()
+    means[HEADING] = nearest_turn(headings, likeliest)
+    return means
+
+
+def _symmetric(matrix: Array) -> Array:
+    return 0.5 * (matrix + matrix.swapaxes(0, 1))
+
+
+def _check_finite(values: Array, what: str) -> None:
+    if not np.isfinite(values).all():
+        raise InputError(f"{what} holds NaN or infinity; finite numbers are expected")
+
+
+def _check_transition(transition: Array, n_mode: int) -> None:
+    if transition.shape != (n_mode, n_mode):
+        raise InputError(f"mode transition matrix of shape {transition.shape}; ({n_mode}, {n_mode}) is expected")
+    sums = transition.sum(axis=1)
+    if not (np.isfinite(transition).all() and (transition >= 0).all() and np.allclose(sums, 1, atol=1e-9)):
+        raise InputError(f"mode transition matrix {transition.tolist()}; rows of probabilities that sum to 1 are expected")
+
+
+def _check_measurement_covariance(R: Array) -> None:
+    sound = R.shape == (2, 2) and bool(np.isfinite(R).all()) and bool(np.allclose(R, R.T))
+    if not sound or np.linalg.eigvalsh(R).min() <= 0:
+        raise InputError(f"measurement covariance {R.tolist()}; a symmetric positive definite 2 x 2 matrix [m²] is expected")

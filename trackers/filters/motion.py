@@ -1,0 +1,156 @@
+"""The motion models of a maneuvering person (Bai and Takahashi, appendix, A.1 and A.2), batched, with analytic Jacobians.
+
+State (x, y, θ, v, θ̇): position [m], heading [rad], speed [m/s], turn rate [rad/s]. Disturbance (Δv, Δθ̇): linear
+acceleration [m/s²] and turn acceleration [rad/s²], white, zero mean, constant over one step of T seconds.
+
+With d = v T + ½ Δv T² and a = ω T + ½ Δθ̇ T²:
+
+    x' = x + d cos θ − ½ d a sin θ      θ' = θ + a        θ̇' = ω + Δθ̇ T
+    y' = y + d sin θ + ½ d a cos θ      v' = v + Δv T
+
+A.1 (models 1 and 2) is the case ω = 0: the turn rate does not outlive its step; A.2 (model 3) is the case ω = θ̇: it
+persists. One function therefore serves every model, told apart by `turn_persists`. (The paper's A.2 is damaged in the
+text we have; this form is inferred.) Position is first order in the turned angle a, as in the paper.
+
+Components stand in the first axis and the batch (tracks, modes, particles) in the trailing ones, so that every operation
+runs along the batch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+STATE_SIZE = 5
+DISTURBANCE_SIZE = 2
+X, Y, HEADING, SPEED, TURN_RATE = range(STATE_SIZE)
+
+
+@dataclass(frozen=True)
+class MotionModel:
+    """One way of moving: whether the turn rate persists, and the variances of the disturbance."""
+
+    turn_persists: bool
+    acceleration_variance: float  # of Δv [m²/s⁴]
+    turn_acceleration_variance: float  # of Δθ̇ [rad²/s⁴]
+
+
+CONSTANT_VELOCITY = MotionModel(turn_persists=False, acceleration_variance=0.1, turn_acceleration_variance=0.1)
+SUDDEN_ACCELERATION = MotionModel(turn_persists=False, acceleration_variance=100.0, turn_acceleration_variance=0.1)
+SUDDEN_TURN = MotionModel(turn_persists=True, acceleration_variance=90.0, turn_acceleration_variance=800.0)
+SINGLE_TURN = MotionModel(turn_persists=True, acceleration_variance=300.0, turn_acceleration_variance=300.0)
+
+IMM_MODELS = (CONSTANT_VELOCITY, SUDDEN_ACCELERATION, SUDDEN_TURN)
+"""Models 1, 2, 3 with the paper's Q1, Q2, Q3."""
+
+KALMAN_MODELS = (SINGLE_TURN,)
+"""The paper's single-model baseline: model 3 with Q = diag(300, 300)."""
+
+MODE_STAYS = 0.9
+"""Probability that a person keeps the mode over one step; the rest is shared evenly (paper, section V)."""
+
+MEASUREMENT_VARIANCE_M2 = 0.01
+"""Variance of a measured position on each axis, R = diag(0.01, 0.01) m² (paper, section III)."""
+
+
+def transition_matrix(n_mode: int, stays: float = MODE_STAYS) -> Array:
+    """Mode transition probabilities per step, (n_mode, n_mode), row: from, column: to; `stays` on the diagonal."""
+    if n_mode == 1:
+        return np.ones((1, 1))
+    matrix = np.full((n_mode, n_mode), (1 - stays) / (n_mode - 1))
+    np.fill_diagonal(matrix, stays)
+    return matrix
+
+
+def persistence(models: tuple[MotionModel, ...]) -> Array:
+    """1 where a model's turn rate persists, else 0, (n_mode,)."""
+    return np.array([float(model.turn_persists) for model in models])
+
+
+def disturbance_variances(models: tuple[MotionModel, ...]) -> Array:
+    """Diagonal of Q for each model, (n_mode, 2)."""
+    return np.array([(model.acceleration_variance, model.turn_acceleration_variance) for model in models])
+
+
+def propagate(state: Array, disturbance: Array, period_s: float, turn_persists: Array | float) -> Array:
+    """State (5, ...) after one step of `period_s`, under a disturbance (2, ...) (A.1, A.2).
+
+    `turn_persists` is 1 for A.2 and 0 for A.1; it and the trailing axes broadcast.
+    """
+    distance, turned, along_x, along_y = _displacement(state, disturbance, period_s, turn_persists)
+    return _displaced(state, disturbance, period_s, turn_persists, distance, turned, along_x, along_y)
+
+
+def linearise(
+    state: Array, disturbance: Array, period_s: float, turn_persists: Array | float
+) -> tuple[Array, Array, Array]:
+    """`propagate` and its Jacobians with respect to the state, (5, 5, ...), and to the disturbance, (5, 2, ...)."""
+    T = period_s
+    half_square = 0.5 * T * T
+    distance, turned, along_x, along_y = _displacement(state, disturbance, T, turn_persists)
+    following = _displaced(state, disturbance, T, turn_persists, distance, turned, along_x, along_y)
+    heading = state[HEADING]
+    half_distance = 0.5 * distance
+    across_x = -half_distance * np.sin(heading)  # ∂x'/∂a
+    across_y = half_distance * np.cos(heading)  # ∂y'/∂a
+    persisting = T * turn_persists
+
+    by_state = np.zeros((STATE_SIZE, STATE_SIZE, *following.shape[1:]))
+    by_state[X, X] = by_state[Y, Y] = by_state[HEADING, HEADING] = by_state[SPEED, SPEED] = 1.0
+    by_state[X, HEADING] = -distance * along_y
+    by_state[X, SPEED] = T * along_x
+    by_state[X, TURN_RATE] = persisting * across_x
+    by_state[Y, HEADING] = distance * along_x
+    by_state[Y, SPEED] = T * along_y
+    by_state[Y, TURN_RATE] = persisting * across_y
+    by_state[HEADING, TURN_RATE] = persisting
+    by_state[TURN_RATE, TURN_RATE] = turn_persists
+
+    by_disturbance = np.zeros((STATE_SIZE, DISTURBANCE_SIZE, *following.shape[1:]))
+    by_disturbance[X, 0] = half_square * along_x
+    by_disturbance[X, 1] = half_square * across_x
+    by_disturbance[Y, 0] = half_square * along_y
+    by_disturbance[Y, 1] = half_square * across_y
+    by_disturbance[HEADING, 1] = half_square
+    by_disturbance[SPEED, 0] = T
+    by_disturbance[TURN_RATE, 1] = T
+    return following, by_state, by_disturbance
+
+
+def _displacement(
+    state: Array, disturbance: Array, period_s: float, turn_persists: Array | float
+) -> tuple[Array, Array, Array, Array]:
+    """Distance d and turned angle a of the step, and ∂x'/∂d, ∂y'/∂d."""
+    half_square = 0.5 * period_s * period_s
+    distance = state[SPEED] * period_s + disturbance[0] * half_square
+    turned = state[TURN_RATE] * (turn_persists * period_s) + disturbance[1] * half_square
+    cos, sin, sideways = np.cos(state[HEADING]), np.sin(state[HEADING]), 0.5 * turned
+    return distance, turned, cos - sideways * sin, sin + sideways * cos
+
+
+def _displaced(
+    state: Array,
+    disturbance: Array,
+    period_s: float,
+    turn_persists: Array | float,
+    distance: Array,
+    turned: Array,
+    along_x: Array,
+    along_y: Array,
+) -> Array:
+    following = np.empty((STATE_SIZE, *along_x.shape))
+    following[X] = state[X] + distance * along_x
+    following[Y] = state[Y] + distance * along_y
+    following[HEADING] = state[HEADING] + turned
+    following[SPEED] = state[SPEED] + disturbance[0] * period_s
+    following[TURN_RATE] = turn_persists * state[TURN_RATE] + disturbance[1] * period_s
+    return following
+
+
+def nearest_turn(angle: Array, reference: Array) -> Array:
+    """`angle` plus the whole number of turns that brings it within half a turn of `reference` [rad]."""
+    return angle - 2 * np.pi * np.round((angle - reference) / (2 * np.pi))

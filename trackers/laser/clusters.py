@@ -1,0 +1,135 @@
+"""From foreground samples to clusters: split where neighbouring samples jump, one representative point each.
+
+All in the scanner's frame (x ahead, y left), samples in order of angle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, NonNegativeInt, PositiveInt
+
+from trackers.laser.background import returns
+from trackers.observations import LaserScan
+from trackers.rig import Strict
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class ClusterOptions(Strict):
+    """How samples become clusters at one height."""
+
+    jump_m: float = Field(0.15, gt=0, description="neighbouring samples farther apart than this are split [m]")
+    jump_spacings: float = Field(2.0, ge=0, description="plus this many spacings of the beams at their range")
+    max_gap_beams: NonNegativeInt = Field(1, description="beams that may look past a cluster without splitting it")
+    min_samples: PositiveInt = Field(3, description="fewer samples are no cluster")
+    min_width_m: float = Field(0.04, ge=0, description="nor fewer than a thing this wide returns at its range [m]")
+    split_width_m: float | None = Field(
+        None, gt=0, description="a cluster wider than this is taken for several people side by side [m] (ours)"
+    )
+    person_width_m: float = Field(0.45, gt=0, description="room one of several people side by side takes [m]")
+
+
+@dataclass(frozen=True, eq=False)
+class Clusters:
+    """k clusters of one scan, by angle."""
+
+    first_beam: NDArray[np.intp]  # (k,)
+    last_beam: NDArray[np.intp]  # (k,)
+    n_sample: NDArray[np.intp]  # (k,)
+    middle: Array  # (k, 2) mean of the samples [m]
+    width_m: Array  # (k,) from the first sample to the last
+    range_m: Array  # (k,) of the middle
+    hidden_before: Mask  # (k,) whether something nearer begins where the cluster starts: it may go on behind it
+    hidden_after: Mask  # (k,) likewise where it ends
+
+    def __len__(self) -> int:
+        return self.first_beam.size
+
+
+def find_clusters(scan: LaserScan, foreground: Mask, options: ClusterOptions) -> Clusters:
+    """The clusters among the foreground samples (n_beam,) of a scan.
+
+    Two foreground samples that follow one another are split where they lie farther apart than `jump_m` plus the spacing of
+    the beams, or where more than `max_gap_beams` beams between them looked past. (The paper compares ranges; the distance
+    between the points also holds across a lost beam.)
+    """
+    ranges, hit, missed = returns(scan)
+    beams = np.flatnonzero(foreground)
+    if beams.size == 0:
+        return _none()
+    angles = scan.angle_min_rad + scan.angle_increment_rad * beams
+    near = ranges[beams]
+    points = np.stack([near * np.cos(angles), near * np.sin(angles)])  # (2, n)
+    spacing = abs(scan.angle_increment_rad) * near
+
+    step = points[:, 1:] - points[:, :-1]
+    jump = options.jump_m + options.jump_spacings * np.minimum(spacing[1:], spacing[:-1])
+    seen_past = np.cumsum((hit | missed) & ~foreground)[beams]
+    splits = (np.hypot(step[0], step[1]) > jump) | (np.diff(seen_past) > options.max_gap_beams)
+    starts = np.concatenate([[0], np.flatnonzero(splits) + 1])
+    stops = np.append(starts[1:], beams.size)
+    if options.split_width_m is not None:
+        starts, stops = _split_wide(points, starts, stops, options.split_width_m, options.person_width_m)
+
+    n_sample = stops - starts
+    middle = np.add.reduceat(points, starts, axis=1) / n_sample
+    range_m = np.hypot(middle[0], middle[1])
+    expected = options.min_width_m / (abs(scan.angle_increment_rad) * range_m)
+    kept = n_sample >= np.maximum(options.min_samples, np.minimum(expected, foreground.size))
+    ends = points[:, stops - 1] - points[:, starts]
+    hidden_before, hidden_after = _hidden(ranges, hit, beams[starts], beams[stops - 1], range_m, options.jump_m)
+    return Clusters(
+        first_beam=beams[starts][kept],
+        last_beam=beams[stops - 1][kept],
+        n_sample=n_sample[kept],
+        middle=middle[:, kept].T,
+        width_m=np.hypot(ends[0], ends[1])[kept],
+        range_m=range_m[kept],
+        hidden_before=hidden_before[kept],
+        hidden_after=hidden_after[kept],
+    )
+
+
+def pushed_back(middle: Array, depth_m: Array | float) -> Array:
+    """Points (k, 2) moved `depth_m` along their beam, away from the scanner (ours, not the paper's).
+
+    The samples lie on the near side of a body; its axis is about half a body's depth behind their middle.
+    """
+    range_m = np.maximum(np.hypot(middle[:, 0], middle[:, 1]), 1e-9)
+    return middle * (1 + depth_m / range_m)[:, None]
+
+
+def _split_wide(
+    points: Array, starts: NDArray[np.intp], stops: NDArray[np.intp], split_width_m: float, person_width_m: float
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Cut clusters that are too wide for one person into parts of equally many samples."""
+    ends = points[:, stops - 1] - points[:, starts]
+    width = np.hypot(ends[0], ends[1])
+    parts = np.where(width > split_width_m, np.maximum(np.round(width / person_width_m), 2), 1).astype(np.intp)
+    parts = np.minimum(parts, stops - starts)
+    if (parts == 1).all():
+        return starts, stops
+    owner = np.repeat(np.arange(starts.size), parts)
+    part = np.arange(owner.size) - np.repeat(np.cumsum(parts) - parts, parts)
+    cuts = starts[owner] + (part * (stops - starts)[owner]) // parts[owner]
+    return cuts, np.append(cuts[1:], stops[-1])
+
+
+def _hidden(
+    ranges: Array, hit: Mask, first: NDArray[np.intp], last: NDArray[np.intp], range_m: Array, jump_m: float
+) -> tuple[Mask, Mask]:
+    """Whether the beam next to each end of a cluster met something nearer, by more than a jump."""
+    before, after = np.maximum(first - 1, 0), np.minimum(last + 1, ranges.size - 1)
+    with np.errstate(invalid="ignore"):
+        nearer_before = hit[before] & (ranges[before] < range_m - jump_m) & (first > 0)
+        nearer_after = hit[after] & (ranges[after] < range_m - jump_m) & (last < ranges.size - 1)
+    return nearer_before, nearer_after
+
+
+def _none() -> Clusters:
+    index, number, mask = np.empty(0, np.intp), np.empty(0), np.empty(0, np.bool_)
+    return Clusters(index, index, index, np.empty((0, 2)), number, number, mask, mask)

@@ -1,0 +1,136 @@
+"""One scanner at one height: from a scan to what it says about people, in the room frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground
+from trackers.laser.clusters import ClusterOptions, Clusters, find_clusters, pushed_back
+from trackers.laser.grouping import drop_satellites
+from trackers.observations import LaserScan
+from trackers.rig import LaserSensor, Strict
+
+Array = NDArray[np.float64]
+
+
+class LayerOptions(Strict):
+    """What a scanner at one height sees of a person, and how far from a prediction it is believed."""
+
+    cluster: ClusterOptions
+    background: BackgroundOptions = BackgroundOptions()
+    radius_m: float = Field(gt=0, description="radius of the circles of the validation region (paper: waist 1.0, knee 0.5) [m]")
+    half_depth_m: float = Field(ge=0, description="from a cluster's middle back to the body's axis, along the beam [m] (ours)")
+    body_width_m: float | None = Field(
+        None,
+        gt=0,
+        description="a narrower cluster that goes on behind something nearer is completed to this width [m] (ours)",
+    )
+    satellite_width_m: float | None = Field(
+        None, gt=0, description="a cluster narrower than this beside a wider one is its arm [m] (ours)"
+    )
+    satellite_reach_m: float = Field(0.38, gt=0, description="how far from its trunk's axis an arm may be [m] (ours)")
+
+
+class WaistOptions(LayerOptions):
+    """The scanner at waist height: one trunk a person, arms beside it."""
+
+    cluster: ClusterOptions = ClusterOptions(jump_m=0.15, min_width_m=0.06)
+    radius_m: float = Field(1.0, gt=0)
+    half_depth_m: float = Field(0.09, ge=0)
+    body_width_m: float | None = Field(0.3, gt=0)
+    satellite_width_m: float | None = Field(0.16, gt=0)
+
+
+class KneeOptions(LayerOptions):
+    """The scanner at knee height: two legs a person."""
+
+    cluster: ClusterOptions = ClusterOptions(jump_m=0.08, jump_spacings=1.0, min_samples=2, min_width_m=0.03)
+    radius_m: float = Field(0.5, gt=0)
+    half_depth_m: float = Field(0.04, ge=0)
+    claim_m: float = Field(0.5, ge=0, description="legs this near to somebody seen at waist height are theirs [m] (ours)")
+    pair_m: float = Field(0.5, ge=0, description="two legs this near, where nobody is expected, are one person [m] (ours)")
+    single_leg_variance_m2: float = Field(
+        0.04, ge=0, description="added to R where one leg is seen: it is up to half a stride from the middle [m²] (ours)"
+    )
+    stride_m: float = Field(0.8, ge=0, description="the legs of one expected person are at most this far apart [m] (ours)")
+
+
+@dataclass(frozen=True, eq=False)
+class Detections:
+    """k things that one scan shows in front of the room; positions are in the room frame."""
+
+    position: Array  # (k, 2) of the body's or leg's axis [m]
+    width_m: Array  # (k,)
+    range_m: Array  # (k,) from the scanner to the middle of the samples
+    first_angle: Array  # (k,) in the scanner's frame [rad]
+    last_angle: Array  # (k,)
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    def select(self, index: NDArray[np.intp] | NDArray[np.bool_]) -> Detections:
+        """The detections at `index` (integers or a mask)."""
+        return Detections(
+            self.position[index],
+            self.width_m[index],
+            self.range_m[index],
+            self.first_angle[index],
+            self.last_angle[index],
+        )
+
+    @classmethod
+    def none(cls) -> Detections:
+        """No detections."""
+        return cls(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0), np.empty(0))
+
+
+class LaserLayer:
+    """A scanner with its place, its background and its options; `detect` is called with its scans in order.
+
+    empty_scans: the scanner's scans of the room without people; with none the background is learned causally.
+    """
+
+    def __init__(self, sensor: LaserSensor, empty_scans: Sequence[LaserScan], options: LayerOptions) -> None:
+        self.options = options
+        self.learns_background = not empty_scans
+        self.rotation = sensor.room_from_sensor.rotation
+        self.translation = sensor.room_from_sensor.translation
+        self._background = (
+            KnownBackground(empty_scans, options.background) if empty_scans else LearnedBackground(options.background)
+        )
+
+    def detect(self, scan: LaserScan) -> Detections:
+        """What the scan shows in front of the room: trunks without their arms, or single legs."""
+        clusters = find_clusters(scan, self._background.foreground(scan), self.options.cluster)
+        axis = pushed_back(self._completed(clusters), self.options.half_depth_m)
+        detections = Detections(
+            position=self._in_room(axis),
+            width_m=clusters.width_m,
+            range_m=clusters.range_m,
+            first_angle=scan.angle_min_rad + scan.angle_increment_rad * clusters.first_beam,
+            last_angle=scan.angle_min_rad + scan.angle_increment_rad * clusters.last_beam,
+        )
+        if self.options.satellite_width_m is None:
+            return detections
+        kept = drop_satellites(
+            detections.position, detections.width_m, self.options.satellite_width_m, self.options.satellite_reach_m
+        )
+        return detections.select(kept)
+
+    def _completed(self, clusters: Clusters) -> Array:
+        """Middles (k, 2), shifted across the beam where one side of a body is hidden behind something nearer."""
+        if self.options.body_width_m is None:
+            return clusters.middle
+        missing = np.maximum(self.options.body_width_m - clusters.width_m, 0) / 2
+        side = clusters.hidden_after.astype(float) - clusters.hidden_before.astype(float)  # both hidden: in the middle
+        across = np.stack([-clusters.middle[:, 1], clusters.middle[:, 0]], axis=1) / np.maximum(clusters.range_m, 1e-9)[:, None]
+        return clusters.middle + across * (side * missing)[:, None]
+
+    def _in_room(self, points: Array) -> Array:
+        """Points (k, 2) of the scan plane as ground points of the room (k, 2) [m]."""
+        return points @ self.rotation[:2, :2].T + self.translation[:2]

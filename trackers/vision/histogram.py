@@ -1,0 +1,107 @@
+"""Colour histograms of torso windows: hue, their chi-squared distance, and the reference of a person.
+
+The paper uses 360 hue bins. White and black shirts have no hue: theirs is noise. So here (ours) a pixel counts in its hue bin
+by how coloured it is, and for the rest in one of a few bins of brightness; and bins are smoothed a little, because one
+window holds only a few hundred pixels. `grey_bins=0`, `smoothing_deg=0` is the paper's histogram.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
+
+from trackers.rig import Strict
+
+Array = NDArray[np.float64]
+
+
+class HistogramOptions(Strict):
+    """How a torso's colours are counted and remembered."""
+
+    hue_bins: PositiveInt = Field(360, description="bins of hue over the full circle (paper: 360)")
+    grey_bins: NonNegativeInt = Field(20, description="bins of brightness for pixels without hue; 0: hue alone, as in the paper")
+    grey_below: float = Field(0.06, ge=0, description="chroma (saturation × value) up to which a pixel has no hue")
+    coloured_above: float = Field(0.2, gt=0, description="chroma from which a pixel counts in its hue alone")
+    smoothing_deg: float = Field(5.0, ge=0, description="standard deviation of the smoothing over hue [°]; 0: none")
+    memory: float = Field(0.4, ge=0, lt=1, description="share of the old reference kept at an update (α, eq. 7)")
+
+    @model_validator(mode="after")
+    def _chroma_limits_in_order(self) -> HistogramOptions:
+        if self.coloured_above <= self.grey_below:
+            raise ValueError(f"coloured_above must be more than grey_below = {self.grey_below}")
+        return self
+
+
+class ColourHistogram:
+    """Computes histograms of k windows at once, each of `size` bins that sum to 1."""
+
+    def __init__(self, options: HistogramOptions | None = None) -> None:
+        self.options = options or HistogramOptions()
+        self.size = self.options.hue_bins + self.options.grey_bins
+        self._smoother = _smoothing_matrix(self.options)
+
+    def of_windows(self, rgb: NDArray[np.uint8], pixels: Array, inside: NDArray[np.bool_]) -> Array:
+        """Histograms (k, size) of the image (height, width, 3) at pixels (k, rows, columns, 2) that are `inside`.
+
+        A window with nothing inside has an all-zero histogram.
+        """
+        k = len(pixels)
+        if k == 0:
+            return np.empty((0, self.size))
+        column = np.clip(np.rint(pixels[..., 0]), 0, rgb.shape[1] - 1).astype(np.intp)  # outside: masked below
+        row = np.clip(np.rint(pixels[..., 1]), 0, rgb.shape[0] - 1).astype(np.intp)
+        sampled = rgb[row, column].reshape(k, -1, 3)
+        return self.of_pixels(sampled, inside.reshape(k, -1))
+
+    def of_pixels(self, rgb: NDArray[np.uint8], inside: NDArray[np.bool_]) -> Array:
+        """Histograms (k, size) of k sets of n pixels (k, n, 3), those `inside` (k, n) counted."""
+        options = self.options
+        k = len(rgb)
+        hsv = cv2.cvtColor(np.ascontiguousarray(rgb, np.float32) / np.float32(255), cv2.COLOR_RGB2HSV)
+        hue, saturation, value = hsv[..., 0], hsv[..., 1], hsv[..., 2]
+        hue_bin = (hue * (options.hue_bins / 360)).astype(np.intp) % options.hue_bins
+        row = np.arange(k)[:, None] * self.size
+        if options.grey_bins:
+            chroma = saturation * value
+            coloured = np.clip((chroma - options.grey_below) / (options.coloured_above - options.grey_below), 0, 1)
+            grey_bin = np.minimum((value * options.grey_bins).astype(np.intp), options.grey_bins - 1)
+            bins = np.stack([row + hue_bin, row + options.hue_bins + grey_bin])
+            weights = np.stack([coloured * inside, (1 - coloured) * inside])
+        else:
+            bins, weights = row + hue_bin, inside.astype(float)
+        counts = np.bincount(bins.ravel(), weights.ravel(), k * self.size).reshape(k, self.size)
+        if self._smoother is not None:
+            counts = counts @ self._smoother
+        total = counts.sum(axis=1, keepdims=True)
+        return np.divide(counts, total, out=np.zeros_like(counts), where=total > 0)
+
+
+def chi_squared_distance(references: Array, histograms: Array) -> Array:
+    """E: ½ Σ (u − v)² / (u + v) between each reference (n, b) and each histogram (k, b), (n, k), in [0, 1] (eq. 6, inferred)."""
+    difference = references[:, None] - histograms[None]
+    total = references[:, None] + histograms[None]
+    return 0.5 * np.divide(difference**2, total, out=np.zeros_like(total), where=total > 0).sum(axis=-1)
+
+
+def updated_reference(reference: Array, histogram: Array, memory: float) -> Array:
+    """V̄_t = α V̄_{t−1} + (1 − α) V_t with α = `memory` (eq. 7); rows of (n, b)."""
+    return memory * reference + (1 - memory) * histogram
+
+
+def _smoothing_matrix(options: HistogramOptions) -> Array | None:
+    """Matrix (size, size) that spreads each bin over its neighbours; hue closes to a circle, brightness does not."""
+    if options.smoothing_deg == 0:
+        return None
+    size = options.hue_bins + options.grey_bins
+    matrix = np.zeros((size, size))
+    hue = np.arange(options.hue_bins)
+    apart = np.abs(hue[:, None] - hue[None])
+    apart = np.minimum(apart, options.hue_bins - apart) * (360 / options.hue_bins)
+    kernel = np.exp(-0.5 * (apart / options.smoothing_deg) ** 2)
+    matrix[: options.hue_bins, : options.hue_bins] = kernel
+    grey = np.arange(options.grey_bins)
+    # one bin of brightness to either side: lighting drifts over a room
+    matrix[options.hue_bins :, options.hue_bins :] = np.exp(-0.5 * (grey[:, None] - grey[None]) ** 2)
+    return matrix / matrix.sum(axis=1, keepdims=True)

@@ -1,0 +1,97 @@
+"""The torso window: where in the image a person's shirt is, from the waist cluster that the scanner saw.
+
+The window stands over the cluster: its sides are the bearings between which the scanner saw that person and nobody nearer,
+so that a half hidden person's window covers the visible half; its top and bottom are heights above the floor. It is laid out
+as a grid of points in the room and projected through the lens, so that it bends as the lens bends.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, PositiveInt
+
+from trackers.laser.layer import Detections
+from trackers.rig import FisheyeSensor, LaserSensor, Strict
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class TorsoOptions(Strict):
+    """Where the window stands on a person, and how finely it is sampled."""
+
+    low_m: float = Field(1.0, gt=0, description="lower edge above the floor [m]")
+    high_m: float = Field(1.35, gt=0, description="upper edge above the floor [m]")
+    kept_width: float = Field(0.7, gt=0, le=1, description="share of the cluster's width, about its middle")
+    rows: PositiveInt = Field(24, description="samples from top to bottom")
+    columns: PositiveInt = Field(24, description="samples from side to side")
+    min_width_m: float = Field(0.12, ge=0, description="a narrower cluster gets no window [m]")
+    min_inside: float = Field(0.8, gt=0, le=1, description="share of the samples that the image must show")
+    max_overlap: float = Field(0.2, ge=0, le=1, description="a window overlapped more by another is not learned from")
+
+
+@dataclass(frozen=True, eq=False)
+class TorsoWindows:
+    """One window a detection, in detection order."""
+
+    pixels: Array  # (k, rows, columns, 2) u, v
+    inside: Mask  # (k, rows, columns) whether the image shows the sample
+    usable: Mask  # (k,) whether the window may be compared
+    clear: Mask  # (k,) usable, and not overlapped by another: may be learned from
+
+    def outline(self, index: int) -> Array:
+        """The border of one window as a polygon of pixels (p, 2), to draw it."""
+        grid = self.pixels[index]
+        return np.concatenate([grid[0], grid[1:, -1], grid[-1, -2::-1], grid[-2:0:-1, 0]])
+
+
+class TorsoProjector:
+    """Lays torso windows over the detections of one scanner in the images of one camera."""
+
+    def __init__(self, laser: LaserSensor, camera: FisheyeSensor, options: TorsoOptions) -> None:
+        self.options = options
+        self._intrinsics = camera.intrinsics
+        self._laser_rotation = laser.room_from_sensor.rotation
+        self._laser_translation = laser.room_from_sensor.translation
+        self._camera_rotation = camera.room_from_sensor.rotation
+        self._camera_translation = camera.room_from_sensor.translation
+        self._heights = np.linspace(options.high_m, options.low_m, options.rows)
+        self._across = np.linspace(-0.5, 0.5, options.columns) * options.kept_width
+
+    def windows(self, detections: Detections) -> TorsoWindows:
+        """The windows of k detections."""
+        options = self.options
+        middle = 0.5 * (detections.first_angle + detections.last_angle)
+        angles = middle[:, None] + (detections.last_angle - detections.first_angle)[:, None] * self._across  # (k, columns)
+        reach = detections.range_m[:, None]
+        in_scan = np.stack([reach * np.cos(angles), reach * np.sin(angles)], axis=-1)  # (k, columns, 2)
+        on_floor = in_scan @ self._laser_rotation[:2, :2].T + self._laser_translation[:2]
+        points = np.empty((len(detections), options.rows, options.columns, 3))
+        points[..., :2] = on_floor[:, None]
+        points[..., 2] = self._heights[None, :, None]
+        in_camera = (points - self._camera_translation) @ self._camera_rotation
+        pixels, in_view = self._intrinsics.project(in_camera)
+        u, v = pixels[..., 0], pixels[..., 1]
+        # pixel (i, j) covers [j − ½, j + ½) × [i − ½, i + ½)
+        inside = in_view & (u >= -0.5) & (v >= -0.5)
+        inside &= (u < self._intrinsics.width - 0.5) & (v < self._intrinsics.height - 0.5)
+        usable = (inside.mean(axis=(1, 2)) >= options.min_inside) & (detections.width_m >= options.min_width_m)
+        clear = usable & (_largest_overlap(pixels) <= options.max_overlap)
+        return TorsoWindows(pixels, inside, usable, clear)
+
+
+def _largest_overlap(pixels: Array) -> Array:
+    """For each window the largest share of its bounding box that another's covers, (k,)."""
+    k = len(pixels)
+    if k < 2:
+        return np.zeros(k)
+    flat = pixels.reshape(k, -1, 2)
+    low, high = flat.min(axis=1), flat.max(axis=1)
+    common = np.minimum(high[:, None], high[None]) - np.maximum(low[:, None], low[None])
+    area = np.prod(np.maximum(common, 0), axis=-1)
+    own = np.maximum(np.prod(high - low, axis=-1), 1e-9)
+    np.fill_diagonal(area, 0)
+    return (area / own[:, None]).max(axis=1)

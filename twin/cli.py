@@ -1,0 +1,248 @@
+"""The command `twin`: one function a subcommand; what each does lives elsewhere and is imported when it is asked for."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+EXIT_DONE, EXIT_FELL_SHORT, EXIT_BAD_INPUT, EXIT_OUR_FAULT, EXIT_INTERRUPTED = 0, 1, 2, 70, 130
+
+app = typer.Typer(
+    name="twin",
+    help="Describe a room, its people and its sensors; get what the sensors would report, the truth, and any tracker's score.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+ScenarioName = Annotated[str, typer.Argument(help="Name of a shipped scenario (see `twin list`) or path of a YAML file.")]
+Set = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="PATH=VALUE", help="Change a field, e.g. sensors.waist.rate_hz=20. May be repeated."),
+]
+Seed = Annotated[int | None, typer.Option(min=0, help="Seed of all randomness; default: the scenario's.")]
+Out = Annotated[Path | None, typer.Option(help="Folder for the results; default: out/<scenario>-<seed>.")]
+Duration = Annotated[float | None, typer.Option(metavar="S", help="Seconds to simulate; default: the scenario's.")]
+Trackers = Annotated[
+    list[str] | None,
+    typer.Option("--tracker", metavar="NAME", help="A preset, one the scenario defines, or module:Class. Repeatable."),
+]
+NoVideo = Annotated[bool, typer.Option("--no-video", help="Write no preview.mp4.")]
+NoImages = Annotated[bool, typer.Option("--no-images", help="Leave the cameras out: no rendering at all.")]
+
+
+def _overrides(changes: list[str] | None, seed: int | None, duration_s: float | None) -> list[str]:
+    extra = [] if seed is None else [f"seed={seed}"]
+    if duration_s is not None:
+        extra.append(f"duration_s={duration_s}")
+    return [*(changes or []), *extra]
+
+
+@app.command(epilog="Example: twin run lab-five-people --tracker laser-imm --seed 3 --set background=none")
+def run(
+    scenario: ScenarioName,
+    tracker: Trackers = None,
+    set_: Set = None,
+    seed: Seed = None,
+    duration: Duration = None,
+    out: Out = None,
+    no_video: NoVideo = False,
+    no_images: NoImages = False,
+) -> None:
+    """Simulate, record, track, evaluate and report."""
+    from twin.console import print_metrics, print_paths, progress
+    from twin.run import run_scenario
+    from twin.scenario import load_scenario
+
+    loaded = load_scenario(scenario, _overrides(set_, seed, duration))
+    with progress() as report:
+        result = run_scenario(
+            loaded, trackers=tracker, out=out, video=not no_video, images=not no_images, on_progress=report
+        )
+    print_metrics(result.metrics)
+    print_paths(result.files)
+
+
+@app.command(epilog="Example: twin render lab-five-people --duration 10 --out out/ten-seconds")
+def render(
+    scenario: ScenarioName,
+    set_: Set = None,
+    seed: Seed = None,
+    duration: Duration = None,
+    out: Out = None,
+    no_video: NoVideo = False,
+    no_images: NoImages = False,
+) -> None:
+    """Simulate and record only."""
+    from twin.console import print_paths, progress
+    from twin.run import run_scenario
+    from twin.scenario import load_scenario
+
+    loaded = load_scenario(scenario, _overrides(set_, seed, duration))
+    with progress() as report:
+        result = run_scenario(
+            loaded, trackers=[], out=out, video=not no_video, images=not no_images, on_progress=report
+        )
+    print_paths(result.files)
+
+
+@app.command(epilog="Example: twin track walk.bag --tracker laser-imm --rig rig.yaml --out out/walk")
+def track(
+    recording: Annotated[Path, typer.Argument(help="A bag: the twin's recording.mcap, or a robot's ROS 1 or ROS 2 bag.")],
+    tracker: Trackers = None,
+    rig: Annotated[Path | None, typer.Option(help="rig.yaml: which topic is which sensor, and where it is.")] = None,
+    set_: Set = None,
+    seed: Seed = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the results; default: out/<recording's name>.")] = None,
+    no_video: NoVideo = False,
+) -> None:
+    """Track a recording: the twin's or a robot's."""
+    from twin.console import print_metrics, print_paths, progress
+    from twin.track import track_recording
+
+    with progress() as report:
+        result = track_recording(
+            recording,
+            trackers=tracker or ["laser-fisheye-imm"],
+            rig_path=rig,
+            changes=set_ or [],
+            seed=seed,
+            out=out,
+            video=not no_video,
+            on_progress=report,
+        )
+    if result.metrics is not None:
+        print_metrics(result.metrics)
+    print_paths(result.files)
+
+
+@app.command(epilog="Example: twin evaluate out/lab-five-people-0/truth.csv out/lab-five-people-0/tracks/laser-imm.csv")
+def evaluate(
+    truth: Annotated[Path, typer.Argument(help="truth.csv")],
+    tracks: Annotated[Path, typer.Argument(help="A tracks table.")],
+    gate: Annotated[float, typer.Option(metavar="M", help="A track matches a person within this distance [m].")] = 0.5,
+) -> None:
+    """Metrics from two tables, as JSON."""
+    import json
+
+    from trackers.errors import InputError
+    from twin.evaluate import evaluate as evaluate_tables
+    from twin.recording.tables import read_tracks, read_truth
+
+    if not 0 < gate < float("inf"):
+        raise InputError(f"--gate {gate}: is not a distance; a number of metres above 0 is expected")
+    typer.echo(json.dumps(evaluate_tables(read_truth(truth), read_tracks(tracks), gate_m=gate), indent=2))
+
+
+@app.command(name="list", epilog="Example: twin list")
+def list_() -> None:
+    """What there is: scenarios, rooms, trackers, sensors."""
+    from trackers.presets import PRESETS
+    from twin import models
+
+    typer.echo("scenarios")
+    for name in models.names("scenarios"):
+        typer.echo(f"  {name:24}{models.first_description(name)}")
+    typer.echo("rooms")
+    for name in models.names("rooms"):
+        typer.echo(f"  {name}")
+    typer.echo("trackers")
+    for name, preset in PRESETS.items():
+        typer.echo(f"  {name:24}{preset.description}")
+    typer.echo("sensors")
+    for name, description in models.SENSOR_KINDS.items():
+        typer.echo(f"  {name:24}{description}")
+
+
+@app.command(epilog="Example: twin schema > scenario.schema.json")
+def schema(
+    kind: Annotated[str, typer.Argument(help="'scenario' or 'rig'.")] = "scenario",
+) -> None:
+    """The JSON schema of a scenario or a rig, for editors."""
+    import json
+
+    from trackers.errors import InputError
+
+    if kind == "scenario":
+        from twin.scenario import Scenario as Described
+    elif kind == "rig":
+        from trackers.rig import Rig as Described
+    else:
+        raise InputError(f"schema: there is none of {kind!r}; valid are scenario, rig")
+    typer.echo(json.dumps(Described.model_json_schema(), indent=2))
+
+
+@app.command(epilog="Example: twin check")
+def check() -> None:
+    """Can this machine render: renderer, versions, frame time; and what to do if not."""
+    from twin.check import check_machine
+
+    for line in check_machine():
+        typer.echo(line)
+
+
+@app.command(epilog="Example: twin view lab-five-people --at 5 --out view.png")
+def view(
+    scenario: ScenarioName,
+    at: Annotated[float, typer.Option(metavar="S", help="The moment to look at [s].")] = 0.0,
+    set_: Set = None,
+    seed: Seed = None,
+    out: Annotated[Path, typer.Option(help="The picture to write.")] = Path("view.png"),
+) -> None:
+    """A look inside: the room from above and from a corner, every sensor's view, at one moment."""
+    from twin.console import print_paths
+    from twin.scenario import load_scenario
+    from twin.view import write_view
+
+    write_view(load_scenario(scenario, _overrides(set_, seed, None)), at, out)
+    print_paths({"view": out})
+
+
+def main() -> None:
+    """Run the command line; every way out has its exit code (see the README)."""
+    os.environ.setdefault("MUJOCO_GL", "egl")
+    from trackers.errors import InputError
+
+    try:
+        app(standalone_mode=False)
+    except InputError as error:
+        _fail(str(error))
+    except KeyboardInterrupt:
+        sys.stderr.write("interrupted: nothing half-written was left under its final name\n")
+        sys.exit(EXIT_INTERRUPTED)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(EXIT_DONE)
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EACCES, errno.EROFS, errno.EDQUOT, errno.ENOTDIR, errno.EISDIR):
+            _our_fault()
+        _fail(f"{error.filename or 'output'}: {error.strerror}; a folder that can be written, with space, is expected")
+    except Exception as error:
+        if hasattr(error, "format_message") and hasattr(error, "exit_code"):  # a usage error of click's
+            _fail(error.format_message())  # pyright: ignore[reportAttributeAccessIssue]
+        if type(error).__name__ == "Abort":
+            sys.exit(EXIT_INTERRUPTED)
+        _our_fault()
+
+
+def _fail(message: str) -> None:
+    sys.stderr.write(f"twin: {message}\n")
+    sys.exit(EXIT_BAD_INPUT)
+
+
+def _our_fault() -> None:
+    import traceback
+
+    traceback.print_exc()
+    sys.stderr.write("twin: this is a fault of ours; please report it with the lines above and the scenario file\n")
+    sys.exit(EXIT_OUR_FAULT)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,73 @@
+"""What a person at a terminal sees: progress on stderr, results on stdout."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+OnProgress = Callable[[str, float, float], None]
+"""Called with what is being done, how much of it is done, and how much there is (in the same unit)."""
+
+_ROWS = (
+    ("MOTA", "mota", "{:.3f}"),
+    ("MOTP [m]", "motp_m", "{:.3f}"),
+    ("IDF1", "idf1", "{:.3f}"),
+    ("HOTA", "hota", "{:.3f}"),
+    ("GOSPA [m]", "gospa_m", "{:.3f}"),
+    ("OSPA [m]", "ospa_m", "{:.3f}"),
+    ("identity switches", "id_switches", "{:d}"),
+    ("misidentifications", "misidentifications", "{:d}"),
+    ("lost tracks", "lost_tracks", "{:d}"),
+    ("false positives", "false_positives", "{:d}"),
+    ("misses", "misses", "{:d}"),
+)
+
+
+@contextmanager
+def progress() -> Iterator[OnProgress]:
+    """A progress bar on stderr for as long as the block runs; gives the function to report to."""
+    bar = Progress(
+        TextColumn("{task.description:<28}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    tasks: dict[str, Any] = {}
+
+    def report(what: str, done: float, total: float) -> None:
+        if what not in tasks:
+            tasks[what] = bar.add_task(what, total=total)
+        bar.update(tasks[what], completed=done, total=total)
+
+    with bar:
+        yield report
+
+
+def print_metrics(metrics: Mapping[str, Any]) -> None:
+    """The table of metrics, a column a tracker."""
+    trackers = metrics["trackers"]
+    table = Table(title=f"{metrics['scenario']}, seed {metrics['seed']}, {metrics['duration_s']:g} s, gate 0.5 m")
+    table.add_column("")
+    for name in trackers:
+        table.add_column(name, justify="right")
+    for label, key, form in _ROWS:
+        values = [figures[key] for figures in trackers.values()]
+        table.add_row(label, *("–" if value is None else form.format(value) for value in values))
+    table.add_row("ms per frame", *(f"{figures['ms_per_frame']['mean']:.2f}" for figures in trackers.values()))
+    console = Console(width=None if Console().is_terminal else 100)
+    console.print(table)
+    console.print(f"{metrics['realtime_factor']:.1f} × real time")
+
+
+def print_paths(files: Mapping[str, Path]) -> None:
+    """Where the results are, one path a line."""
+    for name, path in files.items():
+        print(f"{name:10} {path}")

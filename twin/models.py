@@ -1,0 +1,54 @@
+"""Where the declarative models are (rooms, scenarios), in a checkout and in an installed wheel, and how they are named."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+
+from trackers.errors import InputError
+
+_PACKAGE = Path(__file__).parent
+MODELS = _PACKAGE / "models" if (_PACKAGE / "models").is_dir() else _PACKAGE.parent / "models"
+
+_SUFFIX = {"rooms": ".xml", "scenarios": ".yaml"}
+
+
+def names(folder: str) -> list[str]:
+    """The shipped models in 'rooms' or 'scenarios', by name, sorted."""
+    return sorted(path.stem for path in (MODELS / folder).glob(f"*{_SUFFIX[folder]}"))
+
+
+def find(folder: str, name: str, relative_to: Path | None = None, asked_by: str = "") -> Path:
+    """The file of a shipped model by its name, or of the user's own by its path (relative to `relative_to`).
+
+    `asked_by` opens the error's sentence (a file and field, say). Raises InputError listing what is shipped.
+    """
+    suffix = _SUFFIX[folder]
+    shipped = MODELS / folder / f"{name}{suffix}"
+    if "/" not in name and shipped.is_file():
+        return shipped
+    path = (relative_to or Path()) / name
+    if path.is_file():
+        return path
+    valid = names(folder)
+    close = difflib.get_close_matches(name, valid, n=1)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    start = f"{asked_by}: " if asked_by else ""
+    raise InputError(
+        f"{start}there is no {folder[:-1]} {name!r}; {hint}valid are {', '.join(valid)} or the path of a {suffix} file"
+    )
+
+
+SENSOR_KINDS = {
+    "laser": "planar range scanner: any field of view, resolution, noise",
+    "fisheye": "fisheye camera: equidistant or Kannala–Brandt, any coefficients",
+}
+"""The kinds of sensor a scenario can have, with one line on each."""
+
+
+def first_description(scenario: str) -> str:
+    """The description of a shipped scenario, one line."""
+    import yaml
+
+    content = yaml.safe_load((MODELS / "scenarios" / f"{scenario}.yaml").read_text(encoding="utf-8"))
+    return " ".join(str(content.get("description", "")).split())

@@ -1,0 +1,41 @@
+"""Is a sensor's mount free, or inside a wall?"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.errors import InputError
+
+
+def check_mount(model: mujoco.MjModel, data: mujoco.MjData, field: str, xyz: NDArray[np.float64]) -> None:
+    """Raise InputError naming the field and the geom if the point (3,) [m] lies inside a static geom of the room."""
+    for geom in range(model.ngeom):
+        if model.body_weldid[model.geom_bodyid[geom]] != 0:
+            continue
+        local = (xyz - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
+        if _inside(model.geom_type[geom], model.geom_size[geom], local):
+            thing = model.geom(geom).name or f"geom {geom}"
+            where = f"[{xyz[0]:g}, {xyz[1]:g}, {xyz[2]:g}]"
+            raise InputError(f"{field}: {where} is inside {thing!r} of the room; a point in free space is expected")
+
+
+def _inside(kind: int, size: NDArray[np.float64], local: NDArray[np.float64]) -> bool:
+    """Whether a point in the geom's frame lies inside it; meshes and height fields are taken as empty."""
+    match kind:
+        case mujoco.mjtGeom.mjGEOM_PLANE:
+            return bool(local[2] < 0)
+        case mujoco.mjtGeom.mjGEOM_BOX:
+            return bool(np.all(np.abs(local) <= size))
+        case mujoco.mjtGeom.mjGEOM_SPHERE:
+            return bool(local @ local <= size[0] ** 2)
+        case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+            return bool(np.sum((local / size) ** 2) <= 1)
+        case mujoco.mjtGeom.mjGEOM_CYLINDER:
+            return bool(np.hypot(local[0], local[1]) <= size[0] and abs(local[2]) <= size[1])
+        case mujoco.mjtGeom.mjGEOM_CAPSULE:
+            along = np.clip(local[2], -size[1], size[1])
+            return bool(np.linalg.norm(local - [0, 0, along]) <= size[0])
+        case _:
+            return False

@@ -1,0 +1,199 @@
+"""Observations as ROS 2 messages and back.
+
+A tracker gets, live, what a replay would give it: `encode` returns the observation as its message carries it (float32
+angles and limits, the decoded JPEG) beside the message's bytes, and `decode` of those bytes gives the same to the bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.stores.ros2_humble import builtin_interfaces__msg__Time as Time
+from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__CompressedImage as CompressedImage
+from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__LaserScan as LaserScanMessage
+from rosbags.typesys.stores.ros2_humble import std_msgs__msg__Header as Header
+
+from trackers.errors import InputError
+from trackers.observations import NS_PER_S, Image, LaserScan, Observation
+from twin.recording import topics
+
+LASER_SCAN = "sensor_msgs/msg/LaserScan"
+COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
+RAW_IMAGE = "sensor_msgs/msg/Image"
+STRING = "std_msgs/msg/String"
+
+# The messages used here are the same in every ROS 2 distribution; Humble's definitions are the oldest still maintained.
+TYPESTORE = get_typestore(Stores.ROS2_HUMBLE)
+
+_CHANNELS = {"rgb8": 3, "bgr8": 3, "mono8": 1}
+_NO_INTENSITIES = np.zeros(0, dtype=np.float32)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Encoded:
+    """An observation's message (CDR), and the observation as whoever replays the message will see it."""
+
+    observation: Observation
+    msgtype: str
+    topic_suffix: str
+    data: memoryview
+
+
+def encode(observation: Observation, *, jpeg_quality: int = 90) -> Encoded:
+    """The observation as a message; give trackers `.observation` of the result, never the observation that went in.
+
+    Ranges are brought to REP 117 (`LaserScan`); images go through JPEG of this quality (1–100). The frame_id is the
+    sensor's name, the header's stamp the observation's.
+    """
+    if isinstance(observation, LaserScan):
+        return _encode_scan(observation)
+    return _encode_image(observation, jpeg_quality)
+
+
+def decode(data: bytes | memoryview, msgtype: str, sensor: str) -> Observation:
+    """The observation in a serialized ROS 2 message (CDR); raises InputError for a message that cannot be used."""
+    return from_message(TYPESTORE.deserialize_cdr(data, msgtype), sensor)
+
+
+def from_message(message: Any, sensor: str, *, offset_ns: int = 0) -> Observation:
+    """The observation in a ROS 1 or ROS 2 message: LaserScan, CompressedImage, or Image in rgb8, bgr8 or mono8.
+
+    `offset_ns` is added to the header's stamp. Ranges at or beyond range_max become +inf, those below range_min or not
+    above 0 become NaN (REP 117). Raises InputError for a message that cannot be used.
+    """
+    stamp_ns = stamp_of(message) + offset_ns
+    if message.__msgtype__ == LASER_SCAN:
+        return _scan(
+            sensor,
+            stamp_ns,
+            np.array(message.ranges, dtype=np.float32),
+            message.angle_min,
+            message.angle_increment,
+            message.range_min,
+            message.range_max,
+            message.time_increment,
+        )
+    if message.__msgtype__ == COMPRESSED_IMAGE:
+        if "compressedDepth" in message.format:
+            raise InputError(f"image of {sensor!r}: format is {message.format!r}; a colour JPEG or PNG is expected")
+        return Image(sensor, stamp_ns, _decode_jpeg(message.data, sensor))
+    if message.__msgtype__ == RAW_IMAGE:
+        return Image(sensor, stamp_ns, _raw_rgb(message, sensor))
+    raise InputError(
+        f"message of {sensor!r}: type is {message.__msgtype__}; "
+        f"{LASER_SCAN}, {COMPRESSED_IMAGE} or {RAW_IMAGE} is expected"
+    )
+
+
+def stamp_of(message: Any) -> int:
+    """The stamp in a message's header [ns]."""
+    stamp = message.header.stamp
+    return stamp.sec * NS_PER_S + stamp.nanosec
+
+
+def time_message(stamp_ns: int) -> Time:
+    """A stamp as ROS writes it: whole seconds, and the nanoseconds since (never negative)."""
+    seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
+    return Time(seconds, nanoseconds)
+
+
+def _scan(
+    sensor: str,
+    stamp_ns: int,
+    ranges_m: NDArray[np.float32],  # its own copy
+    angle_min_rad: float,
+    angle_increment_rad: float,
+    range_min_m: float,
+    range_max_m: float,
+    time_increment_s: float,
+) -> LaserScan:
+    if not 0 <= range_min_m < range_max_m:
+        raise InputError(
+            f"scan of {sensor!r}: range_min is {range_min_m:g} m and range_max {range_max_m:g} m; "
+            f"0 <= range_min < range_max is expected"
+        )
+    ranges_m[(ranges_m < range_min_m) | (ranges_m <= 0)] = np.nan
+    ranges_m[ranges_m >= range_max_m] = np.inf
+    sweep_time_s = time_increment_s * max(ranges_m.size - 1, 0)
+    return LaserScan(
+        sensor, stamp_ns, ranges_m, angle_min_rad, angle_increment_rad, range_min_m, range_max_m, sweep_time_s
+    )
+
+
+def _encode_scan(scan: LaserScan) -> Encoded:
+    gaps = scan.ranges_m.size - 1
+    if gaps <= 0 < scan.sweep_time_s:
+        raise ValueError(f"scan of {scan.sensor!r}: {gaps + 1} beam(s) cannot take {scan.sweep_time_s} s to sweep")
+    time_increment_s = _float32(scan.sweep_time_s / gaps) if gaps > 0 else 0.0
+    observation = _scan(
+        scan.sensor,
+        scan.stamp_ns,
+        np.array(scan.ranges_m, dtype=np.float32),
+        _float32(scan.angle_min_rad),
+        _float32(scan.angle_increment_rad),
+        _float32(scan.range_min_m),
+        _float32(scan.range_max_m),
+        time_increment_s,
+    )
+    message = LaserScanMessage(
+        header=Header(time_message(scan.stamp_ns), scan.sensor),
+        angle_min=observation.angle_min_rad,
+        angle_max=observation.angle_min_rad + max(gaps, 0) * observation.angle_increment_rad,
+        angle_increment=observation.angle_increment_rad,
+        time_increment=time_increment_s,
+        scan_time=0.0,  # the period is the schedule's affair, 0 is ROS's "not known"
+        range_min=observation.range_min_m,
+        range_max=observation.range_max_m,
+        ranges=observation.ranges_m,
+        intensities=_NO_INTENSITIES,
+    )
+    return Encoded(observation, LASER_SCAN, topics.SCAN, TYPESTORE.serialize_cdr(message, LASER_SCAN))
+
+
+def _float32(value: float) -> float:
+    return float(np.float32(value))
+
+
+def _encode_image(image: Image, jpeg_quality: int) -> Encoded:
+    if image.rgb.dtype != np.uint8 or image.rgb.ndim != 3 or image.rgb.shape[2] != 3:
+        raise ValueError(f"image of {image.sensor!r}: {image.rgb.dtype} {image.rgb.shape}; uint8 (h, w, 3) is needed")
+    bgr = cv2.cvtColor(image.rgb, cv2.COLOR_RGB2BGR)
+    _, jpeg = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])
+    message = CompressedImage(
+        header=Header(time_message(image.stamp_ns), image.sensor),
+        format="rgb8; jpeg compressed bgr8",  # as image_transport writes it
+        data=jpeg.ravel(),
+    )
+    observation = Image(image.sensor, image.stamp_ns, _decode_jpeg(message.data, image.sensor))
+    return Encoded(observation, COMPRESSED_IMAGE, topics.IMAGE, TYPESTORE.serialize_cdr(message, COMPRESSED_IMAGE))
+
+
+def _decode_jpeg(data: NDArray[np.uint8], sensor: str) -> NDArray[np.uint8]:
+    # The lens is calibrated on the sensor's rows and columns: an EXIF orientation must not turn them.
+    flags = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
+    rgb = cv2.imdecode(data, flags) if data.size else None
+    if rgb is None:
+        raise InputError(f"image of {sensor!r}: {data.size} bytes that are no image; a JPEG or PNG is expected")
+    return np.asarray(rgb, dtype=np.uint8)
+
+
+def _raw_rgb(message: Any, sensor: str) -> NDArray[np.uint8]:
+    if message.encoding not in _CHANNELS:
+        valid = ", ".join(_CHANNELS)
+        raise InputError(f"image of {sensor!r}: encoding is {message.encoding!r}; one of {valid} is expected")
+    width_bytes = message.width * _CHANNELS[message.encoding]
+    if message.step < width_bytes or message.data.size != message.height * message.step:
+        raise InputError(
+            f"image of {sensor!r}: {message.data.size} bytes, step {message.step} for "
+            f"{message.width} x {message.height} {message.encoding}; height x step bytes are expected"
+        )
+    rows = np.asarray(message.data).reshape(message.height, message.step)[:, :width_bytes]
+    pixels = rows.reshape(message.height, message.width, -1)
+    if message.encoding == "bgr8":
+        pixels = pixels[:, :, ::-1]
+    return np.ascontiguousarray(np.broadcast_to(pixels, (message.height, message.width, 3)))

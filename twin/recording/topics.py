@@ -1,0 +1,25 @@
+"""The names in a bag: topics and frames. Light: what resolves a scenario's rig needs them before any bag is opened."""
+
+from __future__ import annotations
+
+SCAN = "scan"
+IMAGE = "image/compressed"
+CAMERA_INFO = "camera_info"
+
+RIG = "/rig"
+SCENARIO = "/scenario"
+TF_STATIC = "/tf_static"
+TRUTH_PEOPLE = "/truth/people"
+TRUTH_MARKERS = "/truth/markers"
+
+ROOM_FRAME = "room"
+
+
+def sensor_topic(sensor: str, suffix: str) -> str:
+    """Where a sensor's messages go: `/waist/scan`."""
+    return f"/{sensor}/{suffix}"
+
+
+def background_topic(sensor: str, suffix: str) -> str:
+    """Where a sensor's view of the empty room goes: `/waist/background/scan`."""
+    return f"/{sensor}/background/{suffix}"

@@ -1,0 +1,192 @@
+"""Truth as messages: the columns of `truth.csv` as JSON for programs, cylinders and names for the eye."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from math import isnan, nan
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.typesys.stores.ros2_humble import builtin_interfaces__msg__Duration as Duration
+from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Point as Point
+from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Pose as PoseMessage
+from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Quaternion as Quaternion
+from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Vector3 as Vector3
+from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__CompressedImage as CompressedImage
+from rosbags.typesys.stores.ros2_humble import std_msgs__msg__ColorRGBA as Color
+from rosbags.typesys.stores.ros2_humble import std_msgs__msg__Header as Header
+from rosbags.typesys.stores.ros2_humble import std_msgs__msg__String as String
+from rosbags.typesys.stores.ros2_humble import visualization_msgs__msg__Marker as Marker
+from rosbags.typesys.stores.ros2_humble import visualization_msgs__msg__MarkerArray as MarkerArray
+from rosbags.typesys.stores.ros2_humble import visualization_msgs__msg__MeshFile as MeshFile
+
+from trackers.errors import InputError
+from trackers.observations import NS_PER_S
+from twin.recording.messages import STRING, TYPESTORE, time_message
+from twin.recording.tables import TRUTH_COLUMNS, PersonTruth, TruthFrame
+from twin.recording.topics import ROOM_FRAME
+
+MARKER_ARRAY = "visualization_msgs/msg/MarkerArray"
+
+_NUMBERS = TRUTH_COLUMNS[2:-1]  # between t, id and in_area
+_VISIBLE = "visible_"
+
+_HEAD_TOP_M = 0.12  # from the centre of the head to its top
+_UNKNOWN_HEIGHT_M = 1.7  # drawn where the truth does not tell the head's place
+_NAME_ABOVE_M = 0.15
+_SLOTS = 7  # a person: middle of the cylinder x, y, z and its height; the name's x, y, z
+_COLORS = ((0.12, 0.47, 0.71), (1.0, 0.5, 0.05), (0.17, 0.63, 0.17), (0.84, 0.15, 0.16), (0.58, 0.4, 0.74))
+
+
+def encode_people(frame: TruthFrame) -> memoryview:
+    """A `std_msgs/String` (CDR) with a JSON list: one object a person, the columns of truth.csv, null where unknown."""
+    t = frame.stamp_ns / NS_PER_S
+    people = []
+    for person in frame.people:
+        columns: dict[str, float | int | None] = {"t": t, "id": person.id}
+        columns |= {name: _null_if_nan(getattr(person, name)) for name in _NUMBERS}
+        columns["in_area"] = int(person.in_area)
+        columns |= {_VISIBLE + sensor: _null_if_nan(share) for sensor, share in person.visible.items()}
+        people.append(columns)
+    return TYPESTORE.serialize_cdr(String(json.dumps(people, allow_nan=False)), STRING)
+
+
+def decode_people(text: str, stamp_ns: int) -> TruthFrame:
+    """The truth in such a string; raises InputError for a text that is something else."""
+    try:
+        rows = json.loads(text)
+        people = tuple(
+            PersonTruth(
+                id=int(row["id"]),
+                **{name: _nan_if_null(row[name]) for name in _NUMBERS},
+                in_area=bool(row["in_area"]),
+                visible={
+                    name.removeprefix(_VISIBLE): _nan_if_null(share)
+                    for name, share in row.items()
+                    if name.startswith(_VISIBLE)
+                },
+            )
+            for row in rows
+        )
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        columns = ",".join(TRUTH_COLUMNS)
+        raise InputError(f"holds {text[:60]!r}; a JSON list of objects with {columns} is expected") from error
+    return TruthFrame(stamp_ns, people)
+
+
+class PeopleMarkers:
+    """Draws truth as a `visualization_msgs/MarkerArray`: a cylinder and a name for each person, in the room frame.
+
+    Serializing ten markers field by field costs more than a laser scan. Only stamps, places and heights change from
+    frame to frame, so the message is serialized once for the people present, and those numbers are written into it.
+    """
+
+    def __init__(self, names: Mapping[int, str]) -> None:
+        self._names = names
+        self._shown: tuple[int, ...] = ()
+        self._template = b""
+        self._seconds_at = self._doubles_at = np.zeros(0, dtype=np.intp)
+
+    def encode(self, frame: TruthFrame) -> bytes:
+        """The markers (CDR) at a stamp; people drawn before and not in this frame are taken away."""
+        ids = tuple(person.id for person in frame.people)
+        if ids == self._shown and self._template:
+            message = self._template
+        else:
+            gone = [id_ for id_ in self._shown if id_ not in ids]
+            message = self._layout(ids, gone)
+            # The next frame must not delete again.
+            self._template = message if not gone else b""
+            self._shown = ids
+        buffer = np.frombuffer(bytearray(message), dtype=np.uint8)
+        words, doubles = _words_and_doubles(buffer)
+        doubles[self._doubles_at] = [value for person in frame.people for value in self._place(person)]
+        words[self._seconds_at], words[self._seconds_at + 1] = divmod(frame.stamp_ns, NS_PER_S)
+        return buffer.tobytes()
+
+    @staticmethod
+    def _place(person: PersonTruth) -> tuple[float, ...]:
+        unknown = isnan(person.head_z)
+        height = _UNKNOWN_HEIGHT_M if unknown else person.head_z + _HEAD_TOP_M
+        name_x, name_y = (person.x, person.y) if unknown else (person.head_x, person.head_y)
+        return person.x, person.y, height / 2, height, name_x, name_y, height + _NAME_ABOVE_M
+
+    def _layout(self, ids: tuple[int, ...], gone: list[int]) -> bytes:
+        """The message with marks where numbers go; notes where they stand."""
+        markers = []
+        for id_ in ids:
+            markers += [self._cylinder(id_), self._name(id_)]
+        for id_ in gone:
+            markers += [_marker("people", id_, Marker.CYLINDER, action=Marker.DELETE)]
+            markers += [_marker("names", id_, Marker.TEXT_VIEW_FACING, action=Marker.DELETE)]
+        message = bytes(TYPESTORE.serialize_cdr(MarkerArray(markers), MARKER_ARRAY, little_endian=True))
+        words, doubles = _words_and_doubles(np.frombuffer(message, dtype=np.uint8))
+        self._doubles_at = np.flatnonzero(doubles == _MARK)
+        self._seconds_at = np.flatnonzero(words == _STAMP_MARK_S)
+        if self._doubles_at.size != len(ids) * _SLOTS or self._seconds_at.size != len(markers):
+            raise RuntimeError("the places of stamps and positions in a MarkerArray were not found")
+        return message
+
+    @staticmethod
+    def _cylinder(id_: int) -> Marker:
+        color = Color(*_COLORS[id_ % len(_COLORS)], 0.4)
+        return _marker("people", id_, Marker.CYLINDER, Vector3(0.45, 0.45, _MARK), color)
+
+    def _name(self, id_: int) -> Marker:
+        text = self._names.get(id_, str(id_))
+        # Of a text's scale only z, the height of its letters, counts.
+        return _marker("names", id_, Marker.TEXT_VIEW_FACING, Vector3(0.0, 0.0, 0.2), Color(1.0, 1.0, 1.0, 1.0), text)
+
+
+# Values that no place, size, colour or string of ours can hold.
+_STAMP_MARK_S = 0x5EC0DE01
+_MARK = 1.2345678e200
+
+
+def _words_and_doubles(message: NDArray[np.uint8]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Views of a message's aligned 4-byte integers and 8-byte floats; CDR aligns to the end of its four-byte head."""
+    payload = message[4:]
+    return payload[: payload.size // 4 * 4].view("<i4"), payload[: payload.size // 8 * 8].view("<f8")
+
+
+def _marker(
+    namespace: str,
+    id_: int,
+    kind: int,
+    scale: Vector3 | None = None,
+    color: Color | None = None,
+    text: str = "",
+    action: int = Marker.ADD,
+) -> Marker:
+    place = _MARK if action == Marker.ADD else 0.0
+    nothing: NDArray[np.uint8] = np.zeros(0, dtype=np.uint8)
+    return Marker(
+        header=Header(time_message(_STAMP_MARK_S * NS_PER_S), ROOM_FRAME),
+        ns=namespace,
+        id=id_,
+        type=kind,
+        action=action,
+        pose=PoseMessage(Point(place, place, place), Quaternion(0.0, 0.0, 0.0, 1.0)),
+        scale=scale or Vector3(0.0, 0.0, 0.0),
+        color=color or Color(0.0, 0.0, 0.0, 0.0),
+        lifetime=Duration(0, 0),
+        frame_locked=False,
+        points=[],
+        colors=[],
+        texture_resource="",
+        texture=CompressedImage(Header(time_message(0), ""), "", nothing),
+        uv_coordinates=[],
+        text=text,
+        mesh_resource="",
+        mesh_file=MeshFile("", nothing),
+        mesh_use_embedded_materials=False,
+    )
+
+
+def _null_if_nan(value: float) -> float | None:
+    return None if isnan(value) else float(value)
+
+
+def _nan_if_null(value: float | None) -> float:
+    return nan if value is None else float(value)

@@ -1,0 +1,247 @@
+"""Writes a run as a ROS 2 bag: one MCAP file that is there when it is whole."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import struct
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+from rosbags.interfaces import (
+    Connection,
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Quaternion as Quaternion
+from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Transform as Transform
+from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__TransformStamped as TransformStamped
+from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Vector3 as Vector3
+from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__CameraInfo as CameraInfo
+from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__RegionOfInterest as RegionOfInterest
+from rosbags.typesys.stores.ros2_humble import std_msgs__msg__Header as Header
+from rosbags.typesys.stores.ros2_humble import std_msgs__msg__String as String
+from rosbags.typesys.stores.ros2_humble import tf2_msgs__msg__TFMessage as TFMessage
+from scipy.spatial.transform import Rotation
+
+from trackers.errors import InputError
+from trackers.observations import NS_PER_S, Observation
+from trackers.rig import FisheyeIntrinsics, FisheyeSensor, Pose, Rig
+from twin.recording import topics
+from twin.recording.messages import COMPRESSED_IMAGE, LASER_SCAN, STRING, TYPESTORE, Encoded, time_message
+from twin.recording.tables import TruthFrame
+from twin.recording.truth_messages import MARKER_ARRAY, PeopleMarkers, encode_people
+
+CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+TF_MESSAGE = "tf2_msgs/msg/TFMessage"
+
+_FOREVER = QosTime(9223372036, 854775807)  # ROS's RMW_DURATION_INFINITE
+
+
+class BagWriter:
+    """A context manager that writes observations, backgrounds and truth to `path` (a `.mcap`) as they come.
+
+    The bag grows in a hidden folder beside `path` and takes its name when the block ends well; an exception, Ctrl-C
+    included, removes it and leaves an older file of that name untouched. Memory holds one chunk (1 MiB) and an
+    index entry for each chunk and message type, whatever the duration.
+
+    What holds for the whole bag (the rig, the scenario, `/tf_static`, the backgrounds) is logged at time 0, an
+    observation when it arrives, truth at its stamp. All methods raise InputError where the disk is full or cannot be
+    written.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        rig: Rig,
+        *,
+        scenario_yaml: str | None = None,
+        names: Mapping[int, str] | None = None,
+    ) -> None:
+        """`scenario_yaml` is the resolved scenario's text; `names`, by id, are written over the people's heads.
+
+        Raises ValueError for a path without `.mcap`, and for a rig with a time offset: the twin stamps on one clock.
+        """
+        if path.suffix != ".mcap":
+            raise ValueError(f"{path}: a recording's name ends with .mcap")
+        for name, sensor in rig.sensors.items():
+            if sensor.time_offset_s != 0:
+                raise ValueError(f"sensor {name!r}: time_offset_s is {sensor.time_offset_s}; a recorded rig has none")
+        self._path = path
+        self._rig = rig
+        self._scenario_yaml = scenario_yaml
+        self._markers = PeopleMarkers(names or {})
+        self._connections: dict[str, Connection] = {}
+        self._camera_infos = {
+            name: bytearray(TYPESTORE.serialize_cdr(_camera_info(name, camera.intrinsics), CAMERA_INFO))
+            for name, camera in rig.cameras().items()
+        }
+        self._last_arrival_ns = 0
+        self._folder: Path | None = None
+        self._writer: Writer | None = None
+
+    def __enter__(self) -> BagWriter:
+        try:
+            with self._disk_errors():
+                self._path.parent.mkdir(parents=True, exist_ok=True)
+                if self._path.is_dir():
+                    raise InputError(f"{self._path}: is a folder; the name of a file to write is expected")
+                self._folder = Path(
+                    tempfile.mkdtemp(prefix=f".{self._path.name}.", suffix=".partial", dir=self._path.parent)
+                )
+                # Version 8 of the metadata is the newest that every maintained ROS 2 distribution reads.
+                self._writer = Writer(self._folder / self._path.stem, version=8, storage_plugin=StoragePlugin.MCAP)
+                self._writer.open()
+            self._write_head()
+        except BaseException:
+            self._discard()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None:
+                assert self._writer is not None
+                with self._disk_errors():
+                    self._writer.close()
+                    os.replace(self._writer.path / f"{self._path.stem}.mcap", self._path)
+        finally:
+            self._discard()
+
+    def observation(self, encoded: Encoded, arrival_ns: int) -> None:
+        """Write an observation that arrives (stamp and delay) at this time [ns] since the start.
+
+        Raises ValueError where it arrives before the last one: a replay goes in order of arrival and would differ.
+        """
+        if arrival_ns < self._last_arrival_ns:
+            raise ValueError(
+                f"observation of {encoded.observation.sensor!r} arrives at {arrival_ns} ns, "
+                f"after one that arrived at {self._last_arrival_ns} ns; order of arrival is needed"
+            )
+        self._last_arrival_ns = arrival_ns
+        sensor = encoded.observation.sensor
+        if sensor in self._camera_infos:
+            # image_proc and Foxglove pair an image with the camera_info of its stamp.
+            self._write(
+                topics.sensor_topic(sensor, topics.CAMERA_INFO), arrival_ns, self._camera_info_at(encoded.observation)
+            )
+        self._write(self._rig.sensors[sensor].topic, arrival_ns, encoded.data)
+
+    def background(self, encoded: Encoded) -> None:
+        """Write an observation of the empty room."""
+        self._write(topics.background_topic(encoded.observation.sensor, encoded.topic_suffix), 0, encoded.data)
+
+    def truth(self, frame: TruthFrame) -> None:
+        """Write the truth at a stamp, for programs and for the eye."""
+        self._write(topics.TRUTH_PEOPLE, frame.stamp_ns, encode_people(frame))
+        self._write(topics.TRUTH_MARKERS, frame.stamp_ns, self._markers.encode(frame))
+
+    def _write_head(self) -> None:
+        latched = ((topics.RIG, STRING), (topics.SCENARIO, STRING), (topics.TF_STATIC, TF_MESSAGE))
+        for topic, msgtype in latched:
+            self._connect(topic, msgtype, _latched(depth=1))
+        for name, sensor in self._rig.sensors.items():
+            is_camera = isinstance(sensor, FisheyeSensor)
+            msgtype, suffix = (COMPRESSED_IMAGE, topics.IMAGE) if is_camera else (LASER_SCAN, topics.SCAN)
+            self._connect(sensor.topic, msgtype)
+            self._connect(topics.background_topic(name, suffix), msgtype, _latched(depth=1000))
+            if is_camera:
+                self._connect(topics.sensor_topic(name, topics.CAMERA_INFO), CAMERA_INFO)
+        self._connect(topics.TRUTH_PEOPLE, STRING)
+        self._connect(topics.TRUTH_MARKERS, MARKER_ARRAY)
+        self._write(topics.RIG, 0, TYPESTORE.serialize_cdr(String(self._rig.dump_yaml()), STRING))
+        if self._scenario_yaml is not None:
+            self._write(topics.SCENARIO, 0, TYPESTORE.serialize_cdr(String(self._scenario_yaml), STRING))
+        transforms = [_transform(name, sensor.room_from_sensor) for name, sensor in self._rig.sensors.items()]
+        self._write(topics.TF_STATIC, 0, TYPESTORE.serialize_cdr(TFMessage(transforms), TF_MESSAGE))
+
+    def _connect(self, topic: str, msgtype: str, qos: tuple[Qos, ...] = ()) -> None:
+        assert self._writer is not None
+        self._connections[topic] = self._writer.add_connection(
+            topic, msgtype, typestore=TYPESTORE, offered_qos_profiles=qos
+        )
+
+    def _write(self, topic: str, log_time_ns: int, data: bytes | memoryview) -> None:
+        assert self._writer is not None, "a BagWriter is used in a with block"
+        with self._disk_errors():
+            self._writer.write(self._connections[topic], log_time_ns, data)
+
+    def _camera_info_at(self, observation: Observation) -> bytes:
+        message = self._camera_infos[observation.sensor]
+        # The header comes first in the message, and its stamp first in the header, after CDR's four bytes.
+        struct.pack_into("<iI", message, 4, *divmod(observation.stamp_ns, NS_PER_S))
+        return bytes(message)
+
+    @contextmanager
+    def _disk_errors(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise InputError(
+                f"{self._path}: cannot be written ({error.strerror}); a writable place with free space is needed"
+            ) from error
+
+    def _discard(self) -> None:
+        """Remove what is left of the temporary folder."""
+        if self._writer is not None:
+            # What a full disk kept from being written makes closing fail again, and is not wanted any more.
+            with suppress(OSError):
+                self._writer.abort()
+            self._writer = None
+        if self._folder is not None:
+            shutil.rmtree(self._folder)
+            self._folder = None
+
+
+def _latched(depth: int) -> tuple[Qos, ...]:
+    """Quality of service under which a late subscriber still gets the last `depth` messages."""
+    return (
+        Qos(
+            QosHistory.KEEP_LAST,
+            depth,
+            QosReliability.RELIABLE,
+            QosDurability.TRANSIENT_LOCAL,
+            _FOREVER,
+            _FOREVER,
+            QosLiveliness.AUTOMATIC,
+            _FOREVER,
+            False,
+        ),
+    )
+
+
+def _transform(sensor: str, room_from_sensor: Pose) -> TransformStamped:
+    x, y, z, w = Rotation.from_matrix(room_from_sensor.rotation).as_quat()
+    return TransformStamped(
+        header=Header(time_message(0), topics.ROOM_FRAME),
+        child_frame_id=sensor,
+        transform=Transform(Vector3(*room_from_sensor.xyz), Quaternion(float(x), float(y), float(z), float(w))),
+    )
+
+
+def _camera_info(sensor: str, lens: FisheyeIntrinsics) -> CameraInfo:
+    camera_matrix = np.array([[lens.fx, 0, lens.cx], [0, lens.fy, lens.cy], [0, 0, 1]])
+    return CameraInfo(
+        header=Header(time_message(0), sensor),
+        height=lens.height,
+        width=lens.width,
+        distortion_model="equidistant",
+        d=np.array(lens.k),
+        k=camera_matrix.ravel(),
+        r=np.eye(3).ravel(),
+        p=np.hstack([camera_matrix, np.zeros((3, 1))]).ravel(),
+        binning_x=0,
+        binning_y=0,
+        roi=RegionOfInterest(0, 0, 0, 0, False),
+    )

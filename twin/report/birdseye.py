@@ -1,0 +1,242 @@
+"""The room from above: how the floor maps to a picture, and the room, tracked area and sensors drawn on it.
+
+Used by the preview video (pixels, OpenCV) and by the report (SVG), so that both show the same room the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from math import ceil
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.observations import LaserScan
+from trackers.rig import Pose, Rig
+from twin.report.palette import RGB
+
+Polygon = NDArray[np.float64]  # (k, 2) corners on the floor [m], room frame
+
+SHIFT = 4  # cv2 draws at 1/16 pixel
+_SHELL_M2 = 4.0
+
+
+@dataclass(frozen=True)
+class FloorView:
+    """A part of the floor in a picture: room x to the right, room y up, the same scale on both axes.
+
+    `scale` [px/m]; (`x_min_m`, `y_max_m`) is the picture's top left corner; `width_px`, `height_px` its size.
+    """
+
+    x_min_m: float
+    y_max_m: float
+    scale: float
+    width_px: int
+    height_px: int
+
+    @classmethod
+    def fit(cls, extent: Polygon, width_px: int, height_px: int | None = None, margin_m: float = 0.4) -> FloorView:
+        """The view that shows the bounding box of `extent` (k, 2) [m] centred in a picture of this size.
+
+        Without a height the picture is as high as the box asks for, between a third of the width and the width.
+        """
+        low, high = extent.min(axis=0) - margin_m, extent.max(axis=0) + margin_m
+        size = np.maximum(high - low, 1.0)
+        if height_px is None:
+            height_px = round(float(np.clip(size[1] / size[0], 1 / 3, 1.0)) * width_px)
+        scale = float(min(width_px / size[0], height_px / size[1]))
+        centre = (low + high) / 2
+        return cls(
+            x_min_m=float(centre[0] - width_px / scale / 2),
+            y_max_m=float(centre[1] + height_px / scale / 2),
+            scale=scale,
+            width_px=width_px,
+            height_px=height_px,
+        )
+
+    def pixels(self, xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Picture coordinates (..., 2) [px], x right and y down, of floor points (..., 2) [m]."""
+        xy_m = np.asarray(xy_m, dtype=float)
+        return np.stack(
+            [(xy_m[..., 0] - self.x_min_m) * self.scale, (self.y_max_m - xy_m[..., 1]) * self.scale], axis=-1
+        )
+
+    def inside(self, pixels: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether picture coordinates (..., 2) lie in the picture, (...,)."""
+        x, y = pixels[..., 0], pixels[..., 1]
+        return (x >= 0) & (x < self.width_px) & (y >= 0) & (y < self.height_px)
+
+    def metre_lines(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Where whole metres (every 1, 2, 5, 10 ... m, at least 36 px apart) cross the x and the y axis [m]."""
+        step = next(s for s in (1, 2, 5, 10, 20, 50, 100, 1000) if s * self.scale >= 36 or s == 1000)
+        x_max, y_min = self.x_min_m + self.width_px / self.scale, self.y_max_m - self.height_px / self.scale
+        return (
+            np.arange(ceil(self.x_min_m / step) * step, x_max, step, dtype=float),
+            np.arange(ceil(y_min / step) * step, self.y_max_m, step, dtype=float),
+        )
+
+
+def floor_extent(rig: Rig, outline: Sequence[Polygon], points: Polygon | None = None) -> Polygon:
+    """The floor points (k, 2) [m] that a drawing must show: the room, the tracked area and the sensors.
+
+    Where neither room nor area is known, `points` (n, 2) [m] (scan hits, paths) stand in for them: the middle 96 % of
+    them on either axis, so that one stray return down a corridor does not shrink the rest.
+    """
+    parts = [np.asarray(polygon, dtype=float) for polygon in outline]
+    if rig.area is not None:
+        parts.append(np.array(rig.area, dtype=float))
+    if not parts and points is not None and len(points):
+        parts.append(np.percentile(points, (2, 98), axis=0))
+    parts.extend(sensor.room_from_sensor.translation[None, :2] for sensor in rig.sensors.values())
+    extent = np.concatenate(parts) if parts else np.zeros((1, 2))
+    if np.ptp(extent, axis=0).max() < 1.0:  # a lone sensor and nothing else: show the metres around it
+        extent = np.concatenate([extent - 3.0, extent + 3.0])
+    return extent
+
+
+class ScannerOnFloor:
+    """Takes the beams of a scanner at this pose in the room down to the floor."""
+
+    def __init__(self, room_from_sensor: Pose) -> None:
+        self._rotation = room_from_sensor.rotation[:2, :2]
+        self._origin = room_from_sensor.translation[:2]
+
+    def points(self, scan: LaserScan) -> Polygon:
+        """The returns of a scan, (n, 2) [m] in the room frame; beams without a valid return are left out."""
+        ranges = scan.ranges_m.astype(float)
+        valid = np.isfinite(ranges) & (ranges >= scan.range_min_m) & (ranges <= scan.range_max_m)
+        return self._ends(ranges[valid], scan.angles_rad[valid])
+
+    def free_space(self, scan: LaserScan) -> Polygon:
+        """The polygon (n + 1, 2) [m] of floor that a scan saw through, from the scanner to each return.
+
+        A beam without return reaches to the scanner's range limit; an invalid one (NaN) sees nothing.
+        """
+        ranges = np.nan_to_num(scan.ranges_m.astype(float), nan=0.0, posinf=scan.range_max_m)
+        return np.concatenate([self._origin[None], self._ends(ranges, scan.angles_rad)])
+
+    def _ends(self, ranges_m: NDArray[np.float64], angles_rad: NDArray[np.float64]) -> Polygon:
+        in_plane = np.stack([ranges_m * np.cos(angles_rad), ranges_m * np.sin(angles_rad)], axis=-1)
+        return in_plane @ self._rotation.T + self._origin
+
+
+# ---------------------------------------------------------------------------------------------- pixels
+
+
+@dataclass(frozen=True)
+class FloorColours:
+    """RGB of the parts of a drawn room."""
+
+    floor: RGB
+    grid: RGB
+    structure: RGB
+    structure_edge: RGB
+    area: RGB
+    sensor: RGB
+
+
+def fixed_point(pixels: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Picture coordinates as cv2 takes them with `shift=SHIFT` (1/16 px), cut where int32 would overflow."""
+    return np.rint(np.minimum(np.maximum(pixels, -20_000), 20_000) * (1 << SHIFT)).astype(np.int32)
+
+
+def paint_room(
+    canvas: NDArray[np.uint8], view: FloorView, rig: Rig, outline: Sequence[Polygon], colours: FloorColours
+) -> None:
+    """Draw floor, metre grid, the room's outlines, the tracked area (dashed) and the sensors on an RGB canvas."""
+    canvas[:] = colours.floor
+    x_lines, y_lines = view.metre_lines()
+    for x in view.pixels(np.stack([x_lines, np.zeros_like(x_lines)], axis=-1))[:, 0]:
+        cv2.line(canvas, (round(x), 0), (round(x), view.height_px), colours.grid, 1)
+    for y in view.pixels(np.stack([np.zeros_like(y_lines), y_lines], axis=-1))[:, 1]:
+        cv2.line(canvas, (0, round(y)), (view.width_px, round(y)), colours.grid, 1)
+    for polygon in outline:
+        corners = fixed_point(view.pixels(polygon))
+        if not _is_shell(polygon, rig):
+            cv2.fillPoly(canvas, [corners], colours.structure, cv2.LINE_AA, SHIFT)
+        cv2.polylines(canvas, [corners], True, colours.structure_edge, 1, cv2.LINE_AA, SHIFT)
+    if rig.area is not None:
+        for start, end in _dashes(view.pixels(np.array(rig.area)), 7.0, 5.0):
+            cv2.line(
+                canvas,
+                fixed_point(start).tolist(),
+                fixed_point(end).tolist(),
+                colours.area,
+                1,
+                cv2.LINE_AA,
+                SHIFT,
+            )
+    for pose in (sensor.room_from_sensor for sensor in rig.sensors.values()):
+        centre = fixed_point(view.pixels(pose.translation[:2])).tolist()
+        cv2.circle(canvas, centre, 5 << SHIFT, colours.sensor, -1, cv2.LINE_AA, SHIFT)
+
+
+def _dashes(
+    corners: NDArray[np.float64], dash_px: float, gap_px: float
+) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """The dashes (start, end) [px] along a closed polygon (k, 2)."""
+    dashes = []
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        length = float(np.hypot(*(end - start)))
+        if length == 0.0:
+            continue
+        along = (end - start) / length
+        for offset in np.arange(0.0, length, dash_px + gap_px):
+            dashes.append((start + along * offset, start + along * min(offset + dash_px, length)))
+    return dashes
+
+
+def _is_shell(polygon: Polygon, rig: Rig) -> bool:
+    """Whether a polygon of the outline is the room around the tracked area (or sensors), not a thing in it.
+
+    Filled, it would hide all else.
+    """
+    corners = np.asarray(polygon, dtype=np.float32)
+    sensors = [sensor.room_from_sensor.translation[:2] for sensor in rig.sensors.values()]
+    inner = np.array(rig.area if rig.area is not None else sensors, dtype=float).reshape(-1, 2)
+    enclosed = all(cv2.pointPolygonTest(corners, (float(x), float(y)), False) >= 0 for x, y in inner)
+    return enclosed and cv2.contourArea(corners) > _SHELL_M2
+
+
+# ------------------------------------------------------------------------------------------------- SVG
+
+
+def room_svg(view: FloorView, rig: Rig, outline: Sequence[Polygon]) -> str:
+    """The same room as SVG elements (classes `floor grid axis structure shell area sensor`, coloured by the page)."""
+    x_lines, y_lines = view.metre_lines()
+    parts = [f'<rect class="floor" width="{view.width_px}" height="{view.height_px}"/>']
+    x_px = view.pixels(np.stack([x_lines, np.zeros_like(x_lines)], axis=-1))[:, 0]
+    y_px = view.pixels(np.stack([np.zeros_like(y_lines), y_lines], axis=-1))[:, 1]
+    grid = "".join(f"M{x:.1f} 0V{view.height_px}" for x in x_px) + "".join(f"M0 {y:.1f}H{view.width_px}" for y in y_px)
+    parts.append(f'<path class="grid" d="{grid}"/>')
+    for polygon in outline:
+        kind = "shell" if _is_shell(polygon, rig) else "structure"
+        parts.append(f'<path class="{kind}" d="{svg_path(view.pixels(polygon), closed=True)}"/>')
+    if rig.area is not None:
+        area = svg_path(view.pixels(np.array(rig.area)), closed=True)
+        parts.append(f'<path class="area" d="{area}"><title>Tracked area</title></path>')
+    parts.extend(
+        f'<text class="axis" x="{x:.1f}" y="{view.height_px - 5}" text-anchor="middle">{metres:g}</text>'
+        for x, metres in zip(x_px, x_lines, strict=True)
+        if 14 < x < view.width_px - 14
+    )
+    parts.extend(
+        f'<text class="axis" x="5" y="{y + 3.5:.1f}">{metres:g}</text>'
+        for y, metres in zip(y_px, y_lines, strict=True)
+        if 14 < y < view.height_px - 18
+    )
+    for name, sensor in rig.sensors.items():
+        x, y = view.pixels(sensor.room_from_sensor.translation[:2])
+        parts.append(f'<circle class="sensor" cx="{x:.1f}" cy="{y:.1f}" r="5"><title>{escape(name)}</title></circle>')
+    return "".join(parts)
+
+
+def svg_path(pixels: NDArray[np.float64], closed: bool = False) -> str:
+    """The path data of a line through picture coordinates (k, 2), thinned where that moves it by under 0.3 px."""
+    if len(pixels) > 3:
+        thin = cv2.approxPolyDP(np.asarray(pixels, dtype=np.float32)[:, None], 0.3, closed)
+        pixels = np.asarray(thin[:, 0], dtype=np.float64)
+    return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in pixels) + ("Z" if closed else "")

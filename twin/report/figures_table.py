@@ -1,0 +1,106 @@
+"""The table of figures: what each is called, what it means, its unit, and which way is better."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any, Literal
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One row: `key` is its dotted place in a tracker's entry of `metrics.json`."""
+
+    key: str
+    name: str
+    unit: str
+    meaning: str
+    better: Literal["more", "less"]
+    decimals: int
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row as shown: the figure, a text a tracker, and whether that tracker has the best of several."""
+
+    figure: Figure
+    cells: tuple[str, ...]
+    best: tuple[bool, ...]
+
+
+_MAIN = (
+    Figure("mota", "MOTA", "", "1 − (misses + false positives + switches) / people, over all frames", "more", 3),
+    Figure("motp_m", "MOTP", "m", "mean distance of a track from its person", "less", 3),
+    Figure("idf1", "IDF1", "", "how consistently identities are kept over the run", "more", 3),
+    Figure("hota", "HOTA", "", "detection and association together, over 19 thresholds", "more", 3),
+    Figure("deta", "DetA", "", "detection part of HOTA", "more", 3),
+    Figure("assa", "AssA", "", "association part of HOTA", "more", 3),
+    Figure("gospa_m", "GOSPA", "m", "mean error of the whole set, c = 1 m, p = 2, α = 2", "less", 3),
+    Figure("ospa_m", "OSPA", "m", "mean error of the whole set, c = 1 m, p = 1", "less", 3),
+    Figure("misidentifications", "Misidentified", "", "a confirmed track goes on with another person", "less", 0),
+    Figure("lost_tracks", "Lost", "", "a confirmed track ends while its person is in the area", "less", 0),
+    Figure("id_switches", "Identity switches", "", "a person goes on under another id", "less", 0),
+    Figure("misses", "Misses", "", "people without a track, summed over frames", "less", 0),
+    Figure("false_positives", "False positives", "", "tracks without a person, summed over frames", "less", 0),
+)
+_HEAD = (
+    Figure("head_error_m.x", "Head, x", "m", "mean absolute error", "less", 3),
+    Figure("head_error_m.y", "Head, y", "m", "mean absolute error", "less", 3),
+    Figure("head_error_m.z", "Head, z", "m", "mean absolute error", "less", 3),
+    Figure("head_yaw_error_rad", "Head, yaw", "rad", "mean absolute error", "less", 3),
+)
+_WIDE = tuple(
+    Figure(f"at_1m.{figure.key}", figure.name, figure.unit, figure.meaning, figure.better, figure.decimals)
+    for figure in _MAIN
+    if figure.key in ("mota", "motp_m", "idf1", "hota", "id_switches")
+)
+_COST = (
+    Figure("ms_per_frame.mean", "Time per frame, mean", "ms", "tracker only, on one core", "less", 2),
+    Figure("ms_per_frame.p95", "Time per frame, 95 %", "ms", "19 of 20 frames take less", "less", 2),
+)
+HEADLINES = ("mota", "motp_m", "idf1", "hota", "misidentifications", "lost_tracks")
+
+
+def headline_figures() -> list[Figure]:
+    """The figures to see first, in order."""
+    return [figure for key in HEADLINES for figure in _MAIN if figure.key == key]
+
+
+def grouped_rows(trackers: Sequence[Mapping[str, Any]]) -> list[tuple[str, list[Row]]]:
+    """The rows under their headings, a cell a tracker; a group in which nothing applies is left out."""
+    gates = sorted({float(tracker["gate_m"]) for tracker in trackers if tracker.get("gate_m") is not None})
+    main = "Gate " + " / ".join(f"{gate:g} m" for gate in gates)
+    groups = []
+    for heading, figures in ((main, _MAIN), ("Gate 1 m", _WIDE), ("Head", _HEAD), ("Cost", _COST)):
+        values = [[value_of(tracker, figure) for tracker in trackers] for figure in figures]
+        if any(value is not None for row in values for value in row):
+            groups.append((heading, [_row(figure, row) for figure, row in zip(figures, values, strict=True)]))
+    return groups
+
+
+def value_of(tracker: Mapping[str, Any], figure: Figure) -> float | None:
+    """A figure in a tracker's entry of `metrics.json`; None where it is not there or does not apply."""
+    value: Any = tracker
+    for part in figure.key.split("."):
+        value = value.get(part) if value is not None else None
+    return value
+
+
+def text_of(figure: Figure, value: float | None) -> str:
+    """A figure as written, without its unit; a dash where it does not apply."""
+    if value is None or not isfinite(value):
+        return "–"
+    return f"{value:.{figure.decimals}f}".replace("-", "−")
+
+
+def _row(figure: Figure, values: Sequence[float | None]) -> Row:
+    known = [value for value in values if value is not None]
+    best = None
+    if len(known) > 1 and min(known) < max(known):
+        best = max(known) if figure.better == "more" else min(known)
+    return Row(
+        figure,
+        tuple(text_of(figure, value) for value in values),
+        tuple(best is not None and value == best for value in values),
+    )

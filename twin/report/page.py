@@ -1,0 +1,173 @@
+"""The report: one HTML page that needs nothing but itself."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, StrictUndefined, Template
+from markupsafe import Markup
+
+from trackers.observations import NS_PER_S
+from trackers.rig import Rig
+from twin.evaluate.summary import Evaluation
+from twin.recording.tables import TrackTable, TruthTable
+from twin.recording.whole_file import whole_file
+from twin.report.birdseye import Polygon
+from twin.report.clock import origin_ns, time_text
+from twin.report.distances import distance_chart
+from twin.report.figures_table import grouped_rows, headline_figures, text_of, value_of
+from twin.report.palette import IDENTITY_COLOURS, IdentityColours, hex_colour
+from twin.report.paths import path_map
+from twin.report.scan_density import ScanDensity
+from twin.report.time_axis import TimeAxis
+from twin.report.timeline import describe, glyph, identity_timeline, track_timeline
+
+_MOST_EVENTS = 500
+EVENT_NAMES = {"switch": "identity switch", "misidentification": "misidentified", "lost": "lost"}
+
+
+@dataclass(frozen=True)
+class Still:
+    """A picture for the report: a JPEG, and what it shows."""
+
+    jpeg: bytes
+    caption: str
+
+
+@dataclass(frozen=True)
+class TrackerResult:
+    """One tracker's run; without truth there is no evaluation. ms_per_frame: mean and p95 [ms], None if unknown."""
+
+    name: str
+    tracks: TrackTable
+    evaluation: Evaluation | None = None
+    ms_per_frame: Mapping[str, float | None] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class RunFacts:
+    """What a run was, for the head and the foot of the page.
+
+    title: the scenario or recording; versions: what the result depends on, by name; sensors: by name, `frames` and
+    `ms_mean` (None: unknown) as in `metrics.json`; command: how to get the same again; notes: one sentence each, on
+    what a reader must know of the physics, the background, what was discarded.
+    """
+
+    title: str
+    duration_s: float
+    seed: int | None = None
+    description: str = ""
+    realtime_factor: float | None = None
+    versions: Mapping[str, str | None] = field(default_factory=dict)
+    sensors: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
+    command: str = ""
+    notes: Sequence[str] = ()
+
+
+def write_report(
+    path: Path,
+    facts: RunFacts,
+    trackers: Sequence[TrackerResult],
+    rig: Rig,
+    *,
+    truth: TruthTable | None = None,
+    outline: Sequence[Polygon] = (),
+    scans: ScanDensity | None = None,
+    person_names: Mapping[int, str] | None = None,
+    stills: Sequence[Still] = (),
+) -> None:
+    """Write the report to `path`; it takes its name when it is whole.
+
+    `outline`: polygons (k, 2) [m] of walls and furniture; `scans`: what the scanners hit, drawn under the paths (for a
+    recording without a plan of the room); `person_names`: what to call the people of the truth.
+
+    Raises InputError where the file cannot be written, ValueError for an evaluation without truth.
+    """
+    names = dict(person_names or {})
+    for tracker in trackers:
+        if tracker.evaluation is not None and truth is None:
+            raise ValueError(f"tracker {tracker.name!r} has an evaluation, but no truth was handed in")
+    axis = _axis(truth, [tracker.tracks for tracker in trackers])
+    figures = [_figures(tracker) for tracker in trackers]
+    page = _template().render(
+        facts=facts,
+        duration=time_text(facts.duration_s, decimals=0 if float(facts.duration_s).is_integer() else 1),
+        tracker_names=[tracker.name for tracker in trackers],
+        groups=grouped_rows(figures),
+        sections=[
+            _section(tracker, own, axis, rig, outline, truth, scans, names)
+            for tracker, own in zip(trackers, figures, strict=True)
+        ],
+        has_truth=truth is not None,
+        n_people=0 if truth is None else int(np.unique(truth.id).size),
+        sensors_seen=[] if truth is None else list(truth.visible),
+        glyphs=[(Markup(glyph(kind)), name) for kind, name in EVENT_NAMES.items()],
+        stills=[(f"data:image/jpeg;base64,{base64.b64encode(s.jpeg).decode()}", s.caption) for s in stills],
+        slots=[hex_colour(colour) for colour in IDENTITY_COLOURS],
+    )
+    with whole_file(path) as stream:
+        stream.write(page)
+
+
+def _axis(truth: TruthTable | None, tables: Sequence[TrackTable]) -> TimeAxis:
+    stamps = [table.frame_stamps_ns for table in (*([truth] if truth is not None else []), *tables)]
+    known = np.concatenate([part for part in stamps if part.size] or [np.array([0, NS_PER_S])])
+    first, last = int(known.min()), int(known.max())
+    return TimeAxis(first, max(last, first + NS_PER_S // 10), origin_ns(first))
+
+
+def _figures(tracker: TrackerResult) -> dict[str, Any]:
+    measured = tracker.evaluation.metrics if tracker.evaluation is not None else {}
+    return {**measured, "ms_per_frame": tracker.ms_per_frame}
+
+
+def _section(
+    tracker: TrackerResult,
+    figures: Mapping[str, Any],
+    axis: TimeAxis,
+    rig: Rig,
+    outline: Sequence[Polygon],
+    truth: TruthTable | None,
+    scans: ScanDensity | None,
+    names: Mapping[int, str],
+) -> dict[str, Any]:
+    """What the page shows of one tracker."""
+    tracks, evaluation = tracker.tracks, tracker.evaluation
+    ids, first = np.unique(tracks.id, return_index=True)
+    colours = IdentityColours(ids[np.argsort(first, kind="stable")].tolist())
+    section: dict[str, Any] = {
+        "name": tracker.name,
+        "map": Markup(path_map(rig, outline, truth, tracks, evaluation, scans, colours, names)),
+        "n_tracks": int(ids.size),
+        "tiles": [],
+        "events": [],
+        "n_events_left_out": 0,
+        "distances": "",
+        "timeline": "",
+    }
+    if truth is not None and evaluation is not None:
+        section["tiles"] = [(figure, text_of(figure, value_of(figures, figure))) for figure in headline_figures()]
+        section["gate"] = f"{evaluation.metrics['gate_m']:g} m"
+        section["distances"] = Markup(distance_chart(axis, truth, tracks, evaluation, colours, names))
+        section["timeline"] = Markup(identity_timeline(axis, truth, tracks, evaluation, colours, names))
+        section["events"] = [
+            (axis.text(event.stamp_ns), EVENT_NAMES[event.kind], describe(event, names))
+            for event in evaluation.events[:_MOST_EVENTS]
+        ]
+        section["n_events_left_out"] = max(0, len(evaluation.events) - _MOST_EVENTS)
+    elif ids.size:
+        section["timeline"] = Markup(track_timeline(axis, tracks, colours))
+    return section
+
+
+@cache
+def _template() -> Template:
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    return environment.from_string((files("twin.report") / "page.html.j2").read_text(encoding="utf-8"))

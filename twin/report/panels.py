@@ -1,0 +1,240 @@
+"""The two halves of the preview: the fisheye image with torso windows, and the room from above."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import cos, hypot, isnan, sin
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.observations import Image, LaserScan
+from trackers.rig import FisheyeSensor, Rig
+from trackers.tracks import Track
+from twin.report.birdseye import (
+    SHIFT,
+    FloorColours,
+    FloorView,
+    Polygon,
+    ScannerOnFloor,
+    fixed_point,
+    floor_extent,
+    paint_room,
+)
+from twin.report.lettering import Tag, write, write_tags
+from twin.report.palette import RGB, IdentityColours
+
+TORSO_LOW_M, TORSO_HIGH_M, TORSO_WIDTH_M = 1.0, 1.4, 0.45
+"""The torso window drawn around a track, for the eye: a person 1.7 m tall; heights above the floor, width across."""
+
+BACKDROP: RGB = (17, 20, 26)
+INK: RGB = (232, 236, 242)
+QUIET: RGB = (140, 148, 160)
+_DARK_INK: RGB = (10, 12, 16)
+_UNSEEN = FloorColours((24, 28, 36), (33, 38, 48), (58, 64, 76), (104, 112, 126), (112, 122, 138), (240, 240, 240))
+_SEEN = FloorColours((38, 45, 57), (48, 56, 69), (64, 71, 84), (112, 120, 134), (132, 142, 158), (240, 240, 240))
+_PERSON_RADIUS_M = 0.22
+# A scan return as a soft 3 × 3 px dot, the opaque middle last.
+_DOT_X = np.array([-1, 1, -1, 1, 0, -1, 1, 0, 0])
+_DOT_Y = np.array([-1, -1, 1, 1, -1, 0, 0, 1, 0])
+_DOT_OPACITY = np.array([0.35, 0.35, 0.35, 0.35, 0.75, 0.75, 0.75, 0.75, 1.0], dtype=np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class TruePoses:
+    """Where people truly are at one moment, in the room frame: xy [m], yaw of the trunk [rad] (NaN: unknown)."""
+
+    ids: NDArray[np.int64]  # (n,)
+    xy_m: NDArray[np.float64]  # (n, 2)
+    yaw_rad: NDArray[np.float64]  # (n,)
+
+
+class CameraPanel:
+    """The fisheye image with a torso window and an id on each track."""
+
+    def __init__(self, sensor: FisheyeSensor, side_px: int) -> None:
+        intrinsics = sensor.intrinsics
+        self.side_px = side_px
+        self._scale = min(side_px / intrinsics.width, side_px / intrinsics.height)
+        self._size = (round(intrinsics.width * self._scale), round(intrinsics.height * self._scale))
+        self._offset = np.array([(side_px - self._size[0]) // 2, (side_px - self._size[1]) // 2])
+        self._intrinsics = intrinsics
+        self._camera_from_room = sensor.room_from_sensor.rotation.T
+        self._camera_xyz = sensor.room_from_sensor.translation
+        self._view = np.full((side_px, side_px, 3), BACKDROP, dtype=np.uint8)
+        write(self._view, "no image yet", side_px / 2, side_px / 2, QUIET, 16, align="centre")
+
+    def draw(
+        self, panel: NDArray[np.uint8], image: Image | None, tracks: Sequence[Track], colours: IdentityColours
+    ) -> None:
+        """Draw the newest image (None: the one before) and the tracks on it."""
+        if image is not None:
+            x, y = self._offset
+            width, height = self._size
+            self._view[y : y + height, x : x + width] = cv2.resize(
+                image.rgb, self._size, interpolation=cv2.INTER_LINEAR
+            )
+        panel[:] = self._view
+        tags = []
+        for track, window in self._torso_windows(tracks):
+            colour = colours[track.id]
+            if track.status == "confirmed":
+                # A dark edge keeps the window readable on a shirt of its own colour.
+                corners = [fixed_point(window)]
+                cv2.polylines(panel, corners, True, _DARK_INK, 4, cv2.LINE_AA, SHIFT)
+                cv2.polylines(panel, corners, True, colour, 2, cv2.LINE_AA, SHIFT)
+            else:
+                _dashed_loop(panel, window, colour)
+            tags.append(_tag(track, float(window[:, 0].mean()), float(window[:, 1].min()) - 11, colour))
+        write_tags(panel, tags)
+
+    def _torso_windows(self, tracks: Sequence[Track]) -> list[tuple[Track, NDArray[np.float64]]]:
+        """The outlines (24, 2) [px] of upright windows that face the camera, of the tracks in view, farthest first."""
+        at = np.array([(track.x, track.y) for track in tracks]).reshape(-1, 2)
+        away = at - self._camera_xyz[:2]
+        distance = np.hypot(away[:, 0], away[:, 1])
+        across = (
+            np.stack([-away[:, 1], away[:, 0]], axis=-1) * (TORSO_WIDTH_M / 2 / np.maximum(distance, 1e-6))[:, None]
+        )
+        floor = at[:, None] + _WINDOW_ACROSS[:, None] * across[:, None]  # (n, 24, 2)
+        height = np.broadcast_to(_WINDOW_HEIGHT_M[:, None], (*floor.shape[:2], 1))
+        room = np.concatenate([floor, height], axis=-1)
+        pixels, visible = self._intrinsics.project((room - self._camera_xyz) @ self._camera_from_room.T)
+        pixels = pixels * self._scale + self._offset
+        return [(tracks[i], pixels[i]) for i in np.argsort(-distance, kind="stable") if visible[i].all()]
+
+
+# Round the window's edge, six points a side because a straight edge is curved in a fisheye image.
+_EDGE = np.linspace(-1, 1, 6)
+_WINDOW_ACROSS = np.concatenate([_EDGE, np.ones(6), -_EDGE, -np.ones(6)])
+_WINDOW_UP = np.concatenate([-np.ones(6), _EDGE, np.ones(6), -_EDGE])
+_WINDOW_HEIGHT_M = TORSO_LOW_M + (_WINDOW_UP + 1) / 2 * (TORSO_HIGH_M - TORSO_LOW_M)
+
+
+class FloorPanel:
+    """The room from above with scans, tracks and truth."""
+
+    def __init__(self, rig: Rig, outline: Sequence[Polygon], width_px: int, height_px: int) -> None:
+        self.width_px, self.height_px = width_px, height_px
+        self._rig, self._outline = rig, outline
+        self._scanners = {name: ScannerOnFloor(laser.room_from_sensor) for name, laser in rig.lasers().items()}
+        self._main = rig.main_sensor if rig.main_sensor in self._scanners else next(iter(self._scanners), None)
+        self._view: FloorView | None = None
+        self._unseen = self._seen = np.zeros((height_px, width_px, 3), dtype=np.uint8)
+        self._mask = np.zeros((height_px, width_px), dtype=np.uint8)
+
+    def _paint(self, scans: Mapping[str, LaserScan]) -> FloorView:
+        """The room as it stays; a robot's bag has no room, so that its first scans say what to show."""
+        points = [self._scanners[name].points(scan) for name, scan in scans.items()]
+        extent = floor_extent(self._rig, self._outline, np.concatenate(points) if points else None)
+        view = FloorView.fit(extent, self.width_px, self.height_px)
+        self._unseen, self._seen = self._unseen.copy(), self._seen.copy()
+        paint_room(self._unseen, view, self._rig, self._outline, _UNSEEN)
+        paint_room(self._seen, view, self._rig, self._outline, _SEEN)
+        return view
+
+    def draw(
+        self,
+        panel: NDArray[np.uint8],
+        scans: Mapping[str, LaserScan],
+        layers: Mapping[str, RGB],
+        tracks: Sequence[Track],
+        tails: Mapping[int, Sequence[tuple[int, float, float]]],
+        colours: IdentityColours,
+        truth: TruePoses | None,
+        names: Mapping[int, str],
+    ) -> None:
+        if self._view is None:
+            self._view = self._paint(scans)
+        view = self._view
+        panel[:] = self._unseen
+        if self._main is not None and self._main in scans:
+            seen = view.pixels(self._scanners[self._main].free_space(scans[self._main]))
+            self._mask[:] = 0
+            cv2.fillPoly(self._mask, [fixed_point(seen)], 255, cv2.LINE_8, SHIFT)
+            cv2.copyTo(self._seen, self._mask, panel)
+        if truth is not None:
+            _draw_truth(panel, view, truth, names)
+        for name, scan in scans.items():
+            _draw_points(panel, view.pixels(self._scanners[name].points(scan)), layers[name])
+        for track in tracks:
+            tail = view.pixels(np.array(tails[track.id])[:, 1:])
+            _draw_tail(panel, tail, colours[track.id])
+        tags = [_draw_track(panel, view, track, colours[track.id]) for track in tracks]
+        write_tags(panel, tags)
+
+
+def _draw_truth(panel: NDArray[np.uint8], view: FloorView, truth: TruePoses, names: Mapping[int, str]) -> None:
+    radius = _PERSON_RADIUS_M * view.scale
+    centres = view.pixels(truth.xy_m)
+    for person, centre, yaw in zip(truth.ids.tolist(), centres, truth.yaw_rad.tolist(), strict=True):
+        cv2.circle(panel, fixed_point(centre).tolist(), round(radius * (1 << SHIFT)), INK, 1, cv2.LINE_AA, SHIFT)
+        if not isnan(yaw):
+            facing = np.array([cos(yaw), -sin(yaw)])
+            ends = fixed_point(np.stack([centre + 0.75 * radius * facing, centre + 1.35 * radius * facing]))
+            cv2.line(panel, ends[0].tolist(), ends[1].tolist(), INK, 2, cv2.LINE_AA, SHIFT)
+        write(panel, names.get(person, str(person)), centre[0], centre[1] + radius + 15, QUIET, 13, align="centre")
+
+
+def _draw_points(panel: NDArray[np.uint8], pixels: NDArray[np.float64], colour: RGB) -> None:
+    x, y = np.floor(pixels).astype(np.intp).T
+    height, width = panel.shape[:2]
+    inside = (x >= 1) & (x < width - 1) & (y >= 1) & (y < height - 1)
+    x, y = (x[inside] + _DOT_X[:, None]).ravel(), (y[inside] + _DOT_Y[:, None]).ravel()
+    below = panel[y, x]
+    opacity = np.repeat(_DOT_OPACITY, np.count_nonzero(inside))[:, None]
+    # Where dots overlap the last one written, the more opaque, stays.
+    panel[y, x] = (below + opacity * (np.array(colour, dtype=np.float32) - below)).astype(np.uint8)
+
+
+def _draw_tail(panel: NDArray[np.uint8], tail: NDArray[np.float64], colour: RGB) -> None:
+    half = len(tail) // 2
+    faint = _mix(colour, _SEEN.floor, 0.6)
+    cv2.polylines(panel, [fixed_point(tail[: half + 1])], False, faint, 1, cv2.LINE_AA, SHIFT)
+    cv2.polylines(panel, [fixed_point(tail[half:])], False, _mix(colour, _SEEN.floor, 0.25), 2, cv2.LINE_AA, SHIFT)
+
+
+def _draw_track(panel: NDArray[np.uint8], view: FloorView, track: Track, colour: RGB) -> Tag:
+    """Draw a track; gives the tag to write when all are drawn."""
+    centre = view.pixels(np.array([track.x, track.y]))
+    radius = max(7.0, 0.55 * _PERSON_RADIUS_M * view.scale)
+    at, size = fixed_point(centre).tolist(), round(radius * (1 << SHIFT))
+    if np.isfinite(track.vx) and np.isfinite(track.vy) and hypot(track.vx, track.vy) > 0.1:
+        # The arrow ends where the track would be in 0.4 s.
+        tip = view.pixels(np.array([track.x + 0.4 * track.vx, track.y + 0.4 * track.vy]))
+        along = (tip - centre) / max(hypot(*(tip - centre)), 1e-6)
+        tip = tip + radius * along
+        wing = np.array([-along[1], along[0]])
+        head = np.stack([tip, tip - 8 * along + 5 * wing, tip - 8 * along - 5 * wing])
+        stem = fixed_point(np.stack([centre, tip - 6 * along]))
+        cv2.line(panel, stem[0].tolist(), stem[1].tolist(), colour, 2, cv2.LINE_AA, SHIFT)
+        cv2.fillPoly(panel, [fixed_point(head)], colour, cv2.LINE_AA, SHIFT)
+    if track.status == "confirmed":
+        cv2.circle(panel, at, size, colour, -1, cv2.LINE_AA, SHIFT)
+    else:
+        cv2.circle(panel, at, size, _mix(colour, _SEEN.floor, 0.7), -1, cv2.LINE_AA, SHIFT)
+        _dashed_loop(panel, centre + radius * _CIRCLE, colour)
+    cv2.circle(panel, at, size, _DARK_INK, 1, cv2.LINE_AA, SHIFT)
+    return _tag(track, float(centre[0]), float(centre[1]) - radius - 14, colour)
+
+
+_CIRCLE = np.stack([np.cos(np.linspace(0, 2 * np.pi, 24)), np.sin(np.linspace(0, 2 * np.pi, 24))], axis=-1)
+
+
+def _dashed_loop(panel: NDArray[np.uint8], loop: NDArray[np.float64], colour: RGB) -> None:
+    """Every second piece of a closed line (k, 2) [px]."""
+    corners = fixed_point(loop)
+    pieces = [np.stack([corners[i], corners[(i + 1) % len(corners)]]) for i in range(0, len(corners), 2)]
+    cv2.polylines(panel, pieces, False, colour, 2, cv2.LINE_AA, SHIFT)
+
+
+def _tag(track: Track, x: float, y: float, colour: RGB) -> Tag:
+    fill = _mix(colour, _DARK_INK, 0.3 if track.status == "confirmed" else 0.7)
+    return Tag(f"#{track.id}", x, y, fill, INK)
+
+
+def _mix(colour: RGB, other: RGB, share: float) -> RGB:
+    red, green, blue = (round(a + share * (b - a)) for a, b in zip(colour, other, strict=True))
+    return red, green, blue

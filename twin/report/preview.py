@@ -1,0 +1,183 @@
+"""The preview video: what the camera saw and what the tracker made of it, beside the room from above."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import cv2
+import numpy as np
+
+from trackers.observations import NS_PER_S, Image, LaserScan
+from trackers.rig import Rig
+from trackers.tracks import Track
+from twin.report.birdseye import SHIFT, Polygon, fixed_point
+from twin.report.clock import origin_ns, time_text
+from twin.report.lettering import BOLD, text_width, write
+from twin.report.palette import LAYER_COLOURS, RGB, IdentityColours
+from twin.report.panels import BACKDROP, INK, QUIET, CameraPanel, FloorPanel, TruePoses
+from twin.report.video import TIME_BASE, VideoFile
+
+__all__ = ["PreviewWriter", "TruePoses"]
+
+_HEADER_PX = 44
+_FOOTER_PX = 28
+
+
+class PreviewWriter:
+    """Writes `preview.mp4` (H.264, one picture a `frame`) while a run goes on, in constant memory; a context manager.
+
+    The video takes its name when the block ends well; an exception or a kill leaves nothing under that name. Each
+    picture is shown at its stamp, so that the video plays in real time also where frames are missing; `fps` says how
+    often frames usually come. `outline`: polygons (k, 2) [m] of walls and furniture; `person_names`: what to write
+    beside a true person instead of the id; `camera`: the fisheye to show (default: the rig's first; none: the
+    bird's-eye view takes the whole picture).
+
+    Raises InputError where the file cannot be written.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        rig: Rig,
+        *,
+        fps: float,
+        tracker: str = "",
+        title: str = "",
+        outline: Sequence[Polygon] = (),
+        person_names: Mapping[int, str] | None = None,
+        camera: str | None = None,
+        size: tuple[int, int] = (1280, 640),
+        tail_s: float = 2.0,
+    ) -> None:
+        if size[0] % 2 or size[1] % 2:
+            raise ValueError(f"size {size}: H.264 needs an even width and height")
+        cameras = rig.cameras()
+        if camera is not None and camera not in cameras:
+            raise ValueError(f"camera {camera!r} is not in the rig; it has {sorted(cameras)}")
+        self._path = path
+        self._rig = rig
+        self._camera_name = camera or next(iter(cameras), None)
+        self._heading = (tracker, title)
+        self._names = dict(person_names or {})
+        self._colours = IdentityColours()
+        self._layers = {name: LAYER_COLOURS[i % len(LAYER_COLOURS)] for i, name in enumerate(rig.lasers())}
+        self._canvas = np.full((size[1], size[0], 3), BACKDROP, dtype=np.uint8)
+        self._camera = None
+        left = 0
+        if self._camera_name is not None:
+            left = size[1] - _HEADER_PX
+            self._camera = CameraPanel(cameras[self._camera_name], left)
+        self._floor = FloorPanel(rig, outline, size[0] - left, size[1] - _HEADER_PX - _FOOTER_PX)
+        self._tails: dict[int, deque[tuple[int, float, float]]] = {}
+        self._tail_ns = round(tail_s * NS_PER_S)
+        self._first_ns: int | None = None
+        self._pts = -1
+        self.n_frames = 0
+        """How many pictures were written."""
+        self._encoder = VideoFile(path, size, fps)
+        self._paint_frame()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self.discard()
+
+    def frame(
+        self,
+        stamp_ns: int,
+        image: Image | None,
+        scans: Mapping[str, LaserScan],
+        tracks: Sequence[Track],
+        truth: TruePoses | None = None,
+    ) -> None:
+        """Draw and encode one moment; stamps must rise.
+
+        `image`: the camera's newest picture (None: the one before is shown on); `scans`: the newest of each scanner.
+        Raises InputError where the disk is full.
+        """
+        if self._first_ns is None:
+            self._first_ns = stamp_ns
+        pts = round((stamp_ns - self._first_ns) / NS_PER_S / TIME_BASE)
+        if pts <= self._pts:
+            raise ValueError(f"frame at {stamp_ns} ns is not later than the one before")
+        self._pts = pts
+        tracks = sorted(tracks, key=lambda track: track.id)
+        self._colours.meet(track.id for track in tracks)
+        self._extend_tails(stamp_ns, tracks)
+        height, width = self._canvas.shape[:2]
+        left = 0
+        if self._camera is not None:
+            left = self._camera.side_px
+            panel = self._canvas[_HEADER_PX:, :left]
+            self._camera.draw(panel, image, tracks, self._colours)
+        panel = self._canvas[_HEADER_PX : height - _FOOTER_PX, left:]
+        self._floor.draw(panel, scans, self._layers, tracks, self._tails, self._colours, truth, self._names)
+        clock = self._canvas[6 : _HEADER_PX - 6, width - 130 :]
+        clock[:] = BACKDROP
+        write(
+            clock,
+            time_text((stamp_ns - origin_ns(self._first_ns)) / NS_PER_S, decimals=1),
+            114,
+            24,
+            INK,
+            20,
+            BOLD,
+            "right",
+        )
+        self._encoder.encode(self._canvas, pts)
+        self.n_frames += 1
+
+    def still(self, quality: int = 88) -> bytes:
+        """The last picture as a JPEG, for the report; raises ValueError before the first."""
+        if self.n_frames == 0:
+            raise ValueError("no frame has been drawn yet")
+        done, jpeg = cv2.imencode(".jpg", self._canvas[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+        if not done:
+            raise RuntimeError("OpenCV could not encode a JPEG")
+        return jpeg.tobytes()
+
+    def close(self) -> None:
+        """Finish the video and give it its name; raises InputError where the disk is full."""
+        self._encoder.close()
+
+    def discard(self) -> None:
+        """Leave no video."""
+        self._encoder.discard()
+
+    def _extend_tails(self, stamp_ns: int, tracks: Sequence[Track]) -> None:
+        alive = {track.id for track in tracks}
+        for gone in [track_id for track_id in self._tails if track_id not in alive]:
+            del self._tails[gone]
+        for track in tracks:
+            tail = self._tails.setdefault(track.id, deque())
+            tail.append((stamp_ns, track.x, track.y))
+            while tail[0][0] < stamp_ns - self._tail_ns:
+                tail.popleft()
+
+    def _paint_frame(self) -> None:
+        """What stays the same in every picture: the names above and the legend below."""
+        height, width = self._canvas.shape[:2]
+        tracker, title = self._heading
+        write(self._canvas, tracker, 16, 29, INK, 20, BOLD)
+        gap = text_width(tracker, 20, BOLD) + 14 if tracker else 0
+        write(self._canvas, title, 16 + gap, 29, QUIET, 16)
+        x = width - self._floor.width_px + 14.0
+        y = height - 10
+        entries: list[tuple[str, RGB, str]] = [("dot", colour, f"{name} scan") for name, colour in self._layers.items()]
+        entries += [("disc", INK, "track"), ("ring", INK, "truth")]
+        for kind, colour, label in entries:
+            centre = fixed_point(np.array([x + 5, y - 5.0])).tolist()
+            radius = (3 if kind == "dot" else 6) << SHIFT
+            cv2.circle(self._canvas, centre, radius, colour, 1 if kind == "ring" else -1, cv2.LINE_AA, SHIFT)
+            write(self._canvas, label, x + 16, y, QUIET, 14)
+            x += 16 + text_width(label, 14) + 20

@@ -1,0 +1,102 @@
+"""From YAML to a checked scenario: `extends`, overrides, every error at once with its path."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from trackers.configuration import parse_yaml, read_text, validate
+from trackers.errors import InputError
+from twin import models
+from twin.scenario.model import Scenario
+
+
+def load_scenario(name: str | Path, overrides: Sequence[str] = ()) -> Scenario:
+    """The scenario of this name (shipped) or path, with overrides like 'sensors.waist.rate_hz=20' applied.
+
+    `extends: NAME` starts from another scenario: mappings merge, everything else replaces, null removes an entry.
+    A room or parent given by path is relative to the file that names it. Raises InputError, every fault on one line.
+    """
+    path = models.find("scenarios", str(name))
+    content = _read(path, ())
+    for override in overrides:
+        _apply(content, override)
+    source = str(path) if not overrides else f"{path} with --set {' --set '.join(overrides)}"
+    return validate(Scenario, _without_null(content), source)
+
+
+def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:
+    """The content of a scenario file over that of the scenario it extends."""
+    expected = "a scenario (room, people, sensors, duration_s)"
+    content = parse_yaml(read_text(path, expected), str(path), expected)
+    room = content.get("room")
+    if isinstance(room, str):
+        found = models.find("rooms", room, path.parent, f"{path}: room")
+        if found.parent != models.MODELS / "rooms":
+            content["room"] = str(found.resolve())
+    parent = content.pop("extends", None)
+    if parent is None:
+        return content
+    if not isinstance(parent, str):
+        raise InputError(f"{path}: extends: {parent!r} is not a name; the name or path of one scenario is expected")
+    found = models.find("scenarios", parent, path.parent, f"{path}: extends")
+    if found.resolve() in (path.resolve(), *children):
+        raise InputError(f"{path}: extends: {parent!r} extends itself in the end; a chain without a circle is expected")
+    base = _read(found, (path.resolve(), *children))
+    base.pop("name", None)
+    return _merge(base, content)
+
+
+def _merge(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
+    merged = dict(base)
+    for key, value in change.items():
+        both = isinstance(value, dict) and isinstance(merged.get(key), dict)
+        merged[key] = _merge(merged[key], value) if both else value
+    return merged
+
+
+def _without_null(content: Any) -> Any:
+    if isinstance(content, dict):
+        return {key: _without_null(value) for key, value in content.items() if value is not None}
+    return content
+
+
+def _apply(content: dict[str, Any], override: str) -> None:
+    """Set one 'path.to.field=value' in place; the value is YAML."""
+    path, equals, text = override.partition("=")
+    parts = path.strip().split(".")
+    if not equals or not all(parts):
+        raise InputError(f"--set {override}: is not of the form path.to.field=value, for example sensors.waist.rate_hz=20")
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise InputError(f"--set {override}: the value {text!r} is not YAML; a number, word, [list] or {{map}} is") from error
+    here: Any = content
+    for depth, part in enumerate(parts[:-1]):
+        if isinstance(here, list):
+            here = here[_index(here, part, override)]
+        elif isinstance(here, dict):
+            if not isinstance(here.get(part), dict | list):
+                here[part] = {}
+            here = here[part]
+        else:
+            raise InputError(f"--set {override}: {'.'.join(parts[:depth])} is a value, not a mapping; it has no {part!r}")
+    if isinstance(here, list):
+        here[_index(here, parts[-1], override)] = value
+    else:
+        here[parts[-1]] = value
+
+
+def _index(items: list[Any], part: str, override: str) -> int:
+    if not part.isdecimal() or int(part) >= len(items):
+        raise InputError(f"--set {override}: {part!r} is not one of the list's places 0 to {len(items) - 1}")
+    return int(part)
+
+
+def dump_scenario(scenario: Scenario) -> str:
+    """The resolved scenario as YAML that runs again to the same bits."""
+    content = scenario.model_dump(mode="json", exclude_none=True)
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)

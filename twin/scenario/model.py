@@ -1,0 +1,60 @@
+"""A scenario: everything a run depends on, typed and checked."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, StringConstraints, model_validator
+
+from trackers.configuration import Strict
+from trackers.rig import Point2
+from twin.scenario.people import Person
+from twin.scenario.sensors import SensorDescription
+
+Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]
+"""A name: it becomes a topic, a file name and a column, so letters, digits, '-' and '_' only."""
+
+
+class TrackerChoice(BaseModel):
+    """A tracker as a scenario defines it: a preset's or class's name, and the options to change, beside it.
+
+    `preset` is the name of a preset or 'module:Class'; without it, the entry's own name. The options are checked by the tracker.
+    """
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+    __pydantic_extra__: dict[str, JsonValue] = Field(init=False)
+
+    preset: str | None = None
+
+    @property
+    def options(self) -> dict[str, JsonValue]:
+        """The options changed, by name."""
+        return dict(self.__pydantic_extra__ or {})
+
+
+class Scenario(Strict):
+    """A room, the people in it, the sensors on its walls, and for how long they are watched."""
+
+    name: Name
+    description: str = ""
+    room: str = Field(description="name of a shipped room, or path of an MJCF file relative to the scenario")
+    area: tuple[Point2, ...] | None = Field(
+        default=None, description="tracked area, polygon in the room frame [m]; none: the room's walkable area"
+    )
+    duration_s: float = Field(gt=0, le=86_400)
+    seed: int = Field(default=0, ge=0, lt=2**63)
+    background: Literal["captured", "none"] = Field(
+        default="captured", description="whether each sensor's view of the empty room is recorded before people enter"
+    )
+    background_frames: int = Field(default=10, ge=1, le=1000, description="observations a sensor takes of the empty room")
+    people: dict[Name, Person]
+    sensors: dict[Name, SensorDescription]
+    trackers: dict[Name, TrackerChoice] = {}
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Scenario:
+        if self.area is not None and len(self.area) < 3:
+            raise ValueError(f"area has {len(self.area)} corners; a polygon needs at least 3")
+        if not self.sensors:
+            raise ValueError("sensors is empty; a scenario needs at least one sensor")
+        return self

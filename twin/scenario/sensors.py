@@ -1,0 +1,213 @@
+"""Sensors as a scenario describes them: what they are, where they hang, how often they look and how well."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import radians
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BeforeValidator, Field, FiniteFloat, PositiveInt, model_validator
+
+from trackers.configuration import Strict
+from trackers.rig import FisheyeIntrinsics, FisheyeSensor, LaserSensor, Point3, Pose
+from twin.sensors.camera_noise import CAMERA_NOISE, CameraNoise
+from twin.sensors.laser_noise import LASER_NOISE, LaserNoise
+from twin.sensors.lens import LENSES, Lens
+from twin.sensors.schedule import Timing
+
+if TYPE_CHECKING:
+    from twin.sensors.render import OffscreenRenderer
+    from twin.sensors.sensor import Sensor
+
+NoiseName = Literal["off", "default", "worse"]
+LensName = Literal["equidistant_185", "opencv_test_lens"]
+
+_HOUSING_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""A camera's optical frame (x right, y down, z ahead) in that of its housing (x ahead, y left, z up)."""
+
+
+def _by_name(presets: dict[str, Any], otherwise: str) -> Callable[[Any], Any]:
+    """A step of validation that puts the preset in the place of its name."""
+
+    def resolve(value: Any) -> Any:
+        if value is False:
+            value = "off"  # YAML reads an unquoted off as false
+        if not isinstance(value, str):
+            return value
+        if value not in presets:
+            raise ValueError(f"no preset of this name; valid are {', '.join(presets)} or {otherwise}")
+        return presets[value]
+
+    return resolve
+
+
+_LaserNoise = Annotated[
+    LaserNoise,
+    BeforeValidator(
+        _by_name(LASER_NOISE, "parameters like {sigma_m: 0.01}"), json_schema_input_type=NoiseName | LaserNoise
+    ),
+]
+_CameraNoise = Annotated[
+    CameraNoise,
+    BeforeValidator(
+        _by_name(CAMERA_NOISE, "parameters like {read_sigma: 2}"), json_schema_input_type=NoiseName | CameraNoise
+    ),
+]
+_Lens = Annotated[
+    Lens,
+    BeforeValidator(
+        _by_name(LENSES, "a calibration {width, height, fx, k, field_of_view_deg}"),
+        json_schema_input_type=LensName | Lens,
+    ),
+]
+
+
+class Mount(Strict):
+    """Where a sensor hangs and how it is turned: `xyz` [m] in the room frame; angles [deg] of its frame.
+
+    Its frame is x ahead, y left, z up, for cameras too. Turned by yaw about z (90 looks along the room's y), then by
+    pitch about the new y (positive looks down), then by roll about the new x.
+    """
+
+    xyz: Point3
+    yaw_deg: FiniteFloat = 0.0
+    pitch_deg: FiniteFloat = 0.0
+    roll_deg: FiniteFloat = 0.0
+
+    def room_from_housing(self) -> Pose:
+        """The pose of the frame x ahead, y left, z up."""
+        return Pose(xyz=self.xyz, rpy=(radians(self.roll_deg), radians(self.pitch_deg), radians(self.yaw_deg)))
+
+    def room_from_optical(self) -> Pose:
+        """The pose of a camera's optical frame, x right, y down, z ahead."""
+        rotation: NDArray[np.float64] = self.room_from_housing().rotation @ _HOUSING_FROM_OPTICAL
+        return Pose.from_matrix(rotation, self.xyz)
+
+
+class LaserDescription(Timing):
+    """A planar scanner: `field_of_view_deg` from the first beam to the last, centred ahead, beams evenly spaced.
+
+    Give the spacing `resolution_deg` or the number of `beams` (neither: 0.5°). `sweep_time_s` is the time from the
+    first beam to the last (0: all at once).
+    """
+
+    kind: Literal["laser"]
+    mount: Mount
+    role: Literal["waist", "knee"] | None = None
+    field_of_view_deg: float = Field(default=180.0, gt=0, le=360)
+    resolution_deg: float | None = Field(default=None, gt=0)
+    beams: int | None = Field(default=None, ge=2, le=100_000)
+    range_min_m: float = Field(default=0.05, ge=0)
+    range_max_m: float = Field(default=8.0, gt=0, le=1000)
+    sweep_time_s: float = Field(default=0.0, ge=0, le=0.5)
+    noise: _LaserNoise = LASER_NOISE["default"]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> LaserDescription:
+        if self.range_min_m >= self.range_max_m:
+            raise ValueError(f"range_min_m {self.range_min_m:g} must be below range_max_m {self.range_max_m:g}")
+        if self.sweep_time_s * self.rate_hz > 1 + 1e-9:
+            raise ValueError(
+                f"sweep_time_s {self.sweep_time_s:g} is longer than the period 1 / rate_hz; "
+                f"at most {1 / self.rate_hz:g} is valid"
+            )
+        if self.resolution_deg is not None:
+            if self.beams is not None:
+                raise ValueError("resolution_deg and beams are both given; one of them is enough")
+            steps = self.field_of_view_deg / self.resolution_deg
+            if abs(steps - round(steps)) > 1e-6 * steps or not 1 <= round(steps) < 100_000:
+                raise ValueError(
+                    f"resolution_deg {self.resolution_deg:g} does not divide field_of_view_deg "
+                    f"{self.field_of_view_deg:g}; a whole number of steps (at most 99999) is valid"
+                )
+        return self
+
+    @property
+    def n_beam(self) -> int:
+        """Number of beams."""
+        if self.beams is not None:
+            return self.beams
+        return round(self.field_of_view_deg / (self.resolution_deg or 0.5)) + 1
+
+    def rig_sensor(self, name: str) -> LaserSensor:
+        """What a tracker is told of it."""
+        return LaserSensor(topic=f"/{name}/scan", room_from_sensor=self.mount.room_from_housing(), role=self.role)
+
+
+class FisheyeDescription(Timing):
+    """A fisheye camera: a lens by name or calibration, and the picture's `size` [width, height] (none: the lens's own).
+
+    The mount's x axis is the optical axis.
+    """
+
+    kind: Literal["fisheye"]
+    mount: Mount
+    lens: _Lens = LENSES["equidistant_185"]
+    size: tuple[PositiveInt, PositiveInt] | None = None
+    noise: _CameraNoise = CAMERA_NOISE["default"]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> FisheyeDescription:
+        if self.size is not None and max(self.size) > 8192:
+            raise ValueError(f"size {list(self.size)} is too large; at most [8192, 8192] is valid")
+        self.intrinsics()  # raises for a lens that folds back
+        return self
+
+    def intrinsics(self) -> FisheyeIntrinsics:
+        """The lens at the picture's size."""
+        return self.lens.intrinsics(self.size)
+
+    def rig_sensor(self, name: str) -> FisheyeSensor:
+        """What a tracker is told of it."""
+        return FisheyeSensor(
+            topic=f"/{name}/image/compressed",
+            room_from_sensor=self.mount.room_from_optical(),
+            intrinsics=self.intrinsics(),
+        )
+
+
+SensorDescription = Annotated[LaserDescription | FisheyeDescription, Field(discriminator="kind")]
+
+
+def build_sensor(
+    name: str,
+    description: LaserDescription | FisheyeDescription,
+    renderer: Callable[[], OffscreenRenderer],
+) -> Sensor:
+    """The sensor with its noise; `renderer` is called when a camera takes its first picture, never for a scanner.
+
+    Raises InputError for a lens that cannot be rendered.
+    """
+    from twin.sensors.sensor import Noisy
+
+    ideal = _build_ideal(name, description, renderer)
+    return ideal if description.noise.is_off else Noisy(ideal, description.noise)
+
+
+def _build_ideal(
+    name: str,
+    description: LaserDescription | FisheyeDescription,
+    renderer: Callable[[], OffscreenRenderer],
+) -> Sensor:
+    # MuJoCo and OpenCV are imported here: reading a scenario needs neither.
+    match description:
+        case FisheyeDescription():
+            from twin.sensors.fisheye import Fisheye
+
+            return Fisheye(name, description.rig_sensor(name), renderer)
+        case LaserDescription():
+            from twin.sensors.laser import Laser
+
+            field_of_view_rad = radians(description.field_of_view_deg)
+            return Laser(
+                name,
+                description.rig_sensor(name),
+                beams=description.n_beam,
+                angle_min_rad=-field_of_view_rad / 2,
+                angle_increment_rad=field_of_view_rad / (description.n_beam - 1),
+                range_min_m=description.range_min_m,
+                range_max_m=description.range_max_m,
+                sweep_time_s=description.sweep_time_s,
+            )

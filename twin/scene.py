@@ -1,0 +1,157 @@
+"""The compiled scene: a room, its people attached, and which geom, joint and site belongs to whom."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.errors import InputError
+from trackers.rig import Point2
+from twin import models
+from twin.people.appearance import Appearance, appearance_of
+from twin.people.body import person_spec
+from trackers.area import within
+from twin.people.population import Population
+from twin.scenario import Scenario
+from twin.streams import stream
+
+CLEARANCE_M = 0.5
+"""Least distance between the middles of two people at the start: below it their bodies overlap [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A compiled model and the maps from its elements to people.
+
+    `ids` gives each person's id (1, 2, ... in the order listed); arrays over people are in the order of `names`
+    (sorted), so that listing people in another order changes ids and nothing else.
+    """
+
+    model: mujoco.MjModel
+    area: NDArray[np.float64]  # (k, 2) tracked area, polygon in the room frame [m]
+    names: tuple[str, ...]
+    appearances: dict[str, Appearance]
+    ids: dict[str, int]
+    person_of_geom: NDArray[np.int16]  # (n_geom,) id of the person a geom belongs to, 0 for the room
+    qpos_address: NDArray[np.intp]  # (n_people, nq_person)
+    head_site: NDArray[np.intp]  # (n_people,)
+    point_site: NDArray[np.intp]  # (n_people, n_point) the fixed points on each body
+
+
+def build_scene(scenario: Scenario) -> Scene:
+    """Compile the scenario's room with its people in it.
+
+    Raises InputError where the room does not compile, has no area, or a person starts outside it or in another person.
+    """
+    path = models.find("rooms", scenario.room, asked_by=f"scenario {scenario.name!r}: room")
+    spec = _room_spec(path)
+    walkable = _walkable_area(spec)
+    area = scenario.area if scenario.area is not None else walkable
+    if area is None:
+        raise InputError(
+            f"scenario {scenario.name!r}: area is missing and {path.name} names no walkable_area; "
+            "a polygon like [[-2, 0.6], [2, 0.6], [2, 2.8], [-2, 2.8]] under area: is expected"
+        )
+    _check_starts(scenario, np.array(walkable if walkable is not None else area))
+    names = tuple(sorted(scenario.people))
+    appearances = {name: appearance_of(scenario.people[name], stream(scenario.seed, "looks", name)) for name in names}
+    for name, appearance in appearances.items():
+        spec.attach(person_spec(appearance), prefix=f"{name}/", frame=spec.worldbody.add_frame())
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise InputError(f"{path}: does not compile ({_first_line(error)}); a valid MJCF room is expected") from error
+    ids = {name: number for number, name in enumerate(scenario.people, start=1)}
+    return Scene(
+        model=model,
+        area=np.array(area, dtype=float),
+        names=names,
+        appearances=appearances,
+        ids=ids,
+        person_of_geom=_person_of_geom(model, ids),
+        qpos_address=_addresses(model, names),
+        head_site=np.array([_site(model, f"{name}/head") for name in names], dtype=np.intp),
+        point_site=_points(model, names),
+    )
+
+
+def populate(scenario: Scenario, scene: Scene) -> Population:
+    """The scenario's people as they move, each with a stream of their own."""
+    streams = {name: stream(scenario.seed, "person", name) for name in scene.names}
+    return Population(scenario.people, scene.area, streams, scene.appearances)
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).strip().splitlines()[0].rstrip(".")
+
+
+def _room_spec(path: Path) -> mujoco.MjSpec:
+    try:
+        return mujoco.MjSpec.from_file(str(path))
+    except ValueError as error:
+        raise InputError(f"{path}: is not a room ({_first_line(error)}); a valid MJCF file is expected") from error
+
+
+def _walkable_area(spec: mujoco.MjSpec) -> tuple[Point2, ...] | None:
+    """The polygon in the room's `<custom><numeric name="walkable_area"/>`, None where the room has none."""
+    for numeric in spec.numerics:
+        if numeric.name == "walkable_area":
+            corners = np.array(numeric.data, dtype=float).reshape(-1, 2)
+            return tuple((float(x), float(y)) for x, y in corners)
+    return None
+
+
+def _check_starts(scenario: Scenario, walkable: NDArray[np.float64]) -> None:
+    """Raise InputError for a person who starts outside the walkable area or inside another person."""
+    placed: dict[str, NDArray[np.float64]] = {}
+    for name, person in scenario.people.items():
+        if person.start is None:
+            continue
+        start = np.array(person.start)
+        field = f"scenario {scenario.name!r}: people.{name}.start: [{start[0]:g}, {start[1]:g}]"
+        if not within(walkable, start[None])[0]:
+            low, high = walkable.min(0), walkable.max(0)
+            raise InputError(
+                f"{field} is outside the room's walkable area, "
+                f"x {low[0]:g} to {high[0]:g} m, y {low[1]:g} to {high[1]:g} m"
+            )
+        for other, position in placed.items():
+            distance = float(np.linalg.norm(start - position))
+            if distance < CLEARANCE_M:
+                raise InputError(
+                    f"{field} is {distance:.2f} m from {other!r}: their bodies overlap; "
+                    f"at least {CLEARANCE_M} m between people is expected"
+                )
+        placed[name] = start
+
+
+def _person_of_geom(model: mujoco.MjModel, ids: dict[str, int]) -> NDArray[np.int16]:
+    owner = np.zeros(model.nbody, dtype=np.int16)
+    for body in range(model.nbody):
+        owner[body] = ids.get(model.body(body).name.partition("/")[0], 0)
+    return owner[model.geom_bodyid]
+
+
+def _addresses(model: mujoco.MjModel, names: tuple[str, ...]) -> NDArray[np.intp]:
+    """Places of each person's coordinates in qpos: one free joint, then hinges, contiguous in the order of the body."""
+    rows = []
+    for name in names:
+        joints = [joint for joint in range(model.njnt) if model.joint(joint).name.startswith(f"{name}/")]
+        start = int(model.jnt_qposadr[joints[0]])
+        rows.append(np.arange(start, start + 7 + len(joints) - 1))
+    return np.array(rows, dtype=np.intp).reshape(len(names), -1 if names else 0)
+
+
+def _site(model: mujoco.MjModel, name: str) -> int:
+    return int(model.site(name).id)
+
+
+def _points(model: mujoco.MjModel, names: tuple[str, ...]) -> NDArray[np.intp]:
+    rows = [
+        [site for site in range(model.nsite) if model.site(site).name.startswith(f"{name}/point_")] for name in names
+    ]
+    return np.array(rows, dtype=np.intp).reshape(len(names), -1 if names else 0)

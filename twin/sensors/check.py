@@ -1,0 +1,153 @@
+"""Tells the author of a sensor what it breaks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.observations import NS_PER_S, Image, LaserScan
+from trackers.rig import FisheyeSensor, LaserSensor
+from twin.sensors.sensor import Reading, Sensor
+from twin.snapshot import Snapshot, SnapshotSource
+
+_STAMPS_NS = (0, 100_000_000, 200_000_000)
+_SEED = 20_240_601
+
+
+def check_sensor(sensor: Sensor, world: SnapshotSource) -> list[str]:
+    """What the sensor breaks of the contract of `twin.sensors.sensor.Sensor`, one sentence each; empty: nothing.
+
+    The world must give snapshots from 0 s to 0.2 s and the longest sweep after it, more than once.
+    """
+    faults = _declaration_faults(sensor)
+    if faults:
+        return faults
+    before = _global_stream()
+    first, copies, faults = _watch(sensor, world)
+    second, _, _ = _watch(sensor, world)
+    if _global_stream() != before:
+        faults.append("draws from numpy's global random stream; only the generator handed in may be used")
+    for reading, copy, again in zip(first, copies, second, strict=True):
+        stamp_ns = reading.observation.stamp_ns
+        if not _same(_arrays(reading), copy):
+            faults.append(
+                f"the reading stamped {stamp_ns} changed when a later one was taken; give each its own arrays"
+            )
+        if not _same(copy, _arrays(again)):
+            faults.append(f"the reading at {stamp_ns} differs from one with the same generator, state and world")
+        faults += _reading_faults(sensor, reading)
+    return list(dict.fromkeys(faults))
+
+
+def _global_stream() -> bytes:
+    """numpy's global random state, which no sensor may touch."""
+    return np.random.get_state(legacy=False)["state"]["key"].tobytes()  # noqa: NPY002
+
+
+def _declaration_faults(sensor: Sensor) -> list[str]:
+    faults = []
+    if not isinstance(sensor.name, str) or not sensor.name:
+        faults.append(f"name is {sensor.name!r}; a non-empty string is expected")
+    instants = np.asarray(sensor.instants_s, dtype=float)
+    if instants.ndim != 1 or not instants.size or not np.isfinite(instants).all() or instants[0] < 0:
+        faults.append(f"instants_s is {sensor.instants_s!r}; at least one finite offset from 0 s on is expected")
+    elif np.any(np.diff(instants) < 0):
+        faults.append(f"instants_s is {sensor.instants_s!r}; ascending offsets are expected")
+    if not isinstance(sensor.rig_sensor(), LaserSensor | FisheyeSensor):
+        faults.append(f"rig_sensor() is {type(sensor.rig_sensor()).__name__}; a trackers.rig.RigSensor is expected")
+    elif sensor.rig_sensor() != sensor.rig_sensor():
+        faults.append("rig_sensor() differs from call to call; a sensor on the rig does not change")
+    return faults
+
+
+def _watch(sensor: Sensor, world: SnapshotSource) -> tuple[list[Reading], list[dict[str, NDArray]], list[str]]:
+    """Readings at a few stamps from a fresh state, copies made before the next was taken, and faults on the way."""
+    rng = np.random.default_rng(_SEED)
+    state, readings, copies, faults = None, [], [], []
+    for stamp_ns in _STAMPS_NS:
+        taken: list[float] = []
+
+        def snapshots(stamp_ns: int = stamp_ns, taken: list[float] = taken) -> Iterator[Snapshot]:
+            for offset in sensor.instants_s:
+                snapshot = world.snapshot(stamp_ns / NS_PER_S + offset)
+                untouched = _world_state(snapshot)
+                taken.append(offset)
+                yield snapshot
+                if not _same(untouched, _world_state(snapshot)):
+                    faults.append(f"changes the world it looks at (at stamp {stamp_ns}); snapshots are read-only")
+
+        given = snapshots()
+        reading, state = sensor.observe(stamp_ns, given, state, rng)
+        if len(taken) != len(sensor.instants_s):
+            faults.append(f"took {len(taken)} of the {len(sensor.instants_s)} instants it declares")
+        next(given, None)  # lets the last snapshot be compared
+        if reading.observation.stamp_ns != stamp_ns or not isinstance(reading.observation.stamp_ns, int):
+            faults.append(f"stamped its reading {reading.observation.stamp_ns!r}, not {stamp_ns} as asked")
+        if reading.observation.sensor != sensor.name:
+            faults.append(f"signed its reading {reading.observation.sensor!r}, not {sensor.name!r}")
+        readings.append(reading)
+        copies.append({key: value.copy() for key, value in _arrays(reading).items()})
+    return readings, copies, faults
+
+
+def _world_state(snapshot: Snapshot) -> dict[str, NDArray]:
+    data, model = snapshot.data, snapshot.model
+    arrays = {
+        "qpos": data.qpos,
+        "geom_xpos": data.geom_xpos,
+        "geom_rgba": model.geom_rgba,
+        "geom_size": model.geom_size,
+    }
+    return {name: array.copy() for name, array in arrays.items()} | {"person_of_geom": snapshot.person_of_geom.copy()}
+
+
+def _arrays(reading: Reading) -> dict[str, NDArray]:
+    observation = reading.observation
+    values = observation.rgb if isinstance(observation, Image) else observation.ranges_m
+    return {"observation": values} | {f"truth {name}": array for name, array in reading.truth.items()}
+
+
+def _same(one: dict[str, NDArray], other: dict[str, NDArray]) -> bool:
+    """Whether two sets of arrays agree to the bit."""
+    return one.keys() == other.keys() and all(
+        one[name].dtype == other[name].dtype
+        and one[name].shape == other[name].shape
+        and one[name].tobytes() == other[name].tobytes()
+        for name in one
+    )
+
+
+def _reading_faults(sensor: Sensor, reading: Reading) -> list[str]:
+    match reading.observation, sensor.rig_sensor():
+        case LaserScan() as scan, LaserSensor():
+            return _scan_faults(scan, reading.truth)
+        case Image() as image, FisheyeSensor() as rig:
+            shape = (rig.intrinsics.height, rig.intrinsics.width, 3)
+            if image.rgb.dtype != np.uint8 or image.rgb.shape != shape:
+                return [f"image is {image.rgb.dtype} {image.rgb.shape}; uint8 {shape} is expected of its intrinsics"]
+            return []
+        case observation, rig:
+            return [f"reports {type(observation).__name__}, which does not go with {type(rig).__name__} on the rig"]
+
+
+def _scan_faults(scan: LaserScan, truth: dict[str, NDArray]) -> list[str]:
+    faults = []
+    ranges = scan.ranges_m
+    if ranges.dtype != np.float32:
+        faults.append(f"ranges are {ranges.dtype}; float32, as in the message, is expected")
+    finite = ranges[np.isfinite(ranges)]
+    if np.isneginf(ranges).any() or (finite < scan.range_min_m).any() or (finite > scan.range_max_m).any():
+        faults.append(
+            f"ranges leave [{scan.range_min_m:g}, {scan.range_max_m:g}] m; "
+            "+inf (no return) or NaN (invalid) is expected there"
+        )
+    person = truth.get("person_of_ray")
+    if person is None:
+        faults.append("truth holds no person_of_ray; every scan knows whom its rays met")
+    elif person.dtype != np.int16 or person.shape != ranges.shape or (person < 0).any():
+        faults.append(
+            f"person_of_ray is {person.dtype} {person.shape}; int16 {ranges.shape} of ids, 0 for nobody, is expected"
+        )
+    return faults

@@ -1,0 +1,116 @@
+"""The planar laser scanner: one bundle of rays for each instant of its sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import pairwise
+
+import mujoco
+import numpy as np
+
+from trackers.observations import LaserScan
+from trackers.rig import LaserSensor
+from twin.sensors.sensor import Reading, State
+from twin.snapshot import RAY_GROUPS, Snapshot
+
+SWEEP_STEP_S = 0.005
+"""During a sweep the world is looked at this often [s]: a person at 2 m/s is placed to within 5 mm."""
+
+
+class Laser:
+    """An ideal scanner: exact ranges along infinitely thin rays, with the person whom each ray meets as truth.
+
+    Beams go counter-clockwise from `angle_min_rad` in steps of `angle_increment_rad` in the x-y plane of the sensor's
+    frame (x ahead, y left, z up). A return nearer than `range_min_m` is NaN (invalid), none within `range_max_m` is
+    +inf (REP 117). With `sweep_time_s` > 0 the first beam is taken at the stamp and the last that much later; beams are
+    grouped so that each is taken within SWEEP_STEP_S / 2 of its time. The sensor stands still.
+
+    Simplified: every surface reflects; glass and mirrors are walls (geoms with alpha = 0 are not seen at all).
+    """
+
+    def __init__(
+        self,
+        name: str,
+        rig: LaserSensor,
+        *,
+        beams: int,
+        angle_min_rad: float,
+        angle_increment_rad: float,
+        range_min_m: float,
+        range_max_m: float,
+        sweep_time_s: float = 0.0,
+    ) -> None:
+        self.name = name
+        self._rig = rig
+        # A scan message holds these in single precision: what is recorded is what was measured.
+        self._angle_min_rad = float(np.float32(angle_min_rad))
+        self._angle_increment_rad = float(np.float32(angle_increment_rad))
+        self._range_min_m = float(np.float32(range_min_m))
+        self._range_max_m = float(np.float32(range_max_m))
+        self._sweep_time_s = sweep_time_s
+        angles = self._angle_min_rad + self._angle_increment_rad * np.arange(beams)
+        in_sensor = np.stack([np.cos(angles), np.sin(angles), np.zeros(beams)], axis=1)  # (n_beam, 3)
+        self._origin = rig.room_from_sensor.translation
+        # The sensor never moves, so its rays are turned into the room's frame once.
+        self._directions = np.ascontiguousarray(in_sensor @ rig.room_from_sensor.rotation.T)
+        self._geom = np.empty(beams, dtype=np.int32)
+        self._distance = np.empty(beams)
+        self._person = np.empty(beams, dtype=np.int16)
+        self._sectors, self.instants_s = self._split_sweep(beams)
+
+    def _split_sweep(self, beams: int) -> tuple[list[slice], tuple[float, ...]]:
+        """The beams taken together, and the mean time of each such sector after the stamp [s]."""
+        count = min(beams, max(1, int(np.ceil(self._sweep_time_s / SWEEP_STEP_S))))
+        edges = np.linspace(0, beams, count + 1).round().astype(int)
+        sectors = [slice(int(first), int(last)) for first, last in pairwise(edges)]
+        per_beam_s = self._sweep_time_s / max(1, beams - 1)
+        return sectors, tuple(per_beam_s * (sector.start + sector.stop - 1) / 2 for sector in sectors)
+
+    def observe(
+        self, stamp_ns: int, snapshots: Iterable[Snapshot], state: State, rng: np.random.Generator
+    ) -> tuple[Reading, State]:
+        """The ideal scan; `rng` and `state` are not used."""
+        for sector, snapshot in zip(self._sectors, snapshots, strict=True):
+            self._cast(sector, snapshot)
+        distance, person = self._distance, self._person
+        # A miss is -1.
+        silent = (distance < 0) | (distance > self._range_max_m)
+        ranges_m = distance.astype(np.float32)
+        ranges_m[distance < self._range_min_m] = np.nan
+        ranges_m[silent] = np.inf
+        person_of_ray = np.where(silent, np.int16(0), person)
+        scan = LaserScan(
+            sensor=self.name,
+            stamp_ns=stamp_ns,
+            ranges_m=ranges_m,
+            angle_min_rad=self._angle_min_rad,
+            angle_increment_rad=self._angle_increment_rad,
+            range_min_m=self._range_min_m,
+            range_max_m=self._range_max_m,
+            sweep_time_s=self._sweep_time_s,
+        )
+        return Reading(scan, {"person_of_ray": person_of_ray}), state
+
+    def _cast(self, sector: slice, snapshot: Snapshot) -> None:
+        """Fill ranges and people for the beams of one sector."""
+        geom, distance = self._geom[sector], self._distance[sector]
+        mujoco.mj_multiRay(
+            snapshot.model, snapshot.data, self._origin, self._directions[sector].reshape(-1), RAY_GROUPS, True, -1,
+            geom, distance, None, geom.size, self._range_max_m,
+        )  # fmt: skip
+        # A miss has geom -1 and takes the last geom's person here; `observe` clears it with the range.
+        np.take(snapshot.person_of_geom, geom, out=self._person[sector], mode="wrap")
+
+    def rig_sensor(self) -> LaserSensor:
+        """What a tracker is told: where the scanner is, its topic and its role."""
+        return self._rig
+
+    @property
+    def field_of_view_rad(self) -> float:
+        """Angle between the first beam and the last [rad]."""
+        return self._angle_increment_rad * (self._geom.size - 1)
+
+    @property
+    def range_max_m(self) -> float:
+        """Farthest return [m]."""
+        return self._range_max_m

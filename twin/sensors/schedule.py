@@ -1,0 +1,128 @@
+"""One scheduler around all sensors: when each looks, how late its observations arrive, and whether at all."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from pydantic import Field
+
+from trackers.configuration import Strict
+from trackers.observations import NS_PER_S
+from twin.sensors.sensor import Reading, Sensor, State
+from twin.snapshot import SnapshotSource
+
+
+class Timing(Strict):
+    """When a sensor looks, and when and whether its observations arrive.
+
+    Stamps are phase_s + k / rate_hz. An observation arrives `delay_s` after its last instant (the end of a sweep), and
+    up to `jitter_s` later still, drawn evenly: with jitter beyond a period, one may overtake another. It is lost with
+    probability `dropout`.
+    """
+
+    rate_hz: float = Field(gt=0, le=1000)
+    phase_s: float = Field(default=0.0, ge=0, le=3600)
+    delay_s: float = Field(default=0.0, ge=0, le=60)
+    jitter_s: float = Field(default=0.0, ge=0, le=60)
+    dropout: float = Field(default=0.0, ge=0, le=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Scheduled:
+    """A sensor, its timing, and the generator from which its timing and its noise draw, each a stream of its own."""
+
+    sensor: Sensor
+    timing: Timing
+    rng: np.random.Generator
+
+
+@dataclass(frozen=True)
+class Event:
+    """One look of a sensor at the world; `dropped`: its observation never arrives."""
+
+    sensor: str
+    stamp_ns: int
+    arrival_ns: int
+    dropped: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Delivery:
+    """A reading that arrives."""
+
+    stamp_ns: int
+    arrival_ns: int
+    reading: Reading
+
+
+@dataclass(order=True)
+class _Waiting:
+    """A reading on its way; of two that arrive together the one measured first comes first."""
+
+    arrival_ns: int
+    number: int
+    delivery: Delivery = field(compare=False)
+
+
+class Schedule:
+    """The looks of all sensors at a world over `duration_s`, and their readings in order of arrival.
+
+    The same at every iteration. Timing and noise draw from separate streams: a change of noise moves no arrival. Stamps
+    lie in [0, duration_s); two at the same moment are taken in the order of `sensors`.
+    """
+
+    def __init__(self, sensors: Sequence[Scheduled], duration_s: float) -> None:
+        names = [scheduled.sensor.name for scheduled in sensors]
+        if len(set(names)) < len(names):
+            raise ValueError(f"sensor names {names} repeat; each must be there once")
+        self._sensors = tuple(sensors)
+        self._end_ns = round(duration_s * NS_PER_S)
+        self._seeds = [scheduled.rng.bit_generator.seed_seq.spawn(2) for scheduled in sensors]
+
+    def events(self) -> Iterator[Event]:
+        """All looks in order of their stamps, those whose observation is lost included."""
+        return (event for _, _, event in self._ordered())
+
+    def observe(self, world: SnapshotSource) -> Iterator[Delivery]:
+        """What arrives, in order of arrival; the world is asked for snapshots in order of stamps.
+
+        Only what is on its way is held: memory does not grow with the duration. The world must be able to go back by
+        the longest sweep.
+        """
+        noise = [np.random.default_rng(noise_seed) for _, noise_seed in self._seeds]
+        states: list[State] = [None] * len(self._sensors)
+        waiting: list[_Waiting] = []
+        for number, (_, place, event) in enumerate(self._ordered()):
+            # Whatever is measured from here on arrives no earlier than its stamp.
+            while waiting and waiting[0].arrival_ns <= event.stamp_ns:
+                yield heapq.heappop(waiting).delivery
+            if event.dropped:
+                continue
+            sensor = self._sensors[place].sensor
+            snapshots = (world.snapshot(event.stamp_ns / NS_PER_S + offset) for offset in sensor.instants_s)
+            reading, states[place] = sensor.observe(event.stamp_ns, snapshots, states[place], noise[place])
+            delivery = Delivery(event.stamp_ns, event.arrival_ns, reading)
+            heapq.heappush(waiting, _Waiting(event.arrival_ns, number, delivery))
+        while waiting:
+            yield heapq.heappop(waiting).delivery
+
+    def _ordered(self) -> Iterator[tuple[int, int, Event]]:
+        """(stamp, place of the sensor, event) in order."""
+        return heapq.merge(*(self._looks(place) for place in range(len(self._sensors))), key=lambda look: look[:2])
+
+    def _looks(self, place: int) -> Iterator[tuple[int, int, Event]]:
+        """The looks of one sensor."""
+        scheduled = self._sensors[place]
+        timing, sensor = scheduled.timing, scheduled.sensor
+        rng = np.random.default_rng(self._seeds[place][0])
+        complete_s = sensor.instants_s[-1] + timing.delay_s
+        number = 0
+        while (stamp_ns := round((timing.phase_s + number / timing.rate_hz) * NS_PER_S)) < self._end_ns:
+            # Both are drawn whether needed or not, so that jitter does not move drop-outs, nor the other way round.
+            late, lost = rng.random(2)
+            arrival_ns = stamp_ns + round((complete_s + timing.jitter_s * late) * NS_PER_S)
+            yield stamp_ns, place, Event(sensor.name, stamp_ns, arrival_ns, bool(lost < timing.dropout))
+            number += 1

@@ -1,0 +1,173 @@
+"""A scenario in motion: what its sensors report, in order of arrival, and the truth as the clock passes it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from itertools import groupby
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from trackers.observations import NS_PER_S, Observation
+from trackers.rig import Rig, RigSensor
+from twin.mounts import check_mount
+from twin.recording.messages import Encoded, encode
+from twin.scenario import Scenario
+from twin.scenario.sensors import build_sensor
+from twin.sensors.render import GlInfo, RendererOnDemand
+from twin.sensors.schedule import Schedule, Scheduled
+from twin.sensors.sensor import Reading, Sensor, State
+from twin.snapshot import Snapshot
+from twin.streams import stream
+from twin.truth import TruthFrame
+from twin.visibility import sensor_view
+from twin.world import World
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Delivered:
+    """An observation as its message, when it arrives [ns], and what only the twin knows of it."""
+
+    encoded: Encoded
+    arrival_ns: int
+    reading: Reading
+
+
+@dataclass(eq=False)
+class TimedSensor:
+    """A sensor and what its observations cost."""
+
+    sensor: Sensor
+    frames: int = 0
+    spent_s: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """Name on the rig."""
+        return self.sensor.name
+
+    @property
+    def instants_s(self) -> tuple[float, ...]:
+        """When it looks, as offsets from the stamp [s]."""
+        return self.sensor.instants_s
+
+    def observe(
+        self, stamp_ns: int, snapshots: Iterable[Snapshot], state: State, rng: np.random.Generator
+    ) -> tuple[Reading, State]:
+        """The sensor's reading, timed (moving the people to the moment counts to the first sensor that looks)."""
+        start = time.perf_counter()
+        result = self.sensor.observe(stamp_ns, snapshots, state, rng)
+        self.spent_s += time.perf_counter() - start
+        self.frames += 1
+        return result
+
+    def rig_sensor(self) -> RigSensor:
+        """What a tracker is told of the sensor."""
+        return self.sensor.rig_sensor()
+
+
+class Simulation:
+    """The observations of a scenario, decoded from their messages as a replay would give them; a context manager.
+
+    Iterating yields them in order of arrival, once. `rig` is what a tracker may know of the sensors. `on_truth` is
+    called with the truth at every stamp of every sensor, in order of time, before the observation of that stamp
+    comes. With `images=False` the cameras are left out, and nothing is rendered.
+
+    Raises InputError for a scenario that cannot be: a person or sensor in a wall, people in each other.
+    """
+
+    def __init__(
+        self, scenario: Scenario, *, images: bool = True, on_truth: Callable[[TruthFrame], object] | None = None
+    ) -> None:
+        self.scenario = scenario
+        self.world = World(scenario)
+        self._renderer = RendererOnDemand(self.world.scene.model)
+        self._descriptions = {
+            name: description for name, description in scenario.sensors.items() if images or description.kind != "fisheye"
+        }
+        self._sensors = {
+            name: TimedSensor(build_sensor(name, description, self._renderer))
+            for name, description in self._descriptions.items()
+        }
+        area = tuple((float(x), float(y)) for x, y in self.world.scene.area)
+        self.rig = Rig(sensors={name: sensor.rig_sensor() for name, sensor in self._sensors.items()}, area=area)
+        self._check_mounts()
+        self._on_truth = on_truth
+        self._views = {
+            name: sensor_view(sensor, self._descriptions[name]) for name, sensor in self.rig.sensors.items()
+        }
+        scheduled = [
+            Scheduled(sensor, self._descriptions[name], stream(scenario.seed, "sensor", name))
+            for name, sensor in self._sensors.items()
+        ]
+        self._schedule = Schedule(scheduled, scenario.duration_s)
+        self._truth_stamps = (stamp_ns for stamp_ns, _ in groupby(event.stamp_ns for event in self._schedule.events()))
+        self._next_truth_ns = next(self._truth_stamps, None)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free the renderer."""
+        self._renderer.close()
+
+    def __iter__(self) -> Iterator[Observation]:
+        return (delivered.encoded.observation for delivered in self.deliveries())
+
+    def background(self) -> list[Observation]:
+        """What each sensor sees of the empty room; nothing where the scenario's background is 'none'."""
+        return [encoded.observation for encoded in self.background_messages()]
+
+    def background_messages(self) -> Iterator[Encoded]:
+        """The empty room as messages, sensor by sensor, stamped from 0 at the sensor's rate."""
+        if self.scenario.background == "none":
+            return
+        for name, timed in self._sensors.items():
+            rng, state = stream(self.scenario.seed, "background", name), None
+            for k in range(self.scenario.background_frames):
+                stamp_ns = round(k / self._descriptions[name].rate_hz * NS_PER_S)
+                snapshots = (self.world.empty_snapshot(stamp_ns / NS_PER_S + offset) for offset in timed.instants_s)
+                reading, state = timed.sensor.observe(stamp_ns, snapshots, state, rng)
+                yield encode(reading.observation)
+
+    def deliveries(self) -> Iterator[Delivered]:
+        """Every observation with its message and its truth, in order of arrival, once."""
+        for delivery in self._schedule.observe(self):
+            yield Delivered(encode(delivery.reading.observation), delivery.arrival_ns, delivery.reading)
+        self._tell_truth_until(self.scenario.duration_s)
+
+    def snapshot(self, t: float) -> Snapshot:
+        """The world at time t [s], after the truth of every stamp until then has been told."""
+        self._tell_truth_until(t)
+        return self.world.snapshot(t)
+
+    def gl_info(self) -> GlInfo | None:
+        """The OpenGL that renders; None in a run without cameras."""
+        return self._renderer().gl_info() if self.rig.cameras() else None
+
+    def sensor_costs(self) -> dict[str, dict[str, float | int | None]]:
+        """By sensor, how many observations were made and what one cost [ms]."""
+        return {
+            name: {"frames": timed.frames, "ms_mean": 1e3 * timed.spent_s / timed.frames if timed.frames else None}
+            for name, timed in self._sensors.items()
+        }
+
+    def _tell_truth_until(self, t: float) -> None:
+        while self._next_truth_ns is not None and self._next_truth_ns <= t * NS_PER_S:
+            if self._on_truth is not None:
+                self._on_truth(self.world.truth(self._next_truth_ns, self._views))
+            self._next_truth_ns = next(self._truth_stamps, None)
+
+    def _check_mounts(self) -> None:
+        snapshot = self.world.empty_snapshot(0.0)
+        for name, sensor in self.rig.sensors.items():
+            field_name = f"scenario {self.scenario.name!r}: sensors.{name}.mount.xyz"
+            check_mount(snapshot.model, snapshot.data, field_name, sensor.room_from_sensor.translation)

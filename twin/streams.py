@@ -1,0 +1,17 @@
+"""One random stream for each person, sensor and tracker, all from the scenario's seed."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+
+
+def stream(seed: int, kind: str, name: str) -> np.random.Generator:
+    """The generator of this thing in a run with this seed.
+
+    Its key is a stable hash of kind and name, so that adding a sensor or a person changes no other stream.
+    """
+    digest = hashlib.sha256(f"{kind}/{name}".encode()).digest()
+    key = tuple(int.from_bytes(digest[place : place + 4], "little") for place in range(0, 16, 4))
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
