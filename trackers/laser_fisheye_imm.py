@@ -74,11 +74,15 @@ class LaserFisheyeImmOptions(Strict):
         (KALMAN_MODELS[0].acceleration_variance, KALMAN_MODELS[0].turn_acceleration_variance),
         description="diagonal of Q of the single model [m²/s⁴, rad²/s⁴]",
     )
-    mode_stays: float = Field(MODE_STAYS, gt=0, le=1, description="probability that a mode stays from one scan to the next")
+    mode_stays: float = Field(
+        MODE_STAYS, gt=0, le=1, description="probability that a mode stays from one scan to the next"
+    )
     measurement_variance_m2: float = Field(MEASUREMENT_VARIANCE_M2, gt=0, description="diagonal of R [m²]")
     start_speed_m_s: float = Field(1.5, gt=0, description="standard deviation of a new track's speed [m/s] (ours)")
     colour_weight: float = Field(1.0, ge=0, description="w in d = N + w E (inferred: 1)")
-    period_s: float = Field(0.1, gt=0, description="scan period that the variances are for; longer gaps are cut into such steps [s]")
+    period_s: float = Field(
+        0.1, gt=0, description="scan period that the variances are for; longer gaps are cut into such steps [s]"
+    )
     max_wait_s: float = Field(0.15, ge=0, description="how long a moment waits for a sensor that has not reported [s]")
     waist: WaistOptions = WaistOptions()
     knee: KneeOptions = KneeOptions()
@@ -109,6 +113,7 @@ class _Matches:
     trunk: Index  # (p,) the trunk, or -1 where legs were used
     new_position: Array  # (q, 2) measurements that no track took
     new_trunk: Index  # (q,)
+    new_clearance: Array  # (q,) how far from everybody else somebody new must be to be believed [m]
 
 
 class LaserFisheyeImm:
@@ -209,7 +214,9 @@ class LaserFisheyeImm:
             return _Seen(trunks, legs, None, np.zeros((len(trunks), self._histogram.size)), nothing, nothing)
         expected = (self._intrinsics.height, self._intrinsics.width, 3)
         if image.rgb.shape != expected:
-            raise InputError(f"image of {image.sensor!r} has shape {image.rgb.shape}; the rig's intrinsics say {expected}")
+            raise InputError(
+                f"image of {image.sensor!r} has shape {image.rgb.shape}; the rig's intrinsics say {expected}"
+            )
         windows = self._projector.windows(trunks)
         histograms = self._histogram.of_windows(image.rgb, windows.pixels, windows.inside)
         return _Seen(trunks, legs, windows, histograms, windows.usable, windows.clear)
@@ -238,7 +245,9 @@ class LaserFisheyeImm:
     def _associate(self, seen: _Seen) -> _Matches:
         """Trunks to tracks, then legs to the tracks left over: waist, else knee, never both."""
         everyone = np.arange(len(self._people))
-        tracks, trunks = self._match(everyone, seen.trunks.position, self.options.waist.radius_m, self._colour_cost(seen))
+        tracks, trunks = self._match(
+            everyone, seen.trunks.position, self.options.waist.radius_m, self._colour_cost(seen)
+        )
         left = np.setdiff1d(everyone, tracks, assume_unique=True)
         expected = self._positions()[left[self._people.confirmed[left]]]
         knee, R = self.options.knee, self.options.measurement_variance_m2
@@ -246,6 +255,9 @@ class LaserFisheyeImm:
         by_legs, legs = self._match(left, walkers, self.options.knee.radius_m, None)
         new_trunk = np.setdiff1d(np.arange(len(seen.trunks)), trunks, assume_unique=True)
         new_walker = np.setdiff1d(np.arange(len(walkers)), legs, assume_unique=True)
+        # a lone leg within a stride of somebody is likelier theirs than somebody new
+        body = self.options.management.body_radius_m
+        clearance = np.where(one_legged[new_walker], max(body, knee.stride_m), body)
         return _Matches(
             track=np.concatenate([tracks, by_legs]),
             position=np.concatenate([seen.trunks.position[trunks], walkers[legs]]),
@@ -253,6 +265,7 @@ class LaserFisheyeImm:
             trunk=np.concatenate([trunks, np.full(legs.size, -1)]),
             new_position=np.concatenate([seen.trunks.position[new_trunk], walkers[new_walker]]),
             new_trunk=np.concatenate([new_trunk, np.full(new_walker.size, -1)]),
+            new_clearance=np.concatenate([np.full(new_trunk.size, body), clearance]),
         )
 
     def _match(self, tracks: Index, position: Array, radius_m: float, extra: Array | None) -> tuple[Index, Index]:
@@ -367,7 +380,7 @@ class LaserFisheyeImm:
             return
         bodies = np.concatenate([self._positions(), matches.position])
         if len(bodies):
-            free = distances(position, bodies).min(axis=1) > self.options.management.body_radius_m
+            free = distances(position, bodies).min(axis=1) > matches.new_clearance
             position, trunk = position[free], trunk[free]
         histograms = np.zeros((len(position), self._histogram.size))
         by_trunk = trunk >= 0
@@ -385,9 +398,12 @@ class LaserFisheyeImm:
         self._windows = []
         if seen.windows is None:
             return
-        owner = {int(trunk): int(self._people.id[track]) for track, trunk in zip(matches.track, matches.trunk, strict=True)}
+        owner = {
+            int(trunk): int(self._people.id[track]) for track, trunk in zip(matches.track, matches.trunk, strict=True)
+        }
         self._windows = [
-            (owner.get(int(trunk)) or None, seen.windows.outline(int(trunk))) for trunk in np.flatnonzero(seen.comparable)
+            (owner.get(int(trunk)) or None, seen.windows.outline(int(trunk)))
+            for trunk in np.flatnonzero(seen.comparable)
         ]
 
     # --- set up
@@ -399,7 +415,11 @@ class LaserFisheyeImm:
     def _make_filter(self) -> Imm:
         options = self.options
         pattern, variances = (
-            (IMM_MODELS, options.imm_variances) if options.filter == "imm" else (KALMAN_MODELS, (options.kalman_variances,))
+            (IMM_MODELS, options.imm_variances)
+            if options.filter == "imm"
+            else (KALMAN_MODELS, (options.kalman_variances,))
         )
         models = tuple(MotionModel(model.turn_persists, *pair) for model, pair in zip(pattern, variances, strict=True))
-        return Imm(models, transition_matrix(len(models), options.mode_stays), np.eye(2) * options.measurement_variance_m2)
+        return Imm(
+            models, transition_matrix(len(models), options.mode_stays), np.eye(2) * options.measurement_variance_m2
+        )

@@ -21,7 +21,9 @@ class ManagementOptions(Strict):
     confirm_after_s: float = Field(0.5, ge=0, description="a tentative track measured for longer is a person [s]")
     coast_s: float = Field(1.5, ge=0, description="a person not measured for this long is gone [s]")
     tentative_coast_s: float = Field(
-        0.15, ge=0, description="a tentative track not measured for longer was a false alarm [s] (ours: one scan may miss)"
+        0.15,
+        ge=0,
+        description="a tentative track not measured for longer was a false alarm [s] (ours: one scan may miss)",
     )
     body_radius_m: float = Field(
         0.45, ge=0, description="nothing new starts this near to a person already tracked or just measured [m] (ours)"

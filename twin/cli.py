@@ -21,7 +21,9 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-ScenarioName = Annotated[str, typer.Argument(help="Name of a shipped scenario (see `twin list`) or path of a YAML file.")]
+ScenarioName = Annotated[
+    str, typer.Argument(help="Name of a shipped scenario (see `twin list`) or path of a YAML file.")
+]
 Set = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="PATH=VALUE", help="Change a field, e.g. sensors.waist.rate_hz=20. May be repeated."),
@@ -94,7 +96,9 @@ def render(
 
 @app.command(epilog="Example: twin track walk.bag --tracker laser-imm --rig rig.yaml --out out/walk")
 def track(
-    recording: Annotated[Path, typer.Argument(help="A bag: the twin's recording.mcap, or a robot's ROS 1 or ROS 2 bag.")],
+    recording: Annotated[
+        Path, typer.Argument(help="A bag: the twin's recording.mcap, or a robot's ROS 1 or ROS 2 bag.")
+    ],
     tracker: Trackers = None,
     rig: Annotated[Path | None, typer.Option(help="rig.yaml: which topic is which sensor, and where it is.")] = None,
     set_: Set = None,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-OnProgress = Callable[[str, float, float], None]
-"""Called with what is being done, how much of it is done, and how much there is (in the same unit)."""
+from twin.results import OnProgress
 
 _ROWS = (
     ("MOTA", "mota", "{:.3f}"),

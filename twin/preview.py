@@ -52,7 +52,9 @@ class Preview:
             return
         self._last_ns = frame.stamp_ns
         newest = {
-            name: max((each for each in held if each.stamp_ns <= frame.stamp_ns), key=lambda each: each.stamp_ns, default=None)
+            name: max(
+                (each for each in held if each.stamp_ns <= frame.stamp_ns), key=lambda each: each.stamp_ns, default=None
+            )
             for name, held in self._observations.items()
         }
         image = next((each for each in newest.values() if isinstance(each, Image)), None)

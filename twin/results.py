@@ -1,21 +1,36 @@
-"""The folder a run leaves: metrics.json, the report, and what both are made of."""
+"""What a run leaves beside its recording: metrics.json and the report."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from twin.evaluate import Evaluation, evaluate_with_details
-from twin.recording.tables import TrackTable, TruthTable, read_tracks, read_truth
+from trackers.rig import Rig
+from twin.evaluate import evaluate_with_details
+from twin.feeding import Feed
+from twin.recording.tables import TruthTable, read_tracks
 from twin.recording.whole_file import whole_file
+from twin.report.birdseye import Polygon
+from twin.report.page import RunFacts, Still, TrackerResult, write_report
+from twin.report.scan_density import ScanDensity
 from twin.sensors.render import GlInfo
 from twin.tracking import TrackerAtWork, file_name
+
+OnProgress = Callable[[str, float, float], None]
+"""Called with what is being done, how much of it is done, and how much there is (in the same unit)."""
+
+SIMPLIFICATIONS = (
+    "People are kinematic: the standing foot is planted and the body follows it, but no forces act on it.",
+    "Laser beams are rays: a mixed pixel at an edge is drawn at random, and every surface reflects alike.",
+    "Images are rasterised at one instant: no shadows, no mirror images, no motion blur.",
+)
+"""What the twin leaves out of the physics, for whoever reads a report."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,74 +42,102 @@ class RunResult:
 
 
 @dataclass(frozen=True, eq=False)
-class Evaluated:
-    """Truth, tracks and figures of one run, read back from its tables."""
+class Place:
+    """Where it happened, for the report: the rig, the room's outline, what to call the people, a robot's scans."""
 
-    truth: TruthTable | None
-    tracks: dict[str, TrackTable]
-    evaluations: dict[str, Evaluation] = field(default_factory=dict)
+    rig: Rig
+    outline: Sequence[Polygon] = ()
+    person_names: Mapping[int, str] | None = None
+    scans: ScanDensity | None = None
 
 
-def evaluate_folder(folder: Path, trackers: Sequence[str]) -> Evaluated:
-    """Evaluate the tables in a run's folder; without truth.csv there is nothing to evaluate."""
-    tracks = {name: read_tracks(folder / "tracks" / f"{file_name(name)}.csv") for name in trackers}
-    path = folder / "truth.csv"
-    if not path.exists():
-        return Evaluated(None, tracks)
-    truth = read_truth(path)
-    return Evaluated(truth, tracks, {name: evaluate_with_details(truth, table) for name, table in tracks.items()})
+def evaluate_trackers(folder: Path, at_work: Sequence[TrackerAtWork], truth: TruthTable | None) -> list[TrackerResult]:
+    """Each tracker's table read back from `folder/tracks`, with its figures where there is truth."""
+    results = []
+    for each in at_work:
+        tracks = read_tracks(folder / "tracks" / f"{file_name(each.name)}.csv")
+        evaluation = evaluate_with_details(truth, tracks) if truth is not None else None
+        results.append(TrackerResult(each.name, tracks, evaluation, each.ms_per_frame()))
+    return results
+
+
+def write_results(
+    folder: Path, facts: RunFacts, results: Sequence[TrackerResult], feed: Feed, truth: TruthTable | None, place: Place
+) -> RunResult:
+    """Write `report.html`, and `metrics.json` where there is truth."""
+    files = {f"tracks {each.name}": folder / "tracks" / f"{file_name(each.name)}.csv" for each in results}
+    if feed.shown is not None:
+        files["preview"] = folder / "preview.mp4"
+    metrics = None
+    if truth is not None:
+        metrics = _metrics_document(facts, results)
+        files["metrics"] = folder / "metrics.json"
+        with whole_file(files["metrics"]) as stream:
+            json.dump(metrics, stream, indent=2, allow_nan=False)
+            stream.write("\n")
+    files["report"] = folder / "report.html"
+    stills = feed.shown.stills if feed.shown is not None else []
+    write_report(
+        files["report"],
+        facts,
+        results,
+        place.rig,
+        truth=truth,
+        outline=place.outline,
+        scans=place.scans,
+        person_names=place.person_names,
+        stills=[Still(jpeg, f"{results[0].name} at {t:.1f} s") for t, jpeg in stills],
+    )
+    return RunResult(metrics, files)
+
+
+def tracker_notes(at_work: Sequence[TrackerAtWork]) -> list[str]:
+    """What a reader must know of how the trackers worked: a background learned on the way, observations discarded."""
+    notes = []
+    for each in at_work:
+        if getattr(each.tracker, "background_learned_causally", False):
+            notes.append(
+                f"{each.name}: no scans of the empty room; the background was learned from the scans as they came."
+            )
+        discarded = getattr(each.tracker, "discarded", 0)
+        if discarded:
+            notes.append(f"{each.name}: {discarded} observations came too late or twice and were discarded.")
+    return notes
 
 
 def versions(gl: GlInfo | None) -> dict[str, str | None]:
     """What a result depends on besides the scenario."""
-    features = np.show_config(mode="dicts")["SIMD Extensions"]  # pyright: ignore[reportIndexIssue, reportOptionalSubscript]
+    # numpy lists what it found of the instruction sets it can use: sin, exp and arctan differ between them.
+    simd: Any = np.show_config(mode="dicts")
     return {
         "twin": version("roomtwin"),
         "mujoco": version("mujoco"),
         "numpy": version("numpy"),
         "opencv": version("opencv-python-headless"),
-        "cpu_features": " ".join(features.get("found", [])),
+        "cpu_features": " ".join(simd["SIMD Extensions"].get("found", [])),
         "gl_renderer": gl.renderer if gl else None,
         "gl_version": gl.version if gl else None,
     }
 
 
-def metrics_document(
-    *,
-    scenario: str,
-    seed: int,
-    duration_s: float,
-    gl: GlInfo | None,
-    realtime_factor: float,
-    sensors: Mapping[str, Any],
-    at_work: Sequence[TrackerAtWork],
-    evaluations: Mapping[str, Evaluation],
-) -> dict[str, Any]:
-    """The content of metrics.json."""
+def _metrics_document(facts: RunFacts, results: Sequence[TrackerResult]) -> dict[str, Any]:
     return {
-        "scenario": scenario,
-        "seed": seed,
-        "duration_s": duration_s,
-        "versions": versions(gl),
-        "realtime_factor": realtime_factor,
-        "sensors": dict(sensors),
+        "scenario": facts.title,
+        "seed": facts.seed,
+        "duration_s": facts.duration_s,
+        "versions": dict(facts.versions),
+        "realtime_factor": facts.realtime_factor,
+        "sensors": {name: dict(costs) for name, costs in facts.sensors.items()},
         "trackers": {
-            each.name: evaluations[each.name].metrics | {"ms_per_frame": each.ms_per_frame()}
-            for each in at_work
-            if each.name in evaluations
+            each.name: each.evaluation.metrics | {"ms_per_frame": dict(each.ms_per_frame)}
+            for each in results
+            if each.evaluation is not None
         },
     }
 
 
-def write_json(path: Path, content: Any) -> None:
-    """Write JSON that appears under its name when it is whole."""
-    with whole_file(path) as stream:
-        json.dump(content, stream, indent=2, allow_nan=False)
-        stream.write("\n")
-
-
 def remove_earlier(folder: Path, kept: Sequence[Path]) -> None:
-    """Remove what an earlier run into this folder left and this one does not make anew, so that no two runs mix."""
+    """Remove what an earlier run into this folder left and this one did not make anew, so that no two runs mix."""
     names = ("truth.csv", "recording.mcap", "metrics.json", "report.html", "preview.mp4", "scenario.yaml")
     for path in (*(folder / name for name in names), *(folder / "tracks").glob("*.csv")):
         if path not in kept:

@@ -2,27 +2,34 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
 from trackers.observations import NS_PER_S
+from twin.feeding import feed
 from twin.outline import room_outline
-from twin.preview import preview
-from twin.recording.messages import Encoded
-from twin.recording.tables import truth_writer
+from twin.recording.tables import read_truth, truth_writer
 from twin.recording.whole_file import whole_file
 from twin.recording.writer import BagWriter
-from twin.report.page import write_report
-from twin.results import RunResult, evaluate_folder, metrics_document, remove_earlier, write_json
+from twin.report.page import RunFacts
+from twin.results import (
+    SIMPLIFICATIONS,
+    OnProgress,
+    Place,
+    RunResult,
+    evaluate_trackers,
+    remove_earlier,
+    tracker_notes,
+    versions,
+    write_results,
+)
 from twin.scenario import Scenario
 from twin.scenario.load import dump_scenario
 from twin.simulation import Simulation
-from twin.tracking import file_name, trackers_at_work
 from twin.truth import TruthFrame
-
-OnProgress = Callable[[str, float, float], None]
 
 DEFAULT_TRACKER = "laser-fisheye-imm"
 
@@ -38,100 +45,95 @@ def run_scenario(
 ) -> RunResult:
     """Simulate, record, track, evaluate and report into `out` (default out/<scenario>-<seed>).
 
-    `trackers`: names; None: those the scenario defines, or the default; empty: none. Every file appears under its
-    name when it is whole. Raises InputError for bad input, before anything is written.
+    `trackers`: names; None: those the scenario defines, else the default; empty: none, and so no metrics and no report.
+    Every file appears under its name when it is whole. Raises InputError for bad input, before anything is written.
     """
     names = list(trackers) if trackers is not None else list(scenario.trackers) or [DEFAULT_TRACKER]
     folder = out if out is not None else Path("out") / f"{scenario.name}-{scenario.seed}"
-    told: list[Callable[[TruthFrame], object]] = []
+    resolved = dump_scenario(scenario)
+    listeners: list[Callable[[TruthFrame], object]] = []
 
-    def on_truth(frame: TruthFrame) -> None:
-        for tell in told:
-            tell(frame)
+    def tell(frame: TruthFrame) -> None:
+        for listen in listeners:
+            listen(frame)
 
     with ExitStack() as stack:
-        simulation = stack.enter_context(Simulation(scenario, images=images, on_truth=on_truth))
-        person_names = {number: name for name, number in simulation.world.scene.ids.items()}
-        outline = room_outline(simulation.world.scene.model, simulation.world.data)
-        gl = simulation.gl_info()
-        background: list[Encoded] = list(simulation.background_messages())
-        observed = [encoded.observation for encoded in background]
-        seed = scenario.seed
-        at_work = stack.enter_context(
-            trackers_at_work(names, scenario.trackers, simulation.rig, observed, seed, folder / "tracks")
+        simulation = stack.enter_context(Simulation(scenario, images=images, on_truth=tell))
+        scene, rig = simulation.world.scene, simulation.rig
+        background = list(simulation.background_messages())
+        place = Place(
+            rig,
+            room_outline(scene.model, simulation.world.data),
+            {number: name for name, number in scene.ids.items()},
+        )
+        fed = stack.enter_context(
+            feed(
+                folder,
+                rig,
+                [encoded.observation for encoded in background],
+                names,
+                scenario.trackers,
+                scenario.seed,
+                video_hz=scenario.sensors[rig.main_sensor].rate_hz if video else None,
+                title=f"{scenario.name}, seed {scenario.seed}",
+                outline=place.outline,
+                person_names=place.person_names,
+            )
         )
         bag = stack.enter_context(
-            BagWriter(
-                folder / "recording.mcap", simulation.rig, scenario_yaml=dump_scenario(scenario), names=person_names
-            )
+            BagWriter(folder / "recording.mcap", rig, scenario_yaml=resolved, names=place.person_names)
         )
+        table = stack.enter_context(truth_writer(folder / "truth.csv", list(rig.sensors)))
+        listeners += [table.write, bag.truth]
+        if fed.shown is not None:
+            listeners.append(fed.shown.tell)
         for encoded in background:
             bag.background(encoded)
-        told += [stack.enter_context(truth_writer(folder / "truth.csv", list(simulation.rig.sensors))).write, bag.truth]
-        shown = None
-        if video:
-            rate_hz = scenario.sensors[simulation.rig.main_sensor].rate_hz
-            shown = stack.enter_context(
-                preview(
-                    folder / "preview.mp4",
-                    simulation.rig,
-                    fps=rate_hz,
-                    tracker=names[0] if names else "",
-                    title=f"{scenario.name}, seed {seed}",
-                    outline=outline,
-                    person_names=person_names,
-                )
-            )
-            told.append(shown.tell)
+        gl = simulation.gl_info()
 
         start = time.perf_counter()
         for delivered in simulation.deliveries():
-            observation = delivered.encoded.observation
             bag.observation(delivered.encoded, delivered.arrival_ns)
-            if shown is not None:
-                shown.observe(observation)
-            for place, each in enumerate(at_work):
-                for frame in each.update(observation):
-                    if place == 0 and shown is not None:
-                        shown.draw(frame)
-            if shown is not None and not at_work:
-                shown.draw_untracked(observation)
+            fed.observe(delivered.encoded.observation)
             on_progress("simulating and tracking", delivered.arrival_ns / NS_PER_S, scenario.duration_s)
-        for place, each in enumerate(at_work):
-            for frame in each.finish():
-                if place == 0 and shown is not None:
-                    shown.draw(frame)
+        fed.finish()
         spent_s = time.perf_counter() - start
-        sensors = simulation.sensor_costs()
-        rig = simulation.rig
-    with whole_file(folder / "scenario.yaml") as stream:
-        stream.write(dump_scenario(scenario))
 
-    on_progress("evaluating and reporting", 0, 1)
-    evaluated = evaluate_folder(folder, names)
-    metrics = metrics_document(
-        scenario=scenario.name,
-        seed=seed,
-        duration_s=scenario.duration_s,
-        gl=gl,
-        realtime_factor=scenario.duration_s / spent_s,
-        sensors=sensors,
-        at_work=at_work,
-        evaluations=evaluated.evaluations,
-    )
     files = {
         "recording": folder / "recording.mcap",
         "truth": folder / "truth.csv",
-        **{f"tracks {name}": folder / "tracks" / f"{file_name(name)}.csv" for name in names},
         "scenario": folder / "scenario.yaml",
     }
-    if video:
+    with whole_file(files["scenario"]) as stream:
+        stream.write(resolved)
+    if fed.shown is not None:
         files["preview"] = folder / "preview.mp4"
+    metrics = None
     if names:
-        write_json(folder / "metrics.json", metrics)
-        files["metrics"] = folder / "metrics.json"
-        files["report"] = folder / "report.html"
-        write_report(folder / "report.html")
+        on_progress("evaluating and reporting", 0, 1)
+        truth = read_truth(files["truth"])
+        facts = RunFacts(
+            title=scenario.name,
+            description=scenario.description,
+            seed=scenario.seed,
+            duration_s=scenario.duration_s,
+            realtime_factor=scenario.duration_s / spent_s,
+            versions=versions(gl),
+            sensors=simulation.sensor_costs(),
+            command=_command(folder, names, images),
+            notes=(*tracker_notes(fed.at_work), *SIMPLIFICATIONS),
+        )
+        result = write_results(folder, facts, evaluate_trackers(folder, fed.at_work, truth), fed, truth, place)
+        metrics = result.metrics
+        files |= result.files
+        on_progress("evaluating and reporting", 1, 1)
     remove_earlier(folder, list(files.values()))
-    on_progress("evaluating and reporting", 1, 1)
     return RunResult(metrics, files)
+
+
+def _command(folder: Path, names: Sequence[str], images: bool) -> str:
+    """The line that runs the resolved scenario again."""
+    parts = ["twin", "run", str(folder / "scenario.yaml")]
+    for name in names:
+        parts += ["--tracker", name]
+    return shlex.join([*parts, *([] if images else ["--no-images"])])

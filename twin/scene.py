@@ -9,12 +9,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.area import within
 from trackers.errors import InputError
 from trackers.rig import Point2
 from twin import models
 from twin.people.appearance import Appearance, appearance_of
 from twin.people.body import person_spec
-from trackers.area import within
 from twin.people.population import Population
 from twin.scenario import Scenario
 from twin.streams import stream

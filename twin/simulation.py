@@ -86,7 +86,9 @@ class Simulation:
         self.world = World(scenario)
         self._renderer = RendererOnDemand(self.world.scene.model)
         self._descriptions = {
-            name: description for name, description in scenario.sensors.items() if images or description.kind != "fisheye"
+            name: description
+            for name, description in scenario.sensors.items()
+            if images or description.kind != "fisheye"
         }
         self._sensors = {
             name: TimedSensor(build_sensor(name, description, self._renderer))
@@ -96,9 +98,7 @@ class Simulation:
         self.rig = Rig(sensors={name: sensor.rig_sensor() for name, sensor in self._sensors.items()}, area=area)
         self._check_mounts()
         self._on_truth = on_truth
-        self._views = {
-            name: sensor_view(sensor, self._descriptions[name]) for name, sensor in self.rig.sensors.items()
-        }
+        self._views = {name: sensor_view(sensor, self._descriptions[name]) for name, sensor in self.rig.sensors.items()}
         scheduled = [
             Scheduled(sensor, self._descriptions[name], stream(scenario.seed, "sensor", name))
             for name, sensor in self._sensors.items()
@@ -143,6 +143,16 @@ class Simulation:
         for delivery in self._schedule.observe(self):
             yield Delivered(encode(delivery.reading.observation), delivery.arrival_ns, delivery.reading)
         self._tell_truth_until(self.scenario.duration_s)
+
+    def look(self, stamp_ns: int) -> dict[str, Observation]:
+        """What each sensor would report at one stamp, by name, outside its schedule."""
+        looks = {}
+        for name, timed in self._sensors.items():
+            rng = stream(self.scenario.seed, "look", name)
+            snapshots = (self.world.snapshot(stamp_ns / NS_PER_S + offset) for offset in timed.instants_s)
+            reading, _ = timed.sensor.observe(stamp_ns, snapshots, None, rng)
+            looks[name] = encode(reading.observation).observation
+        return looks
 
     def snapshot(self, t: float) -> Snapshot:
         """The world at time t [s], after the truth of every stamp until then has been told."""

@@ -86,8 +86,6 @@ def trackers_at_work(
         built.append((name, make_tracker(choice.preset or name, rig, background, rng, choice.options)))
     with ExitStack() as stack:
         yield [
-            TrackerAtWork(
-                name, tracker, rig, stack.enter_context(track_writer(folder / f"{file_name(name)}.csv"))
-            )
+            TrackerAtWork(name, tracker, rig, stack.enter_context(track_writer(folder / f"{file_name(name)}.csv")))
             for name, tracker in built
         ]

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import mujoco
 import numpy as np
 
-from trackers.observations import NS_PER_S
 from trackers.area import within
+from trackers.observations import NS_PER_S
 from twin.scenario import Scenario
 from twin.scene import build_scene, populate
 from twin.snapshot import Snapshot

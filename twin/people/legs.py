@@ -1,4 +1,4 @@
-"""Closed-form inverse kinematics of a leg: three angles at the hip, one at the knee, two at the ankle."""
+"""Closed-form inverse kinematics of legs: three angles at the hip, one at the knee, two at the ankle."""
 
 from __future__ import annotations
 
@@ -6,51 +6,43 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Planar = NDArray[np.complex128]
 
 
 def leg_angles(
-    hip: Array, pelvis: Array, ankle: Array, foot_yaw: Array, foot_pitch: Array, thigh: Array, shank: Array
-) -> Array:
-    """Angles (..., 6) [rad] hip yaw, roll, pitch, knee, ankle pitch, roll, that hold the foot where it is asked.
+    over_floor: Planar, up: Array, pelvis_yaw: Array, foot_yaw: Array, foot_pitch: Array, thigh: Array, shank: Array
+) -> tuple[Array, Array, Array, Array, Array, Array]:
+    """Hip yaw, roll, pitch, knee, ankle pitch, roll [rad] that hold each foot where it is asked.
 
-    hip, ankle: joint centres (..., 3) in the room frame [m]; pelvis: rotation matrix (..., 3, 3) room from pelvis;
-    foot_yaw, foot_pitch: the foot is turned by Rz(yaw) Ry(pitch), so pitch > 0 lifts the heel; thigh, shank: segment
-    lengths [m]. The knee bends backwards only. A target farther than the straight leg is met in direction only.
-    Source: S. Kajita et al., "Introduction to Humanoid Robotics", section 2.5 (analytical solution).
+    over_floor, up: from ankle to hip joint, x + iy and z in the room frame [m]; the pelvis is turned by
+    Rz(pelvis_yaw), the foot by Rz(foot_yaw) Ry(foot_pitch), so pitch > 0 lifts the heel; thigh, shank [m]. Any shapes
+    that broadcast. The knee bends backwards only. A hip farther than the straight leg is met in direction only. Source:
+    S. Kajita et al., "Introduction to Humanoid Robotics", section 2.5 (analytical solution).
     """
-    foot = _rotation_zy(foot_yaw, foot_pitch)
-    reach = np.einsum("...ji,...j->...i", foot, hip - ankle)  # hip from ankle, in the foot's frame
-    square = np.einsum("...i,...i->...", reach, reach)
+    # the hip as the foot sees it: turned by -yaw, then -pitch
+    seen = over_floor * np.exp(-1j * foot_yaw)
+    cosine, sine = np.cos(foot_pitch), np.sin(foot_pitch)
+    x, y, z = cosine * seen.real - sine * up, seen.imag, sine * seen.real + cosine * up
+    square = x * x + y * y + z * z
     bend = (square - thigh**2 - shank**2) / (2 * thigh * shank)
-    knee = np.arccos(np.clip(bend, -1.0, 1.0))
-    upright = np.hypot(reach[..., 1], reach[..., 2])
-    ankle_roll = np.arctan2(reach[..., 1], reach[..., 2])
-    # direction of the hip as the shank sees it, the knee bent
-    seen = np.arctan2(-thigh * np.sin(knee), shank + thigh * np.cos(knee))
-    ankle_pitch = seen - np.arctan2(reach[..., 0], upright)
-    relative = np.einsum("...ji,...jk->...ik", pelvis, foot)
-    hip_rotation = relative @ _rotation_xy(-ankle_roll, -(ankle_pitch + knee))
-    hip_yaw = np.arctan2(-hip_rotation[..., 0, 1], hip_rotation[..., 1, 1])
-    hip_roll = np.arcsin(np.clip(hip_rotation[..., 2, 1], -1.0, 1.0))
-    hip_pitch = np.arctan2(-hip_rotation[..., 2, 0], hip_rotation[..., 2, 2])
-    return np.stack([hip_yaw, hip_roll, hip_pitch, knee, ankle_pitch, ankle_roll], axis=-1)
-
-
-def _rotation_zy(yaw: Array, pitch: Array) -> Array:
-    """Rz(yaw) Ry(pitch), (..., 3, 3)."""
-    cy, sy, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
-    out = np.zeros((*yaw.shape, 3, 3))
-    out[..., 0, 0], out[..., 0, 1], out[..., 0, 2] = cy * cp, -sy, cy * sp
-    out[..., 1, 0], out[..., 1, 1], out[..., 1, 2] = sy * cp, cy, sy * sp
-    out[..., 2, 0], out[..., 2, 2] = -sp, cp
-    return out
-
-
-def _rotation_xy(roll: Array, pitch: Array) -> Array:
-    """Rx(roll) Ry(pitch), (..., 3, 3)."""
-    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
-    out = np.zeros((*roll.shape, 3, 3))
-    out[..., 0, 0], out[..., 0, 2] = cp, sp
-    out[..., 1, 0], out[..., 1, 1], out[..., 1, 2] = sr * sp, cr, -sr * cp
-    out[..., 2, 0], out[..., 2, 1], out[..., 2, 2] = -cr * sp, sr, cr * cp
-    return out
+    knee = np.arccos(np.minimum(np.maximum(bend, -1.0), 1.0))
+    ankle_roll = np.arctan2(y, z)
+    # where the hip is for the shank, the knee bent so
+    toward_hip = np.arctan2(-thigh * np.sin(knee), shank + thigh * np.cos(knee))
+    ankle_pitch = toward_hip - np.arctan2(x, np.hypot(y, z))
+    # what is left for the hip: Rz(turn) Ry(foot pitch) Rx(-ankle roll) Ry(-(ankle pitch + knee)) = Rz Rx Ry
+    turn = foot_yaw - pelvis_yaw
+    c1, s1 = np.cos(turn), np.sin(turn)
+    c4, s4 = np.cos(ankle_roll), np.sin(ankle_roll)
+    below = ankle_pitch + knee
+    c5, s5 = np.cos(below), np.sin(below)
+    # columns of Ry(foot pitch) Rx(-ankle roll): first, second, third
+    mid_x, mid_y, mid_z = -sine * s4, c4, -cosine * s4
+    last_x, last_z = sine * c4, cosine * c4
+    hip_yaw = np.arctan2(-(c1 * mid_x - s1 * mid_y), s1 * mid_x + c1 * mid_y)
+    hip_roll = np.arcsin(np.minimum(np.maximum(mid_z, -1.0), 1.0))
+    # bottom row of the product with Ry(-below): first and third entry
+    first = -sine * c5 + last_z * s5
+    third = sine * s5 + last_z * c5
+    hip_pitch = np.arctan2(-first, third)
+    return hip_yaw, hip_roll, hip_pitch, knee, ankle_pitch, ankle_roll

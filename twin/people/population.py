@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.errors import InputError
 from trackers.area import within
-from twin.people import pose as columns
+from trackers.errors import InputError
 from twin.people.appearance import Appearance
-from twin.people.crowd import KEEP_FROM_EDGE_M, Crowd
+from twin.people.crowd import KEEP_FROM_EDGE_M, Crowd, planar
 from twin.people.gait import Gait
-from twin.people.pose import POSE_SIZE, joint_coordinates
+from twin.people.pose import FLOOR_ROWS, ROWS, Moment, heel_and_pelvis, joint_coordinates
 from twin.people.scripts import first_heading, random_places, script_of
+from twin.people.skeleton import Skeleton
 from twin.scenario.people import Person, Stand, Walk, Wander
 
 Array = NDArray[np.float64]
@@ -79,9 +79,9 @@ class Population:
         areas = [area if isinstance(person.script, Wander) else None for person in described]
         fixed = np.array([isinstance(person.script, Stand) for person in described], dtype=bool)
         self._scripts = [script_of(person, inner, rng) for person, rng in zip(described, random, strict=True)]
-        self._crowd = Crowd(position, heading, areas, fixed)
-        self._gait = Gait([appearances[name].proportions for name in self.names], position, heading)
-        self._skeleton = self._gait.skeleton
+        self._crowd = Crowd(planar(position), heading, areas, fixed)
+        self._skeleton = Skeleton([appearances[name].proportions for name in self.names])
+        self._gait = Gait(self._skeleton, self._crowd)
         count = len(self.names)
         self._until = np.zeros(count)
         self._blocked_s = np.zeros(count)
@@ -90,8 +90,10 @@ class Population:
         self._gaze = np.zeros(count)
         self._gaze_until = np.zeros(count)
         self._tick = 0
-        self._memory = np.zeros((round(HISTORY_S / TICK_S) + 1, count, POSE_SIZE))
-        self._memory[0] = self._gait.pose()
+        size = round(HISTORY_S / TICK_S) + 1
+        self._floor = np.zeros((size, FLOOR_ROWS, count), dtype=complex)
+        self._rows = np.zeros((size, ROWS, count))
+        self._remember()
 
     def __len__(self) -> int:
         return len(self.names)
@@ -103,30 +105,41 @@ class Population:
 
     def qpos(self, t: float) -> Array:
         """Joint coordinates (n, NQ_PERSON) at time t [s], laid out as `twin.people.body.JOINTS` says."""
-        return joint_coordinates(self._pose(t), self._skeleton)
+        return joint_coordinates(self._moment(t), self._skeleton)
 
     def truth(self, t: float) -> PopulationTruth:
         """Where everybody is at time t [s]."""
-        pose = self._pose(t)
-        feet = pose[:, columns.FEET].reshape(len(pose), 2, 5)
-        x, y, z = pose[:, columns.PELVIS].T
-        vx, vy = pose[:, columns.VELOCITY].T
-        yaw = pose[:, columns.HEADING]
-        return PopulationTruth(x, y, z, (yaw + np.pi) % (2 * np.pi) - np.pi, vx, vy, feet[..., :3])
+        moment = self._moment(t)
+        pelvis, velocity = moment.pelvis, moment.pelvis_velocity
+        _, _, height = heel_and_pelvis(moment, self._skeleton)
+        feet = np.stack([moment.floor[2:4].real, moment.floor[2:4].imag, moment.rows[9:11]], axis=-1)
+        yaw = (moment.rows[0] + np.pi) % (2 * np.pi) - np.pi
+        return PopulationTruth(
+            pelvis.real, pelvis.imag, height, yaw, velocity.real, velocity.imag, feet.transpose(1, 0, 2)
+        )
 
-    def _pose(self, t: float) -> Array:
-        oldest = max(0, self._tick - len(self._memory) + 1)
+    def _moment(self, t: float) -> Moment:
+        """The moment at time t [s], between the two ticks around it."""
+        size = len(self._rows)
+        oldest = max(0, self._tick - size + 1)
         place = t / TICK_S
-        if not oldest <= place <= self._tick + 1e-9:
+        if not oldest <= place <= self._tick + 1e-6:
             raise ValueError(
                 f"t = {t} s is not between {oldest * TICK_S:.2f} and {self._tick * TICK_S:.2f} s: advance(t) first, and "
                 f"look back by at most {HISTORY_S} s"
             )
         before = min(int(place), max(self._tick - 1, 0))
         share = place - before
-        size = len(self._memory)
-        early, late = self._memory[before % size], self._memory[min(before + 1, self._tick) % size]
-        return early + share * (late - early)
+        early, late = before % size, min(before + 1, self._tick) % size
+        return Moment(
+            self._floor[early] + share * (self._floor[late] - self._floor[early]),
+            self._rows[early] + share * (self._rows[late] - self._rows[early]),
+        )
+
+    def _remember(self) -> None:
+        slot = self._tick % len(self._rows)
+        self._floor[slot] = self._gait.moment.floor
+        self._rows[slot] = self._gait.moment.rows
 
     def _step(self) -> None:
         crowd = self._crowd
@@ -134,24 +147,21 @@ class Population:
         self._blocked_s = np.where(crowd.blocked(), self._blocked_s + TICK_S, 0.0)
         ended = (t >= self._until) | crowd.arrived() | (self._may_replan & (self._blocked_s > _BLOCKED_FOR_S))
         if ended.any():
-            for place in np.nonzero(ended)[0]:
-                others = np.delete(crowd.position, place, axis=0)
-                order = self._scripts[place].next_order(t, crowd.position[place], others)
-                crowd.order(place, order)
-                self._until[place] = order.until
-                self._blocked_s[place] = 0.0
+            here = np.stack([crowd.place.real, crowd.place.imag], axis=-1)
+            for person in np.nonzero(ended)[0]:
+                order = self._scripts[person].next_order(t, here[person], np.delete(here, person, axis=0))
+                crowd.order(int(person), order)
+                self._until[person] = order.until
+                self._blocked_s[person] = 0.0
         looks = t >= self._gaze_until
         if looks.any():
             for place in np.nonzero(looks)[0]:
                 self._gaze[place] = np.clip(self._random[place].normal(0.0, 0.3), -0.8, 0.8)
                 self._gaze_until[place] = t + self._random[place].uniform(0.8, 3.0)
         crowd.step(TICK_S)
-        self._gait.step(
-            crowd.position, crowd.velocity, crowd.acceleration, crowd.heading, crowd.turn_rate,
-            np.clip(self._gaze + 0.25 * crowd.turn_rate, -1.0, 1.0), TICK_S,
-        )  # fmt: skip
+        self._gait.step(crowd, self._gaze + 0.25 * crowd.turn_rate, TICK_S)
         self._tick += 1
-        self._memory[self._tick % len(self._memory)] = self._gait.pose()
+        self._remember()
 
 
 def _starts(

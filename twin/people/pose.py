@@ -1,115 +1,149 @@
-"""A body's pose in few numbers that may be interpolated, and the joint coordinates that follow from it."""
+"""From a moment of the gait to the whole body: heels, pelvis, legs, arms, head."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.people.body import JOINT_PLACE, LEG, NECK, NQ_PERSON, SIDES, SPINE
+from twin.people.body import JOINT_PLACE, LEG, NQ_PERSON, SIDES
 from twin.people.legs import leg_angles
-from twin.people.proportions import Proportions
+from twin.people.skeleton import Skeleton
 
 Array = NDArray[np.float64]
+Planar = NDArray[np.complex128]
 
-# Columns of a pose (n, POSE_SIZE). Angles are unwrapped, so that every column may be interpolated linearly.
-PELVIS = slice(0, 3)  # x, y, z, room frame [m]
-PELVIS_YAW = 3
-PELVIS_ROLL = 4
-SPINE_ANGLES = slice(5, 8)
-NECK_ANGLES = slice(8, 10)
-SHOULDER_PITCH = slice(10, 12)  # left, right
-ELBOW = slice(12, 14)
-VELOCITY = slice(14, 16)  # of the ground point under the pelvis [m/s]
-HEADING = 16  # where the person faces [rad]
-FEET = slice(17, 27)  # left, then right: x, y, height, pitch, yaw
-POSE_SIZE = 27
+FLOOR_ROWS = 4
+ROWS = 15
 
-_SHOULDER_ROLL_RAD = 0.10
+_STRAIGHTEST = 0.9975
+"""Longest distance from hip to ankle as a share of the leg: the knee keeps 8 degrees, as a standing person's does."""
+_STANDS_AT = 0.997
+"""Height of the hips over the ankles when standing, as a share of the leg."""
+_HIGHEST_HEEL_RAD = 1.15
+_TIPTOE_FROM_M = 0.2
+_TWIST_PER_STRIDE = 0.13
+"""Turn of the pelvis towards the foot in front [rad/m, for the reference leg]."""
+_SWING_PER_STRIDE = 0.62
+"""Swing of the arms against the legs [rad/m, for the reference leg]."""
+_ARMS_OUT_RAD = 0.10
+
 _LEGS = np.array([[JOINT_PLACE[f"{side}_{joint}"] for joint in LEG] for side in SIDES])  # (2, 7)
-_SPINE = [JOINT_PLACE[name] for name in SPINE]
-_NECK = [JOINT_PLACE[name] for name in NECK]
-_SHOULDER_PITCH = [JOINT_PLACE[f"{side}_shoulder_pitch"] for side in SIDES]
-_SHOULDER_ROLL = [JOINT_PLACE[f"{side}_shoulder_roll"] for side in SIDES]
-_ELBOW = [JOINT_PLACE[f"{side}_elbow"] for side in SIDES]
+_SPINE_YAW, _SPINE_PITCH, _SPINE_ROLL = (JOINT_PLACE[name] for name in ("spine_yaw", "spine_pitch", "spine_roll"))
+_NECK_YAW, _NECK_PITCH = (JOINT_PLACE[name] for name in ("neck_yaw", "neck_pitch"))
+_ARMS = tuple(
+    tuple(JOINT_PLACE[f"{side}_{joint}"] for joint in ("shoulder_pitch", "shoulder_roll", "elbow")) for side in SIDES
+)
 
 
-class Skeleton:
-    """The segment lengths of n people [m], as arrays."""
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """How n people move at one time, in numbers that may be interpolated linearly (angles are unwrapped).
 
-    def __init__(self, proportions: Sequence[Proportions]) -> None:
-        def column(name: str) -> Array:
-            return np.array([getattr(person, name) for person in proportions], dtype=float)
-
-        self.ankle_height = column("ankle_height")  # (n,)
-        self.hip_height = column("hip_height")
-        self.thigh = column("thigh")
-        self.shank = column("shank")
-        self.heel = column("heel_behind_ankle")
-        self.ball = column("ball_before_ankle")
-        half = column("hip_joint_width") / 2
-        self.hip_offset = half[:, None] * np.array([1.0, -1.0])  # (n, 2) to the left of the pelvis
-        self.leg = self.thigh + self.shank
-
-
-def ankles(feet: Array, skeleton: Skeleton) -> Array:
-    """Ankle joints (n, 2, 3) [m] of feet (n, 2, 5): x, y, height, pitch, yaw.
-
-    x, y, height place the sole's point under the ankle as if the foot were flat. A foot with its heel up (pitch > 0)
-    turns about the ball, one with its toes up about the heel, so that a standing foot's pivot stays where it is.
+    floor (4, n) complex x + iy: place of the body [m], its velocity [m/s], left foot, right foot [m].
+    rows (15, n): heading [rad], turn rate [rad/s], pelvis height about its standing height, sway of the pelvis to the
+    left [m], its rate [m/s], trunk pitch, trunk roll, gaze, elbow [rad], height of the left and right foot [m], their
+    pitch before what the leg's reach adds [rad], their yaw [rad].
     """
-    pitch, yaw = feet[..., 3], feet[..., 4]
-    pivot = np.where(pitch > 0, skeleton.ball[:, None], -skeleton.heel[:, None])
-    height = skeleton.ankle_height[:, None]
-    cosine, sine = np.cos(pitch), np.sin(pitch)
-    ahead = pivot * (1 - cosine) + height * sine
-    out = np.empty((*feet.shape[:2], 3))
-    out[..., 0] = feet[..., 0] + ahead * np.cos(yaw)
-    out[..., 1] = feet[..., 1] + ahead * np.sin(yaw)
-    out[..., 2] = feet[..., 2] + pivot * sine + height * cosine
-    return out
+
+    floor: Planar
+    rows: Array
+
+    @property
+    def pelvis(self) -> Planar:
+        """Ground point under the pelvis, (n,) [m]."""
+        return self.floor[0] + 1j * self.rows[3] * np.exp(1j * self.rows[0])
+
+    @property
+    def pelvis_velocity(self) -> Planar:
+        """Velocity of the ground point under the pelvis, (n,) [m/s]."""
+        turning = 1j * self.rows[4] - self.rows[1] * self.rows[3]
+        return self.floor[1] + turning * np.exp(1j * self.rows[0])
 
 
-def pelvis_rotation(yaw: Array, roll: Array) -> Array:
-    """Rz(yaw) Rx(roll), (n, 3, 3)."""
-    cy, sy, cr, sr = np.cos(yaw), np.sin(yaw), np.cos(roll), np.sin(roll)
-    out = np.zeros((len(yaw), 3, 3))
-    out[:, 0, 0], out[:, 0, 1], out[:, 0, 2] = cy, -sy * cr, sy * sr
-    out[:, 1, 0], out[:, 1, 1], out[:, 1, 2] = sy, cy * cr, -cy * sr
-    out[:, 2, 1], out[:, 2, 2] = sr, cr
-    return out
+def heel_and_pelvis(moment: Moment, skeleton: Skeleton) -> tuple[Array, Array, Array]:
+    """Pitch of the feet (2, n) [rad], yaw (n,) [rad] and height (n,) [m] of the pelvis.
+
+    Heels come up as far as the legs need to reach the hips; where that is not enough the pelvis comes down.
+    """
+    yaw = moment.rows[0] - _TWIST_PER_STRIDE * _stride(moment) / skeleton.scale
+    hips = moment.pelvis + 1j * skeleton.hip_offset * np.exp(1j * yaw)
+    height = _STANDS_AT * skeleton.leg + skeleton.ankle_height + moment.rows[2]
+    pitch = moment.rows[11:13]
+    needed = _heel_needed(moment, hips, height, skeleton)
+    pitch = np.where(pitch < 0, pitch + needed, np.maximum(pitch, needed))
+    ankle, ankle_height = _ankles(moment, pitch, skeleton)
+    reach = (_STRAIGHTEST * skeleton.leg) ** 2 - np.abs(hips - ankle) ** 2
+    allowed = ankle_height + np.sqrt(np.maximum(reach, 0.0))
+    return pitch, yaw, np.minimum(height, np.minimum(allowed[0], allowed[1]))
 
 
-def joint_coordinates(pose: Array, skeleton: Skeleton) -> Array:
-    """`qpos` (n, NQ_PERSON) of each person from poses (n, POSE_SIZE)."""
-    count = len(pose)
-    feet = pose[:, FEET].reshape(count, 2, 5)
-    yaw, roll = pose[:, PELVIS_YAW], pose[:, PELVIS_ROLL]
-    rotation = pelvis_rotation(yaw, roll)
-    hips = pose[:, None, PELVIS] + skeleton.hip_offset[..., None] * rotation[:, None, :, 1]
+def joint_coordinates(moment: Moment, skeleton: Skeleton) -> Array:
+    """`qpos` (n, NQ_PERSON) of each person, laid out as `twin.people.body.JOINTS` says."""
+    pitch, yaw, height = heel_and_pelvis(moment, skeleton)
+    pelvis, rows = moment.pelvis, moment.rows
+    facing = np.exp(1j * yaw)
+    hips = pelvis + 1j * skeleton.hip_offset * facing
+    ankle, ankle_height = _ankles(moment, pitch, skeleton)
+    feet_yaw = rows[13:15]
     legs = leg_angles(
-        hips,
-        np.broadcast_to(rotation[:, None], (count, 2, 3, 3)),
-        ankles(feet, skeleton),
-        feet[..., 4],
-        feet[..., 3],
-        skeleton.thigh[:, None],
-        skeleton.shank[:, None],
+        hips - ankle, height - ankle_height, yaw, feet_yaw, pitch, skeleton.thigh, skeleton.shank
     )
-    out = np.zeros((count, NQ_PERSON))
-    out[:, 0:3] = pose[:, PELVIS]
-    half_yaw, half_roll = yaw / 2, roll / 2
-    out[:, 3] = np.cos(half_yaw) * np.cos(half_roll)
-    out[:, 4] = np.cos(half_yaw) * np.sin(half_roll)
-    out[:, 5] = np.sin(half_yaw) * np.sin(half_roll)
-    out[:, 6] = np.sin(half_yaw) * np.cos(half_roll)
-    out[:, _SPINE] = pose[:, SPINE_ANGLES]
-    out[:, _NECK] = pose[:, NECK_ANGLES]
-    out[:, _SHOULDER_PITCH] = pose[:, SHOULDER_PITCH]
-    out[:, _SHOULDER_ROLL] = (_SHOULDER_ROLL_RAD, -_SHOULDER_ROLL_RAD)
-    out[:, _ELBOW] = pose[:, ELBOW]
-    out[:, _LEGS[:, :6]] = legs
+    stride = _stride(moment) / skeleton.scale
+    twist = -_TWIST_PER_STRIDE * stride
+    out = np.zeros((NQ_PERSON, len(yaw)))
+    out[0], out[1], out[2] = pelvis.real, pelvis.imag, height
+    out[3], out[6] = np.cos(0.5 * yaw), np.sin(0.5 * yaw)
+    # the shoulders turn against the pelvis, the head stays with the gaze
+    out[_SPINE_YAW], out[_SPINE_PITCH], out[_SPINE_ROLL] = -2.0 * twist, rows[5], rows[6]
+    out[_NECK_YAW], out[_NECK_PITCH] = rows[7] + twist, 0.04 - 0.8 * rows[5]
+    for (pitch_place, roll_place, elbow_place), sign in zip(_ARMS, (1.0, -1.0), strict=True):
+        swing = 0.04 + sign * _SWING_PER_STRIDE * stride
+        out[pitch_place] = swing - 0.7 * rows[5]
+        out[roll_place] = sign * _ARMS_OUT_RAD
+        out[elbow_place] = 0.5 * np.minimum(swing, 0.0) - rows[8]
+    for place in range(6):
+        out[_LEGS[:, place]] = legs[place]
     # the toes stay level while the heel is up
-    out[:, _LEGS[:, 6]] = -np.maximum(feet[..., 3], 0.0)
-    return out
+    out[_LEGS[:, 6]] = -np.maximum(pitch, 0.0)
+    return out.T
+
+
+def _stride(moment: Moment) -> Array:
+    """How far the left foot is before the right one, along the heading, (n,) [m]."""
+    return ((moment.floor[2] - moment.floor[3]) * np.exp(-1j * moment.rows[0])).real
+
+
+def _ankles(moment: Moment, pitch: Array, skeleton: Skeleton) -> tuple[Planar, Array]:
+    """Ankle joints: places (2, n) complex and heights (2, n) [m].
+
+    A foot with its heel up (pitch > 0) turns about the ball, one with its toes up about the heel, so that the pivot of
+    a standing foot stays where it is.
+    """
+    pivot = np.where(pitch > 0, skeleton.ball, -skeleton.heel)
+    cosine, sine = np.cos(pitch), np.sin(pitch)
+    ahead = pivot * (1 - cosine) + skeleton.ankle_height * sine
+    place = moment.floor[2:4] + ahead * np.exp(1j * moment.rows[13:15])
+    return place, moment.rows[9:11] + pivot * sine + skeleton.ankle_height * cosine
+
+
+def _heel_needed(moment: Moment, hips: Planar, height: Array, skeleton: Skeleton) -> Array:
+    """Pitch (2, n) [rad] by which a foot must turn about its ball for the leg to reach it, 0 where it need not.
+
+    In the plane of the foot: the ankle lies on a circle about the ball, and must come within the leg's length of the
+    hip; law of cosines.
+    """
+    gap = (hips - moment.floor[2:4]) * np.exp(-1j * moment.rows[13:15])
+    ahead, aside = gap.real - skeleton.ball, gap.imag
+    up = height - moment.rows[9:11]
+    radius = np.hypot(skeleton.ball, skeleton.ankle_height)
+    rest = np.arctan2(skeleton.ankle_height, -skeleton.ball)
+    far = ahead**2 + up**2
+    leg = (_STRAIGHTEST * skeleton.leg) ** 2 - aside**2
+    cosine = (far + radius**2 - leg) / (2 * np.sqrt(far) * radius)
+    spread = np.arccos(np.minimum(np.maximum(cosine, -1.0), 1.0))
+    needed = np.minimum(np.maximum(rest - np.arctan2(up, ahead) - spread, 0.0), _HIGHEST_HEEL_RAD)
+    # a foot before the body is reached by a lower pelvis, not on tiptoe
+    behind = np.minimum(np.maximum(0.5 + gap.real * (1 / _TIPTOE_FROM_M), 0.0), 1.0)
+    return needed * behind

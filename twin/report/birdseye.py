@@ -41,12 +41,12 @@ class FloorView:
     def fit(cls, extent: Polygon, width_px: int, height_px: int | None = None, margin_m: float = 0.4) -> FloorView:
         """The view that shows the bounding box of `extent` (k, 2) [m] centred in a picture of this size.
 
-        Without a height the picture is as high as the box asks for, between a third of the width and the width.
+        Without a height the picture is as high as the box asks for, between a third and four fifths of the width.
         """
         low, high = extent.min(axis=0) - margin_m, extent.max(axis=0) + margin_m
         size = np.maximum(high - low, 1.0)
         if height_px is None:
-            height_px = round(float(np.clip(size[1] / size[0], 1 / 3, 1.0)) * width_px)
+            height_px = round(float(np.clip(size[1] / size[0], 1 / 3, 0.8)) * width_px)
         scale = float(min(width_px / size[0], height_px / size[1]))
         centre = (low + high) / 2
         return cls(
@@ -79,17 +79,17 @@ class FloorView:
         )
 
 
-def floor_extent(rig: Rig, outline: Sequence[Polygon], points: Polygon | None = None) -> Polygon:
+def floor_extent(rig: Rig, outline: Sequence[Polygon], *seen: Polygon) -> Polygon:
     """The floor points (k, 2) [m] that a drawing must show: the room, the tracked area and the sensors.
 
-    Where neither room nor area is known, `points` (n, 2) [m] (scan hits, paths) stand in for them: the middle 96 % of
-    them on either axis, so that one stray return down a corridor does not shrink the rest.
+    Where neither room nor area is known, sets of points (n, 2) [m] (what scans reach, paths) stand in for them: of each
+    the middle 96 % on either axis, so that one stray return down a corridor does not shrink the rest.
     """
     parts = [np.asarray(polygon, dtype=float) for polygon in outline]
     if rig.area is not None:
         parts.append(np.array(rig.area, dtype=float))
-    if not parts and points is not None and len(points):
-        parts.append(np.percentile(points, (2, 98), axis=0))
+    if not parts:
+        parts.extend(np.percentile(points, (2, 98), axis=0) for points in seen if len(points))
     parts.extend(sensor.room_from_sensor.translation[None, :2] for sensor in rig.sensors.values())
     extent = np.concatenate(parts) if parts else np.zeros((1, 2))
     if np.ptp(extent, axis=0).max() < 1.0:  # a lone sensor and nothing else: show the metres around it
@@ -117,6 +117,17 @@ class ScannerOnFloor:
         """
         ranges = np.nan_to_num(scan.ranges_m.astype(float), nan=0.0, posinf=scan.range_max_m)
         return np.concatenate([self._origin[None], self._ends(ranges, scan.angles_rad)])
+
+    def reach(self, scan: LaserScan) -> Polygon:
+        """About as far as the scanner sees, (k, 2) [m]: its returns, and their median range in every direction it looks.
+
+        The second because a person may walk where nothing stands that returns a beam. Empty without returns.
+        """
+        hits = self.points(scan)
+        if not len(hits):
+            return hits
+        median_m = float(np.median(np.hypot(*(hits - self._origin).T)))
+        return np.concatenate([hits, self._ends(np.full(scan.ranges_m.size, median_m), scan.angles_rad)])
 
     def _ends(self, ranges_m: NDArray[np.float64], angles_rad: NDArray[np.float64]) -> Polygon:
         in_plane = np.stack([ranges_m * np.cos(angles_rad), ranges_m * np.sin(angles_rad)], axis=-1)
@@ -219,12 +230,12 @@ def room_svg(view: FloorView, rig: Rig, outline: Sequence[Polygon]) -> str:
         area = svg_path(view.pixels(np.array(rig.area)), closed=True)
         parts.append(f'<path class="area" d="{area}"><title>Tracked area</title></path>')
     parts.extend(
-        f'<text class="axis" x="{x:.1f}" y="{view.height_px - 5}" text-anchor="middle">{metres:g}</text>'
+        f'<text class="axis" x="{x:.1f}" y="{view.height_px - 5}" text-anchor="middle">{_signed(metres)}</text>'
         for x, metres in zip(x_px, x_lines, strict=True)
         if 14 < x < view.width_px - 14
     )
     parts.extend(
-        f'<text class="axis" x="5" y="{y + 3.5:.1f}">{metres:g}</text>'
+        f'<text class="axis" x="5" y="{y + 3.5:.1f}">{_signed(metres)}</text>'
         for y, metres in zip(y_px, y_lines, strict=True)
         if 14 < y < view.height_px - 18
     )
@@ -240,3 +251,7 @@ def svg_path(pixels: NDArray[np.float64], closed: bool = False) -> str:
         thin = cv2.approxPolyDP(np.asarray(pixels, dtype=np.float32)[:, None], 0.3, closed)
         pixels = np.asarray(thin[:, 0], dtype=np.float64)
     return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in pixels) + ("Z" if closed else "")
+
+
+def _signed(metres: float) -> str:
+    return f"{metres:g}".replace("-", "−")

@@ -26,7 +26,10 @@ def time_ticks(start_s: float, end_s: float, most: int) -> NDArray[np.float64]:
 def time_text(t: float, decimals: int = 0) -> str:
     """`12 s`, or `2:05` from two minutes on."""
     t = round(t, decimals) + 0.0  # no −0
-    if abs(t) < 120:
-        return f"{t:.{decimals}f} s"
-    minutes, seconds = divmod(t, 60)
-    return f"{minutes:.0f}:{seconds:0{3 + decimals if decimals else 2}.{decimals}f}"
+    return f"{t:.{decimals}f} s" if abs(t) < 120 else minutes_text(t, decimals)
+
+
+def minutes_text(t: float, decimals: int = 0) -> str:
+    """Minutes and seconds: `2:05`."""
+    minutes, seconds = divmod(round(abs(t), decimals), 60)
+    return f"{'−' if t < 0 else ''}{minutes:.0f}:{seconds:0{3 + decimals if decimals else 2}.{decimals}f}"

@@ -20,7 +20,7 @@ from twin.evaluate.summary import Evaluation
 from twin.recording.tables import TrackTable, TruthTable
 from twin.recording.whole_file import whole_file
 from twin.report.birdseye import Polygon
-from twin.report.clock import origin_ns, time_text
+from twin.report.clock import origin_ns
 from twin.report.distances import distance_chart
 from twin.report.figures_table import grouped_rows, headline_figures, text_of, value_of
 from twin.report.palette import IDENTITY_COLOURS, IdentityColours, hex_colour
@@ -98,7 +98,6 @@ def write_report(
     figures = [_figures(tracker) for tracker in trackers]
     page = _template().render(
         facts=facts,
-        duration=time_text(facts.duration_s, decimals=0 if float(facts.duration_s).is_integer() else 1),
         tracker_names=[tracker.name for tracker in trackers],
         groups=grouped_rows(figures),
         sections=[

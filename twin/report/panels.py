@@ -63,6 +63,7 @@ class CameraPanel:
         self._intrinsics = intrinsics
         self._camera_from_room = sensor.room_from_sensor.rotation.T
         self._camera_xyz = sensor.room_from_sensor.translation
+        self._shown: Image | None = None
         self._view = np.full((side_px, side_px, 3), BACKDROP, dtype=np.uint8)
         write(self._view, "no image yet", side_px / 2, side_px / 2, QUIET, 16, align="centre")
 
@@ -70,7 +71,8 @@ class CameraPanel:
         self, panel: NDArray[np.uint8], image: Image | None, tracks: Sequence[Track], colours: IdentityColours
     ) -> None:
         """Draw the newest image (None: the one before) and the tracks on it."""
-        if image is not None:
+        if image is not None and image is not self._shown:
+            self._shown = image
             x, y = self._offset
             width, height = self._size
             self._view[y : y + height, x : x + width] = cv2.resize(
@@ -127,8 +129,8 @@ class FloorPanel:
 
     def _paint(self, scans: Mapping[str, LaserScan]) -> FloorView:
         """The room as it stays; a robot's bag has no room, so that its first scans say what to show."""
-        points = [self._scanners[name].points(scan) for name, scan in scans.items()]
-        extent = floor_extent(self._rig, self._outline, np.concatenate(points) if points else None)
+        reach = [self._scanners[name].reach(scan) for name, scan in scans.items()]
+        extent = floor_extent(self._rig, self._outline, *reach)
         view = FloorView.fit(extent, self.width_px, self.height_px)
         self._unseen, self._seen = self._unseen.copy(), self._seen.copy()
         paint_room(self._unseen, view, self._rig, self._outline, _UNSEEN)

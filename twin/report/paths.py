@@ -7,6 +7,7 @@ from html import escape
 
 import numpy as np
 
+from trackers.observations import NS_PER_S
 from trackers.rig import Rig
 from twin.evaluate.summary import Evaluation
 from twin.recording.tables import TrackTable, TruthTable
@@ -17,6 +18,7 @@ from twin.report.spans import unbroken, usual_period_ns
 from twin.report.timeline import describe
 
 _WIDTH_PX = 1000
+_LONG_NS = 90 * NS_PER_S  # beyond, paths cover each other and are drawn lighter
 
 
 def path_map(
@@ -33,8 +35,8 @@ def path_map(
 
     A track is solid while confirmed and dashed while it coasts; its id stands where it ends.
     """
-    points = scans.cells()[0] if scans is not None else np.column_stack([tracks.x, tracks.y])
-    view = FloorView.fit(floor_extent(rig, outline, points), _WIDTH_PX)
+    hits = [scans.cells()[0]] if scans is not None else []
+    view = FloorView.fit(floor_extent(rig, outline, *hits, np.column_stack([tracks.x, tracks.y])), _WIDTH_PX)
     parts = [room_svg(view, rig, outline)]
     if scans is not None:
         parts.append(f'<image href="{scans.png(view)}" width="{view.width_px}" height="{view.height_px}"/>')
@@ -43,8 +45,10 @@ def path_map(
     parts.append(_track_paths(view, tracks, colours))
     if evaluation is not None:
         parts.extend(_event_marks(view, tracks, evaluation, names))
+    span_ns = np.ptp(tracks.frame_stamps_ns) if tracks.frame_stamps_ns.size else 0
+    kind = "map long" if span_ns > _LONG_NS else "map"
     return (
-        f'<svg class="map" viewBox="0 0 {view.width_px} {view.height_px}" role="img" '
+        f'<svg class="{kind}" viewBox="0 0 {view.width_px} {view.height_px}" role="img" '
         f'aria-label="Paths over the room, from above">{"".join(parts)}</svg>'
     )
 

@@ -17,7 +17,7 @@ from trackers.tracks import Track
 from twin.report.birdseye import SHIFT, Polygon, fixed_point
 from twin.report.clock import origin_ns, time_text
 from twin.report.lettering import BOLD, text_width, write
-from twin.report.palette import LAYER_COLOURS, RGB, IdentityColours
+from twin.report.palette import LAYER_COLOURS, IdentityColours
 from twin.report.panels import BACKDROP, INK, QUIET, CameraPanel, FloorPanel, TruePoses
 from twin.report.video import TIME_BASE, VideoFile
 
@@ -61,7 +61,6 @@ class PreviewWriter:
         self._path = path
         self._rig = rig
         self._camera_name = camera or next(iter(cameras), None)
-        self._heading = (tracker, title)
         self._names = dict(person_names or {})
         self._colours = IdentityColours()
         self._layers = {name: LAYER_COLOURS[i % len(LAYER_COLOURS)] for i, name in enumerate(rig.lasers())}
@@ -79,7 +78,8 @@ class PreviewWriter:
         self.n_frames = 0
         """How many pictures were written."""
         self._encoder = VideoFile(path, size, fps)
-        self._paint_frame()
+        write(self._canvas, tracker, 16, 29, INK, 20, BOLD)
+        write(self._canvas, title, 16 + (text_width(tracker, 20, BOLD) + 14 if tracker else 0), 29, QUIET, 16)
 
     def __enter__(self) -> Self:
         return self
@@ -107,6 +107,7 @@ class PreviewWriter:
         """
         if self._first_ns is None:
             self._first_ns = stamp_ns
+            self._write_legend(with_truth=truth is not None)
         pts = round((stamp_ns - self._first_ns) / NS_PER_S / TIME_BASE)
         if pts <= self._pts:
             raise ValueError(f"frame at {stamp_ns} ns is not later than the one before")
@@ -164,17 +165,11 @@ class PreviewWriter:
             while tail[0][0] < stamp_ns - self._tail_ns:
                 tail.popleft()
 
-    def _paint_frame(self) -> None:
-        """What stays the same in every picture: the names above and the legend below."""
+    def _write_legend(self, with_truth: bool) -> None:
         height, width = self._canvas.shape[:2]
-        tracker, title = self._heading
-        write(self._canvas, tracker, 16, 29, INK, 20, BOLD)
-        gap = text_width(tracker, 20, BOLD) + 14 if tracker else 0
-        write(self._canvas, title, 16 + gap, 29, QUIET, 16)
-        x = width - self._floor.width_px + 14.0
-        y = height - 10
-        entries: list[tuple[str, RGB, str]] = [("dot", colour, f"{name} scan") for name, colour in self._layers.items()]
-        entries += [("disc", INK, "track"), ("ring", INK, "truth")]
+        x, y = width - self._floor.width_px + 14.0, height - 10
+        entries = [("dot", colour, name if "scan" in name else f"{name} scan") for name, colour in self._layers.items()]
+        entries += [("disc", INK, "track"), *([("ring", INK, "truth")] if with_truth else [])]
         for kind, colour, label in entries:
             centre = fixed_point(np.array([x + 5, y - 5.0])).tolist()
             radius = (3 if kind == "dot" else 6) << SHIFT

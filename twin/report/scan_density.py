@@ -43,18 +43,18 @@ class ScanDensity:
         index = np.stack([self._cells // (2 * _OFFSET), self._cells % (2 * _OFFSET)], axis=-1) - _OFFSET
         return (index.astype(np.float64) + 0.5) * self._cell_m, self._counts
 
-    def png(self, view: FloorView, pixel_ratio: float = 1.5) -> str:
-        """The hits as a transparent PNG over a view of the floor (a data URI), darker the more often hit."""
-        width, height = round(view.width_px * pixel_ratio), round(view.height_px * pixel_ratio)
+    def png(self, view: FloorView) -> str:
+        """The hits as a transparent PNG over a view of the floor (a data URI), denser the more often hit."""
         middles, counts = self.cells()
         pixels = view.pixels(middles)
         inside = view.inside(pixels)
-        x, y = np.floor(pixels[inside] * pixel_ratio).astype(np.intp).T
-        density = np.zeros((height, width))
-        np.add.at(density, (np.minimum(y, height - 1), np.minimum(x, width - 1)), counts[inside])
-        peak = np.percentile(density[density > 0], 98) if (density > 0).any() else 1.0
-        alpha = np.where(density > 0, 0.25 + 0.75 * np.minimum(1, np.log1p(density) / np.log1p(peak)), 0.0)
-        bgra = np.empty((height, width, 4), dtype=np.uint8)
+        x, y = np.floor(pixels[inside]).astype(np.intp).T
+        density = np.zeros((view.height_px, view.width_px), dtype=np.float32)
+        np.add.at(density, (y, x), counts[inside])
+        # A cell is a few pixels wide; the logarithm keeps walls, hit in every scan, from hiding what moved.
+        strength = np.log1p(cv2.dilate(density, np.ones((3, 3), np.uint8)))
+        alpha = 0.9 * strength / max(float(strength.max()), 1e-9)
+        bgra = np.empty((*density.shape, 4), dtype=np.uint8)
         bgra[..., :3] = _RGB[::-1]
         bgra[..., 3] = np.round(255 * alpha)
         done, png = cv2.imencode(".png", bgra, [cv2.IMWRITE_PNG_COMPRESSION, 9])

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.observations import NS_PER_S
-from twin.report.clock import time_text, time_ticks
+from twin.report.clock import minutes_text, time_text, time_ticks
 
 WIDTH = 1000
 LEFT, RIGHT = 104, 14
@@ -38,12 +38,13 @@ class TimeAxis:
 
     def grid(self, height: float) -> str:
         """SVG: a line at each round time and the times below, for a chart `height` high without them."""
-        ticks = time_ticks(self.seconds(self.start_ns), self.seconds(self.end_ns), 14)
+        end = self.seconds(self.end_ns)
+        ticks = time_ticks(self.seconds(self.start_ns), end, 14)
         places = self.x((ticks * NS_PER_S).astype(np.int64) + self.zero_ns)
         lines = "".join(f"M{x:.1f} 0V{height:.0f}" for x in places)
         texts = "".join(
             f'<text class="axis" x="{x:.1f}" y="{height + 15:.0f}" text-anchor="middle">'
-            f"{time_text(t, 0 if float(t).is_integer() else 1)}</text>"
+            f"{minutes_text(t) if end >= 120 else time_text(t, 0 if float(t).is_integer() else 1)}</text>"
             for x, t in zip(places, ticks, strict=True)
         )
         return f'<path class="grid" d="{lines}"/>{texts}'

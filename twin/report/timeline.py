@@ -104,13 +104,14 @@ def track_timeline(axis: TimeAxis, tracks: TrackTable, colours: IdentityColours)
     parts, y = [], 4.0
     for track in ids[np.argsort(first, kind="stable")].tolist():
         rows = tracks.id == track
-        coasting = (tracks.status[rows] == "coasting").astype(np.int64)
-        for span in spans(tracks.stamps_ns[rows], period, coasting):
-            state = "coasting" if span.label else "confirmed"
-            bar = Span(span.start_ns, span.end_ns, track)
-            parts.append(_bar(axis, bar, y, colours, height, state, f"#{track} {state}", named=False))
+        # Pale for all of its life, solid over it while confirmed.
+        stamps, confirmed = tracks.stamps_ns[rows], tracks.status[rows] == "confirmed"
+        for state, seen in (("coasting", stamps), ("confirmed", stamps[confirmed])):
+            for span in spans(seen, period):
+                bar = Span(span.start_ns, span.end_ns, track)
+                parts.append(_bar(axis, bar, y, colours, height, state, f"#{track} {state}", named=False))
         # The name stands before the bar, so that a short one has its name too; at the left edge it would be cut.
-        x = max(float(axis.x(int(tracks.stamps_ns[rows][0]))) - 6, LEFT - 6)
+        x = max(float(axis.x(int(stamps[0]))) - 6, LEFT - 6)
         parts.append(f'<text class="id" x="{x:.1f}" y="{y + height - 3:.1f}" text-anchor="end">#{track}</text>')
         y += height + 3
     return axis.chart(y + 4, "".join(parts), "Timeline of tracks, one row a track")
@@ -152,13 +153,13 @@ def missed_spans(truth: TruthTable, tracks: TrackTable, evaluation: Evaluation, 
 
 
 def _marks(axis: TimeAxis, events: Sequence[Event], y: float, names: Mapping[int, str]) -> str:
-    """The marks of events in order of time; those of one moment stand side by side."""
-    parts, together = [], 0
-    for place, event in enumerate(events):
-        together = together + 1 if place and events[place - 1].stamp_ns == event.stamp_ns else 0
+    """The marks of events in order of time; those that would cover each other stand side by side."""
+    parts, x = [], -np.inf
+    for event in events:
+        x = max(_clip(axis, event.stamp_ns), x + 13)
         parts.append(
-            f'<g class="event" transform="translate({_clip(axis, event.stamp_ns) + 13 * together:.1f} {y:.1f})">'
-            f"{_GLYPHS[event.kind]}<title>{axis.text(event.stamp_ns)}: {escape(describe(event, names))}</title></g>"
+            f'<g class="event" transform="translate({x:.1f} {y:.1f})">{_GLYPHS[event.kind]}'
+            f"<title>{axis.text(event.stamp_ns)}: {escape(describe(event, names))}</title></g>"
         )
     return "".join(parts)
 
@@ -198,11 +199,12 @@ def _bar(
     if named and end - start > 12 + 8 * len(str(span.label)):
         ink = "dark" if is_light(IDENTITY_COLOURS[slot]) else "pale"
         text = f'<text class="id {ink}" x="{start + 5:.1f}" y="{y + height / 2 + 4:.1f}">#{span.label}</text>'
+    when = f"{axis.text(span.start_ns)} to {axis.text(span.end_ns)}"
     # A hair narrower, so that two bars of like colours stay two.
+    width = max(end - start - (0.8 if named else 0.0), 0.8)
     return (
-        f'<rect class="f{slot} {kind}" x="{start:.1f}" y="{y:.1f}" width="{max(end - start - 0.8, 0.8):.1f}" '
-        f'height="{height}" rx="2"><title>{title}, {axis.text(span.start_ns)} to {axis.text(span.end_ns)}</title></rect>'
-        f"{text}"
+        f'<rect class="f{slot} {kind}" x="{start:.1f}" y="{y:.1f}" width="{width:.1f}" '
+        f'height="{height}" rx="2"><title>{title}, {when}</title></rect>{text}'
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,7 @@ def load_scenario(name: str | Path, overrides: Sequence[str] = ()) -> Scenario:
     """
     path = models.find("scenarios", str(name))
     content = _read(path, ())
-    for override in overrides:
-        _apply(content, override)
+    content = apply_overrides(content, overrides)
     source = str(path) if not overrides else f"{path} with --set {' --set '.join(overrides)}"
     return validate(Scenario, _without_null(content), source)
 
@@ -64,16 +64,28 @@ def _without_null(content: Any) -> Any:
     return content
 
 
+def apply_overrides(content: dict[str, Any], overrides: Sequence[str]) -> dict[str, Any]:
+    """The content with 'path.to.field=value' overrides applied in order; raises InputError for one that is malformed."""
+    changed = deepcopy(content)
+    for override in overrides:
+        _apply(changed, override)
+    return changed
+
+
 def _apply(content: dict[str, Any], override: str) -> None:
     """Set one 'path.to.field=value' in place; the value is YAML."""
     path, equals, text = override.partition("=")
     parts = path.strip().split(".")
     if not equals or not all(parts):
-        raise InputError(f"--set {override}: is not of the form path.to.field=value, for example sensors.waist.rate_hz=20")
+        raise InputError(
+            f"--set {override}: is not of the form path.to.field=value, for example sensors.waist.rate_hz=20"
+        )
     try:
         value = yaml.safe_load(text)
     except yaml.YAMLError as error:
-        raise InputError(f"--set {override}: the value {text!r} is not YAML; a number, word, [list] or {{map}} is") from error
+        raise InputError(
+            f"--set {override}: the value {text!r} is not YAML; a number, word, [list] or {{map}} is"
+        ) from error
     here: Any = content
     for depth, part in enumerate(parts[:-1]):
         if isinstance(here, list):
@@ -83,7 +95,9 @@ def _apply(content: dict[str, Any], override: str) -> None:
                 here[part] = {}
             here = here[part]
         else:
-            raise InputError(f"--set {override}: {'.'.join(parts[:depth])} is a value, not a mapping; it has no {part!r}")
+            raise InputError(
+                f"--set {override}: {'.'.join(parts[:depth])} is a value, not a mapping; it has no {part!r}"
+            )
     if isinstance(here, list):
         here[_index(here, parts[-1], override)] = value
     else:

@@ -46,10 +46,12 @@ class Scenario(Strict):
     background: Literal["captured", "none"] = Field(
         default="captured", description="whether each sensor's view of the empty room is recorded before people enter"
     )
-    background_frames: int = Field(default=10, ge=1, le=1000, description="observations a sensor takes of the empty room")
+    background_frames: int = Field(
+        default=10, ge=1, le=1000, description="observations a sensor takes of the empty room"
+    )
     people: dict[Name, Person]
     sensors: dict[Name, SensorDescription]
-    trackers: dict[Name, TrackerChoice] = {}
+    trackers: dict[Name, TrackerChoice] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _consistent(self) -> Scenario:

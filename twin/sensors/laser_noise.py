@@ -73,7 +73,8 @@ class LaserNoise(Strict):
         """Standard deviation [m] at each range; finite where there is no return, which noise leaves as it is."""
         if self.sigma_per_m == 0:
             return self.sigma_m
-        return self.sigma_m + self.sigma_per_m * np.where(np.isfinite(ranges), ranges, np.float32(0))
+        finite = np.where(np.isfinite(ranges), ranges, np.float32(0))
+        return np.float32(self.sigma_m) + np.float32(self.sigma_per_m) * finite
 
     def _mix(
         self,

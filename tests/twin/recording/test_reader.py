@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,7 @@ needs_real_bag = pytest.mark.skipif(not REAL_BAG.exists(), reason=f"the robot's 
 
 @pytest.fixture(scope="module")
 def twin_bag(tmp_path_factory) -> Path:
-    """A twin's bag of several chunks: 400 scans and images, each image late and arriving with the next scan."""
+    """A twin's bag of several chunks: 700 scans and images, each image late and arriving with the next scan."""
     path = tmp_path_factory.mktemp("twin") / "recording.mcap"
     with BagWriter(path, RIG, scenario_yaml="name: lab\n") as writer:
         for k in range(2):
@@ -42,7 +43,7 @@ def twin_bag(tmp_path_factory) -> Path:
 
 def twin_run() -> list[tuple[LaserScan | Image, int]]:
     run = []
-    for stamp in range(0, 400 * 100 * MS, 100 * MS):
+    for stamp in range(0, 700 * 100 * MS, 100 * MS):
         run += [(a_scan(stamp), stamp), (an_image(stamp - 30 * MS), stamp)]
     return run
 
@@ -61,11 +62,21 @@ def test_what_else_a_twins_bag_holds(twin_bag):
     assert recording.rig == RIG
     assert recording.scenario_yaml == "name: lab\n"
     assert (recording.is_twin, recording.start_ns) == (True, 0)
-    assert recording.duration_s == pytest.approx(39.9, abs=1e-9)
+    assert recording.duration_s == pytest.approx(69.9, abs=1e-9)
     truth = list(recording.truth())
-    assert truth == [a_truth(k * 100 * MS, (1, 2) if k else ()) for k in range(400)]
+    assert truth == [a_truth(k * 100 * MS, (1, 2) if k else ()) for k in range(700)]
     for one, other in zip(recording.background, [an_image(0), a_scan(0), an_image(1), a_scan(1)], strict=True):
         assert_same(one, encode(other).observation)
+
+
+def test_messages_of_one_moment_keep_their_order_over_chunks(tmp_path):
+    path = tmp_path / "recording.mcap"
+    wide = replace(a_scan(0), ranges_m=np.ones(2000, dtype=np.float32))
+    with BagWriter(path, RIG) as writer:
+        for k in range(300):
+            writer.background(encode(replace(wide, stamp_ns=k)))
+    assert path.stat().st_size > 2 * 2**20
+    assert [o.stamp_ns for o in Recording(path).background] == list(range(300))
 
 
 def test_iterators_are_independent_and_start_over(twin_bag):

@@ -1,0 +1,124 @@
+"""What a tracker must not break: tell a plug-in's author what theirs does."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import fields, replace
+from math import isinf, isnan
+from typing import Any, get_args
+
+import numpy as np
+
+from trackers.observations import NS_PER_S, LaserScan, Observation
+from trackers.rig import Rig
+from trackers.tracks import Status, Track, Tracker, TrackFrame, track_frames
+
+Make = Callable[[Rig, Iterable[Observation], np.random.Generator], Tracker]
+
+_SEED = 0
+
+
+def check_tracker(
+    make: Make, rig: Rig, observations: Sequence[Observation], background: Sequence[Observation] = ()
+) -> list[str]:
+    """One sentence for each thing that trackers made by `make(rig, background, rng)` break on a recording; empty: none.
+
+    observations: in order of arrival; some seconds with people in them tell the most. Checked: the two calls; the same
+    input gives the same tracks; inputs are left alone; stamps rise; ids are whole numbers, from 1 up, once a frame; x and y
+    are numbers, and the rest numbers or NaN; a status is one of the two; and the tracker lives through scans that show
+    nothing or no readings, a gap of 3 s, an observation that comes twice, one that comes late, and no observations.
+    """
+    violations: list[str] = []
+
+    def frames_of(what: str, fed: Iterable[Observation]) -> list[TrackFrame]:
+        try:
+            tracker = make(rig, background, np.random.default_rng(_SEED))
+            frames = list(track_frames(tracker, rig, fed))
+        except Exception as error:  # whatever a plug-in raises is what its author wants to read
+            violations.append(f"{what}: raised {type(error).__name__}: {error}")
+            return []
+        violations.extend(f"{what}: {fault}" for fault in _faults(frames))
+        return frames
+
+    tracker = make(rig, background, np.random.default_rng(_SEED))
+    if not isinstance(tracker, Tracker):
+        return [f"{type(tracker).__name__} has not both update(observation) and tracks()"]
+
+    given = list(observations)
+    before = copy.deepcopy([_arrays(item) for item in given])
+    first = frames_of("plain run", given)
+    if not all(_same(_arrays(item), old) for item, old in zip(given, before, strict=True)):
+        violations.append("plain run: an observation's array was written to")
+    if first and not any(frame.tracks for frame in first):
+        violations.append("plain run: nobody was ever tracked; a recording with people is needed to check the rest")
+    if repr(frames_of("second run", given)) != repr(first):
+        violations.append("second run: other tracks from the same observations and the same generator")
+    frames_of("no observations", [])
+    frames_of("scans that meet nothing", _with_ranges(given, np.inf))
+    frames_of("scans without a reading", _with_ranges(given, np.nan))
+    frames_of("a gap of 3 s", _with_gap(given, 3.0))
+    frames_of("every observation twice", [item for item in given for _ in range(2)])
+    frames_of("an observation that comes a second late", _with_late(given))
+    return violations
+
+
+def _faults(frames: Sequence[TrackFrame]) -> list[str]:
+    faults = []
+    stamps = [frame.stamp_ns for frame in frames]
+    if any(later <= earlier for earlier, later in zip(stamps, stamps[1:], strict=False)):
+        faults.append("stamps do not rise from frame to frame")
+    if any(not isinstance(stamp, int) for stamp in stamps):
+        faults.append("a stamp is not an int")
+    tracks = [track for frame in frames for track in frame.tracks]
+    if any(type(track.id) is not int or track.id < 1 for track in tracks):
+        faults.append("an id is not an int from 1 up")
+    if any(len({track.id for track in frame.tracks}) < len(frame.tracks) for frame in frames):
+        faults.append("an id stands twice in a frame")
+    if any(isnan(track.x) or isnan(track.y) for track in tracks):
+        faults.append("x or y is NaN")
+    if any(isinf(value) for track in tracks for value in _numbers(track)):
+        faults.append("a track holds an infinite number")
+    if any(track.status not in get_args(Status) for track in tracks):
+        faults.append(f"a status is none of {', '.join(get_args(Status))}")
+    return faults
+
+
+def _numbers(track: Track) -> list[float]:
+    return [getattr(track, item.name) for item in fields(track) if item.name not in ("id", "status")]
+
+
+def _arrays(observation: Observation) -> list[np.ndarray]:
+    values: list[Any] = [getattr(observation, item.name) for item in fields(observation)]
+    return [value for value in values if isinstance(value, np.ndarray)]
+
+
+def _same(first: list[np.ndarray], second: list[np.ndarray]) -> bool:
+    return all(one.tobytes() == other.tobytes() for one, other in zip(first, second, strict=True))
+
+
+def _with_ranges(observations: Sequence[Observation], value: float) -> list[Observation]:
+    """The middle third of the scans shows `value` in every beam."""
+    n = len(observations)
+    return [
+        replace(item, ranges_m=np.full_like(item.ranges_m, value))
+        if isinstance(item, LaserScan) and n // 3 <= index < 2 * n // 3
+        else item
+        for index, item in enumerate(observations)
+    ]
+
+
+def _with_gap(observations: Sequence[Observation], gap_s: float) -> list[Observation]:
+    half = len(observations) // 2
+    later = [replace(item, stamp_ns=item.stamp_ns + round(gap_s * NS_PER_S)) for item in observations[half:]]
+    return [*observations[:half], *later]
+
+
+def _with_late(observations: Sequence[Observation]) -> list[Observation]:
+    """The observation at a third of the recording arrives after those of the next second."""
+    if not observations:
+        return []
+    fed = list(observations)
+    late = fed.pop(len(fed) // 3)
+    place = next((i for i, item in enumerate(fed) if item.stamp_ns >= late.stamp_ns + NS_PER_S), len(fed))
+    return [*fed[:place], late, *fed[place:]]

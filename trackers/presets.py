@@ -1,0 +1,120 @@
+"""Trackers by name: the published systems' variants, plug-ins by `module:Class`, and installed entry points.
+
+Nothing heavy is imported until a tracker is made.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import entry_points
+from typing import TYPE_CHECKING, Any
+
+from trackers.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from trackers.observations import Observation
+    from trackers.rig import Rig
+    from trackers.tracks import Tracker
+
+ENTRY_POINT_GROUP = "roomtwin.trackers"
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A tracker class with options: what a name stands for. `target` is `module:Class`."""
+
+    target: str
+    description: str
+    citation: str = ""
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+_BAI = "Bai, Takahashi: Identification and Tracking Using Laser and Vision of Maneuvering People"
+_LASER_FISHEYE = "trackers.laser_fisheye_imm:LaserFisheyeImm"
+
+PRESETS: Mapping[str, Preset] = {
+    "laser-fisheye-imm": Preset(
+        _LASER_FISHEYE,
+        "two laser layers and a fisheye camera, IMM of three motion models: the paper's full system",
+        _BAI,
+    ),
+    "laser-imm": Preset(
+        _LASER_FISHEYE, "the same without a camera; runs on a single scanner too", _BAI, {"camera": False}
+    ),
+    "waist-fisheye-imm": Preset(
+        _LASER_FISHEYE, "the waist scanner and the camera alone, IMM", _BAI, {"layers": ("waist",)}
+    ),
+    "laser-fisheye-kalman": Preset(
+        _LASER_FISHEYE, "the full sensor set, one Kalman filter on the sudden-turn model", _BAI, {"filter": "kalman"}
+    ),
+    "laser-kalman": Preset(
+        _LASER_FISHEYE, "two laser layers without a camera, Kalman filter", _BAI, {"filter": "kalman", "camera": False}
+    ),
+    "waist-fisheye-kalman": Preset(
+        _LASER_FISHEYE,
+        "the waist scanner and the camera alone, Kalman filter",
+        _BAI,
+        {"filter": "kalman", "layers": ("waist",)},
+    ),
+}
+
+
+def available() -> dict[str, Preset]:
+    """Every tracker that has a name: the presets, then the installed entry points of `roomtwin.trackers`."""
+    installed = {
+        point.name: Preset(
+            point.value, f"plug-in installed by {point.dist.name if point.dist else 'an unnamed package'}"
+        )
+        for point in entry_points(group=ENTRY_POINT_GROUP)
+    }
+    return {**installed, **PRESETS}
+
+
+def make_tracker(
+    name: str,
+    rig: Rig,
+    background: Iterable[Observation] = (),
+    rng: np.random.Generator | None = None,
+    options: Mapping[str, Any] | None = None,
+) -> Tracker:
+    """The tracker called `name` (a preset, an entry point or `module:Class`) on a rig, ready to be fed.
+
+    background: observations of the empty room; rng: the tracker's own generator; options: laid over the preset's.
+    Raises InputError for a name, module, class or option that does not exist, naming the valid ones.
+    """
+    known = available()
+    if name in known:
+        preset = known[name]
+    elif ":" in name:
+        preset = Preset(name, "")
+    else:
+        raise InputError(
+            f"tracker {name!r} is unknown; valid ones are {', '.join(known)}, or a class of yours as module:Class"
+        )
+    maker = _load(preset.target, name)
+    return maker(rig, background, rng, **{**preset.options, **(options or {})})
+
+
+def _load(target: str, name: str) -> Any:
+    module_name, _, class_name = target.partition(":")
+    try:
+        module = importlib.import_module(module_name)
+    except ModuleNotFoundError as error:
+        # a module that the plug-in itself fails to import is its fault, and stays loud
+        if error.name is None or not (module_name == error.name or module_name.startswith(f"{error.name}.")):
+            raise
+        raise InputError(
+            f"tracker {name!r}: there is no module {error.name!r} on the path; module:Class is expected"
+        ) from error
+    except ValueError as error:  # an empty or relative module name
+        raise InputError(f"tracker {name!r}: {module_name!r} names no module; module:Class is expected") from error
+    maker = getattr(module, class_name, None)
+    if not callable(maker):
+        raise InputError(
+            f"tracker {name!r}: module {module_name!r} has no class {class_name!r}; module:Class is expected"
+        )
+    return maker

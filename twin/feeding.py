@@ -1,0 +1,78 @@
+"""Observations on their way to trackers and preview, live or from a recording: the part both have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from trackers.observations import Observation
+from trackers.rig import Rig
+from trackers.tracks import TrackFrame
+from twin.preview import Preview, preview
+from twin.report.birdseye import Polygon
+from twin.scenario.model import TrackerChoice
+from twin.tracking import TrackerAtWork, trackers_at_work
+
+
+class Feed:
+    """Hands each observation to every tracker, and the first tracker's frames to the preview."""
+
+    def __init__(self, at_work: Sequence[TrackerAtWork], shown: Preview | None) -> None:
+        self.at_work = at_work
+        self.shown = shown
+
+    def observe(self, observation: Observation) -> None:
+        """Feed one observation."""
+        if self.shown is not None:
+            self.shown.observe(observation)
+            if not self.at_work:
+                self.shown.draw_untracked(observation)
+        for place, each in enumerate(self.at_work):
+            self._show(place, each.update(observation))
+
+    def finish(self) -> None:
+        """Let the trackers work off what they hold back."""
+        for place, each in enumerate(self.at_work):
+            self._show(place, each.finish())
+
+    def _show(self, place: int, frames: list[TrackFrame]) -> None:
+        if place == 0 and self.shown is not None:
+            for frame in frames:
+                self.shown.draw(frame)
+
+
+@contextmanager
+def feed(
+    folder: Path,
+    rig: Rig,
+    background: Sequence[Observation],
+    names: Sequence[str],
+    defined: Mapping[str, TrackerChoice],
+    seed: int,
+    *,
+    video_hz: float | None,
+    title: str,
+    outline: Sequence[Polygon] = (),
+    person_names: Mapping[int, str] | None = None,
+) -> Iterator[Feed]:
+    """Trackers writing `folder/tracks/<name>.csv`, and `folder/preview.mp4` at `video_hz` pictures a second (None: none).
+
+    The files are there under their names when the block ends well. Raises InputError for an unknown tracker or option.
+    """
+    with ExitStack() as stack:
+        at_work = stack.enter_context(trackers_at_work(names, defined, rig, background, seed, folder / "tracks"))
+        shown = None
+        if video_hz is not None:
+            shown = stack.enter_context(
+                preview(
+                    folder / "preview.mp4",
+                    rig,
+                    fps=video_hz,
+                    tracker=names[0] if names else "",
+                    title=title,
+                    outline=outline,
+                    person_names=person_names,
+                )
+            )
+        yield Feed(at_work, shown)

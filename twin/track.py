@@ -1,0 +1,153 @@
+"""`twin track`: any recording through any tracker, the twin's or a robot's."""
+
+from __future__ import annotations
+
+import shlex
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice, pairwise
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+
+from trackers.configuration import Strict, parse_yaml, validate
+from trackers.observations import NS_PER_S, LaserScan, Observation
+from twin.feeding import feed
+from twin.recording.reader import Recording
+from twin.recording.tables import truth_table
+from twin.report.page import RunFacts
+from twin.report.scan_density import ScanDensity
+from twin.results import (
+    SIMPLIFICATIONS,
+    OnProgress,
+    Place,
+    RunResult,
+    evaluate_trackers,
+    remove_earlier,
+    tracker_notes,
+    versions,
+    write_results,
+)
+from twin.scenario import Scenario, TrackerChoice
+from twin.scenario.load import apply_overrides
+
+_RATE_PROBE = 20
+
+
+def track_recording(
+    recording: Path,
+    *,
+    trackers: Sequence[str],
+    rig_path: Path | None = None,
+    changes: Sequence[str] = (),
+    seed: int | None = None,
+    out: Path | None = None,
+    video: bool = True,
+    on_progress: OnProgress = lambda what, done, total: None,
+) -> RunResult:
+    """Track a recording into `out` (default out/<its name>): tracks, report, and metrics where the bag holds truth.
+
+    `changes`: overrides like 'trackers.NAME.field=value'; `seed`: of trackers that draw at random (default: that of the
+    run that wrote the bag, else 0). Raises InputError for bad input, before anything is written.
+    """
+    bag = Recording(recording, rig_path)
+    scenario = _scenario_of(bag)
+    defined = _defined(scenario, changes)
+    seed = seed if seed is not None else scenario.seed if scenario is not None else 0
+    title = scenario.name if scenario is not None else recording.stem
+    folder = out if out is not None else Path("out") / recording.stem
+    names = list(trackers)
+    truth_frames = {frame.stamp_ns: frame for frame in bag.truth()}
+    truth = truth_table(truth_frames.values(), str(recording)) if truth_frames else None
+    person_names = {number: name for number, name in enumerate(scenario.people, start=1)} if scenario else None
+    place = Place(bag.rig, (), person_names, ScanDensity(bag.rig))
+
+    with feed(
+        folder,
+        bag.rig,
+        bag.background,
+        names,
+        defined,
+        seed,
+        video_hz=_rate_hz(bag) if video else None,
+        title=title,
+        person_names=person_names,
+    ) as fed:
+        if fed.shown is not None:
+            for frame in truth_frames.values():
+                fed.shown.tell(frame)
+        start = time.perf_counter()
+        for observation in _counted(bag.observations(), bag.observation_count, on_progress):
+            if isinstance(observation, LaserScan) and place.scans is not None:
+                place.scans.add(observation)
+            fed.observe(observation)
+        fed.finish()
+        spent_s = time.perf_counter() - start
+
+    duration_s = scenario.duration_s if scenario is not None else bag.duration_s
+    facts = RunFacts(
+        title=title,
+        description=f"recorded in {recording.name}",
+        seed=seed,
+        duration_s=duration_s,
+        realtime_factor=duration_s / spent_s,
+        versions=versions(None),
+        command=_command(recording, names, rig_path, changes),
+        notes=(*tracker_notes(fed.at_work), *(SIMPLIFICATIONS if bag.is_twin else ())),
+    )
+    result = write_results(folder, facts, evaluate_trackers(folder, fed.at_work, truth), fed, truth, place)
+    kept = list(result.files.values())
+    if recording.resolve().parent != folder.resolve():
+        remove_earlier(folder, kept)
+    return result
+
+
+def _scenario_of(bag: Recording) -> Scenario | None:
+    """The scenario carried in a twin's bag."""
+    if bag.scenario_yaml is None:
+        return None
+    source = f"{bag.path}, topic /scenario"
+    return validate(Scenario, parse_yaml(bag.scenario_yaml, source, "a resolved scenario"), source)
+
+
+def _defined(scenario: Scenario | None, changes: Sequence[str]) -> dict[str, TrackerChoice]:
+    """The trackers that the bag's scenario defines, with the overrides applied."""
+    content = {
+        "trackers": {name: choice.model_dump(exclude_none=True) for name, choice in scenario.trackers.items()}
+        if scenario is not None
+        else {}
+    }
+    return validate(_Changeable, apply_overrides(content, changes), "--set").trackers
+
+
+class _Changeable(Strict):
+    """What `--set` may change of a recording: only the trackers."""
+
+    trackers: dict[str, TrackerChoice] = Field(default_factory=dict)
+
+
+def _rate_hz(bag: Recording) -> float:
+    """How often the main sensor reports, from its first few observations; 10 where it cannot be told."""
+    main = (each.stamp_ns for each in bag.observations() if each.sensor == bag.rig.main_sensor)
+    stamps = list(islice(main, _RATE_PROBE))
+    gaps_ns = [later - earlier for earlier, later in pairwise(stamps) if later > earlier]
+    return float(np.clip(NS_PER_S / np.median(gaps_ns), 1, 60)) if gaps_ns else 10.0
+
+
+def _counted(observations: Iterable[Observation], total: int, on_progress: OnProgress) -> Iterator[Observation]:
+    for number, observation in enumerate(observations, start=1):
+        yield observation
+        on_progress("tracking", number, total)
+
+
+def _command(recording: Path, names: Sequence[str], rig_path: Path | None, changes: Sequence[str]) -> str:
+    """The line that tracks the recording again."""
+    parts = ["twin", "track", str(recording)]
+    for name in names:
+        parts += ["--tracker", name]
+    if rig_path is not None:
+        parts += ["--rig", str(rig_path)]
+    for change in changes:
+        parts += ["--set", change]
+    return shlex.join(parts)
