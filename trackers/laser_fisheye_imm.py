@@ -37,7 +37,7 @@ from trackers.filters.motion import (
     MotionModel,
     transition_matrix,
 )
-from trackers.laser.grouping import distances, group_legs
+from trackers.laser.grouping import distances, pair_off, take_legs
 from trackers.laser.layer import Detections, KneeOptions, LaserLayer, WaistOptions
 from trackers.laser.roles import Role, scanners_by_role
 from trackers.observations import Image, LaserScan, Observation
@@ -80,6 +80,7 @@ class LaserFisheyeImmOptions(Strict):
     measurement_variance_m2: float = Field(MEASUREMENT_VARIANCE_M2, gt=0, description="diagonal of R [m²]")
     start_speed_m_s: float = Field(1.5, gt=0, description="standard deviation of a new track's speed [m/s] (ours)")
     colour_weight: float = Field(1.0, ge=0, description="w in d = N + w E (inferred: 1)")
+    max_distance: float = Field(4.0, gt=0, description="a pair with a greater d is not believed (ours)")
     period_s: float = Field(
         0.1, gt=0, description="scan period that the variances are for; longer gaps are cut into such steps [s]"
     )
@@ -249,9 +250,9 @@ class LaserFisheyeImm:
             everyone, seen.trunks.position, self.options.waist.radius_m, self._colour_cost(seen)
         )
         left = np.setdiff1d(everyone, tracks, assume_unique=True)
-        expected = self._positions()[left[self._people.confirmed[left]]]
+        walkers, n_leg = self._walkers(seen, left)
         knee, R = self.options.knee, self.options.measurement_variance_m2
-        walkers, one_legged = group_legs(self._unclaimed_legs(seen, left), expected, knee.pair_m, knee.stride_m)
+        one_legged = n_leg == 1
         by_legs, legs = self._match(left, walkers, self.options.knee.radius_m, None)
         new_trunk = np.setdiff1d(np.arange(len(seen.trunks)), trunks, assume_unique=True)
         new_walker = np.setdiff1d(np.arange(len(walkers)), legs, assume_unique=True)
@@ -274,9 +275,10 @@ class LaserFisheyeImm:
             return np.empty(0, np.intp), np.empty(0, np.intp)
         state = self._people.state.select(tracks)
         distance = mahalanobis(state.positions, self._imm.innovation_covariance(state), position)
+        allowed = validation_region(state.positions, position, radius_m)
         if extra is not None:
             distance = distance + extra[tracks]
-        allowed = validation_region(state.positions, position, radius_m)
+        allowed &= distance <= self.options.max_distance
         confirmed = self._people.confirmed[tracks]
         first = global_nearest_neighbour(distance, allowed & confirmed[:, None])
         if confirmed.all():
@@ -296,17 +298,15 @@ class LaserFisheyeImm:
         cost[np.ix_(known, shown)] = self.options.colour_weight * distance
         return cost
 
-    def _unclaimed_legs(self, seen: _Seen, unmatched: Index) -> Array:
-        """Legs (l, 2) that do not belong to somebody whose trunk is seen: nearer to nobody, or to an unmatched person."""
-        legs = seen.legs.position
-        if len(legs) == 0 or len(seen.trunks) == 0:
-            return legs
-        to_trunk = distances(legs, seen.trunks.position).min(axis=1)
-        hidden = unmatched[self._people.confirmed[unmatched]]
-        to_hidden = np.full(len(legs), np.inf)
-        if hidden.size:
-            to_hidden = distances(legs, self._positions()[hidden]).min(axis=1)
-        return legs[(to_trunk > self.options.knee.claim_m) | (to_hidden < to_trunk)]
+    def _walkers(self, seen: _Seen, unmatched: Index) -> tuple[Array, Index]:
+        """People (p, 2) as their legs show them, and how many legs each shows, (p,); nobody whose trunk is seen."""
+        knee, legs = self.options.knee, seen.legs.position
+        _, _, free = take_legs(legs, seen.trunks.position, knee.stride_m, knee.claim_m)
+        legs = legs[free]
+        hidden = self._positions()[unmatched[self._people.confirmed[unmatched]]]
+        known, n_leg, free = take_legs(legs, hidden, knee.stride_m, knee.claim_m)
+        strangers, n_leg_of_strangers = pair_off(legs[free], knee.pair_m)
+        return np.concatenate([known[n_leg > 0], strangers]), np.concatenate([n_leg[n_leg > 0], n_leg_of_strangers])
 
     def _positions(self) -> Array:
         """Each track's position over its modes, (n, 2) [m]."""

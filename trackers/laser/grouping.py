@@ -31,47 +31,60 @@ def drop_satellites(position: Array, width_m: Array, satellite_width_m: float, r
     return kept
 
 
-def group_legs(
-    legs: Array, expected: Array, pair_m: float, stride_m: float, single_cost_m: float = 0.1
-) -> tuple[Array, Mask]:
-    """People (p, 2) from legs (k, 2), where people are expected at (n, 2) [m]; and who of them shows one leg only, (p,).
+def take_legs(
+    legs: Array, expected: Array, stride_m: float, reach_m: float, single_cost_m: float = 0.1
+) -> tuple[Array, NDArray[np.intp], Mask]:
+    """Which legs (k, 2) are those of people expected at (n, 2) [m].
 
-    Two legs up to `stride_m` apart (a full stride) become the middle between them, one leg may stand for a person whose other
-    leg is hidden. Whoever is expected takes, nearest first, the pair or the single leg that puts them nearest to where they
-    are expected, a single leg counting as `single_cost_m` farther. The legs that nobody expected pair off from the closest
-    up, at most `pair_m` apart, so that two people side by side, whose own legs are closer to one another than to the
-    neighbour's, stay two.
+    Two legs up to `stride_m` apart (a full stride) stand for the middle between them; one leg may stand for a person whose
+    other leg is hidden. Nearest first, everybody takes the pair or the single leg that puts them nearest to where they are
+    expected, at most `reach_m` off, a single leg counting as `single_cost_m` farther.
+
+    Returns the position of each person (n, 2), how many legs each took (n,), 0 leaving the position as expected, and which
+    legs nobody took (k,).
     """
-    k = len(legs)
-    if k == 0:
-        return legs, np.empty(0, np.bool_)
-    apart = distances(legs, legs)
-    first, second = np.triu_indices(k, 1)
-    stride = apart[first, second]
-    within_stride = stride < stride_m
-    first, second, stride = first[within_stride], second[within_stride], stride[within_stride]
+    n, k = len(expected), len(legs)
+    position, n_leg, free = expected.copy(), np.zeros(n, np.intp), np.ones(k, np.bool_)
+    if n == 0 or k == 0:
+        return position, n_leg, free
+    first, second, _ = _pairs(legs, stride_m)
     one, other = np.concatenate([np.arange(k), first]), np.concatenate([np.arange(k), second])
     middle = 0.5 * (legs[one] + legs[other])  # k single legs, then the pairs
-    free = np.ones(k, np.bool_)
-    people, single = [], []
+    cost = distances(expected, middle)
+    cost[:, :k] += single_cost_m
+    who, what = np.nonzero(cost < reach_m)
+    nearest_first = np.argsort(cost[who, what], kind="stable")
+    for person, choice in zip(who[nearest_first].tolist(), what[nearest_first].tolist(), strict=True):
+        # each choice depends on those before it
+        if n_leg[person] == 0 and free[one[choice]] and free[other[choice]]:
+            free[one[choice]] = free[other[choice]] = False
+            position[person] = middle[choice]
+            n_leg[person] = 1 if choice < k else 2
+    return position, n_leg, free
 
-    if len(expected):
-        cost = distances(expected, middle)
-        cost[:, :k] += single_cost_m
-        waiting = np.ones(len(expected), np.bool_)
-        who, what = np.nonzero(cost < 0.5 * stride_m + single_cost_m)
-        nearest_first = np.argsort(cost[who, what], kind="stable")
-        for person, choice in zip(who[nearest_first], what[nearest_first], strict=True):  # each choice depends on the last
-            if waiting[person] and free[one[choice]] and free[other[choice]]:
-                waiting[person] = free[one[choice]] = free[other[choice]] = False
-                people.append(middle[choice])
-                single.append(choice < k)
 
-    closest_first = np.argsort(stride, kind="stable")
-    for pair in closest_first[stride[closest_first] < pair_m]:
-        if free[first[pair]] and free[second[pair]]:
-            free[first[pair]] = free[second[pair]] = False
-            people.append(middle[k + pair])
-            single.append(False)
-    one_legged = np.concatenate([np.array(single, np.bool_), np.ones(free.sum(), np.bool_)])
-    return np.concatenate([np.reshape(people, (-1, 2)), legs[free]]), one_legged
+def pair_off(legs: Array, pair_m: float) -> tuple[Array, NDArray[np.intp]]:
+    """People (p, 2) from legs (k, 2) that nobody expected, and how many legs each has, (p,).
+
+    Legs pair off from the closest up, at most `pair_m` apart, so that two people side by side, whose own legs are closer to
+    one another than to the neighbour's, stay two.
+    """
+    free = np.ones(len(legs), np.bool_)
+    people = []
+    first, second, apart = _pairs(legs, pair_m)
+    closest_first = np.argsort(apart, kind="stable")
+    for one, other in zip(first[closest_first].tolist(), second[closest_first].tolist(), strict=True):
+        if free[one] and free[other]:
+            free[one] = free[other] = False
+            people.append(0.5 * (legs[one] + legs[other]))
+    position = np.concatenate([np.reshape(people, (-1, 2)), legs[free]])
+    return position, np.repeat(np.array([2, 1], np.intp), [len(people), free.sum()])
+
+
+def _pairs(points: Array, limit_m: float) -> tuple[Index, Index, Array]:
+    """All pairs of points (k, 2) nearer than `limit_m`: first, second, distance."""
+    first, second = np.triu_indices(len(points), 1)
+    difference = points[first] - points[second]
+    apart = np.hypot(difference[:, 0], difference[:, 1])
+    near = apart < limit_m
+    return first[near], second[near], apart[near]

@@ -39,9 +39,9 @@ class LayerOptions(Strict):
 class WaistOptions(LayerOptions):
     """The scanner at waist height: one trunk a person, arms beside it."""
 
-    cluster: ClusterOptions = ClusterOptions(jump_m=0.15, min_width_m=0.06)
+    cluster: ClusterOptions = ClusterOptions(jump_m=0.08, min_width_m=0.06, split_width_m=0.65)
     radius_m: float = Field(1.0, gt=0)
-    half_depth_m: float = Field(0.09, ge=0)
+    half_depth_m: float = Field(0.11, ge=0)
     body_width_m: float | None = Field(0.3, gt=0)
     satellite_width_m: float | None = Field(0.16, gt=0)
 
@@ -52,7 +52,9 @@ class KneeOptions(LayerOptions):
     cluster: ClusterOptions = ClusterOptions(jump_m=0.08, jump_spacings=1.0, min_samples=2, min_width_m=0.03)
     radius_m: float = Field(0.5, gt=0)
     half_depth_m: float = Field(0.04, ge=0)
-    claim_m: float = Field(0.5, ge=0, description="legs this near to somebody seen at waist height are theirs [m] (ours)")
+    claim_m: float = Field(
+        0.4, ge=0, description="legs whose middle is this near to a trunk or a prediction may be that person's [m] (ours)"
+    )
     pair_m: float = Field(0.5, ge=0, description="two legs this near, where nobody is expected, are one person [m] (ours)")
     single_leg_variance_m2: float = Field(
         0.04, ge=0, description="added to R where one leg is seen: it is up to half a stride from the middle [m²] (ours)"

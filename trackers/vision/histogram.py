@@ -7,6 +7,8 @@ window holds only a few hundred pixels. `grey_bins=0`, `smoothing_deg=0` is the 
 
 from __future__ import annotations
 
+from typing import Literal
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +42,7 @@ class ColourHistogram:
     def __init__(self, options: HistogramOptions | None = None) -> None:
         self.options = options or HistogramOptions()
         self.size = self.options.hue_bins + self.options.grey_bins
-        self._smoother = _smoothing_matrix(self.options)
+        self._hue_kernel = _gaussian_kernel(self.options.smoothing_deg * self.options.hue_bins / 360)
 
     def of_windows(self, rgb: NDArray[np.uint8], pixels: Array, inside: NDArray[np.bool_]) -> Array:
         """Histograms (k, size) of the image (height, width, 3) at pixels (k, rows, columns, 2) that are `inside`.
@@ -72,8 +74,11 @@ class ColourHistogram:
         else:
             bins, weights = row + hue_bin, inside.astype(float)
         counts = np.bincount(bins.ravel(), weights.ravel(), k * self.size).reshape(k, self.size)
-        if self._smoother is not None:
-            counts = counts @ self._smoother
+        if options.smoothing_deg > 0:
+            hue_counts, grey_counts = counts[:, : options.hue_bins], counts[:, options.hue_bins :]
+            counts = np.concatenate(
+                [_smoothed(hue_counts, self._hue_kernel, "wrap"), _smoothed(grey_counts, _GREY_KERNEL, "constant")], axis=1
+            )
         total = counts.sum(axis=1, keepdims=True)
         return np.divide(counts, total, out=np.zeros_like(counts), where=total > 0)
 
@@ -90,18 +95,22 @@ def updated_reference(reference: Array, histogram: Array, memory: float) -> Arra
     return memory * reference + (1 - memory) * histogram
 
 
-def _smoothing_matrix(options: HistogramOptions) -> Array | None:
-    """Matrix (size, size) that spreads each bin over its neighbours; hue closes to a circle, brightness does not."""
-    if options.smoothing_deg == 0:
-        return None
-    size = options.hue_bins + options.grey_bins
-    matrix = np.zeros((size, size))
-    hue = np.arange(options.hue_bins)
-    apart = np.abs(hue[:, None] - hue[None])
-    apart = np.minimum(apart, options.hue_bins - apart) * (360 / options.hue_bins)
-    kernel = np.exp(-0.5 * (apart / options.smoothing_deg) ** 2)
-    matrix[: options.hue_bins, : options.hue_bins] = kernel
-    grey = np.arange(options.grey_bins)
-    # one bin of brightness to either side: lighting drifts over a room
-    matrix[options.hue_bins :, options.hue_bins :] = np.exp(-0.5 * (grey[:, None] - grey[None]) ** 2)
-    return matrix / matrix.sum(axis=1, keepdims=True)
+def _gaussian_kernel(deviation_bins: float) -> Array:
+    """Weights that sum to 1 out to three standard deviations."""
+    reach = int(np.ceil(3 * deviation_bins))
+    offsets = np.arange(-reach, reach + 1)
+    weights = np.exp(-0.5 * (offsets / max(deviation_bins, 1e-9)) ** 2)
+    return weights / weights.sum()
+
+
+# one bin of brightness to either side: lighting drifts over a room
+_GREY_KERNEL = _gaussian_kernel(1.0)
+
+
+def _smoothed(counts: Array, kernel: Array, mode: Literal["wrap", "constant"]) -> Array:
+    """Rows of counts (k, b) spread by a kernel; the circle of hues closes (wrap), brightness ends (constant)."""
+    if counts.shape[1] == 0:
+        return counts
+    reach = kernel.size // 2
+    padded = np.pad(counts, ((0, 0), (reach, reach)), mode)
+    return np.einsum("kbw,w->kb", np.lib.stride_tricks.sliding_window_view(padded, kernel.size, axis=1), kernel)

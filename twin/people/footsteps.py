@@ -20,9 +20,9 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Planar = NDArray[np.complex128]
 
-LANDS_AHEAD = 0.42
+LANDS_AHEAD = 0.46
 """Where a foot lands ahead of the pelvis, as a share of a step: less than half, because the heel behind has lifted."""
-LANDS_AT = 0.4
+LANDS_AT = 0.5
 """Velocity over the floor with which a foot arrives, as a share of the body's; the landing takes it to nothing."""
 TARGET_FIXED_AT = 0.75
 """Share of the swing after which the landing place is final."""
@@ -35,7 +35,7 @@ TWIST_RAD = 0.55
 """Turn of the body over a standing foot from which steps become quicker."""
 HURRY = 1.5
 """How much quicker at twice that distance or turn."""
-TURNING = 0.3
+TURNING = 0.45
 """How much quicker steps are for each rad/s of turning."""
 TOES_DOWN_RAD_S = 4.0
 """How fast the toes come down after the heel has struck."""

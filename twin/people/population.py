@@ -20,7 +20,7 @@ from twin.scenario.people import Person, Stand, Walk, Wander
 
 Array = NDArray[np.float64]
 
-TICK_S = 0.02
+TICK_S = 0.025
 """The people's clock [s]; between ticks poses are interpolated."""
 
 HISTORY_S = 3.0
@@ -71,11 +71,12 @@ class Population:
         area = np.asarray(area, dtype=float)
         described = [people[name] for name in self.names]
         random = [rngs[name] for name in self.names]
-        position = _starts(self.names, described, area, random)
+        roams = any(isinstance(person.script, Wander) or person.start is None for person in described)
+        inner = _inset(area) if roams else area
+        position = _starts(self.names, described, inner, random)
         heading = np.array(
             [first_heading(*each) for each in zip(described, position, random, strict=True)], dtype=float
         )
-        inner = _inset(area)
         areas = [area if isinstance(person.script, Wander) else None for person in described]
         fixed = np.array([isinstance(person.script, Stand) for person in described], dtype=bool)
         self._scripts = [script_of(person, inner, rng) for person, rng in zip(described, random, strict=True)]
@@ -165,16 +166,15 @@ class Population:
 
 
 def _starts(
-    names: tuple[str, ...], people: list[Person], area: Array, random: list[np.random.Generator]
+    names: tuple[str, ...], people: list[Person], inner: Array, random: list[np.random.Generator]
 ) -> Array:
-    """Ground points (n, 2) [m]: as asked, at the first waypoint, or drawn in the area away from everybody placed."""
+    """Ground points (n, 2) [m]: as asked, at the first waypoint, or drawn in `inner` away from everybody placed."""
     places: dict[int, Array] = {}
     for number, person in enumerate(people):
         if person.start is not None:
             places[number] = np.array(person.start, dtype=float)
         elif isinstance(person.script, Walk):
             places[number] = np.array(person.script.waypoints[0], dtype=float)
-    inner = _inset(area)
     for number, name in enumerate(names):
         if number in places:
             continue

@@ -17,15 +17,15 @@ Planar = NDArray[np.complex128]
 FLOOR_ROWS = 4
 ROWS = 15
 
-_STRAIGHTEST = 0.9975
+_STRAIGHTEST = 0.994
 """Longest distance from hip to ankle as a share of the leg: the knee keeps 8 degrees, as a standing person's does."""
-_STANDS_AT = 0.997
+_STANDS_AT = 0.994
 """Height of the hips over the ankles when standing, as a share of the leg."""
 _HIGHEST_HEEL_RAD = 1.15
 _TIPTOE_FROM_M = 0.2
 _TWIST_PER_STRIDE = 0.13
 """Turn of the pelvis towards the foot in front [rad/m, for the reference leg]."""
-_SWING_PER_STRIDE = 0.62
+_SWING_PER_STRIDE = 0.52
 """Swing of the arms against the legs [rad/m, for the reference leg]."""
 _ARMS_OUT_RAD = 0.10
 
@@ -102,7 +102,7 @@ def joint_coordinates(moment: Moment, skeleton: Skeleton) -> Array:
         swing = 0.04 + sign * _SWING_PER_STRIDE * stride
         out[pitch_place] = swing - 0.7 * rows[5]
         out[roll_place] = sign * _ARMS_OUT_RAD
-        out[elbow_place] = 0.5 * np.minimum(swing, 0.0) - rows[8]
+        out[elbow_place] = 0.7 * np.minimum(swing, 0.0) - rows[8]
     for place in range(6):
         out[_LEGS[:, place]] = legs[place]
     # the toes stay level while the heel is up

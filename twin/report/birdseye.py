@@ -59,10 +59,7 @@ class FloorView:
 
     def pixels(self, xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Picture coordinates (..., 2) [px], x right and y down, of floor points (..., 2) [m]."""
-        xy_m = np.asarray(xy_m, dtype=float)
-        return np.stack(
-            [(xy_m[..., 0] - self.x_min_m) * self.scale, (self.y_max_m - xy_m[..., 1]) * self.scale], axis=-1
-        )
+        return (xy_m - np.array([self.x_min_m, self.y_max_m])) * np.array([self.scale, -self.scale])
 
     def inside(self, pixels: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Whether picture coordinates (..., 2) lie in the picture, (...,)."""
@@ -119,7 +116,7 @@ class ScannerOnFloor:
         return np.concatenate([self._origin[None], self._ends(ranges, scan.angles_rad)])
 
     def reach(self, scan: LaserScan) -> Polygon:
-        """About as far as the scanner sees, (k, 2) [m]: its returns, and their median range in every direction it looks.
+        """About as far as the scanner sees, (k, 2) [m]: its returns, and their median range all round its view.
 
         The second because a person may walk where nothing stands that returns a beam. Empty without returns.
         """

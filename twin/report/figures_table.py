@@ -59,6 +59,7 @@ _COST = (
     Figure("ms_per_frame.mean", "Time per frame, mean", "ms", "tracker only, on one core", "less", 2),
     Figure("ms_per_frame.p95", "Time per frame, 95 %", "ms", "19 of 20 frames take less", "less", 2),
 )
+_NONE = "–"
 HEADLINES = ("mota", "motp_m", "idf1", "hota", "misidentifications", "lost_tracks")
 
 
@@ -90,17 +91,14 @@ def value_of(tracker: Mapping[str, Any], figure: Figure) -> float | None:
 def text_of(figure: Figure, value: float | None) -> str:
     """A figure as written, without its unit; a dash where it does not apply."""
     if value is None or not isfinite(value):
-        return "–"
+        return _NONE
     return f"{value:.{figure.decimals}f}".replace("-", "−")
 
 
 def _row(figure: Figure, values: Sequence[float | None]) -> Row:
-    known = [value for value in values if value is not None]
-    best = None
-    if len(known) > 1 and min(known) < max(known):
-        best = max(known) if figure.better == "more" else min(known)
-    return Row(
-        figure,
-        tuple(text_of(figure, value) for value in values),
-        tuple(best is not None and value == best for value in values),
-    )
+    texts = tuple(text_of(figure, value) for value in values)
+    known = [value for value in values if value is not None and isfinite(value)]
+    best = text_of(figure, (max if figure.better == "more" else min)(known, default=None))
+    # Compared as written: a difference that is not shown makes nobody the best.
+    differ = len({text for text in texts if text != _NONE}) > 1
+    return Row(figure, texts, tuple(differ and text == best for text in texts))

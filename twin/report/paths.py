@@ -18,6 +18,7 @@ from twin.report.spans import unbroken, usual_period_ns
 from twin.report.timeline import describe
 
 _WIDTH_PX = 1000
+_STANDING = 0.05  # share of the greatest count from which a cell is taken for something that stands
 _LONG_NS = 90 * NS_PER_S  # beyond, paths cover each other and are drawn lighter
 
 
@@ -35,7 +36,10 @@ def path_map(
 
     A track is solid while confirmed and dashed while it coasts; its id stands where it ends.
     """
-    hits = [scans.cells()[0]] if scans is not None else []
+    hits = []
+    if scans is not None:
+        cells, counts = scans.cells()
+        hits.append(cells[counts > _STANDING * counts.max(initial=0)])
     view = FloorView.fit(floor_extent(rig, outline, *hits, np.column_stack([tracks.x, tracks.y])), _WIDTH_PX)
     parts = [room_svg(view, rig, outline)]
     if scans is not None:

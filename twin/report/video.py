@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 from fractions import Fraction
 from pathlib import Path
@@ -26,9 +27,12 @@ class VideoFile:
 
     def __init__(self, path: Path, size: tuple[int, int], fps: float) -> None:
         self._path = path
-        self._partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+        self._partial = partial_path(path)
+        self._pictures = 0
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
+            if path.is_dir():
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
             self._container = av.open(str(self._partial), "w", format="mp4", options={"movflags": "+faststart"})
         except OSError as error:
             raise _unwritable(path, error) from error
@@ -52,6 +56,7 @@ class VideoFile:
         picture.pts = pts
         picture.time_base = TIME_BASE
         self._mux(picture)
+        self._pictures += 1
 
     def _mux(self, picture: av.VideoFrame | None) -> None:
         packets = self._stream.encode(picture)
@@ -61,7 +66,10 @@ class VideoFile:
             raise _unwritable(self._path, error) from error
 
     def close(self) -> None:
-        """Finish the file and give it its name."""
+        """Finish the file and give it its name; without a picture there is no file."""
+        if self._pictures == 0:
+            self.discard()
+            return
         try:
             self._mux(None)
             try:
@@ -79,6 +87,11 @@ class VideoFile:
         with contextlib.suppress(OSError):
             self._container.close()
         self._partial.unlink(missing_ok=True)
+
+
+def partial_path(path: Path) -> Path:
+    """Where a file is written until it is whole: hidden, beside its place."""
+    return path.with_name(f".{path.name}.{os.getpid()}.partial")
 
 
 def _unwritable(path: Path, error: OSError) -> InputError:

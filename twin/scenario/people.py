@@ -31,9 +31,9 @@ class Wander(Strict):
     """
 
     kind: Literal["wander"] = "wander"
-    speed_m_s: tuple[Speed, Speed] = Field(default=(0.5, 1.3), description="slowest and fastest walking speed [m/s]")
+    speed_m_s: tuple[Speed, Speed] = Field(default=(0.6, 1.3), description="slowest and fastest walking speed [m/s]")
     stretch_s: float = Field(default=2.5, ge=0.2, le=60, description="mean time between two stops or turns [s]")
-    stop_share: Share = Field(default=0.45, description="share of stretches that end in a stop, 0 to 1")
+    stop_share: Share = Field(default=0.4, description="share of stretches that end in a stop, 0 to 1")
     stop_s: tuple[float, float] = Field(default=(0.3, 1.0), description="shortest and longest stop [s]")
 
     @model_validator(mode="after")

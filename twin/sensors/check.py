@@ -67,22 +67,12 @@ def _watch(sensor: Sensor, world: SnapshotSource) -> tuple[list[Reading], list[d
     rng = np.random.default_rng(_SEED)
     state, readings, copies, faults = None, [], [], []
     for stamp_ns in _STAMPS_NS:
-        taken: list[float] = []
-
-        def snapshots(stamp_ns: int = stamp_ns, taken: list[float] = taken) -> Iterator[Snapshot]:
-            for offset in sensor.instants_s:
-                snapshot = world.snapshot(stamp_ns / NS_PER_S + offset)
-                untouched = _world_state(snapshot)
-                taken.append(offset)
-                yield snapshot
-                if not _same(untouched, _world_state(snapshot)):
-                    faults.append(f"changes the world it looks at (at stamp {stamp_ns}); snapshots are read-only")
-
-        given = snapshots()
-        reading, state = sensor.observe(stamp_ns, given, state, rng)
-        if len(taken) != len(sensor.instants_s):
-            faults.append(f"took {len(taken)} of the {len(sensor.instants_s)} instants it declares")
-        next(given, None)  # lets the last snapshot be compared
+        looks: list[tuple[Snapshot, dict[str, NDArray]]] = []  # each snapshot, and how it was when handed out
+        reading, state = sensor.observe(stamp_ns, _hand_out(sensor, world, stamp_ns, looks, faults), state, rng)
+        if looks:
+            faults += _meddling_faults(*looks[-1])
+        if len(looks) != len(sensor.instants_s):
+            faults.append(f"took {len(looks)} of the {len(sensor.instants_s)} instants it declares")
         if reading.observation.stamp_ns != stamp_ns or not isinstance(reading.observation.stamp_ns, int):
             faults.append(f"stamped its reading {reading.observation.stamp_ns!r}, not {stamp_ns} as asked")
         if reading.observation.sensor != sensor.name:
@@ -90,6 +80,27 @@ def _watch(sensor: Sensor, world: SnapshotSource) -> tuple[list[Reading], list[d
         readings.append(reading)
         copies.append({key: value.copy() for key, value in _arrays(reading).items()})
     return readings, copies, faults
+
+
+def _hand_out(
+    sensor: Sensor,
+    world: SnapshotSource,
+    stamp_ns: int,
+    looks: list[tuple[Snapshot, dict[str, NDArray]]],
+    faults: list[str],
+) -> Iterator[Snapshot]:
+    """The snapshots a sensor asks for, each noted in `looks` and compared when the sensor comes back for the next."""
+    for offset in sensor.instants_s:
+        snapshot = world.snapshot(stamp_ns / NS_PER_S + offset)
+        looks.append((snapshot, _world_state(snapshot)))
+        yield snapshot
+        faults.extend(_meddling_faults(*looks[-1]))
+
+
+def _meddling_faults(snapshot: Snapshot, before: dict[str, NDArray]) -> list[str]:
+    if _same(before, _world_state(snapshot)):
+        return []
+    return [f"changes the world it looks at (at {snapshot.t:g} s); snapshots are read-only"]
 
 
 def _world_state(snapshot: Snapshot) -> dict[str, NDArray]:

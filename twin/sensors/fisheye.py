@@ -12,7 +12,7 @@ from trackers.observations import Image
 from trackers.rig import FisheyeSensor
 from twin.sensors.fisheye_faces import build_face_table
 from twin.sensors.lens import check_lens
-from twin.sensors.render import OffscreenRenderer, View
+from twin.sensors.render import OffscreenRenderer
 from twin.sensors.sensor import Reading, State
 from twin.snapshot import Snapshot
 
@@ -51,21 +51,20 @@ class Fisheye:
     def _faces(self) -> _Faces:
         return _Faces(self._rig, self._oversampling)
 
-    @property
-    def views(self) -> tuple[View, ...]:
-        """The faces that are drawn for each picture."""
-        return self._faces.views
-
     def observe(
         self, stamp_ns: int, snapshots: Iterable[Snapshot], state: State, rng: np.random.Generator
     ) -> tuple[Reading, State]:
         """The ideal picture; `rng` and `state` are not used."""
         (snapshot,) = snapshots
+        self.draw_faces(snapshot)
+        return Reading(Image(self.name, stamp_ns, self._faces.bend())), state
+
+    def draw_faces(self, snapshot: Snapshot) -> None:
+        """Draw and read the faces, which is what a picture costs at least."""
         renderer = self._renderer()
         if snapshot.model is not renderer.model:
             raise ValueError(f"camera {self.name!r} was given a renderer of another model than the snapshot's")
         renderer.render(snapshot.data, self._eye_m, self._faces.views, self._faces.drawn)
-        return Reading(Image(self.name, stamp_ns, self._faces.bend())), state
 
     def rig_sensor(self) -> FisheyeSensor:
         """What a tracker is told: where the camera is, its topic and its intrinsics."""

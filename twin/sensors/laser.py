@@ -25,6 +25,8 @@ class Laser:
     +inf (REP 117). With `sweep_time_s` > 0 the first beam is taken at the stamp and the last that much later; beams are
     grouped so that each is taken within SWEEP_STEP_S / 2 of its time. The sensor stands still.
 
+    `origin_m` (3,) and `directions` (n_beam, 3) are its rays in the room frame.
+
     Simplified: every surface reflects; glass and mirrors are walls (geoms with alpha = 0 are not seen at all).
     """
 
@@ -50,9 +52,9 @@ class Laser:
         self._sweep_time_s = sweep_time_s
         angles = self._angle_min_rad + self._angle_increment_rad * np.arange(beams)
         in_sensor = np.stack([np.cos(angles), np.sin(angles), np.zeros(beams)], axis=1)  # (n_beam, 3)
-        self._origin = rig.room_from_sensor.translation
+        self.origin_m = rig.room_from_sensor.translation
         # The sensor never moves, so its rays are turned into the room's frame once.
-        self._directions = np.ascontiguousarray(in_sensor @ rig.room_from_sensor.rotation.T)
+        self.directions = np.ascontiguousarray(in_sensor @ rig.room_from_sensor.rotation.T)
         self._geom = np.empty(beams, dtype=np.int32)
         self._distance = np.empty(beams)
         self._person = np.empty(beams, dtype=np.int16)
@@ -95,7 +97,7 @@ class Laser:
         """Fill ranges and people for the beams of one sector."""
         geom, distance = self._geom[sector], self._distance[sector]
         mujoco.mj_multiRay(
-            snapshot.model, snapshot.data, self._origin, self._directions[sector].reshape(-1), RAY_GROUPS, True, -1,
+            snapshot.model, snapshot.data, self.origin_m, self.directions[sector].reshape(-1), RAY_GROUPS, True, -1,
             geom, distance, None, geom.size, self._range_max_m,
         )  # fmt: skip
         # A miss has geom -1 and takes the last geom's person here; `observe` clears it with the range.

@@ -52,7 +52,9 @@ def positions(t: float, n_people: int = 5) -> NDArray[np.float64]:
     return np.column_stack([x, y])
 
 
-def scan(sensor: str, stamp_ns: int, people: NDArray[np.float64], radius_m: float, rng: np.random.Generator) -> LaserScan:
+def scan(
+    sensor: str, stamp_ns: int, people: NDArray[np.float64], radius_m: float, rng: np.random.Generator
+) -> LaserScan:
     """361 beams against circles in a box of a room, from the origin looking along +y."""
     angles = np.linspace(-np.pi / 2, np.pi / 2, 361)
     ray = np.column_stack([np.cos(angles + np.pi / 2), np.sin(angles + np.pi / 2)])
@@ -87,7 +89,8 @@ class Staged:
         frame = self.truth_frames[index]
         people = np.array([(person.x, person.y) for person in frame.people]).reshape(-1, 2)
         rng = np.random.default_rng(index)
-        legs = np.concatenate([people + [0.09, 0.0], people - [0.09, 0.0]])
+        apart = np.array([0.09, 0.0])
+        legs = np.concatenate([people + apart, people - apart])
         return {
             "waist": scan("waist", frame.stamp_ns, people, 0.18, rng),
             "knee": scan("knee", frame.stamp_ns, legs, 0.06, rng),
@@ -138,7 +141,8 @@ def stage(duration_s: float, start_ns: int = 0, n_people: int = 5, seed: int = 1
         if 0.2 * duration_s <= t < 0.35 * duration_s:
             tracks.append(Track(9, 1.9, 2.7 - 0.02 * (t % 5), status="confirmed"))
         track_frames.append(TrackFrame(stamp_ns, tuple(sorted(tracks, key=lambda track: track.id))))
-    rgb = np.random.default_rng(0).integers(60, 200, (320, 320, 3), dtype=np.uint8)
+    x, y = np.meshgrid(np.linspace(0, 1, 320), np.linspace(0, 1, 320))
+    rgb = np.round(np.stack([60 + 140 * x, 60 + 140 * y, 200 - 140 * x], axis=-1)).astype(np.uint8)
     return Staged(laboratory(), room(), truth_frames, track_frames, Image("camera", start_ns, rgb))
 
 

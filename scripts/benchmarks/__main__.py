@@ -1,0 +1,42 @@
+"""`scripts/bench`: measure, print one row a figure, exit 1 where one falls short."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from benchmarks import runs, sensors, start_up, tracking
+from benchmarks.figure import Figure
+
+BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
+    "start-up": start_up.measure,
+    "laser": sensors.laser,
+    "fisheye": sensors.fisheye,
+    "silhouettes": sensors.silhouettes,
+    "table-one": tracking.table_one,
+    "tracker-cost": tracking.cost,
+    "real-time": runs.real_time,
+    "memory": runs.memory,
+}
+
+
+def main() -> int:
+    """Run the benchmarks asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", action="append", choices=list(BENCHMARKS), help="measure this one; may be repeated")
+    parser.add_argument("--json", type=Path, help="write the rows to this file")
+    arguments = parser.parse_args()
+    rows = []
+    for name in arguments.only or BENCHMARKS:
+        for figure in BENCHMARKS[name]():
+            rows.append(figure.row())
+            print(json.dumps(rows[-1], ensure_ascii=False), flush=True)
+    if arguments.json is not None:
+        arguments.json.write_text(json.dumps(rows, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    return 1 if any(row["holds"] is False for row in rows) else 0
+
+
+sys.exit(main())

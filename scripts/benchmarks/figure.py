@@ -1,0 +1,43 @@
+"""One figure: what was measured, and what was promised."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A measured value beside its target, a bound like '<= 1.5' or '>= 20'; '' for one that is only reported."""
+
+    name: str
+    value: float
+    unit: str
+    target: str
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether the target is met; None where there is none."""
+        if not self.target:
+            return None
+        relation, bound = self.target.split()
+        return self.value <= float(bound) if relation == "<=" else self.value >= float(bound)
+
+    def row(self) -> dict[str, Any]:
+        """The figure as it is printed and stored."""
+        return asdict(self) | {"holds": self.holds}
+
+
+def median_ratio(measured: Callable[[], object], bare: Callable[[], object], rounds: int) -> float:
+    """Median over rounds of the cost of one call over that of a bare call beside it, so that a noisy machine cancels."""
+    ratios = []
+    for _ in range(rounds):
+        start = time.perf_counter()
+        bare()
+        middle = time.perf_counter()
+        measured()
+        ratios.append((time.perf_counter() - middle) / (middle - start))
+    return statistics.median(ratios)

@@ -1,0 +1,92 @@
+"""Mapping, colours and spans of time: the arithmetic under the pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import laboratory, room
+from hypothesis import given
+from hypothesis import strategies as st
+
+from trackers.observations import LaserScan
+from trackers.rig import LaserSensor, Pose, Rig
+from twin.report.birdseye import FloorView, ScannerOnFloor, floor_extent, room_svg, svg_path
+from twin.report.clock import minutes_text, origin_ns, time_text, time_ticks
+from twin.report.palette import IDENTITY_COLOURS, IdentityColours
+from twin.report.spans import Span, spans, unbroken, usual_period_ns, without
+
+
+def test_view_shows_the_extent_centred_at_one_scale() -> None:
+    view = FloorView.fit(np.array([[-2.0, 0.0], [2.0, 2.0]]), 500, 400, margin_m=0.5)
+    assert view.scale == pytest.approx(100)
+    np.testing.assert_allclose(
+        view.pixels(np.array([[0.0, 1.0], [-2.5, 1.0], [0.0, 2.0]])), [[250, 200], [0, 200], [250, 100]]
+    )
+
+
+def test_extent_without_room_ignores_a_stray_return() -> None:
+    rig = Rig(sensors={"scan": LaserSensor(topic="/scan")})
+    points = np.concatenate([np.random.default_rng(0).uniform(-3, 3, (500, 2)), [[80.0, 80.0]]])
+    assert np.abs(floor_extent(rig, [], points)).max() < 3.1
+    assert np.ptp(floor_extent(rig, []), axis=0).min() >= 6.0  # nothing known: the metres around the sensor
+    assert floor_extent(laboratory(), room()).max() == pytest.approx(4.4)
+
+
+def test_scan_reaches_the_floor_through_the_pose() -> None:
+    scan = LaserScan("s", 0, np.array([1.0, np.inf, np.nan, 2.0], np.float32), 0.0, np.pi / 2, 0.1, 8.0)
+    scanner = ScannerOnFloor(Pose(xyz=(1.0, 0.0, 0.4), rpy=(0.0, 0.0, np.pi / 2)))
+    np.testing.assert_allclose(scanner.points(scan), [[1.0, 1.0], [3.0, 0.0]], atol=1e-6)
+    np.testing.assert_allclose(
+        scanner.free_space(scan), [[1, 0], [1, 1], [-7, 0], [1, 0], [3, 0]], atol=1e-6
+    )  # no return: as far as it sees; invalid: nothing
+
+
+def test_room_svg_names_things_safely() -> None:
+    rig = Rig(sensors={"<b>": LaserSensor(topic="/scan")}, area=((0, 0), (1, 0), (1, 1)))
+    text = room_svg(FloorView.fit(floor_extent(rig, []), 400), rig, room())
+    assert "&lt;b&gt;" in text
+    assert text.count('class="structure"') == 7
+
+
+def test_thinned_path_stays_within_a_third_of_a_pixel() -> None:
+    t = np.linspace(0, 6, 2000)
+    line = np.column_stack([100 * t, 200 + 80 * np.sin(t)])
+    kept = np.array([[float(v) for v in p.split()] for p in svg_path(line)[1:].split("L")])
+    assert len(kept) < 100
+    assert np.abs(np.interp(line[:, 0], kept[:, 0], kept[:, 1]) - line[:, 1]).max() < 0.45
+
+
+def test_colours_follow_first_appearance() -> None:
+    colours = IdentityColours([7, 3])
+    assert colours[3] == IDENTITY_COLOURS[1]
+    assert colours[100] == IDENTITY_COLOURS[2]
+    assert colours[7] == IDENTITY_COLOURS[0]
+    assert len({IdentityColours(range(8))[i] for i in range(8)}) == 8 or len(set(IDENTITY_COLOURS)) == 8
+
+
+def test_times_read_as_people_write_them() -> None:
+    assert time_text(12.34, 1) == "12.3 s"
+    assert time_text(125.0) == "2:05"
+    assert time_text(179.97, 1) == "3:00.0"
+    assert time_text(-0.01, 1) == "0.0 s"
+    assert minutes_text(60) == "1:00"
+    assert origin_ns(3_000_000_000) == 0
+    assert origin_ns(1_700_000_000_000_000_000) == 1_700_000_000_000_000_000
+    np.testing.assert_allclose(time_ticks(-0.05, 26.2, 14), np.arange(0, 27, 2))
+
+
+def test_spans_break_at_gaps_and_labels() -> None:
+    stamps = np.array([0, 100, 200, 500, 600])
+    assert spans(stamps, 100) == [Span(-50, 250), Span(450, 650)]
+    assert spans(stamps, 100, np.array([1, 1, 2, 2, 2])) == [Span(-50, 150, 1), Span(150, 250, 2), Span(450, 650, 2)]
+    assert spans(np.zeros(0, np.int64), 100) == []
+    assert [piece.tolist() for piece in unbroken(stamps, 100)] == [[0, 1, 2], [3, 4]]
+    assert usual_period_ns(np.array([0, 1, 100, 101]), np.array([0, 100, 200])) == 100
+
+
+@given(st.sets(st.integers(0, 40)), st.sets(st.integers(0, 40)))
+def test_without_leaves_exactly_what_is_not_covered(whole: set[int], parts: set[int]) -> None:
+    def of(samples: set[int]) -> list[Span]:
+        return spans(np.array(sorted(samples), dtype=np.int64) * 100, 100)
+
+    assert without(of(whole), of(parts), 1) == of(whole - parts)

@@ -1,0 +1,255 @@
+"""The report is one page that needs nothing else and hides nothing."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from html import unescape
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import Staged, stage
+
+from trackers.errors import InputError
+from trackers.rig import LaserSensor, Rig
+from trackers.tracks import Track, TrackFrame
+from twin.evaluate.summary import evaluate_with_details
+from twin.recording.tables import track_table
+from twin.report import page
+from twin.report.page import RunFacts, Still, TrackerResult, write_report
+from twin.report.scan_density import ScanDensity
+from twin.report.timeline import false_tracks
+
+NAMES = {1: "white", 2: "black", 3: "pink", 4: "blue", 5: "purple"}
+VOID = {"meta", "img", "br", "link", "input", "hr"}
+JPEG = b"\xff\xd8\xff\xe0 not decoded here"
+
+
+def facts(**changes: object) -> RunFacts:
+    return replace(RunFacts("lab-five-people", 6.0, seed=0, command="twin run lab-five-people"), **changes)  # pyright: ignore
+
+
+def result(staged: Staged, name: str = "laser-fisheye-imm") -> TrackerResult:
+    evaluation = evaluate_with_details(staged.truth, staged.tracks)
+    return TrackerResult(name, staged.tracks, evaluation, {"mean": 4.25, "p95": 7.5})
+
+
+class Checker(HTMLParser):
+    """Collects what a page fetches, and insists on tags that close."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.fetched: list[str] = []
+        self.ids: list[str] = []
+        self.open: list[str] = []
+        self.texts: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.fetched += [value or "" for name, value in attrs if name in ("src", "href", "srcset", "data", "poster")]
+        self.ids += [value or "" for name, value in attrs if name == "id"]
+        if tag == "img":
+            assert dict(attrs).get("alt")
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.fetched += [value or "" for name, value in attrs if name in ("src", "href")]
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.texts.append(data.strip())
+
+
+def checked(path: Path) -> Checker:
+    checker = Checker()
+    checker.feed(path.read_text(encoding="utf-8"))
+    assert checker.open == []
+    return checker
+
+
+def test_page_fetches_nothing(tmp_path: Path, staged: Staged) -> None:
+    path = tmp_path / "report.html"
+    density = ScanDensity(staged.rig)
+    for scan in staged.scans(3).values():
+        density.add(scan)
+    write_report(
+        path,
+        facts(),
+        [result(staged), result(staged, "laser-imm")],
+        staged.rig,
+        truth=staged.truth,
+        scans=density,
+        stills=[Still(JPEG, "At 2 s")],
+    )
+    checker = checked(path)
+    text = path.read_text(encoding="utf-8")
+    assert "url(" not in text
+    assert "@import" not in text
+    assert not re.search(r"https?:", text)
+    assert any(address.startswith("data:image/png") for address in checker.fetched)
+    assert any(address.startswith("data:image/jpeg") for address in checker.fetched)
+    for address in checker.fetched:
+        assert address.startswith(("data:", "#"))
+        if address.startswith("#"):
+            assert address[1:] in checker.ids
+
+
+def test_every_tracker_figure_and_event_is_on_the_page(tmp_path: Path, staged: Staged) -> None:
+    path = tmp_path / "report.html"
+    mine = result(staged)
+    worse_frames = [TrackFrame(frame.stamp_ns, frame.tracks[:2]) for frame in staged.track_frames]
+    worse_table = track_table(worse_frames)
+    worse = TrackerResult("laser-kalman", worse_table, evaluate_with_details(staged.truth, worse_table))
+    write_report(
+        path, facts(), [mine, worse], staged.rig, truth=staged.truth, outline=staged.outline, person_names=NAMES
+    )
+    text = unescape(path.read_text(encoding="utf-8"))
+    texts = checked(path).texts
+    assert mine.evaluation is not None
+    assert worse.evaluation is not None
+    for tracker in (mine, worse):
+        assert tracker.name in texts
+        assert tracker.evaluation is not None
+        for key in ("mota", "motp_m", "idf1", "hota"):
+            assert f"{tracker.evaluation.metrics[key]:.3f}".replace("-", "−") in texts
+    kinds = [event.kind for event in mine.evaluation.events]
+    assert kinds.count("switch") == 3
+    assert kinds.count("misidentification") == 2
+    assert kinds.count("lost") == 1
+    marks = re.findall(r'<g class="event"', text)
+    assert len(marks) == len(mine.evaluation.events) + len(worse.evaluation.events)
+    for event in mine.evaluation.events:
+        if event.kind == "switch":
+            person = NAMES[event.person_id]
+            assert f"{person} goes on as #{event.track_id}, was #{event.previous_track_id}" in texts
+    assert "#1 goes on with white, was black" in texts
+    assert "#2 ends while pink stays" in texts
+    assert "Tracks that follow nobody" in texts
+    assert re.search(r"<title>#9 \(nobody\)", text)
+    assert "4.25" in texts
+
+
+def test_misses_are_gaps(tmp_path: Path, staged: Staged) -> None:
+    """Track 2 is lost at 3.6 s and taken up again 2 s later: pink's row is shaded there and nowhere else after 0.5 s."""
+    write_report(
+        tmp_path / "report.html", facts(), [result(staged)], staged.rig, truth=staged.truth, person_names=NAMES
+    )
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    boxes = re.findall(r'<path class="missed" d="([^"]+)"', text)
+    assert len(boxes) == 5
+    spans = [[tuple(map(float, span)) for span in re.findall(r"M([\d.]+) \d+H([\d.]+)", box)] for box in boxes]
+    assert [len(each) for each in spans] == [1, 1, 2, 1, 1]
+    start, end = ((x - 104) / (1000 - 104 - 14) * 5.9 for x in spans[2][1])
+    assert start == pytest.approx(3.55, abs=0.01)
+    assert end == pytest.approx(5.55, abs=0.01)
+
+
+def test_false_tracks_leave_out_who_follows_people_outside(staged: Staged) -> None:
+    frames = []
+    for frame in staged.truth_frames:
+        outside = tuple(replace(person, in_area=person.id != 4) for person in frame.people)
+        frames.append(replace(frame, people=outside))
+    changed = replace(staged, truth_frames=frames)
+    evaluation = evaluate_with_details(changed.truth, changed.tracks)
+    stamps, ids = false_tracks(changed.truth, changed.tracks, evaluation)
+    assert set(ids.tolist()) == {9}
+    counted = dict(zip(evaluation.stamps_ns.tolist(), evaluation.false_positives.tolist(), strict=True))
+    assert {stamp: 1 for stamp in stamps.tolist()} == {stamp: n for stamp, n in counted.items() if n}
+
+
+def test_without_truth(tmp_path: Path, staged: Staged) -> None:
+    rig = Rig(sensors={"scan": LaserSensor(topic="/scan")})
+    density = ScanDensity(rig)
+    for index in range(20):
+        scan = staged.scans(index)["waist"]
+        density.add(replace(scan, sensor="scan"))
+    tracker = TrackerResult("laser-imm", staged.tracks)
+    write_report(tmp_path / "report.html", facts(seed=None), [tracker], rig, scans=density)
+    checker = checked(tmp_path / "report.html")
+    assert "Tracks" in checker.texts
+    assert "Errors over time" not in checker.texts
+    assert {"#0", "#1", "#2", "#3", "#4", "#9", "#11"} <= set(checker.texts)
+
+
+def test_without_any_track(tmp_path: Path, staged: Staged) -> None:
+    empty = track_table([TrackFrame(frame.stamp_ns, ()) for frame in staged.truth_frames])
+    evaluation = evaluate_with_details(staged.truth, empty)
+    write_report(
+        tmp_path / "a.html", facts(), [TrackerResult("silent", empty, evaluation)], staged.rig, truth=staged.truth
+    )
+    checker = checked(tmp_path / "a.html")
+    assert "–" in checker.texts  # MOTP does not apply
+    assert checker.texts.count("never followed") == 5
+    write_report(tmp_path / "b.html", facts(), [TrackerResult("silent", empty)], staged.rig)
+    assert "No track was ever confirmed." in checked(tmp_path / "b.html").texts
+
+
+def test_names_are_text_not_markup(tmp_path: Path, staged: Staged) -> None:
+    nasty = '<b onload="x">'
+    write_report(
+        tmp_path / "report.html",
+        facts(title=nasty, notes=[nasty], command=nasty),
+        [result(staged, nasty)],
+        staged.rig,
+        truth=staged.truth,
+        person_names={1: nasty},
+        stills=[Still(JPEG, nasty)],
+    )
+    checked(tmp_path / "report.html")
+    assert "<b " not in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_failure_leaves_the_old_page(tmp_path: Path, staged: Staged, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "report.html"
+    path.write_text("older")
+    with pytest.raises(ValueError, match="no truth was handed in"):
+        write_report(path, facts(), [result(staged)], staged.rig)
+
+    def broken(*_: object) -> str:
+        raise RuntimeError("broken")
+
+    monkeypatch.setattr(page, "identity_timeline", broken)
+    with pytest.raises(RuntimeError, match="broken"):
+        write_report(path, facts(), [result(staged)], staged.rig, truth=staged.truth)
+    assert path.read_text() == "older"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_unwritable_place_is_named(tmp_path: Path, staged: Staged) -> None:
+    (tmp_path / "report.html").mkdir()
+    with pytest.raises(InputError, match=r"report\.html: cannot be written"):
+        write_report(tmp_path / "report.html", facts(), [result(staged)], staged.rig, truth=staged.truth)
+
+
+def test_a_long_run_stays_small(tmp_path: Path) -> None:
+    staged = stage(120.0, n_people=4)
+    write_report(tmp_path / "long.html", facts(), [result(staged)], staged.rig, truth=staged.truth)
+    checked(tmp_path / "long.html")
+    assert (tmp_path / "long.html").stat().st_size < 600_000
+
+
+def test_scan_density_counts_cells() -> None:
+    rig = Rig(sensors={"scan": LaserSensor(topic="/scan")})
+    density = ScanDensity(rig, cell_m=0.1)
+    scan = replace(stage(0.1).scans(0)["waist"], sensor="scan")
+    ranges = np.full(361, np.nan, dtype=np.float32)
+    ranges[180], ranges[360] = 2.05, np.inf
+    for _ in range(3):
+        density.add(replace(scan, ranges_m=ranges))
+    cells, counts = density.cells()
+    assert counts.tolist() == [3]
+    np.testing.assert_allclose(
+        cells, [[2.05, 0.05]], atol=1e-9
+    )  # the beam straight ahead: y is 0, in the cell above it
+
+
+def test_one_row_a_track_even_for_a_moment(tmp_path: Path) -> None:
+    table = track_table([TrackFrame(0, (Track(7, 1.0, 1.0),))])
+    write_report(
+        tmp_path / "r.html", facts(), [TrackerResult("x", table)], Rig(sensors={"scan": LaserSensor(topic="/scan")})
+    )
+    assert "#7" in checked(tmp_path / "r.html").texts

@@ -1,0 +1,181 @@
+"""The preview video: decodable, whole or absent, with what was handed in drawn on it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pytest
+from conftest import PERIOD_NS, Staged
+from numpy.typing import NDArray
+
+from trackers.errors import InputError
+from trackers.observations import NS_PER_S
+from trackers.rig import LaserSensor, Rig
+from trackers.tracks import Track
+from twin.report.palette import IDENTITY_COLOURS
+from twin.report.preview import PreviewWriter, TruePoses
+
+N = 12
+
+
+def poses(staged: Staged, index: int) -> TruePoses:
+    people = staged.truth_frames[index].people
+    return TruePoses(
+        np.array([person.id for person in people]),
+        np.array([(person.x, person.y) for person in people]),
+        np.array([person.yaw for person in people]),
+    )
+
+
+def write(path: Path, staged: Staged, n: int = N) -> bytes:
+    with PreviewWriter(path, staged.rig, fps=10, tracker="t", title="s", outline=staged.outline) as writer:
+        for index in range(n):
+            frame = staged.track_frames[index]
+            writer.frame(frame.stamp_ns, staged.image, staged.scans(index), frame.tracks, poses(staged, index))
+        return writer.still()
+
+
+def decoded(path: Path) -> Iterator[tuple[float, NDArray[np.uint8]]]:
+    with av.open(str(path)) as container:
+        for picture in container.decode(video=0):
+            assert picture.time is not None
+            yield picture.time, np.asarray(picture.to_ndarray(format="rgb24"), dtype=np.uint8)
+
+
+def jpeg(data: bytes) -> NDArray[np.uint8]:
+    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR_RGB)
+    assert picture is not None
+    return np.asarray(picture, dtype=np.uint8)
+
+
+def near(picture: NDArray[np.uint8], colour: tuple[int, int, int], tolerance: int = 30) -> int:
+    """How many pixels have about this colour."""
+    return int((np.abs(picture.astype(int) - colour).max(axis=-1) <= tolerance).sum())
+
+
+def test_video_has_every_frame_at_its_time(tmp_path: Path, staged: Staged) -> None:
+    still = write(tmp_path / "preview.mp4", staged)
+    frames = list(decoded(tmp_path / "preview.mp4"))
+    assert len(frames) == N
+    np.testing.assert_allclose([t for t, _ in frames], np.arange(N) / 10, atol=1e-4)
+    assert all(picture.shape == (640, 1280, 3) for _, picture in frames)
+    assert np.abs(jpeg(still).astype(int) - frames[-1][1]).mean() < 6
+    with av.open(str(tmp_path / "preview.mp4")) as container:
+        stream = container.streams.video[0]
+        assert stream.codec_context.name == "h264"
+        assert stream.codec_context.pix_fmt == "yuv420p"
+    assert list(tmp_path.iterdir()) == [tmp_path / "preview.mp4"]
+
+
+def test_a_browser_can_start_before_the_end(tmp_path: Path, staged: Staged) -> None:
+    write(tmp_path / "preview.mp4", staged)
+    content = (tmp_path / "preview.mp4").read_bytes()
+    assert 0 < content.index(b"moov") < content.index(b"mdat")
+
+
+def test_same_input_same_file(tmp_path: Path, staged: Staged) -> None:
+    write(tmp_path / "a.mp4", staged, n=4)
+    write(tmp_path / "b.mp4", staged, n=4)
+    assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
+
+
+def test_times_follow_the_stamps_across_a_gap(tmp_path: Path, staged: Staged) -> None:
+    start = 1_700_000_000 * NS_PER_S  # a robot's clock
+    with PreviewWriter(tmp_path / "v.mp4", staged.rig, fps=10) as writer:
+        for index in (0, 1, 5):
+            writer.frame(start + index * PERIOD_NS, None, {}, ())
+    assert [t for t, _ in decoded(tmp_path / "v.mp4")] == pytest.approx([0.0, 0.1, 0.5], abs=1e-4)
+
+
+def test_stamps_must_rise(tmp_path: Path, staged: Staged) -> None:
+    with PreviewWriter(tmp_path / "v.mp4", staged.rig, fps=10) as writer:
+        writer.frame(5, None, {}, ())
+        with pytest.raises(ValueError, match="not later"):
+            writer.frame(5, None, {}, ())
+
+
+def test_exception_leaves_nothing_new(tmp_path: Path, staged: Staged) -> None:
+    path = tmp_path / "preview.mp4"
+    path.write_bytes(b"older")
+
+    def interrupted() -> None:
+        with PreviewWriter(path, staged.rig, fps=10) as writer:
+            writer.frame(0, staged.image, staged.scans(0), staged.track_frames[5].tracks)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert path.read_bytes() == b"older"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_no_frame_no_file(tmp_path: Path, staged: Staged) -> None:
+    with PreviewWriter(tmp_path / "v.mp4", staged.rig, fps=10) as writer, pytest.raises(ValueError, match="no frame"):
+        writer.still()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_unwritable_place_is_named(tmp_path: Path, staged: Staged) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match=r"v\.mp4: cannot be written"):
+        PreviewWriter(tmp_path / "file" / "v.mp4", staged.rig, fps=10)
+    (tmp_path / "v.mp4").mkdir()
+    with pytest.raises(InputError, match=r"v\.mp4: cannot be written"):
+        PreviewWriter(tmp_path / "v.mp4", staged.rig, fps=10)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
+def test_full_disk_is_named(tmp_path: Path, staged: Staged, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("twin.report.video.partial_path", lambda path: Path("/dev/full"))
+    monkeypatch.setattr(Path, "unlink", lambda self, missing_ok=False: None)
+    with pytest.raises(InputError, match="No space left on device"):
+        write(tmp_path / "v.mp4", staged)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_camera_the_floor_takes_the_width(tmp_path: Path, staged: Staged) -> None:
+    rig = Rig(sensors={"scan": LaserSensor(topic="/scan")})
+    scan = replace(staged.scans(0)["waist"], sensor="scan")
+    with PreviewWriter(tmp_path / "v.mp4", rig, fps=10) as writer:
+        writer.frame(0, None, {"scan": scan}, [Track(1, 1.0, 0.0), Track(2, 2.0, 1.0, status="coasting")])
+        picture = jpeg(writer.still())
+    assert near(picture[:, :600], IDENTITY_COLOURS[0]) + near(picture[:, 600:], IDENTITY_COLOURS[0]) > 50
+    assert len(list(decoded(tmp_path / "v.mp4"))) == 1
+
+
+def test_track_is_drawn_in_both_panels_where_it_is(tmp_path: Path, staged: Staged) -> None:
+    blue = IDENTITY_COLOURS[0]
+    with PreviewWriter(tmp_path / "v.mp4", staged.rig, fps=10) as writer:
+        writer.frame(0, None, {}, [])
+        empty = jpeg(writer.still(95))
+        writer.frame(PERIOD_NS, None, {}, [Track(3, -1.5, 1.5)])
+        left = jpeg(writer.still(95))
+    assert near(empty, blue) == 0
+    camera, floor = left[44:, :596], left[44:612, 596:]
+    # x = −1.5 m is left of the middle in the image (camera looks along +y) and on the plan, whose middle is x = 0.
+    for panel in (camera, floor):
+        columns = np.flatnonzero((np.abs(panel.astype(int) - blue).max(axis=-1) <= 30).any(axis=0))
+        assert columns.size > 5
+        assert columns.max() < panel.shape[1] / 2
+
+
+def test_track_behind_the_camera_has_no_window(tmp_path: Path, staged: Staged) -> None:
+    with PreviewWriter(tmp_path / "v.mp4", staged.rig, fps=10) as writer:
+        writer.frame(0, None, {}, [Track(1, 0.0, -2.0)])
+        assert near(jpeg(writer.still(95))[44:, :596], IDENTITY_COLOURS[0]) == 0
+
+
+def test_scan_points_lie_on_the_wall(tmp_path: Path, staged: Staged) -> None:
+    with PreviewWriter(tmp_path / "v.mp4", staged.rig, fps=10, outline=staged.outline) as writer:
+        writer.frame(0, None, {"waist": staged.scans(0)["waist"]}, [])
+        floor = jpeg(writer.still(95))[44:612, 596:]
+    amber = (floor[..., 0].astype(int) - floor[..., 2]) > 40  # the page's greys are bluish
+    rows = np.flatnonzero(amber.sum(axis=1) > 20)
+    scale = min(684 / (6.5 + 0.8), 568 / (4.8 + 0.8))
+    wall = 568 / 2 - (4.3 - 2.0) * scale  # the room's middle is y = 2 m
+    assert np.abs(rows - wall).min() <= 3
