@@ -3,8 +3,14 @@
 # A stamp holds the hash of pyproject.toml, so that a second call costs nothing until the dependencies change.
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 project_extra="${1:-}"
-python="$(command -v python3.13 || command -v python3.12 || command -v python3.11 || command -v python3 || true)"
-if [ -z "$python" ] || ! "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))'; then
+python=""
+for candidate in python3 python3.11 python3.12 python3.13; do
+    if "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
+        python="$candidate"
+        break
+    fi
+done
+if [ -z "$python" ]; then
     echo "Python 3.11 or newer is needed, with its venv module: on Debian, apt-get install python3 python3-venv" >&2
     exit 1
 fi
@@ -19,7 +25,6 @@ if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
     .venv/bin/python -m pip install --quiet --editable ".${project_extra:+[$project_extra]}" >&2
     echo "$wanted" > "$stamp"
 fi
-export MUJOCO_GL=egl
 
 # EGL is a system library: pip cannot bring it.
 if ! .venv/bin/python -c 'import ctypes; ctypes.CDLL("libEGL.so.1")' 2>/dev/null; then

@@ -79,7 +79,7 @@ class LaserFisheyeImmOptions(Strict):
     )
     measurement_variance_m2: float = Field(MEASUREMENT_VARIANCE_M2, gt=0, description="diagonal of R [m²]")
     start_speed_m_s: float = Field(1.5, gt=0, description="standard deviation of a new track's speed [m/s] (ours)")
-    colour_weight: float = Field(1.0, ge=0, description="w in d = N + w E (inferred: 1)")
+    colour_weight: float = Field(3.0, ge=0, description="w in d = N + w E (inferred; chosen by experiment)")
     max_distance: float = Field(4.0, gt=0, description="a pair with a greater d is not believed (ours)")
     period_s: float = Field(
         0.1, gt=0, description="scan period that the variances are for; longer gaps are cut into such steps [s]"

@@ -210,7 +210,6 @@ def view(
 
 def main() -> None:
     """Run the command line; every way out has its exit code (see the README)."""
-    os.environ.setdefault("MUJOCO_GL", "egl")
     from trackers.errors import InputError
 
     try:

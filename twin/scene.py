@@ -143,7 +143,7 @@ def _addresses(model: mujoco.MjModel, names: tuple[str, ...]) -> NDArray[np.intp
         joints = [joint for joint in range(model.njnt) if model.joint(joint).name.startswith(f"{name}/")]
         start = int(model.jnt_qposadr[joints[0]])
         rows.append(np.arange(start, start + 7 + len(joints) - 1))
-    return np.array(rows, dtype=np.intp).reshape(len(names), -1 if names else 0)
+    return np.array(rows, dtype=np.intp).reshape(len(names), -1 if names else 7)
 
 
 def _site(model: mujoco.MjModel, name: str) -> int:

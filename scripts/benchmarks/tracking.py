@@ -14,7 +14,14 @@ from twin.run import run_scenario
 from twin.scenario import load_scenario
 
 _SEEDS = range(5)
-_COLUMNS = ("laser-fisheye-imm", "waist-fisheye-imm", "laser-imm", "laser-fisheye-kalman", "waist-fisheye-kalman", "laser-kalman")
+_COLUMNS = (
+    "laser-fisheye-imm",
+    "waist-fisheye-imm",
+    "laser-imm",
+    "laser-fisheye-kalman",
+    "waist-fisheye-kalman",
+    "laser-kalman",
+)
 _COAST_S = 1.5
 
 
@@ -35,7 +42,9 @@ def table_one() -> Iterator[Figure]:
     yield Figure("occlusions at both heights longer than 1.5 s, seeds 0–4", excused, "occlusions", "")
     for name in _COLUMNS:
         full = name == "laser-fisheye-imm"
-        yield Figure(f"{name}: misidentified, seeds 0–4", counts[name]["misidentifications"], "", "<= 0" if full else "")
+        yield Figure(
+            f"{name}: misidentified, seeds 0–4", counts[name]["misidentifications"], "", "<= 0" if full else ""
+        )
         yield Figure(f"{name}: lost, seeds 0–4", counts[name]["lost_tracks"], "", f"<= {excused}" if full else "")
     yield Figure("laser-fisheye-imm: MOTP, worst of seeds 0–4", max(motp_m), "m", "<= 0.12")
     full_sum = sum(counts["laser-fisheye-imm"].values())

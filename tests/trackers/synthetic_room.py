@@ -200,7 +200,9 @@ def image(walk: Walk, k: int, stamp_ns: int, rng: np.random.Generator, shirts: S
 
 def empty_room(rng: np.random.Generator, n: int = 10) -> list[Observation]:
     """Scans of the room without people, of both scanners."""
-    return [scan(None, 0, height, round(k * PERIOD_S * NS_PER_S), rng) for k in range(n) for height in ("waist", "knee")]
+    return [
+        scan(None, 0, height, round(k * PERIOD_S * NS_PER_S), rng) for k in range(n) for height in ("waist", "knee")
+    ]
 
 
 def observe(

@@ -39,7 +39,7 @@ def test_overrides_go_through_the_same_checks(tmp_path: Path) -> None:
     assert load_scenario(path, ["people.ann.start=[0.5, 1.0]"]).people["ann"].start == (0.5, 1.0)
     with pytest.raises(InputError, match=r"sensors\.waist\.laser\.rate_hz"):
         load_scenario(path, ["sensors.waist.rate_hz=-1"])
-    with pytest.raises(InputError, match="form path.to.field=value"):
+    with pytest.raises(InputError, match=r"form path\.to\.field=value"):
         load_scenario(path, ["sensors.waist.rate_hz"])
     with pytest.raises(InputError, match="did you mean 'duration_s'"):
         load_scenario(path, ["duraton_s=3"])

@@ -16,18 +16,22 @@ def distances(first: Array, second: Array) -> Array:
     return np.hypot(difference[..., 0], difference[..., 1])
 
 
-def drop_satellites(position: Array, width_m: Array, satellite_width_m: float, reach_m: float) -> Mask:
-    """Which of k clusters to keep, (k,): all but the narrow ones within reach of a wider one's axis.
+def trunks(position: Array, width_m: Array, satellite_width_m: float, reach_m: float) -> Mask:
+    """Which of k clusters are trunks, (k,): the widest of every body's pieces.
 
-    A hand or forearm at waist height is a narrow cluster beside, or in front of, its trunk. A person half hidden behind
-    another is narrow too, but stands farther from the other's axis than an arm reaches.
+    From the widest down, each cluster that is left is a trunk, and takes with it the narrow ones within reach of its axis:
+    arms beside or before it, and the far side of a trunk that the own arm cuts in two. A person half hidden behind another
+    is narrow too, but mostly stands farther from the other's axis than an arm reaches.
     """
     narrow = width_m < satellite_width_m
-    if not narrow.any() or narrow.all():
-        return np.ones(len(width_m), np.bool_)
-    near_trunk = (distances(position[narrow], position[~narrow]) < reach_m).any(axis=1)
     kept = np.ones(len(width_m), np.bool_)
-    kept[np.flatnonzero(narrow)[near_trunk]] = False
+    if not narrow.any():
+        return kept
+    near = (distances(position, position) < reach_m) & narrow
+    np.fill_diagonal(near, False)
+    for one in np.argsort(-width_m, kind="stable"):  # each choice depends on those before it
+        if kept[one]:
+            kept[near[one] & (width_m <= width_m[one])] = False
     return kept
 
 

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground
 from trackers.laser.clusters import ClusterOptions, Clusters, find_clusters, pushed_back
-from trackers.laser.grouping import drop_satellites
+from trackers.laser.grouping import trunks
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor, Strict
 
@@ -119,7 +119,7 @@ class LaserLayer:
         )
         if self.options.satellite_width_m is None:
             return detections
-        kept = drop_satellites(
+        kept = trunks(
             detections.position, detections.width_m, self.options.satellite_width_m, self.options.satellite_reach_m
         )
         return detections.select(kept)

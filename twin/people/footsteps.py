@@ -89,12 +89,12 @@ class Footsteps:
         # a foot left too far behind does not wait for the end of double support
         late = (strain > 0) & self.stepping & (self.progress < self.lift_at)
         if late.any():
-            self.progress = np.where(late, self.lift_at, self.progress)
+            self.progress = np.where(late, self.lift_at + dt * self.rate, self.progress)
         landed = self.progress >= 1.0
         if landed.any():
             self._land(landed)
         if not self.stepping.all():
-            self._begin(landed, place, velocity, facing, heading, turn_rate, style)
+            self._begin(landed, place, velocity, facing, heading, turn_rate, style, dt)
         return self.stepping & ~self._swings & (self.progress >= self.lift_at)
 
     def lift(self, lifts: Mask, pitch: Array) -> None:
@@ -115,7 +115,15 @@ class Footsteps:
         self.progress = np.where(landed, 0.0, self.progress)
 
     def _begin(
-        self, landed: Mask, place: Planar, velocity: Planar, facing: Planar, heading: Array, turn_rate: Array, style: GaitStyle
+        self,
+        landed: Mask,
+        place: Planar,
+        velocity: Planar,
+        facing: Planar,
+        heading: Array,
+        turn_rate: Array,
+        style: GaitStyle,
+        dt: float,
     ) -> None:
         """Begin a step where the body moves or a foot is not where it should stand."""
         speed = np.abs(velocity)
@@ -135,7 +143,7 @@ class Footsteps:
         self._foot = np.where(begins, np.where(landed, 1 - self._foot, first), self._foot)
         self.lift_at = np.where(begins, style.double_support, self.lift_at)
         # from standing the weight is on the other foot at once
-        self.progress = np.where(begins & ~landed, self.lift_at, self.progress)
+        self.progress = np.where(begins & ~landed, self.lift_at + dt * self.rate, self.progress)
         self.stepping |= begins
 
     def move(

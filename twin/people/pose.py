@@ -17,9 +17,9 @@ Planar = NDArray[np.complex128]
 FLOOR_ROWS = 4
 ROWS = 15
 
-_STRAIGHTEST = 0.994
-"""Longest distance from hip to ankle as a share of the leg: the knee keeps 8 degrees, as a standing person's does."""
-_STANDS_AT = 0.994
+_STRAIGHTEST = 0.9945
+"""Longest distance from hip to ankle as a share of the leg: the knee keeps 12 degrees."""
+_STANDS_AT = 0.9945
 """Height of the hips over the ankles when standing, as a share of the leg."""
 _HIGHEST_HEEL_RAD = 1.15
 _TIPTOE_FROM_M = 0.2

@@ -1,0 +1,53 @@
+"""The rules that keep the house a house."""
+
+from __future__ import annotations
+
+import ast
+import pkgutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import trackers
+
+ROOT = Path(__file__).parents[1]
+PYTHON_FILES = sorted([*(ROOT / "trackers").rglob("*.py"), *(ROOT / "twin").rglob("*.py")])
+
+
+def imported_modules(path: Path) -> set[str]:
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
+            names.add(node.module)
+    return names
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "trackers").rglob("*.py")), ids=lambda path: path.stem)
+def test_a_tracker_module_never_names_the_twin(path: Path) -> None:
+    assert not {name for name in imported_modules(path) if name.split(".")[0] == "twin"}
+
+
+def test_importing_every_tracker_module_never_loads_the_twin() -> None:
+    modules = [info.name for info in pkgutil.walk_packages(trackers.__path__, "trackers.")]
+    assert "trackers.laser_fisheye_imm" in modules
+    code = f"import importlib, sys\nfor name in {modules!r}: importlib.import_module(name)\n"
+    code += "loaded = [name for name in sys.modules if name == 'twin' or name.startswith(('twin.', 'mujoco'))]\n"
+    code += "assert not loaded, loaded"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_no_room_without_a_name_of_its_own() -> None:
+    nameless = {"utils", "util", "helpers", "helper", "common", "misc", "tools"}
+    assert not [path for path in PYTHON_FILES if path.stem in nameless or nameless & set(path.parts)]
+
+
+def test_the_command_line_loads_nothing_heavy_before_it_is_asked() -> None:
+    heavy = ("numpy", "scipy", "mujoco", "cv2", "pydantic", "matplotlib", "rosbags", "av", "filterpy", "sklearn")
+    code = f"import sys, twin.cli\nprint([name for name in {heavy!r} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
