@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from trackers.area import within
+from trackers.configuration import Strict, validate
 from trackers.epochs import Epoch, EpochGatherer
 from trackers.errors import InputError
 from trackers.filters.gating import global_nearest_neighbour, mahalanobis, validation_region
@@ -41,9 +42,8 @@ from trackers.laser.grouping import distances, pair_off, take_legs
 from trackers.laser.layer import Detections, KneeOptions, LaserLayer, WaistOptions
 from trackers.laser.roles import Role, scanners_by_role
 from trackers.observations import Image, LaserScan, Observation
-from trackers.options import parse_options
 from trackers.people import ManagementOptions, People
-from trackers.rig import Rig, Strict
+from trackers.rig import Rig
 from trackers.tracks import Track, TrackFrame
 from trackers.vision.histogram import ColourHistogram, HistogramOptions, chi_squared_distance, updated_reference
 from trackers.vision.torso import TorsoOptions, TorsoProjector, TorsoWindows
@@ -130,7 +130,7 @@ class LaserFisheyeImm:
     def __init__(
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
     ) -> None:
-        self.options = parse_options(LaserFisheyeImmOptions, options, "laser-fisheye-imm")
+        self.options = validate(LaserFisheyeImmOptions, options, "tracker laser-fisheye-imm")
         empty_room = list(background)
         self._scanners = scanners_by_role(rig, self.options.layers)
         self._layers = {role: self._layer(rig, role, name, empty_room) for role, name in self._scanners.items()}

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from trackers.configuration import Strict
 from trackers.filters.imm import ImmState
-from trackers.rig import Strict
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -212,13 +213,14 @@ def main() -> None:
     """Run the command line; every way out has its exit code (see the README)."""
     from trackers.errors import InputError
 
+    signal.signal(signal.SIGTERM, _stop)
     try:
-        app(standalone_mode=False)
+        code = app(standalone_mode=False)
+        if code == EXIT_INTERRUPTED:  # typer's word for Ctrl-C
+            sys.stderr.write("twin: interrupted; no file was left half-written under its final name\n")
+        sys.exit(code if isinstance(code, int) else EXIT_DONE)
     except InputError as error:
         _fail(str(error))
-    except KeyboardInterrupt:
-        sys.stderr.write("interrupted: nothing half-written was left under its final name\n")
-        sys.exit(EXIT_INTERRUPTED)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(EXIT_DONE)
@@ -229,9 +231,12 @@ def main() -> None:
     except Exception as error:
         if hasattr(error, "format_message") and hasattr(error, "exit_code"):  # a usage error of click's
             _fail(error.format_message())  # pyright: ignore[reportAttributeAccessIssue]
-        if type(error).__name__ == "Abort":
-            sys.exit(EXIT_INTERRUPTED)
         _our_fault()
+
+
+def _stop(number: int, frame: object) -> None:
+    """A kill ends a run as Ctrl-C does: what is half-written is removed."""
+    raise KeyboardInterrupt
 
 
 def _fail(message: str) -> None:

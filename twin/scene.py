@@ -14,7 +14,7 @@ from trackers.errors import InputError
 from trackers.rig import Point2
 from twin import models
 from twin.people.appearance import Appearance, appearance_of
-from twin.people.body import person_spec
+from twin.people.body import NQ_PERSON, person_spec
 from twin.people.population import Population
 from twin.scenario import Scenario
 from twin.streams import stream
@@ -138,12 +138,8 @@ def _person_of_geom(model: mujoco.MjModel, ids: dict[str, int]) -> NDArray[np.in
 
 def _addresses(model: mujoco.MjModel, names: tuple[str, ...]) -> NDArray[np.intp]:
     """Places of each person's coordinates in qpos: one free joint, then hinges, contiguous in the order of the body."""
-    rows = []
-    for name in names:
-        joints = [joint for joint in range(model.njnt) if model.joint(joint).name.startswith(f"{name}/")]
-        start = int(model.jnt_qposadr[joints[0]])
-        rows.append(np.arange(start, start + 7 + len(joints) - 1))
-    return np.array(rows, dtype=np.intp).reshape(len(names), -1 if names else 7)
+    starts = [int(model.jnt_qposadr[model.joint(f"{name}/root").id]) for name in names]
+    return np.array(starts, dtype=np.intp)[:, None] + np.arange(NQ_PERSON)
 
 
 def _site(model: mujoco.MjModel, name: str) -> int:

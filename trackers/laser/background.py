@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.observations import LaserScan
-from trackers.rig import Strict
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

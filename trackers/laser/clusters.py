@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, NonNegativeInt, PositiveInt
 
+from trackers.configuration import Strict
 from trackers.laser.background import returns
 from trackers.observations import LaserScan
-from trackers.rig import Strict
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

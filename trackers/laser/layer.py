@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from trackers.configuration import Strict
 from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground
 from trackers.laser.clusters import ClusterOptions, Clusters, find_clusters, pushed_back
 from trackers.laser.grouping import trunks
 from trackers.observations import LaserScan
-from trackers.rig import LaserSensor, Strict
+from trackers.rig import LaserSensor
 
 Array = NDArray[np.float64]
 

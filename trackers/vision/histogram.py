@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
-from trackers.rig import Strict
+from trackers.configuration import Strict
 
 Array = NDArray[np.float64]
 

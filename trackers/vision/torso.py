@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, PositiveInt
 
+from trackers.configuration import Strict
 from trackers.laser.layer import Detections
-from trackers.rig import FisheyeSensor, LaserSensor, Strict
+from trackers.rig import FisheyeSensor, LaserSensor
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

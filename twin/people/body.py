@@ -44,7 +44,18 @@ JOINT_PLACE = {name: 7 + place for place, name in enumerate(JOINTS)}
 GEOM_GROUP = 1
 """The geom group of people; the room's is 0."""
 
-_AXES = {"yaw": (0, 0, 1), "pitch": (0, 1, 0), "roll": (1, 0, 0), "elbow": (0, 1, 0), "knee": (0, 1, 0), "toes": (0, 1, 0)}
+FACE_GROUP = 2
+"""The geom group of eyes, ears, nose and mouth: drawn, and small enough for a scanner to leave out."""
+
+_AXES = {
+    "yaw": (0, 0, 1),
+    "pitch": (0, 1, 0),
+    "roll": (1, 0, 0),
+    "elbow": (0, 1, 0),
+    "knee": (0, 1, 0),
+    "toes": (0, 1, 0),
+}
+_FACE = ("eye", "ear", "nose", "mouth")
 _EYE: Rgb = (0.10, 0.08, 0.08)
 _DRAWN_AT_M = 1.75
 """Radii below are for this stature and scale with it [m]."""
@@ -105,7 +116,8 @@ class _Body:
         return body
 
     def _geom(self, body: Any, name: str, kind: mujoco.mjtGeom, material: str, **shape: Any) -> None:
-        body.add_geom(name=name, type=kind, material=material, group=GEOM_GROUP, contype=0, conaffinity=0, **shape)
+        group = FACE_GROUP if name.rpartition("_")[2] in _FACE else GEOM_GROUP
+        body.add_geom(name=name, type=kind, material=material, group=group, contype=0, conaffinity=0, **shape)
 
     def _ellipsoid(self, body: Any, name: str, material: str, place: Any, size: Any, **more: Any) -> None:
         self._geom(body, name, mujoco.mjtGeom.mjGEOM_ELLIPSOID, material, pos=place, size=size, **more)
@@ -123,7 +135,9 @@ class _Body:
         body = self.spec.worldbody.add_body(name="pelvis", pos=[0, 0, self.lengths.hip_height])
         body.add_freejoint(name="root")
         body.add_site(name="pelvis", size=[0.01] * 3, group=4)
-        self._ellipsoid(body, "hips", "trousers", (-0.008, 0, 0.006 * height), (0.118 * girth, 0.163 * girth, 0.076 * height))
+        self._ellipsoid(
+            body, "hips", "trousers", (-0.008, 0, 0.006 * height), (0.118 * girth, 0.163 * girth, 0.076 * height)
+        )
         for z in (0.0, 0.05 * height):
             self._point(body, *((0, y * girth, z) for y in (-0.11, 0.0, 0.11)))
         return body
@@ -167,11 +181,11 @@ class _Body:
         head.add_site(name="head", pos=[0.004 * k, 0, centre], size=[0.01] * 3, group=4)
         self._ellipsoid(head, "skull", "skin", (0.004 * k, 0, centre), (0.096 * k, 0.077 * k, skull))
         chin = self.lengths.chin_height - pivot
-        self._ellipsoid(head, "jaw", "skin", (0.020 * k, 0, chin + 0.056 * k), (0.070 * k, 0.062 * k, 0.056 * k))
+        self._ellipsoid(head, "jaw", "skin", (0.022 * k, 0, chin + 0.066 * k), (0.071 * k, 0.066 * k, 0.066 * k))
         eyes = self.lengths.eye_height - pivot
         for side, sign in zip(SIDES, (1, -1), strict=True):
             self._ellipsoid(
-                head, f"{side}_eye", "eyes", (0.088 * k, sign * 0.033 * k, eyes), (0.010 * k, 0.014 * k, 0.009 * k)
+                head, f"{side}_eye", "eyes", (0.084 * k, sign * 0.033 * k, eyes), (0.010 * k, 0.014 * k, 0.009 * k)
             )
             self._ellipsoid(
                 head, f"{side}_ear", "skin", (-0.004 * k, sign * 0.078 * k, eyes - 0.012 * k),
@@ -215,9 +229,7 @@ class _Body:
         radius = (0.040 if self.looks.long_sleeves else 0.036) * girth
         self._capsule(lower, f"{side}_forearm", cloth, (0, 0, 0), (0, 0, -lengths.forearm), radius)
         hand = -(lengths.forearm + 0.42 * lengths.hand)
-        self._ellipsoid(
-            lower, f"{side}_hand", "skin", (0.006, 0, hand), (0.038 * k, 0.022 * k, 0.5 * lengths.hand)
-        )
+        self._ellipsoid(lower, f"{side}_hand", "skin", (0.006, 0, hand), (0.038 * k, 0.022 * k, 0.5 * lengths.hand))
         self._point(lower, (0, 0, -0.5 * lengths.forearm), (0, 0, hand))
 
     def _add_leg(self, pelvis: Any, side: str, sign: int) -> None:

@@ -53,8 +53,8 @@ KEEP_FROM_EDGE_M = 0.15
 """Least distance of a person's middle from the edge of the area [m]."""
 FACING = 1.5
 """Full speed is wanted where the way's cosine with the heading is above 1 / FACING (48 degrees), none beyond 90."""
-HALT_M_S2 = 1.2
-"""Braking before a goal at which a person halts [m/s²]."""
+HALT_PER_S = 2.0
+"""Greatest speed per distance to a goal at which a person halts [1/s]."""
 TURN_RATE = 2.6
 """Greatest turning rate [rad/s]."""
 TURN_ACCELERATION = 25.0
@@ -85,7 +85,7 @@ class Crowd:
         self._may_move = np.where(fixed, 0.0, 1.0)
         self._goal = place.copy()
         self._speed = np.zeros(count)
-        self._brake = np.full(count, _PASSES)  # braking before the goal [m/s²]
+        self._slow_down = np.full(count, _PASSES)  # greatest speed per distance to the goal [1/s]
         self._arrive_m = np.zeros(count)
         self._going = np.zeros(count)  # 1 walks, 0 stands
         self._distance = np.full(count, np.inf)
@@ -100,7 +100,7 @@ class Crowd:
         if order.goal is not None:
             self._goal[person] = complex(*order.goal)
         self._speed[person] = order.speed_m_s
-        self._brake[person] = HALT_M_S2 if order.halt else _PASSES
+        self._slow_down[person] = HALT_PER_S if order.halt else _PASSES
         self._arrive_m[person] = order.arrive_m
         self._distance[person] = np.inf
 
@@ -119,7 +119,7 @@ class Crowd:
         self._distance = np.where(self._going > 0, length, np.inf)
         way = way * (self._going / np.maximum(length, 1e-6))
         along = np.minimum(np.maximum(FACING * (way * self.facing.conj()).real, 0.0), 1.0)
-        speed = np.minimum(self._speed * along, np.sqrt(2.0 * length * self._brake))
+        speed = np.minimum(self._speed * along, length * self._slow_down)
         push = (speed * way - self.velocity) / RELAXATION_S
         between = self.place - self.place[:, None]  # (n, n) from each to each
         distance = np.abs(between) + self._self_far
@@ -199,8 +199,8 @@ def planar(points: Array) -> Planar:
 def _edges(areas: Sequence[Array | None]) -> tuple[Planar, Planar]:
     """Edges of each person's polygon, padded with one far away: starts and ways (n, k)."""
     most = max((len(area) for area in areas if area is not None), default=1)
-    start = np.full((len(areas), most), 1e6 + 1e6j)
-    end = start + 1.0
+    start: Planar = np.full((len(areas), most), 1e6 + 1e6j, dtype=complex)
+    end: Planar = start + 1.0
     for place, area in enumerate(areas):
         if area is not None:
             start[place, : len(area)] = planar(area)

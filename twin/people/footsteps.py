@@ -75,7 +75,14 @@ class Footsteps:
         self._pitch_at_lift = np.zeros(count)
 
     def time(
-        self, place: Planar, velocity: Planar, facing: Planar, heading: Array, turn_rate: Array, style: GaitStyle, dt: float
+        self,
+        place: Planar,
+        velocity: Planar,
+        facing: Planar,
+        heading: Array,
+        turn_rate: Array,
+        style: GaitStyle,
+        dt: float,
     ) -> Mask:
         """Advance, end and begin steps; returns whose foot lifts now, (n,): `lift` them next."""
         strain = np.maximum(
@@ -147,7 +154,14 @@ class Footsteps:
         self.stepping |= begins
 
     def move(
-        self, place: Planar, velocity: Planar, facing: Planar, heading: Array, turn_rate: Array, style: GaitStyle, dt: float
+        self,
+        place: Planar,
+        velocity: Planar,
+        facing: Planar,
+        heading: Array,
+        turn_rate: Array,
+        style: GaitStyle,
+        dt: float,
     ) -> None:
         """Move the feet: those in the air on cubics that end where the bodies will need them."""
         swing = (self.progress - self.lift_at) / (1.0 - self.lift_at)
@@ -164,7 +178,14 @@ class Footsteps:
         self.height = np.where(self.in_air, bump, 0.0)
 
     def _swing(
-        self, swing: Array, place: Planar, velocity: Planar, heading: Array, turn_rate: Array, style: GaitStyle, dt: float
+        self,
+        swing: Array,
+        place: Planar,
+        velocity: Planar,
+        heading: Array,
+        turn_rate: Array,
+        style: GaitStyle,
+        dt: float,
     ) -> None:
         first = self._foot == 0
         side = np.where(first, 1.0, -1.0)

@@ -49,9 +49,7 @@ class Gait:
         """Follow the crowd to where it is now, `dt` [s] after the last call; gaze (n,): turn of the head [rad]."""
         feet = self._feet
         style = self._table.at(np.abs(crowd.velocity))
-        lifts = feet.time(
-            crowd.place, crowd.velocity, crowd.facing, crowd.heading, crowd.turn_rate, style, dt
-        )
+        lifts = feet.time(crowd.place, crowd.velocity, crowd.facing, crowd.heading, crowd.turn_rate, style, dt)
         if lifts.any():
             feet.lift(lifts, heel_and_pelvis(self.moment, self._skeleton)[0])
         feet.move(crowd.place, crowd.velocity, crowd.facing, crowd.heading, crowd.turn_rate, style, dt)
@@ -60,7 +58,9 @@ class Gait:
         rhythm = np.cos((2 * np.pi) * phase) * feet.stepping
         across = ((feet.place - crowd.place) * crowd.facing.conj()).imag * (1.0 - feet.in_air)
         sway = _SWAY_SHARE * (across[0] + across[1])
-        goal = np.array([-style.pelvis_drop - style.bob * rhythm, np.minimum(np.maximum(sway, -_SWAY_MOST_M), _SWAY_MOST_M)])
+        goal = np.array(
+            [-style.pelvis_drop - style.bob * rhythm, np.minimum(np.maximum(sway, -_SWAY_MOST_M), _SWAY_MOST_M)]
+        )
         self._spring(goal, dt)
         push = crowd.acceleration * crowd.facing.conj()
         lean = np.array([push.real, push.imag]) * _LEAN_PER_ACCELERATION

@@ -36,9 +36,9 @@ def leg_angles(
     c4, s4 = np.cos(ankle_roll), np.sin(ankle_roll)
     below = ankle_pitch + knee
     c5, s5 = np.cos(below), np.sin(below)
-    # columns of Ry(foot pitch) Rx(-ankle roll): first, second, third
+    # Ry(foot pitch) Rx(-ankle roll): its second column, and the last entry of its third
     mid_x, mid_y, mid_z = -sine * s4, c4, -cosine * s4
-    last_x, last_z = sine * c4, cosine * c4
+    last_z = cosine * c4
     hip_yaw = np.arctan2(-(c1 * mid_x - s1 * mid_y), s1 * mid_x + c1 * mid_y)
     hip_roll = np.arcsin(np.minimum(np.maximum(mid_z, -1.0), 1.0))
     # bottom row of the product with Ry(-below): first and third entry

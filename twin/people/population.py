@@ -165,9 +165,7 @@ class Population:
         self._remember()
 
 
-def _starts(
-    names: tuple[str, ...], people: list[Person], inner: Array, random: list[np.random.Generator]
-) -> Array:
+def _starts(names: tuple[str, ...], people: list[Person], inner: Array, random: list[np.random.Generator]) -> Array:
     """Ground points (n, 2) [m]: as asked, at the first waypoint, or drawn in `inner` away from everybody placed."""
     places: dict[int, Array] = {}
     for number, person in enumerate(people):
@@ -201,6 +199,7 @@ def _inset(area: Array) -> Array:
     before = np.roll(inward, 1, axis=0)
     margin = KEEP_FROM_EDGE_M + 0.1
     corner = area + margin * (inward + before) / (1 + np.einsum("ki,ki->k", inward, before))[:, None]
-    if not within(area, corner).all():
+    turned = np.einsum("ki,ki->k", np.roll(corner, -1, axis=0) - corner, way) <= 0
+    if turned.any() or not within(area, corner).all():
         raise InputError(f"area: is too narrow to walk in; more than {2 * margin:g} m between its edges is expected")
     return corner

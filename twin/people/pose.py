@@ -87,9 +87,7 @@ def joint_coordinates(moment: Moment, skeleton: Skeleton) -> Array:
     hips = pelvis + 1j * skeleton.hip_offset * facing
     ankle, ankle_height = _ankles(moment, pitch, skeleton)
     feet_yaw = rows[13:15]
-    legs = leg_angles(
-        hips - ankle, height - ankle_height, yaw, feet_yaw, pitch, skeleton.thigh, skeleton.shank
-    )
+    legs = leg_angles(hips - ankle, height - ankle_height, yaw, feet_yaw, pitch, skeleton.thigh, skeleton.shank)
     stride = _stride(moment) / skeleton.scale
     twist = -_TWIST_PER_STRIDE * stride
     out = np.zeros((NQ_PERSON, len(yaw)))

@@ -8,7 +8,7 @@ import pytest
 
 from twin.models import MODELS
 from twin.people.appearance import appearance_of
-from twin.people.body import GEOM_GROUP, JOINT_PLACE, JOINTS, NQ_PERSON, person_spec
+from twin.people.body import FACE_GROUP, GEOM_GROUP, JOINT_PLACE, JOINTS, NQ_PERSON, person_spec
 from twin.people.proportions import fractions
 from twin.scenario.people import Person
 
@@ -55,7 +55,11 @@ def test_coordinates_are_laid_out_as_declared():
 def test_few_geoms_all_of_people_and_none_collides():
     model, _ = body(hair_style="long")
     assert model.ngeom <= 32
-    assert (model.geom_group == GEOM_GROUP).all()
+    face = {
+        name for geom in range(model.ngeom) if model.geom_group[geom] == FACE_GROUP for name in [model.geom(geom).name]
+    }
+    assert face == {"left_eye", "right_eye", "left_ear", "right_ear", "nose", "mouth"}
+    assert (model.geom_group == GEOM_GROUP).sum() == model.ngeom - len(face)
     assert not model.geom_contype.any()
     assert not model.geom_conaffinity.any()
 

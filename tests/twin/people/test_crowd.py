@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import AREA, FIVE, make_population
+from people_cast import AREA, FIVE, make_population
 
 from twin.people.crowd import KEEP_APART_M, KEEP_FROM_EDGE_M
 from twin.people.population import TICK_S

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import make_cast
+from people_cast import make_cast
 
 from twin.people.body import JOINT_PLACE, JOINTS
 from twin.scenario.people import Person, Stand, Walk

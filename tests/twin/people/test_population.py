@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import AREA, FIVE, make_population
+from people_cast import AREA, FIVE, make_population
 
 from trackers.errors import InputError
 from twin.people.body import NQ_PERSON

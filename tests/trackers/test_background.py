@@ -1,0 +1,148 @@
+"""Which samples stand in front of the room."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from trackers.errors import InputError
+from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground
+from trackers.observations import NS_PER_S, LaserScan
+
+N_BEAM = 60
+WALL_M = 4.0
+
+
+def scan(t: float, ranges=WALL_M, **changes) -> LaserScan:
+    values = np.broadcast_to(np.asarray(ranges, np.float32), N_BEAM).copy()
+    given = LaserScan("scan", round(t * NS_PER_S), values, -0.5, 1.0 / N_BEAM, 0.05, 8.0)
+    return replace(given, **changes)
+
+
+def with_object(beams: slice, range_m: float, room=WALL_M) -> np.ndarray:
+    ranges = np.full(N_BEAM, room, np.float32)
+    ranges[beams] = range_m
+    return ranges
+
+
+class TestKnown:
+    def test_only_what_stands_in_front_is_foreground(self):
+        rng = np.random.default_rng(0)
+        background = KnownBackground([scan(k, WALL_M + rng.normal(0, 0.01, N_BEAM)) for k in range(20)])
+        found = background.foreground(scan(30, with_object(slice(10, 14), 2.0)))
+        np.testing.assert_array_equal(np.flatnonzero(found), [10, 11, 12, 13])
+        assert not background.foreground(scan(31, with_object(slice(10, 14), 5.0))).any()  # a door opened
+        assert not background.foreground(scan(32, WALL_M - 0.05)).any()
+
+    def test_a_noisy_beam_needs_more(self):
+        rng = np.random.default_rng(1)
+        noisy = np.full((50, N_BEAM), WALL_M)
+        noisy[:, 5] += rng.normal(0, 0.2, 50)
+        background = KnownBackground([scan(k, row) for k, row in enumerate(noisy)])
+        found = background.foreground(scan(99, WALL_M - 0.5))
+        assert not found[5]
+        assert found[6]
+
+    def test_anything_is_in_front_of_nothing(self):
+        background = KnownBackground([scan(0, np.inf)])
+        np.testing.assert_array_equal(background.foreground(scan(1, 7.9)), True)
+
+    def test_an_edge_seen_now_and_then_belongs_to_the_room(self):
+        ranges = np.full((20, N_BEAM), WALL_M)
+        ranges[::3, 7] = 1.0
+        background = KnownBackground([scan(k, row) for k, row in enumerate(ranges)])
+        assert not background.foreground(scan(50, with_object(slice(7, 8), 1.0)))[7]
+
+    @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 0.0, 9.0])
+    def test_no_return_is_no_foreground(self, value):
+        background = KnownBackground([scan(0)])
+        assert not background.foreground(scan(1, value)).any()
+
+    def test_wrong_input_is_named(self):
+        with pytest.raises(InputError, match="at least one"):
+            KnownBackground([])
+        background = KnownBackground([scan(0)])
+        with pytest.raises(InputError, match="'scan'.*60 beams|30 beams"):
+            background.foreground(scan(1, ranges_m=np.ones(30, np.float32)))
+        with pytest.raises(InputError, match="same beams"):
+            background.foreground(scan(1, angle_min_rad=-1.5))
+
+
+def fed(background: LearnedBackground, seconds: float, ranges, t0: float) -> float:
+    """Feed the same ranges at 10 Hz; returns the time after."""
+    for k in range(round(seconds * 10)):
+        background.foreground(scan(t0 + k / 10, ranges))
+    return t0 + seconds
+
+
+class TestLearned:
+    def test_the_first_scan_is_the_room(self):
+        background = LearnedBackground()
+        assert not background.foreground(scan(0, with_object(slice(5, 9), 2.0))).any()
+        found = background.foreground(scan(0.1, with_object(slice(20, 24), 2.0)))
+        np.testing.assert_array_equal(np.flatnonzero(found), [20, 21, 22, 23])
+
+    def test_a_person_there_from_the_start_is_seen_once_they_walk_on(self):
+        background = LearnedBackground()
+        standing = with_object(slice(20, 24), 2.0, room=np.inf)  # nothing behind: only their leaving shows the room
+        t = fed(background, 5.0, standing, 0.0)
+        t = fed(background, 2.0, np.inf, t)
+        found = background.foreground(scan(t, with_object(slice(20, 24), 3.0, room=np.inf)))
+        np.testing.assert_array_equal(np.flatnonzero(found), [20, 21, 22, 23])
+        t = fed(background, 10.0, np.inf, t + 0.1)
+        assert background.foreground(scan(t, standing))[20:24].all()
+
+    def test_a_standing_person_is_not_learned_quickly_but_furniture_is_in_the_end(self):
+        background = LearnedBackground()
+        t = fed(background, 30.0, WALL_M, 0.0)
+        standing = with_object(slice(20, 24), 2.0)
+        t = fed(background, 20.0, standing, t)
+        assert background.foreground(scan(t, standing))[20:24].all()
+        t = fed(background, 120.0, standing, t + 0.1)
+        assert not background.foreground(scan(t, standing)).any()
+
+    def test_the_wall_is_not_forgotten_behind_a_person(self):
+        background = LearnedBackground()
+        t = fed(background, 10.0, WALL_M, 0.0)
+        t = fed(background, 15.0, with_object(slice(20, 24), 2.0), t)
+        assert not background.foreground(scan(t)).any()
+
+    def test_a_flickering_edge_is_the_room(self):
+        background, rng = LearnedBackground(), np.random.default_rng(0)
+        late = []
+        for k in range(600):
+            near = rng.random() < 0.4
+            found = background.foreground(scan(k / 10, with_object(slice(7, 8), 2.5 if near else WALL_M)))
+            late.append(found[7] and k > 300)
+        assert not any(late)
+
+    def test_passers_by_never_become_the_room(self):
+        background = LearnedBackground()
+        missed = 0
+        for k in range(1200):  # someone crosses in front every 3 s
+            place = slice(2 * (k % 30), 2 * (k % 30) + 2)
+            missed += (~background.foreground(scan(k / 10, with_object(place, 2.0)))[place]).sum() if k else 0
+        assert missed == 0
+
+    def test_dropped_readings_teach_nothing(self):
+        background = LearnedBackground()
+        t = fed(background, 5.0, WALL_M, 0.0)
+        t = fed(background, 60.0, np.nan, t)
+        assert background.foreground(scan(t, with_object(slice(3, 5), 2.0)))[3:5].all()
+        assert not background.foreground(scan(t + 0.1)).any()
+
+    def test_a_duplicate_or_older_scan_teaches_nothing(self):
+        once, twice = LearnedBackground(), LearnedBackground()
+        for k in range(50):
+            given = scan(k / 10, with_object(slice(k % 50, k % 50 + 2), 2.0))
+            once.foreground(given)
+            twice.foreground(given)
+            twice.foreground(given)
+        probe = scan(6.0, with_object(slice(0, 60), 2.0))
+        np.testing.assert_array_equal(once.foreground(probe), twice.foreground(probe))
+
+    def test_long_runs_stay_finite_and_the_same(self):
+        background = LearnedBackground(BackgroundOptions(memory_s=2.0))  # the weights are renormalised several times
+        t = fed(background, 150.0, WALL_M, 0.0)
+        assert not background.foreground(scan(t)).any()
+        assert background.foreground(scan(t + 0.1, with_object(slice(3, 5), 2.0)))[3:5].all()

@@ -1,0 +1,151 @@
+"""From foreground samples to clusters, and from clusters to people."""
+
+import numpy as np
+import pytest
+
+from trackers.laser.clusters import ClusterOptions, find_clusters, pushed_back
+from trackers.laser.grouping import pair_off, take_legs, trunks
+from trackers.laser.layer import KneeOptions, LaserLayer, WaistOptions
+from trackers.observations import LaserScan
+from trackers.rig import LaserSensor, Pose
+
+INCREMENT = np.deg2rad(0.5)
+
+
+def scan(ranges) -> LaserScan:
+    return LaserScan("scan", 0, np.asarray(ranges, np.float32), -np.pi / 2, float(INCREMENT), 0.05, 8.0)
+
+
+def discs(centres, radius=0.06, wall=4.0, n=361) -> LaserScan:
+    """Discs (c, 2) in the scanner's frame before a wall all around."""
+    angles = -np.pi / 2 + INCREMENT * np.arange(n)
+    rays = np.stack([np.cos(angles), np.sin(angles)], 1)
+    along = rays @ np.asarray(centres, float).T
+    root = along**2 - (np.asarray(centres, float) ** 2).sum(1) + radius**2
+    ranges = np.where((root >= 0) & (along > 0), along - np.sqrt(np.maximum(root, 0)), np.inf)
+    return scan(np.minimum(ranges.min(axis=1), wall))
+
+
+def clusters_of(given: LaserScan, **options):
+    return find_clusters(given, given.ranges_m < 3.9, ClusterOptions(**options))
+
+
+def test_one_cluster_a_disc_with_its_middle_on_the_near_side():
+    given = discs([(2.0, 0.0), (1.0, 1.0), (1.5, -1.5)])
+    found = clusters_of(given)
+    assert len(found) == 3
+    axis = pushed_back(found.middle, 0.045)
+    np.testing.assert_allclose(axis[np.argsort(axis[:, 1])], [(1.5, -1.5), (2.0, 0.0), (1.0, 1.0)], atol=0.02)
+
+
+def test_neighbours_at_different_ranges_are_split_and_the_far_one_knows_it_is_hidden():
+    found = clusters_of(discs([(1.0, 0.0), (1.8, 0.22)], radius=0.12))
+    assert len(found) == 2
+    near, far = np.argsort(found.range_m)
+    assert found.hidden_before[far]
+    assert not found.hidden_after[far]
+    assert not (found.hidden_before[near] or found.hidden_after[near])
+
+
+def test_a_lost_beam_does_not_cut_but_a_gap_does():
+    given = discs([(1.5, 0.0)], radius=0.15)
+    beams = np.flatnonzero(given.ranges_m < 3.9)
+    for lost, value, expected in ((1, np.nan, 1), (3, np.nan, 1), (1, np.inf, 1), (3, np.inf, 2), (3, 4.0, 2)):
+        ranges = given.ranges_m.copy()
+        middle = beams[len(beams) // 2]
+        ranges[middle : middle + lost] = value
+        cut = scan(ranges)
+        with np.errstate(invalid="ignore"):
+            assert len(find_clusters(cut, cut.ranges_m < 3.9, ClusterOptions())) == expected, (lost, value)
+
+
+def test_fewer_samples_than_a_thing_returns_are_noise_and_more_so_near_by():
+    for range_m, n, expected in ((0.5, 5, 0), (0.5, 12, 1), (3.0, 2, 0), (3.0, 3, 1)):
+        ranges = np.full(361, 4.0)
+        ranges[180 : 180 + n] = range_m
+        assert len(clusters_of(scan(ranges), min_samples=3, min_width_m=0.05)) == expected, (range_m, n)
+
+
+def test_two_who_touch_are_cut_where_asked():
+    ranges = np.full(361, 4.0)
+    angles = -np.pi / 2 + INCREMENT * np.arange(361)
+    wide = np.abs(1.5 * np.tan(angles)) < 0.45
+    ranges[wide] = 1.5 / np.cos(angles[wide])
+    assert len(clusters_of(scan(ranges))) == 1
+    cut = clusters_of(scan(ranges), split_width_m=0.65)
+    np.testing.assert_allclose(cut.middle, [(1.5, -0.225), (1.5, 0.225)], atol=0.03)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 0.0])
+def test_scans_without_anything(value):
+    given = scan(np.full(361, value))
+    found = find_clusters(given, np.zeros(361, bool), ClusterOptions())
+    assert len(found) == 0
+    assert found.middle.shape == (0, 2)
+
+
+def test_hundreds_of_clusters():
+    ranges = np.where(np.arange(1440) % 4 < 2, 1.0, 4.0)
+    given = LaserScan("scan", 0, ranges.astype(np.float32), -np.pi, np.pi / 720, 0.05, 8.0)
+    options = ClusterOptions(min_samples=2, min_width_m=0.001)
+    assert len(find_clusters(given, ranges < 2, options)) == 360
+
+
+def test_arms_go_with_their_trunk_and_two_people_stay_two():
+    position = np.array([(0, 1.5), (0.25, 1.45), (-0.24, 1.5), (0.6, 1.5), (0.5, 2.1)])
+    width = np.array([0.33, 0.09, 0.08, 0.3, 0.1])
+    kept = trunks(position, width, 0.16, 0.38)
+    np.testing.assert_array_equal(kept, [True, False, False, True, True])  # the last: half hidden behind, out of reach
+
+
+def test_the_pieces_of_somebody_side_on_are_one():
+    position = np.array([(0, 1.5), (0.02, 1.38), (-0.05, 1.55)])
+    kept = trunks(position, np.array([0.12, 0.08, 0.07]), 0.16, 0.38)
+    np.testing.assert_array_equal(kept, [True, False, False])
+    equal = trunks(position, np.full(3, 0.1), 0.16, 0.38)
+    assert equal.sum() == 1
+
+
+def test_strangers_legs_pair_off_from_the_closest_up():
+    legs = np.array([(0.0, 0.0), (0.2, 0.0), (0.55, 0.0), (0.8, 0.0), (3.0, 0.0)])
+    people, n_leg = pair_off(legs, 0.5)
+    np.testing.assert_allclose(people, [(0.1, 0), (0.675, 0), (3, 0)])
+    np.testing.assert_array_equal(n_leg, [2, 2, 1])
+    nobody, n_leg = pair_off(np.empty((0, 2)), 0.5)
+    assert nobody.shape == (0, 2)
+    assert n_leg.size == 0
+
+
+def test_expected_people_take_a_full_stride_or_one_leg_but_not_each_others():
+    legs = np.array([(-0.33, 0.0), (0.33, 0.0), (1.0, 0.05), (5.0, 5.0)])
+    expected = np.array([(0.02, 0.0), (1.1, 0.0), (9.0, 9.0)])
+    position, n_leg, free = take_legs(legs, expected, stride_m=0.8, reach_m=0.4)
+    np.testing.assert_allclose(position[:2], [(0, 0), (1.0, 0.05)])
+    np.testing.assert_array_equal(n_leg, [2, 1, 0])
+    np.testing.assert_array_equal(free, [False, False, False, True])
+
+
+def layer(options, room_from_sensor=Pose()) -> LaserLayer:
+    sensor = LaserSensor(topic="/scan", room_from_sensor=room_from_sensor)
+    return LaserLayer(sensor, [scan(np.full(361, 4.0))], options)
+
+
+def test_a_layer_answers_in_the_room_frame_with_the_axis_of_the_body():
+    pose = Pose(xyz=(1.0, -2.0, 0.95), rpy=(0.0, 0.0, np.pi / 2))
+    found = layer(WaistOptions(half_depth_m=0.15 * np.pi / 4), pose).detect(discs([(2.0, 0.5)], radius=0.15))
+    np.testing.assert_allclose(found.position, [(1.0 - 0.5, -2.0 + 2.0)], atol=0.02)
+
+
+def test_a_half_hidden_body_is_completed_behind_what_hides_it():
+    centres = np.array([(1.0, 0.0), (2.0, 0.3)])
+    given = discs(centres, radius=0.15)
+    plain = layer(WaistOptions(body_width_m=None, half_depth_m=0.1)).detect(given)
+    completed = layer(WaistOptions(body_width_m=0.3, half_depth_m=0.1)).detect(given)
+    far = np.argmax(plain.range_m)
+    errors = [np.hypot(*(found.position[far] - centres[1])) for found in (plain, completed)]
+    assert errors[1] < 0.6 * errors[0]
+
+
+def test_a_knee_layer_shows_single_legs():
+    found = layer(KneeOptions()).detect(discs([(1.5, -0.1), (1.6, 0.12)], radius=0.06))
+    np.testing.assert_allclose(found.position, [(1.5, -0.1), (1.6, 0.12)], atol=0.02)

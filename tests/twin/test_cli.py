@@ -1,0 +1,214 @@
+"""The command line as a user types it: exit codes, one sentence on stderr, nothing half-written."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+TWIN = [sys.executable, "-m", "twin"]
+QUICK = ["--duration", "0.5", "--no-images", "--no-video"]
+
+
+def twin(*arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*TWIN, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, check=False)
+
+
+def refused(done: subprocess.CompletedProcess[str], *said: str) -> None:
+    assert done.returncode == 2, done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+    for words in said:
+        assert words in done.stderr
+
+
+@pytest.fixture(scope="module")
+def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("run") / "out"
+    done = twin("run", "lab-five-people", *QUICK, "--tracker", "laser-imm", "--out", folder)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_help_of_every_command_has_an_example() -> None:
+    commands = ("run", "render", "track", "evaluate", "list", "schema", "check", "view")
+    overview = twin("--help")
+    assert overview.returncode == 0
+    for command in commands:
+        assert command in overview.stdout
+        text = twin(command, "--help").stdout
+        assert "Example: twin" in text
+
+
+def test_list_names_what_there_is() -> None:
+    text = twin("list").stdout
+    for name in ("lab-five-people", "lab", "laser-fisheye-imm", "laser-kalman", "fisheye"):
+        assert name in text
+
+
+def test_schema_is_json_schema() -> None:
+    schema = json.loads(twin("schema").stdout)
+    assert {"room", "people", "sensors", "duration_s"} <= set(schema["properties"])
+    assert "sensors" in json.loads(twin("schema", "rig").stdout)["properties"]
+    refused(twin("schema", "robot"), "'robot'", "scenario, rig")
+
+
+def test_check_names_the_renderer() -> None:
+    done = twin("check")
+    assert done.returncode == 0
+    for words in ("renderer", "mujoco", "frame time"):
+        assert words in done.stdout
+
+
+def test_run_leaves_what_the_contract_says(run_folder: Path) -> None:
+    names = {path.relative_to(run_folder).as_posix() for path in run_folder.rglob("*") if path.is_file()}
+    assert names == {
+        "recording.mcap", "truth.csv", "tracks/laser-imm.csv", "metrics.json", "report.html", "scenario.yaml",
+    }  # fmt: skip
+    metrics = json.loads((run_folder / "metrics.json").read_text())
+    assert set(metrics) == {
+        "scenario", "seed", "duration_s", "versions", "realtime_factor", "sensors", "trackers",
+    }  # fmt: skip
+    assert set(metrics["trackers"]["laser-imm"]) == {
+        "mota", "motp_m", "idf1", "hota", "deta", "assa", "gospa_m", "ospa_m", "id_switches", "false_positives",
+        "misses", "misidentifications", "lost_tracks", "head_error_m", "head_yaw_error_rad", "gate_m", "at_1m",
+        "ms_per_frame",
+    }  # fmt: skip
+
+
+def test_the_resolved_scenario_runs_again_to_the_same_bits(run_folder: Path, tmp_path: Path) -> None:
+    done = twin(
+        "run", run_folder / "scenario.yaml", "--no-images", "--no-video", "--tracker", "laser-imm", "--out", tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    for name in ("truth.csv", "tracks/laser-imm.csv"):
+        assert (tmp_path / name).read_bytes() == (run_folder / name).read_bytes()
+
+
+def test_track_on_the_recording_gives_the_same_tracks_to_the_bit(run_folder: Path, tmp_path: Path) -> None:
+    done = twin("track", run_folder / "recording.mcap", "--tracker", "laser-imm", "--out", tmp_path, "--no-video")
+    assert done.returncode == 0, done.stderr
+    tracks = "tracks/laser-imm.csv"
+    assert (tmp_path / tracks).read_bytes() == (run_folder / tracks).read_bytes()
+    again = json.loads((tmp_path / "metrics.json").read_text())["trackers"]["laser-imm"]
+    first = json.loads((run_folder / "metrics.json").read_text())["trackers"]["laser-imm"]
+    del again["ms_per_frame"], first["ms_per_frame"]
+    assert again == first
+
+
+def test_evaluate_prints_the_same_figures(run_folder: Path) -> None:
+    done = twin("evaluate", run_folder / "truth.csv", run_folder / "tracks/laser-imm.csv")
+    figures = json.loads(done.stdout)
+    stored = json.loads((run_folder / "metrics.json").read_text())["trackers"]["laser-imm"]
+    assert figures == {name: value for name, value in stored.items() if name != "ms_per_frame"}
+
+
+def test_tracker_options_can_be_set(run_folder: Path, tmp_path: Path) -> None:
+    recording = run_folder / "recording.mcap"
+    arguments = ["--tracker", "laser-imm", "--no-video", "--out", tmp_path]
+    done = twin("track", recording, *arguments, "--set", "trackers.laser-imm.filter=kalman")
+    assert done.returncode == 0, done.stderr
+    refused(twin("track", recording, *arguments, "--set", "trackers.laser-imm.filtre=kalman"), "filtre", "filter")
+
+
+def test_a_second_run_leaves_nothing_of_the_first(tmp_path: Path) -> None:
+    for tracker in ("laser-imm", "laser-kalman"):
+        assert twin("run", "lab-five-people", *QUICK, "--tracker", tracker, "--out", tmp_path).returncode == 0
+    assert [path.name for path in (tmp_path / "tracks").iterdir()] == ["laser-kalman.csv"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["run", "nowhere"], ["no scenario 'nowhere'", "lab-five-people"]),
+        (["run", "lab-five-people", "--set", "room=labb"], ["'labb'", "lab"]),
+        (["run", "lab-five-people", "--tracker", "laser-im", *QUICK], ["'laser-im'", "laser-imm"]),
+        (["run", "lab-five-people", "--tracker", "no.such:Thing", *QUICK], ["no.such"]),
+        (["run", "lab-five-people", "--set", "sensors.waist.kind=sonar"], ["sensors.waist", "sonar", "laser"]),
+        (["run", "lab-five-people", "--set", "sensors.waist.rate_hz=-10"], ["sensors.waist.laser.rate_hz", "-10"]),
+        (["run", "lab-five-people", "--set", "people.white.start=[9, 9]"], ["people.white.start", "outside"]),
+        (["run", "lab-five-people", "--set", "sensors.knee.mount.xyz=[0, 4.5, 1]"], ["sensors.knee", "inside"]),
+        (["run", "lab-five-people", "--duration", "-1"], ["duration_s"]),
+        (["run", "lab-five-people", "--sed", "1"], ["--sed"]),
+        (["run", "lab-five-people", "--seed", "one"], ["--seed", "integer"]),
+        (["run"], ["scenario"]),
+        (["rum"], ["rum"]),
+        (["view", "lab-five-people", "--at", "99"], ["--at 99", "26.2"]),
+        (["track", "missing.bag"], ["missing.bag", "does not exist"]),
+        (["evaluate", "missing.csv", "missing.csv"], ["missing.csv"]),
+    ],
+    ids=lambda value: " ".join(map(str, value))[-40:] if isinstance(value, list) else "",
+)
+def test_bad_input_is_one_sentence_and_exit_code_2(arguments: list[str], said: list[str], tmp_path: Path) -> None:
+    refused(twin(*arguments, cwd=tmp_path), *said)
+    assert not list(tmp_path.rglob("*"))
+
+
+def test_bad_tables_and_bags(run_folder: Path, tmp_path: Path) -> None:
+    truth = (run_folder / "truth.csv").read_text().splitlines()
+    doubled = tmp_path / "doubled.csv"
+    doubled.write_text("\n".join([*truth[:3], truth[2]]) + "\n")
+    refused(twin("evaluate", doubled, run_folder / "tracks/laser-imm.csv"), "doubled.csv", "line 4")
+    cells = truth[1].split(",")
+    cells[2] = "nan"
+    broken = tmp_path / "broken.csv"
+    broken.write_text("\n".join([truth[0], ",".join(cells)]) + "\n")
+    refused(twin("evaluate", broken, run_folder / "tracks/laser-imm.csv"), "broken.csv", "nan")
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes((run_folder / "recording.mcap").read_bytes()[:-2000])
+    refused(twin("track", cut), "cut.mcap", "truncated")
+
+
+def test_an_out_that_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    refused(twin("run", "lab-five-people", *QUICK, "--out", tmp_path / "file" / "below"), "cannot be written")
+    refused(twin("run", "lab-five-people", *QUICK, "--out", "/proc/none"), "/proc/none")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_a_run_that_is_stopped_leaves_no_half_written_file(number: signal.Signals, tmp_path: Path) -> None:
+    arguments = ["run", "lab-five-people", "--duration", "600", "--no-images", "--out", str(tmp_path / "out")]
+    process = subprocess.Popen([*TWIN, *arguments], stderr=subprocess.PIPE, text=True, env=os.environ | {"COLUMNS": "80"})
+    deadline = time.monotonic() + 60
+    while not list(tmp_path.rglob("*.partial")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(0.5)
+    process.send_signal(number)
+    _, stderr = process.communicate(timeout=60)
+    assert process.returncode != 0
+    assert "Traceback" not in stderr
+    visible = [path for path in tmp_path.rglob("*") if path.is_file() and ".partial" not in path.as_posix()]
+    assert visible == []
+    if number != signal.SIGKILL:
+        assert process.returncode == 130
+        assert not list(tmp_path.rglob("*.partial"))
+
+
+def test_a_full_disk_is_said_in_one_sentence(tmp_path: Path) -> None:
+    """The disk is a file size limit here: past it every write fails, as on a full disk."""
+    code = (
+        "import errno, io, os, twin.recording.writer as writer\n"
+        "class Full(writer.Writer):\n"
+        "    def write(self, *arguments):\n"
+        "        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))\n"
+        "writer.Writer = Full\n"
+        "from twin.cli import main\nmain()"
+    )
+    arguments = ["run", "lab-five-people", *QUICK, "--out", str(tmp_path / "out")]
+    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False)
+    refused(done, "No space left", "free space")
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
+def test_a_fault_of_ours_is_loud(tmp_path: Path) -> None:
+    code = "import twin.check\ntwin.check.check_machine = lambda: 1 / 0\nfrom twin.cli import main\nmain()"
+    done = subprocess.run([sys.executable, "-c", code, "check"], capture_output=True, text=True, check=False)
+    assert done.returncode == 70
+    assert "ZeroDivisionError" in done.stderr
+    assert "report" in done.stderr
