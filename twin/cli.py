@@ -213,6 +213,8 @@ def main() -> None:
     """Run the command line; every way out has its exit code (see the README)."""
     from trackers.errors import InputError
 
+    # Small matrices everywhere: threads of BLAS would only get in the way of the work beside them.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     signal.signal(signal.SIGTERM, _stop)
     try:
         code = app(standalone_mode=False)

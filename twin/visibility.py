@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from trackers.rig import RigSensor
 from twin.scenario.sensors import FisheyeDescription, LaserDescription, SensorDescription
-from twin.snapshot import RAY_GROUPS
+from twin.sensors.rays import cast
+from twin.snapshot import Snapshot
 
 _PLANE_BAND_M = 0.15
 """A point on the body counts for a scanner when it lies within this of the scan plane [m] (it is moved into it)."""
@@ -40,18 +40,13 @@ def sensor_view(sensor: RigSensor, description: SensorDescription) -> SensorView
 
 
 def visible_share(
-    view: SensorView,
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    points: NDArray[np.float64],
-    ids: NDArray[np.int16],
-    person_of_geom: NDArray[np.int16],
+    view: SensorView, snapshot: Snapshot, points: NDArray[np.float64], ids: NDArray[np.int16]
 ) -> NDArray[np.float64]:
     """Share, 0 to 1, of the points on each body (n_people, n_point, 3) [m] that a ray from the sensor reaches, (n_people,).
 
     A ray reaches a point when it meets that person first, or nothing before the point. For a scanner the points are
     those near its plane, moved into it, so that the share speaks of what the sweep can meet; 0 where no part of the
-    body crosses the plane. `ids` are the people's ids, as in `person_of_geom`.
+    body crosses the plane. `ids` are the people's ids, as in the snapshot's `person_of_geom`.
     """
     if len(points) == 0:
         return np.zeros(0)
@@ -71,11 +66,9 @@ def visible_share(
         directions = (local[candidate] / distance[candidate, None]) @ view.room_from_sensor_rotation.T
         geom = np.empty(person.size, dtype=np.int32)
         hit_m = np.empty(person.size)
-        mujoco.mj_multiRay(
-            model, data, view.room_from_sensor_xyz, np.ascontiguousarray(directions).ravel(), RAY_GROUPS, True, -1,
-            geom, hit_m, None, person.size, mujoco.mjMAXVAL,
-        )  # fmt: skip
-        meets_person = (geom >= 0) & (person_of_geom[geom] == person)
+        normal = view.room_from_sensor_rotation[:, 2] if view.is_scanner else None
+        cast(snapshot, view.room_from_sensor_xyz, np.ascontiguousarray(directions), geom, hit_m, normal=normal)
+        meets_person = (geom >= 0) & (snapshot.person_of_geom[geom] == person)
         reached[candidate] = meets_person | (hit_m < 0) | (hit_m >= distance[candidate])
     total = counted.sum(axis=1)
     return np.divide(reached.sum(axis=1), total, out=np.zeros(len(points)), where=total > 0)

@@ -57,10 +57,7 @@ class World:
         forward = self.data.site_xmat[scene.head_site].reshape(-1, 3, 3)[:, :, 0]
         points = self.data.site_xpos[scene.point_site]
         inside = within(scene.area, np.stack([pose.x, pose.y], axis=-1))
-        shares = {
-            name: visible_share(view, snapshot.model, self.data, points, self._ids, scene.person_of_geom)
-            for name, view in views.items()
-        }
+        shares = {name: visible_share(view, snapshot, points, self._ids) for name, view in views.items()}
         people = [
             PersonTruth(
                 id=int(self._ids[place]),

@@ -118,11 +118,10 @@ class TestLearned:
 
     def test_passers_by_never_become_the_room(self):
         background = LearnedBackground()
-        missed = 0
+        background.foreground(scan(-0.1))
         for k in range(1200):  # someone crosses in front every 3 s
             place = slice(2 * (k % 30), 2 * (k % 30) + 2)
-            missed += (~background.foreground(scan(k / 10, with_object(place, 2.0)))[place]).sum() if k else 0
-        assert missed == 0
+            assert background.foreground(scan(k / 10, with_object(place, 2.0)))[place].all()
 
     def test_dropped_readings_teach_nothing(self):
         background = LearnedBackground()

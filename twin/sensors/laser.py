@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import pairwise
 
-import mujoco
 import numpy as np
 
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor
+from twin.sensors.rays import cast
 from twin.sensors.sensor import Reading, State
-from twin.snapshot import RAY_GROUPS, Snapshot
+from twin.snapshot import Snapshot
 
 SWEEP_STEP_S = 0.005
 """During a sweep the world is looked at this often [s]: a person at 2 m/s is placed to within 5 mm."""
@@ -55,6 +55,7 @@ class Laser:
         self.origin_m = rig.room_from_sensor.translation
         # The sensor never moves, so its rays are turned into the room's frame once.
         self.directions = np.ascontiguousarray(in_sensor @ rig.room_from_sensor.rotation.T)
+        self._normal = rig.room_from_sensor.rotation[:, 2].copy()
         self._geom = np.empty(beams, dtype=np.int32)
         self._distance = np.empty(beams)
         self._person = np.empty(beams, dtype=np.int16)
@@ -95,11 +96,9 @@ class Laser:
 
     def _cast(self, sector: slice, snapshot: Snapshot) -> None:
         """Fill ranges and people for the beams of one sector."""
-        geom, distance = self._geom[sector], self._distance[sector]
-        mujoco.mj_multiRay(
-            snapshot.model, snapshot.data, self.origin_m, self.directions[sector].reshape(-1), RAY_GROUPS, True, -1,
-            geom, distance, None, geom.size, self._range_max_m,
-        )  # fmt: skip
+        geom = self._geom[sector]
+        directions, distance_m = self.directions[sector], self._distance[sector]
+        cast(snapshot, self.origin_m, directions, geom, distance_m, normal=self._normal, range_max_m=self._range_max_m)
         # A miss has geom -1 and takes the last geom's person here; `observe` clears it with the range.
         np.take(snapshot.person_of_geom, geom, out=self._person[sector], mode="wrap")
 

@@ -6,7 +6,9 @@ import pytest
 from capsule_room import CapsuleWorld, capsule_model
 
 from trackers.rig import LaserSensor, Pose
+from twin.scenario.sensors import LaserDescription
 from twin.sensors.laser import Laser
+from twin.sensors.rays import cast
 from twin.snapshot import Snapshot
 
 _ARENA = """
@@ -149,3 +151,23 @@ def test_too_few_snapshots_are_loud(world: CapsuleWorld):
     snapshot: Snapshot = world.snapshot(0.0)
     with pytest.raises(ValueError, match="shorter"):
         scanner.observe(0, [snapshot], None, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("mount", [{}, {"pitch_deg": 20.0, "roll_deg": -15.0}])
+def test_leaving_out_what_the_plane_cannot_meet_changes_no_range(world: CapsuleWorld, mount: dict):
+    """The geoms left out of a planar bundle are found by their bounding spheres: every ray must come out the same."""
+    snapshot = world.snapshot(0.0)
+    rig = LaserDescription.model_validate(
+        {"kind": "laser", "rate_hz": 10, "mount": {"xyz": [0, 0.2, 1.0], "yaw_deg": 90, **mount}}
+    ).rig_sensor("laser")
+    pose = rig.room_from_sensor
+    angles = np.linspace(-np.pi, np.pi, 720)
+    directions = np.stack([np.cos(angles), np.sin(angles), np.zeros(720)], axis=1) @ pose.rotation.T
+    found = []
+    for normal in (None, pose.rotation[:, 2]):
+        geom, distance_m = np.empty(720, dtype=np.int32), np.empty(720)
+        cast(snapshot, pose.translation, directions, geom, distance_m, normal=normal)
+        found.append((geom, distance_m))
+    assert np.array_equal(found[0][0], found[1][0])
+    assert np.array_equal(found[0][1], found[1][1])
+    assert (snapshot.person_of_geom[found[0][0]] > 0).any()

@@ -1,0 +1,272 @@
+"""The tracker end to end, in the flat synthetic room."""
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_room import AREA, empty_room, observe, rig, score, straight_walk, wandering
+
+from trackers.errors import InputError
+from trackers.laser_fisheye_imm import LaserFisheyeImm
+from trackers.observations import NS_PER_S, Image, LaserScan
+from trackers.presets import make_tracker
+from trackers.rig import LaserSensor, Pose, Rig
+from trackers.tracks import track_frames
+
+BACKGROUND = empty_room(np.random.default_rng(99))
+CROSSING = straight_walk(
+    [(-1.6, 1.0), (1.6, 1.7), (-1.7, 2.7), (-0.3, 2.25), (1.8, 2.5)],
+    [(0.75, 0.0), (-0.75, -0.05), (0.6, 0.02), (-0.1, 0.08), (-0.05, -0.15)],
+    42,
+)
+
+
+def tracked(walk, name="laser-fisheye-imm", on=None, background=BACKGROUND, images=True, observations=None, **options):
+    on = on or rig()
+    tracker = make_tracker(name, on, background, None, options)
+    given = observe(walk, 7, images) if observations is None else observations
+    return list(track_frames(tracker, on, given)), tracker
+
+
+def test_five_people_cross_and_keep_their_ids():
+    frames, tracker = tracked(CROSSING)
+    result = score(CROSSING, frames)
+    assert len(frames) == len(CROSSING)
+    assert result.switches == result.misidentified == 0
+    assert result.n_id == 5
+    assert result.misses == 0
+    assert result.error_m < 0.1
+    assert tracker.discarded == 0
+
+
+def test_ids_count_from_one_and_nobody_is_shown_before_half_a_second():
+    frames, _ = tracked(CROSSING)
+    first = next(frame for frame in frames if frame.tracks)
+    assert first.stamp_ns - frames[0].stamp_ns > 0.5 * NS_PER_S
+    assert {track.id for frame in frames for track in frame.tracks} == {1, 2, 3, 4, 5}
+
+
+def test_velocities_are_the_walkers():
+    frames, _ = tracked(CROSSING)
+    for k in (20, 30, 40):
+        for track in frames[k].tracks:
+            person = np.argmin(np.hypot(*(CROSSING.position[k] - (track.x, track.y)).T))
+            truth = (CROSSING.position[k, person] - CROSSING.position[k - 1, person]) / 0.1
+            assert np.hypot(track.vx - truth[0], track.vy - truth[1]) < 0.45
+
+
+def test_somebody_hidden_at_both_heights_comes_back_as_who_they_were():
+    # one walks behind another who stands close to the scanners, out of sight for a second
+    walk = straight_walk([(0.0, 0.8), (-1.3, 2.2)], [(0.0, 0.0), (0.7, 0.0)], 38)
+    frames, _ = tracked(walk)
+    walker = {track.id for frame in frames for track in frame.tracks if track.y > 1.5}
+    assert len(walker) == 1
+    assert "coasting" in {track.status for frame in frames for track in frame.tracks if track.y > 1.5}
+    assert score(walk, frames).switches == 0
+
+
+def test_knees_help_where_the_waist_is_hidden_and_never_both_count():
+    walk = straight_walk([(0.0, 1.0), (-0.6, 1.9)], [(0.0, 0.0), (0.35, 0.0)], 40)
+    with_knees, _ = tracked(walk, name="laser-imm")
+    without, _ = tracked(walk, name="laser-imm", layers=("waist",))
+
+    def coasted(frames):
+        return sum(track.status == "coasting" for frame in frames for track in frame.tracks)
+
+    assert coasted(with_knees) < coasted(without)
+
+
+def test_colours_keep_apart_whom_positions_confuse():
+    """Two meet, hide one another, and go back where they came from: motion alone predicts that they pass."""
+    there = straight_walk([(-0.9, 1.6), (0.9, 2.1)], [(0.8, 0.0), (-0.8, 0.0)], 11)
+    path = np.concatenate([there.position, there.position[::-1]])
+    back = np.where(np.arange(22)[:, None] < 11, there.heading[0], there.heading[0] + np.pi)
+    walk = replace(there, position=path, heading=back, phase=np.concatenate([there.phase, there.phase[::-1]]))
+    stand = replace(
+        walk,
+        position=np.concatenate([np.repeat(path[:1], 10, 0), path]),
+        heading=np.concatenate([np.repeat(back[:1], 10, 0), back]),
+        phase=np.concatenate([np.repeat(walk.phase[:1], 10, 0), walk.phase]),
+    )
+    frames, _ = tracked(stand)
+    assert score(stand, frames).misidentified == 0
+
+
+@pytest.mark.parametrize("name", ["laser-imm", "laser-kalman", "waist-fisheye-imm", "waist-fisheye-kalman"])
+def test_fewer_sensors_degrade_but_do_not_break(name):
+    frames, _ = tracked(CROSSING, name)
+    result = score(CROSSING, frames)
+    owed = (len(CROSSING) - 10) * 5
+    assert result.misses < 0.15 * owed
+    assert result.error_m < 0.12
+
+
+@pytest.mark.parametrize(
+    "on", [rig(camera=False), rig(knee=False), rig(waist=False), rig(waist=False, camera=False), rig(roles=False)]
+)
+def test_rigs_that_lack_something(on):
+    walk = straight_walk([(-1.2, 1.2), (1.2, 2.2)], [(0.6, 0.0), (-0.6, 0.0)], 40)
+    frames, _ = tracked(walk, on=on, images="camera" in on.sensors)
+    result = score(walk, frames)
+    assert result.switches == 0
+    assert result.misses < 8
+    assert len(frames) == len(walk)
+
+
+def test_without_an_empty_room_the_background_is_learned_and_said_so(caplog):
+    walk = straight_walk([(-1.7, 1.2), (1.7, 2.2)], [(0.7, 0.0), (-0.7, 0.0)], 45)
+    with caplog.at_level(logging.WARNING):
+        frames, tracker = tracked(walk, background=[])
+    assert tracker.background_learned_causally
+    assert "learned" in caplog.text
+    result = score(walk, frames, skip=15)
+    assert result.switches == 0
+    assert result.misses < 6
+    assert not tracked(CROSSING)[1].background_learned_causally
+
+
+def test_images_that_never_come_delay_but_do_not_stop():
+    frames, tracker = tracked(CROSSING, images=False)
+    assert len(frames) == len(CROSSING)
+    assert score(CROSSING, frames).misses < 30
+    assert tracker.discarded == 0
+
+
+def test_a_gap_longer_than_the_coasting_time_ends_everybody_a_shorter_one_nobody():
+    walk = straight_walk([(-0.5, 1.2), (0.6, 2.0)], [(0.0, 0.05), (0.0, -0.05)], 40)
+    given = observe(walk, 3)
+
+    def shifted(gap_s):
+        half = len(given) // 2
+        return [*given[:half], *(replace(o, stamp_ns=o.stamp_ns + round(gap_s * NS_PER_S)) for o in given[half:])]
+
+    short = tracked(walk, observations=shifted(1.0))[0]
+    assert {track.id for frame in short for track in frame.tracks} == {1, 2}
+    long = tracked(walk, observations=shifted(2.0))[0]
+    assert {track.id for frame in long for track in frame.tracks} == {1, 2, 3, 4}
+
+
+def test_people_outside_the_area_are_not_tracked():
+    walk = straight_walk([(0.0, 1.5)], [(0.0, 0.0)], 20)
+    elsewhere = rig().model_copy(update={"area": ((1.0, 0.6), (2.0, 0.6), (2.0, 2.8), (1.0, 2.8))})
+    frames, _ = tracked(walk, on=elsewhere)
+    assert not any(frame.tracks for frame in frames)
+    frames, _ = tracked(walk, on=elsewhere.model_copy(update={"area": None}))
+    assert frames[-1].tracks
+
+
+def test_whoever_leaves_the_area_is_not_coasted_on_outside():
+    walk = straight_walk([(1.0, 1.5)], [(1.0, 0.0)], 25)
+    frames, _ = tracked(walk, on=rig())
+    far = max(track.x for frame in frames for track in frame.tracks)
+    assert far <= AREA[1][0] + 0.3 + 1e-9
+    assert not frames[-1].tracks
+
+
+def test_a_rig_elsewhere_gives_the_same_room_positions():
+    """The room frame is the rig's matter: turning and shifting every sensor turns and shifts the tracks."""
+    walk = straight_walk([(-1.2, 1.2), (1.2, 2.2)], [(0.6, 0.0), (-0.6, 0.0)], 30)
+    here, _ = tracked(walk, "laser-imm", on=rig(camera=False).model_copy(update={"area": None}))
+    sensors = {
+        name: sensor.model_copy(update={"room_from_sensor": Pose(xyz=(3.0, 4.0, sensor.room_from_sensor.xyz[2]))})
+        for name, sensor in rig(camera=False).sensors.items()
+    }
+    there, _ = tracked(walk, "laser-imm", on=Rig(sensors=sensors))
+    for one, other in zip(here[-1].tracks, there[-1].tracks, strict=True):
+        assert (other.x - 3.0, other.y - 4.0) == pytest.approx((one.y, -one.x), abs=1e-6)
+
+
+def test_the_order_of_people_does_not_matter():
+    frames, _ = tracked(CROSSING, "laser-imm")
+    permuted, _ = tracked(CROSSING.permuted([3, 1, 4, 0, 2]), "laser-imm")
+    assert permuted == frames
+
+
+def test_torso_windows_name_their_owner():
+    frames, tracker = tracked(CROSSING)
+    windows = tracker.torso_windows()
+    assert {owner for owner, _ in windows} <= {track.id for track in frames[-1].tracks} | {None}
+    assert any(owner is not None for owner, _ in windows)
+    assert all(outline.shape[1] == 2 for _, outline in windows)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 0.0])
+def test_scans_that_show_nothing_track_nobody(value):
+    given = [replace(o, ranges_m=np.full_like(o.ranges_m, value)) for o in observe(CROSSING, 1, images=False)]
+    for background in (BACKGROUND, []):
+        frames, _ = tracked(CROSSING, "laser-imm", observations=given, background=background)
+        assert len(frames) == len(CROSSING)
+        assert not any(frame.tracks for frame in frames)
+
+
+def test_hundreds_of_clusters_are_survived():
+    rng = np.random.default_rng(0)
+    on = rig(camera=False).model_copy(update={"area": None})
+    tracker = make_tracker("laser-imm", on)
+    frames = []
+    for k in range(12):
+        for height in ("waist", "knee"):
+            ranges = np.repeat(rng.uniform(0.5, 7.0, 400), 8).astype(np.float32)
+            ranges[::8] = 7.9
+            if k == 0:
+                ranges[:] = 7.9
+            frames += tracker.update(LaserScan(height, k * NS_PER_S // 10, ranges, -np.pi / 2, np.pi / 3200, 0.02, 8.0))
+    assert len(frames) == 12
+    assert all(np.isfinite([(track.x, track.y) for track in frame.tracks]).all() for frame in frames)
+
+
+def test_a_dense_crowd_without_background_stays_finite():
+    walk = wandering(10, 40, np.random.default_rng(0), apart_m=0.42)
+    frames, _ = tracked(walk, background=[])
+    assert all(np.isfinite([(t.x, t.y, t.vx, t.vy) for t in frame.tracks]).all() for frame in frames)
+
+
+def test_a_rig_without_a_laser_is_refused_with_what_is_needed():
+    with pytest.raises(InputError, match="no laser at all.*role"):
+        LaserFisheyeImm(rig(waist=False, knee=False))
+    with pytest.raises(InputError, match="waist height: knee"):
+        LaserFisheyeImm(rig(waist=False, camera=False), layers=("waist",))
+
+
+def test_a_single_scanner_is_taken_for_what_its_height_says():
+    def alone(height_m):
+        pose = Pose(xyz=(0, 0, height_m))
+        return Rig(sensors={"scan": LaserSensor(topic="/scan", room_from_sensor=pose)})
+
+    for height_m, role in ((0.0, "knee"), (0.3, "knee"), (0.9, "waist")):
+        assert LaserFisheyeImm(alone(height_m))._scanners == {role: "scan"}
+    assert LaserFisheyeImm(alone(0.0), layers=("waist",))._scanners == {"waist": "scan"}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"colour_wieght": 2}, "colour_wieght.*colour_weight"),
+        ({"waist": {"radus_m": 2}}, "waist.radus_m.*radius_m"),
+        ({"filter": "particle"}, "filter"),
+        ({"layers": ()}, "layers"),
+        ({"measurement_variance_m2": 0}, "measurement_variance_m2"),
+    ],
+)
+def test_wrong_options_are_named(options, message):
+    with pytest.raises(InputError, match=message):
+        LaserFisheyeImm(rig(), **options)
+
+
+def test_an_image_of_another_size_than_the_rigs_is_refused():
+    tracker = LaserFisheyeImm(rig(), BACKGROUND)
+    given = observe(CROSSING, 0, images=False)[:2]
+    for scan in given:
+        tracker.update(scan)
+    with pytest.raises(InputError, match="camera.*intrinsics"):
+        tracker.update(Image("camera", given[0].stamp_ns, np.zeros((4, 4, 3), np.uint8)))
+
+
+def test_waiting_frames_come_with_finish():
+    tracker = make_tracker("laser-imm", rig(camera=False), BACKGROUND)
+    given = observe(CROSSING, 0, images=False)
+    frames = [frame for o in given if o.sensor == "waist" for frame in tracker.update(o)]
+    assert len(frames) == len(CROSSING) - 2
+    assert len(tracker.finish()) == 2
+    assert tracker.finish() == []

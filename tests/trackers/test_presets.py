@@ -1,0 +1,79 @@
+"""Trackers by name."""
+
+import subprocess
+import sys
+from importlib.metadata import EntryPoint
+
+import pytest
+from synthetic_room import rig
+
+import trackers.presets
+from trackers.errors import InputError
+from trackers.laser_fisheye_imm import LaserFisheyeImm
+from trackers.presets import PRESETS, available, make_tracker
+
+
+def test_the_variants_of_table_i_are_there_with_paper_and_description():
+    assert list(PRESETS) == [
+        "laser-fisheye-imm",
+        "laser-imm",
+        "waist-fisheye-imm",
+        "laser-fisheye-kalman",
+        "laser-kalman",
+        "waist-fisheye-kalman",
+    ]
+    assert all(preset.citation and preset.description for preset in PRESETS.values())
+    descriptions = [preset.description for preset in PRESETS.values()]
+    assert len(set(descriptions)) == len(descriptions)
+
+
+def test_presets_are_options_of_one_class():
+    tracker = make_tracker("waist-fisheye-kalman", rig())
+    assert isinstance(tracker, LaserFisheyeImm)
+    assert tracker.options.filter == "kalman"
+    assert tracker.options.layers == ("waist",)
+    changed = make_tracker("waist-fisheye-kalman", rig(), options={"filter": "imm"})
+    assert changed.options.filter == "imm"
+
+
+def test_an_unknown_name_lists_the_valid_ones():
+    with pytest.raises(InputError, match="'laser-fish' is unknown; valid ones are laser-fisheye-imm, laser-imm.*module:Class"):
+        make_tracker("laser-fish", rig())
+
+
+def test_a_class_of_ones_own_by_module_and_name(tmp_path, monkeypatch):
+    (tmp_path / "my_lab_tracker.py").write_text(
+        "class Mine:\n"
+        "    def __init__(self, rig, background=(), rng=None, **options):\n"
+        "        self.given = (rig, list(background), rng, options)\n"
+        "    def update(self, observation): return []\n"
+        "    def tracks(self): return []\n"
+    )
+    (tmp_path / "my_broken_tracker.py").write_text("import a_library_nobody_has\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    on = rig()
+    assert make_tracker("my_lab_tracker:Mine", on, (), None, {"speed": 3}).given == (on, [], None, {"speed": 3})
+    with pytest.raises(InputError, match="no class 'Yours'"):
+        make_tracker("my_lab_tracker:Yours", on)
+    with pytest.raises(InputError, match="no module 'my_lab_treker'"):
+        make_tracker("my_lab_treker:Mine", on)
+    with pytest.raises(InputError, match="module:Class"):
+        make_tracker(":Mine", on)
+    with pytest.raises(ModuleNotFoundError, match="a_library_nobody_has"):  # a fault of the plug-in stays loud
+        make_tracker("my_broken_tracker:Mine", on)
+
+
+def test_installed_entry_points_are_found_and_do_not_replace_presets(monkeypatch):
+    points = [
+        EntryPoint("lab-tracker", "trackers.laser_fisheye_imm:LaserFisheyeImm", "roomtwin.trackers"),
+        EntryPoint("laser-imm", "somewhere:Else", "roomtwin.trackers"),
+    ]
+    monkeypatch.setattr(trackers.presets, "entry_points", lambda group: points if group == "roomtwin.trackers" else [])
+    assert available()["laser-imm"] is PRESETS["laser-imm"]
+    assert isinstance(make_tracker("lab-tracker", rig()), LaserFisheyeImm)
+
+
+def test_importing_the_presets_imports_nothing_heavy():
+    heavy = ["cv2", "scipy", "numpy", "pydantic", "mujoco"]
+    code = f"import sys, trackers.presets; print([name for name in {heavy} if name in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"

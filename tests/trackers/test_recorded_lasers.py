@@ -1,0 +1,89 @@
+"""Real scanners: labelled legs, and people walking past a robot."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from trackers.laser.background import LearnedBackground, returns
+from trackers.laser.clusters import find_clusters
+from trackers.laser.layer import KneeOptions
+from trackers.observations import NS_PER_S, LaserScan
+from trackers.presets import make_tracker
+from trackers.rig import LaserSensor, Rig
+from trackers.tracks import track_frames
+
+DATA = Path(__file__).parents[2].parent / "shared" / "data" / "lasers"
+needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"the recorded scans are not at {DATA}")
+
+
+def labelled(number: int) -> tuple[list[LaserScan], np.ndarray]:
+    with np.load(DATA / f"positive_{number}_extracted.npz") as file:
+        angle_min, increment, range_min, range_max, _ = file["scan_amin_inc_rmin_rmax_scantime"]
+        scans = [
+            LaserScan("scan", round(t * NS_PER_S), ranges, float(angle_min), float(increment), float(range_min), float(range_max))
+            for t, ranges in zip(file["scan_stamp"], file["scan_ranges"], strict=True)
+        ]
+        return scans, file["legs_scanidx_x_y"]
+
+
+def recall(found: list[np.ndarray], legs: np.ndarray) -> float:
+    """Share of labelled legs (scan, x, y) with a cluster's middle within 0.15 m."""
+    gaps = [np.hypot(*(found[int(k)] - (x, y)).T).min(initial=np.inf) for k, x, y in legs]
+    return float(np.mean(np.array(gaps) < 0.15))
+
+
+@needs_data
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_clusters_find_the_labelled_legs(number):
+    scans, legs = labelled(number)
+    found = [find_clusters(scan, returns(scan)[1], KneeOptions().cluster).middle for scan in scans]
+    assert recall(found, legs) >= 0.99
+
+
+@needs_data
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_the_learned_background_leaves_the_people_and_little_else(number):
+    scans, legs = labelled(number)
+    background = LearnedBackground()
+    found = [find_clusters(scan, background.foreground(scan), KneeOptions().cluster).middle for scan in scans]
+    settled = legs[legs[:, 0] >= 45]  # from then on people have left the places where the first scans showed them
+    assert recall(found, settled) >= 0.9
+    assert np.mean([len(middle) for middle in found]) < 5  # of about 29 before
+
+
+def walkers_in_the_robots_bag() -> list[LaserScan]:
+    from rosbags.highlevel import AnyReader
+
+    scans = []
+    with AnyReader([DATA / "demo_stationary_simple_environment.bag"]) as reader:
+        connections = [c for c in reader.connections if c.msgtype == "sensor_msgs/msg/LaserScan"]
+        for connection, _, raw in reader.messages(connections):
+            message = reader.deserialize(raw, connection.msgtype)
+            stamp_ns = message.header.stamp.sec * NS_PER_S + message.header.stamp.nanosec
+            limits = (message.angle_min, message.angle_increment, message.range_min, message.range_max)
+            scans.append(LaserScan("scan", stamp_ns, np.asarray(message.ranges, np.float32), *limits))
+    return scans
+
+
+@needs_data
+def test_people_walking_past_a_robot_are_few_long_tracks():
+    """Three people walk about for 110 s; the eye finds no more in the plotted scans."""
+    rig = Rig(sensors={"scan": LaserSensor(topic="/scan")})
+    tracker = make_tracker("laser-imm", rig)
+    frames = list(track_frames(tracker, rig, walkers_in_the_robots_bag()))
+    assert len(frames) == 1265
+    assert tracker.background_learned_causally
+    paths: dict[int, list] = {}
+    for k, frame in enumerate(frames):
+        for track in frame.tracks:
+            paths.setdefault(track.id, []).append((k, track.x, track.y))
+    walkers = {i: np.array(path) for i, path in paths.items() if np.ptp(np.array(path)[:, 1:], axis=0).max() > 1.5}
+    assert len(walkers) <= 8
+    # the middle of the recording, where all three walk all the time
+    followed = np.zeros(1265)
+    for path in walkers.values():
+        followed[path[:, 0].astype(int)] += 1
+    assert np.median(followed[150:1100]) == 3
+    assert (followed[150:1100] >= 2).mean() > 0.98
+    assert (followed[150:1100] > 3).mean() < 0.06

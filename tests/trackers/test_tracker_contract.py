@@ -1,0 +1,97 @@
+"""What every tracker promises, over every preset; and that check_tracker sees it broken."""
+
+import numpy as np
+import pytest
+from synthetic_room import empty_room, observe, rig, straight_walk
+
+from trackers.check import check_tracker
+from trackers.presets import PRESETS, make_tracker
+from trackers.tracks import Track, TrackFrame, track_frames
+
+RIG = rig()
+BACKGROUND = empty_room(np.random.default_rng(99), 5)
+WALK = straight_walk([(-1.2, 1.2), (1.2, 2.2), (0.0, 2.5)], [(0.5, 0.0), (-0.5, 0.0), (0.0, -0.2)], 24)
+OBSERVATIONS = observe(WALK, 5)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("background", [BACKGROUND, []], ids=["empty room", "no background"])
+def test_every_preset_keeps_the_contract(name, background):
+    def make(on, room, rng):
+        return make_tracker(name, on, room, rng)
+
+    observations = OBSERVATIONS if background else observe(WALK, 5)[9:]  # learned: the walkers' start is the room
+    assert check_tracker(make, RIG, observations, background) == []
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_every_preset_reports_a_frame_at_every_stamp_of_the_main_sensor(name):
+    frames = list(track_frames(make_tracker(name, RIG, BACKGROUND), RIG, OBSERVATIONS))
+    stamps = [item.stamp_ns for item in OBSERVATIONS if item.sensor == RIG.main_sensor]
+    assert [frame.stamp_ns for frame in frames] == stamps
+
+
+class Stub:
+    """A tracker that reports one person at each waist scan."""
+
+    def __init__(self, rig, background=(), rng=None, **options):
+        self.rng = rng
+        self.n = 0
+
+    def track(self):
+        return Track(1, 0.0, 0.0)
+
+    def update(self, observation):
+        if observation.sensor != "waist":
+            return []
+        self.n += 1
+        return [TrackFrame(observation.stamp_ns, (self.track(),))]
+
+    def tracks(self):
+        return []
+
+
+def broken(**methods):
+    return type("Broken", (Stub,), methods)
+
+
+STATE = {"made": 0}
+
+
+def unrepeatable(self):
+    STATE["made"] += 1
+    return Track(1, float(STATE["made"]), 0.0)
+
+
+def writes(self, observation):
+    array = observation.ranges_m if observation.sensor == "waist" else np.zeros(1)
+    array[0] = 1.0
+    return Stub.update(self, observation)
+
+
+def chokes_on_nan(self, observation):
+    if observation.sensor == "waist" and np.isnan(observation.ranges_m).all():
+        raise ZeroDivisionError("no returns")
+    return Stub.update(self, observation)
+
+
+@pytest.mark.parametrize(
+    ("kind", "complaint"),
+    [
+        (broken(track=unrepeatable), "other tracks from the same"),
+        (broken(track=lambda self: Track(1, np.nan, 0.0)), "x or y is NaN"),
+        (broken(track=lambda self: Track(1, 0.0, 0.0, vx=np.inf)), "infinite"),
+        (broken(track=lambda self: Track(0, 0.0, 0.0)), "from 1 up"),
+        (broken(track=lambda self: Track(1.5, 0.0, 0.0)), "not an int"),
+        (broken(track=lambda self: Track(1, 0.0, 0.0, status="lost")), "status"),
+        (broken(update=writes), "written to"),
+        (broken(update=chokes_on_nan), "scans without a reading: raised ZeroDivisionError"),
+        (Stub, "twice: stamps do not rise"),
+        (broken(tracks=None), "tracks"),
+        (broken(update=lambda self, observation: []), "nobody was ever tracked"),
+    ],
+)
+def test_check_tracker_names_what_is_broken(kind, complaint):
+    given = [item for item in observe(WALK, 5, images=False)][:24]
+    violations = check_tracker(lambda on, room, rng: kind(on, room, rng), RIG, given, BACKGROUND)
+    assert any(complaint in violation for violation in violations), violations
