@@ -262,7 +262,7 @@ class LaserFisheyeImm:
         return _Matches(
             track=np.concatenate([tracks, by_legs]),
             position=np.concatenate([seen.trunks.position[trunks], walkers[legs]]),
-            variance=np.concatenate([np.full(trunks.size, R), R + one_legged[legs] * knee.single_leg_variance_m2]),
+            variance=np.concatenate([R + seen.trunks.variance_m2[trunks], R + one_legged[legs] * knee.single_leg_variance_m2]),
             trunk=np.concatenate([trunks, np.full(legs.size, -1)]),
             new_position=np.concatenate([seen.trunks.position[new_trunk], walkers[new_walker]]),
             new_trunk=np.concatenate([new_trunk, np.full(new_walker.size, -1)]),

@@ -94,15 +94,16 @@ def test_hundreds_of_clusters():
 def test_arms_go_with_their_trunk_and_two_people_stay_two():
     position = np.array([(0, 1.5), (0.25, 1.45), (-0.24, 1.5), (0.6, 1.5), (0.5, 2.1)])
     width = np.array([0.33, 0.09, 0.08, 0.3, 0.1])
-    kept = trunks(position, width, 0.16, 0.38)
+    hidden = np.array([False, False, False, False, True])
+    kept = trunks(position, width, hidden, 0.16, 0.38, 0.7)
     np.testing.assert_array_equal(kept, [True, False, False, True, True])  # the last: half hidden behind, out of reach
 
 
 def test_the_pieces_of_somebody_side_on_are_one():
     position = np.array([(0, 1.5), (0.02, 1.38), (-0.05, 1.55)])
-    kept = trunks(position, np.array([0.12, 0.08, 0.07]), 0.16, 0.38)
+    kept = trunks(position, np.array([0.12, 0.08, 0.07]), np.array([True, False, True]), 0.16, 0.38, 0.7)
     np.testing.assert_array_equal(kept, [True, False, False])
-    equal = trunks(position, np.full(3, 0.1), 0.16, 0.38)
+    equal = trunks(position, np.full(3, 0.1), np.ones(3, bool), 0.16, 0.38, 0.7)
     assert equal.sum() == 1
 
 

@@ -19,7 +19,9 @@ def detections_at(points, half_width=0.17) -> Detections:
     range_m = np.hypot(points[:, 0], points[:, 1])
     angle = np.arctan2(points[:, 1], points[:, 0]) - np.pi / 2
     half = half_width / range_m
-    return Detections(points, np.full(len(points), 2 * half_width), range_m, angle - half, angle + half)
+    return Detections(
+        points, np.zeros(len(points)), np.full(len(points), 2 * half_width), range_m, angle - half, angle + half
+    )
 
 
 def projector(**options) -> TorsoProjector:
@@ -42,7 +44,9 @@ def test_the_window_stands_on_the_torso():
     for row, height in zip((0, -1), corner_heights, strict=True):
         for column, side in ((0, 0.7 * 0.17), (-1, -0.7 * 0.17)):
             # the first angle is the rightmost: counter-clockwise from the right
-            expected, _ = INTRINSICS.project((np.append(point + side * across, height) - pose.translation) @ pose.rotation)
+            expected, _ = INTRINSICS.project(
+                (np.append(point + side * across, height) - pose.translation) @ pose.rotation
+            )
             np.testing.assert_allclose(windows.pixels[0, row, column], expected, atol=1.0)
     assert windows.usable[0]
     assert windows.clear[0]
@@ -56,7 +60,9 @@ def test_windows_that_overlap_are_not_learned_from():
 
 
 def test_windows_outside_the_image_or_of_slivers_are_not_used():
-    behind = FisheyeSensor(topic="c", room_from_sensor=camera_pose(), intrinsics=INTRINSICS.model_copy(update={"width": 200}))
+    behind = FisheyeSensor(
+        topic="c", room_from_sensor=camera_pose(), intrinsics=INTRINSICS.model_copy(update={"width": 200})
+    )
     windows = TorsoProjector(RIG.lasers()["waist"], behind, TorsoOptions()).windows(detections_at([(0.5, 1.5)]))
     assert not windows.usable[0]
     assert not projector(min_width_m=0.12).windows(detections_at([(0.5, 1.5)], half_width=0.04)).usable[0]
@@ -122,7 +128,9 @@ def test_nothing_inside_gives_an_empty_histogram_not_nan():
     counted = histogram.of_pixels(np.zeros((2, 5, 3), np.uint8), np.zeros((2, 5), bool))
     np.testing.assert_array_equal(counted, 0)
     np.testing.assert_array_equal(chi_squared_distance(counted, counted), 0)
-    assert histogram.of_windows(np.zeros((4, 4, 3), np.uint8), np.empty((0, 2, 2, 2)), np.empty((0, 2, 2), bool)).shape == (
+    assert histogram.of_windows(
+        np.zeros((4, 4, 3), np.uint8), np.empty((0, 2, 2, 2)), np.empty((0, 2, 2), bool)
+    ).shape == (
         0,
         histogram.size,
     )

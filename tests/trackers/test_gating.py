@@ -22,7 +22,9 @@ def test_mahalanobis_is_the_least_over_the_modes():
     got = mahalanobis(modes, S, measured)
     for i in range(4):
         for j in range(6):
-            by_mode = [(measured[j] - modes[i, m]) @ np.linalg.inv(S[i, m]) @ (measured[j] - modes[i, m]) for m in range(3)]
+            by_mode = [
+                (measured[j] - modes[i, m]) @ np.linalg.inv(S[i, m]) @ (measured[j] - modes[i, m]) for m in range(3)
+            ]
             assert got[i, j] == pytest.approx(np.sqrt(min(by_mode)))
 
 

@@ -37,7 +37,9 @@ def test_presets_are_options_of_one_class():
 
 
 def test_an_unknown_name_lists_the_valid_ones():
-    with pytest.raises(InputError, match="'laser-fish' is unknown; valid ones are laser-fisheye-imm, laser-imm.*module:Class"):
+    with pytest.raises(
+        InputError, match="'laser-fish' is unknown; valid ones are laser-fisheye-imm, laser-imm.*module:Class"
+    ):
         make_tracker("laser-fish", rig())
 
 
@@ -76,4 +78,6 @@ def test_installed_entry_points_are_found_and_do_not_replace_presets(monkeypatch
 def test_importing_the_presets_imports_nothing_heavy():
     heavy = ["cv2", "scipy", "numpy", "pydantic", "mujoco"]
     code = f"import sys, trackers.presets; print([name for name in {heavy} if name in sys.modules])"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
+    assert (
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
+    )

@@ -21,7 +21,15 @@ def labelled(number: int) -> tuple[list[LaserScan], np.ndarray]:
     with np.load(DATA / f"positive_{number}_extracted.npz") as file:
         angle_min, increment, range_min, range_max, _ = file["scan_amin_inc_rmin_rmax_scantime"]
         scans = [
-            LaserScan("scan", round(t * NS_PER_S), ranges, float(angle_min), float(increment), float(range_min), float(range_max))
+            LaserScan(
+                "scan",
+                round(t * NS_PER_S),
+                ranges,
+                float(angle_min),
+                float(increment),
+                float(range_min),
+                float(range_max),
+            )
             for t, ranges in zip(file["scan_stamp"], file["scan_ranges"], strict=True)
         ]
         return scans, file["legs_scanidx_x_y"]

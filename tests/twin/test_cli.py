@@ -174,7 +174,9 @@ def test_an_out_that_cannot_be_written(tmp_path: Path) -> None:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_a_run_that_is_stopped_leaves_no_half_written_file(number: signal.Signals, tmp_path: Path) -> None:
     arguments = ["run", "lab-five-people", "--duration", "600", "--no-images", "--out", str(tmp_path / "out")]
-    process = subprocess.Popen([*TWIN, *arguments], stderr=subprocess.PIPE, text=True, env=os.environ | {"COLUMNS": "80"})
+    process = subprocess.Popen(
+        [*TWIN, *arguments], stderr=subprocess.PIPE, text=True, env=os.environ | {"COLUMNS": "80"}
+    )
     deadline = time.monotonic() + 60
     while not list(tmp_path.rglob("*.partial")) and time.monotonic() < deadline:
         time.sleep(0.05)

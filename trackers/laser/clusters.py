@@ -122,12 +122,16 @@ def _split_wide(
 def _hidden(
     ranges: Array, hit: Mask, first: NDArray[np.intp], last: NDArray[np.intp], range_m: Array, jump_m: float
 ) -> tuple[Mask, Mask]:
-    """Whether the beam next to each end of a cluster met something nearer, by more than a jump."""
-    before, after = np.maximum(first - 1, 0), np.minimum(last + 1, ranges.size - 1)
-    with np.errstate(invalid="ignore"):
-        nearer_before = hit[before] & (ranges[before] < range_m - jump_m) & (first > 0)
-        nearer_after = hit[after] & (ranges[after] < range_m - jump_m) & (last < ranges.size - 1)
-    return nearer_before, nearer_after
+    """Whether one of the two beams next to each end of a cluster met something nearer, by more than a jump.
+
+    Two, because the beam that straddles an edge may report a range between the two sides.
+    """
+    padded = np.full(ranges.size + 4, np.inf)
+    padded[2:-2][hit] = ranges[hit]
+    nearer = range_m - jump_m
+    before = np.minimum(padded[first], padded[first + 1]) < nearer
+    after = np.minimum(padded[last + 3], padded[last + 4]) < nearer
+    return before, after
 
 
 def _none() -> Clusters:

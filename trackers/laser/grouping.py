@@ -16,18 +16,21 @@ def distances(first: Array, second: Array) -> Array:
     return np.hypot(difference[..., 0], difference[..., 1])
 
 
-def trunks(position: Array, width_m: Array, satellite_width_m: float, reach_m: float) -> Mask:
+def trunks(
+    position: Array, width_m: Array, hidden: Mask, satellite_width_m: float, reach_m: float, arm_reach_m: float
+) -> Mask:
     """Which of k clusters are trunks, (k,): the widest of every body's pieces.
 
-    From the widest down, each cluster that is left is a trunk, and takes with it the narrow ones within reach of its axis:
-    arms beside or before it, and the far side of a trunk that the own arm cuts in two. A person half hidden behind another
-    is narrow too, but mostly stands farther from the other's axis than an arm reaches.
+    From the widest down, each cluster that is left is a trunk, and takes with it the narrow ones about its axis: up to
+    `arm_reach_m` those that nothing hides, for a trunk in full view is never that narrow; up to `reach_m` those that are
+    partly `hidden` (k,), as the far side of a trunk is that the own arm cuts in two. Beyond, a narrow hidden cluster is
+    somebody standing behind.
     """
     narrow = width_m < satellite_width_m
     kept = np.ones(len(width_m), np.bool_)
     if not narrow.any():
         return kept
-    near = (distances(position, position) < reach_m) & narrow
+    near = (distances(position, position) < np.where(hidden, reach_m, arm_reach_m)) & narrow
     np.fill_diagonal(near, False)
     for one in np.argsort(-width_m, kind="stable"):  # each choice depends on those before it
         if kept[one]:

@@ -31,10 +31,16 @@ class LayerOptions(Strict):
         gt=0,
         description="a narrower cluster that goes on behind something nearer is completed to this width [m] (ours)",
     )
+    hidden_variance_m2: float = Field(
+        0.02, ge=0, description="added to R where one side is hidden: the body may go on farther than completed [m²] (ours)"
+    )
     satellite_width_m: float | None = Field(
         None, gt=0, description="a cluster narrower than this beside a wider one is its arm [m] (ours)"
     )
-    satellite_reach_m: float = Field(0.38, gt=0, description="how far from its trunk's axis an arm may be [m] (ours)")
+    satellite_reach_m: float = Field(
+        0.38, gt=0, description="how far from its trunk's axis a half hidden piece may be [m] (ours)"
+    )
+    arm_reach_m: float = Field(0.7, gt=0, description="how far from its trunk's axis an arm may be [m] (ours)")
 
 
 class WaistOptions(LayerOptions):
@@ -68,6 +74,7 @@ class Detections:
     """k things that one scan shows in front of the room; positions are in the room frame."""
 
     position: Array  # (k, 2) of the body's or leg's axis [m]
+    variance_m2: Array  # (k,) of the position on each axis, beyond the measurement noise
     width_m: Array  # (k,)
     range_m: Array  # (k,) from the scanner to the middle of the samples
     first_angle: Array  # (k,) in the scanner's frame [rad]
@@ -80,6 +87,7 @@ class Detections:
         """The detections at `index` (integers or a mask)."""
         return Detections(
             self.position[index],
+            self.variance_m2[index],
             self.width_m[index],
             self.range_m[index],
             self.first_angle[index],
@@ -89,7 +97,7 @@ class Detections:
     @classmethod
     def none(cls) -> Detections:
         """No detections."""
-        return cls(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0), np.empty(0))
+        return cls(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0))
 
 
 class LaserLayer:
@@ -113,6 +121,7 @@ class LaserLayer:
         axis = pushed_back(self._completed(clusters), self.options.half_depth_m)
         detections = Detections(
             position=self._in_room(axis),
+            variance_m2=self.options.hidden_variance_m2 * (clusters.hidden_before | clusters.hidden_after),
             width_m=clusters.width_m,
             range_m=clusters.range_m,
             first_angle=scan.angle_min_rad + scan.angle_increment_rad * clusters.first_beam,
@@ -120,8 +129,15 @@ class LaserLayer:
         )
         if self.options.satellite_width_m is None:
             return detections
+        options = self.options
+        hidden = clusters.hidden_before | clusters.hidden_after
         kept = trunks(
-            detections.position, detections.width_m, self.options.satellite_width_m, self.options.satellite_reach_m
+            detections.position,
+            detections.width_m,
+            hidden,
+            options.satellite_width_m,
+            options.satellite_reach_m,
+            options.arm_reach_m,
         )
         return detections.select(kept)
 
