@@ -79,8 +79,15 @@ class LaserFisheyeImmOptions(Strict):
     )
     measurement_variance_m2: float = Field(MEASUREMENT_VARIANCE_M2, gt=0, description="diagonal of R [m²]")
     start_speed_m_s: float = Field(1.5, gt=0, description="standard deviation of a new track's speed [m/s] (ours)")
-    colour_weight: float = Field(3.0, ge=0, description="w in d = N + w E (inferred; chosen by experiment)")
-    max_distance: float = Field(4.0, gt=0, description="a pair with a greater d is not believed (ours)")
+    colour_weight: float = Field(10.0, ge=0, description="w in d = N + w E (inferred; chosen by experiment)")
+    max_deviations: float = Field(4.0, gt=0, description="a pair with a greater N is not believed (ours)")
+    foreign_above: float = Field(
+        0.6, ge=0, description="a pair with a greater E is not believed: another's shirt (ours)"
+    )
+    recognised_below: float = Field(
+        0.3, ge=0, description="a hidden person is known again by an E up to this, beyond the prediction's reach (ours)"
+    )
+    reach_m_s: float = Field(1.5, ge=0, description="how fast a hidden person may have walked [m/s] (ours)")
     period_s: float = Field(
         0.1, gt=0, description="scan period that the variances are for; longer gaps are cut into such steps [s]"
     )
@@ -142,6 +149,8 @@ class LaserFisheyeImm:
             self._intrinsics = rig.cameras()[self._camera].intrinsics
         self._histogram = ColourHistogram(self.options.histogram)
         self._imm = self._make_filter()
+        knee = self.options.knee
+        self._knee_radius_m = knee.radius_m if "waist" in self._scanners else knee.radius_alone_m
         used = {*self._scanners.values()} | ({self._camera} if self._camera else set())
         main = rig.main_sensor if rig.main_sensor in used else next(iter(self._scanners.values()))
         offsets = {name: rig.sensors[name].time_offset_s for name in used}
@@ -238,7 +247,12 @@ class LaserFisheyeImm:
         self._t = t
         # who is gone by now need not be carried over a long gap
         self._people = self._people.select(self._people.alive(t - self.options.period_s, self.options.management))
-        state = self._imm.predict_over(self._people.state, elapsed, self.options.period_s)
+        state, slowdown_s = self._people.state, self.options.management.coast_slowdown_s
+        if slowdown_s is not None:
+            # whoever is out of sight is likelier to stop or turn back than to walk on for all of the coasting time
+            unseen = self._people.measured_t < t - elapsed
+            state = state.slowed(np.where(unseen, np.exp(-elapsed / slowdown_s), 1.0))
+        state = self._imm.predict_over(state, elapsed, self.options.period_s)
         self._people = replace(self._people, state=state)
 
     # --- associate
@@ -246,14 +260,13 @@ class LaserFisheyeImm:
     def _associate(self, seen: _Seen) -> _Matches:
         """Trunks to tracks, then legs to the tracks left over: waist, else knee, never both."""
         everyone = np.arange(len(self._people))
-        tracks, trunks = self._match(
-            everyone, seen.trunks.position, self.options.waist.radius_m, self._colour_cost(seen)
-        )
+        colour = self._colour_distance(seen)
+        tracks, trunks = self._match(everyone, seen.trunks.position, self.options.waist.radius_m, colour)
         left = np.setdiff1d(everyone, tracks, assume_unique=True)
         walkers, n_leg = self._walkers(seen, left)
         knee, R = self.options.knee, self.options.measurement_variance_m2
         one_legged = n_leg == 1
-        by_legs, legs = self._match(left, walkers, self.options.knee.radius_m, None)
+        by_legs, legs = self._match(left, walkers, self._knee_radius_m, None)
         new_trunk = np.setdiff1d(np.arange(len(seen.trunks)), trunks, assume_unique=True)
         new_walker = np.setdiff1d(np.arange(len(walkers)), legs, assume_unique=True)
         # a lone leg within a stride of somebody is likelier theirs than somebody new
@@ -262,23 +275,33 @@ class LaserFisheyeImm:
         return _Matches(
             track=np.concatenate([tracks, by_legs]),
             position=np.concatenate([seen.trunks.position[trunks], walkers[legs]]),
-            variance=np.concatenate([R + seen.trunks.variance_m2[trunks], R + one_legged[legs] * knee.single_leg_variance_m2]),
+            variance=np.concatenate(
+                [R + seen.trunks.variance_m2[trunks], R + one_legged[legs] * knee.single_leg_variance_m2]
+            ),
             trunk=np.concatenate([trunks, np.full(legs.size, -1)]),
             new_position=np.concatenate([seen.trunks.position[new_trunk], walkers[new_walker]]),
             new_trunk=np.concatenate([new_trunk, np.full(new_walker.size, -1)]),
             new_clearance=np.concatenate([np.full(new_trunk.size, body), clearance]),
         )
 
-    def _match(self, tracks: Index, position: Array, radius_m: float, extra: Array | None) -> tuple[Index, Index]:
-        """Pairs (track, measurement) among `tracks` (p,) and measurements (k, 2); confirmed tracks choose first."""
+    def _match(self, tracks: Index, position: Array, radius_m: float, colour: Array | None) -> tuple[Index, Index]:
+        """Pairs (track, measurement) among `tracks` (p,) and measurements (k, 2); confirmed tracks choose first.
+
+        `colour`: E of all tracks (n, k), NaN where unknown.
+        """
         if tracks.size == 0 or len(position) == 0:
             return np.empty(0, np.intp), np.empty(0, np.intp)
         state = self._people.state.select(tracks)
         distance = mahalanobis(state.positions, self._imm.innovation_covariance(state), position)
         allowed = validation_region(state.positions, position, radius_m)
-        if extra is not None:
-            distance = distance + extra[tracks]
-        allowed &= distance <= self.options.max_distance
+        allowed &= distance <= self.options.max_deviations
+        if colour is not None:
+            E = colour[tracks]
+            allowed &= ~(E > self.options.foreign_above)
+            distance = distance + self.options.colour_weight * np.nan_to_num(E)
+            recognised = self._recognised(tracks, position, radius_m, E)
+            distance = np.where(recognised, np.minimum(distance, self.options.max_deviations), distance)
+            allowed |= recognised
         confirmed = self._people.confirmed[tracks]
         first = global_nearest_neighbour(distance, allowed & confirmed[:, None])
         if confirmed.all():
@@ -288,15 +311,26 @@ class LaserFisheyeImm:
         then = global_nearest_neighbour(distance, allowed)
         return tracks[np.concatenate([first[0], then[0]])], np.concatenate([first[1], then[1]])
 
-    def _colour_cost(self, seen: _Seen) -> Array | None:
-        """w E for every track and trunk, (n, k); 0 where either has no colours (N alone)."""
+    def _recognised(self, tracks: Index, position: Array, radius_m: float, E: Array) -> Mask:
+        """Pairs (p, k) of a confirmed track out of sight and somebody in its colours whom it can have become meanwhile.
+
+        Its prediction says little after a while: what it can have walked since it was seen is asked instead.
+        """
+        assert self._t is not None
+        unseen_s = self._t - self._people.measured_t[tracks]
+        reach_m = radius_m + self.options.reach_m_s * unseen_s
+        near = distances(self._people.measured_at[tracks], position) <= reach_m[:, None]
+        hidden = self._people.confirmed[tracks] & (unseen_s > 1.5 * self.options.period_s)
+        return near & hidden[:, None] & (E <= self.options.recognised_below)
+
+    def _colour_distance(self, seen: _Seen) -> Array | None:
+        """E for every track and trunk, (n, k), NaN where either has no colours; None where nobody has."""
         known, shown = self._people.has_reference, seen.comparable
         if not known.any() or not shown.any():
             return None
-        cost = np.zeros((known.size, shown.size))
-        distance = chi_squared_distance(self._people.reference[known], seen.histograms[shown])
-        cost[np.ix_(known, shown)] = self.options.colour_weight * distance
-        return cost
+        E = np.full((known.size, shown.size), np.nan)
+        E[np.ix_(known, shown)] = chi_squared_distance(self._people.reference[known], seen.histograms[shown])
+        return E
 
     def _walkers(self, seen: _Seen, unmatched: Index) -> tuple[Array, Index]:
         """People (p, 2) as their legs show them, and how many legs each shows, (p,); nobody whose trunk is seen."""
@@ -322,10 +356,17 @@ class LaserFisheyeImm:
         second = people.n_measured[track] == 1
         if second.any():
             state = state.replaced(track[second], self._from_two(track[second], matches.position[second], t))
-        measured_t, n_measured = people.measured_t.copy(), people.n_measured.copy()
+        measured_t, n_measured, measured_at = (
+            people.measured_t.copy(),
+            people.n_measured.copy(),
+            people.measured_at.copy(),
+        )
         measured_t[track] = t
         n_measured[track] += 1
-        self._people = replace(people, state=state, measured_t=measured_t, n_measured=n_measured)
+        measured_at[track] = matches.position
+        self._people = replace(
+            people, state=state, measured_t=measured_t, n_measured=n_measured, measured_at=measured_at
+        )
 
     def _from_two(self, track: Index, position: Array, t: float):
         """States of tracks measured for the second time: the velocity between the two, shrunk by its own uncertainty.
@@ -358,7 +399,8 @@ class LaserFisheyeImm:
 
     def _confirm(self, t: float) -> None:
         people = self._people
-        old_enough = t - people.born_t > self.options.management.confirm_after_s + 5e-7
+        measured_for = t - people.born_t + self.options.period_s
+        old_enough = measured_for > self.options.management.confirm_after_s + 5e-7
         new = np.flatnonzero(~people.confirmed & old_enough & (people.measured_t == t))
         if new.size == 0:
             return

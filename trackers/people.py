@@ -18,8 +18,15 @@ Mask = NDArray[np.bool_]
 class ManagementOptions(Strict):
     """When a track is believed, and when it is given up."""
 
-    confirm_after_s: float = Field(0.5, ge=0, description="a tentative track measured for longer is a person [s]")
+    confirm_after_s: float = Field(
+        0.5,
+        ge=0,
+        description="a tentative track measured for longer, each scan standing for its period, is a person [s]",
+    )
     coast_s: float = Field(1.5, ge=0, description="a person not measured for this long is gone [s]")
+    coast_slowdown_s: float | None = Field(
+        1.0, gt=0, description="a coasting person's speed fades with this time constant; none: it stays [s] (ours)"
+    )
     tentative_coast_s: float = Field(
         0.15,
         ge=0,
@@ -41,6 +48,7 @@ class People:
     measured_t: Array  # (n,) last measured [s]
     n_measured: NDArray[np.int64]  # (n,)
     born_at: Array  # (n, 2) first measured position [m]
+    measured_at: Array  # (n, 2) last measured position [m]
     confirmed: Mask  # (n,)
     reference: Array  # (n, bins) colour histogram
     has_reference: Mask  # (n,)
@@ -59,6 +67,7 @@ class People:
             measured_t=np.full(n, t),
             n_measured=np.ones(n, np.int64),
             born_at=position,
+            measured_at=position,
             confirmed=np.zeros(n, np.bool_),
             reference=reference,
             has_reference=has_reference,
@@ -75,6 +84,7 @@ class People:
             self.measured_t[kept],
             self.n_measured[kept],
             self.born_at[kept],
+            self.measured_at[kept],
             self.confirmed[kept],
             self.reference[kept],
             self.has_reference[kept],
@@ -91,6 +101,7 @@ class People:
             np.concatenate([self.measured_t, other.measured_t]),
             np.concatenate([self.n_measured, other.n_measured]),
             np.concatenate([self.born_at, other.born_at]),
+            np.concatenate([self.measured_at, other.measured_at]),
             np.concatenate([self.confirmed, other.confirmed]),
             np.concatenate([self.reference, other.reference]),
             np.concatenate([self.has_reference, other.has_reference]),

@@ -78,10 +78,22 @@ class ImmState:
             np.concatenate([self.probability, other.probability], axis=-1),
         )
 
+    def slowed(self, kept: Array) -> ImmState:
+        """These tracks with speed and turn rate multiplied by `kept` (n,), their covariance accordingly."""
+        scale = np.ones((STATE_SIZE, len(self)))
+        scale[SPEED] = scale[TURN_RATE] = kept
+        mean = self.mean * scale[:, None]
+        covariance = self.covariance * (scale[:, None] * scale)[:, :, None]
+        return ImmState(mean, covariance, self.probability)
+
     def replaced(self, index: Selection, other: ImmState) -> ImmState:
         """These tracks with those at `index` exchanged for `other`."""
         mean, covariance, probability = self.mean.copy(), self.covariance.copy(), self.probability.copy()
-        mean[..., index], covariance[..., index], probability[..., index] = other.mean, other.covariance, other.probability
+        mean[..., index], covariance[..., index], probability[..., index] = (
+            other.mean,
+            other.covariance,
+            other.probability,
+        )
         return ImmState(mean, covariance, probability)
 
 
@@ -284,10 +296,14 @@ def _check_transition(transition: Array, n_mode: int) -> None:
         raise InputError(f"mode transition matrix of shape {transition.shape}; ({n_mode}, {n_mode}) is expected")
     sums = transition.sum(axis=1)
     if not (np.isfinite(transition).all() and (transition >= 0).all() and np.allclose(sums, 1, atol=1e-9)):
-        raise InputError(f"mode transition matrix {transition.tolist()}; rows of probabilities that sum to 1 are expected")
+        raise InputError(
+            f"mode transition matrix {transition.tolist()}; rows of probabilities that sum to 1 are expected"
+        )
 
 
 def _check_measurement_covariance(R: Array) -> None:
     sound = R.shape == (2, 2) and bool(np.isfinite(R).all()) and bool(np.allclose(R, R.T))
     if not sound or np.linalg.eigvalsh(R).min() <= 0:
-        raise InputError(f"measurement covariance {R.tolist()}; a symmetric positive definite 2 x 2 matrix [m²] is expected")
+        raise InputError(
+            f"measurement covariance {R.tolist()}; a symmetric positive definite 2 x 2 matrix [m²] is expected"
+        )

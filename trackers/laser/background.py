@@ -31,8 +31,12 @@ class BackgroundOptions(Strict):
     """How far in front of the room a sample must lie, and how the room is learned where no empty scans are given."""
 
     margin_m: float = Field(0.12, gt=0, description="a sample this much nearer than the room is foreground [m]")
-    spread_factor: float = Field(4.0, ge=0, description="the margin is at least this many standard deviations of the beam")
-    quantile: float = Field(0.05, ge=0, le=1, description="the room's range in a beam: this quantile of the empty scans")
+    spread_factor: float = Field(
+        4.0, ge=0, description="the margin is at least this many standard deviations of the beam"
+    )
+    quantile: float = Field(
+        0.05, ge=0, le=1, description="the room's range in a beam: this quantile of the empty scans"
+    )
     bin_m: float = Field(0.1, gt=0, description="width of a range bin while learning [m]")
     memory_s: float = Field(60.0, gt=0, description="time constant with which what was learned fades [s]")
     initial_s: float = Field(1.0, gt=0, description="how long the first reading of a beam counts as seen [s]")
@@ -197,9 +201,10 @@ def _check_same_beams(scan: LaserScan, first: LaserScan) -> None:
             f"scan of {scan.sensor!r} at {scan.t:.3f} s has {scan.ranges_m.size} beams; "
             f"its background has {first.ranges_m.size}, and as many are expected"
         )
-    if abs(scan.angle_min_rad - first.angle_min_rad) > 1e-3 or abs(
-        scan.angle_increment_rad - first.angle_increment_rad
-    ) * first.ranges_m.size > 1e-2:
+    if (
+        abs(scan.angle_min_rad - first.angle_min_rad) > 1e-3
+        or abs(scan.angle_increment_rad - first.angle_increment_rad) * first.ranges_m.size > 1e-2
+    ):
         raise InputError(
             f"scan of {scan.sensor!r} at {scan.t:.3f} s starts at {scan.angle_min_rad:.4f} rad in steps of "
             f"{scan.angle_increment_rad:.6f} rad; its background at {first.angle_min_rad:.4f} rad in steps of "

@@ -24,15 +24,21 @@ class LayerOptions(Strict):
 
     cluster: ClusterOptions
     background: BackgroundOptions = BackgroundOptions()
-    radius_m: float = Field(gt=0, description="radius of the circles of the validation region (paper: waist 1.0, knee 0.5) [m]")
-    half_depth_m: float = Field(ge=0, description="from a cluster's middle back to the body's axis, along the beam [m] (ours)")
+    radius_m: float = Field(
+        gt=0, description="radius of the circles of the validation region (paper: waist 1.0, knee 0.5) [m]"
+    )
+    half_depth_m: float = Field(
+        ge=0, description="from a cluster's middle back to the body's axis, along the beam [m] (ours)"
+    )
     body_width_m: float | None = Field(
         None,
         gt=0,
         description="a narrower cluster that goes on behind something nearer is completed to this width [m] (ours)",
     )
     hidden_variance_m2: float = Field(
-        0.02, ge=0, description="added to R where one side is hidden: the body may go on farther than completed [m²] (ours)"
+        0.02,
+        ge=0,
+        description="added to R where one side is hidden: the body may go on farther than completed [m²] (ours)",
     )
     satellite_width_m: float | None = Field(
         None, gt=0, description="a cluster narrower than this beside a wider one is its arm [m] (ours)"
@@ -59,14 +65,25 @@ class KneeOptions(LayerOptions):
     cluster: ClusterOptions = ClusterOptions(jump_m=0.08, jump_spacings=1.0, min_samples=2, min_width_m=0.03)
     radius_m: float = Field(0.5, gt=0)
     half_depth_m: float = Field(0.04, ge=0)
+    radius_alone_m: float = Field(
+        0.7, gt=0, description="the radius where no waist scanner is used and a leg may be half a stride off [m] (ours)"
+    )
     claim_m: float = Field(
-        0.4, ge=0, description="legs whose middle is this near to a trunk or a prediction may be that person's [m] (ours)"
+        0.4,
+        ge=0,
+        description="legs whose middle is this near to a trunk or a prediction may be that person's [m] (ours)",
     )
-    pair_m: float = Field(0.5, ge=0, description="two legs this near, where nobody is expected, are one person [m] (ours)")
+    pair_m: float = Field(
+        0.5, ge=0, description="two legs this near, where nobody is expected, are one person [m] (ours)"
+    )
     single_leg_variance_m2: float = Field(
-        0.04, ge=0, description="added to R where one leg is seen: it is up to half a stride from the middle [m²] (ours)"
+        0.04,
+        ge=0,
+        description="added to R where one leg is seen: it is up to half a stride from the middle [m²] (ours)",
     )
-    stride_m: float = Field(0.8, ge=0, description="the legs of one expected person are at most this far apart [m] (ours)")
+    stride_m: float = Field(
+        0.8, ge=0, description="the legs of one expected person are at most this far apart [m] (ours)"
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +164,10 @@ class LaserLayer:
             return clusters.middle
         missing = np.maximum(self.options.body_width_m - clusters.width_m, 0) / 2
         side = clusters.hidden_after.astype(float) - clusters.hidden_before.astype(float)  # both hidden: in the middle
-        across = np.stack([-clusters.middle[:, 1], clusters.middle[:, 0]], axis=1) / np.maximum(clusters.range_m, 1e-9)[:, None]
+        across = (
+            np.stack([-clusters.middle[:, 1], clusters.middle[:, 0]], axis=1)
+            / np.maximum(clusters.range_m, 1e-9)[:, None]
+        )
         return clusters.middle + across * (side * missing)[:, None]
 
     def _in_room(self, points: Array) -> Array:

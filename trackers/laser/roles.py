@@ -29,7 +29,9 @@ def scanners_by_role(rig: Rig, wanted: Sequence[Role]) -> dict[Role, str]:
         if role in wanted:
             found.setdefault(role, name)
     if not found:
-        there = ", ".join(f"{name} ({laser.role or f'at {laser.room_from_sensor.xyz[2]} m'})" for name, laser in lasers.items())
+        there = ", ".join(
+            f"{name} ({laser.role or f'at {laser.room_from_sensor.xyz[2]} m'})" for name, laser in lasers.items()
+        )
         raise InputError(
             f"the rig has no laser scanner for {' or '.join(wanted)} height: {there or 'no laser at all'}; "
             f"a sensor of kind 'laser' with role {' or '.join(wanted)} is needed"

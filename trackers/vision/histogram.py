@@ -23,7 +23,9 @@ class HistogramOptions(Strict):
     """How a torso's colours are counted and remembered."""
 
     hue_bins: PositiveInt = Field(360, description="bins of hue over the full circle (paper: 360)")
-    grey_bins: NonNegativeInt = Field(20, description="bins of brightness for pixels without hue; 0: hue alone, as in the paper")
+    grey_bins: NonNegativeInt = Field(
+        20, description="bins of brightness for pixels without hue; 0: hue alone, as in the paper"
+    )
     grey_below: float = Field(0.06, ge=0, description="chroma (saturation × value) up to which a pixel has no hue")
     coloured_above: float = Field(0.2, gt=0, description="chroma from which a pixel counts in its hue alone")
     smoothing_deg: float = Field(5.0, ge=0, description="standard deviation of the smoothing over hue [°]; 0: none")
@@ -77,7 +79,8 @@ class ColourHistogram:
         if options.smoothing_deg > 0:
             hue_counts, grey_counts = counts[:, : options.hue_bins], counts[:, options.hue_bins :]
             counts = np.concatenate(
-                [_smoothed(hue_counts, self._hue_kernel, "wrap"), _smoothed(grey_counts, _GREY_KERNEL, "constant")], axis=1
+                [_smoothed(hue_counts, self._hue_kernel, "wrap"), _smoothed(grey_counts, _GREY_KERNEL, "constant")],
+                axis=1,
             )
         total = counts.sum(axis=1, keepdims=True)
         return np.divide(counts, total, out=np.zeros_like(counts), where=total > 0)

@@ -29,7 +29,8 @@ class TorsoOptions(Strict):
     kept_width: float = Field(0.7, gt=0, le=1, description="share of the cluster's width, about its middle")
     rows: PositiveInt = Field(24, description="samples from top to bottom")
     columns: PositiveInt = Field(24, description="samples from side to side")
-    min_width_m: float = Field(0.12, ge=0, description="a narrower cluster gets no window [m]")
+    min_width_m: float = Field(0.06, ge=0, description="a narrower cluster gets no window [m]")
+    learn_width_m: float = Field(0.15, ge=0, description="a window of a narrower cluster is not learned from [m]")
     min_inside: float = Field(0.8, gt=0, le=1, description="share of the samples that the image must show")
     max_overlap: float = Field(0.2, ge=0, le=1, description="a window overlapped more by another is not learned from")
 
@@ -41,7 +42,7 @@ class TorsoWindows:
     pixels: Array  # (k, rows, columns, 2) u, v
     inside: Mask  # (k, rows, columns) whether the image shows the sample
     usable: Mask  # (k,) whether the window may be compared
-    clear: Mask  # (k,) usable, and not overlapped by another: may be learned from
+    clear: Mask  # (k,) usable, wide enough and not overlapped by another: may be learned from
 
     def outline(self, index: int) -> Array:
         """The border of one window as a polygon of pixels (p, 2), to draw it."""
@@ -66,7 +67,9 @@ class TorsoProjector:
         """The windows of k detections."""
         options = self.options
         middle = 0.5 * (detections.first_angle + detections.last_angle)
-        angles = middle[:, None] + (detections.last_angle - detections.first_angle)[:, None] * self._across  # (k, columns)
+        angles = (
+            middle[:, None] + (detections.last_angle - detections.first_angle)[:, None] * self._across
+        )  # (k, columns)
         reach = detections.range_m[:, None]
         in_scan = np.stack([reach * np.cos(angles), reach * np.sin(angles)], axis=-1)  # (k, columns, 2)
         on_floor = in_scan @ self._laser_rotation[:2, :2].T + self._laser_translation[:2]
@@ -80,7 +83,8 @@ class TorsoProjector:
         inside = in_view & (u >= -0.5) & (v >= -0.5)
         inside &= (u < self._intrinsics.width - 0.5) & (v < self._intrinsics.height - 0.5)
         usable = (inside.mean(axis=(1, 2)) >= options.min_inside) & (detections.width_m >= options.min_width_m)
-        clear = usable & (_largest_overlap(pixels) <= options.max_overlap)
+        clear = usable & (detections.width_m >= options.learn_width_m)
+        clear &= _largest_overlap(pixels) <= options.max_overlap
         return TorsoWindows(pixels, inside, usable, clear)
 
 

@@ -1,0 +1,215 @@
+"""Particle filter, batched over n particle sets of p particles each: sets are people, runs, hypotheses.
+
+The algorithm is frozen and holds no state; the cloud of particles is passed in and handed back. A filter is made one's
+own by two functions: how a particle moves, and how likely a measurement is where it stands.
+
+    filter = ParticleFilter(resampling="systematic")
+    cloud = Cloud.of(state)                                          # (components, n, p)
+    cloud = filter.step(cloud, move, log_likelihood, rng)            # move(state, rng), log_likelihood(state) -> (n, p)
+    mean = cloud.expectation(cloud.state)                            # (components, n)
+
+One step: resample the sets whose effective sample size has fallen, move, weight. What is estimated is estimated from the
+weighted cloud that `step` hands back, before the next resampling adds its noise (Arulampalam et al., "A tutorial on
+particle filters", 2002; the split into move and likelihood after Chopin and Papaspiliopoulos, "An introduction to
+sequential Monte Carlo", 2020).
+
+Where the mathematics ends: a measurement that is impossible for every particle of a set (log-likelihood −∞ throughout)
+tells nothing about which of them is right, so that the set keeps the weights it had, and is marked in `LogWeights.lost`.
+A log-likelihood of NaN or +∞, and a particle that is not finite, are refused with InputError.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.errors import InputError
+from trackers.filters.resampling import resample, scheme_of
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Move = Callable[[Array, np.random.Generator], Array]
+"""State (components, n, p) and randomness → state one step later, same shape."""
+LogLikelihood = Callable[[Array], Array]
+"""State (components, n, p) → log-likelihood of the measurement at each particle, (n, p), up to a constant a set."""
+
+
+@dataclass(frozen=True, eq=False)
+class LogWeights:
+    """Weights of n sets of p particles as logarithms, normalised: no likelihood is too small for them.
+
+    Made by `uniform`, `of` and `updated`; every row is a distribution, always.
+    """
+
+    log: Array  # (n, p), ≤ 0, −∞ for a weight of 0; exp of a row sums to 1
+    normalised: Array  # (n, p), exp(log)
+    log_mean: Array  # (n,), log of the weighted mean of the likelihood that came last: its evidence; 0 before any
+    lost: Mask  # (n,), whether what came last was impossible for every particle of the set
+
+    @classmethod
+    def uniform(cls, n: int, n_particle: int) -> LogWeights:
+        """Equal weights for n sets. Raises InputError without a particle."""
+        if n_particle < 1:
+            raise InputError(f"a cloud of {n_particle} particles; at least 1 is expected")
+        return cls._equal(n, n_particle)
+
+    @classmethod
+    def of(cls, log: Array) -> LogWeights:
+        """From log-weights (n, p) that need not be normalised; −∞ is a weight of 0.
+
+        A set whose weights are all 0 gets equal weights and is marked `lost`. Raises InputError for NaN, +∞ or no particle.
+        """
+        log = np.asarray(log, float)
+        if log.ndim != 2:
+            raise InputError(f"log-weights of shape {log.shape}; (sets, particles) is expected")
+        return cls.uniform(*log.shape).updated(log)
+
+    def __len__(self) -> int:
+        return len(self.log)
+
+    @property
+    def effective_sample_size(self) -> Array:
+        """1 / Σ w² of each set, (n,): from 1, one particle has all the weight, to p, all weigh the same (Kong et al., 1994)."""
+        return 1.0 / np.einsum("np,np->n", self.normalised, self.normalised)
+
+    def updated(self, log_likelihood: Array) -> LogWeights:
+        """Weights times exp of `log_likelihood` (n, p), normalised again.
+
+        A set for which nothing is left keeps the weights it had and is marked `lost`; its evidence is −∞. Raises
+        InputError for NaN, +∞ or another shape.
+        """
+        log_likelihood = np.asarray(log_likelihood, float)
+        if log_likelihood.shape != self.log.shape:
+            raise InputError(f"log-likelihood of shape {log_likelihood.shape}; {self.log.shape} is expected")
+        if not (log_likelihood < np.inf).all():  # NaN is below nothing
+            raise InputError(
+                "a log-likelihood is NaN or +infinity; finite numbers, or -infinity for impossible, are expected"
+            )
+        log = self.log + log_likelihood
+        top = log.max(axis=1)
+        lost = np.isneginf(top)
+        log -= np.where(lost, 0.0, top)[:, None]
+        weight = np.exp(log)
+        total = np.where(lost, 1.0, weight.sum(axis=1))
+        log_total = np.log(total)
+        weight /= total[:, None]
+        log -= log_total[:, None]
+        log_mean = np.where(lost, -np.inf, top + log_total)
+        if lost.any():
+            weight[lost], log[lost] = self.normalised[lost], self.log[lost]
+        return LogWeights(log, weight, log_mean, lost)
+
+    def resampled(self, which: Mask) -> LogWeights:
+        """These weights with the sets of the mask (n,) at equal weights again, as they are after resampling."""
+        equal = self._equal(*self.log.shape)
+        chosen = which[:, None]
+        return LogWeights(
+            np.where(chosen, equal.log, self.log),
+            np.where(chosen, equal.normalised, self.normalised),
+            self.log_mean,
+            self.lost,
+        )
+
+    @classmethod
+    def _equal(cls, n: int, n_particle: int) -> LogWeights:
+        return cls(
+            np.full((n, n_particle), -np.log(n_particle)),
+            np.full((n, n_particle), 1.0 / n_particle),
+            np.zeros(n),
+            np.zeros(n, bool),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """n sets of p weighted particles."""
+
+    state: Array  # (components, n, p): components first, as `trackers.filters.motion.propagate` takes them
+    weights: LogWeights
+
+    @classmethod
+    def of(cls, state: Array) -> Cloud:
+        """Particles (components, n, p) of equal weight. Raises InputError for another number of axes and for NaN or infinity."""
+        state = np.asarray(state, float)
+        if state.ndim != 3:
+            raise InputError(f"particles of shape {state.shape}; (components, sets, particles) is expected")
+        _check_finite(state)
+        return cls(state, LogWeights.uniform(*state.shape[1:]))
+
+    @classmethod
+    def normal(cls, mean: Array, covariance: Array, n_particle: int, rng: np.random.Generator) -> Cloud:
+        """Particles drawn from normal distributions, mean (n, c), covariance (n, c, c), which may be singular.
+
+        Raises InputError for a covariance that is not symmetric positive semi-definite, and for NaN or infinity.
+        """
+        mean, covariance = np.asarray(mean, float), np.asarray(covariance, float)
+        if not (np.isfinite(mean).all() and np.isfinite(covariance).all()):
+            raise InputError("the start of a cloud of particles holds NaN or infinity; finite numbers are expected")
+        if not np.allclose(covariance, covariance.swapaxes(-1, -2)):
+            raise InputError("the covariance of a cloud of particles is not symmetric")
+        variance, axes = np.linalg.eigh(covariance)
+        if (variance < -1e-9 * np.abs(variance).max(axis=-1, keepdims=True)).any():
+            raise InputError("the covariance of a cloud of particles has a negative variance; at least 0 is expected")
+        root = axes * np.sqrt(np.maximum(variance, 0.0))[:, None, :]  # rounding may leave a hair below 0
+        drawn = np.einsum("nij,jnp->inp", root, rng.standard_normal((mean.shape[1], len(mean), n_particle)))
+        return cls.of(drawn + mean.T[:, :, None])
+
+    def __len__(self) -> int:
+        return self.state.shape[1]
+
+    def expectation(self, values: Array) -> Array:
+        """Weighted mean over each set of values (..., n, p) that belong to the particles, (..., n)."""
+        return np.einsum("...np,np->...n", values, self.weights.normalised)
+
+
+@dataclass(frozen=True)
+class ParticleFilter:
+    """A bootstrap particle filter: particles move as the model says and are weighted by what is measured.
+
+    resampling: a name of `trackers.filters.resampling.SCHEMES`; threshold: a set is resampled when its effective sample
+    size is at most this share of its particles: 1 whenever its weights differ, 0 never. Raises InputError for what is neither.
+    """
+
+    resampling: str = "systematic"
+    threshold: float = 0.5
+
+    def __post_init__(self) -> None:
+        scheme_of(self.resampling)
+        if not 0 <= self.threshold <= 1:
+            raise InputError(f"resampling threshold {self.threshold}; a share of the particles from 0 to 1 is expected")
+
+    def step(self, cloud: Cloud, move: Move, log_likelihood: LogLikelihood | None, rng: np.random.Generator) -> Cloud:
+        """Resample where it is due, move, weight; without a measurement (`log_likelihood` None) only the first two.
+
+        A set that is not measured among others that are is coasted by log-likelihoods of 0.
+        """
+        cloud = self.resampled(cloud, rng)
+        state = move(cloud.state, rng)
+        if state.shape != cloud.state.shape:
+            raise ValueError(f"move made {state.shape} of particles of shape {cloud.state.shape}")
+        _check_finite(state)
+        weights = cloud.weights if log_likelihood is None else cloud.weights.updated(log_likelihood(state))
+        return Cloud(state, weights)
+
+    def resampled(self, cloud: Cloud, rng: np.random.Generator) -> Cloud:
+        """The cloud with the sets resampled whose effective sample size has fallen to the threshold."""
+        share = cloud.weights.effective_sample_size / cloud.state.shape[2]
+        # equal weights (a share of 1 up to rounding) have nothing to gain from another draw
+        due = (share <= self.threshold) & (share < 1 - 1e-9)
+        if not due.any():
+            return cloud
+        ancestors = resample(self.resampling, cloud.weights.normalised[due], rng)
+        if due.all():
+            state = np.take_along_axis(cloud.state, ancestors[None], axis=2)
+        else:
+            state = cloud.state.copy()
+            state[:, due] = np.take_along_axis(cloud.state[:, due], ancestors[None], axis=2)
+        return Cloud(state, cloud.weights.resampled(due))
+
+
+def _check_finite(state: Array) -> None:
+    if not np.isfinite(state).all():
+        raise InputError("a particle holds NaN or infinity; finite numbers are expected")

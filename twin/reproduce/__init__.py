@@ -1,0 +1,1 @@
+"""Published figures and tables again, theirs beside ours: what `twin reproduce` runs."""

@@ -1,0 +1,184 @@
+"""Figure 7 of Bai and Takahashi: position and speed errors of three filters on a maneuvering walk, Monte Carlo.
+
+One person, always detected. Run i measures the walk with noise of seed i, R = diag(0.01, 0.01) m²; the three filters get the
+same measurements and the same start. Scans 0 and 1 give the start: the position from the second, the velocity from the
+two, shrunk towards rest by its uncertainty, as the tracker does it (a filter over heading and speed cannot find the heading
+of somebody it believes at rest). Errors are counted from scan 2 on, the first that a filter has predicted and updated.
+
+The speed of the state is signed, and (θ, v) and (θ + π, −v) are one motion: after a stop a filter may well follow the
+person backwards. The paper does not say how it reads the speed then. We compare the mean magnitude, over the particles of
+the particle filter as over the modes of the IMM, with the true speed; `READINGS` holds two other ways, computed too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.filters.imm import Imm, ImmState
+from trackers.filters.kalman import kalman
+from trackers.filters.motion import HEADING, MEASUREMENT_VARIANCE_M2, SPEED, MotionModel, propagate
+from trackers.filters.particle import Cloud, ParticleFilter
+from twin.reproduce.walk import PERIOD_S, Walk
+from twin.streams import stream
+
+Array = NDArray[np.float64]
+
+FIRST_SCAN = 2
+"""The first scan whose errors count."""
+
+START_SPEED_M_S = 1.0
+"""Standard deviation of a person's speed when first seen: what the tracker assumes too (ours)."""
+
+N_PARTICLE = 1000
+PARTICLE_MODEL = MotionModel(turn_persists=True, acceleration_variance=250.0, turn_acceleration_variance=250.0)
+"""Model 3 with the paper's Q = diag(250, 250) for the particle filter."""
+
+IMM, KALMAN, PARTICLE = "IMM", "Kalman filter", "particle filter"
+FILTERS = (IMM, KALMAN, PARTICLE)
+
+MEAN_MAGNITUDE, MAGNITUDE_OF_MEAN, MEAN_VELOCITY = "mean of |v|", "|mean of v|", "length of the mean velocity"
+READINGS = (MEAN_MAGNITUDE, MAGNITUDE_OF_MEAN, MEAN_VELOCITY)
+"""How a speed may be read off modes or particles; for the Kalman filter, which has one mode, all are the same."""
+
+_BLOCK = 20  # runs at a time: their particles stay in the processor's cache, and memory does not grow with the runs
+
+
+@dataclass(frozen=True, eq=False)
+class Estimates:
+    """What a filter made of n runs of k scans."""
+
+    position: Array  # (n, k, 2) [m]
+    speed: Array  # (n, k, 3) [m/s] ≥ 0, one a reading
+
+
+@dataclass(frozen=True, eq=False)
+class SquaredErrors:
+    """Squared errors of a quantity in n runs of k scans, by filter, and of what is measured."""
+
+    by_filter: dict[str, Array]  # name -> (n, k)
+    measured: Array  # (n, k)
+
+    def normalised(self) -> dict[str, Array]:
+        """The filters' summed squared error over that of the measurements at each scan, (k,): NPE or NVE (eq. 8)."""
+        return {name: errors.sum(axis=0) / self.measured.sum(axis=0) for name, errors in self.by_filter.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class MonteCarlo:
+    """Squared errors of all runs at the scans that count: of position [m²] and, by reading, of speed [m²/s²]."""
+
+    seeds: range
+    walk: Walk
+    scans: NDArray[np.intp]  # (k,)
+    position: SquaredErrors
+    speed: dict[str, SquaredErrors]
+
+
+def simulate(walk: Walk, seeds: range, on_progress: Callable[[str, float, float], None] | None = None) -> MonteCarlo:
+    """Run the three filters on the walk, once a seed. The particles of the runs of a block share a stream."""
+    measured = measurements(walk, seeds)
+    parts: dict[str, list[Estimates]] = {name: [] for name in FILTERS}
+    for first in range(0, len(seeds), _BLOCK):
+        some = measured[first : first + _BLOCK]
+        parts[IMM].append(kalman_estimates(Imm(), some))
+        parts[KALMAN].append(kalman_estimates(kalman(), some))
+        parts[PARTICLE].append(particle_estimates(some, stream(seeds[first], "reproduce", "particles")))
+        if on_progress is not None:
+            on_progress("runs", min(first + _BLOCK, len(seeds)), len(seeds))
+    true_position, true_speed = walk.position[FIRST_SCAN:], walk.speed[FIRST_SCAN:]
+    position = {name: np.concatenate([part.position for part in made]) for name, made in parts.items()}
+    speed = {name: np.concatenate([part.speed for part in made]) for name, made in parts.items()}
+    measured_speed = np.linalg.norm(np.diff(measured, axis=1), axis=-1)[:, FIRST_SCAN - 1 :] / PERIOD_S  # eq. 9
+    measured_speed_error = (measured_speed - true_speed) ** 2
+    return MonteCarlo(
+        seeds,
+        walk,
+        np.arange(FIRST_SCAN, len(walk)),
+        SquaredErrors(
+            {name: _squared(made, true_position) for name, made in position.items()},
+            _squared(measured[:, FIRST_SCAN:], true_position),
+        ),
+        {
+            reading: SquaredErrors(
+                {name: (made[..., place] - true_speed) ** 2 for name, made in speed.items()}, measured_speed_error
+            )
+            for place, reading in enumerate(READINGS)
+        },
+    )
+
+
+def measurements(walk: Walk, seeds: range) -> Array:
+    """The walk as measured in each run, (n, k, 2) [m]; the noise of a seed does not depend on the other seeds."""
+    deviation = np.sqrt(MEASUREMENT_VARIANCE_M2)
+    noise = [stream(seed, "reproduce", "measurements").normal(0.0, deviation, walk.position.shape) for seed in seeds]
+    return walk.position + np.array(noise)
+
+
+def started(imm: Imm, measured: Array) -> ImmState:
+    """A filter's state at scan 1, from the first two measurements of (n, k, 2) [m]."""
+    prior = START_SPEED_M_S**2
+    trust = prior / (prior + 2 * MEASUREMENT_VARIANCE_M2 / PERIOD_S**2)
+    velocity = (measured[:, 1] - measured[:, 0]) / PERIOD_S
+    return imm.start(measured[:, 1], velocity * trust, MEASUREMENT_VARIANCE_M2, prior * (1 - trust))
+
+
+def kalman_estimates(imm: Imm, measured: Array) -> Estimates:
+    """The IMM, or with one mode the extended Kalman filter, over measurements (n, k, 2) [m], from scan 2 on."""
+    state, everyone = started(imm, measured), np.arange(len(measured))
+    position, speed = [], []
+    for scan in range(FIRST_SCAN, measured.shape[1]):
+        state = imm.update(imm.predict(state, PERIOD_S), everyone, measured[:, scan])
+        mean, _ = imm.estimate(state)
+        position.append(mean[:, :2])
+        probability = state.probability
+        speed.append(_speeds(state.mean, lambda values, p=probability: (values * p).sum(axis=0)))
+    return Estimates(np.stack(position, axis=1), np.stack(speed, axis=1))
+
+
+def particle_estimates(measured: Array, rng: np.random.Generator, n_particle: int = N_PARTICLE) -> Estimates:
+    """The particle filter over measurements (n, k, 2) [m], from scan 2 on: model 3, plain resampling at every scan."""
+    single = kalman((PARTICLE_MODEL,))
+    mean, covariance = single.estimate(started(single, measured))
+    algorithm = ParticleFilter(resampling="plain", threshold=1.0)
+    cloud = Cloud.normal(mean, covariance, n_particle, rng)
+    position, speed = [], []
+    for scan in range(FIRST_SCAN, measured.shape[1]):
+        cloud = algorithm.step(cloud, _move, _Seen(measured[:, scan]), rng)
+        position.append(cloud.expectation(cloud.state[:2]).T)
+        speed.append(_speeds(cloud.state, cloud.expectation))
+    return Estimates(np.stack(position, axis=1), np.stack(speed, axis=1))
+
+
+def _speeds(state: Array, mean: Callable[[Array], Array]) -> Array:
+    """The speed of n people in each of `READINGS`, (n, 3) [m/s], from modes or particles (5, ...) and their mean."""
+    speed, heading = state[SPEED], state[HEADING]
+    along_x, along_y = mean(speed * np.cos(heading)), mean(speed * np.sin(heading))
+    return np.stack([mean(np.abs(speed)), np.abs(mean(speed)), np.hypot(along_x, along_y)], axis=-1)
+
+
+def _move(state: Array, rng: np.random.Generator) -> Array:
+    """Particles (5, n, p) one scan later, each under its own disturbance."""
+    disturbance = rng.standard_normal((2, *state.shape[1:]))
+    disturbance[0] *= np.sqrt(PARTICLE_MODEL.acceleration_variance)
+    disturbance[1] *= np.sqrt(PARTICLE_MODEL.turn_acceleration_variance)
+    return propagate(state, disturbance, PERIOD_S, float(PARTICLE_MODEL.turn_persists))
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Log-likelihood of the measured positions (n, 2) [m] at each particle, up to a constant."""
+
+    position: Array
+
+    def __call__(self, state: Array) -> Array:
+        away_x = state[0] - self.position[:, 0, None]
+        away_y = state[1] - self.position[:, 1, None]
+        return (away_x * away_x + away_y * away_y) * (-0.5 / MEASUREMENT_VARIANCE_M2)
+
+
+def _squared(position: Array, true: Array) -> Array:
+    return ((position - true) ** 2).sum(axis=-1)
