@@ -3,23 +3,32 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 
-def within(polygon: Array, points: Array, margin_m: float = 0.0) -> Mask:
-    """Whether points (n, 2) lie in a polygon (c, 2) or within `margin_m` of its border, (n,) [m]."""
-    start, end = polygon, np.roll(polygon, -1, axis=0)
-    edge = end - start  # (c, 2)
-    offset = points[:, None] - start[None]  # (n, c, 2)
-    # a ray towards +x crosses an odd number of edges from inside
-    straddles = (start[None, :, 1] > points[:, None, 1]) != (end[None, :, 1] > points[:, None, 1])
-    rise = np.where(edge[:, 1] == 0, 1.0, edge[:, 1])
-    crossing_x = start[:, 0] + (points[:, None, 1] - start[:, 1]) * (edge[:, 0] / rise)
-    inside = (straddles & (points[:, None, 0] < crossing_x)).sum(axis=1) % 2 == 1
-    length_square = np.maximum((edge**2).sum(axis=1), 1e-18)
-    along = np.clip((offset * edge).sum(axis=-1) / length_square, 0, 1)  # (n, c)
-    gap = offset - along[..., None] * edge
-    return inside | (np.hypot(gap[..., 0], gap[..., 1]).min(axis=1) <= margin_m)
+class Area:
+    """A polygon with corners (c, 2) [m], in either sense of rotation, widened by `margin_m` all around."""
+
+    def __init__(self, corners: ArrayLike, margin_m: float = 0.0) -> None:
+        self._start = np.asarray(corners, float).T  # (2, c)
+        end = np.roll(self._start, -1, axis=1)
+        self._edge = end - self._start
+        self._end_y = end[1]
+        self._slope = self._edge[0] / np.where(self._edge[1] == 0, 1.0, self._edge[1])
+        self._length_square = np.maximum((self._edge**2).sum(axis=0), 1e-18)
+        self._margin_square = margin_m**2
+
+    def contains(self, points: Array) -> Mask:
+        """Whether points (n, 2) lie in the polygon or within the margin of its border, (n,)."""
+        x, y = points[:, :1], points[:, 1:]
+        off_x, off_y = x - self._start[0], y - self._start[1]  # (n, c)
+        # a ray towards +x crosses an odd number of edges from inside
+        straddles = (self._start[1] > y) != (self._end_y > y)
+        crossed = straddles & (off_x < off_y * self._slope)
+        inside = np.logical_xor.reduce(crossed, axis=1)
+        along = np.clip((off_x * self._edge[0] + off_y * self._edge[1]) / self._length_square, 0, 1)
+        gap_square = (off_x - along * self._edge[0]) ** 2 + (off_y - along * self._edge[1]) ** 2
+        return inside | (gap_square <= self._margin_square).any(axis=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields, replace
 from math import isinf, isnan
@@ -66,7 +67,7 @@ def check_tracker(
 def _faults(frames: Sequence[TrackFrame]) -> list[str]:
     faults = []
     stamps = [frame.stamp_ns for frame in frames]
-    if any(later <= earlier for earlier, later in zip(stamps, stamps[1:], strict=False)):
+    if any(later <= earlier for earlier, later in itertools.pairwise(stamps)):
         faults.append("stamps do not rise from frame to frame")
     if any(not isinstance(stamp, int) for stamp in stamps):
         faults.append("a stamp is not an int")

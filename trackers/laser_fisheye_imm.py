@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from trackers.area import within
+from trackers.area import Area
 from trackers.configuration import Strict, validate
 from trackers.epochs import Epoch, EpochGatherer
 from trackers.errors import InputError
@@ -63,35 +63,45 @@ CITATION = (
 class LaserFisheyeImmOptions(Strict):
     """Every constant of the paper, and what we added to it."""
 
-    filter: Literal["imm", "kalman"] = Field("imm", description="three models, or the single-model baseline (model 3)")
-    layers: tuple[Role, ...] = Field(("waist", "knee"), min_length=1, description="which scanners to use")
-    camera: bool = Field(True, description="whether to use the fisheye camera, where there is one")
-    imm_variances: tuple[tuple[float, float], tuple[float, float], tuple[float, float]] = Field(
-        tuple((model.acceleration_variance, model.turn_acceleration_variance) for model in IMM_MODELS),
+    filter: Literal["imm", "kalman"] = Field(
+        default="imm", description="three models, or the single-model baseline (model 3)"
+    )
+    layers: tuple[Role, ...] = Field(default=("waist", "knee"), min_length=1, description="which scanners to use")
+    camera: bool = Field(default=True, description="whether to use the fisheye camera, where there is one")
+    imm_variances: tuple[tuple[float, float], ...] = Field(
+        default=tuple((model.acceleration_variance, model.turn_acceleration_variance) for model in IMM_MODELS),
+        min_length=len(IMM_MODELS),
+        max_length=len(IMM_MODELS),
         description="diagonals of Q1, Q2, Q3 [m²/s⁴, rad²/s⁴]",
     )
     kalman_variances: tuple[float, float] = Field(
-        (KALMAN_MODELS[0].acceleration_variance, KALMAN_MODELS[0].turn_acceleration_variance),
+        default=(KALMAN_MODELS[0].acceleration_variance, KALMAN_MODELS[0].turn_acceleration_variance),
         description="diagonal of Q of the single model [m²/s⁴, rad²/s⁴]",
     )
     mode_stays: float = Field(
-        MODE_STAYS, gt=0, le=1, description="probability that a mode stays from one scan to the next"
+        default=MODE_STAYS, gt=0, le=1, description="probability that a mode stays from one scan to the next"
     )
-    measurement_variance_m2: float = Field(MEASUREMENT_VARIANCE_M2, gt=0, description="diagonal of R [m²]")
-    start_speed_m_s: float = Field(1.5, gt=0, description="standard deviation of a new track's speed [m/s] (ours)")
-    colour_weight: float = Field(10.0, ge=0, description="w in d = N + w E (inferred; chosen by experiment)")
-    max_deviations: float = Field(4.0, gt=0, description="a pair with a greater N is not believed (ours)")
+    measurement_variance_m2: float = Field(default=MEASUREMENT_VARIANCE_M2, gt=0, description="diagonal of R [m²]")
+    start_speed_m_s: float = Field(
+        default=1.5, gt=0, description="standard deviation of a new track's speed [m/s] (ours)"
+    )
+    colour_weight: float = Field(default=10.0, ge=0, description="w in d = N + w E (inferred; chosen by experiment)")
+    max_deviations: float = Field(default=4.0, gt=0, description="a pair with a greater N is not believed (ours)")
     foreign_above: float = Field(
-        0.6, ge=0, description="a pair with a greater E is not believed: another's shirt (ours)"
+        default=0.6, ge=0, description="a pair with a greater E is not believed: another's shirt (ours)"
     )
     recognised_below: float = Field(
-        0.3, ge=0, description="a hidden person is known again by an E up to this, beyond the prediction's reach (ours)"
+        default=0.3,
+        ge=0,
+        description="a hidden person is known again by an E up to this, beyond the prediction's reach (ours)",
     )
-    reach_m_s: float = Field(1.5, ge=0, description="how fast a hidden person may have walked [m/s] (ours)")
+    reach_m_s: float = Field(default=1.5, ge=0, description="how fast a hidden person may have walked [m/s] (ours)")
     period_s: float = Field(
-        0.1, gt=0, description="scan period that the variances are for; longer gaps are cut into such steps [s]"
+        default=0.1, gt=0, description="scan period that the variances are for; longer gaps are cut into such steps [s]"
     )
-    max_wait_s: float = Field(0.15, ge=0, description="how long a moment waits for a sensor that has not reported [s]")
+    max_wait_s: float = Field(
+        default=0.15, ge=0, description="how long a moment waits for a sensor that has not reported [s]"
+    )
     waist: WaistOptions = WaistOptions()
     knee: KneeOptions = KneeOptions()
     torso: TorsoOptions = TorsoOptions()
@@ -155,7 +165,7 @@ class LaserFisheyeImm:
         main = rig.main_sensor if rig.main_sensor in used else next(iter(self._scanners.values()))
         offsets = {name: rig.sensors[name].time_offset_s for name in used}
         self._gatherer = EpochGatherer(used, main, offsets, self.options.period_s, self.options.max_wait_s)
-        self._area = None if rig.area is None else np.array(rig.area)
+        self._area = None if rig.area is None else Area(rig.area, self.options.management.area_margin_m)
         self._people = self._born(np.empty((0, 2)), 0.0, np.empty((0, self._histogram.size)), np.empty(0, np.bool_))
         self._next_id = 1
         self._t: float | None = None
@@ -238,7 +248,7 @@ class LaserFisheyeImm:
         detections = self._layers[role].detect(scan)
         if self._area is None or len(detections) == 0:
             return detections
-        return detections.select(within(self._area, detections.position, self.options.management.area_margin_m))
+        return detections.select(self._area.contains(detections.position))
 
     # --- predict
 
@@ -262,13 +272,13 @@ class LaserFisheyeImm:
         everyone = np.arange(len(self._people))
         colour = self._colour_distance(seen)
         tracks, trunks = self._match(everyone, seen.trunks.position, self.options.waist.radius_m, colour)
-        left = np.setdiff1d(everyone, tracks, assume_unique=True)
+        left = _others(len(everyone), tracks)
         walkers, n_leg = self._walkers(seen, left)
         knee, R = self.options.knee, self.options.measurement_variance_m2
         one_legged = n_leg == 1
         by_legs, legs = self._match(left, walkers, self._knee_radius_m, None)
-        new_trunk = np.setdiff1d(np.arange(len(seen.trunks)), trunks, assume_unique=True)
-        new_walker = np.setdiff1d(np.arange(len(walkers)), legs, assume_unique=True)
+        new_trunk = _others(len(seen.trunks), trunks)
+        new_walker = _others(len(walkers), legs)
         # a lone leg within a stride of somebody is likelier theirs than somebody new
         body = self.options.management.body_radius_m
         clearance = np.where(one_legged[new_walker], max(body, knee.stride_m), body)
@@ -297,7 +307,7 @@ class LaserFisheyeImm:
         allowed &= distance <= self.options.max_deviations
         if colour is not None:
             E = colour[tracks]
-            allowed &= ~(E > self.options.foreign_above)
+            allowed &= ~(self.options.foreign_above < E)
             distance = distance + self.options.colour_weight * np.nan_to_num(E)
             recognised = self._recognised(tracks, position, radius_m, E)
             distance = np.where(recognised, np.minimum(distance, self.options.max_deviations), distance)
@@ -321,7 +331,7 @@ class LaserFisheyeImm:
         reach_m = radius_m + self.options.reach_m_s * unseen_s
         near = distances(self._people.measured_at[tracks], position) <= reach_m[:, None]
         hidden = self._people.confirmed[tracks] & (unseen_s > 1.5 * self.options.period_s)
-        return near & hidden[:, None] & (E <= self.options.recognised_below)
+        return near & hidden[:, None] & (self.options.recognised_below >= E)
 
     def _colour_distance(self, seen: _Seen) -> Array | None:
         """E for every track and trunk, (n, k), NaN where either has no colours; None where nobody has."""
@@ -413,7 +423,7 @@ class LaserFisheyeImm:
     def _end(self, t: float) -> None:
         kept = self._people.alive(t, self.options.management)
         if self._area is not None and len(self._people):
-            kept &= within(self._area, self._positions(), self.options.management.area_margin_m)
+            kept &= self._area.contains(self._positions())
         self._people = self._people.select(kept)
 
     def _start(self, matches: _Matches, seen: _Seen, t: float) -> None:
@@ -465,3 +475,10 @@ class LaserFisheyeImm:
         return Imm(
             models, transition_matrix(len(models), options.mode_stays), np.eye(2) * options.measurement_variance_m2
         )
+
+
+def _others(n: int, taken: Index) -> Index:
+    """The indices below n that are not `taken`."""
+    free = np.ones(n, np.bool_)
+    free[taken] = False
+    return np.flatnonzero(free)

@@ -44,7 +44,7 @@ class LaserScan:
     @property
     def angles_rad(self) -> NDArray[np.float64]:
         """Bearing of each beam in the scanner's frame, (n_beam,)."""
-        return self.angle_min_rad + self.angle_increment_rad * np.arange(self.ranges_m.size)
+        return self.angle_min_rad + self.angle_increment_rad * np.arange(self.ranges_m.size, dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,23 +19,29 @@ class ManagementOptions(Strict):
     """When a track is believed, and when it is given up."""
 
     confirm_after_s: float = Field(
-        0.5,
+        default=0.5,
         ge=0,
         description="a tentative track measured for longer, each scan standing for its period, is a person [s]",
     )
-    coast_s: float = Field(1.5, ge=0, description="a person not measured for this long is gone [s]")
+    coast_s: float = Field(default=1.5, ge=0, description="a person not measured for this long is gone [s]")
     coast_slowdown_s: float | None = Field(
-        1.0, gt=0, description="a coasting person's speed fades with this time constant; none: it stays [s] (ours)"
+        default=1.0,
+        gt=0,
+        description="a coasting person's speed fades with this time constant; none: it stays [s] (ours)",
     )
     tentative_coast_s: float = Field(
-        0.15,
+        default=0.15,
         ge=0,
         description="a tentative track not measured for longer was a false alarm [s] (ours: one scan may miss)",
     )
     body_radius_m: float = Field(
-        0.45, ge=0, description="nothing new starts this near to a person already tracked or just measured [m] (ours)"
+        default=0.45,
+        ge=0,
+        description="nothing new starts this near to a person already tracked or just measured [m] (ours)",
     )
-    area_margin_m: float = Field(0.3, ge=0, description="how far outside the rig's area people are still followed [m]")
+    area_margin_m: float = Field(
+        default=0.3, ge=0, description="how far outside the rig's area people are still followed [m]"
+    )
 
 
 @dataclass(frozen=True, eq=False)

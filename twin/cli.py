@@ -11,6 +11,8 @@ from typing import Annotated
 
 import typer
 
+from twin.reproduce.command import reproduce
+
 EXIT_DONE, EXIT_FELL_SHORT, EXIT_BAD_INPUT, EXIT_OUR_FAULT, EXIT_INTERRUPTED = 0, 1, 2, 70, 130
 
 app = typer.Typer(
@@ -68,7 +70,8 @@ def run(
         result = run_scenario(
             loaded, trackers=tracker, out=out, video=not no_video, images=not no_images, on_progress=report
         )
-    print_metrics(result.metrics)
+    if result.metrics is not None:
+        print_metrics(result.metrics)
     print_paths(result.files)
 
 
@@ -190,6 +193,9 @@ def check() -> None:
 
     for line in check_machine():
         typer.echo(line)
+
+
+app.command(epilog="Example: twin reproduce laser-fisheye-imm --seeds 100 --out out/figure7")(reproduce)
 
 
 @app.command(epilog="Example: twin view lab-five-people --at 5 --out view.png")

@@ -108,7 +108,11 @@ def test_resampling_only_where_it_is_due():
 
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(
-    arrays(float, st.tuples(st.integers(1, 4), st.integers(1, 6)), elements=st.floats(-1e300, 1e300) | st.just(-np.inf)),
+    arrays(
+        float,
+        st.tuples(st.integers(1, 4), st.integers(1, 6)),
+        elements=st.floats(-1.7e308, 1.7e308) | st.floats(-5, 5) | st.just(-np.inf),
+    ),
     st.integers(0, 2**32),
 )
 def test_weights_are_a_distribution_whatever_the_likelihood(log, seed):
@@ -118,7 +122,7 @@ def test_weights_are_a_distribution_whatever_the_likelihood(log, seed):
         p = log.shape[1]
         assert not np.isnan(weights.log).any() and (weights.log <= 0).all()
         np.testing.assert_allclose(weights.normalised.sum(axis=1), 1)
-        np.testing.assert_array_equal(weights.normalised, np.exp(weights.log))
+        np.testing.assert_allclose(weights.normalised, np.exp(weights.log), rtol=1e-12)
         assert (weights.effective_sample_size >= 1 - 1e-9).all() and (weights.effective_sample_size <= p + 1e-9).all()
         np.testing.assert_array_equal(weights.lost, np.isneginf(weights.log_mean))
 
@@ -177,7 +181,9 @@ def test_shapes_that_do_not_fit_are_refused():
     with pytest.raises(InputError, match="components, sets, particles"):
         Cloud.of(np.zeros((2, 3)))
     with pytest.raises(ValueError, match="move made"):
-        ParticleFilter().step(Cloud.of(np.zeros((2, 1, 3))), lambda state, rng: state[:1], None, np.random.default_rng(0))
+        ParticleFilter().step(
+            Cloud.of(np.zeros((2, 1, 3))), lambda state, rng: state[:1], None, np.random.default_rng(0)
+        )
 
 
 def test_particles_that_are_not_finite_are_refused():
@@ -189,7 +195,9 @@ def test_particles_that_are_not_finite_are_refused():
         )
 
 
-@pytest.mark.parametrize("options", [{"threshold": -0.1}, {"threshold": 1.5}, {"threshold": np.nan}, {"resampling": "x"}])
+@pytest.mark.parametrize(
+    "options", [{"threshold": -0.1}, {"threshold": 1.5}, {"threshold": np.nan}, {"resampling": "x"}]
+)
 def test_options_that_make_no_filter_are_refused(options):
     with pytest.raises(InputError, match=r"expected|valid are"):
         ParticleFilter(**options)

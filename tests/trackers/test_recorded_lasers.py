@@ -87,11 +87,9 @@ def test_people_walking_past_a_robot_are_few_long_tracks():
         for track in frame.tracks:
             paths.setdefault(track.id, []).append((k, track.x, track.y))
     walkers = {i: np.array(path) for i, path in paths.items() if np.ptp(np.array(path)[:, 1:], axis=0).max() > 1.5}
-    assert len(walkers) <= 8
-    # the middle of the recording, where all three walk all the time
-    followed = np.zeros(1265)
+    assert len(walkers) == 3
     for path in walkers.values():
-        followed[path[:, 0].astype(int)] += 1
-    assert np.median(followed[150:1100]) == 3
-    assert (followed[150:1100] >= 2).mean() > 0.98
-    assert (followed[150:1100] > 3).mean() < 0.06
+        assert path[0, 0] < 80
+        assert path[-1, 0] > 1150  # until they stand still again
+    # what flickers at the far edge of the room is taken for somebody standing now and then, never for a walker
+    assert len(paths) - len(walkers) <= 9

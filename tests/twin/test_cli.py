@@ -37,7 +37,7 @@ def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_help_of_every_command_has_an_example() -> None:
-    commands = ("run", "render", "track", "evaluate", "list", "schema", "check", "view")
+    commands = ("run", "render", "track", "evaluate", "list", "schema", "check", "view", "reproduce")
     overview = twin("--help")
     assert overview.returncode == 0
     for command in commands:

@@ -28,7 +28,7 @@ def mahalanobis(predicted: Array, innovation_covariance: Array, position: Array)
 
     predicted: (n, m, 2) [m]; innovation_covariance: (n, m, 2, 2) [m²]; position: (k, 2) [m].
     """
-    n, m = predicted.shape[:2]
+    n, _m = predicted.shape[:2]
     if n == 0 or len(position) == 0:
         return np.zeros((n, len(position)))
     inverse, _ = inverse_2x2(innovation_covariance)

@@ -134,7 +134,9 @@ class Imm:
         speed_variance: float | Array = 1.0,
         turn_rate_variance: float = 1.0,
     ) -> ImmState:
-        """New tracks at `position` (n, 2) [m], at rest or with `velocity` (n, 2) [m/s] of variance `speed_variance` [m²/s²], a number or (n,).
+        """New tracks at `position` (n, 2) [m], at rest or with `velocity` (n, 2) [m/s].
+
+        `speed_variance` [m²/s²], a number or (n,), is that of the speed.
 
         The heading's standard deviation is the speed's over the speed itself, at most that of an unknown angle (π/√3).
         Every mode starts alike and equally probable.

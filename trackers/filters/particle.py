@@ -88,10 +88,11 @@ class LogWeights:
             raise InputError(
                 "a log-likelihood is NaN or +infinity; finite numbers, or -infinity for impossible, are expected"
             )
-        log = self.log + log_likelihood
-        top = log.max(axis=1)
-        lost = np.isneginf(top)
-        log -= np.where(lost, 0.0, top)[:, None]
+        with np.errstate(over="ignore"):  # a logarithm below the smallest number there is becomes −∞: a weight of 0
+            log = self.log + log_likelihood
+            top = log.max(axis=1)
+            lost = np.isneginf(top)
+            log -= np.where(lost, 0.0, top)[:, None]
         weight = np.exp(log)
         total = np.where(lost, 1.0, weight.sum(axis=1))
         log_total = np.log(total)

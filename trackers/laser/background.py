@@ -30,25 +30,34 @@ _RENORMALISE_ABOVE = 1e9
 class BackgroundOptions(Strict):
     """How far in front of the room a sample must lie, and how the room is learned where no empty scans are given."""
 
-    margin_m: float = Field(0.12, gt=0, description="a sample this much nearer than the room is foreground [m]")
+    margin_m: float = Field(default=0.12, gt=0, description="a sample this much nearer than the room is foreground [m]")
     spread_factor: float = Field(
-        4.0, ge=0, description="the margin is at least this many standard deviations of the beam"
+        default=4.0, ge=0, description="the margin is at least this many standard deviations of the beam"
     )
     quantile: float = Field(
-        0.05, ge=0, le=1, description="the room's range in a beam: this quantile of the empty scans"
+        default=0.05, ge=0, le=1, description="the room's range in a beam: this quantile of the empty scans"
     )
-    bin_m: float = Field(0.1, gt=0, description="width of a range bin while learning [m]")
-    memory_s: float = Field(60.0, gt=0, description="time constant with which what was learned fades [s]")
-    initial_s: float = Field(1.0, gt=0, description="how long the first reading of a beam counts as seen [s]")
+    bin_m: float = Field(default=0.1, gt=0, description="width of a range bin while learning [m]")
+    memory_s: float = Field(default=60.0, gt=0, description="time constant with which what was learned fades [s]")
+    initial_s: float = Field(default=1.0, gt=0, description="how long the first reading of a beam counts as seen [s]")
     static_share: float = Field(
-        0.5, gt=0, lt=1, description="a range is the room if it fills this share of the time the beam got that far"
+        default=0.5,
+        gt=0,
+        lt=1,
+        description="a range is the room if it fills this share of the time the beam got that far",
     )
     flicker_share: float = Field(
-        0.3, gt=0, lt=1, description="or if it fills this share, counting only the first `flicker_s` of every stay"
+        default=0.3,
+        gt=0,
+        lt=1,
+        description="or if it fills this share, counting only the first `flicker_s` of every stay",
     )
-    flicker_s: float = Field(1.0, gt=0, description="a longer stay in a beam is no flicker [s]")
+    flicker_s: float = Field(default=1.0, gt=0, description="a longer stay in a beam is no flicker [s]")
     open_share: float = Field(
-        0.1, gt=0, lt=1, description="only samples in front of what was seen for this share of the time are foreground"
+        default=0.1,
+        gt=0,
+        lt=1,
+        description="only samples in front of what was seen for this share of the time are foreground",
     )
 
 

@@ -90,8 +90,7 @@ def pair_off(legs: Array, pair_m: float) -> tuple[Array, NDArray[np.intp]]:
 
 def _pairs(points: Array, limit_m: float) -> tuple[Index, Index, Array]:
     """All pairs of points (k, 2) nearer than `limit_m`: first, second, distance."""
-    first, second = np.triu_indices(len(points), 1)
-    difference = points[first] - points[second]
-    apart = np.hypot(difference[:, 0], difference[:, 1])
-    near = apart < limit_m
-    return first[near], second[near], apart[near]
+    apart = distances(points, points)
+    apart[np.tri(len(points), dtype=np.bool_)] = np.inf  # each pair once, nobody with themselves
+    first, second = np.nonzero(apart < limit_m)
+    return first, second, apart[first, second]

@@ -31,58 +31,60 @@ class LayerOptions(Strict):
         ge=0, description="from a cluster's middle back to the body's axis, along the beam [m] (ours)"
     )
     body_width_m: float | None = Field(
-        None,
+        default=None,
         gt=0,
         description="a narrower cluster that goes on behind something nearer is completed to this width [m] (ours)",
     )
     hidden_variance_m2: float = Field(
-        0.02,
+        default=0.02,
         ge=0,
         description="added to R where one side is hidden: the body may go on farther than completed [m²] (ours)",
     )
     satellite_width_m: float | None = Field(
-        None, gt=0, description="a cluster narrower than this beside a wider one is its arm [m] (ours)"
+        default=None, gt=0, description="a cluster narrower than this beside a wider one is its arm [m] (ours)"
     )
     satellite_reach_m: float = Field(
-        0.38, gt=0, description="how far from its trunk's axis a half hidden piece may be [m] (ours)"
+        default=0.38, gt=0, description="how far from its trunk's axis a half hidden piece may be [m] (ours)"
     )
-    arm_reach_m: float = Field(0.7, gt=0, description="how far from its trunk's axis an arm may be [m] (ours)")
+    arm_reach_m: float = Field(default=0.7, gt=0, description="how far from its trunk's axis an arm may be [m] (ours)")
 
 
 class WaistOptions(LayerOptions):
     """The scanner at waist height: one trunk a person, arms beside it."""
 
     cluster: ClusterOptions = ClusterOptions(jump_m=0.08, min_width_m=0.06, split_width_m=0.65)
-    radius_m: float = Field(1.0, gt=0)
-    half_depth_m: float = Field(0.11, ge=0)
-    body_width_m: float | None = Field(0.3, gt=0)
-    satellite_width_m: float | None = Field(0.16, gt=0)
+    radius_m: float = Field(default=1.0, gt=0)
+    half_depth_m: float = Field(default=0.11, ge=0)
+    body_width_m: float | None = Field(default=0.3, gt=0)
+    satellite_width_m: float | None = Field(default=0.16, gt=0)
 
 
 class KneeOptions(LayerOptions):
     """The scanner at knee height: two legs a person."""
 
     cluster: ClusterOptions = ClusterOptions(jump_m=0.08, jump_spacings=1.0, min_samples=2, min_width_m=0.03)
-    radius_m: float = Field(0.5, gt=0)
-    half_depth_m: float = Field(0.04, ge=0)
+    radius_m: float = Field(default=0.5, gt=0)
+    half_depth_m: float = Field(default=0.04, ge=0)
     radius_alone_m: float = Field(
-        0.7, gt=0, description="the radius where no waist scanner is used and a leg may be half a stride off [m] (ours)"
+        default=0.7,
+        gt=0,
+        description="the radius where no waist scanner is used and a leg may be half a stride off [m] (ours)",
     )
     claim_m: float = Field(
-        0.4,
+        default=0.4,
         ge=0,
         description="legs whose middle is this near to a trunk or a prediction may be that person's [m] (ours)",
     )
     pair_m: float = Field(
-        0.5, ge=0, description="two legs this near, where nobody is expected, are one person [m] (ours)"
+        default=0.5, ge=0, description="two legs this near, where nobody is expected, are one person [m] (ours)"
     )
     single_leg_variance_m2: float = Field(
-        0.04,
+        default=0.04,
         ge=0,
         description="added to R where one leg is seen: it is up to half a stride from the middle [m²] (ours)",
     )
     stride_m: float = Field(
-        0.8, ge=0, description="the legs of one expected person are at most this far apart [m] (ours)"
+        default=0.8, ge=0, description="the legs of one expected person are at most this far apart [m] (ours)"
     )
 
 
@@ -135,19 +137,19 @@ class LaserLayer:
     def detect(self, scan: LaserScan) -> Detections:
         """What the scan shows in front of the room: trunks without their arms, or single legs."""
         clusters = find_clusters(scan, self._background.foreground(scan), self.options.cluster)
-        axis = pushed_back(self._completed(clusters), self.options.half_depth_m)
+        options, hidden = self.options, clusters.hidden_before | clusters.hidden_after
+        axis = pushed_back(self._completed(clusters), options.half_depth_m)
+        angles = scan.angles_rad
         detections = Detections(
             position=self._in_room(axis),
-            variance_m2=self.options.hidden_variance_m2 * (clusters.hidden_before | clusters.hidden_after),
+            variance_m2=np.where(hidden, options.hidden_variance_m2, 0.0),
             width_m=clusters.width_m,
             range_m=clusters.range_m,
-            first_angle=scan.angle_min_rad + scan.angle_increment_rad * clusters.first_beam,
-            last_angle=scan.angle_min_rad + scan.angle_increment_rad * clusters.last_beam,
+            first_angle=angles[clusters.first_beam],
+            last_angle=angles[clusters.last_beam],
         )
-        if self.options.satellite_width_m is None:
+        if options.satellite_width_m is None:
             return detections
-        options = self.options
-        hidden = clusters.hidden_before | clusters.hidden_after
         kept = trunks(
             detections.position,
             detections.width_m,

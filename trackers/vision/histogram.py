@@ -22,14 +22,20 @@ Array = NDArray[np.float64]
 class HistogramOptions(Strict):
     """How a torso's colours are counted and remembered."""
 
-    hue_bins: PositiveInt = Field(360, description="bins of hue over the full circle (paper: 360)")
+    hue_bins: PositiveInt = Field(default=360, description="bins of hue over the full circle (paper: 360)")
     grey_bins: NonNegativeInt = Field(
-        20, description="bins of brightness for pixels without hue; 0: hue alone, as in the paper"
+        default=20, description="bins of brightness for pixels without hue; 0: hue alone, as in the paper"
     )
-    grey_below: float = Field(0.06, ge=0, description="chroma (saturation × value) up to which a pixel has no hue")
-    coloured_above: float = Field(0.2, gt=0, description="chroma from which a pixel counts in its hue alone")
-    smoothing_deg: float = Field(5.0, ge=0, description="standard deviation of the smoothing over hue [°]; 0: none")
-    memory: float = Field(0.4, ge=0, lt=1, description="share of the old reference kept at an update (α, eq. 7)")
+    grey_below: float = Field(
+        default=0.06, ge=0, description="chroma (saturation × value) up to which a pixel has no hue"
+    )
+    coloured_above: float = Field(default=0.2, gt=0, description="chroma from which a pixel counts in its hue alone")
+    smoothing_deg: float = Field(
+        default=5.0, ge=0, description="standard deviation of the smoothing over hue [°]; 0: none"
+    )
+    memory: float = Field(
+        default=0.4, ge=0, lt=1, description="share of the old reference kept at an update (α, eq. 7)"
+    )
 
     @model_validator(mode="after")
     def _chroma_limits_in_order(self) -> HistogramOptions:
@@ -75,7 +81,7 @@ class ColourHistogram:
             weights = np.stack([coloured * inside, (1 - coloured) * inside])
         else:
             bins, weights = row + hue_bin, inside.astype(float)
-        counts = np.bincount(bins.ravel(), weights.ravel(), k * self.size).reshape(k, self.size)
+        counts: Array = np.bincount(bins.ravel(), weights.ravel(), k * self.size).astype(float).reshape(k, self.size)
         if options.smoothing_deg > 0:
             hue_counts, grey_counts = counts[:, : options.hue_bins], counts[:, options.hue_bins :]
             counts = np.concatenate(

@@ -24,15 +24,19 @@ Mask = NDArray[np.bool_]
 class TorsoOptions(Strict):
     """Where the window stands on a person, and how finely it is sampled."""
 
-    low_m: float = Field(1.0, gt=0, description="lower edge above the floor [m]")
-    high_m: float = Field(1.35, gt=0, description="upper edge above the floor [m]")
-    kept_width: float = Field(0.7, gt=0, le=1, description="share of the cluster's width, about its middle")
-    rows: PositiveInt = Field(24, description="samples from top to bottom")
-    columns: PositiveInt = Field(24, description="samples from side to side")
-    min_width_m: float = Field(0.06, ge=0, description="a narrower cluster gets no window [m]")
-    learn_width_m: float = Field(0.15, ge=0, description="a window of a narrower cluster is not learned from [m]")
-    min_inside: float = Field(0.8, gt=0, le=1, description="share of the samples that the image must show")
-    max_overlap: float = Field(0.2, ge=0, le=1, description="a window overlapped more by another is not learned from")
+    low_m: float = Field(default=1.0, gt=0, description="lower edge above the floor [m]")
+    high_m: float = Field(default=1.35, gt=0, description="upper edge above the floor [m]")
+    kept_width: float = Field(default=0.7, gt=0, le=1, description="share of the cluster's width, about its middle")
+    rows: PositiveInt = Field(default=24, description="samples from top to bottom")
+    columns: PositiveInt = Field(default=24, description="samples from side to side")
+    min_width_m: float = Field(default=0.06, ge=0, description="a narrower cluster gets no window [m]")
+    learn_width_m: float = Field(
+        default=0.15, ge=0, description="a window of a narrower cluster is not learned from [m]"
+    )
+    min_inside: float = Field(default=0.8, gt=0, le=1, description="share of the samples that the image must show")
+    max_overlap: float = Field(
+        default=0.2, ge=0, le=1, description="a window overlapped more by another is not learned from"
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +86,9 @@ class TorsoProjector:
         # pixel (i, j) covers [j − ½, j + ½) × [i − ½, i + ½)
         inside = in_view & (u >= -0.5) & (v >= -0.5)
         inside &= (u < self._intrinsics.width - 0.5) & (v < self._intrinsics.height - 0.5)
-        usable = (inside.mean(axis=(1, 2)) >= options.min_inside) & (detections.width_m >= options.min_width_m)
+        usable = (inside.reshape(len(inside), -1).mean(axis=1) >= options.min_inside) & (
+            detections.width_m >= options.min_width_m
+        )
         clear = usable & (detections.width_m >= options.learn_width_m)
         clear &= _largest_overlap(pixels) <= options.max_overlap
         return TorsoWindows(pixels, inside, usable, clear)
@@ -93,8 +99,9 @@ def _largest_overlap(pixels: Array) -> Array:
     k = len(pixels)
     if k < 2:
         return np.zeros(k)
-    flat = pixels.reshape(k, -1, 2)
-    low, high = flat.min(axis=1), flat.max(axis=1)
+    u, v = pixels[..., 0].reshape(k, -1), pixels[..., 1].reshape(k, -1)
+    low = np.stack([u.min(axis=1), v.min(axis=1)], axis=1)
+    high = np.stack([u.max(axis=1), v.max(axis=1)], axis=1)
     common = np.minimum(high[:, None], high[None]) - np.maximum(low[:, None], low[None])
     area = np.prod(np.maximum(common, 0), axis=-1)
     own = np.maximum(np.prod(high - low, axis=-1), 1e-9)

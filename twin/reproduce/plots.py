@@ -41,7 +41,9 @@ def walk_svg(walk: Walk) -> str:
             strict=True,
         ):
             _maneuvers(axes, walk, named=axes is timed[0])
-            stepped = "steps-pre" if values is walk.turn_rate else "default"  # the rate of the leg that ends at the scan
+            stepped = (
+                "steps-pre" if values is walk.turn_rate else "default"
+            )  # the rate of the leg that ends at the scan
             axes.plot(scans, values, color=_INK, linewidth=1.5, drawstyle=stepped)
             axes.set(xlim=(0, scans[-1]), xlabel="scan" if axes is timed[1] else "")
             axes.set_title(label, loc="left", pad=17 if axes is timed[0] else 6)
@@ -78,8 +80,8 @@ def _footprint(axes: Axes, walk: Walk) -> None:
     axes.scatter(x, y, s=7, color=_INK, linewidths=0, label="scan")
     axes.plot(*walk.position[0], "o", markersize=7, markerfacecolor="white", markeredgecolor=_INK, label="start")
     axes.plot(0, 0, "s", markersize=7, color=_COLOURS["IMM"], label="rig")
-    for at, text in _maneuver_places(walk):
-        axes.annotate(text, at, xytext=(8, -10), textcoords="offset points", color=_QUIET, fontsize=8)
+    for (x_m, y_m), text in _maneuver_places(walk):
+        axes.annotate(text, (x_m, y_m), xytext=(6, -5), textcoords="offset points", va="top", color=_QUIET, fontsize=8)
     axes.set_aspect("equal")
     axes.set(xlabel="x [m]", ylabel="y [m]", xlim=(-0.4, x.max() + 1.2), ylim=(-0.4, y.max() + 0.4))
     axes.set_title("(a) footprint", loc="left")
