@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.area import within
+from trackers.area import Area
 from trackers.errors import InputError
 from trackers.rig import Point2
 from twin import models
@@ -113,7 +113,7 @@ def _check_starts(scenario: Scenario, walkable: NDArray[np.float64]) -> None:
             continue
         start = np.array(person.start)
         field = f"scenario {scenario.name!r}: people.{name}.start: [{start[0]:g}, {start[1]:g}]"
-        if not within(walkable, start[None])[0]:
+        if not Area(walkable).contains(start[None])[0]:
             low, high = walkable.min(0), walkable.max(0)
             raise InputError(
                 f"{field} is outside the room's walkable area, "

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import mujoco
 import numpy as np
 
-from trackers.area import within
+from trackers.area import Area
 from trackers.observations import NS_PER_S
 from twin.scenario import Scenario
 from twin.scene import build_scene, populate
@@ -23,6 +23,7 @@ class World:
 
     def __init__(self, scenario: Scenario) -> None:
         self.scene = build_scene(scenario)
+        self._area = Area(self.scene.area)
         self.population = populate(scenario, self.scene)
         self.data = mujoco.MjData(self.scene.model)
         self._ids = np.array([self.scene.ids[name] for name in self.scene.names], dtype=np.int16)
@@ -56,7 +57,7 @@ class World:
         head = self.data.site_xpos[scene.head_site]
         forward = self.data.site_xmat[scene.head_site].reshape(-1, 3, 3)[:, :, 0]
         points = self.data.site_xpos[scene.point_site]
-        inside = within(scene.area, np.stack([pose.x, pose.y], axis=-1))
+        inside = self._area.contains(np.stack([pose.x, pose.y], axis=-1))
         shares = {name: visible_share(view, snapshot, points, self._ids) for name, view in views.items()}
         people = [
             PersonTruth(

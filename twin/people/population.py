@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.area import within
+from trackers.area import Area
 from trackers.errors import InputError
 from twin.people.appearance import Appearance
 from twin.people.crowd import KEEP_FROM_EDGE_M, Crowd, planar
@@ -200,6 +200,6 @@ def _inset(area: Array) -> Array:
     margin = KEEP_FROM_EDGE_M + 0.1
     corner = area + margin * (inward + before) / (1 + np.einsum("ki,ki->k", inward, before))[:, None]
     turned = np.einsum("ki,ki->k", np.roll(corner, -1, axis=0) - corner, way) <= 0
-    if turned.any() or not within(area, corner).all():
+    if turned.any() or not Area(area).contains(corner).all():
         raise InputError(f"area: is too narrow to walk in; more than {2 * margin:g} m between its edges is expected")
     return corner

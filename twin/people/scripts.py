@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.area import within
+from trackers.area import Area
 from twin.scenario.people import Person, Stand, Walk, Wander
 
 Array = NDArray[np.float64]
@@ -124,10 +124,10 @@ class WanderScript:
 def random_places(area: Array, count: int, rng: np.random.Generator) -> Array:
     """Places (count, 2) uniform in a polygon (k, 2) [m]."""
     low, high = area.min(axis=0), area.max(axis=0)
-    found = np.empty((0, 2))
+    inside, found = Area(area), np.empty((0, 2))
     while len(found) < count:
         places = rng.uniform(low, high, (2 * count, 2))
-        found = np.concatenate([found, places[within(area, places)]])
+        found = np.concatenate([found, places[inside.contains(places)]])
     return found[:count]
 
 
