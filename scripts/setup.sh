@@ -14,13 +14,14 @@ if [ -z "$python" ]; then
     echo "Python 3.11 or newer is needed, with its venv module: on Debian, apt-get install python3 python3-venv" >&2
     exit 1
 fi
-if [ ! -x .venv/bin/python ] && ! "$python" -m venv .venv; then
+if ! .venv/bin/python -m pip --version >/dev/null 2>&1 && ! "$python" -m venv --clear .venv; then
+    rm -rf .venv # Debian without python3-venv leaves half of one behind
     echo "No virtual environment could be made: on Debian, apt-get install python3-venv" >&2
     exit 1
 fi
 stamp=".venv/installed${project_extra:+-$project_extra}"
 wanted="$(sha256sum pyproject.toml | cut -d' ' -f1)"
-if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
+if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ] && [ "$(cat .venv/installed-dev 2>/dev/null)" != "$wanted" ]; then
     echo "Installing the project into .venv (a minute or two, once) ..." >&2
     .venv/bin/python -m pip install --quiet --editable ".${project_extra:+[$project_extra]}" >&2
     echo "$wanted" > "$stamp"

@@ -70,13 +70,13 @@ def validate(model: type[Model], content: Any, source: str) -> Model:
 def _lines(error: ValidationError, model: type[BaseModel], source: str) -> list[str]:
     lines = []
     for fault in error.errors():
-        path = ".".join(str(part) for part in fault["loc"]) or "(whole file)"
+        path = ".".join(str(part) for part in fault["loc"])
         message = fault["msg"].removeprefix("Value error, ")
         if fault["type"] == "extra_forbidden":
             message = "unknown key" + _valid_keys(model, fault["loc"])
-        elif fault["type"] not in ("missing", "model_type", "dict_type", "union_tag_not_found"):
+        elif fault["type"] != "missing" and not isinstance(fault["input"], dict | BaseModel):
             message += f" (got {fault['input']!r})"
-        lines.append(f"{source}: {path}: {message}")
+        lines.append(": ".join(part for part in (source, path, message) if part))
     return lines
 
 

@@ -9,7 +9,7 @@ What comes too late (its epoch has left) or twice is dropped and counted.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Set
+from collections.abc import Set
 from dataclasses import dataclass, field
 
 from trackers.observations import NS_PER_S, LaserScan, Observation
@@ -19,11 +19,10 @@ from trackers.observations import NS_PER_S, LaserScan, Observation
 class Epoch:
     """The observations of one moment, by sensor.
 
-    ns: that moment, each sensor's time offset taken off [ns]; stamp_ns: the same as the main sensor's clock shows it.
+    ns: that moment, the main sensor's stamp, or that of the scanner that opened it where it is missing [ns].
     """
 
     ns: int
-    stamp_ns: int
     observations: dict[str, Observation] = field(default_factory=dict)
 
     @property
@@ -35,16 +34,13 @@ class Epoch:
 class EpochGatherer:
     """Takes observations in order of arrival, hands back epochs in order of time.
 
-    awaited: the sensors used; time_offsets_s: what to subtract from each sensor's stamps; main: the sensor whose stamp an
-    epoch takes (the opener's where it is missing).
+    awaited: the sensors used; main: the sensor whose stamp an epoch takes (the opener's where it is missing). Stamps are
+    on one clock: whoever decodes messages adds the rig's time offsets.
     """
 
-    def __init__(
-        self, awaited: Set[str], main: str, time_offsets_s: Mapping[str, float], period_s: float, max_wait_s: float
-    ) -> None:
+    def __init__(self, awaited: Set[str], main: str, period_s: float, max_wait_s: float) -> None:
         self._awaited = awaited
         self._main = main
-        self._offset_ns = {name: round(seconds * NS_PER_S) for name, seconds in time_offsets_s.items()}
         self._half_period_ns = round(0.5 * period_s * NS_PER_S)
         self._max_wait_ns = round(max_wait_s * NS_PER_S)
         self._pending: list[Epoch] = []
@@ -56,7 +52,7 @@ class EpochGatherer:
         """The epochs that are ready now that `observation` has arrived, oldest first."""
         if observation.sensor not in self._awaited:
             return []
-        ns = observation.stamp_ns - self._offset_ns[observation.sensor]
+        ns = observation.stamp_ns
         if self._came_too_late(observation.sensor, ns) or self._holds(observation.sensor, ns):
             self.discarded += 1
             return []
@@ -85,11 +81,11 @@ class EpochGatherer:
     def _add_scan(self, scan: LaserScan, ns: int) -> None:
         epoch = self._nearest(ns, without=scan.sensor)
         if epoch is None:
-            epoch = Epoch(ns, ns + self._offset_ns[self._main])
+            epoch = Epoch(ns)
             self._pending.append(epoch)
         epoch.observations[scan.sensor] = scan
         if scan.sensor == self._main:
-            epoch.ns, epoch.stamp_ns = ns, scan.stamp_ns
+            epoch.ns = ns
         self._pending.sort(key=lambda pending: pending.ns)
 
     def _join_images(self) -> None:
@@ -115,7 +111,7 @@ class EpochGatherer:
         """Whether an observation of that sensor and moment is already waiting."""
         waiting = [epoch.observations[sensor] for epoch in self._pending if sensor in epoch.observations]
         waiting += [image for _, image in self._images if image.sensor == sensor]
-        return any(other.stamp_ns - self._offset_ns[sensor] == ns for other in waiting)
+        return any(other.stamp_ns == ns for other in waiting)
 
     def _ready(self, newest_ns: int) -> list[Epoch]:
         ready = []

@@ -52,6 +52,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
+_NOBODY = np.empty(0, np.intp)
+
 logger = logging.getLogger(__name__)
 
 CITATION = (
@@ -94,6 +96,11 @@ class LaserFisheyeImmOptions(Strict):
         default=0.3,
         ge=0,
         description="a hidden person is known again by an E up to this, beyond the prediction's reach (ours)",
+    )
+    expected_below: float = Field(
+        default=2.0,
+        ge=0,
+        description="but not in somebody this near, by N, to where somebody in sight is expected (ours)",
     )
     reach_m_s: float = Field(default=1.5, ge=0, description="how fast a hidden person may have walked [m/s] (ours)")
     period_s: float = Field(
@@ -163,8 +170,7 @@ class LaserFisheyeImm:
         self._knee_radius_m = knee.radius_m if "waist" in self._scanners else knee.radius_alone_m
         used = {*self._scanners.values()} | ({self._camera} if self._camera else set())
         main = rig.main_sensor if rig.main_sensor in used else next(iter(self._scanners.values()))
-        offsets = {name: rig.sensors[name].time_offset_s for name in used}
-        self._gatherer = EpochGatherer(used, main, offsets, self.options.period_s, self.options.max_wait_s)
+        self._gatherer = EpochGatherer(used, main, self.options.period_s, self.options.max_wait_s)
         self._area = None if rig.area is None else Area(rig.area, self.options.management.area_margin_m)
         self._people = self._born(np.empty((0, 2)), 0.0, np.empty((0, self._histogram.size)), np.empty(0, np.bool_))
         self._next_id = 1
@@ -222,7 +228,7 @@ class LaserFisheyeImm:
         self._note_windows(matches, seen)
         self._end(epoch.t)
         self._start(matches, seen, epoch.t)
-        return TrackFrame(epoch.stamp_ns, tuple(self.tracks()))
+        return TrackFrame(epoch.ns, tuple(self.tracks()))
 
     # --- detect
 
@@ -300,26 +306,29 @@ class LaserFisheyeImm:
         `colour`: E of all tracks (n, k), NaN where unknown.
         """
         if tracks.size == 0 or len(position) == 0:
-            return np.empty(0, np.intp), np.empty(0, np.intp)
+            return _NOBODY, _NOBODY
         state = self._people.state.select(tracks)
         distance = mahalanobis(state.positions, self._imm.innovation_covariance(state), position)
         allowed = validation_region(state.positions, position, radius_m)
         allowed &= distance <= self.options.max_deviations
+        recognised = np.zeros_like(allowed)
+        confirmed = self._people.confirmed[tracks]
+        in_sight = confirmed & ~self._hidden(tracks)
+        expected = ((distance <= self.options.expected_below) & in_sight[:, None]).any(axis=0)
         if colour is not None:
             E = colour[tracks]
             allowed &= ~(self.options.foreign_above < E)
             distance = distance + self.options.colour_weight * np.nan_to_num(E)
-            recognised = self._recognised(tracks, position, radius_m, E)
-            distance = np.where(recognised, np.minimum(distance, self.options.max_deviations), distance)
-            allowed |= recognised
-        confirmed = self._people.confirmed[tracks]
-        first = global_nearest_neighbour(distance, allowed & confirmed[:, None])
-        if confirmed.all():
-            return tracks[first[0]], first[1]
-        allowed[confirmed] = False
-        allowed[:, first[1]] = False
-        then = global_nearest_neighbour(distance, allowed)
-        return tracks[np.concatenate([first[0], then[0]])], np.concatenate([first[1], then[1]])
+            recognised = self._recognised(tracks, position, radius_m, E) & ~expected
+        taken_tracks, taken = [], []
+        # first whom a prediction explains, then the hidden by their colours alone, then who is not confirmed yet
+        for candidates in (allowed & confirmed[:, None], recognised, allowed & ~confirmed[:, None]):
+            candidates[np.concatenate([*taken_tracks, _NOBODY])] = False
+            candidates[:, np.concatenate([*taken, _NOBODY])] = False
+            rows, columns = global_nearest_neighbour(distance, candidates)
+            taken_tracks.append(rows)
+            taken.append(columns)
+        return tracks[np.concatenate(taken_tracks)], np.concatenate(taken)
 
     def _recognised(self, tracks: Index, position: Array, radius_m: float, E: Array) -> Mask:
         """Pairs (p, k) of a confirmed track out of sight and somebody in its colours whom it can have become meanwhile.
@@ -330,8 +339,13 @@ class LaserFisheyeImm:
         unseen_s = self._t - self._people.measured_t[tracks]
         reach_m = radius_m + self.options.reach_m_s * unseen_s
         near = distances(self._people.measured_at[tracks], position) <= reach_m[:, None]
-        hidden = self._people.confirmed[tracks] & (unseen_s > 1.5 * self.options.period_s)
+        hidden = self._people.confirmed[tracks] & self._hidden(tracks)
         return near & hidden[:, None] & (self.options.recognised_below >= E)
+
+    def _hidden(self, tracks: Index) -> Mask:
+        """Which of `tracks` (p,) were not measured at the last scan either."""
+        assert self._t is not None
+        return self._t - self._people.measured_t[tracks] > 1.5 * self.options.period_s
 
     def _colour_distance(self, seen: _Seen) -> Array | None:
         """E for every track and trunk, (n, k), NaN where either has no colours; None where nobody has."""

@@ -78,7 +78,10 @@ class FisheyeIntrinsics(Strict):
 
 
 class LaserSensor(Strict):
-    """A planar scanner on the rig; `room_from_sensor` takes its frame (x ahead, y left, z up) to the room's."""
+    """A planar scanner on the rig; `room_from_sensor` takes its frame (x ahead, y left, z up) to the room's.
+
+    `time_offset_s` is added to the stamps of its messages when they are read, to bring them on the rig's clock.
+    """
 
     kind: Literal["laser"] = "laser"
     topic: str

@@ -13,7 +13,7 @@ import typer
 
 from twin.reproduce.command import reproduce
 
-EXIT_DONE, EXIT_FELL_SHORT, EXIT_BAD_INPUT, EXIT_OUR_FAULT, EXIT_INTERRUPTED = 0, 1, 2, 70, 130
+EXIT_DONE, EXIT_BAD_INPUT, EXIT_OUR_FAULT, EXIT_INTERRUPTED = 0, 2, 70, 130
 
 app = typer.Typer(
     name="twin",
@@ -151,7 +151,7 @@ def evaluate(
 @app.command(name="list", epilog="Example: twin list")
 def list_() -> None:
     """What there is: scenarios, rooms, trackers, sensors."""
-    from trackers.presets import PRESETS
+    from trackers.presets import available
     from twin import models
 
     typer.echo("scenarios")
@@ -161,7 +161,7 @@ def list_() -> None:
     for name in models.names("rooms"):
         typer.echo(f"  {name}")
     typer.echo("trackers")
-    for name, preset in PRESETS.items():
+    for name, preset in available().items():
         typer.echo(f"  {name:24}{preset.description}")
     typer.echo("sensors")
     for name, description in models.SENSOR_KINDS.items():
@@ -221,6 +221,10 @@ def main() -> None:
 
     # Small matrices everywhere: threads of BLAS would only get in the way of the work beside them.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Pictures are drawn through EGL here, whatever other programs of the user's draw with.
+    os.environ.pop("MUJOCO_GL", None)
+    # A tracker of the user's own is found where they are, as with `python -m twin`.
+    sys.path.append(os.getcwd())
     signal.signal(signal.SIGTERM, _stop)
     try:
         code = app(standalone_mode=False)

@@ -15,11 +15,11 @@ from twin.results import OnProgress
 
 _ROWS = (
     ("MOTA", "mota", "{:.3f}"),
-    ("MOTP [m]", "motp_m", "{:.3f}"),
+    ("MOTP \\[m]", "motp_m", "{:.3f}"),
     ("IDF1", "idf1", "{:.3f}"),
     ("HOTA", "hota", "{:.3f}"),
-    ("GOSPA [m]", "gospa_m", "{:.3f}"),
-    ("OSPA [m]", "ospa_m", "{:.3f}"),
+    ("GOSPA \\[m]", "gospa_m", "{:.3f}"),
+    ("OSPA \\[m]", "ospa_m", "{:.3f}"),
     ("identity switches", "id_switches", "{:d}"),
     ("misidentifications", "misidentifications", "{:d}"),
     ("lost tracks", "lost_tracks", "{:d}"),
@@ -53,15 +53,19 @@ def progress() -> Iterator[OnProgress]:
 def print_metrics(metrics: Mapping[str, Any]) -> None:
     """The table of metrics, a column a tracker."""
     trackers = metrics["trackers"]
-    table = Table(title=f"{metrics['scenario']}, seed {metrics['seed']}, {metrics['duration_s']:g} s, gate 0.5 m")
+    table = Table()
     table.add_column("")
     for name in trackers:
         table.add_column(name, justify="right")
     for label, key, form in _ROWS:
         values = [figures[key] for figures in trackers.values()]
         table.add_row(label, *("–" if value is None else form.format(value) for value in values))
-    table.add_row("ms per frame", *(f"{figures['ms_per_frame']['mean']:.2f}" for figures in trackers.values()))
+    costs = [figures["ms_per_frame"]["mean"] for figures in trackers.values()]
+    table.add_row("ms per frame", *("–" if cost is None else f"{cost:.2f}" for cost in costs))
     console = Console(width=None if Console().is_terminal else 100)
+    console.print(
+        f"{metrics['scenario']}, seed {metrics['seed']}, {metrics['duration_s']:g} s, gate 0.5 m", highlight=False
+    )
     console.print(table)
     console.print(f"{metrics['realtime_factor']:.1f} × real time")
 

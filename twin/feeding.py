@@ -14,6 +14,9 @@ from twin.report.birdseye import Polygon
 from twin.scenario.model import TrackerChoice
 from twin.tracking import TrackerAtWork, trackers_at_work
 
+_SLOWEST_HZ, _FASTEST_HZ = 1.0, 60.0
+"""What a video is declared as; each picture is shown at its own stamp all the same."""
+
 
 class Feed:
     """Hands each observation to every tracker, and the first tracker's frames to the preview."""
@@ -35,6 +38,8 @@ class Feed:
         """Let the trackers work off what they hold back."""
         for place, each in enumerate(self.at_work):
             self._show(place, each.finish())
+        if self.shown is not None:
+            self.shown.finish()
 
     def _show(self, place: int, frames: list[TrackFrame]) -> None:
         if place == 0 and self.shown is not None:
@@ -68,7 +73,7 @@ def feed(
                 preview(
                     folder / "preview.mp4",
                     rig,
-                    fps=video_hz,
+                    fps=min(max(video_hz, _SLOWEST_HZ), _FASTEST_HZ),
                     tracker=names[0] if names else "",
                     title=title,
                     outline=outline,

@@ -12,7 +12,7 @@ from trackers.errors import InputError
 def check_mount(model: mujoco.MjModel, data: mujoco.MjData, field: str, xyz: NDArray[np.float64]) -> None:
     """Raise InputError naming the field and the geom if the point (3,) [m] lies inside a static geom of the room."""
     for geom in range(model.ngeom):
-        if model.body_weldid[model.geom_bodyid[geom]] != 0:
+        if model.body_weldid[model.geom_bodyid[geom]] != 0 or model.geom_rgba[geom, 3] == 0:
             continue
         local = (xyz - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
         if _inside(model.geom_type[geom], model.geom_size[geom], local):
@@ -25,7 +25,8 @@ def _inside(kind: int, size: NDArray[np.float64], local: NDArray[np.float64]) ->
     """Whether a point in the geom's frame lies inside it; meshes and height fields are taken as empty."""
     match kind:
         case mujoco.mjtGeom.mjGEOM_PLANE:
-            return bool(local[2] < 0)
+            # One-sided: behind it is inside the wall. A size of 0 means endless.
+            return bool(local[2] < 0 and np.all((np.abs(local[:2]) <= size[:2]) | (size[:2] == 0)))
         case mujoco.mjtGeom.mjGEOM_BOX:
             return bool(np.all(np.abs(local) <= size))
         case mujoco.mjtGeom.mjGEOM_SPHERE:

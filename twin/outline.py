@@ -11,6 +11,10 @@ _LOW_M, _HIGH_M = 0.1, 1.8
 """A thing shows on the plan when part of it is between these heights [m]: neither floor marks nor lamps do."""
 
 
+_WALL_M = 0.05
+"""How thick a wall that is a plane is drawn, on its far side [m]."""
+
+
 def room_outline(model: mujoco.MjModel, data: mujoco.MjData) -> list[NDArray[np.float64]]:
     """Convex outlines (k, 2) [m] of the static geoms that stand in the room; `data` needs kinematics."""
     outlines = []
@@ -27,13 +31,15 @@ def room_outline(model: mujoco.MjModel, data: mujoco.MjData) -> list[NDArray[np.
 
 
 def _corners(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> NDArray[np.float64] | None:
-    """Points (n, 3) [m] in the room frame whose hull is the geom's; None for planes and height fields."""
+    """Points (n, 3) [m] in the room frame whose hull is the geom's; None for endless planes and height fields."""
     kind, size = model.geom_type[geom], model.geom_size[geom]
     angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     match kind:
         case mujoco.mjtGeom.mjGEOM_BOX:
             local = size * np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+        case mujoco.mjtGeom.mjGEOM_PLANE if size[0] > 0 and size[1] > 0:
+            local = np.array(np.meshgrid([-size[0], size[0]], [-size[1], size[1]], [-_WALL_M, 0])).reshape(3, -1).T
         case mujoco.mjtGeom.mjGEOM_CYLINDER | mujoco.mjtGeom.mjGEOM_CAPSULE:
             ring = size[0] * circle
             local = np.concatenate([np.column_stack([ring, np.full(24, end)]) for end in (-size[1], size[1])])

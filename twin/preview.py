@@ -30,13 +30,16 @@ class Preview:
         self._main = rig.main_sensor
         self._observations: dict[str, deque[Observation]] = {}
         self._truths: dict[int, TruthFrame] = {}
+        self._waiting: deque[TrackFrame] = deque()
         self._next_still_s = 1.0
         self._last_ns = -1
         self.stills: list[tuple[float, bytes]] = []
         """A few pictures for the report, each with its time [s]."""
 
     def observe(self, observation: Observation) -> None:
-        """Keep an observation for the frames to come."""
+        """Keep an observation for the frames to come; those of earlier moments are drawn first."""
+        while self._waiting and self._waiting[0].stamp_ns < observation.stamp_ns:
+            self._draw(self._waiting.popleft())
         held = self._observations.setdefault(observation.sensor, deque(maxlen=_HELD_OBSERVATIONS))
         held.append(observation)
 
@@ -47,7 +50,15 @@ class Preview:
             del self._truths[next(iter(self._truths))]
 
     def draw(self, frame: TrackFrame) -> None:
-        """Draw a tracker's frame with the newest observations up to its stamp."""
+        """Draw a tracker's frame as soon as every sensor has had its say of that moment."""
+        self._waiting.append(frame)
+
+    def finish(self) -> None:
+        """Draw the frames still waiting."""
+        while self._waiting:
+            self._draw(self._waiting.popleft())
+
+    def _draw(self, frame: TrackFrame) -> None:
         if frame.stamp_ns <= self._last_ns:
             return
         self._last_ns = frame.stamp_ns
@@ -59,7 +70,7 @@ class Preview:
         }
         image = next((each for each in newest.values() if isinstance(each, Image)), None)
         scans = {name: each for name, each in newest.items() if isinstance(each, LaserScan)}
-        self._writer.frame(frame.stamp_ns, image, scans, frame.tracks, _poses(self._truths.get(frame.stamp_ns)))
+        self._writer.frame(frame.stamp_ns, image, scans, frame.tracks, true_poses(self._truths.get(frame.stamp_ns)))
         t = frame.stamp_ns / 1e9
         if t >= self._next_still_s and len(self.stills) < _MOST_STILLS:
             self.stills.append((t, self._writer.still()))
@@ -71,7 +82,8 @@ class Preview:
             self.draw(TrackFrame(observation.stamp_ns, ()))
 
 
-def _poses(truth: TruthFrame | None) -> TruePoses | None:
+def true_poses(truth: TruthFrame | None) -> TruePoses | None:
+    """The truth of a stamp as it is drawn; None where it is not known."""
     if truth is None:
         return None
     people = truth.people

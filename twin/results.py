@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from trackers.errors import InputError
 from trackers.rig import Rig
 from twin.evaluate import evaluate_with_details
 from twin.feeding import Feed
@@ -136,9 +137,34 @@ def _metrics_document(facts: RunFacts, results: Sequence[TrackerResult]) -> dict
     }
 
 
-def remove_earlier(folder: Path, kept: Sequence[Path]) -> None:
-    """Remove what an earlier run into this folder left and this one did not make anew, so that no two runs mix."""
-    names = ("truth.csv", "recording.mcap", "metrics.json", "report.html", "preview.mp4", "scenario.yaml")
-    for path in (*(folder / name for name in names), *(folder / "tracks").glob("*.csv")):
-        if path not in kept:
-            path.unlink(missing_ok=True)
+_MADE = ".made-by-twin.json"
+"""Names the files that twin wrote into a folder: others are never overwritten or removed."""
+
+
+def check_folder(folder: Path, names: Sequence[str]) -> None:
+    """Raise InputError where a file of one of these names is in the folder and not made by twin."""
+    made = _made(folder)
+    for name in names:
+        if (folder / name).exists() and name not in made:
+            raise InputError(
+                f"--out {folder}: holds {name}, which twin did not write; an empty folder, or one of an earlier run, "
+                "is expected"
+            )
+
+
+def note_made(folder: Path, written: Sequence[Path], kept: Sequence[str] = ()) -> None:
+    """Note what was written, and remove what an earlier run left and this one did not make anew, but for `kept`.
+
+    So no two runs mix in a folder, and nothing of the user's is touched.
+    """
+    names = {path.relative_to(folder).as_posix() for path in written}
+    earlier = _made(folder)
+    for name in earlier - names - set(kept):
+        (folder / name).unlink(missing_ok=True)
+    with whole_file(folder / _MADE) as stream:
+        json.dump(sorted(names | (earlier & set(kept))), stream)
+
+
+def _made(folder: Path) -> set[str]:
+    path = folder / _MADE
+    return set(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else set()

@@ -20,8 +20,9 @@ from twin.results import (
     OnProgress,
     Place,
     RunResult,
+    check_folder,
     evaluate_trackers,
-    remove_earlier,
+    note_made,
     tracker_notes,
     versions,
     write_results,
@@ -29,6 +30,7 @@ from twin.results import (
 from twin.scenario import Scenario
 from twin.scenario.load import dump_scenario
 from twin.simulation import Simulation
+from twin.tracking import file_name
 from twin.truth import TruthFrame
 
 DEFAULT_TRACKER = "laser-fisheye-imm"
@@ -51,6 +53,7 @@ def run_scenario(
     names = list(trackers) if trackers is not None else list(scenario.trackers) or [DEFAULT_TRACKER]
     folder = out if out is not None else Path("out") / f"{scenario.name}-{scenario.seed}"
     resolved = dump_scenario(scenario)
+    check_folder(folder, _names(names, video))
     listeners: list[Callable[[TruthFrame], object]] = []
 
     def tell(frame: TruthFrame) -> None:
@@ -127,8 +130,15 @@ def run_scenario(
         metrics = result.metrics
         files |= result.files
         on_progress("evaluating and reporting", 1, 1)
-    remove_earlier(folder, list(files.values()))
+    note_made(folder, list(files.values()))
     return RunResult(metrics, files)
+
+
+def _names(trackers: Sequence[str], video: bool) -> list[str]:
+    """What a run writes into its folder."""
+    names = ["recording.mcap", "truth.csv", "scenario.yaml", *(["preview.mp4"] if video else [])]
+    tables = [f"tracks/{file_name(name)}.csv" for name in trackers]
+    return [*names, *tables, *(["metrics.json", "report.html"] if trackers else [])]
 
 
 def _command(folder: Path, names: Sequence[str], images: bool) -> str:

@@ -9,18 +9,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.area import Area
 from trackers.errors import InputError
-from trackers.rig import Point2
 from twin import models
 from twin.people.appearance import Appearance, appearance_of
 from twin.people.body import NQ_PERSON, person_spec
 from twin.people.population import Population
+from twin.placement import check_placement, check_polygon
 from twin.scenario import Scenario
 from twin.streams import stream
-
-CLEARANCE_M = 0.5
-"""Least distance between the middles of two people at the start: below it their bodies overlap [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,18 +41,20 @@ class Scene:
 def build_scene(scenario: Scenario) -> Scene:
     """Compile the scenario's room with its people in it.
 
-    Raises InputError where the room does not compile, has no area, or a person starts outside it or in another person.
+    Raises InputError where the room does not compile or has no area, or the area or a person does not fit into it.
     """
     path = models.find("rooms", scenario.room, asked_by=f"scenario {scenario.name!r}: room")
     spec = _room_spec(path)
-    walkable = _walkable_area(spec)
-    area = scenario.area if scenario.area is not None else walkable
+    walkable = _walkable_area(spec, path)
+    area = np.array(scenario.area) if scenario.area is not None else walkable
     if area is None:
         raise InputError(
             f"scenario {scenario.name!r}: area is missing and {path.name} names no walkable_area; "
             "a polygon like [[-2, 0.6], [2, 0.6], [2, 2.8], [-2, 2.8]] under area: is expected"
         )
-    _check_starts(scenario, np.array(walkable if walkable is not None else area))
+    if scenario.area is not None:
+        check_polygon(area, f"scenario {scenario.name!r}: area")
+    check_placement(scenario, area, walkable)
     names = tuple(sorted(scenario.people))
     appearances = {name: appearance_of(scenario.people[name], stream(scenario.seed, "looks", name)) for name in names}
     for name, appearance in appearances.items():
@@ -68,7 +66,7 @@ def build_scene(scenario: Scenario) -> Scene:
     ids = {name: number for number, name in enumerate(scenario.people, start=1)}
     return Scene(
         model=model,
-        area=np.array(area, dtype=float),
+        area=area,
         names=names,
         appearances=appearances,
         ids=ids,
@@ -82,7 +80,7 @@ def build_scene(scenario: Scenario) -> Scene:
 def populate(scenario: Scenario, scene: Scene) -> Population:
     """The scenario's people as they move, each with a stream of their own."""
     streams = {name: stream(scenario.seed, "person", name) for name in scene.names}
-    return Population(scenario.people, scene.area, streams, scene.appearances)
+    return Population(scenario.people, scene.area, streams, scene.appearances, f"scenario {scenario.name!r}")
 
 
 def _first_line(error: Exception) -> str:
@@ -96,44 +94,28 @@ def _room_spec(path: Path) -> mujoco.MjSpec:
         raise InputError(f"{path}: is not a room ({_first_line(error)}); a valid MJCF file is expected") from error
 
 
-def _walkable_area(spec: mujoco.MjSpec) -> tuple[Point2, ...] | None:
-    """The polygon in the room's `<custom><numeric name="walkable_area"/>`, None where the room has none."""
+def _walkable_area(spec: mujoco.MjSpec, path: Path) -> NDArray[np.float64] | None:
+    """The polygon (k, 2) [m] in the room's `<custom><numeric name="walkable_area"/>`, None where the room has none."""
     for numeric in spec.numerics:
         if numeric.name == "walkable_area":
-            corners = np.array(numeric.data, dtype=float).reshape(-1, 2)
-            return tuple((float(x), float(y)) for x, y in corners)
+            data = np.array(numeric.data, dtype=float)
+            if len(data) < 6 or len(data) % 2:
+                raise InputError(
+                    f"{path}: walkable_area: {len(data)} numbers are not a polygon; "
+                    "x1 y1 x2 y2 ... [m] of at least 3 corners are expected"
+                )
+            corners = data.reshape(-1, 2)
+            check_polygon(corners, f"{path}: walkable_area")
+            return corners
     return None
 
 
-def _check_starts(scenario: Scenario, walkable: NDArray[np.float64]) -> None:
-    """Raise InputError for a person who starts outside the walkable area or inside another person."""
-    placed: dict[str, NDArray[np.float64]] = {}
-    for name, person in scenario.people.items():
-        if person.start is None:
-            continue
-        start = np.array(person.start)
-        field = f"scenario {scenario.name!r}: people.{name}.start: [{start[0]:g}, {start[1]:g}]"
-        if not Area(walkable).contains(start[None])[0]:
-            low, high = walkable.min(0), walkable.max(0)
-            raise InputError(
-                f"{field} is outside the room's walkable area, "
-                f"x {low[0]:g} to {high[0]:g} m, y {low[1]:g} to {high[1]:g} m"
-            )
-        for other, position in placed.items():
-            distance = float(np.linalg.norm(start - position))
-            if distance < CLEARANCE_M:
-                raise InputError(
-                    f"{field} is {distance:.2f} m from {other!r}: their bodies overlap; "
-                    f"at least {CLEARANCE_M} m between people is expected"
-                )
-        placed[name] = start
-
-
 def _person_of_geom(model: mujoco.MjModel, ids: dict[str, int]) -> NDArray[np.int16]:
+    """By the body at the root of each person: a room's own body may be called like a person."""
     owner = np.zeros(model.nbody, dtype=np.int16)
-    for body in range(model.nbody):
-        owner[body] = ids.get(model.body(body).name.partition("/")[0], 0)
-    return owner[model.geom_bodyid]
+    for name, number in ids.items():
+        owner[model.jnt_bodyid[model.joint(f"{name}/root").id]] = number
+    return owner[model.body_rootid[model.geom_bodyid]]
 
 
 def _addresses(model: mujoco.MjModel, names: tuple[str, ...]) -> NDArray[np.intp]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import time
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice, pairwise
 from pathlib import Path
@@ -12,10 +13,13 @@ import numpy as np
 from pydantic import Field
 
 from trackers.configuration import Strict, parse_yaml, validate
+from trackers.errors import InputError
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from twin.feeding import feed
+from twin.outline import room_outline
 from twin.recording.reader import Recording
 from twin.recording.tables import truth_table
+from twin.report.birdseye import Polygon
 from twin.report.page import RunFacts
 from twin.report.scan_density import ScanDensity
 from twin.results import (
@@ -23,16 +27,20 @@ from twin.results import (
     OnProgress,
     Place,
     RunResult,
+    check_folder,
     evaluate_trackers,
-    remove_earlier,
+    note_made,
     tracker_notes,
     versions,
     write_results,
 )
 from twin.scenario import Scenario, TrackerChoice
 from twin.scenario.load import apply_overrides
+from twin.tracking import file_name
+from twin.world import World
 
 _RATE_PROBE = 20
+_BESIDES = ("metrics.json", "preview.mp4")
 
 
 def track_recording(
@@ -46,22 +54,25 @@ def track_recording(
     video: bool = True,
     on_progress: OnProgress = lambda what, done, total: None,
 ) -> RunResult:
-    """Track a recording into `out` (default out/<its name>): tracks, report, and metrics where the bag holds truth.
+    """Track a recording into `out`: tracks, report, and metrics where the bag holds truth.
 
-    `changes`: overrides like 'trackers.NAME.field=value'; `seed`: of trackers that draw at random (default: that of the
-    run that wrote the bag, else 0). Raises InputError for bad input, before anything is written.
+    The default folder is out/<its name>, for the twin's out/<its run>-tracked. `changes`: overrides like
+    'trackers.NAME.field=value'; `seed`: of trackers that draw at random (default: that of the run that wrote the bag,
+    else 0). Raises InputError for bad input, before anything is written.
     """
     bag = Recording(recording, rig_path)
     scenario = _scenario_of(bag)
     defined = _defined(scenario, changes)
     seed = seed if seed is not None else scenario.seed if scenario is not None else 0
     title = scenario.name if scenario is not None else recording.stem
-    folder = out if out is not None else Path("out") / recording.stem
+    folder = out if out is not None else _default_folder(recording, bag)
     names = list(trackers)
-    truth_frames = {frame.stamp_ns: frame for frame in bag.truth()}
-    truth = truth_table(truth_frames.values(), str(recording)) if truth_frames else None
+    check_folder(folder, [*(f"tracks/{file_name(name)}.csv" for name in names), "report.html", *_BESIDES])
+    truth_frames = list(bag.truth())
+    truth = truth_table(truth_frames, str(recording)) if truth_frames else None
     person_names = {number: name for number, name in enumerate(scenario.people, start=1)} if scenario else None
-    place = Place(bag.rig, (), person_names, ScanDensity(bag.rig))
+    outline = _outline(scenario)
+    place = Place(bag.rig, outline, person_names, None if outline else ScanDensity(bag.rig))
 
     with feed(
         folder,
@@ -72,15 +83,16 @@ def track_recording(
         seed,
         video_hz=_rate_hz(bag) if video else None,
         title=title,
+        outline=outline,
         person_names=person_names,
     ) as fed:
-        if fed.shown is not None:
-            for frame in truth_frames.values():
-                fed.shown.tell(frame)
+        untold = deque(truth_frames)
         start = time.perf_counter()
         for observation in _counted(bag.observations(), bag.observation_count, on_progress):
             if isinstance(observation, LaserScan) and place.scans is not None:
                 place.scans.add(observation)
+            while fed.shown is not None and untold and untold[0].stamp_ns <= observation.stamp_ns:
+                fed.shown.tell(untold.popleft())
             fed.observe(observation)
         fed.finish()
         spent_s = time.perf_counter() - start
@@ -93,14 +105,29 @@ def track_recording(
         duration_s=duration_s,
         realtime_factor=duration_s / spent_s,
         versions=versions(None),
-        command=_command(recording, names, rig_path, changes),
+        command=_command(recording, names, rig_path, changes, seed),
         notes=(*tracker_notes(fed.at_work), *(SIMPLIFICATIONS if bag.is_twin else ())),
     )
     result = write_results(folder, facts, evaluate_trackers(folder, fed.at_work, truth), fed, truth, place)
-    kept = list(result.files.values())
-    if recording.resolve().parent != folder.resolve():
-        remove_earlier(folder, kept)
+    note_made(folder, list(result.files.values()), kept=("recording.mcap", "truth.csv", "scenario.yaml"))
     return result
+
+
+def _default_folder(recording: Path, bag: Recording) -> Path:
+    """Every run of the twin's leaves a recording.mcap: its folder tells them apart."""
+    name = f"{recording.resolve().parent.name}-tracked" if bag.is_twin else recording.stem
+    return Path("out") / name
+
+
+def _outline(scenario: Scenario | None) -> list[Polygon]:
+    """The plan of the room that a twin's bag was recorded in; none where the room is not on this machine."""
+    if scenario is None:
+        return []
+    try:
+        world = World(scenario)
+    except InputError:
+        return []
+    return room_outline(world.scene.model, world.empty_snapshot(0.0).data)
 
 
 def _scenario_of(bag: Recording) -> Scenario | None:
@@ -132,7 +159,7 @@ def _rate_hz(bag: Recording) -> float:
     main = (each.stamp_ns for each in bag.observations() if each.sensor == bag.rig.main_sensor)
     stamps = list(islice(main, _RATE_PROBE))
     gaps_ns = [later - earlier for earlier, later in pairwise(stamps) if later > earlier]
-    return float(np.clip(NS_PER_S / np.median(gaps_ns), 1, 60)) if gaps_ns else 10.0
+    return float(NS_PER_S / np.median(gaps_ns)) if gaps_ns else 10.0
 
 
 def _counted(observations: Iterable[Observation], total: int, on_progress: OnProgress) -> Iterator[Observation]:
@@ -141,7 +168,7 @@ def _counted(observations: Iterable[Observation], total: int, on_progress: OnPro
         on_progress("tracking", number, total)
 
 
-def _command(recording: Path, names: Sequence[str], rig_path: Path | None, changes: Sequence[str]) -> str:
+def _command(recording: Path, names: Sequence[str], rig_path: Path | None, changes: Sequence[str], seed: int) -> str:
     """The line that tracks the recording again."""
     parts = ["twin", "track", str(recording)]
     for name in names:
@@ -150,4 +177,5 @@ def _command(recording: Path, names: Sequence[str], rig_path: Path | None, chang
         parts += ["--rig", str(rig_path)]
     for change in changes:
         parts += ["--set", change]
+    parts += ["--seed", str(seed)]
     return shlex.join(parts)

@@ -12,9 +12,9 @@ import numpy as np
 
 from trackers.errors import InputError
 from trackers.observations import Observation
-from trackers.presets import make_tracker
+from trackers.presets import available, make_tracker
 from trackers.rig import Rig
-from trackers.tracks import TrackFrame, finish_frames, update_frames
+from trackers.tracks import Tracker, TrackFrame, finish_frames, update_frames
 from twin.recording.tables import TrackWriter, track_writer
 from twin.scenario.model import TrackerChoice
 from twin.streams import stream
@@ -79,11 +79,20 @@ def trackers_at_work(
     """
     if len(set(names)) < len(names):
         raise InputError(f"--tracker {' --tracker '.join(names)}: one is named twice; each name once is expected")
+    for name, choice in defined.items():
+        if name not in names and (choice.preset or name) not in available() and ":" not in (choice.preset or name):
+            raise InputError(
+                f"trackers.{name}: there is no tracker {choice.preset or name!r}; valid are {', '.join(available())}, "
+                "module:Class, or a preset: beside the options"
+            )
     built = []
     for name in names:
         choice = defined.get(name, TrackerChoice())
         rng = stream(seed, "tracker", name)
-        built.append((name, make_tracker(choice.preset or name, rig, background, rng, choice.options)))
+        tracker = make_tracker(choice.preset or name, rig, background, rng, choice.options)
+        if not isinstance(tracker, Tracker):
+            raise InputError(f"--tracker {name}: has not both update(observation) and tracks(); a tracker has")
+        built.append((name, tracker))
     with ExitStack() as stack:
         yield [
             TrackerAtWork(name, tracker, rig, stack.enter_context(track_writer(folder / f"{file_name(name)}.csv")))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from math import isfinite
 from pathlib import Path
 
@@ -14,8 +13,10 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S, Image, LaserScan
 from trackers.tracks import Track
 from twin.outline import room_outline
+from twin.preview import true_poses
+from twin.recording.whole_file import whole_path
 from twin.report.palette import LAYER_COLOURS, IdentityColours
-from twin.report.panels import FloorPanel, TruePoses
+from twin.report.panels import FloorPanel
 from twin.scenario import Scenario
 from twin.sensors.render import OffscreenRenderer, View
 from twin.simulation import Simulation
@@ -44,14 +45,8 @@ def write_view(scenario: Scenario, t: float, path: Path) -> None:
         panels += [_fitted(image) for image in images]
     sheet = np.hstack(panels)
     _, png = cv2.imencode(".png", sheet[..., ::-1])
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with whole_path(path) as partial:
         partial.write_bytes(png.tobytes())
-        os.replace(partial, path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise InputError(f"--out {path}: cannot be written ({error.strerror}); a writable place is expected") from error
 
 
 def _from_a_corner(simulation: Simulation, t: float) -> NDArray[np.uint8]:
@@ -76,13 +71,7 @@ def _from_above(simulation: Simulation, t: float, scans: dict[str, LaserScan]) -
     """The plan with the true people and what the scanners see."""
     world = simulation.world
     snapshot = world.snapshot(t)
-    truth = world.truth(round(t * NS_PER_S), {})
-    people = truth.people
-    poses = TruePoses(
-        ids=np.array([person.id for person in people], dtype=np.int64),
-        xy_m=np.array([(person.x, person.y) for person in people]).reshape(-1, 2),
-        yaw_rad=np.array([person.yaw for person in people]),
-    )
+    poses = true_poses(world.truth(round(t * NS_PER_S), {}))
     panel = np.zeros((_SIDE_PX, _SIDE_PX, 3), dtype=np.uint8)
     floor = FloorPanel(simulation.rig, room_outline(snapshot.model, snapshot.data), _SIDE_PX, _SIDE_PX)
     layers = {name: LAYER_COLOURS[place % len(LAYER_COLOURS)] for place, name in enumerate(simulation.rig.lasers())}

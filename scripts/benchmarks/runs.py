@@ -17,7 +17,8 @@ _PEAK = (
     "import resource, sys; from twin.cli import main\n"
     "try: main()\n"
     "except SystemExit as end: code = end.code\n"
-    "print('PEAK', resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, file=sys.stderr)"
+    "print('PEAK', resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, file=sys.stderr)\n"
+    "sys.exit(code)"
 )
 
 
@@ -30,7 +31,7 @@ def _twin(*arguments: str) -> tuple[float, float]:
 
 
 def real_time() -> Iterator[Figure]:
-    """The whole run against the time it simulates; start-up is measured by a run of 0.1 s and taken off."""
+    """The whole run against the time it simulates; start-up is measured by a run of 0.2 s and taken off."""
     with tempfile.TemporaryDirectory() as folder:
         for name, target, arguments in (
             ("whole run, images, video, report", ">= 1", []),

@@ -9,8 +9,8 @@ from trackers.observations import NS_PER_S, Image, LaserScan
 SENSORS = ("waist", "knee", "camera")
 
 
-def gatherer(awaited=SENSORS, offsets=None, period_s=0.1, max_wait_s=0.15) -> EpochGatherer:
-    return EpochGatherer(set(awaited), "waist", {name: 0.0 for name in awaited} | (offsets or {}), period_s, max_wait_s)
+def gatherer(awaited=SENSORS, period_s=0.1, max_wait_s=0.15) -> EpochGatherer:
+    return EpochGatherer(set(awaited), "waist", period_s, max_wait_s)
 
 
 def seen(sensor: str, t: float):
@@ -77,11 +77,10 @@ def test_images_without_a_scan_are_dropped_in_the_end():
     assert gather.discarded == 50
 
 
-def test_time_offsets_are_taken_off_and_the_frame_shows_the_main_clock():
-    gather = gatherer(("waist", "knee"), offsets={"waist": 0.3, "knee": -0.2})
-    (epoch,) = [epoch for arrival in (("waist", 1.3), ("knee", 0.8)) for epoch in gather.add(seen(*arrival))]
-    assert epoch.t == pytest.approx(1.0)
-    assert epoch.stamp_ns == round(1.3 * NS_PER_S)
+def test_an_epoch_takes_the_main_sensors_stamp():
+    gather = gatherer(("waist", "knee"))
+    (epoch,) = [epoch for arrival in (("knee", 0.98), ("waist", 1.0)) for epoch in gather.add(seen(*arrival))]
+    assert epoch.ns == NS_PER_S
 
 
 def test_a_fast_scanner_opens_an_epoch_for_every_scan():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -67,7 +68,8 @@ def test_check_names_the_renderer() -> None:
 
 
 def test_run_leaves_what_the_contract_says(run_folder: Path) -> None:
-    names = {path.relative_to(run_folder).as_posix() for path in run_folder.rglob("*") if path.is_file()}
+    files = [path for path in run_folder.rglob("*") if path.is_file() and not path.name.startswith(".")]
+    names = {path.relative_to(run_folder).as_posix() for path in files}
     assert names == {
         "recording.mcap", "truth.csv", "tracks/laser-imm.csv", "metrics.json", "report.html", "scenario.yaml",
     }  # fmt: skip
@@ -214,3 +216,57 @@ def test_a_fault_of_ours_is_loud(tmp_path: Path) -> None:
     assert done.returncode == 70
     assert "ZeroDivisionError" in done.stderr
     assert "report" in done.stderr
+
+
+def test_nothing_of_the_users_is_overwritten_or_removed(run_folder: Path, tmp_path: Path) -> None:
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    scenario = mine / "scenario.yaml"
+    scenario.write_text("extends: lab-five-people\nname: mine # a comment of mine\n")
+    before = scenario.read_text()
+    refused(twin("run", scenario, *QUICK, "--out", mine), "scenario.yaml", "twin did not write")
+    assert scenario.read_text() == before
+    # a run's folder keeps its recording when it is tracked again into itself, and what others put there
+    again = tmp_path / "again"
+    shutil.copytree(run_folder, again)
+    (again / "tracks" / "precious.csv").write_text("mine")
+    done = twin("track", again / "recording.mcap", "--tracker", "laser-kalman", "--out", again, "--no-video")
+    assert done.returncode == 0, done.stderr
+    names = {path.name for path in (again / "tracks").iterdir()}
+    assert names == {"laser-kalman.csv", "precious.csv"}
+    assert (again / "recording.mcap").read_bytes() == (run_folder / "recording.mcap").read_bytes()
+    assert (again / "truth.csv").exists()
+
+
+def test_a_tracker_of_the_users_own_is_found_where_they_are(tmp_path: Path) -> None:
+    (tmp_path / "my_lab.py").write_text(
+        "from trackers.tracks import Track\n"
+        "class Mine:\n"
+        "    def __init__(self, rig, background, rng): pass\n"
+        "    def update(self, observation): return None\n"
+        "    def tracks(self): return [Track(id=1, x=0.0, y=1.5)]\n"
+        "class Half:\n"
+        "    def __init__(self, rig, background, rng): pass\n"
+    )
+    script = Path(sys.executable).with_name("twin")
+    command = [script, "run", "lab-five-people", *QUICK, "--out", "out", "--tracker"]
+    done = subprocess.run([*command, "my_lab:Mine"], capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "out/tracks/my_lab-Mine.csv").read_text().count("\n") == 6
+    done = subprocess.run([*command, "my_lab:Half"], capture_output=True, text=True, cwd=tmp_path, check=False)
+    refused(done, "my_lab:Half", "update")
+
+
+def test_a_main_sensor_that_never_reports_is_no_fault_of_ours(tmp_path: Path) -> None:
+    silent = ["--set", "sensors.waist.dropout=1", "--set", "sensors.knee.dropout=1"]
+    done = twin("run", "lab-five-people", *QUICK, *silent, "--tracker", "laser-imm", "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    metrics = json.loads((tmp_path / "out/metrics.json").read_text())
+    assert metrics["trackers"]["laser-imm"]["ms_per_frame"] == {"mean": None, "p95": None}
+
+
+def test_another_gl_of_the_users_does_not_matter() -> None:
+    done = subprocess.run(
+        [*TWIN, "check"], capture_output=True, text=True, check=False, env=os.environ | {"MUJOCO_GL": "osmesa"}
+    )
+    assert done.returncode == 0, done.stderr

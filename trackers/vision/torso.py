@@ -86,9 +86,7 @@ class TorsoProjector:
         # pixel (i, j) covers [j − ½, j + ½) × [i − ½, i + ½)
         inside = in_view & (u >= -0.5) & (v >= -0.5)
         inside &= (u < self._intrinsics.width - 0.5) & (v < self._intrinsics.height - 0.5)
-        usable = (inside.mean(axis=(1, 2)) >= options.min_inside) & (
-            detections.width_m >= options.min_width_m
-        )
+        usable = (inside.mean(axis=(1, 2)) >= options.min_inside) & (detections.width_m >= options.min_width_m)
         clear = usable & (detections.width_m >= options.learn_width_m)
         clear &= _largest_overlap(pixels) <= options.max_overlap
         return TorsoWindows(pixels, inside, usable, clear)

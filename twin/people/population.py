@@ -14,9 +14,9 @@ from twin.people.appearance import Appearance
 from twin.people.crowd import KEEP_FROM_EDGE_M, Crowd, planar
 from twin.people.gait import Gait
 from twin.people.pose import FLOOR_ROWS, ROWS, Moment, heel_and_pelvis, joint_coordinates
-from twin.people.scripts import first_heading, random_places, script_of
+from twin.people.scripts import first_heading, known_start, random_places, script_of
 from twin.people.skeleton import Skeleton
-from twin.scenario.people import Person, Stand, Walk, Wander
+from twin.scenario.people import Person, Stand, Wander
 
 Array = NDArray[np.float64]
 
@@ -61,19 +61,21 @@ class Population:
         area: Array,
         rngs: Mapping[str, np.random.Generator],
         appearances: Mapping[str, Appearance],
+        source: str,
     ) -> None:
         """`area` (k, 2) [m]: the polygon in which wanderers stay and starts are drawn; walkers go where they are sent.
 
-        `rngs`: a generator of each person's own; `appearances`: their looks, for the lengths of their legs. Raises
-        InputError when the area has no room for those who wander.
+        `rngs`: a generator of each person's own; `appearances`: their looks, for the lengths of their legs; `source`:
+        what describes them, as errors name it. Known starts must be apart, and a wanderer's inside the area (see
+        `twin.placement`). Raises InputError when the area has no room for those who wander.
         """
         self.names = tuple(sorted(people))
         area = np.asarray(area, dtype=float)
         described = [people[name] for name in self.names]
         random = [rngs[name] for name in self.names]
         roams = any(isinstance(person.script, Wander) or person.start is None for person in described)
-        inner = _inset(area) if roams else area
-        position = _starts(self.names, described, inner, random)
+        inner = _inset(area, source) if roams else area
+        position = _starts(self.names, described, inner, random, source)
         heading = np.array(
             [first_heading(*each) for each in zip(described, position, random, strict=True)], dtype=float
         )
@@ -165,14 +167,15 @@ class Population:
         self._remember()
 
 
-def _starts(names: tuple[str, ...], people: list[Person], inner: Array, random: list[np.random.Generator]) -> Array:
+def _starts(
+    names: tuple[str, ...], people: list[Person], inner: Array, random: list[np.random.Generator], source: str
+) -> Array:
     """Ground points (n, 2) [m]: as asked, at the first waypoint, or drawn in `inner` away from everybody placed."""
     places: dict[int, Array] = {}
     for number, person in enumerate(people):
-        if person.start is not None:
-            places[number] = np.array(person.start, dtype=float)
-        elif isinstance(person.script, Walk):
-            places[number] = np.array(person.script.waypoints[0], dtype=float)
+        start = known_start(person)
+        if start is not None:
+            places[number] = np.array(start, dtype=float)
     for number, name in enumerate(names):
         if number in places:
             continue
@@ -183,14 +186,14 @@ def _starts(names: tuple[str, ...], people: list[Person], inner: Array, random: 
             candidates = candidates[clear]
         if not len(candidates):
             raise InputError(
-                f"people.{name}: no place in the area is {_START_APART_M} m from everybody else; "
+                f"{source}: people.{name}: no place in the area is {_START_APART_M} m from everybody else; "
                 f"fewer people than {len(people)}, or a larger area, are expected"
             )
         places[number] = candidates[0]
     return np.array([places[number] for number in range(len(people))], dtype=float).reshape(-1, 2)
 
 
-def _inset(area: Array) -> Array:
+def _inset(area: Array, source: str) -> Array:
     """The polygon drawn in towards its middle so that a body's middle keeps from the edge; corners (k, 2) [m]."""
     rolled = np.roll(area, -1, axis=0)
     turn = np.sign(np.sum(area[:, 0] * rolled[:, 1] - area[:, 1] * rolled[:, 0]))
@@ -201,5 +204,7 @@ def _inset(area: Array) -> Array:
     corner = area + margin * (inward + before) / (1 + np.einsum("ki,ki->k", inward, before))[:, None]
     turned = np.einsum("ki,ki->k", np.roll(corner, -1, axis=0) - corner, way) <= 0
     if turned.any() or not Area(area).contains(corner).all():
-        raise InputError(f"area: is too narrow to walk in; more than {2 * margin:g} m between its edges is expected")
+        raise InputError(
+            f"{source}: area: is too narrow to walk in; more than {2 * margin:g} m between its edges is expected"
+        )
     return corner

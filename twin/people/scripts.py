@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.area import Area
+from trackers.rig import Point2
 from twin.scenario.people import Person, Stand, Walk, Wander
 
 Array = NDArray[np.float64]
@@ -129,6 +130,13 @@ def random_places(area: Array, count: int, rng: np.random.Generator) -> Array:
         places = rng.uniform(low, high, (2 * count, 2))
         found = np.concatenate([found, places[inside.contains(places)]])
     return found[:count]
+
+
+def known_start(person: Person) -> Point2 | None:
+    """Where a person's description says they start [m]: as asked, or at the first waypoint; None: a place is drawn."""
+    if person.start is None and isinstance(person.script, Walk):
+        return person.script.waypoints[0]
+    return person.start
 
 
 def first_heading(person: Person, start: Array, rng: np.random.Generator) -> float:

@@ -1,4 +1,4 @@
-"""Text files that appear under their final name only when they are whole."""
+"""Files that appear under their final name only when they are whole."""
 
 from __future__ import annotations
 
@@ -13,25 +13,23 @@ from trackers.errors import InputError
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[TextIO]:
-    """Open `path` for writing UTF-8 text; the file takes its name when the block ends well, and is removed otherwise.
+def whole_path(path: Path) -> Iterator[Path]:
+    """A hidden path beside `path` to write to; it takes the name when the block ends well, and is removed otherwise.
 
-    Until then it is a hidden file beside the target, so that an exception, Ctrl-C or a kill leaves nothing half-written
-    under the final name and an older file of that name untouched. Folders on the way are made. Raises InputError where
-    the place cannot be written or the disk is full.
+    So an exception, Ctrl-C or a kill leaves nothing half-written under the final name and an older file of that name
+    untouched. Folders on the way are made. Raises InputError where the place cannot be written or the disk is full.
     """
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-        stream = partial.open("w", encoding="utf-8", newline="")
+        partial.touch()
     except OSError as error:
         raise _unwritable(path, error) from error
     try:
         try:
-            with stream:
-                yield stream
+            yield partial
         except OSError as error:
             # Another OSError of the block is not about this file and stays what it is.
             if error.errno in (errno.ENOSPC, errno.EDQUOT):
@@ -44,6 +42,13 @@ def whole_file(path: Path) -> Iterator[TextIO]:
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[TextIO]:
+    """Open `path` for writing UTF-8 text that is there under its name when it is whole; see `whole_path`."""
+    with whole_path(path) as partial, partial.open("w", encoding="utf-8", newline="") as stream:
+        yield stream
 
 
 def _unwritable(path: Path, error: OSError) -> InputError:

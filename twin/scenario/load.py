@@ -24,6 +24,7 @@ def load_scenario(name: str | Path, overrides: Sequence[str] = ()) -> Scenario:
     path = models.find("scenarios", str(name))
     content = _read(path, ())
     content = apply_overrides(content, overrides)
+    _resolve_room(content, Path(), "--set room")
     source = str(path) if not overrides else f"{path} with --set {' --set '.join(overrides)}"
     return validate(Scenario, _without_null(content), source)
 
@@ -32,11 +33,7 @@ def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:
     """The content of a scenario file over that of the scenario it extends."""
     expected = "a scenario (room, people, sensors, duration_s)"
     content = parse_yaml(read_text(path, expected), str(path), expected)
-    room = content.get("room")
-    if isinstance(room, str):
-        found = models.find("rooms", room, path.parent, f"{path}: room")
-        if found.parent != models.MODELS / "rooms":
-            content["room"] = str(found.resolve())
+    _resolve_room(content, path.parent, f"{path}: room")
     parent = content.pop("extends", None)
     if parent is None:
         return content
@@ -50,11 +47,23 @@ def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:
     return _merge(base, content)
 
 
+def _resolve_room(content: dict[str, Any], folder: Path, asked_by: str) -> None:
+    """Make the path of a user's room absolute, so that the resolved scenario runs from anywhere."""
+    room = content.get("room")
+    if isinstance(room, str):
+        found = models.find("rooms", room, folder, asked_by)
+        if found.parent != models.MODELS / "rooms":
+            content["room"] = str(found.resolve())
+
+
 def _merge(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
     merged = dict(base)
     for key, value in change.items():
-        both = isinstance(value, dict) and isinstance(merged.get(key), dict)
-        merged[key] = _merge(merged[key], value) if both else value
+        held = merged.get(key)
+        if isinstance(value, dict) and isinstance(held, dict) and value.get("kind") in (None, held.get("kind")):
+            merged[key] = _merge(held, value)
+        else:  # a thing of another kind has other fields
+            merged[key] = value
     return merged
 
 

@@ -40,7 +40,7 @@ class Cast:
 
 def make_population(people: dict[str, Person], seed: int, area: np.ndarray = AREA) -> Population:
     looks = {name: appearance_of(person, stream(seed, "looks", name)) for name, person in people.items()}
-    return Population(people, area, {name: stream(seed, "person", name) for name in people}, looks)
+    return Population(people, area, {name: stream(seed, "person", name) for name in people}, looks, "test")
 
 
 def make_cast(people: dict[str, Person], seed: int = 1) -> Cast:
