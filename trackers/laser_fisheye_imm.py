@@ -102,6 +102,7 @@ class LaserFisheyeImmOptions(Strict):
         ge=0,
         description="but not in somebody this near, by N, to where somebody in sight is expected (ours)",
     )
+    looks_to_know: int = Field(default=5, ge=0, description="clear looks after which a shirt is known well (ours)")
     reach_m_s: float = Field(default=1.5, ge=0, description="how fast a hidden person may have walked [m/s] (ours)")
     period_s: float = Field(
         default=0.1, gt=0, description="scan period that the variances are for; longer gaps are cut into such steps [s]"
@@ -172,7 +173,7 @@ class LaserFisheyeImm:
         main = rig.main_sensor if rig.main_sensor in used else next(iter(self._scanners.values()))
         self._gatherer = EpochGatherer(used, main, self.options.period_s, self.options.max_wait_s)
         self._area = None if rig.area is None else Area(rig.area, self.options.management.area_margin_m)
-        self._people = self._born(np.empty((0, 2)), 0.0, np.empty((0, self._histogram.size)), np.empty(0, np.bool_))
+        self._people = self._born(np.empty((0, 2)), 0.0, np.empty((0, self._histogram.size)), np.empty(0, np.int64))
         self._next_id = 1
         self._t: float | None = None
         self._windows: list[tuple[int | None, Array]] = []
@@ -317,7 +318,7 @@ class LaserFisheyeImm:
         expected = ((distance <= self.options.expected_below) & in_sight[:, None]).any(axis=0)
         if colour is not None:
             E = colour[tracks]
-            allowed &= ~(self.options.foreign_above < E)
+            allowed &= ~self._foreign(tracks, colour)
             distance = distance + self.options.colour_weight * np.nan_to_num(E)
             recognised = self._recognised(tracks, position, radius_m, E) & ~expected
         taken_tracks, taken = [], []
@@ -329,6 +330,16 @@ class LaserFisheyeImm:
             taken_tracks.append(rows)
             taken.append(columns)
         return tracks[np.concatenate(taken_tracks)], np.concatenate(taken)
+
+    def _foreign(self, tracks: Index, colour: Array) -> Mask:
+        """Pairs (p, k) in which the shirt is another's: not the track's own, which is known well, or somebody else's.
+
+        A reference from a few looks may be of an arm or of whoever stood before the person.
+        """
+        E = colour[tracks]
+        anothers = (colour <= self.options.recognised_below).any(axis=0)
+        known_well = self._people.n_look[tracks] >= self.options.looks_to_know
+        return (self.options.foreign_above < E) & (anothers | known_well[:, None])
 
     def _recognised(self, tracks: Index, position: Array, radius_m: float, E: Array) -> Mask:
         """Pairs (p, k) of a confirmed track out of sight and somebody in its colours whom it can have become meanwhile.
@@ -413,11 +424,11 @@ class LaserFisheyeImm:
             return
         track, histograms = track[clear], seen.histograms[trunk[clear]]
         people = self._people
-        reference, has_reference = people.reference.copy(), people.has_reference.copy()
+        reference, n_look = people.reference.copy(), people.n_look.copy()
         blended = updated_reference(reference[track], histograms, self.options.histogram.memory)
-        reference[track] = np.where(has_reference[track, None], blended, histograms)
-        has_reference[track] = True
-        self._people = replace(people, reference=reference, has_reference=has_reference)
+        reference[track] = np.where(people.has_reference[track, None], blended, histograms)
+        n_look[track] += 1
+        self._people = replace(people, reference=reference, n_look=n_look)
 
     # --- confirm, end, start
 
@@ -453,12 +464,12 @@ class LaserFisheyeImm:
         has_reference = by_trunk.copy()
         has_reference[by_trunk] = seen.clear[trunk[by_trunk]]
         histograms[has_reference] = seen.histograms[trunk[has_reference]]
-        self._people = self._people.joined(self._born(position, t, histograms, has_reference))
+        self._people = self._people.joined(self._born(position, t, histograms, has_reference.astype(np.int64)))
 
-    def _born(self, position: Array, t: float, reference: Array, has_reference: Mask) -> People:
+    def _born(self, position: Array, t: float, reference: Array, n_look: NDArray[np.int64]) -> People:
         options = self.options
         state = self._imm.start(position, None, options.measurement_variance_m2, options.start_speed_m_s**2)
-        return People.born(state, position, t, reference, has_reference)
+        return People.born(state, position, t, reference, n_look)
 
     def _note_windows(self, matches: _Matches, seen: _Seen) -> None:
         self._windows = []

@@ -25,7 +25,7 @@ class ManagementOptions(Strict):
     )
     coast_s: float = Field(default=1.5, ge=0, description="a person not measured for this long is gone [s]")
     coast_slowdown_s: float | None = Field(
-        default=1.0,
+        default=0.6,
         gt=0,
         description="a coasting person's speed fades with this time constant; none: it stays [s] (ours)",
     )
@@ -57,13 +57,13 @@ class People:
     measured_at: Array  # (n, 2) last measured position [m]
     confirmed: Mask  # (n,)
     reference: Array  # (n, bins) colour histogram
-    has_reference: Mask  # (n,)
+    n_look: NDArray[np.int64]  # (n,) how often the reference was learned from; 0: there is none
 
     def __len__(self) -> int:
         return self.id.size
 
     @classmethod
-    def born(cls, state: ImmState, position: Array, t: float, reference: Array, has_reference: Mask) -> People:
+    def born(cls, state: ImmState, position: Array, t: float, reference: Array, n_look: NDArray[np.int64]) -> People:
         """Tentative tracks first measured at `position` (n, 2) at time t."""
         n = len(state)
         return cls(
@@ -76,8 +76,13 @@ class People:
             measured_at=position,
             confirmed=np.zeros(n, np.bool_),
             reference=reference,
-            has_reference=has_reference,
+            n_look=n_look,
         )
+
+    @property
+    def has_reference(self) -> Mask:
+        """Who has been seen clearly at least once, (n,)."""
+        return self.n_look > 0
 
     def select(self, kept: Mask) -> People:
         """The tracks of a mask (n,)."""
@@ -93,7 +98,7 @@ class People:
             self.measured_at[kept],
             self.confirmed[kept],
             self.reference[kept],
-            self.has_reference[kept],
+            self.n_look[kept],
         )
 
     def joined(self, other: People) -> People:
@@ -110,7 +115,7 @@ class People:
             np.concatenate([self.measured_at, other.measured_at]),
             np.concatenate([self.confirmed, other.confirmed]),
             np.concatenate([self.reference, other.reference]),
-            np.concatenate([self.has_reference, other.has_reference]),
+            np.concatenate([self.n_look, other.n_look]),
         )
 
     def alive(self, t: float, options: ManagementOptions) -> Mask:

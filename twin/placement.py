@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -71,7 +73,7 @@ def _check_person(person: Person, walkable: Array, field: str) -> None:
     stops = [*([np.array(person.start)] if person.start is not None else []), *waypoints]
     if person.script.repeat:
         stops.append(waypoints[0])
-    for here, after in zip(stops, stops[1:], strict=False):
+    for here, after in pairwise(stops):
         _check_way(walkable, here, after, f"{field}.script.waypoints: the straight way")
 
 

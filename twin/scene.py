@@ -46,7 +46,7 @@ def build_scene(scenario: Scenario) -> Scene:
     path = models.find("rooms", scenario.room, asked_by=f"scenario {scenario.name!r}: room")
     spec = _room_spec(path)
     walkable = _walkable_area(spec, path)
-    area = np.array(scenario.area) if scenario.area is not None else walkable
+    area = np.array(scenario.area, dtype=float) if scenario.area is not None else walkable
     if area is None:
         raise InputError(
             f"scenario {scenario.name!r}: area is missing and {path.name} names no walkable_area; "
