@@ -312,7 +312,6 @@ class LaserFisheyeImm:
         distance = mahalanobis(state.positions, self._imm.innovation_covariance(state), position)
         allowed = validation_region(state.positions, position, radius_m)
         allowed &= distance <= self.options.max_deviations
-        recognised = np.zeros_like(allowed)
         confirmed = self._people.confirmed[tracks]
         in_sight = confirmed & ~self._hidden(tracks)
         expected = ((distance <= self.options.expected_below) & in_sight[:, None]).any(axis=0)
@@ -320,9 +319,14 @@ class LaserFisheyeImm:
             E = colour[tracks]
             allowed &= ~self._foreign(tracks, colour)
             distance = distance + self.options.colour_weight * np.nan_to_num(E)
-            recognised = self._recognised(tracks, position, radius_m, E) & ~expected
+            recognised = self._can_be(tracks, position, radius_m) & (self.options.recognised_below >= E)
+        else:
+            # nothing tells whose legs these are but that only one of the hidden can be there
+            recognised = self._can_be(tracks, position, radius_m)
+            recognised &= np.count_nonzero(recognised, axis=0) == 1
+        recognised &= ~expected
         taken_tracks, taken = [], []
-        # first whom a prediction explains, then the hidden by their colours alone, then who is not confirmed yet
+        # first whom a prediction explains, then the hidden by what else tells them, then who is not confirmed yet
         for candidates in (allowed & confirmed[:, None], recognised, allowed & ~confirmed[:, None]):
             candidates[np.concatenate([*taken_tracks, _NOBODY])] = False
             candidates[:, np.concatenate([*taken, _NOBODY])] = False
@@ -341,8 +345,8 @@ class LaserFisheyeImm:
         known_well = self._people.n_look[tracks] >= self.options.looks_to_know
         return (self.options.foreign_above < E) & (anothers | known_well[:, None])
 
-    def _recognised(self, tracks: Index, position: Array, radius_m: float, E: Array) -> Mask:
-        """Pairs (p, k) of a confirmed track out of sight and somebody in its colours whom it can have become meanwhile.
+    def _can_be(self, tracks: Index, position: Array, radius_m: float) -> Mask:
+        """Pairs (p, k) of a confirmed track out of sight and somebody whom it can have become meanwhile.
 
         Its prediction says little after a while: what it can have walked since it was seen is asked instead.
         """
@@ -351,7 +355,7 @@ class LaserFisheyeImm:
         reach_m = radius_m + self.options.reach_m_s * unseen_s
         near = distances(self._people.measured_at[tracks], position) <= reach_m[:, None]
         hidden = self._people.confirmed[tracks] & self._hidden(tracks)
-        return near & hidden[:, None] & (self.options.recognised_below >= E)
+        return near & hidden[:, None]
 
     def _hidden(self, tracks: Index) -> Mask:
         """Which of `tracks` (p,) were not measured at the last scan either."""
