@@ -15,7 +15,7 @@ _HOMES = {
     "InputError": "trackers.errors",
     "make_tracker": "trackers.presets",
     "track_frames": "trackers.tracks",
-    "evaluate": "twin.evaluate",
+    "evaluate_tracks": "twin.evaluate",
     "evaluate_with_details": "twin.evaluate",
     "Recording": "twin.recording.reader",
     "read_tracks": "twin.recording.tables",

@@ -140,12 +140,12 @@ def evaluate(
     import json
 
     from trackers.errors import InputError
-    from twin.evaluate import evaluate as evaluate_tables
+    from twin.evaluate import evaluate_tracks
     from twin.recording.tables import read_tracks, read_truth
 
     if not 0 < gate < float("inf"):
         raise InputError(f"--gate {gate}: is not a distance; a number of metres above 0 is expected")
-    typer.echo(json.dumps(evaluate_tables(read_truth(truth), read_tracks(tracks), gate_m=gate), indent=2))
+    typer.echo(json.dumps(evaluate_tracks(read_truth(truth), read_tracks(tracks), gate_m=gate), indent=2))
 
 
 @app.command(name="list", epilog="Example: twin list")

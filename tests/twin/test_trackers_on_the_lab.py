@@ -10,7 +10,7 @@ from trackers.observations import Observation
 from trackers.presets import PRESETS, make_tracker
 from trackers.rig import Rig
 from trackers.tracks import TrackFrame, track_frames
-from twin.evaluate import evaluate
+from twin.evaluate import evaluate_tracks
 from twin.recording.tables import track_table, truth_table
 from twin.scenario import Scenario, load_scenario
 from twin.simulation import Simulation
@@ -44,7 +44,7 @@ def test_the_contract_holds(name: str, lab: Observed) -> None:
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_five_people_are_followed(name: str, lab: Observed) -> None:
-    figures = evaluate(truth_table(lab[3]), track_table(follow(name, lab)))
+    figures = evaluate_tracks(truth_table(lab[3]), track_table(follow(name, lab)))
     assert figures["mota"] > 0.6  # the first half second of four is lost to confirmation
     assert figures["motp_m"] < 0.15
 
@@ -62,4 +62,4 @@ def test_without_scans_of_the_empty_room_people_are_still_found(name: str, lab: 
     tracker = make_tracker(name, rig, [], np.random.default_rng(0), {})
     frames = list(track_frames(tracker, rig, observations))
     assert tracker.background_learned_causally  # pyright: ignore
-    assert evaluate(truth_table(truth), track_table(frames))["mota"] > 0.2
+    assert evaluate_tracks(truth_table(truth), track_table(frames))["mota"] > 0.2

@@ -1,6 +1,6 @@
 """How well a tracker did, in metres: figures from a table of truth and a table of tracks."""
 
 from twin.evaluate.continuity import Event
-from twin.evaluate.summary import Evaluation, evaluate, evaluate_with_details
+from twin.evaluate.summary import Evaluation, evaluate_tracks, evaluate_with_details
 
-__all__ = ["Evaluation", "Event", "evaluate", "evaluate_with_details"]
+__all__ = ["Evaluation", "Event", "evaluate_tracks", "evaluate_with_details"]

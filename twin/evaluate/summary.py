@@ -46,7 +46,7 @@ class Evaluation:
     events: tuple[Event, ...]  # by stamp
 
 
-def evaluate(truth: TruthTable, tracks: TrackTable, gate_m: float = DEFAULT_GATE_M) -> dict[str, Any]:
+def evaluate_tracks(truth: TruthTable, tracks: TrackTable, gate_m: float = DEFAULT_GATE_M) -> dict[str, Any]:
     """The figures of one tracker as `metrics.json` holds them (without ms_per_frame); None where one does not apply.
 
     Raises InputError for a gate that is not positive and for tables that share no moment (see `frames.align`).
@@ -55,7 +55,7 @@ def evaluate(truth: TruthTable, tracks: TrackTable, gate_m: float = DEFAULT_GATE
 
 
 def evaluate_with_details(truth: TruthTable, tracks: TrackTable, gate_m: float = DEFAULT_GATE_M) -> Evaluation:
-    """The figures of one tracker, and what stands behind them; raises as `evaluate`.
+    """The figures of one tracker, and what stands behind them; raises as `evaluate_tracks`.
 
     Head errors are mean absolute differences over the matches in which truth and track both have a value, yaw the
     shorter way round. OSPA (c = 1 m, p = 1) and GOSPA (c = 1 m, p = 2, α = 2) are means over the frames.

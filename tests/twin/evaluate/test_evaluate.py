@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from trackers.errors import InputError
 from trackers.tracks import Track, TrackFrame
 from twin.evaluate.frames import align
-from twin.evaluate.summary import evaluate, evaluate_with_details
+from twin.evaluate.summary import evaluate_tracks, evaluate_with_details
 from twin.recording.tables import PersonTruth, TruthFrame, track_table, truth_table
 
 PERIOD_NS = 100_000_000
@@ -60,7 +60,7 @@ def shifted(step_range, x: float = 0.0, y: float = 0.0):
 
 def test_perfect_tracks():
     paths = {1: shifted(range(30)), 2: shifted(range(30), y=1.5)}
-    metrics = evaluate(truth_of(paths), tracks_of({5: paths[1], 9: paths[2]}))
+    metrics = evaluate_tracks(truth_of(paths), tracks_of({5: paths[1], 9: paths[2]}))
     assert metrics == {
         "mota": 1.0,
         "motp_m": 0.0,
@@ -85,13 +85,13 @@ def test_perfect_tracks():
 
 def test_the_gate_decides_what_matches():
     truth, tracks = truth_of({1: still(0, 0, range(10))}), tracks_of({1: still(0.7, 0, range(10))})
-    metrics = evaluate(truth, tracks)
+    metrics = evaluate_tracks(truth, tracks)
     assert (metrics["misses"], metrics["false_positives"], metrics["mota"]) == (10, 10, -1.0)
     assert metrics["motp_m"] is None
     assert metrics["at_1m"]["mota"] == 1.0
     assert metrics["at_1m"]["motp_m"] == pytest.approx(0.7)
     assert metrics["ospa_m"] == pytest.approx(0.7)
-    wide = evaluate(truth, tracks, gate_m=1.0)
+    wide = evaluate_tracks(truth, tracks, gate_m=1.0)
     assert wide["gate_m"] == 1.0
     assert wide["at_1m"] == {name: wide[name] for name in wide["at_1m"]}
 
@@ -99,12 +99,12 @@ def test_the_gate_decides_what_matches():
 @pytest.mark.parametrize("gate_m", [0.0, -1.0, np.nan, np.inf])
 def test_a_gate_that_is_no_distance_is_refused(gate_m):
     with pytest.raises(InputError, match="gate"):
-        evaluate(truth_of({1: still(0, 0, range(3))}), tracks_of({}, range(3)), gate_m)
+        evaluate_tracks(truth_of({1: still(0, 0, range(3))}), tracks_of({}, range(3)), gate_m)
 
 
 def test_hota_in_metres():
     # d = 0.2 m, gate 0.5 m: similarity 0.8, so that 16 of 19 thresholds hold.
-    metrics = evaluate(truth_of({1: still(0, 0, range(10))}), tracks_of({4: still(0.2, 0, range(10))}))
+    metrics = evaluate_tracks(truth_of({1: still(0, 0, range(10))}), tracks_of({4: still(0.2, 0, range(10))}))
     assert metrics["hota"] == pytest.approx(16 / 19)
 
 
@@ -127,7 +127,7 @@ def test_two_tracks_that_swap_are_two_misidentifications_and_two_switches():
     truth = truth_of({1: still(0, 0, range(20)), 2: still(2, 0, range(20))})
     first = still(0, 0, range(10)) | still(2, 0, range(10, 20))
     second = still(2, 0, range(10)) | still(0, 0, range(10, 20))
-    metrics = evaluate(truth, tracks_of({7: first, 8: second}))
+    metrics = evaluate_tracks(truth, tracks_of({7: first, 8: second}))
     assert (metrics["misidentifications"], metrics["id_switches"], metrics["lost_tracks"]) == (2, 2, 0)
     assert metrics["mota"] == pytest.approx(1 - 2 / 40)
     assert metrics["idf1"] == pytest.approx(0.5)
@@ -136,7 +136,7 @@ def test_two_tracks_that_swap_are_two_misidentifications_and_two_switches():
 def test_each_change_of_person_counts():
     truth = truth_of({1: still(0, 0, range(30)), 2: still(2, 0, range(30))})
     path = still(0, 0, range(10)) | still(2, 0, range(10, 20)) | still(0, 0, range(20, 30))
-    assert evaluate(truth, tracks_of({7: path}))["misidentifications"] == 2
+    assert evaluate_tracks(truth, tracks_of({7: path}))["misidentifications"] == 2
 
 
 def test_a_new_track_on_the_same_person_is_a_switch_and_a_loss_but_no_misidentification():
@@ -153,31 +153,31 @@ def test_a_new_track_on_the_same_person_is_a_switch_and_a_loss_but_no_misidentif
 def test_the_reference_person_is_the_first_one_matched_while_confirmed():
     truth = truth_of({1: still(0, 0, range(20)), 2: still(2, 0, range(20))})
     unmatched_first = still(9, 9, range(5)) | still(2, 0, range(5, 20))
-    assert evaluate(truth, tracks_of({7: unmatched_first}))["misidentifications"] == 0
+    assert evaluate_tracks(truth, tracks_of({7: unmatched_first}))["misidentifications"] == 0
 
 
 def test_a_track_predicted_past_somebody_has_not_taken_them_for_its_person():
     truth = truth_of({1: still(0, 0, range(20)), 2: still(2, 0, range(20))})
     coasting = still(0, 0, range(5)) | still(2, 0, range(5, 8), "coasting") | still(0, 0, range(8, 20))
-    assert evaluate(truth, tracks_of({7: coasting}))["misidentifications"] == 0
+    assert evaluate_tracks(truth, tracks_of({7: coasting}))["misidentifications"] == 0
     confirmed = {step: place[:2] for step, place in coasting.items()}
-    assert evaluate(truth, tracks_of({7: confirmed}))["misidentifications"] == 2
+    assert evaluate_tracks(truth, tracks_of({7: confirmed}))["misidentifications"] == 2
 
 
 def test_coasting_tracks_count_as_tracks():
     paths = still(0, 0, range(10), "coasting")
-    assert evaluate(truth_of({1: still(0, 0, range(10))}), tracks_of({7: paths}))["mota"] == 1.0
+    assert evaluate_tracks(truth_of({1: still(0, 0, range(10))}), tracks_of({7: paths}))["mota"] == 1.0
 
 
 def test_a_track_that_ends_while_its_person_stays_is_lost():
     truth = truth_of({1: still(0, 0, range(20))})
-    metrics = evaluate(truth, tracks_of({7: still(0, 0, range(10))}, steps=range(20)))
+    metrics = evaluate_tracks(truth, tracks_of({7: still(0, 0, range(10))}, steps=range(20)))
     assert (metrics["lost_tracks"], metrics["misses"]) == (1, 10)
 
 
 def test_a_track_that_lives_to_the_end_is_not_lost():
     truth = truth_of({1: still(0, 0, range(20))})
-    assert evaluate(truth, tracks_of({7: still(0, 0, range(10, 20))}, steps=range(20)))["lost_tracks"] == 0
+    assert evaluate_tracks(truth, tracks_of({7: still(0, 0, range(10, 20))}, steps=range(20)))["lost_tracks"] == 0
 
 
 @pytest.mark.parametrize(("leaves_at", "lost"), [(10, 0), (14, 0), (15, 1)])
@@ -185,30 +185,30 @@ def test_somebody_about_to_leave_is_not_lost(leaves_at, lost):
     # The track is seen last at 0.9 s; the grace of 0.5 s holds the frames up to 1.4 s.
     truth = truth_of({1: still(0, 0, range(leaves_at)) | still(0, 0, range(leaves_at, 30), False)})
     tracks = tracks_of({7: still(0, 0, range(10))}, steps=range(30))
-    assert evaluate(truth, tracks)["lost_tracks"] == lost
+    assert evaluate_tracks(truth, tracks)["lost_tracks"] == lost
 
 
 def test_with_slow_frames_the_grace_holds_the_next_frame():
     truth = truth_of({1: {0: (0, 0), 10: (0, 0), 20: (0, 0, False), 30: (0, 0, False)}})
-    assert evaluate(truth, tracks_of({7: still(0, 0, (0, 10))}, steps=(0, 10, 20, 30)))["lost_tracks"] == 0
+    assert evaluate_tracks(truth, tracks_of({7: still(0, 0, (0, 10))}, steps=(0, 10, 20, 30)))["lost_tracks"] == 0
 
 
 def test_a_person_whose_truth_ends_has_left():
     truth = truth_of({1: still(0, 0, range(12))}, steps=range(20))
     tracks = tracks_of({7: still(0, 0, range(11))}, steps=range(20))
-    assert evaluate(truth, tracks)["lost_tracks"] == 0
+    assert evaluate_tracks(truth, tracks)["lost_tracks"] == 0
 
 
 def test_a_track_that_follows_somebody_out_and_ends_there_is_not_lost():
     truth = truth_of({1: still(0, 0, range(10)) | still(1, 0, range(10, 30), False)})
     tracks = tracks_of({7: still(0, 0, range(10)) | still(1, 0, range(10, 15))}, steps=range(30))
-    metrics = evaluate(truth, tracks)
+    metrics = evaluate_tracks(truth, tracks)
     assert (metrics["lost_tracks"], metrics["false_positives"], metrics["misses"]) == (0, 0, 0)
 
 
 def test_a_track_that_never_had_a_person_cannot_be_lost():
     truth = truth_of({1: still(0, 0, range(20))})
-    metrics = evaluate(truth, tracks_of({7: still(0, 0, range(20)), 8: still(4, 4, range(5))}))
+    metrics = evaluate_tracks(truth, tracks_of({7: still(0, 0, range(20)), 8: still(4, 4, range(5))}))
     assert (metrics["lost_tracks"], metrics["false_positives"]) == (0, 5)
 
 
@@ -217,25 +217,25 @@ def test_a_track_that_never_had_a_person_cannot_be_lost():
 
 def test_people_outside_the_area_are_not_owed():
     truth = truth_of({1: still(0, 0, range(10)), 2: still(5, 0, range(10), False)})
-    metrics = evaluate(truth, tracks_of({7: still(0, 0, range(10))}))
+    metrics = evaluate_tracks(truth, tracks_of({7: still(0, 0, range(10))}))
     assert (metrics["mota"], metrics["hota"], metrics["gospa_m"]) == (1.0, 1.0, 0.0)
 
 
 def test_a_track_on_somebody_outside_the_area_is_not_punished():
     truth = truth_of({1: still(0, 0, range(10)), 2: still(5, 0, range(10), False)})
     tracks = tracks_of({7: still(0, 0, range(10)), 8: still(5.1, 0, range(10))})
-    metrics = evaluate(truth, tracks)
+    metrics = evaluate_tracks(truth, tracks)
     assert (metrics["mota"], metrics["idf1"], metrics["hota"], metrics["ospa_m"]) == (1.0, 1.0, 1.0, 0.0)
 
 
 def test_a_track_on_nobody_outside_the_area_is_a_false_positive():
     truth = truth_of({1: still(0, 0, range(10)), 2: still(5, 0, range(10), False)})
-    metrics = evaluate(truth, tracks_of({7: still(0, 0, range(10)), 8: still(6, 0, range(10))}))
+    metrics = evaluate_tracks(truth, tracks_of({7: still(0, 0, range(10)), 8: still(6, 0, range(10))}))
     assert metrics["false_positives"] == 10
 
 
 def test_only_people_outside():
-    metrics = evaluate(truth_of({2: still(5, 0, range(10), False)}), tracks_of({8: still(5, 0, range(10))}))
+    metrics = evaluate_tracks(truth_of({2: still(5, 0, range(10), False)}), tracks_of({8: still(5, 0, range(10))}))
     assert (metrics["mota"], metrics["idf1"], metrics["hota"], metrics["motp_m"]) == (None, None, None, None)
     assert (metrics["gospa_m"], metrics["ospa_m"], metrics["false_positives"]) == (0.0, 0.0, 0)
 
@@ -245,22 +245,22 @@ def test_only_people_outside():
 
 def test_frames_in_which_nobody_is_tracked_count():
     truth = truth_of({1: still(0, 0, range(10))})
-    metrics = evaluate(truth, tracks_of({7: still(0, 0, range(8))}, steps=range(10)))
+    metrics = evaluate_tracks(truth, tracks_of({7: still(0, 0, range(8))}, steps=range(10)))
     assert (metrics["misses"], metrics["mota"]) == (2, pytest.approx(0.8))
 
 
 def test_no_tracks_at_all():
     truth = truth_of({1: still(0, 0, range(10))})
     for tracks in (tracks_of({}), tracks_of({}, steps=range(10))):
-        metrics = evaluate(truth, tracks)
+        metrics = evaluate_tracks(truth, tracks)
         assert (metrics["mota"], metrics["misses"], metrics["hota"], metrics["idf1"]) == (0.0, 10, 0.0, 0.0)
         assert (metrics["gospa_m"], metrics["ospa_m"]) == (pytest.approx(0.5**0.5), 1.0)
 
 
 def test_an_empty_room():
     truth = truth_of({}, steps=range(10))
-    assert evaluate(truth, tracks_of({}, steps=range(10)))["ospa_m"] == 0.0
-    assert evaluate(truth, tracks_of({3: still(0, 0, range(10))}))["false_positives"] == 10
+    assert evaluate_tracks(truth, tracks_of({}, steps=range(10)))["ospa_m"] == 0.0
+    assert evaluate_tracks(truth, tracks_of({3: still(0, 0, range(10))}))["false_positives"] == 10
 
 
 def test_truth_denser_than_the_tracks_is_judged_at_their_stamps():
@@ -318,19 +318,19 @@ def test_a_silent_tracker_misses_everybody(reported, missed):
 
 def test_one_single_frame_of_tracks():
     truth = truth_of({1: still(0, 0, range(10))})
-    metrics = evaluate(truth, tracks_of({7: {4: (0, 0)}}))
+    metrics = evaluate_tracks(truth, tracks_of({7: {4: (0, 0)}}))
     assert metrics["misses"] == 9
 
 
 def test_tables_on_different_clocks_are_refused():
     truth = truth_of({1: still(0, 0, range(10))})
     with pytest.raises(InputError, match=r"same clock"):
-        evaluate(truth, tracks_of({7: still(0, 0, range(1000, 1010))}))
+        evaluate_tracks(truth, tracks_of({7: still(0, 0, range(1000, 1010))}))
 
 
 def test_truth_without_any_row_is_refused():
     with pytest.raises(InputError, match="no rows"):
-        evaluate(truth_of({}), tracks_of({}))
+        evaluate_tracks(truth_of({}), tracks_of({}))
 
 
 # --- heads
@@ -342,7 +342,7 @@ def test_head_errors_per_axis_where_estimated():
     guess = Track(7, 0, 0, head_x=0.1, head_y=-0.2, head_z=1.9, head_yaw=-pi + 0.2)
     frames = [TrackFrame(ns(step), (guess,)) for step in range(3)]
     frames.append(TrackFrame(ns(3), (replace(guess, head_x=0.3, head_yaw=float("nan")),)))
-    metrics = evaluate(truth, track_table(frames))
+    metrics = evaluate_tracks(truth, track_table(frames))
     assert metrics["head_error_m"] == pytest.approx({"x": 0.15, "y": 0.2, "z": 0.3})
     assert metrics["head_yaw_error_rad"] == pytest.approx(0.3)
 
@@ -377,10 +377,10 @@ def runs(draw):
 @given(runs())
 def test_names_do_not_matter(run):
     truth, tracks, steps, rng = run
-    metrics = evaluate(truth_of(truth, steps), tracks_of(tracks, steps))
+    metrics = evaluate_tracks(truth_of(truth, steps), tracks_of(tracks, steps))
     persons = dict(zip(truth, (10 + rng.permutation(len(truth))).tolist(), strict=True))
     names = dict(zip(tracks, (10 + rng.permutation(len(tracks))).tolist(), strict=True))
-    renamed = evaluate(
+    renamed = evaluate_tracks(
         truth_of({persons[p]: path for p, path in truth.items()}, steps),
         tracks_of({names[t]: path for t, path in tracks.items()}, steps),
     )
@@ -395,7 +395,7 @@ def test_names_do_not_matter(run):
 def test_perfect_tracks_of_any_run(run):
     truth, _, steps, _ = run
     inside = {p: {step: place[:2] for step, place in path.items()} for p, path in truth.items()}
-    metrics = evaluate(truth_of(inside, steps), tracks_of(inside, steps))
+    metrics = evaluate_tracks(truth_of(inside, steps), tracks_of(inside, steps))
     assert (metrics["mota"], metrics["idf1"], metrics["gospa_m"], metrics["ospa_m"]) == (1.0, 1.0, 0.0, 0.0)
     assert metrics["hota"] == pytest.approx(1.0)
     assert metrics["misidentifications"] == metrics["lost_tracks"] == metrics["id_switches"] == 0
