@@ -199,8 +199,8 @@ class LaserFisheyeImm:
         return [self._work(epoch) for epoch in self._gatherer.finish()]
 
     def tracks(self) -> list[Track]:
-        """Everyone confirmed, as of the last frame, by id."""
-        people, confirmed = self._people, np.flatnonzero(self._people.confirmed)
+        """Everyone confirmed in the area, as of the last frame, by id."""
+        people, confirmed = self._people, np.flatnonzero(self._people.confirmed & self._inside())
         means, _ = self._imm.estimate(people.state.select(confirmed))
         tracks = [
             Track(
@@ -451,9 +451,15 @@ class LaserFisheyeImm:
 
     def _end(self, t: float) -> None:
         kept = self._people.alive(t, self.options.management)
-        if self._area is not None and len(self._people):
-            kept &= self._area.contains(self._positions())
+        # a prediction that strays out of the area is not yet a person who has left it
+        kept &= self._inside() | (self._people.measured_t < t)
         self._people = self._people.select(kept)
+
+    def _inside(self) -> Mask:
+        """Which tracks are in the area or its margin, (n,)."""
+        if self._area is None or len(self._people) == 0:
+            return np.ones(len(self._people), np.bool_)
+        return self._area.contains(self._positions())
 
     def _start(self, matches: _Matches, seen: _Seen, t: float) -> None:
         position, trunk = matches.new_position, matches.new_trunk
