@@ -17,42 +17,39 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
 from trackers.area import Area
-from trackers.configuration import Strict, validate
+from trackers.configuration import validate
 from trackers.epochs import Epoch, EpochGatherer
 from trackers.errors import InputError
-from trackers.filters.gating import global_nearest_neighbour, mahalanobis, validation_region
 from trackers.filters.imm import Imm
 from trackers.filters.motion import (
     IMM_MODELS,
     KALMAN_MODELS,
-    MEASUREMENT_VARIANCE_M2,
-    MODE_STAYS,
     MotionModel,
     transition_matrix,
 )
-from trackers.laser.grouping import distances, pair_off, take_legs
-from trackers.laser.layer import Detections, KneeOptions, LaserLayer, WaistOptions
+from trackers.laser.grouping import distances
+from trackers.laser.layer import Detections, LaserLayer
 from trackers.laser.roles import Role, scanners_by_role
+from trackers.laser_fisheye_association import Association, Matches, Seen
+from trackers.laser_fisheye_options import LaserFisheyeImmOptions
 from trackers.observations import Image, LaserScan, Observation
-from trackers.people import ManagementOptions, People
+from trackers.people import People
 from trackers.rig import Rig
 from trackers.tracks import Track, TrackFrame
-from trackers.vision.histogram import ColourHistogram, HistogramOptions, chi_squared_distance, updated_reference
-from trackers.vision.torso import TorsoOptions, TorsoProjector, TorsoWindows
+from trackers.vision.histogram import ColourHistogram, updated_reference
+from trackers.vision.torso import TorsoProjector
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
-_NOBODY = np.empty(0, np.intp)
 
 logger = logging.getLogger(__name__)
 
@@ -60,86 +57,6 @@ CITATION = (
     "Z. Bai, K. Takahashi: Identification and Tracking Using Laser and Vision of Maneuvering People "
     "(two-layer laser range sensor, fisheye camera, interacting multiple model estimator)"
 )
-
-
-class LaserFisheyeImmOptions(Strict):
-    """Every constant of the paper, and what we added to it."""
-
-    filter: Literal["imm", "kalman"] = Field(
-        default="imm", description="three models, or the single-model baseline (model 3)"
-    )
-    layers: tuple[Role, ...] = Field(default=("waist", "knee"), min_length=1, description="which scanners to use")
-    camera: bool = Field(default=True, description="whether to use the fisheye camera, where there is one")
-    imm_variances: tuple[tuple[float, float], ...] = Field(
-        default=tuple((model.acceleration_variance, model.turn_acceleration_variance) for model in IMM_MODELS),
-        min_length=len(IMM_MODELS),
-        max_length=len(IMM_MODELS),
-        description="diagonals of Q1, Q2, Q3 [m²/s⁴, rad²/s⁴]",
-    )
-    kalman_variances: tuple[float, float] = Field(
-        default=(KALMAN_MODELS[0].acceleration_variance, KALMAN_MODELS[0].turn_acceleration_variance),
-        description="diagonal of Q of the single model [m²/s⁴, rad²/s⁴]",
-    )
-    mode_stays: float = Field(
-        default=MODE_STAYS, gt=0, le=1, description="probability that a mode stays from one scan to the next"
-    )
-    measurement_variance_m2: float = Field(default=MEASUREMENT_VARIANCE_M2, gt=0, description="diagonal of R [m²]")
-    start_speed_m_s: float = Field(
-        default=1.5, gt=0, description="standard deviation of a new track's speed [m/s] (ours)"
-    )
-    colour_weight: float = Field(default=10.0, ge=0, description="w in d = N + w E (inferred; chosen by experiment)")
-    max_deviations: float = Field(default=4.0, gt=0, description="a pair with a greater N is not believed (ours)")
-    foreign_above: float = Field(
-        default=0.6, ge=0, description="a pair with a greater E is not believed: another's shirt (ours)"
-    )
-    recognised_below: float = Field(
-        default=0.3,
-        ge=0,
-        description="a hidden person is known again by an E up to this, beyond the prediction's reach (ours)",
-    )
-    expected_below: float = Field(
-        default=2.0,
-        ge=0,
-        description="but not in somebody this near, by N, to where somebody in sight is expected (ours)",
-    )
-    looks_to_know: int = Field(default=5, ge=0, description="clear looks after which a shirt is known well (ours)")
-    reach_m_s: float = Field(default=1.5, ge=0, description="how fast a hidden person may have walked [m/s] (ours)")
-    period_s: float = Field(
-        default=0.1, gt=0, description="scan period that the variances are for; longer gaps are cut into such steps [s]"
-    )
-    max_wait_s: float = Field(
-        default=0.15, ge=0, description="how long a moment waits for a sensor that has not reported [s]"
-    )
-    waist: WaistOptions = WaistOptions()
-    knee: KneeOptions = KneeOptions()
-    torso: TorsoOptions = TorsoOptions()
-    histogram: HistogramOptions = HistogramOptions()
-    management: ManagementOptions = ManagementOptions()
-
-
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """What one epoch shows: trunks with their colours, single legs."""
-
-    trunks: Detections
-    legs: Detections
-    windows: TorsoWindows | None
-    histograms: Array  # (k, bins) of the trunks; meaningful where comparable
-    comparable: Mask  # (k,)
-    clear: Mask  # (k,) may be learned from
-
-
-@dataclass(frozen=True, eq=False)
-class _Matches:
-    """Which track was measured where, and what was left over."""
-
-    track: Index  # (p,)
-    position: Array  # (p, 2)
-    variance: Array  # (p,) of the position on each axis
-    trunk: Index  # (p,) the trunk, or -1 where legs were used
-    new_position: Array  # (q, 2) measurements that no track took
-    new_trunk: Index  # (q,)
-    new_clearance: Array  # (q,) how far from everybody else somebody new must be to be believed [m]
 
 
 class LaserFisheyeImm:
@@ -222,7 +139,7 @@ class LaserFisheyeImm:
     def _work(self, epoch: Epoch) -> TrackFrame:
         seen = self._detect(epoch)
         self._predict(epoch.t)
-        matches = self._associate(seen)
+        matches = Association(self._people, self._imm, self.options, self._knee_radius_m, epoch.t).matches(seen)
         self._update(matches, epoch.t)
         self._learn_colours(matches, seen)
         self._confirm(epoch.t)
@@ -233,12 +150,12 @@ class LaserFisheyeImm:
 
     # --- detect
 
-    def _detect(self, epoch: Epoch) -> _Seen:
+    def _detect(self, epoch: Epoch) -> Seen:
         trunks, legs = self._scanned(epoch, "waist"), self._scanned(epoch, "knee")
         nothing = np.zeros(len(trunks), np.bool_)
         image = None if self._camera is None else epoch.observations.get(self._camera)
         if self._projector is None or not isinstance(image, Image):
-            return _Seen(trunks, legs, None, np.zeros((len(trunks), self._histogram.size)), nothing, nothing)
+            return Seen(trunks, legs, None, np.zeros((len(trunks), self._histogram.size)), nothing, nothing)
         expected = (self._intrinsics.height, self._intrinsics.width, 3)
         if image.rgb.shape != expected:
             raise InputError(
@@ -246,7 +163,7 @@ class LaserFisheyeImm:
             )
         windows = self._projector.windows(trunks)
         histograms = self._histogram.of_windows(image.rgb, windows.pixels, windows.inside)
-        return _Seen(trunks, legs, windows, histograms, windows.usable, windows.clear)
+        return Seen(trunks, legs, windows, histograms, windows.usable, windows.clear)
 
     def _scanned(self, epoch: Epoch, role: Role) -> Detections:
         scan = epoch.observations.get(self._scanners.get(role, ""))
@@ -272,123 +189,9 @@ class LaserFisheyeImm:
         state = self._imm.predict_over(state, elapsed, self.options.period_s)
         self._people = replace(self._people, state=state)
 
-    # --- associate
-
-    def _associate(self, seen: _Seen) -> _Matches:
-        """Trunks to tracks, then legs to the tracks left over: waist, else knee, never both."""
-        everyone = np.arange(len(self._people))
-        colour = self._colour_distance(seen)
-        tracks, trunks = self._match(everyone, seen.trunks.position, self.options.waist.radius_m, colour)
-        left = _others(len(everyone), tracks)
-        walkers, n_leg = self._walkers(seen, left)
-        knee, R = self.options.knee, self.options.measurement_variance_m2
-        one_legged = n_leg == 1
-        by_legs, legs = self._match(left, walkers, self._knee_radius_m, None)
-        new_trunk = _others(len(seen.trunks), trunks)
-        new_walker = _others(len(walkers), legs)
-        # a lone leg within a stride of somebody is likelier theirs than somebody new
-        body = self.options.management.body_radius_m
-        clearance = np.where(one_legged[new_walker], max(body, knee.stride_m), body)
-        return _Matches(
-            track=np.concatenate([tracks, by_legs]),
-            position=np.concatenate([seen.trunks.position[trunks], walkers[legs]]),
-            variance=np.concatenate(
-                [R + seen.trunks.variance_m2[trunks], R + one_legged[legs] * knee.single_leg_variance_m2]
-            ),
-            trunk=np.concatenate([trunks, np.full(legs.size, -1)]),
-            new_position=np.concatenate([seen.trunks.position[new_trunk], walkers[new_walker]]),
-            new_trunk=np.concatenate([new_trunk, np.full(new_walker.size, -1)]),
-            new_clearance=np.concatenate([np.full(new_trunk.size, body), clearance]),
-        )
-
-    def _match(self, tracks: Index, position: Array, radius_m: float, colour: Array | None) -> tuple[Index, Index]:
-        """Pairs (track, measurement) among `tracks` (p,) and measurements (k, 2); confirmed tracks choose first.
-
-        `colour`: E of all tracks (n, k), NaN where unknown.
-        """
-        if tracks.size == 0 or len(position) == 0:
-            return _NOBODY, _NOBODY
-        state = self._people.state.select(tracks)
-        distance = mahalanobis(state.positions, self._imm.innovation_covariance(state), position)
-        allowed = validation_region(state.positions, position, radius_m)
-        allowed &= distance <= self.options.max_deviations
-        confirmed = self._people.confirmed[tracks]
-        in_sight = confirmed & ~self._hidden(tracks)
-        expected = ((distance <= self.options.expected_below) & in_sight[:, None]).any(axis=0)
-        if colour is not None:
-            E = colour[tracks]
-            allowed &= ~self._foreign(tracks, colour)
-            distance = distance + self.options.colour_weight * np.nan_to_num(E)
-            recognised = self._can_be(tracks, position, radius_m) & (self.options.recognised_below >= E)
-        else:
-            # nothing tells whose legs these are but that only one of the hidden can be there
-            recognised = self._can_be(tracks, position, radius_m)
-            recognised &= np.count_nonzero(recognised, axis=0) == 1
-        recognised &= ~expected
-        taken_tracks, taken = [], []
-        # first whom a prediction explains, then the hidden by what else tells them, then who is not confirmed yet
-        for candidates in (allowed & confirmed[:, None], recognised, allowed & ~confirmed[:, None]):
-            candidates[np.concatenate([*taken_tracks, _NOBODY])] = False
-            candidates[:, np.concatenate([*taken, _NOBODY])] = False
-            rows, columns = global_nearest_neighbour(distance, candidates)
-            taken_tracks.append(rows)
-            taken.append(columns)
-        return tracks[np.concatenate(taken_tracks)], np.concatenate(taken)
-
-    def _foreign(self, tracks: Index, colour: Array) -> Mask:
-        """Pairs (p, k) in which the shirt is another's: not the track's own, which is known well, or somebody else's.
-
-        A reference from a few looks may be of an arm or of whoever stood before the person.
-        """
-        E = colour[tracks]
-        anothers = (colour <= self.options.recognised_below).any(axis=0)
-        known_well = self._people.n_look[tracks] >= self.options.looks_to_know
-        return (self.options.foreign_above < E) & (anothers | known_well[:, None])
-
-    def _can_be(self, tracks: Index, position: Array, radius_m: float) -> Mask:
-        """Pairs (p, k) of a confirmed track out of sight and somebody whom it can have become meanwhile.
-
-        Its prediction says little after a while: what it can have walked since it was seen is asked instead.
-        """
-        assert self._t is not None
-        unseen_s = self._t - self._people.measured_t[tracks]
-        reach_m = radius_m + self.options.reach_m_s * unseen_s
-        near = distances(self._people.measured_at[tracks], position) <= reach_m[:, None]
-        hidden = self._people.confirmed[tracks] & self._hidden(tracks)
-        return near & hidden[:, None]
-
-    def _hidden(self, tracks: Index) -> Mask:
-        """Which of `tracks` (p,) were not measured at the last scan either."""
-        assert self._t is not None
-        return self._t - self._people.measured_t[tracks] > 1.5 * self.options.period_s
-
-    def _colour_distance(self, seen: _Seen) -> Array | None:
-        """E for every track and trunk, (n, k), NaN where either has no colours; None where nobody has."""
-        known, shown = self._people.has_reference, seen.comparable
-        if not known.any() or not shown.any():
-            return None
-        E = np.full((known.size, shown.size), np.nan)
-        E[np.ix_(known, shown)] = chi_squared_distance(self._people.reference[known], seen.histograms[shown])
-        return E
-
-    def _walkers(self, seen: _Seen, unmatched: Index) -> tuple[Array, Index]:
-        """People (p, 2) as their legs show them, and how many legs each shows, (p,); nobody whose trunk is seen."""
-        knee, legs = self.options.knee, seen.legs.position
-        _, _, free = take_legs(legs, seen.trunks.position, knee.stride_m, knee.claim_m)
-        legs = legs[free]
-        hidden = self._positions()[unmatched[self._people.confirmed[unmatched]]]
-        known, n_leg, free = take_legs(legs, hidden, knee.stride_m, knee.claim_m)
-        strangers, n_leg_of_strangers = pair_off(legs[free], knee.pair_m)
-        return np.concatenate([known[n_leg > 0], strangers]), np.concatenate([n_leg[n_leg > 0], n_leg_of_strangers])
-
-    def _positions(self) -> Array:
-        """Each track's position over its modes, (n, 2) [m]."""
-        state = self._people.state
-        return (state.mean[:2] * state.probability).sum(axis=1).T
-
     # --- update
 
-    def _update(self, matches: _Matches, t: float) -> None:
+    def _update(self, matches: Matches, t: float) -> None:
         people, track = self._people, matches.track
         R = matches.variance[:, None, None] * np.eye(2)
         state = self._imm.update(people.state, track, matches.position, R)
@@ -420,7 +223,7 @@ class LaserFisheyeImm:
         trust = prior / (prior + measured)
         return self._imm.start(position, moved * trust[:, None], R, prior * (1 - trust))
 
-    def _learn_colours(self, matches: _Matches, seen: _Seen) -> None:
+    def _learn_colours(self, matches: Matches, seen: Seen) -> None:
         by_trunk = matches.trunk >= 0
         track, trunk = matches.track[by_trunk], matches.trunk[by_trunk]
         clear = seen.clear[trunk]
@@ -459,13 +262,13 @@ class LaserFisheyeImm:
         """Which tracks are in the area or its margin, (n,)."""
         if self._area is None or len(self._people) == 0:
             return np.ones(len(self._people), np.bool_)
-        return self._area.contains(self._positions())
+        return self._area.contains(self._people.positions)
 
-    def _start(self, matches: _Matches, seen: _Seen, t: float) -> None:
+    def _start(self, matches: Matches, seen: Seen, t: float) -> None:
         position, trunk = matches.new_position, matches.new_trunk
         if len(position) == 0:
             return
-        bodies = np.concatenate([self._positions(), matches.position])
+        bodies = np.concatenate([self._people.positions, matches.position])
         if len(bodies):
             free = distances(position, bodies).min(axis=1) > matches.new_clearance
             position, trunk = position[free], trunk[free]
@@ -481,7 +284,7 @@ class LaserFisheyeImm:
         state = self._imm.start(position, None, options.measurement_variance_m2, options.start_speed_m_s**2)
         return People.born(state, position, t, reference, n_look)
 
-    def _note_windows(self, matches: _Matches, seen: _Seen) -> None:
+    def _note_windows(self, matches: Matches, seen: Seen) -> None:
         self._windows = []
         if seen.windows is None:
             return
@@ -510,10 +313,3 @@ class LaserFisheyeImm:
         return Imm(
             models, transition_matrix(len(models), options.mode_stays), np.eye(2) * options.measurement_variance_m2
         )
-
-
-def _others(n: int, taken: Index) -> Index:
-    """The indices below n that are not `taken`."""
-    free = np.ones(n, np.bool_)
-    free[taken] = False
-    return np.flatnonzero(free)

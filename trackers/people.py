@@ -80,6 +80,11 @@ class People:
         )
 
     @property
+    def positions(self) -> Array:
+        """Each track's position over its modes, (n, 2) [m]."""
+        return (self.state.mean[:2] * self.state.probability).sum(axis=1).T
+
+    @property
     def has_reference(self) -> Mask:
         """Who has been seen clearly at least once, (n,)."""
         return self.n_look > 0

@@ -1,0 +1,174 @@
+"""Who was measured where: trunks to tracks, then legs, by distance and by colour; nothing is changed here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.filters.gating import global_nearest_neighbour, mahalanobis, validation_region
+from trackers.filters.imm import Imm
+from trackers.laser.grouping import distances, pair_off, take_legs
+from trackers.laser.layer import Detections
+from trackers.laser_fisheye_options import LaserFisheyeImmOptions
+from trackers.people import People
+from trackers.vision.histogram import chi_squared_distance
+from trackers.vision.torso import TorsoWindows
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+_NOBODY = np.empty(0, np.intp)
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What one epoch shows: trunks with their colours, single legs."""
+
+    trunks: Detections
+    legs: Detections
+    windows: TorsoWindows | None
+    histograms: Array  # (k, bins) of the trunks; meaningful where comparable
+    comparable: Mask  # (k,)
+    clear: Mask  # (k,) may be learned from
+
+
+@dataclass(frozen=True, eq=False)
+class Matches:
+    """Which track was measured where, and what was left over."""
+
+    track: Index  # (p,)
+    position: Array  # (p, 2)
+    variance: Array  # (p,) of the position on each axis
+    trunk: Index  # (p,) the trunk, or -1 where legs were used
+    new_position: Array  # (q, 2) measurements that no track took
+    new_trunk: Index  # (q,)
+    new_clearance: Array  # (q,) how far from everybody else somebody new must be to be believed [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Association:
+    """The pairing of one epoch: global nearest neighbour on d = N + w E within the validation regions.
+
+    people: predicted to time t [s]; knee_radius_m: the validation radius of legs.
+    """
+
+    people: People
+    imm: Imm
+    options: LaserFisheyeImmOptions
+    knee_radius_m: float
+    t: float
+
+    def matches(self, seen: Seen) -> Matches:
+        """Trunks to tracks, then legs to the tracks left over: waist, else knee, never both."""
+        everyone = np.arange(len(self.people))
+        colour = self._colour_distance(seen)
+        tracks, trunks = self._match(everyone, seen.trunks.position, self.options.waist.radius_m, colour)
+        left = _others(len(everyone), tracks)
+        walkers, n_leg = self._walkers(seen, left)
+        knee, R = self.options.knee, self.options.measurement_variance_m2
+        one_legged = n_leg == 1
+        by_legs, legs = self._match(left, walkers, self.knee_radius_m, None)
+        new_trunk = _others(len(seen.trunks), trunks)
+        new_walker = _others(len(walkers), legs)
+        # a lone leg within a stride of somebody is likelier theirs than somebody new
+        body = self.options.management.body_radius_m
+        clearance = np.where(one_legged[new_walker], max(body, knee.stride_m), body)
+        return Matches(
+            track=np.concatenate([tracks, by_legs]),
+            position=np.concatenate([seen.trunks.position[trunks], walkers[legs]]),
+            variance=np.concatenate(
+                [R + seen.trunks.variance_m2[trunks], R + one_legged[legs] * knee.single_leg_variance_m2]
+            ),
+            trunk=np.concatenate([trunks, np.full(legs.size, -1)]),
+            new_position=np.concatenate([seen.trunks.position[new_trunk], walkers[new_walker]]),
+            new_trunk=np.concatenate([new_trunk, np.full(new_walker.size, -1)]),
+            new_clearance=np.concatenate([np.full(new_trunk.size, body), clearance]),
+        )
+
+    def _match(self, tracks: Index, position: Array, radius_m: float, colour: Array | None) -> tuple[Index, Index]:
+        """Pairs (track, measurement) among `tracks` (p,) and measurements (k, 2); confirmed tracks choose first.
+
+        `colour`: E of all tracks (n, k), NaN where unknown.
+        """
+        if tracks.size == 0 or len(position) == 0:
+            return _NOBODY, _NOBODY
+        state = self.people.state.select(tracks)
+        distance = mahalanobis(state.positions, self.imm.innovation_covariance(state), position)
+        allowed = validation_region(state.positions, position, radius_m)
+        allowed &= distance <= self.options.max_deviations
+        confirmed = self.people.confirmed[tracks]
+        in_sight = confirmed & ~self._hidden(tracks)
+        expected = ((distance <= self.options.expected_below) & in_sight[:, None]).any(axis=0)
+        if colour is not None:
+            E = colour[tracks]
+            allowed &= ~self._foreign(tracks, colour)
+            distance = distance + self.options.colour_weight * np.nan_to_num(E)
+            recognised = self._can_be(tracks, position, radius_m) & (self.options.recognised_below >= E)
+        else:
+            # nothing tells whose legs these are but that only one of the hidden can be there
+            recognised = self._can_be(tracks, position, radius_m)
+            recognised &= np.count_nonzero(recognised, axis=0) == 1
+        recognised &= ~expected
+        taken_tracks, taken = [], []
+        # first whom a prediction explains, then the hidden by what else tells them, then who is not confirmed yet
+        for candidates in (allowed & confirmed[:, None], recognised, allowed & ~confirmed[:, None]):
+            candidates[np.concatenate([*taken_tracks, _NOBODY])] = False
+            candidates[:, np.concatenate([*taken, _NOBODY])] = False
+            rows, columns = global_nearest_neighbour(distance, candidates)
+            taken_tracks.append(rows)
+            taken.append(columns)
+        return tracks[np.concatenate(taken_tracks)], np.concatenate(taken)
+
+    def _foreign(self, tracks: Index, colour: Array) -> Mask:
+        """Pairs (p, k) in which the shirt is another's: not the track's own, which is known well, or somebody else's.
+
+        A reference from a few looks may be of an arm or of whoever stood before the person.
+        """
+        E = colour[tracks]
+        anothers = (colour <= self.options.recognised_below).any(axis=0)
+        known_well = self.people.n_look[tracks] >= self.options.looks_to_know
+        return (self.options.foreign_above < E) & (anothers | known_well[:, None])
+
+    def _can_be(self, tracks: Index, position: Array, radius_m: float) -> Mask:
+        """Pairs (p, k) of a confirmed track out of sight and somebody whom it can have become meanwhile.
+
+        Its prediction says little after a while: what it can have walked since it was seen is asked instead.
+        """
+        unseen_s = self.t - self.people.measured_t[tracks]
+        reach_m = radius_m + self.options.reach_m_s * unseen_s
+        near = distances(self.people.measured_at[tracks], position) <= reach_m[:, None]
+        hidden = self.people.confirmed[tracks] & self._hidden(tracks)
+        return near & hidden[:, None]
+
+    def _hidden(self, tracks: Index) -> Mask:
+        """Which of `tracks` (p,) were not measured at the last scan either."""
+        return self.t - self.people.measured_t[tracks] > 1.5 * self.options.period_s
+
+    def _colour_distance(self, seen: Seen) -> Array | None:
+        """E for every track and trunk, (n, k), NaN where either has no colours; None where nobody has."""
+        known, shown = self.people.has_reference, seen.comparable
+        if not known.any() or not shown.any():
+            return None
+        E = np.full((known.size, shown.size), np.nan)
+        E[np.ix_(known, shown)] = chi_squared_distance(self.people.reference[known], seen.histograms[shown])
+        return E
+
+    def _walkers(self, seen: Seen, unmatched: Index) -> tuple[Array, Index]:
+        """People (p, 2) as their legs show them, and how many legs each shows, (p,); nobody whose trunk is seen."""
+        knee, legs = self.options.knee, seen.legs.position
+        _, _, free = take_legs(legs, seen.trunks.position, knee.stride_m, knee.claim_m)
+        legs = legs[free]
+        hidden = self.people.positions[unmatched[self.people.confirmed[unmatched]]]
+        known, n_leg, free = take_legs(legs, hidden, knee.stride_m, knee.claim_m)
+        strangers, n_leg_of_strangers = pair_off(legs[free], knee.pair_m)
+        return np.concatenate([known[n_leg > 0], strangers]), np.concatenate([n_leg[n_leg > 0], n_leg_of_strangers])
+
+
+def _others(n: int, taken: Index) -> Index:
+    """The indices below n that are not `taken`."""
+    free = np.ones(n, np.bool_)
+    free[taken] = False
+    return np.flatnonzero(free)
