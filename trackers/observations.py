@@ -61,4 +61,27 @@ class Image:
         return self.stamp_ns / NS_PER_S
 
 
-Observation = LaserScan | Image
+@dataclass(frozen=True, eq=False)
+class FloorFrame:
+    """One reading of all elements of a pressure floor, 8 bits each, in the floor's frame: x along a row, y from row to row.
+
+    What load goes with a value stands in the rig: `trackers.rig.FloorSensor.load_n`.
+    """
+
+    sensor: str
+    stamp_ns: int
+    values: NDArray[np.uint8]  # (rows, columns)
+
+    def __post_init__(self) -> None:
+        if self.values.ndim != 2:
+            raise InputError(
+                f"floor {self.sensor!r}: values have shape {self.values.shape}; rows and columns are expected"
+            )
+
+    @property
+    def t(self) -> float:
+        """Stamp [s]."""
+        return self.stamp_ns / NS_PER_S
+
+
+Observation = LaserScan | Image | FloorFrame

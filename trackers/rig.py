@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from trackers.configuration import Strict, parse_yaml, read_text, validate
 from trackers.errors import InputError
+from trackers.floor.force_curve import ForceCurve
 
 Point2 = tuple[FiniteFloat, FiniteFloat]
 Point3 = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
@@ -100,7 +101,41 @@ class FisheyeSensor(Strict):
     time_offset_s: FiniteFloat = 0.0
 
 
-RigSensor = Annotated[LaserSensor | FisheyeSensor, Field(discriminator="kind")]
+class FloorSensor(Strict):
+    """A pressure floor: `rows` x `columns` square elements of side `pitch_m`, each with the same force curve.
+
+    `room_from_sensor` takes its frame to the room's: origin at the outer corner of element (0, 0), x along a row (with
+    the columns), y from row to row, z up.
+    """
+
+    kind: Literal["floor"] = "floor"
+    topic: str
+    room_from_sensor: Pose = Pose()
+    rows: PositiveInt
+    columns: PositiveInt
+    pitch_m: float = Field(gt=0, allow_inf_nan=False)
+    curve: ForceCurve = ForceCurve()
+    time_offset_s: FiniteFloat = 0.0
+
+    def load_n(self, values: NDArray[np.uint8]) -> NDArray[np.float64]:
+        """The load on each element [N] that a frame's values (rows, columns) speak of, by the force curve."""
+        return self.curve.load_n(values)
+
+    @property
+    def centres(self) -> NDArray[np.float64]:
+        """The elements' middles in the room, (rows, columns, 2) x, y [m]."""
+        x, y = np.meshgrid(np.arange(self.columns) + 0.5, np.arange(self.rows) + 0.5)
+        local = np.stack([x, y], axis=-1) * self.pitch_m
+        return local @ self.room_from_sensor.rotation[:2, :2].T + self.room_from_sensor.translation[:2]
+
+    @property
+    def corners(self) -> NDArray[np.float64]:
+        """The grid's corners in the room, counter-clockwise from the origin, (4, 2) [m]."""
+        local = np.array([(0, 0), (self.columns, 0), (self.columns, self.rows), (0, self.rows)]) * self.pitch_m
+        return local @ self.room_from_sensor.rotation[:2, :2].T + self.room_from_sensor.translation[:2]
+
+
+RigSensor = Annotated[LaserSensor | FisheyeSensor | FloorSensor, Field(discriminator="kind")]
 
 
 class Rig(Strict):
@@ -122,6 +157,10 @@ class Rig(Strict):
     def cameras(self) -> dict[str, FisheyeSensor]:
         """The cameras by name."""
         return {name: sensor for name, sensor in self.sensors.items() if isinstance(sensor, FisheyeSensor)}
+
+    def floors(self) -> dict[str, FloorSensor]:
+        """The pressure floors by name."""
+        return {name: sensor for name, sensor in self.sensors.items() if isinstance(sensor, FloorSensor)}
 
     @property
     def main_sensor(self) -> str:

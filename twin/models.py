@@ -42,6 +42,7 @@ def find(folder: str, name: str, relative_to: Path | None = None, asked_by: str 
 SENSOR_KINDS = {
     "laser": "planar range scanner: any field of view, resolution, noise",
     "fisheye": "fisheye camera: equidistant or Kannala–Brandt, any coefficients",
+    "floor": "pressure floor: a grid of force-sensing resistors, any pitch and size, 8 bits",
 }
 """The kinds of sensor a scenario can have, with one line on each."""
 

@@ -1,4 +1,4 @@
-"""Whether a scenario's area and people fit into its room, checked before anything is built."""
+"""Whether a scenario's area and people fit into its room and between its furniture, checked before anything is built."""
 
 from __future__ import annotations
 
@@ -9,10 +9,16 @@ from numpy.typing import NDArray
 
 from trackers.area import Area
 from trackers.errors import InputError
-from twin.people.scripts import known_start
+from twin.furniture import Seat
+from twin.people.arrivals import comes_at, known_start
+from twin.people.crowd import KEEP_FROM_FURNITURE_M, planar
+from twin.people.obstacles import Footprints
+from twin.people.places import nearest_free
+from twin.people.routes import CLOSE_M, Routes
 from twin.polygon import TOLERANCE_M, leaves_at, meets_itself_at, strictly_inside
 from twin.scenario import Scenario
-from twin.scenario.people import Person, Walk, Wander
+from twin.scenario.behaviour import Bend, Leave, Look, Path, Reach, Run, Stand, Turn, Walk, Wander
+from twin.scenario.people import Person
 
 Array = NDArray[np.float64]
 
@@ -30,18 +36,20 @@ def check_polygon(corners: Array, field: str) -> None:
         )
 
 
-def check_placement(scenario: Scenario, area: Array, walkable: Array | None) -> None:
-    """Raise InputError where the tracked area or a person leaves the walkable area, or two people start in each other.
+def check_placement(scenario: Scenario, area: Array, walkable: Array | None, routes: Routes | None = None) -> None:
+    """Raise InputError where the tracked area or a person leaves the walkable area, somebody starts in furniture or in
+    another, or is sent where they cannot go.
 
     area, walkable: simple polygons (k, 2) in the room frame [m]; walkable None: the room does not say, and only what
-    the people ask of each other and of the tracked area is checked.
+    the people ask of each other and of the tracked area is checked. routes: the ways between the furniture; None:
+    people go straight and furniture is not looked at.
     """
     source = f"scenario {scenario.name!r}"
     if walkable is not None:
         for corner, after in zip(area, np.roll(area, -1, axis=0), strict=True):
             _check_way(walkable, corner, after, f"{source}: area: the edge")
         for name, person in scenario.people.items():
-            _check_person(person, walkable, f"{source}: people.{name}")
+            _check_person(person, walkable, routes, f"{source}: people.{name}")
     placed: dict[str, Array] = {}
     for name, person in scenario.people.items():
         start = known_start(person)
@@ -49,8 +57,10 @@ def check_placement(scenario: Scenario, area: Array, walkable: Array | None) -> 
             continue
         here = np.array(start)
         field = f"{source}: people.{name}.{_start_field(person)}: {_point(here)}"
-        if isinstance(person.script, Wander) and not strictly_inside(area, here):
+        if person.script and isinstance(person.script[0], Wander) and not strictly_inside(area, here):
             raise InputError(f"{field} is not inside the area that a wanderer stays in; {_within(area)} is expected")
+        if comes_at(person) > 0 or _keeps_path(person):
+            continue  # who comes later waits for a free place, and recorded paths are as they are
         for other, there in placed.items():
             distance = float(np.linalg.norm(here - there))
             if distance < CLEARANCE_M:
@@ -61,20 +71,102 @@ def check_placement(scenario: Scenario, area: Array, walkable: Array | None) -> 
         placed[name] = here
 
 
-def _check_person(person: Person, walkable: Array, field: str) -> None:
-    """Raise InputError where a start, a waypoint or the straight way between two lies outside the walkable area."""
-    if person.start is not None:
-        _check_point(walkable, np.array(person.start), f"{field}.start")
-    if not isinstance(person.script, Walk):
+def check_free(place: Array, routes: Routes, field: str, clear_m: float = KEEP_FROM_FURNITURE_M) -> None:
+    """Raise InputError naming the field and the furniture where a place (2,) [m] is in, or within `clear_m` of, some."""
+    gaps = Footprints(routes.obstacles).gaps(planar(place[None]))[1][0]
+    if not len(gaps) or gaps.min() >= clear_m - TOLERANCE_M:
         return
-    waypoints = [np.array(waypoint) for waypoint in person.script.waypoints]
-    for number, waypoint in enumerate(waypoints):
-        _check_point(walkable, waypoint, f"{field}.script.waypoints.{number}")
-    stops = [*([np.array(person.start)] if person.start is not None else []), *waypoints]
-    if person.script.repeat:
-        stops.append(waypoints[0])
-    for here, after in pairwise(stops):
-        _check_way(walkable, here, after, f"{field}.script.waypoints: the straight way")
+    furniture = routes.obstacles[int(gaps.argmin())].furniture
+    where = f"inside {furniture!r}" if gaps.min() <= 0 else f"only {gaps.min():.2f} m from {furniture!r}"
+    free = nearest_free(place, routes.area, routes.obstacles, clear_m)
+    instead = f", {_point(free)} for instance," if free is not None else ""
+    raise InputError(
+        f"{field}: {_point(place)} is {where}; a place at least {clear_m:g} m from furniture{instead} is expected"
+    )
+
+
+def check_way(start: Array, goal: Array, routes: Routes, field: str) -> None:
+    """Raise InputError naming the field where furniture leaves no way from start to goal (2,) [m]."""
+    if routes.way(start, goal) is None:
+        raise InputError(
+            f"{field}: furniture leaves no way from {_point(start)} to {_point(goal)}; places that a gap of "
+            f"{2 * KEEP_FROM_FURNITURE_M:g} m leads to are expected"
+        )
+
+
+def check_seat(seat: Seat, gap_m: float, routes: Routes, field: str) -> None:
+    """Raise InputError naming the field where nobody can come to the place `gap_m` [m] before a seat."""
+    place = seat.before(gap_m)
+    if routes.reachable(place):
+        return
+    gaps = Footprints(routes.obstacles).gaps(planar(place[None]))[1][0]
+    others = [
+        (gap, each.furniture)
+        for gap, each in zip(gaps, routes.obstacles, strict=True)
+        if each.furniture != seat.furniture
+    ]
+    blocked = f", {min(others)[1]!r} is in the way" if others else ""
+    raise InputError(
+        f"{field}: nobody can come to {_point(place)}, before the seat {seat.name!r}{blocked}; a seat with a free place "
+        "before it is expected"
+    )
+
+
+def _check_person(person: Person, walkable: Array, routes: Routes | None, field: str) -> None:
+    """Raise InputError where a start, a waypoint or the way between two lies outside the walkable area or in furniture."""
+    here = None if person.start is None else np.array(person.start)
+    if here is not None:
+        _check_place(here, walkable, routes, f"{field}.start", KEEP_FROM_FURNITURE_M)
+    for number, action in enumerate(person.script):
+        where = f"{field}.{_script_field(person, number)}"
+        match action:
+            case Walk(waypoints=waypoints, repeat=repeat) | Run(waypoints=waypoints, repeat=repeat):
+                stops = [np.array(waypoint) for waypoint in waypoints]
+                for place, stop in enumerate(stops):
+                    begins = place == number == 0 and person.start is None
+                    clear_m = KEEP_FROM_FURNITURE_M if begins else CLOSE_M
+                    _check_place(stop, walkable, routes, f"{where}.waypoints.{place}", clear_m)
+                ways = [*([here] if here is not None else []), *stops, *(stops[:1] if repeat else [])]
+                for before, after in pairwise(ways):
+                    _check_between(before, after, walkable, routes, f"{where}.waypoints")
+                here = stops[-1]
+            case Leave(to=to):
+                _check_place(np.array(to), walkable, routes, f"{where}.to", CLOSE_M)
+            case Path(points=points):
+                _check_path(np.array(points), walkable, routes, f"{where}.points")
+            case Stand() | Turn() | Bend() | Reach() | Look():
+                pass
+            case _:
+                here = None  # who wanders, follows or sits goes on from somewhere else
+
+
+def _check_place(place: Array, walkable: Array, routes: Routes | None, field: str, clear_m: float) -> None:
+    _check_point(walkable, place, field)
+    if routes is not None:
+        check_free(place, routes, field, clear_m)
+
+
+def _check_between(start: Array, goal: Array, walkable: Array, routes: Routes | None, field: str) -> None:
+    if routes is not None:
+        check_way(start, goal, routes, field)
+    else:
+        _check_way(walkable, start, goal, f"{field}: the straight way")
+
+
+def _check_path(points: Array, walkable: Array, routes: Routes | None, field: str) -> None:
+    """Raise InputError naming the row of a recorded path (k, 3) t, x, y that lies in a wall or in furniture."""
+    places = points[:, 1:]
+    outside = ~Area(walkable, TOLERANCE_M).contains(places)
+    for row in np.flatnonzero(outside)[:1]:
+        _check_point(walkable, places[row], f"{field}.{row}, at {points[row, 0]:g} s")
+    if routes is not None and len(routes.obstacles):
+        inside = Footprints(routes.obstacles).gaps(planar(places))[1].min(axis=1) <= 0
+        for row in np.flatnonzero(inside)[:1]:
+            check_free(places[row], routes, f"{field}.{row}, at {points[row, 0]:g} s", 0.0)
+
+
+def _keeps_path(person: Person) -> bool:
+    return bool(person.script) and isinstance(person.script[0], Path)
 
 
 def _check_point(walkable: Array, place: Array, field: str) -> None:
@@ -94,7 +186,14 @@ def _check_way(walkable: Array, here: Array, after: Array, field: str) -> None:
 
 
 def _start_field(person: Person) -> str:
-    return "start" if person.start is not None else "script.waypoints.0"
+    if person.start is not None:
+        return "start"
+    return f"{_script_field(person, 0)}.{'points' if _keeps_path(person) else 'waypoints'}.0"
+
+
+def _script_field(person: Person, number: int) -> str:
+    """A script of one action is written without brackets."""
+    return "script" if len(person.script) == 1 else f"script.{number}"
 
 
 def _within(area: Array) -> str:
@@ -110,4 +209,4 @@ def _listed(corners: Array) -> str:
 
 
 def _point(place: Array) -> str:
-    return f"[{place[0]:g}, {place[1]:g}]"
+    return f"[{place[0]:.6g}, {place[1]:.6g}]"

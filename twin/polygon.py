@@ -1,4 +1,4 @@
-"""Polygons on the floor that a user drew: whether one is simple, and whether a straight way stays inside it."""
+"""Polygons on the floor: whether one is simple, whether a straight way stays inside it, how far two are apart."""
 
 from __future__ import annotations
 
@@ -58,6 +58,34 @@ def strictly_inside(corners: Array, place: Array) -> bool:
     """Whether a place (2,) lies in the simple polygon (k, 2) and not on its border [m]."""
     inside = bool(Area(corners).contains(place[None])[0])
     return inside and float(_gaps(corners, place[None]).min()) > TOLERANCE_M
+
+
+def polygon_area(corners: Array) -> float:
+    """Area of the simple polygon (k, 2) [m²], in either sense of rotation."""
+    return 0.5 * abs(float(_cross(corners, np.roll(corners, -1, axis=0)).sum()))
+
+
+def gap_between(first: Array, second: Array) -> float:
+    """Least distance between two simple polygons (k, 2) and (l, 2) [m], 0 where they overlap."""
+    if Area(first).contains(second).any() or Area(second).contains(first).any():
+        return 0.0
+    one, other = np.roll(first, -1, axis=0) - first, np.roll(second, -1, axis=0) - second
+    beside = np.sign(_cross(one[:, None], second - first[:, None]))  # of corners of the second, edges of the first
+    across = np.sign(_cross(other[:, None], first - second[:, None]))
+    if ((beside * np.roll(beside, -1, axis=1) < 0) & (across * np.roll(across, -1, axis=1) < 0).T).any():
+        return 0.0
+    return float(min(_gaps(first, second).min(), _gaps(second, first).min()))
+
+
+def inset(corners: Array, margin_m: float) -> Array | None:
+    """The simple polygon (k, 2) drawn in by a margin [m], corner by corner; None where it is too narrow for that."""
+    way = np.roll(corners, -1, axis=0) - corners
+    turn = np.sign(_cross(corners, np.roll(corners, -1, axis=0)).sum())
+    inward = turn * np.stack([-way[:, 1], way[:, 0]], axis=-1) / np.linalg.norm(way, axis=1)[:, None]
+    before = np.roll(inward, 1, axis=0)
+    inner = corners + margin_m * (inward + before) / (1 + (inward * before).sum(axis=1))[:, None]
+    turned = ((np.roll(inner, -1, axis=0) - inner) * way).sum(axis=1) <= 0
+    return None if turned.any() or not Area(corners).contains(inner).all() else inner
 
 
 def _gaps(corners: Array, places: Array) -> Array:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trackers.observations import Image, LaserScan, Observation
+from trackers.observations import FloorFrame, Image, LaserScan, Observation
 from trackers.rig import Rig
 from trackers.tracks import TrackFrame
 from twin.report.birdseye import Polygon
@@ -70,7 +70,9 @@ class Preview:
         }
         image = next((each for each in newest.values() if isinstance(each, Image)), None)
         scans = {name: each for name, each in newest.items() if isinstance(each, LaserScan)}
-        self._writer.frame(frame.stamp_ns, image, scans, frame.tracks, true_poses(self._truths.get(frame.stamp_ns)))
+        floors = {name: each for name, each in newest.items() if isinstance(each, FloorFrame)}
+        truth = true_poses(self._truths.get(frame.stamp_ns))
+        self._writer.frame(frame.stamp_ns, image, scans, frame.tracks, truth, floors)
         t = frame.stamp_ns / 1e9
         if t >= self._next_still_s and len(self.stills) < _MOST_STILLS:
             self.stills.append((t, self._writer.still()))

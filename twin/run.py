@@ -11,6 +11,7 @@ from pathlib import Path
 from trackers.observations import NS_PER_S
 from twin.feeding import feed
 from twin.outline import room_outline
+from twin.recording.feet import feet_writer
 from twin.recording.tables import read_truth, truth_writer
 from twin.recording.whole_file import whole_file
 from twin.recording.writer import BagWriter
@@ -86,8 +87,9 @@ def run_scenario(
         bag = stack.enter_context(
             BagWriter(folder / "recording.mcap", rig, scenario_yaml=resolved, names=place.person_names)
         )
-        table = stack.enter_context(truth_writer(folder / "truth.csv", list(rig.sensors)))
-        listeners += [table.write, bag.truth]
+        table = stack.enter_context(truth_writer(folder / "truth.csv", list(simulation.views)))
+        feet = stack.enter_context(feet_writer(folder / "truth_feet.csv", list(rig.floors())))
+        listeners += [table.write, feet.write, bag.truth]
         if fed.shown is not None:
             listeners.append(fed.shown.tell)
         for encoded in background:
@@ -105,6 +107,7 @@ def run_scenario(
     files = {
         "recording": folder / "recording.mcap",
         "truth": folder / "truth.csv",
+        "truth_feet": folder / "truth_feet.csv",
         "scenario": folder / "scenario.yaml",
     }
     with whole_file(files["scenario"]) as stream:
@@ -136,7 +139,7 @@ def run_scenario(
 
 def _names(trackers: Sequence[str], video: bool) -> list[str]:
     """What a run writes into its folder."""
-    names = ["recording.mcap", "truth.csv", "scenario.yaml", *(["preview.mp4"] if video else [])]
+    names = ["recording.mcap", "truth.csv", "truth_feet.csv", "scenario.yaml", *(["preview.mp4"] if video else [])]
     tables = [f"tracks/{file_name(name)}.csv" for name in trackers]
     return [*names, *tables, *(["metrics.json", "report.html"] if trackers else [])]
 

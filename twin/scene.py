@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from trackers.errors import InputError
 from twin import models
+from twin.furniture import Bed, Seat, furniture_of
+from twin.geom_hull import hull_points
 from twin.people.appearance import Appearance, appearance_of
 from twin.people.body import NQ_PERSON, person_spec
+from twin.people.crowd import OBSTACLE_REACH_M
+from twin.people.feet import FootShapes
+from twin.people.ground import Ground
+from twin.people.obstacles import Obstacle, obstacles_of, within_reach
 from twin.people.population import Population
-from twin.placement import check_placement, check_polygon
+from twin.people.routes import Routes
+from twin.placement import check_placement, check_polygon, check_seat
 from twin.scenario import Scenario
+from twin.scenario.behaviour import Lie, Sit
 from twin.streams import stream
+
+_BEFORE_SEAT_M = 0.2
+"""Where one stands to sit down, about, before the front edge [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +42,9 @@ class Scene:
 
     model: mujoco.MjModel
     area: NDArray[np.float64]  # (k, 2) tracked area, polygon in the room frame [m]
+    walkable: NDArray[np.float64] | None  # (k, 2) where a body's middle may go, None where the room does not say
+    floor: NDArray[np.float64]  # (k, 2) the room's floor, polygon in the room frame [m]
+    ground: Ground
     names: tuple[str, ...]
     appearances: dict[str, Appearance]
     ids: dict[str, int]
@@ -54,19 +70,28 @@ def build_scene(scenario: Scenario) -> Scene:
         )
     if scenario.area is not None:
         check_polygon(area, f"scenario {scenario.name!r}: area")
-    check_placement(scenario, area, walkable)
+    room = _compiled(spec, path)
+    furniture = furniture_of(room)
+    _check_furniture(scenario, furniture)
+    obstacles = obstacles_of(room)
+    source = f"scenario {scenario.name!r}"
+    obstacles = within_reach(obstacles, walkable if walkable is not None else area, OBSTACLE_REACH_M)
+    routes = _routes(walkable, area, obstacles, source)
+    check_placement(scenario, area, walkable, routes)
+    _check_seats(scenario, furniture, routes)
+    ground = Ground(area, walkable, obstacles, routes, furniture, source)
     names = tuple(sorted(scenario.people))
     appearances = {name: appearance_of(scenario.people[name], stream(scenario.seed, "looks", name)) for name in names}
     for name, appearance in appearances.items():
         spec.attach(person_spec(appearance), prefix=f"{name}/", frame=spec.worldbody.add_frame())
-    try:
-        model = spec.compile()
-    except ValueError as error:
-        raise InputError(f"{path}: does not compile ({_first_line(error)}); a valid MJCF room is expected") from error
+    model = _compiled(spec, path)
     ids = {name: number for number, name in enumerate(scenario.people, start=1)}
     return Scene(
         model=model,
         area=area,
+        walkable=walkable,
+        floor=_floor(room, walkable if walkable is not None else area),
+        ground=ground,
         names=names,
         appearances=appearances,
         ids=ids,
@@ -80,7 +105,77 @@ def build_scene(scenario: Scenario) -> Scene:
 def populate(scenario: Scenario, scene: Scene) -> Population:
     """The scenario's people as they move, each with a stream of their own."""
     streams = {name: stream(scenario.seed, "person", name) for name in scene.names}
-    return Population(scenario.people, scene.area, streams, scene.appearances, f"scenario {scenario.name!r}")
+    return Population(scenario.people, scene.ground, streams, scene.appearances, f"scenario {scenario.name!r}")
+
+
+def foot_shapes(scene: Scene) -> FootShapes:
+    """The soles of the scene's people, in the order of their names."""
+    lengths = [scene.appearances[name].proportions for name in scene.names]
+    measures = ("heel_behind_ankle", "ball_before_ankle", "foot_length", "foot_breadth")
+    return FootShapes(*(np.array([getattr(each, measure) for each in lengths], dtype=float) for measure in measures))
+
+
+def _floor(room: mujoco.MjModel, walkable: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The hull (k, 2) [m] of the room's level planes at the height of the floor; the walkable area where it has none."""
+    data = mujoco.MjData(room)
+    mujoco.mj_kinematics(room, data)
+    planes = np.flatnonzero(
+        (room.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)
+        & (data.geom_xmat[:, 8] > 0.99)
+        & (np.abs(data.geom_xpos[:, 2]) < 0.01)
+    )
+    points = [hull for plane in planes if (hull := hull_points(room, data, int(plane))) is not None]
+    if not points:
+        return walkable
+    flat = np.concatenate(points)[:, :2]
+    return flat[ConvexHull(flat).vertices]
+
+
+def _check_seats(scenario: Scenario, furniture: Mapping[str, Seat | Bed], routes: Routes) -> None:
+    """Raise InputError where nobody can come to a seat that a script asks for."""
+    for name, person in scenario.people.items():
+        for place, action in enumerate(person.script):
+            if isinstance(action, Sit):
+                seat = furniture[action.seat]
+                assert isinstance(seat, Seat)
+                check_seat(
+                    seat, _BEFORE_SEAT_M, routes, f"scenario {scenario.name!r}: people.{name}.script.{place}.seat"
+                )
+
+
+def _routes(
+    walkable: NDArray[np.float64] | None, area: NDArray[np.float64], obstacles: Sequence[Obstacle], source: str
+) -> Routes:
+    try:
+        return Routes(walkable if walkable is not None else area, obstacles)
+    except ValueError as error:
+        raise InputError(f"{source}: area: {error}; a wider one is expected") from error
+
+
+def _compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise InputError(f"{path}: does not compile ({_first_line(error)}); a valid MJCF room is expected") from error
+
+
+def _check_furniture(scenario: Scenario, furniture: Mapping[str, Seat | Bed]) -> None:
+    """Raise InputError where a script asks for a seat or bed that the room does not have."""
+    for name, person in scenario.people.items():
+        for place, action in enumerate(person.script):
+            match action:
+                case Sit(seat=asked):
+                    field, kind = "seat", Seat
+                case Lie(bed=asked):
+                    field, kind = "bed", Bed
+                case _:
+                    continue
+            if not isinstance(furniture.get(asked), kind):
+                valid = ", ".join(sorted(each for each, thing in furniture.items() if isinstance(thing, kind)))
+                raise InputError(
+                    f"scenario {scenario.name!r}: people.{name}.script.{place}.{field}: {scenario.room} has no {field} "
+                    f"{asked!r}; valid are {valid or f'none, as the room names none: a site called {field}_NAME is needed'}"
+                )
 
 
 def _first_line(error: Exception) -> str:

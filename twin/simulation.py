@@ -5,7 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import groupby
+from operator import attrgetter
 from types import TracebackType
 from typing import Self
 
@@ -17,10 +19,13 @@ from trackers.rig import Rig, RigSensor
 from twin.mounts import check_mount
 from twin.recording.messages import Encoded, encode
 from twin.scenario import Scenario
+from twin.scenario.floor import FloorDescription, check_floor
 from twin.scenario.sensors import build_sensor
+from twin.scene import foot_shapes
+from twin.sensors.floor import Floor
 from twin.sensors.render import GlInfo, RendererOnDemand
 from twin.sensors.schedule import Schedule, Scheduled
-from twin.sensors.sensor import Reading, Sensor, State
+from twin.sensors.sensor import Noisy, Reading, Sensor, State
 from twin.snapshot import Snapshot
 from twin.streams import stream
 from twin.truth import TruthFrame
@@ -49,6 +54,11 @@ class TimedSensor:
     def name(self) -> str:
         """Name on the rig."""
         return self.sensor.name
+
+    @property
+    def ideal(self) -> Sensor:
+        """The sensor without its noise."""
+        return self.sensor.ideal if isinstance(self.sensor, Noisy) else self.sensor
 
     @property
     def instants_s(self) -> tuple[float, ...]:
@@ -103,24 +113,36 @@ class Simulation:
         if not self._descriptions:
             raise InputError(
                 f"scenario {scenario.name!r}: sensors: without images none of {', '.join(scenario.sensors)} is left; "
-                "a laser, or a run with images, is expected"
+                "a laser or a floor, or a run with images, is expected"
             )
+        shapes = partial(foot_shapes, self.world.scene)
         self._sensors = {
-            name: TimedSensor(build_sensor(name, description, self._renderer))
+            name: TimedSensor(
+                build_sensor(
+                    name, description, self._renderer, shapes=shapes, device=stream(scenario.seed, "device", name)
+                )
+            )
             for name, description in self._descriptions.items()
         }
         area = tuple((float(x), float(y)) for x, y in self.world.scene.area)
         self.rig = Rig(sensors={name: sensor.rig_sensor() for name, sensor in self._sensors.items()}, area=area)
         self._check_mounts()
         self._on_truth = on_truth
-        self._views = {name: sensor_view(sensor, self._descriptions[name]) for name, sensor in self.rig.sensors.items()}
+        self.views = {
+            name: view
+            for name, sensor in self.rig.sensors.items()
+            if (view := sensor_view(sensor, self._descriptions[name])) is not None
+        }
+        self._floors = {
+            name: timed.ideal.cells_of_feet for name, timed in self._sensors.items() if isinstance(timed.ideal, Floor)
+        }
         scheduled = [
             Scheduled(sensor, self._descriptions[name], stream(scenario.seed, "sensor", name))
             for name, sensor in self._sensors.items()
         ]
         self._schedule = Schedule(scheduled, scenario.duration_s)
-        self._truth_stamps = (stamp_ns for stamp_ns, _ in groupby(event.stamp_ns for event in self._schedule.events()))
-        self._next_truth_ns = next(self._truth_stamps, None)
+        self._truth_stamps = groupby(self._schedule.events(), key=attrgetter("stamp_ns"))
+        self._next_truth = self._following_truth()
 
     def __enter__(self) -> Self:
         return self
@@ -186,13 +208,24 @@ class Simulation:
         }
 
     def _tell_truth_until(self, t: float) -> None:
-        while self._next_truth_ns is not None and self._next_truth_ns <= t * NS_PER_S:
+        while self._next_truth is not None and self._next_truth[0] <= t * NS_PER_S:
+            stamp_ns, sensors = self._next_truth
             if self._on_truth is not None:
-                self._on_truth(self.world.truth(self._next_truth_ns, self._views))
-            self._next_truth_ns = next(self._truth_stamps, None)
+                floors = {name: cells_of for name, cells_of in self._floors.items() if name in sensors}
+                self._on_truth(self.world.truth(stamp_ns, self.views, floors))
+            self._next_truth = self._following_truth()
+
+    def _following_truth(self) -> tuple[int, set[str]] | None:
+        """The next stamp at which a sensor looks, and which do."""
+        stamp_ns, events = next(self._truth_stamps, (None, ()))
+        return None if stamp_ns is None else (stamp_ns, {event.sensor for event in events})
 
     def _check_mounts(self) -> None:
         snapshot = self.world.empty_snapshot(0.0)
         for name, sensor in self.rig.sensors.items():
-            field_name = f"scenario {self.scenario.name!r}: sensors.{name}.mount.xyz"
-            check_mount(snapshot.model, snapshot.data, field_name, sensor.room_from_sensor.translation)
+            field_name = f"scenario {self.scenario.name!r}: sensors.{name}"
+            description = self._descriptions[name]
+            if isinstance(description, FloorDescription):
+                check_floor(description, self.world.scene.floor, field_name)
+                continue
+            check_mount(snapshot.model, snapshot.data, f"{field_name}.mount.xyz", sensor.room_from_sensor.translation)

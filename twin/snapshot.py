@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.people.feet import Feet
+
 if TYPE_CHECKING:
     import mujoco
 
@@ -23,13 +25,15 @@ class Snapshot:
     """The scene at time `t` [s since the start]: kinematics, camera and light poses of `data` are computed for it.
 
     `data` is shared and valid only until the next snapshot is taken: work with one before asking for another.
-    `person_of_geom` (n_geom,) holds the id (from 1) of the person a geom belongs to, 0 for the room.
+    `person_of_geom` (n_geom,) holds the id (from 1) of the person a geom belongs to, 0 for the room. `feet`: everybody's
+    soles and the weight on them, None in the empty room.
     """
 
     t: float
     model: mujoco.MjModel
     data: mujoco.MjData
     person_of_geom: NDArray[np.int16]
+    feet: Feet | None = None
 
 
 class SnapshotSource(Protocol):

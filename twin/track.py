@@ -109,7 +109,9 @@ def track_recording(
         notes=(*tracker_notes(fed.at_work), *(SIMPLIFICATIONS if bag.is_twin else ())),
     )
     result = write_results(folder, facts, evaluate_trackers(folder, fed.at_work, truth), fed, truth, place)
-    note_made(folder, list(result.files.values()), kept=("recording.mcap", "truth.csv", "scenario.yaml"))
+    note_made(
+        folder, list(result.files.values()), kept=("recording.mcap", "truth.csv", "truth_feet.csv", "scenario.yaml")
+    )
     return result
 
 

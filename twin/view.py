@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
-from trackers.observations import NS_PER_S, Image, LaserScan
+from trackers.observations import NS_PER_S, FloorFrame, Image, LaserScan, Observation
 from trackers.tracks import Track
 from twin.outline import room_outline
 from twin.preview import true_poses
@@ -35,14 +35,9 @@ def write_view(scenario: Scenario, t: float, path: Path) -> None:
         raise InputError(f"--out {path}: is not the name of a picture; a name ending in .png is expected")
     with Simulation(scenario) as simulation:
         panels = [_from_a_corner(simulation, t)]
-        scans, images = {}, []
-        for name, observation in simulation.look(round(t * NS_PER_S)).items():
-            if isinstance(observation, LaserScan):
-                scans[name] = observation
-            else:
-                images.append(observation)
-        panels.append(_from_above(simulation, t, scans))
-        panels += [_fitted(image) for image in images]
+        looks = simulation.look(round(t * NS_PER_S))
+        panels.append(_from_above(simulation, t, looks))
+        panels += [_fitted(look) for look in looks.values() if isinstance(look, Image)]
     sheet = np.hstack(panels)
     _, png = cv2.imencode(".png", sheet[..., ::-1])
     with whole_path(path) as partial:
@@ -67,8 +62,10 @@ def _from_a_corner(simulation: Simulation, t: float) -> NDArray[np.uint8]:
     return pixels[::-1, :, :3]
 
 
-def _from_above(simulation: Simulation, t: float, scans: dict[str, LaserScan]) -> NDArray[np.uint8]:
-    """The plan with the true people and what the scanners see."""
+def _from_above(simulation: Simulation, t: float, looks: dict[str, Observation]) -> NDArray[np.uint8]:
+    """The plan with the true people, what the scanners see and what the floors feel."""
+    scans = {name: look for name, look in looks.items() if isinstance(look, LaserScan)}
+    floors = {name: look for name, look in looks.items() if isinstance(look, FloorFrame)}
     world = simulation.world
     snapshot = world.snapshot(t)
     poses = true_poses(world.truth(round(t * NS_PER_S), {}))
@@ -77,7 +74,7 @@ def _from_above(simulation: Simulation, t: float, scans: dict[str, LaserScan]) -
     layers = {name: LAYER_COLOURS[place % len(LAYER_COLOURS)] for place, name in enumerate(simulation.rig.lasers())}
     names = {number: name for name, number in world.scene.ids.items()}
     nobody: list[Track] = []
-    floor.draw(panel, scans, layers, nobody, {}, IdentityColours(), poses, names)
+    floor.draw(panel, scans, layers, nobody, {}, IdentityColours(), poses, names, floors)
     return panel
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.rig import RigSensor
+from twin.scenario.floor import FloorDescription
 from twin.scenario.sensors import FisheyeDescription, LaserDescription, SensorDescription
 from twin.sensors.rays import cast
 from twin.snapshot import Snapshot
@@ -27,10 +28,12 @@ class SensorView:
     range_max_m: float
 
 
-def sensor_view(sensor: RigSensor, description: SensorDescription) -> SensorView:
-    """The view of a sensor that hangs where the rig says and sees as its description says."""
+def sensor_view(sensor: RigSensor, description: SensorDescription) -> SensorView | None:
+    """The view of a sensor that hangs where the rig says and sees as its description says; None: it feels, a floor."""
     pose = sensor.room_from_sensor
     match description:
+        case FloorDescription():
+            return None
         case LaserDescription():
             half = np.deg2rad(description.field_of_view_deg) / 2
             return SensorView(pose.translation, pose.rotation, True, half, description.range_max_m)

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from typing import Literal
 
 import mujoco
 import numpy as np
 
 from trackers.area import Area
 from trackers.observations import NS_PER_S
+from twin.people.feet import Feet
 from twin.scenario import Scenario
 from twin.scene import build_scene, populate
 from twin.snapshot import Snapshot
-from twin.truth import PersonTruth, TruthFrame
+from twin.truth import FootTruth, PersonTruth, TruthFrame
 from twin.visibility import SensorView, visible_share
 
 _OUT_OF_THE_ROOM_M = -100.0
+_SIDES: tuple[Literal["left"], Literal["right"]] = ("left", "right")
+
+CellsOfFeet = Callable[[Feet], Sequence[tuple[tuple[int, ...], tuple[int, ...]]]]
+"""Of a floor: the cells that the left and right foot of each person load."""
 
 
 class World:
@@ -28,15 +34,19 @@ class World:
         self.data = mujoco.MjData(self.scene.model)
         self._ids = np.array([self.scene.ids[name] for name in self.scene.names], dtype=np.int16)
         self._posed_at: float | None = None
+        self._feet: Feet | None = None
 
     def snapshot(self, t: float) -> Snapshot:
         """The world at time t [s] since the start; valid until the next snapshot is taken."""
         if t != self._posed_at:
             self.population.advance(t)
-            self.data.qpos[self.scene.qpos_address] = self.population.qpos(t)
+            qpos = self.population.qpos(t)
+            qpos[~self.population.present(t), 2] = _OUT_OF_THE_ROOM_M
+            self.data.qpos[self.scene.qpos_address] = qpos
             self._update_poses()
             self._posed_at = t
-        return Snapshot(t, self.scene.model, self.data, self.scene.person_of_geom)
+            self._feet = self.population.feet(t)
+        return Snapshot(t, self.scene.model, self.data, self.scene.person_of_geom, self._feet)
 
     def empty_snapshot(self, t: float) -> Snapshot:
         """The room at time t before anybody entered: the people are taken far below the floor."""
@@ -49,8 +59,13 @@ class World:
         mujoco.mj_kinematics(self.scene.model, self.data)
         mujoco.mj_camlight(self.scene.model, self.data)
 
-    def truth(self, stamp_ns: int, views: Mapping[str, SensorView]) -> TruthFrame:
-        """Where everybody truly is at a stamp, and how much of them each sensor can see."""
+    def truth(
+        self, stamp_ns: int, views: Mapping[str, SensorView], floors: Mapping[str, CellsOfFeet] | None = None
+    ) -> TruthFrame:
+        """Where everybody in the room truly is at a stamp, and how much of them each sensor can see.
+
+        `floors`: the floor sensors that look at this stamp, each as a function that tells which cells each foot loads.
+        """
         t = stamp_ns / NS_PER_S
         snapshot = self.snapshot(t)
         scene, pose = self.scene, self.population.truth(t)
@@ -59,6 +74,7 @@ class World:
         points = self.data.site_xpos[scene.point_site]
         inside = self._area.contains(np.stack([pose.x, pose.y], axis=-1))
         shares = {name: visible_share(view, snapshot, points, self._ids) for name, view in views.items()}
+        feet = self._feet_truth(snapshot, floors or {})
         people = [
             PersonTruth(
                 id=int(self._ids[place]),
@@ -74,7 +90,25 @@ class World:
                 vy=float(pose.vy[place]),
                 in_area=bool(inside[place]),
                 visible={name: float(share[place]) for name, share in shares.items()},
+                feet=feet[place],
             )
             for place in np.argsort(self._ids)
+            if pose.present[place]
         ]
         return TruthFrame(stamp_ns, tuple(people))
+
+    @staticmethod
+    def _feet_truth(snapshot: Snapshot, floors: Mapping[str, CellsOfFeet]) -> list[tuple[FootTruth, FootTruth]]:
+        """Both feet of everybody, in the order of the people's names."""
+        feet = snapshot.feet
+        assert feet is not None, "a snapshot of the room with its people has their feet"
+        cells = {name: cells_of(feet) for name, cells_of in floors.items()}
+        alone = [feet.height[..., None], feet.yaw[..., None], feet.load_n[..., None]]
+        numbers = np.concatenate([feet.place, *alone, feet.pressure_point], axis=-1).tolist()  # (n, 2, 7)
+
+        def foot(person: int, side: int) -> FootTruth:
+            loaded = {name: of_feet[person][side] for name, of_feet in cells.items()}
+            carries = feet.load_n[person, side] > 0
+            return FootTruth(_SIDES[side], *numbers[person][side][: None if carries else 5], cells=loaded)
+
+        return [(foot(person, 0), foot(person, 1)) for person in range(len(numbers))]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trackers.area import Area
-from twin.polygon import leaves_at, meets_itself_at, strictly_inside
+from twin.polygon import gap_between, inset, leaves_at, meets_itself_at, polygon_area, strictly_inside
 
 SQUARE = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
 BAY = np.array([[-2, 0], [2, 0], [2, 4], [0.8, 4], [0.8, 2], [-0.8, 2], [-0.8, 4], [-2, 4]], dtype=float)
@@ -85,3 +85,33 @@ def test_a_border_is_not_strictly_inside():
     assert strictly_inside(SQUARE, np.array([0.001, 1.0]))
     for x, y in ([0, 1], [2, 1], [1, 0], [1, 2], [0, 0], [2, 2], [2.1, 1]):
         assert not strictly_inside(SQUARE, np.array([x, y], dtype=float))
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_area_and_inset(turned):
+    corners = BAY[::-1] if turned else BAY
+    assert polygon_area(corners) == pytest.approx(16 - 3.2)
+    inner = inset(corners, 0.2)
+    assert inner is not None
+    gaps = [gap_between(corners, np.tile(corner, (3, 1)) + 1e-9 * np.eye(3, 2)) for corner in inner]
+    assert Area(corners).contains(inner).all()
+    assert gaps == [0.0] * len(inner)
+    assert polygon_area(inner) == pytest.approx(3.6 * 1.6 + 2 * 0.8 * 2.0)
+    assert inset(corners, 0.7) is None
+
+
+@pytest.mark.parametrize(
+    ("other", "gap"),
+    [
+        (SQUARE + np.array([3.0, 0.0]), 1.0),
+        (SQUARE + np.array([3.0, 3.0]), np.sqrt(2)),
+        (SQUARE + np.array([2.0, 0.0]), 0.0),
+        (SQUARE + np.array([1.0, 0.5]), 0.0),
+        (0.2 * SQUARE + 0.5, 0.0),
+        (9 * SQUARE - 4.0, 0.0),
+        (np.array([[-1.0, 0.9], [3.0, 0.9], [3.0, 1.1], [-1.0, 1.1]]), 0.0),
+    ],
+)
+def test_gaps_between_polygons(other, gap):
+    assert gap_between(SQUARE, other) == pytest.approx(gap)
+    assert gap_between(other, SQUARE) == pytest.approx(gap)

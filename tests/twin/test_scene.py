@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from trackers.area import Area
 from trackers.errors import InputError
 from twin.placement import CLEARANCE_M
 from twin.scenario import Scenario, load_scenario
 from twin.scene import build_scene, populate
+from twin.world import World
 
 WALK = "{{kind: walk, waypoints: {}{}}}"
 ROOM = """
@@ -113,20 +115,23 @@ def test_walks_may_leave_the_tracked_area_and_touch_the_border_of_the_walkable_o
 
 
 @pytest.mark.parametrize(
-    ("ann", "way"),
+    "ann",
     [
-        (walk("[[-1, 1], [1.5, 3.5]]"), r"\[-1, 1\] to \[1\.5, 3\.5\]"),
-        ("start: [1.5, 3.5], " + walk("[[-1, 1]]"), r"\[1\.5, 3\.5\] to \[-1, 1\]"),
-        (walk("[[-1, 1], [1.5, 1], [1.5, 3.5]]", ", repeat: true"), r"\[1\.5, 3\.5\] to \[-1, 1\]"),
+        walk("[[-1, 1], [1.5, 3.5]]"),
+        "start: [1.5, 3.5], " + walk("[[-1, 1]]"),
+        walk("[[-1, 1], [1.5, 1], [1.5, 3.5]]", ", repeat: true"),
     ],
 )
-def test_ways_through_a_wall_are_refused(tmp_path: Path, ann: str, way: str) -> None:
-    said = (
-        rf"people\.ann\.script\.waypoints: the straight way from {way} is outside the room's walkable area at \[.*\]; "
-        r"a place in the polygon \[\[-2, 0\], .*\[-2, 2\]\] is expected$"
-    )
-    with pytest.raises(InputError, match=said):
-        build_scene(in_room(tmp_path, L_SHAPED, "area=null", person("ann", ann)))
+def test_ways_that_a_wall_is_in_lead_around_its_corner(tmp_path: Path, ann: str) -> None:
+    world = World(in_room(tmp_path, L_SHAPED, "area=null", person("ann", ann)))
+    walkable, places = world.scene.walkable, []
+    assert walkable is not None
+    for t in np.arange(0.0, 10.0, 0.1):
+        world.population.advance(t)
+        truth = world.population.truth(t)
+        places.append((truth.x[0], truth.y[0]))
+    assert Area(walkable).contains(np.array(places)).all()
+    assert np.ptp(np.array(places), axis=0).min() > 2.0
 
 
 def test_the_same_corners_without_a_wall_between_are_walked(tmp_path: Path) -> None:
@@ -233,4 +238,4 @@ def test_furniture_called_like_a_person_is_the_room(tmp_path: Path) -> None:
         assert scene.person_of_geom[geom] == expected
         owned[expected] += 1
     assert owned[0] == len(room)
-    assert min(owned[1:]) > 20  # whole bodies
+    assert min(owned[1:]) > 15  # whole bodies

@@ -2,23 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.area import Area
-from trackers.errors import InputError
+from twin.people.actions import perform
+from twin.people.actor import Actor, Stage
 from twin.people.appearance import Appearance
-from twin.people.crowd import KEEP_FROM_EDGE_M, Crowd, planar
-from twin.people.gait import Gait
-from twin.people.pose import FLOOR_ROWS, ROWS, Moment, heel_and_pelvis, joint_coordinates
-from twin.people.scripts import first_heading, known_start, random_places, script_of
+from twin.people.arrivals import first_heading, start_places
+from twin.people.crowd import Crowd, planar
+from twin.people.feet import Feet
+from twin.people.gait import GRAVITY_M_S2, Gait
+from twin.people.gaze import FreeGaze
+from twin.people.ground import Ground
+from twin.people.order import End
+from twin.people.pose import FLOOR_ROWS, ROWS, Moment, foot_loads, joint_coordinates
+from twin.people.posture import Postures
+from twin.people.posture_lay import apply
+from twin.people.posture_measures import BodyMeasures
+from twin.people.posture_rows import POSTURE_ROWS, active, faced
+from twin.people.posture_weight import pressure_shift_m, support
+from twin.people.recorded import RecordedPaths
 from twin.people.skeleton import Skeleton
-from twin.scenario.people import Person, Stand, Wander
+from twin.scenario.behaviour import Path, Wander
+from twin.scenario.people import Person
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 TICK_S = 0.025
 """The people's clock [s]; between ticks poses are interpolated."""
@@ -26,7 +38,7 @@ TICK_S = 0.025
 HISTORY_S = 3.0
 """How far back poses can be asked for [s]."""
 
-_START_APART_M = 0.7
+_ENTER_APART_M = 0.7
 _BLOCKED_FOR_S = 0.8
 
 
@@ -34,68 +46,86 @@ _BLOCKED_FOR_S = 0.8
 class PopulationTruth:
     """Where everybody is at one time, room frame, people in the order of their names.
 
-    x, y, z: the pelvis (middle between the hip joints) [m]; yaw: where the person faces [rad]; vx, vy: velocity of the
-    ground point under the pelvis [m/s]; feet: (n, 2, 3) x, y, height of the sole under the left and right ankle, as if
-    the foot were flat [m].
+    present: who is in the room, (n,); x, y, z: the pelvis (middle between the hip joints) [m]; yaw: where the person faces,
+    for somebody who lies on the back where the feet point [rad]; vx, vy: velocity of the ground point under the pelvis
+    [m/s].
     """
 
+    present: Mask
     x: Array
     y: Array
     z: Array
     yaw: Array
     vx: Array
     vy: Array
-    feet: Array
 
 
 class Population:
     """The people of a scenario, in the order of their names: so the order of listing changes nothing.
 
-    `advance(t)` steps them; `qpos(t)` and `truth(t)` may be asked for any t from `HISTORY_S` before the last step up to
-    it. Memory does not grow with time.
+    `advance(t)` steps them; `qpos(t)`, `feet(t)` and `truth(t)` may be asked for any t from `HISTORY_S` before the last
+    step up to it. Memory does not grow with time.
     """
 
     def __init__(
         self,
         people: Mapping[str, Person],
-        area: Array,
+        ground: Ground,
         rngs: Mapping[str, np.random.Generator],
         appearances: Mapping[str, Appearance],
         source: str,
     ) -> None:
-        """`area` (k, 2) [m]: the polygon in which wanderers stay and starts are drawn; walkers go where they are sent.
+        """`ground`: where people may walk and what stands there; `rngs`: a generator of each person's own;
+        `appearances`: their looks, for their measures; `source`: what describes them, as errors name it.
 
-        `rngs`: a generator of each person's own; `appearances`: their looks, for the lengths of their legs; `source`:
-        what describes them, as errors name it. Known starts must be apart, and a wanderer's inside the area (see
-        `twin.placement`). Raises InputError when the area has no room for those who wander.
+        Known starts must be apart, and a wanderer's inside the area (see `twin.placement`). Raises InputError when the
+        area has no room for those who wander.
         """
         self.names = tuple(sorted(people))
-        area = np.asarray(area, dtype=float)
         described = [people[name] for name in self.names]
         random = [rngs[name] for name in self.names]
-        roams = any(isinstance(person.script, Wander) or person.start is None for person in described)
-        inner = _inset(area, source) if roams else area
-        position = _starts(self.names, described, inner, random, source)
+        count = len(self.names)
+        position = start_places(self.names, described, ground, random, source)
         heading = np.array(
             [first_heading(*each) for each in zip(described, position, random, strict=True)], dtype=float
         )
-        areas = [area if isinstance(person.script, Wander) else None for person in described]
-        fixed = np.array([isinstance(person.script, Stand) for person in described], dtype=bool)
-        self._scripts = [script_of(person, inner, rng) for person, rng in zip(described, random, strict=True)]
-        self._crowd = Crowd(planar(position), heading, areas, fixed)
+        areas = [_kept_in(person, ground) for person in described]
+        self._crowd = Crowd(planar(position), heading, areas, np.zeros(count, dtype=bool), ground.obstacles)
         self._skeleton = Skeleton([appearances[name].proportions for name in self.names])
+        self._weight_n = GRAVITY_M_S2 * np.array([appearances[name].mass_kg for name in self.names], dtype=float)
         self._gait = Gait(self._skeleton, self._crowd)
-        count = len(self.names)
+        self._measures = BodyMeasures.of([appearances[name] for name in self.names])
+        self._postures = Postures(self._measures, self._crowd.place, self._crowd.heading)
+        self._stage = Stage(self.names, self._crowd, self._postures, ground, doing=["stand"] * count)
+        self._acting = [
+            perform(Actor(self._stage, number, random[number]), person.script)
+            for number, person in enumerate(described)
+        ]
+        self._recorded = RecordedPaths(
+            {
+                number: person.script[0]
+                for number, person in enumerate(described)
+                if person.script and isinstance(person.script[0], Path)
+            },
+            TICK_S,
+        )
+        self._arrive_s = np.array([person.arrive_s for person in described], dtype=float)
+        self._arrive_s[self._recorded.numbers] = np.inf  # they come with their paths
+        self._gaze = FreeGaze(random)
+        self._entered = np.zeros(count, dtype=bool)
+        self._begun = np.zeros(count, dtype=bool)
         self._until = np.zeros(count)
+        self._done: dict[int, Callable[[], bool]] = {}
         self._blocked_s = np.zeros(count)
-        self._may_replan = np.array([isinstance(person.script, Wander) for person in described], dtype=bool)
-        self._random = random
-        self._gaze = np.zeros(count)
-        self._gaze_until = np.zeros(count)
+        self._crowd.present[:] = False
+        self._crowd.driven[self._recorded.numbers] = True
         self._tick = 0
         size = round(HISTORY_S / TICK_S) + 1
         self._floor = np.zeros((size, FLOOR_ROWS, count), dtype=complex)
         self._rows = np.zeros((size, ROWS, count))
+        self._posture = np.zeros((size, POSTURE_ROWS, count))
+        self._present = np.zeros((size, count), dtype=bool)
+        self._enter_and_leave()
         self._remember()
 
     def __len__(self) -> int:
@@ -106,23 +136,60 @@ class Population:
         while self._tick * TICK_S < t:
             self._step()
 
+    def present(self, t: float) -> Mask:
+        """Who is in the room at time t [s], (n,)."""
+        return self._present[self._slots(t)[0]]
+
     def qpos(self, t: float) -> Array:
-        """Joint coordinates (n, NQ_PERSON) at time t [s], laid out as `twin.people.body.JOINTS` says."""
-        return joint_coordinates(self._moment(t), self._skeleton)
+        """Joint coordinates (n, NQ_PERSON) at time t [s], laid out as `twin.people.body.JOINTS` says.
+
+        Those who are not present have the coordinates of when they were, or will be.
+        """
+        moment, posture = self._moment(t)
+        return self._coordinates(moment, posture)
+
+    def feet(self, t: float) -> Feet:
+        """Everybody's soles and the weight on them at time t [s]."""
+        moment, posture = self._moment(t)
+        present = self.present(t)
+        feet = foot_loads(moment, self._skeleton)
+        on_feet, acceleration = support(posture)
+        load_n = feet.load * (on_feet * np.maximum(1.0 + acceleration / GRAVITY_M_S2, 0.0) * self._weight_n)
+        return Feet(
+            place=np.stack([feet.place.real, feet.place.imag], axis=-1).transpose(1, 0, 2),
+            yaw=feet.yaw.T,
+            height=feet.height.T,
+            load_n=np.where(present, load_n, 0.0).T,
+            pressure_ahead_m=(feet.pressure_ahead + pressure_shift_m(posture)).T,
+            present=present,
+        )
 
     def truth(self, t: float) -> PopulationTruth:
         """Where everybody is at time t [s]."""
-        moment = self._moment(t)
-        pelvis, velocity = moment.pelvis, moment.pelvis_velocity
-        _, _, height = heel_and_pelvis(moment, self._skeleton)
-        feet = np.stack([moment.floor[2:4].real, moment.floor[2:4].imag, moment.rows[9:11]], axis=-1)
-        yaw = (moment.rows[0] + np.pi) % (2 * np.pi) - np.pi
-        return PopulationTruth(
-            pelvis.real, pelvis.imag, height, yaw, velocity.real, velocity.imag, feet.transpose(1, 0, 2)
-        )
+        moment, posture = self._moment(t)
+        qpos = self._coordinates(moment, posture)
+        velocity = moment.pelvis_velocity + self._posture_velocity(t)
+        yaw = (faced(moment.rows[0], posture) + np.pi) % (2 * np.pi) - np.pi
+        x, y, z = qpos[:, :3].T.copy()
+        return PopulationTruth(self.present(t), x, y, z, yaw, velocity.real, velocity.imag)
 
-    def _moment(self, t: float) -> Moment:
-        """The moment at time t [s], between the two ticks around it."""
+    def _coordinates(self, moment: Moment, posture: Array) -> Array:
+        return apply(joint_coordinates(moment, self._skeleton), posture, self._measures)
+
+    def _posture_velocity(self, t: float) -> NDArray[np.complex128]:
+        """What sitting down, bending and the like add to the velocity of the ground point under the pelvis, (n,) [m/s]."""
+        early, late, _ = self._slots(t)
+        if early == late or not (len(active(self._posture[early])) or len(active(self._posture[late]))):
+            return np.zeros(len(self), dtype=complex)
+        ends = []
+        for slot in (early, late):
+            moment = Moment(self._floor[slot], self._rows[slot])
+            qpos = self._coordinates(moment, self._posture[slot])
+            ends.append(qpos[:, 0] + 1j * qpos[:, 1] - moment.pelvis)
+        return (ends[1] - ends[0]) / TICK_S
+
+    def _slots(self, t: float) -> tuple[int, int, float]:
+        """The two remembered ticks around time t [s], and the share of the later one."""
         size = len(self._rows)
         oldest = max(0, self._tick - size + 1)
         place = t / TICK_S
@@ -131,80 +198,103 @@ class Population:
                 f"t = {t} s is not between {oldest * TICK_S:.2f} and {self._tick * TICK_S:.2f} s: advance(t) first, and "
                 f"look back by at most {HISTORY_S} s"
             )
-        before = min(int(place), max(self._tick - 1, 0))
-        share = place - before
-        early, late = before % size, min(before + 1, self._tick) % size
+        before = min(int(place + 1e-9), self._tick)
+        return before % size, min(before + 1, self._tick) % size, place - before
+
+    def _moment(self, t: float) -> tuple[Moment, Array]:
+        """The moment and the posture at time t [s], between the two ticks around it."""
+        early, late, share = self._slots(t)
+        floor, rows, posture = self._floor, self._rows, self._posture
         return Moment(
-            self._floor[early] + share * (self._floor[late] - self._floor[early]),
-            self._rows[early] + share * (self._rows[late] - self._rows[early]),
-        )
+            floor[early] + share * (floor[late] - floor[early]), rows[early] + share * (rows[late] - rows[early])
+        ), posture[early] + share * (posture[late] - posture[early])
 
     def _remember(self) -> None:
         slot = self._tick % len(self._rows)
         self._floor[slot] = self._gait.moment.floor
         self._rows[slot] = self._gait.moment.rows
+        self._posture[slot] = self._postures.rows
+        self._present[slot] = self._crowd.present
 
     def _step(self) -> None:
-        crowd = self._crowd
-        t = self._tick * TICK_S
-        self._blocked_s = np.where(crowd.blocked(), self._blocked_s + TICK_S, 0.0)
-        ended = (t >= self._until) | crowd.arrived() | (self._may_replan & (self._blocked_s > _BLOCKED_FOR_S))
-        if ended.any():
-            here = np.stack([crowd.place.real, crowd.place.imag], axis=-1)
-            for person in np.nonzero(ended)[0]:
-                order = self._scripts[person].next_order(t, here[person], np.delete(here, person, axis=0))
-                crowd.order(int(person), order)
-                self._until[person] = order.until
-                self._blocked_s[person] = 0.0
-        looks = t >= self._gaze_until
-        if looks.any():
-            for place in np.nonzero(looks)[0]:
-                self._gaze[place] = np.clip(self._random[place].normal(0.0, 0.3), -0.8, 0.8)
-                self._gaze_until[place] = t + self._random[place].uniform(0.8, 3.0)
+        crowd, stage, postures = self._crowd, self._stage, self._postures
+        stage.t = t = self._tick * TICK_S
+        stage.end_looks()
+        self._order(t)
+        if len(self._recorded.numbers):
+            place, velocity = crowd.place.copy(), crowd.velocity.copy()
+            place[self._recorded.numbers], velocity[self._recorded.numbers] = self._recorded.at(self._tick + 1)
+            crowd.drive(place, velocity)
+        gaze = self._gaze.at(t) + 0.25 * crowd.turn_rate
         crowd.step(TICK_S)
-        self._gait.step(crowd, self._gaze + 0.25 * crowd.turn_rate, TICK_S)
+        postures.step(crowd.place, crowd.heading, TICK_S)
+        self._gait.step(crowd, gaze, TICK_S, still=~postures.may_walk())
         self._tick += 1
+        self._enter_and_leave()
         self._remember()
 
+    def _order(self, t: float) -> None:
+        """Give everybody whose order has ended the next one of their script."""
+        crowd = self._crowd
+        arrived = crowd.arrived()
+        self._blocked_s = np.where(crowd.blocked() & crowd.present, self._blocked_s + TICK_S, 0.0)
+        blocked = self._blocked_s > _BLOCKED_FOR_S
+        taken = crowd.taken()
+        ended = (arrived | blocked | taken | (t >= self._until)) & crowd.present
+        for person, done in self._done.items():
+            ended[person] |= bool(crowd.present[person]) and done()
+        for person in map(int, np.flatnonzero(ended)):
+            end: End = "arrived" if arrived[person] else "taken" if taken[person] else "time"
+            if end == "time" and blocked[person]:
+                end = "blocked"
+            done = self._done.pop(person, None)
+            if done is not None and done():
+                end = "done"
+            acting = self._acting[person]
+            order = acting.send(end) if self._begun[person] else next(acting)
+            self._begun[person] = True
+            crowd.order(person, order)
+            self._until[person] = order.until
+            self._blocked_s[person] = 0.0
+            if order.done is not None:
+                self._done[person] = order.done
 
-def _starts(
-    names: tuple[str, ...], people: list[Person], inner: Array, random: list[np.random.Generator], source: str
-) -> Array:
-    """Ground points (n, 2) [m]: as asked, at the first waypoint, or drawn in `inner` away from everybody placed."""
-    places: dict[int, Array] = {}
-    for number, person in enumerate(people):
-        start = known_start(person)
-        if start is not None:
-            places[number] = np.array(start, dtype=float)
-    for number, name in enumerate(names):
-        if number in places:
-            continue
-        candidates = random_places(inner, 200, random[number])
-        if places:
-            taken = np.array(list(places.values()))
-            clear = np.linalg.norm(candidates[:, None] - taken, axis=-1).min(axis=1) >= _START_APART_M
-            candidates = candidates[clear]
-        if not len(candidates):
-            raise InputError(
-                f"{source}: people.{name}: no place in the area is {_START_APART_M} m from everybody else; "
-                f"fewer people than {len(people)}, or a larger area, are expected"
-            )
-        places[number] = candidates[0]
-    return np.array([places[number] for number in range(len(people))], dtype=float).reshape(-1, 2)
+    def _enter_and_leave(self) -> None:
+        """Let those in whose time has come, and take out those who are gone."""
+        crowd, tick = self._crowd, self._tick
+        leaving = self._stage.leaving
+        if leaving:
+            crowd.present[list(leaving)] = False
+            leaving.clear()
+        entering = []
+        for person in map(int, np.flatnonzero(~self._entered & (self._arrive_s <= tick * TICK_S))):
+            apart = np.abs(crowd.place - crowd.place[person])[crowd.present]
+            # whoever stands in the doorway is waited for
+            if tick == 0 or not (apart < _ENTER_APART_M).any():
+                crowd.enter(person, complex(crowd.place[person]), float(crowd.heading[person]))
+                entering.append(person)
+        recorded = self._recorded
+        there = recorded.there(tick)
+        crowd.present[recorded.numbers[~there]] = False
+        new = there & ~crowd.present[recorded.numbers]
+        if new.any():
+            place, velocity = recorded.at(tick)
+            for row in np.flatnonzero(new):
+                person = int(recorded.numbers[row])
+                fast = abs(velocity[row]) > 0.05
+                heading = float(np.angle(velocity[row])) if fast else float(crowd.heading[person])
+                crowd.enter(person, complex(place[row]), heading, complex(velocity[row]))
+                entering.append(person)
+        if entering:
+            self._entered[entering] = True
+            who = np.zeros(len(self), dtype=bool)
+            who[entering] = True
+            self._gait.place_anew(who, crowd)
 
 
-def _inset(area: Array, source: str) -> Array:
-    """The polygon drawn in towards its middle so that a body's middle keeps from the edge; corners (k, 2) [m]."""
-    rolled = np.roll(area, -1, axis=0)
-    turn = np.sign(np.sum(area[:, 0] * rolled[:, 1] - area[:, 1] * rolled[:, 0]))
-    way = rolled - area
-    inward = turn * np.stack([-way[:, 1], way[:, 0]], axis=-1) / np.linalg.norm(way, axis=1)[:, None]
-    before = np.roll(inward, 1, axis=0)
-    margin = KEEP_FROM_EDGE_M + 0.1
-    corner = area + margin * (inward + before) / (1 + np.einsum("ki,ki->k", inward, before))[:, None]
-    turned = np.einsum("ki,ki->k", np.roll(corner, -1, axis=0) - corner, way) <= 0
-    if turned.any() or not Area(area).contains(corner).all():
-        raise InputError(
-            f"{source}: area: is too narrow to walk in; more than {2 * margin:g} m between its edges is expected"
-        )
-    return corner
+def _kept_in(person: Person, ground: Ground) -> Array | None:
+    """The polygon (k, 2) [m] that a person does not leave: wanderers the tracked area, others the walkable one."""
+    if person.script and isinstance(person.script[0], Path):
+        return None
+    only_wanders = all(isinstance(action, Wander) for action in person.script)
+    return ground.area if only_wanders and person.script else ground.walkable

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,25 +16,33 @@ Array = NDArray[np.float64]
 Planar = NDArray[np.complex128]
 
 FLOOR_ROWS = 4
-ROWS = 15
+ROWS = 20
 
-_STRAIGHTEST = 0.9945
+STRAIGHTEST = 0.9945
 """Longest distance from hip to ankle as a share of the leg: the knee keeps 12 degrees."""
 _STANDS_AT = 0.9945
 """Height of the hips over the ankles when standing, as a share of the leg."""
-_HIGHEST_HEEL_RAD = 1.15
+_HIGHEST_HEEL_RAD = 1.4
 _TIPTOE_FROM_M = 0.2
+_SWINGS_FROM_M = 0.02
 _TWIST_PER_STRIDE = 0.13
 """Turn of the pelvis towards the foot in front [rad/m, for the reference leg]."""
-_SWING_PER_STRIDE = 0.52
-"""Swing of the arms against the legs [rad/m, for the reference leg]."""
+_LETS_GO = 0.8
+"""How much higher the pelvis may be than a foot's leg allows, for the root of its height off the floor [m^0.5]."""
+_UNLOADED_M = 0.12
+"""How much higher it may be than the leg of a foot allows that carries nothing; none if that carries half the body [m]."""
 _ARMS_OUT_RAD = 0.10
+_HANDS_INWARD = 0.35
+"""How much the upper arms turn in for each radian of elbow beyond 0.6: runners' hands go before the chest."""
+_TOES_FREE_M = 0.2
+"""Height of the ball from which the toes of a lifted foot are straight."""
 
 _LEGS = np.array([[JOINT_PLACE[f"{side}_{joint}"] for joint in LEG] for side in SIDES])  # (2, 7)
 _SPINE_YAW, _SPINE_PITCH, _SPINE_ROLL = (JOINT_PLACE[name] for name in ("spine_yaw", "spine_pitch", "spine_roll"))
 _NECK_YAW, _NECK_PITCH = (JOINT_PLACE[name] for name in ("neck_yaw", "neck_pitch"))
 _ARMS = tuple(
-    tuple(JOINT_PLACE[f"{side}_{joint}"] for joint in ("shoulder_pitch", "shoulder_roll", "elbow")) for side in SIDES
+    tuple(JOINT_PLACE[f"{side}_{joint}"] for joint in ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow"))
+    for side in SIDES
 )
 
 
@@ -42,9 +51,10 @@ class Moment:
     """How n people move at one time, in numbers that may be interpolated linearly (angles are unwrapped).
 
     floor (4, n) complex x + iy: place of the body [m], its velocity [m/s], left foot, right foot [m].
-    rows (15, n): heading [rad], turn rate [rad/s], pelvis height about its standing height, sway of the pelvis to the
+    rows (20, n): heading [rad], turn rate [rad/s], pelvis height about its standing height, sway of the pelvis to the
     left [m], its rate [m/s], trunk pitch, trunk roll, gaze, elbow [rad], height of the left and right foot [m], their
-    pitch before what the leg's reach adds [rad], their yaw [rad].
+    pitch before what the leg's reach adds [rad], their yaw [rad], load on them [body weights], where it acts ahead of
+    the ankles [m], swing of the arms [rad/m].
     """
 
     floor: Planar
@@ -65,7 +75,8 @@ class Moment:
 def heel_and_pelvis(moment: Moment, skeleton: Skeleton) -> tuple[Array, Array, Array]:
     """Pitch of the feet (2, n) [rad], yaw (n,) [rad] and height (n,) [m] of the pelvis.
 
-    Heels come up as far as the legs need to reach the hips; where that is not enough the pelvis comes down.
+    Heels come up as far as the legs need to reach the hips; where that is not enough the pelvis comes down (it does not
+    in a regular gait, so there its height is that of the loads' motion).
     """
     yaw = moment.rows[0] - _TWIST_PER_STRIDE * _stride(moment) / skeleton.scale
     hips = moment.pelvis + 1j * skeleton.hip_offset * np.exp(1j * yaw)
@@ -74,9 +85,37 @@ def heel_and_pelvis(moment: Moment, skeleton: Skeleton) -> tuple[Array, Array, A
     needed = _heel_needed(moment, hips, height, skeleton)
     pitch = np.where(pitch < 0, pitch + needed, np.maximum(pitch, needed))
     ankle, ankle_height = _ankles(moment, pitch, skeleton)
-    reach = (_STRAIGHTEST * skeleton.leg) ** 2 - np.abs(hips - ankle) ** 2
-    allowed = ankle_height + np.sqrt(np.maximum(reach, 0.0))
+    reach = (STRAIGHTEST * skeleton.leg) ** 2 - np.abs(hips - ankle) ** 2
+    # a foot in the air, or about to be, does not hold the pelvis down
+    free = _LETS_GO * np.sqrt(np.maximum(moment.rows[9:11], 0.0)) + _UNLOADED_M * np.maximum(
+        1.0 - 2.0 * moment.rows[15:17], 0.0
+    )
+    allowed = ankle_height + np.sqrt(np.maximum(reach, 0.0)) + free
     return pitch, yaw, np.minimum(height, np.minimum(allowed[0], allowed[1]))
+
+
+class FootLoads(NamedTuple):
+    """The feet of n people on the floor, (2, n) each, left first.
+
+    load [body weights], 0 in the air; pressure_ahead: where it acts, ahead of the ankle along the foot [m]; height of
+    the lowest point of the sole [m]; place: complex x + iy of the sole's point under the ankle, as if the foot were flat
+    [m]; yaw [rad].
+    """
+
+    load: Array
+    pressure_ahead: Array
+    height: Array
+    place: Planar
+    yaw: Array
+
+
+def foot_loads(moment: Moment, skeleton: Skeleton) -> FootLoads:
+    """What each foot carries, and where it is."""
+    rows = moment.rows
+    # straight toes of a foot that points down are its lowest
+    toes = skeleton.toes * np.sin(np.maximum(rows[11:13], 0.0) * _free(moment, skeleton))
+    height = np.maximum(rows[9:11] - toes, 0.0)
+    return FootLoads(rows[15:17], rows[17:19], height, moment.floor[2:4], rows[13:15])
 
 
 def joint_coordinates(moment: Moment, skeleton: Skeleton) -> Array:
@@ -87,25 +126,35 @@ def joint_coordinates(moment: Moment, skeleton: Skeleton) -> Array:
     hips = pelvis + 1j * skeleton.hip_offset * facing
     ankle, ankle_height = _ankles(moment, pitch, skeleton)
     feet_yaw = rows[13:15]
-    legs = leg_angles(hips - ankle, height - ankle_height, yaw, feet_yaw, pitch, skeleton.thigh, skeleton.shank)
-    stride = _stride(moment) / skeleton.scale
-    twist = -_TWIST_PER_STRIDE * stride
+    # a leg that is too short for where its foot swings has the foot nearer
+    over, up = hips - ankle, height - ankle_height
+    nearer = np.minimum(STRAIGHTEST * skeleton.leg / np.sqrt(over.real**2 + over.imag**2 + up * up), 1.0)
+    legs = leg_angles(over * nearer, up * nearer, yaw, feet_yaw, pitch, skeleton.thigh, skeleton.shank)
+    stride = _stride(moment)
+    twist, arms = -_TWIST_PER_STRIDE * stride / skeleton.scale, rows[19] * stride
+    inward = _HANDS_INWARD * np.maximum(rows[8] - 0.6, 0.0)
     out = np.zeros((NQ_PERSON, len(yaw)))
     out[0], out[1], out[2] = pelvis.real, pelvis.imag, height
     out[3], out[6] = np.cos(0.5 * yaw), np.sin(0.5 * yaw)
     # the shoulders turn against the pelvis, the head stays with the gaze
     out[_SPINE_YAW], out[_SPINE_PITCH], out[_SPINE_ROLL] = -2.0 * twist, rows[5], rows[6]
     out[_NECK_YAW], out[_NECK_PITCH] = rows[7] + twist, 0.04 - 0.8 * rows[5]
-    for (pitch_place, roll_place, elbow_place), sign in zip(_ARMS, (1.0, -1.0), strict=True):
-        swing = 0.04 + sign * _SWING_PER_STRIDE * stride
+    for (pitch_place, roll_place, yaw_place, elbow_place), sign in zip(_ARMS, (1.0, -1.0), strict=True):
+        swing = 0.04 + sign * arms
         out[pitch_place] = swing - 0.7 * rows[5]
         out[roll_place] = sign * _ARMS_OUT_RAD
-        out[elbow_place] = 0.7 * np.minimum(swing, 0.0) - rows[8]
+        out[yaw_place] = -sign * inward
+        out[elbow_place] = 0.5 * np.minimum(swing, 0.0) - rows[8]
     for place in range(6):
         out[_LEGS[:, place]] = legs[place]
-    # the toes stay level while the heel is up
-    out[_LEGS[:, 6]] = -np.maximum(pitch, 0.0)
+    # the toes stay level while the heel is up, and straighten in the air
+    out[_LEGS[:, 6]] = np.maximum(pitch, 0.0) * (_free(moment, skeleton) - 1.0)
     return out.T
+
+
+def _free(moment: Moment, skeleton: Skeleton) -> Array:
+    """How much the toes of each foot are straight, 0 on the floor to 1 in the air, (2, n)."""
+    return np.minimum(moment.rows[9:11] / (_TOES_FREE_M * skeleton.scale), 1.0)
 
 
 def _stride(moment: Moment) -> Array:
@@ -138,10 +187,11 @@ def _heel_needed(moment: Moment, hips: Planar, height: Array, skeleton: Skeleton
     radius = np.hypot(skeleton.ball, skeleton.ankle_height)
     rest = np.arctan2(skeleton.ankle_height, -skeleton.ball)
     far = ahead**2 + up**2
-    leg = (_STRAIGHTEST * skeleton.leg) ** 2 - aside**2
+    leg = (STRAIGHTEST * skeleton.leg) ** 2 - aside**2
     cosine = (far + radius**2 - leg) / (2 * np.sqrt(far) * radius)
     spread = np.arccos(np.minimum(np.maximum(cosine, -1.0), 1.0))
     needed = np.minimum(np.maximum(rest - np.arctan2(up, ahead) - spread, 0.0), _HIGHEST_HEEL_RAD)
     # a foot before the body is reached by a lower pelvis, not on tiptoe
     behind = np.minimum(np.maximum(0.5 + gap.real * (1 / _TIPTOE_FROM_M), 0.0), 1.0)
-    return needed * behind
+    # a foot in the air soon turns as its swing has it
+    return needed * behind * np.maximum(1.0 - moment.rows[9:11] / (_SWINGS_FROM_M * skeleton.scale), 0.0)

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cache
+from typing import Any
 
+import numpy as np
 import yaml
 
 from twin.models import MODELS
+
+CHILD_BELOW_M = 1.40
+"""Somebody less tall than this is a child unless the scenario says otherwise."""
 
 
 @dataclass(frozen=True)
@@ -15,7 +20,8 @@ class Proportions:
     """Segment lengths; as fractions of stature from `fractions`, in metres from `proportions_of`.
 
     Heights are above the sole. Source: Drillis and Contini (1966), in Winter, "Biomechanics and Motor Control of
-    Human Movement", figure 4.1; the table `models/people/proportions.yaml` says which entries are ours.
+    Human Movement", figure 4.1; the table `models/people/proportions.yaml` says which entries are ours, and where the
+    children's are from.
     """
 
     ankle_height: float
@@ -34,6 +40,8 @@ class Proportions:
     heel_behind_ankle: float
     ball_before_ankle: float
     waist_height: float
+    head_length: float
+    head_breadth: float
 
     @property
     def thigh(self) -> float:
@@ -47,12 +55,23 @@ class Proportions:
 
 
 @cache
-def fractions() -> Proportions:
-    """The shipped table, fractions of stature (`models/people/proportions.yaml`)."""
-    return Proportions(**yaml.safe_load((MODELS / "people" / "proportions.yaml").read_text(encoding="utf-8")))
+def _tables() -> dict[str, Any]:
+    return yaml.safe_load((MODELS / "people" / "proportions.yaml").read_text(encoding="utf-8"))
 
 
-def proportions_of(height_m: float) -> Proportions:
+def fractions(height_m: float | None = None, child: bool = False) -> Proportions:
+    """The shipped table, fractions of stature: an adult's, or a child's of this stature [m]."""
+    table = dict(_tables()["adult"])
+    if child:
+        if height_m is None:
+            raise ValueError("a child's proportions depend on its stature; height_m is expected")
+        columns = dict(_tables()["child"])
+        stature = columns.pop("stature_m")
+        table |= {name: float(np.interp(height_m, stature, column)) for name, column in columns.items()}
+    return Proportions(**table)
+
+
+def proportions_of(height_m: float, child: bool = False) -> Proportions:
     """Segment lengths [m] of a person of this stature [m]."""
-    table = fractions()
+    table = fractions(height_m, child)
     return Proportions(**{field.name: getattr(table, field.name) * height_m for field in fields(table)})

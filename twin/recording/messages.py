@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.stores.ros2_humble import builtin_interfaces__msg__Time as Time
 from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__CompressedImage as CompressedImage
+from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__Image as RawImageMessage
 from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__LaserScan as LaserScanMessage
 from rosbags.typesys.stores.ros2_humble import std_msgs__msg__Header as Header
 
 from trackers.errors import InputError
-from trackers.observations import NS_PER_S, Image, LaserScan, Observation
+from trackers.observations import NS_PER_S, FloorFrame, Image, LaserScan, Observation
 from twin.recording import topics
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
@@ -31,6 +32,7 @@ STRING = "std_msgs/msg/String"
 TYPESTORE = get_typestore(Stores.ROS2_HUMBLE)
 
 _CHANNELS = {"rgb8": 3, "bgr8": 3, "mono8": 1}
+_FLOOR_ENCODINGS = ("mono8", "8UC1")
 _NO_INTENSITIES = np.zeros(0, dtype=np.float32)
 
 
@@ -47,26 +49,34 @@ class Encoded:
 def encode(observation: Observation, *, jpeg_quality: int = 90) -> Encoded:
     """The observation as a message; give trackers `.observation` of the result, never the observation that went in.
 
-    Ranges are brought to REP 117 (`LaserScan`); images go through JPEG of this quality (1–100). The frame_id is the
-    sensor's name, the header's stamp the observation's.
+    Ranges are brought to REP 117 (`LaserScan`); images go through JPEG of this quality (1–100); a floor's frame is an Image
+    in mono8, one pixel an element, the first row first. The frame_id is the sensor's name, the header's stamp the
+    observation's.
     """
-    if isinstance(observation, LaserScan):
-        return _encode_scan(observation)
-    return _encode_image(observation, jpeg_quality)
+    match observation:
+        case LaserScan():
+            return _encode_scan(observation)
+        case FloorFrame():
+            return _encode_floor(observation)
+        case Image():
+            return _encode_image(observation, jpeg_quality)
 
 
-def decode(data: bytes | memoryview, msgtype: str, sensor: str) -> Observation:
-    """The observation in a serialized ROS 2 message (CDR); raises InputError for a message that cannot be used."""
-    return from_message(TYPESTORE.deserialize_cdr(data, msgtype), sensor)
+def decode(data: bytes | memoryview, msgtype: str, sensor: str, *, kind: str | None = None) -> Observation:
+    """The observation in a serialized ROS 2 message (CDR), as `from_message` has it."""
+    return from_message(TYPESTORE.deserialize_cdr(data, msgtype), sensor, kind=kind)
 
 
-def from_message(message: Any, sensor: str, *, offset_ns: int = 0) -> Observation:
+def from_message(message: Any, sensor: str, *, kind: str | None = None, offset_ns: int = 0) -> Observation:
     """The observation in a ROS 1 or ROS 2 message: LaserScan, CompressedImage, or Image in rgb8, bgr8 or mono8.
 
-    `offset_ns` is added to the header's stamp. Ranges at or beyond range_max become +inf, those below range_min or not
-    above 0 become NaN (REP 117). Raises InputError for a message that cannot be used.
+    `kind` is that of the sensor on the rig: an Image of a 'floor' is a FloorFrame, of anything else a picture. `offset_ns` is
+    added to the header's stamp. Ranges at or beyond range_max become +inf, those below range_min or not above 0 become NaN
+    (REP 117). Raises InputError for a message that cannot be used.
     """
     stamp_ns = stamp_of(message) + offset_ns
+    if kind == "floor":
+        return _floor(message, sensor, stamp_ns)
     if message.__msgtype__ == LASER_SCAN:
         return _scan(
             sensor,
@@ -182,18 +192,50 @@ def _decode_jpeg(data: NDArray[np.uint8], sensor: str) -> NDArray[np.uint8]:
     return np.asarray(rgb, dtype=np.uint8)
 
 
+def _encode_floor(frame: FloorFrame) -> Encoded:
+    if frame.values.dtype != np.uint8:
+        raise ValueError(f"floor {frame.sensor!r}: {frame.values.dtype} values; uint8 is needed")
+    rows, columns = frame.values.shape
+    # A copy: what is handed on is not changed by what the sensor does next.
+    observation = FloorFrame(frame.sensor, frame.stamp_ns, np.array(frame.values, order="C"))
+    message = RawImageMessage(
+        header=Header(time_message(frame.stamp_ns), frame.sensor),
+        height=rows,
+        width=columns,
+        encoding="mono8",
+        is_bigendian=0,
+        step=columns,
+        data=observation.values.ravel(),
+    )
+    return Encoded(observation, RAW_IMAGE, topics.FLOOR, TYPESTORE.serialize_cdr(message, RAW_IMAGE))
+
+
+def _floor(message: Any, sensor: str, stamp_ns: int) -> FloorFrame:
+    if message.__msgtype__ != RAW_IMAGE:
+        raise InputError(f"message of floor {sensor!r}: type is {message.__msgtype__}; {RAW_IMAGE} is expected")
+    if message.encoding not in _FLOOR_ENCODINGS:
+        valid = " or ".join(_FLOOR_ENCODINGS)
+        raise InputError(f"image of floor {sensor!r}: encoding is {message.encoding!r}; {valid} is expected")
+    return FloorFrame(sensor, stamp_ns, np.ascontiguousarray(_raw_pixels(message, sensor)[:, :, 0]))
+
+
 def _raw_rgb(message: Any, sensor: str) -> NDArray[np.uint8]:
     if message.encoding not in _CHANNELS:
         valid = ", ".join(_CHANNELS)
         raise InputError(f"image of {sensor!r}: encoding is {message.encoding!r}; one of {valid} is expected")
-    width_bytes = message.width * _CHANNELS[message.encoding]
+    pixels = _raw_pixels(message, sensor)
+    if message.encoding == "bgr8":
+        pixels = pixels[:, :, ::-1]
+    return np.ascontiguousarray(np.broadcast_to(pixels, (message.height, message.width, 3)))
+
+
+def _raw_pixels(message: Any, sensor: str) -> NDArray[np.uint8]:
+    """The pixels (height, width, channels) of an Image of one byte a channel, without the padding of its rows."""
+    width_bytes = message.width * _CHANNELS.get(message.encoding, 1)
     if message.step < width_bytes or message.data.size != message.height * message.step:
         raise InputError(
             f"image of {sensor!r}: {message.data.size} bytes, step {message.step} for "
             f"{message.width} x {message.height} {message.encoding}; height x step bytes are expected"
         )
     rows = np.asarray(message.data).reshape(message.height, message.step)[:, :width_bytes]
-    pixels = rows.reshape(message.height, message.width, -1)
-    if message.encoding == "bgr8":
-        pixels = pixels[:, :, ::-1]
-    return np.ascontiguousarray(np.broadcast_to(pixels, (message.height, message.width, 3)))
+    return rows.reshape(message.height, message.width, -1)

@@ -7,15 +7,15 @@ from functools import cached_property
 from pathlib import Path
 
 from trackers.errors import InputError
-from trackers.observations import NS_PER_S, Image, Observation
-from trackers.rig import FisheyeSensor, LaserSensor, Rig, RigSensor
+from trackers.observations import NS_PER_S, FloorFrame, Image, Observation
+from trackers.rig import FisheyeSensor, FloorSensor, LaserSensor, Rig, RigSensor
 from twin.recording import topics
 from twin.recording.bag import Bag, Topic, normal_topic, open_bag
 from twin.recording.messages import COMPRESSED_IMAGE, LASER_SCAN, RAW_IMAGE, STRING, from_message, stamp_of
 from twin.recording.tables import TruthFrame
 from twin.recording.truth_messages import decode_people
 
-_MSGTYPES = {"laser": (LASER_SCAN,), "fisheye": (COMPRESSED_IMAGE, RAW_IMAGE)}
+_MSGTYPES = {"laser": (LASER_SCAN,), "fisheye": (COMPRESSED_IMAGE, RAW_IMAGE), "floor": (RAW_IMAGE,)}
 
 
 class Recording:
@@ -65,8 +65,7 @@ class Recording:
         """The observations of the empty room, in the order they were taken; none in most robots' bags."""
         sensors = {}
         for name, sensor in self.rig.sensors.items():
-            suffix = topics.IMAGE if isinstance(sensor, FisheyeSensor) else topics.SCAN
-            topic = topics.background_topic(name, suffix)
+            topic = topics.background_topic(name, topics.SUFFIXES[sensor.kind])
             if topic in self.topics and self.topics[topic].msgtype in _MSGTYPES[sensor.kind]:
                 sensors[topic] = name
         return list(self._decoded(sensors))
@@ -96,11 +95,14 @@ class Recording:
                 name = sensors[topic]
                 sensor = self.rig.sensors[name]
                 try:
-                    observation = from_message(message, name, offset_ns=_offset_ns(sensor) - self.start_ns)
+                    offset_ns = _offset_ns(sensor) - self.start_ns
+                    observation = from_message(message, name, kind=sensor.kind, offset_ns=offset_ns)
                 except InputError as error:
                     raise InputError(f"{self.path}: topic {topic}: {error}") from error
                 if isinstance(observation, Image) and isinstance(sensor, FisheyeSensor):
                     self._check_size(topic, name, observation, sensor)
+                if isinstance(observation, FloorFrame) and isinstance(sensor, FloorSensor):
+                    self._check_grid(topic, name, observation, sensor)
                 yield observation
 
     def _check_size(self, topic: str, name: str, image: Image, camera: FisheyeSensor) -> None:
@@ -110,6 +112,14 @@ class Recording:
             raise InputError(
                 f"{self.path}: topic {topic}: image is {width} x {height}; sensors.{name}.intrinsics of the rig "
                 f"say {lens.width} x {lens.height}, the size of the images is expected there"
+            )
+
+    def _check_grid(self, topic: str, name: str, frame: FloorFrame, floor: FloorSensor) -> None:
+        rows, columns = frame.values.shape
+        if (rows, columns) != (floor.rows, floor.columns):
+            raise InputError(
+                f"{self.path}: topic {topic}: frame is {rows} rows x {columns} columns; sensors.{name} of the rig says "
+                f"{floor.rows} x {floor.columns}, the size of the frames is expected there"
             )
 
     def _text(self, bag: Bag, topic: str) -> str | None:

@@ -100,8 +100,8 @@ class TruthWriter:
         self._rows.write(frame.stamp_ns, frame.people, self._cells)
 
     def _cells(self, person: PersonTruth) -> list[str]:
-        cells = [_number(value) for value in _truth_numbers(person)]
-        visible = [_number(person.visible.get(sensor, nan)) for sensor in self._sensors]
+        cells = [number_cell(value) for value in _truth_numbers(person)]
+        visible = [number_cell(person.visible.get(sensor, nan)) for sensor in self._sensors]
         return [*cells, "1" if person.in_area else "0", *visible]
 
 
@@ -119,7 +119,7 @@ class TrackWriter:
     def _cells(track: Track) -> list[str]:
         if track.status not in STATUSES:
             raise ValueError(f"track {track.id}: status {track.status!r} is none of {STATUSES}")
-        return [*(_number(value) for value in _track_numbers(track)), track.status]
+        return [*(number_cell(value) for value in _track_numbers(track)), track.status]
 
 
 @contextmanager
@@ -218,7 +218,7 @@ class _RowWriter:
         ids = [int(entry.id) for entry in entries]
         if len(set(ids)) < len(ids):
             raise ValueError(f"frame at {stamp_ns} ns: an id is repeated in {ids}")
-        t = _seconds(stamp_ns)
+        t = seconds_cell(stamp_ns)
         lines = []
         for id_, entry in zip(ids, entries, strict=True):
             if id_ < 1:
@@ -230,12 +230,14 @@ class _RowWriter:
         self._last_stamp_ns = stamp_ns
 
 
-def _seconds(stamp_ns: int) -> str:
+def seconds_cell(stamp_ns: int) -> str:
+    """A stamp as these tables write it: seconds with nine decimals."""
     whole, rest = divmod(abs(int(stamp_ns)), NS_PER_S)
     return f"{'-' if stamp_ns < 0 else ''}{whole}.{rest:09d}"
 
 
-def _number(value: float) -> str:
+def number_cell(value: float) -> str:
+    """A number as these tables write it: empty for NaN; raises ValueError for an infinite one."""
     if isfinite(value):
         return repr(float(value))
     if isnan(value):

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 SCAN = "scan"
 IMAGE = "image/compressed"
+FLOOR = "floor"
 CAMERA_INFO = "camera_info"
+
+SUFFIXES = {"laser": SCAN, "fisheye": IMAGE, "floor": FLOOR}
+"""The last part of a sensor's topic, by its kind on the rig."""
 
 RIG = "/rig"
 SCENARIO = "/scenario"
 TF_STATIC = "/tf_static"
 TRUTH_PEOPLE = "/truth/people"
+TRUTH_FEET = "/truth/feet"
 TRUTH_MARKERS = "/truth/markers"
 
 ROOM_FRAME = "room"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from math import isnan, nan
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +60,7 @@ def decode_people(text: str, stamp_ns: int) -> TruthFrame:
         people = tuple(
             PersonTruth(
                 id=int(row["id"]),
-                **{name: _nan_if_null(row[name]) for name in _NUMBERS},
+                **dict[str, Any]({name: _nan_if_null(row[name]) for name in _NUMBERS}),
                 in_area=bool(row["in_area"]),
                 visible={
                     name.removeprefix(_VISIBLE): _nan_if_null(share)

@@ -37,13 +37,23 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S, Observation
 from trackers.rig import FisheyeIntrinsics, FisheyeSensor, Pose, Rig
 from twin.recording import topics
-from twin.recording.messages import COMPRESSED_IMAGE, LASER_SCAN, STRING, TYPESTORE, Encoded, time_message
+from twin.recording.feet import encode_feet
+from twin.recording.messages import (
+    COMPRESSED_IMAGE,
+    LASER_SCAN,
+    RAW_IMAGE,
+    STRING,
+    TYPESTORE,
+    Encoded,
+    time_message,
+)
 from twin.recording.tables import TruthFrame
 from twin.recording.truth_messages import MARKER_ARRAY, PeopleMarkers, encode_people
 
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 TF_MESSAGE = "tf2_msgs/msg/TFMessage"
 
+_MSGTYPES = {"laser": LASER_SCAN, "fisheye": COMPRESSED_IMAGE, "floor": RAW_IMAGE}
 _FOREVER = QosTime(9223372036, 854775807)  # ROS's RMW_DURATION_INFINITE
 
 
@@ -145,6 +155,7 @@ class BagWriter:
     def truth(self, frame: TruthFrame) -> None:
         """Write the truth at a stamp, for programs and for the eye."""
         self._write(topics.TRUTH_PEOPLE, frame.stamp_ns, encode_people(frame))
+        self._write(topics.TRUTH_FEET, frame.stamp_ns, encode_feet(frame))
         self._write(topics.TRUTH_MARKERS, frame.stamp_ns, self._markers.encode(frame))
 
     def _write_head(self) -> None:
@@ -152,13 +163,14 @@ class BagWriter:
         for topic, msgtype in latched:
             self._connect(topic, msgtype, _latched(depth=1))
         for name, sensor in self._rig.sensors.items():
-            is_camera = isinstance(sensor, FisheyeSensor)
-            msgtype, suffix = (COMPRESSED_IMAGE, topics.IMAGE) if is_camera else (LASER_SCAN, topics.SCAN)
+            msgtype = _MSGTYPES[sensor.kind]
             self._connect(sensor.topic, msgtype)
-            self._connect(topics.background_topic(name, suffix), msgtype, _latched(depth=1000))
-            if is_camera:
+            background = topics.background_topic(name, topics.SUFFIXES[sensor.kind])
+            self._connect(background, msgtype, _latched(depth=1000))
+            if isinstance(sensor, FisheyeSensor):
                 self._connect(topics.sensor_topic(name, topics.CAMERA_INFO), CAMERA_INFO)
         self._connect(topics.TRUTH_PEOPLE, STRING)
+        self._connect(topics.TRUTH_FEET, STRING)
         self._connect(topics.TRUTH_MARKERS, MARKER_ARRAY)
         self._write(topics.RIG, 0, TYPESTORE.serialize_cdr(String(self._rig.dump_yaml()), STRING))
         if self._scenario_yaml is not None:

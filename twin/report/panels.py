@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.observations import Image, LaserScan
+from trackers.observations import FloorFrame, Image, LaserScan
 from trackers.rig import FisheyeSensor, Rig
 from trackers.tracks import Track
 from twin.report.birdseye import (
@@ -25,6 +25,7 @@ from twin.report.birdseye import (
 )
 from twin.report.lettering import Tag, write, write_tags
 from twin.report.palette import RGB, IdentityColours
+from twin.report.pressure import draw_grid, draw_pressure
 
 TORSO_LOW_M, TORSO_HIGH_M, TORSO_WIDTH_M = 1.0, 1.4, 0.45
 """The torso window drawn around a track, for the eye: a person 1.7 m tall; heights above the floor, width across."""
@@ -135,6 +136,9 @@ class FloorPanel:
         self._unseen, self._seen = self._unseen.copy(), self._seen.copy()
         paint_room(self._unseen, view, self._rig, self._outline, _UNSEEN)
         paint_room(self._seen, view, self._rig, self._outline, _SEEN)
+        for floor in self._rig.floors().values():
+            draw_grid(self._unseen, view, floor, _UNSEEN.grid)
+            draw_grid(self._seen, view, floor, _SEEN.grid)
         return view
 
     def draw(
@@ -147,6 +151,7 @@ class FloorPanel:
         colours: IdentityColours,
         truth: TruePoses | None,
         names: Mapping[int, str],
+        floors: Mapping[str, FloorFrame] | None = None,
     ) -> None:
         if self._view is None:
             self._view = self._paint(scans)
@@ -157,6 +162,8 @@ class FloorPanel:
             self._mask[:] = 0
             cv2.fillPoly(self._mask, [fixed_point(seen)], 255, cv2.LINE_8, SHIFT)
             cv2.copyTo(self._seen, self._mask, panel)
+        for name, frame in (floors or {}).items():
+            draw_pressure(panel, view, self._rig.floors()[name], frame)
         if truth is not None:
             _draw_truth(panel, view, truth, names)
         for name, scan in scans.items():

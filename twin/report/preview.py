@@ -11,7 +11,7 @@ from typing import Self
 import cv2
 import numpy as np
 
-from trackers.observations import NS_PER_S, Image, LaserScan
+from trackers.observations import NS_PER_S, FloorFrame, Image, LaserScan
 from trackers.rig import Rig
 from trackers.tracks import Track
 from twin.report.birdseye import SHIFT, Polygon, fixed_point
@@ -19,6 +19,7 @@ from twin.report.clock import origin_ns, time_text
 from twin.report.lettering import BOLD, text_width, write
 from twin.report.palette import LAYER_COLOURS, IdentityColours
 from twin.report.panels import BACKDROP, INK, QUIET, CameraPanel, FloorPanel, TruePoses
+from twin.report.pressure import PRESSED
 from twin.report.video import TIME_BASE, VideoFile
 
 __all__ = ["PreviewWriter", "TruePoses"]
@@ -99,10 +100,12 @@ class PreviewWriter:
         scans: Mapping[str, LaserScan],
         tracks: Sequence[Track],
         truth: TruePoses | None = None,
+        floors: Mapping[str, FloorFrame] | None = None,
     ) -> None:
         """Draw and encode one moment; stamps must rise.
 
-        `image`: the camera's newest picture (None: the one before is shown on); `scans`: the newest of each scanner.
+        `image`: the camera's newest picture (None: the one before is shown on); `scans`, `floors`: the newest of each
+        scanner and pressure floor.
         Raises InputError where the disk is full.
         """
         if self._first_ns is None:
@@ -122,7 +125,7 @@ class PreviewWriter:
             panel = self._canvas[_HEADER_PX:, :left]
             self._camera.draw(panel, image, tracks, self._colours)
         panel = self._canvas[_HEADER_PX : height - _FOOTER_PX, left:]
-        self._floor.draw(panel, scans, self._layers, tracks, self._tails, self._colours, truth, self._names)
+        self._floor.draw(panel, scans, self._layers, tracks, self._tails, self._colours, truth, self._names, floors)
         clock = self._canvas[6 : _HEADER_PX - 6, width - 130 :]
         clock[:] = BACKDROP
         write(
@@ -169,10 +172,14 @@ class PreviewWriter:
         height, width = self._canvas.shape[:2]
         x, y = width - self._floor.width_px + 14.0, height - 10
         entries = [("dot", colour, name if "scan" in name else f"{name} scan") for name, colour in self._layers.items()]
+        entries += [("square", PRESSED, name) for name in self._rig.floors()]
         entries += [("disc", INK, "track"), *([("ring", INK, "truth")] if with_truth else [])]
         for kind, colour, label in entries:
             centre = fixed_point(np.array([x + 5, y - 5.0])).tolist()
             radius = (3 if kind == "dot" else 6) << SHIFT
-            cv2.circle(self._canvas, centre, radius, colour, 1 if kind == "ring" else -1, cv2.LINE_AA, SHIFT)
+            if kind == "square":
+                cv2.rectangle(self._canvas, (round(x) - 1, y - 11), (round(x) + 11, y + 1), colour, -1)
+            else:
+                cv2.circle(self._canvas, centre, radius, colour, 1 if kind == "ring" else -1, cv2.LINE_AA, SHIFT)
             write(self._canvas, label, x + 16, y, QUIET, 14)
             x += 16 + text_width(label, 14) + 20

@@ -13,6 +13,7 @@ from trackers.configuration import parse_yaml, read_text, validate
 from trackers.errors import InputError
 from twin import models
 from twin.scenario.model import Scenario
+from twin.scenario.pedestrians import Pedestrians, people_from
 
 
 def load_scenario(name: str | Path, overrides: Sequence[str] = ()) -> Scenario:
@@ -25,8 +26,11 @@ def load_scenario(name: str | Path, overrides: Sequence[str] = ()) -> Scenario:
     content = _read(path, ())
     content = apply_overrides(content, overrides)
     _resolve_room(content, Path(), "--set room")
+    _resolve_pedestrians(content, Path())
     source = str(path) if not overrides else f"{path} with --set {' --set '.join(overrides)}"
-    return validate(Scenario, _without_null(content), source)
+    content = _without_null(content)
+    _bring_pedestrians(content, source)
+    return validate(Scenario, content, source)
 
 
 def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:
@@ -34,6 +38,7 @@ def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:
     expected = "a scenario (room, people, sensors, duration_s)"
     content = parse_yaml(read_text(path, expected), str(path), expected)
     _resolve_room(content, path.parent, f"{path}: room")
+    _resolve_pedestrians(content, path.parent)
     parent = content.pop("extends", None)
     if parent is None:
         return content
@@ -54,6 +59,32 @@ def _resolve_room(content: dict[str, Any], folder: Path, asked_by: str) -> None:
         found = models.find("rooms", room, folder, asked_by)
         if found.parent != models.MODELS / "rooms":
             content["room"] = str(found.resolve())
+
+
+def _resolve_pedestrians(content: dict[str, Any], folder: Path) -> None:
+    """Make the path of a file of paths absolute: it is relative to the file that names it."""
+    pedestrians = content.get("pedestrians")
+    if isinstance(pedestrians, dict) and isinstance(pedestrians.get("file"), str):
+        pedestrians["file"] = str((folder / pedestrians["file"]).resolve())
+
+
+def _bring_pedestrians(content: dict[str, Any], source: str) -> None:
+    """Put the people of a file of paths beside the scenario's own; the resolved scenario holds their paths itself."""
+    if "pedestrians" not in content:
+        return
+    pedestrians = validate(Pedestrians, content.pop("pedestrians"), f"{source}: pedestrians")
+    duration_s = content.get("duration_s")
+    if not isinstance(duration_s, int | float) or not duration_s > 0:
+        return  # the scenario's own check says so
+    people = people_from(pedestrians, duration_s, source)
+    own = content.setdefault("people", {})
+    if isinstance(own, dict):
+        twice = sorted(own.keys() & people.keys())
+        if twice:
+            raise InputError(
+                f"{source}: pedestrians.prefix: {twice[0]!r} is one of the people already; another prefix is expected"
+            )
+        content["people"] = own | people
 
 
 def _merge(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:

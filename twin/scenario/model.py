@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, JsonValue, StringConstraints, model_validator
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, model_validator
 
 from trackers.configuration import Strict
 from trackers.rig import Point2
+from twin.scenario.behaviour import PersonName, companions
 from twin.scenario.people import Person
 from twin.scenario.sensors import SensorDescription
 
-Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]
+Name = PersonName
 """A name: it becomes a topic, a file name and a column, so letters, digits, '-' and '_' only."""
 
 
@@ -59,4 +60,16 @@ class Scenario(Strict):
             raise ValueError(f"area has {len(self.area)} corners; a polygon needs at least 3")
         if not self.sensors:
             raise ValueError("sensors is empty; a scenario needs at least one sensor")
+        for name, person in self.people.items():
+            self._check_companions(name, person)
         return self
+
+    def _check_companions(self, name: str, person: Person) -> None:
+        for place, action in enumerate(person.script):
+            for field, other in companions(action):
+                if other == name or other not in self.people:
+                    others = (
+                        ", ".join(each for each in self.people if each != name) or "nobody, as there is no other person"
+                    )
+                    what = "is the person themselves" if other == name else "is nobody in people"
+                    raise ValueError(f"people.{name}.script.{place}.{field}: {other!r} {what}; valid are {others}")

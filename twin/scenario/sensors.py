@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import radians
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,53 +12,40 @@ from pydantic import BeforeValidator, Field, FiniteFloat, PositiveInt, model_val
 
 from trackers.configuration import Strict
 from trackers.rig import FisheyeIntrinsics, FisheyeSensor, LaserSensor, Point3, Pose
+from twin.scenario.floor import FloorDescription
+from twin.scenario.presets import NoiseName, by_name
 from twin.sensors.camera_noise import CAMERA_NOISE, CameraNoise
 from twin.sensors.laser_noise import LASER_NOISE, LaserNoise
 from twin.sensors.lens import LENSES, Lens
 from twin.sensors.schedule import Timing
 
 if TYPE_CHECKING:
+    from twin.people.feet import FootShapes
     from twin.sensors.render import OffscreenRenderer
     from twin.sensors.sensor import Sensor
 
-NoiseName = Literal["off", "default", "worse"]
 LensName = Literal["equidistant_185", "opencv_test_lens"]
 
 _HOUSING_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """A camera's optical frame (x right, y down, z ahead) in that of its housing (x ahead, y left, z up)."""
 
 
-def _by_name(presets: dict[str, Any], otherwise: str) -> Callable[[Any], Any]:
-    """A step of validation that puts the preset in the place of its name."""
-
-    def resolve(value: Any) -> Any:
-        if value is False:
-            value = "off"  # YAML reads an unquoted off as false
-        if not isinstance(value, str):
-            return value
-        if value not in presets:
-            raise ValueError(f"no preset of this name; valid are {', '.join(presets)} or {otherwise}")
-        return presets[value]
-
-    return resolve
-
-
 _LaserNoise = Annotated[
     LaserNoise,
     BeforeValidator(
-        _by_name(LASER_NOISE, "parameters like {sigma_m: 0.01}"), json_schema_input_type=NoiseName | LaserNoise
+        by_name(LASER_NOISE, "parameters like {sigma_m: 0.01}"), json_schema_input_type=NoiseName | LaserNoise
     ),
 ]
 _CameraNoise = Annotated[
     CameraNoise,
     BeforeValidator(
-        _by_name(CAMERA_NOISE, "parameters like {read_sigma: 2}"), json_schema_input_type=NoiseName | CameraNoise
+        by_name(CAMERA_NOISE, "parameters like {read_sigma: 2}"), json_schema_input_type=NoiseName | CameraNoise
     ),
 ]
 _Lens = Annotated[
     Lens,
     BeforeValidator(
-        _by_name(LENSES, "a calibration {width, height, fx, k, field_of_view_deg}"),
+        by_name(LENSES, "a calibration {width, height, fx, k, field_of_view_deg}"),
         json_schema_input_type=LensName | Lens,
     ),
 ]
@@ -168,28 +155,48 @@ class FisheyeDescription(Timing):
         )
 
 
-SensorDescription = Annotated[LaserDescription | FisheyeDescription, Field(discriminator="kind")]
+SensorDescription = Annotated[LaserDescription | FisheyeDescription | FloorDescription, Field(discriminator="kind")]
+
+
+def _no_soles() -> FootShapes:
+    raise ValueError(
+        "somebody treads on a floor that was built without the soles of its people (build_sensor's shapes)"
+    )
 
 
 def build_sensor(
     name: str,
-    description: LaserDescription | FisheyeDescription,
+    description: LaserDescription | FisheyeDescription | FloorDescription,
     renderer: Callable[[], OffscreenRenderer],
+    *,
+    shapes: Callable[[], FootShapes] = _no_soles,
+    device: np.random.Generator | None = None,
 ) -> Sensor:
-    """The sensor with its noise; `renderer` is called when a camera takes its first picture, never for a scanner.
+    """The sensor with its noise; `renderer` is called when a camera takes its first picture, never for another sensor.
+
+    `shapes` gives the soles of the snapshots' people, and is called when somebody first treads on a floor. `device`
+    decides what differs between two floors of the same description: which elements are dead; without it the first
+    observation's generator does, anew for every series of observations (an empty room's and a run's would differ).
 
     Raises InputError for a lens that cannot be rendered.
     """
+    from twin.sensors.floor_electronics import BuiltElectronics
     from twin.sensors.sensor import Noisy
 
-    ideal = _build_ideal(name, description, renderer)
-    return ideal if description.noise.is_off else Noisy(ideal, description.noise)
+    ideal = _build_ideal(name, description, renderer, shapes)
+    if description.noise.is_off:
+        return ideal
+    if isinstance(description, FloorDescription) and device is not None:
+        parts = description.noise.build(description.rows, description.columns, device)
+        return Noisy(ideal, BuiltElectronics(description.noise, parts))
+    return Noisy(ideal, description.noise)
 
 
 def _build_ideal(
     name: str,
-    description: LaserDescription | FisheyeDescription,
+    description: LaserDescription | FisheyeDescription | FloorDescription,
     renderer: Callable[[], OffscreenRenderer],
+    shapes: Callable[[], FootShapes],
 ) -> Sensor:
     # MuJoCo and OpenCV are imported here: reading a scenario needs neither.
     match description:
@@ -197,6 +204,10 @@ def _build_ideal(
             from twin.sensors.fisheye import Fisheye
 
             return Fisheye(name, description.rig_sensor(name), renderer)
+        case FloorDescription():
+            from twin.sensors.floor import Floor
+
+            return Floor(name, description.rig_sensor(name), shapes)
         case LaserDescription():
             from twin.sensors.laser import Laser
 

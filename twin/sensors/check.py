@@ -7,13 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.observations import NS_PER_S, Image, LaserScan
-from trackers.rig import FisheyeSensor, LaserSensor
+from trackers.observations import NS_PER_S, FloorFrame, Image, LaserScan, Observation
+from trackers.rig import FisheyeSensor, FloorSensor, LaserSensor
 from twin.sensors.sensor import Reading, Sensor
 from twin.snapshot import Snapshot, SnapshotSource
 
 _STAMPS_NS = (0, 100_000_000, 200_000_000)
 _SEED = 20_240_601
+_SAME_LOAD_N = 1e-6
 
 
 def check_sensor(sensor: Sensor, world: SnapshotSource) -> list[str]:
@@ -55,7 +56,7 @@ def _declaration_faults(sensor: Sensor) -> list[str]:
         faults.append(f"instants_s is {sensor.instants_s!r}; at least one finite offset from 0 s on is expected")
     elif np.any(np.diff(instants) < 0):
         faults.append(f"instants_s is {sensor.instants_s!r}; ascending offsets are expected")
-    if not isinstance(sensor.rig_sensor(), LaserSensor | FisheyeSensor):
+    if not isinstance(sensor.rig_sensor(), LaserSensor | FisheyeSensor | FloorSensor):
         faults.append(f"rig_sensor() is {type(sensor.rig_sensor()).__name__}; a trackers.rig.RigSensor is expected")
     elif sensor.rig_sensor() != sensor.rig_sensor():
         faults.append("rig_sensor() differs from call to call; a sensor on the rig does not change")
@@ -115,9 +116,18 @@ def _world_state(snapshot: Snapshot) -> dict[str, NDArray]:
 
 
 def _arrays(reading: Reading) -> dict[str, NDArray]:
-    observation = reading.observation
-    values = observation.rgb if isinstance(observation, Image) else observation.ranges_m
-    return {"observation": values} | {f"truth {name}": array for name, array in reading.truth.items()}
+    truth = {f"truth {name}": array for name, array in reading.truth.items()}
+    return {"observation": _values(reading.observation)} | truth
+
+
+def _values(observation: Observation) -> NDArray:
+    match observation:
+        case LaserScan():
+            return observation.ranges_m
+        case Image():
+            return observation.rgb
+        case FloorFrame():
+            return observation.values
 
 
 def _same(one: dict[str, NDArray], other: dict[str, NDArray]) -> bool:
@@ -139,6 +149,8 @@ def _reading_faults(sensor: Sensor, reading: Reading) -> list[str]:
             if image.rgb.dtype != np.uint8 or image.rgb.shape != shape:
                 return [f"image is {image.rgb.dtype} {image.rgb.shape}; uint8 {shape} is expected of its intrinsics"]
             return []
+        case FloorFrame() as frame, FloorSensor() as rig:
+            return _floor_faults(frame, reading.truth, rig)
         case observation, rig:
             return [f"reports {type(observation).__name__}, which does not go with {type(rig).__name__} on the rig"]
 
@@ -161,4 +173,26 @@ def _scan_faults(scan: LaserScan, truth: dict[str, NDArray]) -> list[str]:
         faults.append(
             f"person_of_ray is {person.dtype} {person.shape}; int16 {ranges.shape} of ids, 0 for nobody, is expected"
         )
+    return faults
+
+
+def _floor_faults(frame: FloorFrame, truth: dict[str, NDArray], rig: FloorSensor) -> list[str]:
+    shape = (rig.rows, rig.columns)
+    faults = []
+    if frame.values.dtype != np.uint8 or frame.values.shape != shape:
+        faults.append(f"values are {frame.values.dtype} {frame.values.shape}; uint8 {shape} is expected of its grid")
+    missing = [name for name in ("load_n", "person", "foot", "cell", "newton") if name not in truth]
+    if missing:
+        return [*faults, f"truth holds no {', '.join(missing)}; every floor knows who loads which element"]
+    load_n, cell, newton = truth["load_n"], truth["cell"], truth["newton"]
+    if load_n.dtype != np.float64 or load_n.shape != shape or not (np.isfinite(load_n) & (load_n >= 0)).all():
+        return [*faults, f"load_n is {load_n.dtype} {load_n.shape}; float64 {shape} of newtons from 0 on is expected"]
+    lengths = {truth[name].shape for name in ("person", "foot", "cell", "newton")}
+    if len(lengths) > 1 or len(next(iter(lengths))) != 1:
+        return [*faults, "person, foot, cell and newton differ in shape; one row of the same length is expected"]
+    if cell.size and not (cell.min() >= 0 and cell.max() < load_n.size):
+        return [*faults, f"cell holds {cell.min()} to {cell.max()}; 0 to {load_n.size - 1} is expected of the grid"]
+    by_cell = np.bincount(cell, weights=newton, minlength=load_n.size).reshape(shape)
+    if np.abs(by_cell - load_n).max() > _SAME_LOAD_N:
+        faults.append("load_n is not the sum of the newtons that people put on each cell")
     return faults

@@ -13,11 +13,14 @@ import numpy as np
 from twin.models import MODELS
 from twin.people.appearance import appearance_of
 from twin.people.body import person_spec
+from twin.people.ground import Ground
 from twin.people.population import Population
+from twin.people.routes import Routes
 from twin.scenario.people import Person
 from twin.streams import stream
 
 AREA = np.array([[-2.0, 0.6], [2.0, 0.6], [2.0, 2.8], [-2.0, 2.8]])
+EVERYWHERE = np.array([[-50.0, -50.0], [50.0, -50.0], [50.0, 50.0], [-50.0, 50.0]])
 FIVE = ("black", "blue", "pink", "purple", "white")
 
 
@@ -40,7 +43,8 @@ class Cast:
 
 def make_population(people: dict[str, Person], seed: int, area: np.ndarray = AREA) -> Population:
     looks = {name: appearance_of(person, stream(seed, "looks", name)) for name, person in people.items()}
-    return Population(people, area, {name: stream(seed, "person", name) for name in people}, looks, "test")
+    ground = Ground(area, None, (), Routes(EVERYWHERE, ()), {}, "test")
+    return Population(people, ground, {name: stream(seed, "person", name) for name in people}, looks, "test")
 
 
 def make_cast(people: dict[str, Person], seed: int = 1) -> Cast:

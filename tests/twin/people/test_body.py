@@ -8,9 +8,10 @@ import pytest
 
 from twin.models import MODELS
 from twin.people.appearance import appearance_of
-from twin.people.body import FACE_GROUP, GEOM_GROUP, JOINT_PLACE, JOINTS, NQ_PERSON, person_spec
-from twin.people.proportions import fractions
+from twin.people.body import GEOM_GROUP, JOINT_PLACE, JOINTS, NQ_PERSON, TRIM_GROUP, person_spec
+from twin.people.proportions import fractions, proportions_of
 from twin.scenario.people import Person
+from twin.snapshot import RAY_GROUPS
 
 
 def body(**looks):
@@ -22,26 +23,32 @@ def body(**looks):
     return model, data
 
 
+def vertices(model, data, geom):
+    """Places of a mesh geom's vertices in the room (n, 3) [m]."""
+    mesh = model.geom_dataid[geom]
+    first = model.mesh_vertadr[mesh]
+    local = model.mesh_vert[first : first + model.mesh_vertnum[mesh]]
+    return local @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+
+
 def lowest_and_highest(model, data):
-    """Extent of the body over all geoms, by their axis-aligned support along z [m]."""
-    low, high = np.inf, -np.inf
-    for geom in range(model.ngeom):
-        z = data.geom_xmat[geom].reshape(3, 3)[2]
-        size = model.geom_size[geom]
-        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-            reach = np.linalg.norm(z * size)
-        else:
-            reach = size[0] + abs(z[2]) * size[1]
-        low, high = min(low, data.geom_xpos[geom][2] - reach), max(high, data.geom_xpos[geom][2] + reach)
-    return low, high
+    z = np.concatenate([vertices(model, data, geom)[:, 2] for geom in range(model.ngeom)])
+    return z.min(), z.max()
 
 
-@pytest.mark.parametrize("hair_style", ["short", "long", "bun", "bald"])
-@pytest.mark.parametrize("height_m", [1.2, 1.5, 1.75, 1.9])
+def hits(model, data, origin, direction):
+    """Name of the first geom that a ray meets, None where none."""
+    geom = np.array([-1], dtype=np.int32)
+    mujoco.mj_ray(model, data, np.array(origin, float), np.array(direction, float), RAY_GROUPS, True, -1, geom, None)
+    return model.geom(int(geom[0])).name if geom[0] >= 0 else None
+
+
+@pytest.mark.parametrize("hair_style", ["short", "long", "bun", "bald", "ponytail", "bob", "cropped"])
+@pytest.mark.parametrize("height_m", [0.9, 1.2, 1.5, 1.75, 2.1])
 def test_the_body_is_as_tall_as_asked(height_m, hair_style):
-    low, high = lowest_and_highest(*body(height_m=height_m, hair_style=hair_style))
-    assert low == pytest.approx(0.0, abs=0.002)
-    assert high == pytest.approx(height_m, abs=0.005)
+    low, high = lowest_and_highest(*body(height_m=height_m, hair_style=hair_style, cap="none"))
+    assert low == pytest.approx(0.0, abs=1e-5)
+    assert high == pytest.approx(height_m, abs=0.008)
 
 
 def test_coordinates_are_laid_out_as_declared():
@@ -52,51 +59,109 @@ def test_coordinates_are_laid_out_as_declared():
     assert [int(model.joint(name).qposadr[0]) for name in JOINTS] == [JOINT_PLACE[name] for name in JOINTS]
 
 
-def test_few_geoms_all_of_people_and_none_collides():
-    model, _ = body(hair_style="long")
-    assert model.ngeom <= 32
-    face = {
-        name for geom in range(model.ngeom) if model.geom_group[geom] == FACE_GROUP for name in [model.geom(geom).name]
-    }
-    assert face == {"left_eye", "right_eye", "left_ear", "right_ear", "nose", "mouth"}
-    assert (model.geom_group == GEOM_GROUP).sum() == model.ngeom - len(face)
+@pytest.mark.parametrize("seed", range(8))
+def test_few_geoms_all_of_people_and_none_collides(seed):
+    model = person_spec(appearance_of(Person(), np.random.default_rng(seed))).compile()
+    assert (model.geom_group == GEOM_GROUP).sum() <= 27
+    trim = {model.geom(geom).name for geom in np.flatnonzero(model.geom_group != GEOM_GROUP)}
+    assert trim <= {"straps"}
+    assert {int(group) for group in model.geom_group} <= {GEOM_GROUP, TRIM_GROUP}
+    assert model.nmeshface < 8000
     assert not model.geom_contype.any()
     assert not model.geom_conaffinity.any()
 
 
 def test_named_colours_arrive_matt_on_the_body():
     model, _ = body(shirt="#102030", sleeves="long")
-    for name in ("chest", "belly", "left_sleeve", "right_forearm"):
+    for name in ("chest", "left_sleeve", "right_forearm"):
         material = model.geom(name).matid[0]
         np.testing.assert_allclose(model.mat_rgba[material], [16 / 255, 32 / 255, 48 / 255, 1.0], atol=1e-6)
         assert model.mat_specular[material] == model.mat_reflectance[material] == 0.0
+        assert (model.mat_texid[material] < 0).all()
     short, _ = body(sleeves="short", shirt="blue", skin="fair")
     assert short.geom("left_forearm").matid[0] != short.geom("left_sleeve").matid[0]
 
 
+def texture_of(model, geom):
+    """The picture (rows, columns, 3) on a geom, the upper edge first."""
+    texture = model.mat_texid[model.geom(geom).matid[0], mujoco.mjtTextureRole.mjTEXROLE_RGB]
+    height, width, first = model.tex_height[texture], model.tex_width[texture], model.tex_adr[texture]
+    return model.tex_data[first : first + 3 * height * width].reshape(height, width, 3)[::-1]
+
+
+@pytest.mark.parametrize("pattern", ["striped", "checked", "printed"])
+def test_a_pattern_has_both_colours(pattern):
+    model, _ = body(shirt="#ff0000", shirt_pattern=pattern, shirt_second="#0000ff", sleeves="long", coat="none")
+    colours = {tuple(int(part) for part in colour) for colour in texture_of(model, "chest").reshape(-1, 3)}
+    assert {(255, 0, 0), (0, 0, 255)} <= colours
+    woven = pattern != "printed"
+    assert (model.mat_texid[model.geom("left_sleeve").matid[0]] >= 0).any() == woven
+
+
+@pytest.mark.parametrize(
+    ("looks", "expected"),
+    [
+        ({"coat": "beige"}, {"left_tail", "right_tail"}),
+        ({"skirt": "red"}, {"left_skirt", "right_skirt"}),
+        ({"cap": "red", "skirt": "none"}, {"cap"}),
+        ({"bag": "backpack"}, {"bag", "straps"}),
+        ({"bag": "shoulder"}, {"bag", "straps"}),
+        ({"bag": "handbag"}, {"bag"}),
+    ],
+)
+def test_what_is_named_is_worn(looks, expected):
+    model, _ = body(**({"coat": "none", "skirt": "none", "cap": "none", "bag": "none"} | looks))
+    bare, _ = body(coat="none", skirt="none", cap="none", bag="none")
+    names = {model.geom(geom).name for geom in range(model.ngeom)}
+    assert expected <= names
+    assert not expected & {bare.geom(geom).name for geom in range(bare.ngeom)}
+
+
+@pytest.mark.parametrize("height_m", [0.95, 1.75])
+@pytest.mark.parametrize("build", [0.8, 1.35])
+def test_every_body_is_closed_where_segments_meet(height_m, build):
+    """From ahead and from the side a ray at any height of the middle of the leg or trunk meets the body."""
+    model, data = body(height_m=height_m, build=build, skirt="none", coat="none", bag="none", cap="none")
+    lengths = appearance_of(Person(height_m=height_m), np.random.default_rng(0)).proportions
+    for share in np.linspace(0.03, 0.97, 60):
+        z = share * height_m
+        y = lengths.hip_joint_width / 2 if z < lengths.hip_height else 0.0
+        assert hits(model, data, (2, y, z), (-1, 0, 0)) is not None
+        assert hits(model, data, (0, 2, z), (0, -1, 0)) is not None
+
+
+def test_a_skirt_closes_the_legs_above_the_knee_and_not_below():
+    model, data = body(height_m=1.75, skirt="red", coat="none")
+    assert hits(model, data, (2, 0.0, 0.60), (-1, 0, 0)) in {"left_skirt", "right_skirt"}
+    assert hits(model, data, (2, 0.0, 0.42), (-1, 0, 0)) is None
+
+
 def test_a_face_is_in_front():
-    model, data = body()
+    model, data = body(hair_style="bald", cap="none", beard=False, glasses=False, skin="fair")
     head = data.site("head").xpos
-    for name in ("nose", "mouth", "left_eye", "right_eye"):
-        assert data.geom(name).xpos[0] > head[0] + 0.05
-    assert data.geom("left_eye").xpos[1] > 0 > data.geom("right_eye").xpos[1]
-    assert data.geom("left_toes").xpos[0] > 0.05
+    skull = vertices(model, data, model.geom("skull").id)
+    nose = skull[skull[:, 0].argmax()]
+    assert nose[0] > head[0] + 0.09
+    assert abs(nose[1]) < 0.02
+    assert vertices(model, data, model.geom("left_toes").id)[:, 0].max() > 0.15
+    face = texture_of(model, "skull").astype(int).sum(axis=-1)
+    columns = face.shape[1]
+    middle, back = face[:, columns // 3 : 2 * columns // 3], face[:, : columns // 6]
+    assert middle.min() < 150 < back.min()
+    # two dark eyes beside the nose, none on it
+    dark = (middle < 150).any(axis=0)
+    assert not dark[dark.size // 2]
+    assert dark[: dark.size // 2].any() and dark[dark.size // 2 :].any()
 
 
 def test_points_lie_in_the_body():
     model, data = body()
     points = [site for site in range(model.nsite) if model.site(site).name.startswith("point_")]
     assert len(points) >= 40
-    inside = np.zeros(len(points), dtype=bool)
-    for geom in range(model.ngeom):
-        local = (data.site_xpos[points] - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
-        size = model.geom_size[geom]
-        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-            inside |= ((local / size) ** 2).sum(axis=1) <= 1
-        else:
-            local[:, 2] -= np.clip(local[:, 2], -size[1], size[1])
-            inside |= np.linalg.norm(local, axis=1) <= size[0]
-    assert inside.all()
+    # from inside, a ray any way out crosses the surface: it meets the body from every side
+    ways = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1.0], [0, 0, -1]])
+    for point in points:
+        assert all(hits(model, data, data.site_xpos[point], way) for way in ways), model.site(point).name
 
 
 def test_segments_follow_the_table():
@@ -107,10 +172,32 @@ def test_segments_follow_the_table():
         assert data.body(f"left_{segment}").xpos[2] == pytest.approx(1.8 * fraction, abs=1e-9)
 
 
+def test_a_child_is_no_small_adult():
+    child, adult = proportions_of(1.10, child=True), proportions_of(1.10)
+    assert (1.10 - child.chin_height) / 1.10 == pytest.approx(1 / 5.9, abs=0.01)
+    assert child.hip_height < adult.hip_height
+    assert child.head_breadth > adult.head_breadth
+    grown = fractions(1.75, child=True)
+    assert grown == fractions()
+    with pytest.raises(ValueError, match="height_m is expected"):
+        fractions(child=True)
+
+
+def test_two_people_bring_their_own_pictures():
+    spec = mujoco.MjSpec()
+    for name in ("anna", "ben"):
+        looks = appearance_of(Person(shirt="red", shirt_pattern="striped"), np.random.default_rng(0))
+        spec.attach(person_spec(looks), prefix=f"{name}/", frame=spec.worldbody.add_frame())
+    model = spec.compile()
+    assert {model.texture(number).name for number in range(model.ntex)} == {
+        f"{name}/{texture}" for name in ("anna", "ben") for texture in ("face", "shirt")
+    }
+
+
 @pytest.mark.parametrize("heading", np.linspace(-np.pi, np.pi, 9))
 def test_a_scanner_meets_two_legs_at_the_knee_and_one_trunk_with_arms_at_the_waist(heading):
     spec = mujoco.MjSpec.from_file(str(MODELS / "rooms" / "lab.xml"))
-    looks = appearance_of(Person(height_m=1.75), np.random.default_rng(1))
+    looks = appearance_of(Person(height_m=1.75, skirt="none", coat="none", bag="none"), np.random.default_rng(1))
     spec.attach(person_spec(looks), prefix="anna/", frame=spec.worldbody.add_frame())
     model = spec.compile()
     data = mujoco.MjData(model)
@@ -134,5 +221,5 @@ def test_a_scanner_meets_two_legs_at_the_knee_and_one_trunk_with_arms_at_the_wai
     # seen exactly from the side, one leg hides the other
     assert legs == {"left", "right"} if abs(np.sin(heading)) > 0.1 else legs <= {"left", "right"} and legs
     at_waist = hit(0.95)
-    assert {"hips", "belly"} & set(at_waist) or {"left_hand", "right_hand"} & set(at_waist)
+    assert {"hips", "chest"} & set(at_waist) or {"left_hand", "right_hand"} & set(at_waist)
     assert len(at_waist) >= 20

@@ -8,7 +8,8 @@ from people_cast import AREA, FIVE, make_population
 
 from twin.people.crowd import KEEP_APART_M, KEEP_FROM_EDGE_M
 from twin.people.population import TICK_S
-from twin.scenario.people import Person, Stand, Walk, Wander
+from twin.scenario.behaviour import Stand, Walk, Wander
+from twin.scenario.people import Person
 
 SECONDS = 26.2
 
@@ -83,8 +84,8 @@ def test_people_turn_sharply_now_and_then(run):
 
 def test_two_who_meet_head_on_pass_each_other():
     people = {
-        "anna": Person(script=Walk(waypoints=((-1.8, 1.7), (1.8, 1.7)), speed_m_s=1.0)),
-        "bert": Person(script=Walk(waypoints=((1.8, 1.7), (-1.8, 1.7)), speed_m_s=1.0)),
+        "anna": Person(script=(Walk(waypoints=((-1.8, 1.7), (1.8, 1.7)), speed_m_s=1.0),)),
+        "bert": Person(script=(Walk(waypoints=((1.8, 1.7), (-1.8, 1.7)), speed_m_s=1.0),)),
     }
     places, _ = paths(people, 0, 10.0)
     assert least_distance(places) > 0.5
@@ -94,8 +95,8 @@ def test_two_who_meet_head_on_pass_each_other():
 
 def test_walkers_go_around_who_stands():
     people = {
-        "anna": Person(script=Walk(waypoints=((-1.8, 1.7), (1.8, 1.7)), speed_m_s=1.0)),
-        "post": Person(start=(0.0, 1.7), script=Stand()),
+        "anna": Person(script=(Walk(waypoints=((-1.8, 1.7), (1.8, 1.7)), speed_m_s=1.0),)),
+        "post": Person(start=(0.0, 1.7), script=(Stand(),)),
     }
     places, _ = paths(people, 0, 10.0)
     assert least_distance(places) > 0.5
@@ -105,7 +106,7 @@ def test_walkers_go_around_who_stands():
 
 def test_a_repeated_walk_comes_round_again():
     walk = Walk(waypoints=((-1.0, 1.0), (1.0, 1.0), (1.0, 2.5)), speed_m_s=1.2, repeat=True)
-    places, velocities = paths({"anna": Person(script=walk)}, 0, 20.0)
+    places, velocities = paths({"anna": Person(script=(walk,))}, 0, 20.0)
     for corner in walk.waypoints:
         near = np.linalg.norm(places[:, 0] - corner, axis=-1) < 0.3
         assert (np.diff(near.astype(int)) == 1).sum() >= 2
@@ -114,7 +115,7 @@ def test_a_repeated_walk_comes_round_again():
 
 def test_an_area_with_a_bay_is_stayed_in():
     bay = np.array([[-2, 0], [2, 0], [2, 4], [0.8, 4], [0.8, 2], [-0.8, 2], [-0.8, 4], [-2, 4]], dtype=float)
-    people = {name: Person(script=Wander(stretch_s=4.0)) for name in FIVE[:3]}
+    people = {name: Person(script=(Wander(stretch_s=4.0),)) for name in FIVE[:3]}
     places, _ = paths(people, 3, 30.0, bay)
     inside_bay = (np.abs(places[..., 0]) < 0.8) & (places[..., 1] > 2.0)
     assert not inside_bay.any()

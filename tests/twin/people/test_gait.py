@@ -7,7 +7,8 @@ import pytest
 from people_cast import make_cast
 
 from twin.people.body import JOINT_PLACE, JOINTS
-from twin.scenario.people import Person, Stand, Walk
+from twin.scenario.behaviour import Stand, Walk
+from twin.scenario.people import Person
 
 DT = 0.02
 MOST_PER_TICK_RAD = 0.35
@@ -24,11 +25,11 @@ class Recorded:
         self.angles, self.toes, self.soles, self.pelvis = [], [], [], []
         for tick in range(1, int(seconds / DT) + 1):
             coordinates = cast.pose(tick * DT)
-            truth = cast.population.truth(tick * DT)
+            feet = cast.population.feet(tick * DT)
             self.angles.append(coordinates[:, 7:])
             self.pelvis.append(coordinates[:, :3])
             self.toes.append(cast.data.geom_xpos[toes].reshape(*shape, 3).copy())
-            self.soles.append(truth.feet)
+            self.soles.append(np.concatenate([feet.place, feet.height[..., None]], axis=-1))
         self.angles, self.toes = np.array(self.angles), np.array(self.toes)
         self.soles, self.pelvis = np.array(self.soles), np.array(self.pelvis)
 
@@ -52,7 +53,7 @@ def wandering(wanderers):
 @pytest.fixture(scope="module", params=[0.4, 1.0, 1.6, 2.0, 2.5])
 def walking(request):
     walk = Walk(waypoints=((-9.0, 1.0), (9.0, 1.0)), speed_m_s=request.param)
-    return request.param, Recorded(make_cast({"anna": Person(height_m=1.75, script=walk)}), 6.0)
+    return request.param, Recorded(make_cast({"anna": Person(height_m=1.75, script=(walk,))}), 6.0)
 
 
 def test_a_standing_foot_does_not_slide(wandering):
@@ -68,9 +69,13 @@ def test_a_standing_foot_does_not_slide_at_any_speed(walking):
     assert max(slips) < MOST_SLIP_M
 
 
-def test_one_foot_always_stands(walking):
-    _, recorded = walking
-    assert (recorded.soles[..., 2] == 0).any(axis=-1).all()
+def test_one_foot_always_stands_in_walking_and_runners_fly(walking):
+    speed, recorded = walking
+    stands = (recorded.soles[..., 2] == 0).any(axis=-1)
+    if speed < 2.3:
+        assert stands.all()
+    else:
+        assert 0.1 < 1 - stands[-100:].mean() < 0.4
 
 
 def test_knees_bend_backwards_only(wandering, walking):
@@ -107,7 +112,7 @@ def test_steps_get_longer_and_quicker_with_speed():
     lengths, times = [], []
     for speed in (0.6, 1.0, 1.4):
         walk = Walk(waypoints=((-9.0, 1.0), (9.0, 1.0)), speed_m_s=speed)
-        recorded = Recorded(make_cast({"anna": Person(height_m=1.75, script=walk)}), 8.0)
+        recorded = Recorded(make_cast({"anna": Person(height_m=1.75, script=(walk,))}), 8.0)
         left = [stance[0, 0] for stance in recorded.stances()]
         places = np.sort(left)[3:-3]
         lengths.append(np.diff(places).mean())
@@ -128,7 +133,7 @@ def test_the_pelvis_bobs_and_sways_a_little(walking):
 
 def test_arms_swing_against_the_legs():
     walk = Walk(waypoints=((-9.0, 1.0), (9.0, 1.0)), speed_m_s=1.2)
-    recorded = Recorded(make_cast({"anna": Person(script=walk)}), 6.0)
+    recorded = Recorded(make_cast({"anna": Person(script=(walk,))}), 6.0)
     late = recorded.angles[-150:, 0]
     for side in ("left", "right"):
         arm = late[:, JOINT_PLACE[f"{side}_shoulder_pitch"] - 7]
@@ -138,14 +143,14 @@ def test_arms_swing_against_the_legs():
 
 def test_who_stops_ends_with_feet_side_by_side():
     walk = Walk(waypoints=((-1.0, 1.5), (1.0, 1.5)), speed_m_s=1.3)
-    cast = make_cast({"anna": Person(script=walk)})
+    cast = make_cast({"anna": Person(script=(walk,))})
     cast.pose(6.0)
-    before = cast.population.truth(6.0)
+    before = cast.population.feet(6.0).place
     cast.pose(8.0)
-    after = cast.population.truth(8.0)
-    np.testing.assert_array_equal(before.feet, after.feet)
+    after, feet = cast.population.truth(8.0), cast.population.feet(8.0).place
+    np.testing.assert_array_equal(before, feet)
     forward = np.array([np.cos(after.yaw[0]), np.sin(after.yaw[0])])
-    gap = after.feet[0, 0, :2] - after.feet[0, 1, :2]
+    gap = feet[0, 0] - feet[0, 1]
     assert abs(gap @ forward) < 0.08
     assert 0.08 < np.linalg.norm(gap) < 0.25
     assert np.hypot(after.vx, after.vy)[0] < 0.01
@@ -154,7 +159,7 @@ def test_who_stops_ends_with_feet_side_by_side():
 
 def test_turning_on_the_spot_steps_around():
     walk = Walk(waypoints=((0.0, 1.5), (1.0, 1.5)), speed_m_s=1.0)
-    cast = make_cast({"anna": Person(script=walk, heading_deg=180.0)})
+    cast = make_cast({"anna": Person(script=(walk,), heading_deg=180.0)})
     recorded = Recorded(cast, 4.0)
     slips = [np.linalg.norm(stance - stance[0], axis=1).max() for stance in recorded.stances()]
     assert max(slips) < MOST_SLIP_M
@@ -164,7 +169,7 @@ def test_turning_on_the_spot_steps_around():
 
 
 def test_who_stands_does_not_move():
-    cast = make_cast({"anna": Person(start=(0.5, 1.5), heading_deg=90.0, script=Stand())})
+    cast = make_cast({"anna": Person(start=(0.5, 1.5), heading_deg=90.0, script=(Stand(),))})
     recorded = Recorded(cast, 5.0)
     assert np.ptp(recorded.pelvis[50:], axis=0).max() < 1e-3
     truth = cast.population.truth(5.0)

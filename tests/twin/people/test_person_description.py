@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import numpy as np
 import pytest
 from pydantic import ValidationError
 
 from twin.people.appearance import appearance_of
-from twin.scenario.people import Person, Walk, Wander
+from twin.scenario.behaviour import Walk, Wander
+from twin.scenario.people import Person
 from twin.scenario.wardrobe import wardrobe
 
 PAPER_SHIRTS = ("white", "black", "pink", "blue", "purple")
 
 
 def test_everything_has_a_default():
-    assert isinstance(Person().script, Wander)
+    assert Person().script == (Wander(),)
 
 
 @pytest.mark.parametrize("shirt", [*PAPER_SHIRTS, "red", "green", "grey", "yellow", "orange", "#12aBcd"])
@@ -34,8 +37,16 @@ def test_the_papers_shirts_differ():
         ({"shirt": "mauve"}, "no shirt colour 'mauve'; valid are white, black"),
         ({"shirt": "#12345"}, "or '#rrggbb'"),
         ({"trousers": "velvet"}, "no trousers colour 'velvet'"),
-        ({"hair_style": "mohawk"}, "'short', 'long', 'bun' or 'bald'"),
-        ({"height_m": -1.7}, "greater than or equal to 1"),
+        ({"hair_style": "mohawk"}, "no hair style 'mohawk'; valid are short, long, bun, bald"),
+        ({"hair_style": "pontail"}, "did you mean 'ponytail'"),
+        ({"shirt": "bleu"}, "did you mean 'blue'"),
+        ({"shirt_pattern": "tartan"}, "valid are plain, striped, checked, printed"),
+        ({"coat": "tweed"}, "no coat colour 'tweed'; valid are beige, black"),
+        ({"coat": "tweed"}, "'#rrggbb' or 'none'"),
+        ({"bag": "suitcase"}, "valid are none, backpack, shoulder, handbag"),
+        ({"bag_colour": "tartan"}, "no bag colour 'tartan'"),
+        ({"mass_kg": 3}, "greater than or equal to 8"),
+        ({"height_m": -1.7}, "greater than or equal to 0.9"),
         ({"height_m": 2.5}, "less than or equal to 2.1"),
         ({"height": 1.7}, "Extra inputs"),
         ({"heading_deg": float("nan")}, "finite"),
@@ -56,19 +67,85 @@ def test_what_is_wrong_is_said_with_what_would_be_right(fields, expected):
 
 def test_scripts_are_told_apart_by_kind():
     person = Person.model_validate({"script": {"kind": "walk", "waypoints": [[0, 1], [1, 2]], "repeat": True}})
-    assert person.script == Walk(waypoints=((0, 1), (1, 2)), repeat=True)
+    assert person.script == (Walk(waypoints=((0, 1), (1, 2)), repeat=True),)
 
 
-def test_naming_one_garment_changes_no_other():
-    plain = appearance_of(Person(), np.random.default_rng(4))
-    dressed = appearance_of(Person(shirt="pink"), np.random.default_rng(4))
-    assert dressed.shirt == wardrobe().rgb("shirt", "pink")
-    for name in ("height_m", "build", "trousers", "shoes", "skin", "hair", "hair_style", "long_sleeves"):
-        assert getattr(plain, name) == getattr(dressed, name)
+@pytest.mark.parametrize(
+    "named",
+    [
+        {"shirt": "pink"},
+        {"coat": "black"},
+        {"skirt": "red"},
+        {"cap": "none"},
+        {"hair_style": "bob"},
+        {"bag": "handbag"},
+    ],
+)
+@pytest.mark.parametrize("seed", range(6))
+def test_naming_one_garment_changes_no_other_but_what_would_hide_it(named, seed):
+    plain = appearance_of(Person(), np.random.default_rng(seed))
+    dressed = appearance_of(Person(**named), np.random.default_rng(seed))
+    allowed = set(named)
+    if "shirt" in named:
+        allowed |= {"shirt_pattern", "shirt_second", "coat", "bag"}
+    if "skirt" in named or "hair_style" in named:
+        allowed |= {"beard"}
+    changed = {name for name, look in asdict(plain).items() if look != getattr(dressed, name)}
+    assert changed <= allowed
+
+
+def test_a_named_shirt_is_seen():
+    for seed in range(60):
+        looks = appearance_of(Person(shirt="white"), np.random.default_rng(seed))
+        assert looks.shirt == wardrobe().rgb("shirt", "white")
+        assert looks.shirt_pattern == "plain"
+        assert looks.coat is None
+        assert looks.bag == "none"
+
+
+def test_the_same_seed_gives_the_same_looks():
+    for seed in range(10):
+        first, second = (appearance_of(Person(), np.random.default_rng(seed)) for _ in range(2))
+        assert first == second
 
 
 def test_drawn_looks_are_adults_of_many_kinds():
-    drawn = [appearance_of(Person(), np.random.default_rng(seed)) for seed in range(40)]
-    assert all(1.5 <= looks.height_m <= 1.9 for looks in drawn)
-    assert len({looks.skin for looks in drawn}) >= 4
-    assert {looks.hair_style for looks in drawn} == {"short", "long", "bun", "bald"}
+    drawn = [appearance_of(Person(), np.random.default_rng(seed)) for seed in range(300)]
+    assert all(1.5 <= looks.height_m <= 1.9 and not looks.child for looks in drawn)
+    assert len({looks.skin for looks in drawn}) >= 6
+    available = wardrobe()
+    assert {looks.hair_style for looks in drawn} == set(available.choices["hair_style"])
+    assert {looks.shirt_pattern for looks in drawn} == set(available.choices["shirt_pattern"])
+    assert {looks.bag for looks in drawn} == set(available.choices["bag"])
+    for extra in ("skirt", "coat", "cap", "glasses", "beard"):
+        assert {bool(getattr(looks, extra)) for looks in drawn} == {False, True}
+    assert not any(looks.beard and looks.skirt for looks in drawn)
+    for looks in drawn:
+        assert np.linalg.norm(np.subtract(looks.shirt, looks.shirt_second)) > 0.4
+
+
+def test_leggings_are_trousers_named_with_a_skirt():
+    assert not appearance_of(Person(skirt="red"), np.random.default_rng(0)).leggings
+    assert appearance_of(Person(skirt="red", trousers="black"), np.random.default_rng(0)).leggings
+    assert all(appearance_of(Person(trousers="black"), np.random.default_rng(seed)).skirt is None for seed in range(40))
+
+
+@pytest.mark.parametrize(
+    ("fields", "low", "high"),
+    [
+        ({"height_m": 1.75, "build": 1.0}, 66, 72),
+        ({"height_m": 1.84, "build": 1.35}, 120, 150),
+        ({"height_m": 1.10, "build": 1.0}, 17, 22),
+        ({"height_m": 1.30, "build": 1.0, "child": False}, 35, 42),
+        ({"mass_kg": 81.5}, 81.5, 81.5),
+    ],
+)
+def test_mass_follows_height_and_build_unless_named(fields, low, high):
+    assert low <= appearance_of(Person(**fields), np.random.default_rng(0)).mass_kg <= high
+
+
+def test_short_people_are_children_unless_said_otherwise():
+    rng = np.random.default_rng
+    assert appearance_of(Person(height_m=1.2), rng(0)).child
+    assert not appearance_of(Person(height_m=1.2, child=False), rng(0)).child
+    assert appearance_of(Person(height_m=1.5, child=True), rng(0)).child

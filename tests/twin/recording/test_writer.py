@@ -52,6 +52,7 @@ def test_topics_types_and_log_times(tmp_path):
             ("/camera/background/image/compressed", "sensor_msgs/msg/CompressedImage", 1),
             ("/camera/camera_info", "sensor_msgs/msg/CameraInfo", 3),
             ("/truth/people", "std_msgs/msg/String", 3),
+            ("/truth/feet", "std_msgs/msg/String", 3),
             ("/truth/markers", "visualization_msgs/msg/MarkerArray", 3),
         }
         latched = {

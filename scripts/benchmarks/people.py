@@ -1,0 +1,165 @@
+"""People on a pressure floor: what they cost, where their weight is felt, and how well recorded paths are kept."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from benchmarks.figure import Figure
+from trackers.configuration import validate
+from twin.penetration import PenetrationCheck
+from twin.people.crowd import KEEP_APART_M
+from twin.scenario import Scenario
+from twin.scenario.behaviour import Path
+from twin.scenario.pedestrians import Pedestrians, people_from
+from twin.simulation import Simulation
+from twin.world import World
+
+_DATA = FilePath(__file__).parents[3] / "shared" / "data" / "trajectories"
+_WARM_UP_S, _MEASURED_S = 2.0, 20.0
+
+
+def _scenario(people: dict[str, Any], sensors: dict[str, Any], *, room: str = "plaza", **more: Any) -> Scenario:
+    content = {"name": "bench", "room": room, "people": people, "sensors": sensors, "background": "none"} | more
+    return validate(Scenario, content, "benchmark")
+
+
+def _floor(pitch_m: float, **more: Any) -> dict[str, Any]:
+    mount = {"xyz": [-9 * pitch_m, -7 * pitch_m, 0]}
+    return {
+        "floor": {"kind": "floor", "rate_hz": 10, "rows": 14, "columns": 18, "pitch_m": pitch_m, "mount": mount} | more
+    }
+
+
+def floor_real_time() -> Iterator[Figure]:
+    """A floor of 252 elements with everybody on it, truth included, without images: seconds simulated a CPU second."""
+    spent = {}
+    for count, pitch_m, target in ((5, 0.2, ">= 30"), (20, 0.4, ">= 8")):
+        half = np.array([9 * pitch_m, 7 * pitch_m])
+        area = [[-half[0], -half[1]], [half[0], -half[1]], [half[0], half[1]], [-half[0], half[1]]]
+        people = {f"p{number:02d}": {} for number in range(count)}
+        scenario = _scenario(people, _floor(pitch_m), area=area, duration_s=_WARM_UP_S + _MEASURED_S)
+        with Simulation(scenario, on_truth=lambda frame: None) as simulation:
+            start = 0.0
+            for observation in simulation:
+                if observation.t < _WARM_UP_S:
+                    start = time.process_time()
+            spent[count] = time.process_time() - start
+        yield Figure(f"floor of 252 elements, {count} people", _MEASURED_S / spent[count], "× real time", target)
+    yield Figure("cost a person: 20 people over 5", spent[20] / spent[5] * 5 / 20, "×", "<= 1")
+
+
+def floor_truth() -> Iterator[Figure]:
+    """Where the weight of people who stand still is felt, over the whole grid, and how much of it."""
+    rng = np.random.default_rng(1000)
+    worst_m, worst_share = 0.0, 0.0
+    for _ in range(12):
+        x, y = np.meshgrid(np.linspace(-1.4, 1.4, 3), np.linspace(-1.0, 1.0, 3))
+        places = np.stack([x.ravel(), y.ravel()], axis=-1) + rng.uniform(-0.09, 0.09, (9, 2))
+        people = {
+            f"p{number}": {
+                "start": place.tolist(),
+                "heading_deg": float(rng.uniform(-180, 180)),
+                "script": {"kind": "stand"},
+            }
+            for number, place in enumerate(places)
+        }
+        scenario = _scenario(people, _floor(0.2, noise="off"), duration_s=1.2)
+        with Simulation(scenario) as simulation:
+            deliveries = list(simulation.deliveries())
+            truth = deliveries[-1].reading.truth
+            feet = simulation.world.snapshot(deliveries[-1].encoded.observation.t).feet
+            assert feet is not None
+            centres = simulation.rig.floors()["floor"].centres.reshape(-1, 2)
+            for person in range(len(people)):
+                mine = truth["person"] == person
+                newton, cell = truth["newton"][mine], truth["cell"][mine]
+                felt = (newton[:, None] * centres[cell]).sum(axis=0) / newton.sum()
+                load = feet.load_n[person]
+                true = (load[:, None] * feet.pressure_point[person]).sum(axis=0) / load.sum()
+                worst_m = max(worst_m, float(np.linalg.norm(felt - true)))
+                worst_share = max(worst_share, abs(float(newton.sum() / load.sum()) - 1))
+    yield Figure("centre of pressure of people standing, worst of 108", 1e3 * worst_m, "mm", "<= 20")
+    yield Figure("weight of people standing, worst of 108", 1e2 * worst_share, "%", "<= 0.5")
+
+
+def recorded_paths() -> Iterator[Figure]:
+    """Everybody of the ETH and UCY recordings, as bodies: speeds, places, and who walks through whom."""
+    if not _DATA.is_dir():
+        return
+    for file, rate_hz in (("eth.txt", 15.0), ("zara01.txt", 25.0)):
+        pedestrians = Pedestrians(file=str(_DATA / file), frame_rate_hz=rate_hz)
+        seconds = 1e5
+        people = people_from(pedestrians, seconds, "benchmark")
+        last = max(person["script"][0]["points"][-1][0] for person in people.values())
+        scanner = {"low": {"kind": "laser", "rate_hz": 10, "mount": {"xyz": [0, 0, 0.4]}}}
+        scenario = _scenario(people, scanner, duration_s=last)
+        yield from _kept(scenario, file)
+
+
+def _kept(scenario: Scenario, file: str) -> Iterator[Figure]:
+    world = World(scenario)
+    names = world.population.names
+    rows = {number: np.array(_points(scenario, name)) for number, name in enumerate(names)}
+    stamps = sorted({(round(float(t), 6), number) for number, path in rows.items() for t in path[:, 0] if t >= 0})
+    seen: dict[int, list[tuple[float, float, float]]] = {number: [] for number in rows}
+    check = PenetrationCheck(world.scene.model, world.scene.person_of_geom)
+    ids = {number: name for name, number in world.scene.ids.items()}
+    extra = pairs = 0
+    last_t = -1.0
+    for t, number in stamps:
+        if t > last_t:
+            snapshot = world.snapshot(t)
+            truth = world.population.truth(t)
+            last_t = t
+            for found in check.at(snapshot):
+                pairs += 1
+                if found.other == 0:
+                    extra += 1
+                    continue
+                first, second = (names.index(ids[each]) for each in (found.person, found.other))
+                extra += _apart(rows[first], rows[second], t) > KEEP_APART_M
+        if truth.present[number]:
+            seen[number].append((t, float(truth.x[number]), float(truth.y[number])))
+    ratios, errors = [], []
+    for number, path in rows.items():
+        ours = np.array(seen[number])
+        theirs = path[np.searchsorted(path[:, 0], ours[:, 0] - 1e-5)]
+        errors.append(np.linalg.norm(ours[:, 1:] - theirs[:, 1:], axis=1))
+        length = np.linalg.norm(np.diff(theirs[:, 1:], axis=0), axis=1).sum()
+        if length > 1.0:
+            ratios.append(np.linalg.norm(np.diff(ours[:, 1:], axis=0), axis=1).sum() / length)
+    yield Figure(
+        f"{file}: pedestrians who walk", float(sum(len(each) > 1 for each in seen.values())), "", f">= {len(rows)}"
+    )
+    yield Figure(
+        f"{file}: mean speed over the file's, worst pedestrian",
+        float(np.abs(np.array(ratios) - 1).max()) * 100,
+        "%",
+        "",
+    )
+    yield Figure(f"{file}: mean speed over the file's, all", abs(float(np.mean(ratios)) - 1) * 100, "%", "<= 3")
+    yield Figure(
+        f"{file}: path error, 95th percentile", float(np.quantile(np.concatenate(errors), 0.95)) * 100, "cm", ""
+    )
+    yield Figure(f"{file}: path error, worst", float(max(each.max() for each in errors)) * 100, "cm", "<= 5")
+    yield Figure(
+        f"{file}: penetrations where the file has people closer than {KEEP_APART_M} m", float(pairs - extra), "", ""
+    )
+    yield Figure(f"{file}: penetrations that the file does not hold", float(extra), "", "<= 0")
+
+
+def _points(scenario: Scenario, name: str) -> tuple[tuple[float, float, float], ...]:
+    path = scenario.people[name].script[0]
+    assert isinstance(path, Path)
+    return path.points
+
+
+def _apart(first: np.ndarray, second: np.ndarray, t: float) -> float:
+    """Distance of two recorded paths at a time [m]."""
+    one, other = (np.array([np.interp(t, path[:, 0], path[:, axis]) for axis in (1, 2)]) for path in (first, second))
+    return float(np.linalg.norm(one - other))

@@ -1,0 +1,142 @@
+"""Furniture that people use: where one sits and lies in a room, read from the sites of its MJCF file.
+
+A room says it so, whoever wrote it: a piece of furniture is a body that stands still, with its geoms in it, and holds
+
+- `<site name="seat_NAME"/>` on top of the seat, in its middle, x axis to where the sitter looks; or
+- `<site name="bed_NAME"/>` on top of the mattress, in its middle, x axis from the feet to the head.
+
+z is up in both. One body may hold several seats: a bench, a sofa.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from trackers.errors import InputError
+from twin.geom_hull import hull_points
+
+Array = NDArray[np.float64]
+
+SEAT, BED = "seat_", "bed_"
+_UPRIGHT = 0.99
+_LOW_M = 0.05
+"""What begins higher than this above a seat is over it, not part of it: a lamp [m]."""
+_LEFT_AHEAD = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+"""Turns points (n, 3), as rows, so that what was to the left is ahead; its transpose: what was to the right."""
+
+
+@dataclass(frozen=True, eq=False)
+class Seat:
+    """A place to sit: `place` (3,) middle of the seat's top, room frame [m]; `yaw`: where the sitter looks [rad].
+
+    `furniture`: the body that it is part of, as obstacles name it too; `geoms`: that body's geoms, which a sitter may
+    press into; `to_front_m`: from the middle to the furniture's front edge [m].
+    """
+
+    name: str
+    place: Array
+    yaw: float
+    furniture: str
+    geoms: frozenset[int]
+    to_front_m: float
+
+    @property
+    def height(self) -> float:
+        """Height of the seat above the floor [m]."""
+        return float(self.place[2])
+
+    def before(self, gap_m: float) -> Array:
+        """The place on the floor (2,) that is `gap_m` [m] ahead of the front edge."""
+        return self.place[:2] + (self.to_front_m + gap_m) * _direction(self.yaw)
+
+
+@dataclass(frozen=True, eq=False)
+class Bed:
+    """A place to lie: `place` (3,) middle of the mattress' top, room frame [m]; `yaw`: from the feet to the head [rad].
+
+    `furniture` and `geoms` as of a `Seat`; `to_edge_m` (2,): from the middle to the edges left and right of the yaw [m].
+    """
+
+    name: str
+    place: Array
+    yaw: float
+    furniture: str
+    geoms: frozenset[int]
+    to_edge_m: Array
+
+    @property
+    def height(self) -> float:
+        """Height of the mattress' top above the floor [m]."""
+        return float(self.place[2])
+
+    def beside(self, gap_m: float, along_m: float = 0.0) -> Array:
+        """Places on the floor (2, 2), left and right of the bed, `gap_m` [m] off its edges.
+
+        `along_m`: so far from the middle towards the head [m].
+        """
+        ahead, left = _direction(self.yaw), _direction(self.yaw + np.pi / 2)
+        off = (self.to_edge_m + gap_m) * [1.0, -1.0]
+        return self.place[:2] + along_m * ahead + off[:, None] * left
+
+
+def furniture_of(model: mujoco.MjModel) -> dict[str, Seat | Bed]:
+    """The seats and beds of a room by NAME, in the order of the file; people attached to the model are left out.
+
+    Raises InputError for a site without furniture under it, one that is not level, and a name used twice.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    found: dict[str, Seat | Bed] = {}
+    for site in range(model.nsite):
+        full = model.site(site).name
+        body = int(model.site_bodyid[site])
+        kind = next((kind for kind in (SEAT, BED) if full.startswith(kind)), None)
+        if kind is None or model.body_weldid[body] != 0:
+            continue
+        name = full.removeprefix(kind)
+        turn = data.site_xmat[site].reshape(3, 3)
+        geoms = np.flatnonzero(model.geom_bodyid == body)
+        if body == 0 or not len(geoms):
+            raise InputError(
+                f"room: site {full!r} is in no piece of furniture; a body that holds it with the furniture's geoms is expected"
+            )
+        if turn[2, 2] < _UPRIGHT:
+            raise InputError(f"room: site {full!r} is not level; its z axis is expected to point up")
+        if name in found:
+            raise InputError(
+                f"room: two places are called {name!r}; a name of its own for each seat and bed is expected"
+            )
+        place = np.array(data.site_xpos[site])
+        shapes = [points for geom in geoms if (points := hull_points(model, data, int(geom))) is not None]
+        local = [(points - place) @ turn for points in shapes if points[:, 2].min() < place[2] + _LOW_M]
+        if not any(_reach(points) >= 0 >= -_reach(points @ _LEFT_AHEAD @ _LEFT_AHEAD) for points in local):
+            raise InputError(
+                f"room: site {full!r} is not over its furniture; the middle of a seat or mattress is expected"
+            )
+        yaw = float(np.arctan2(turn[1, 0], turn[0, 0]))
+        furniture, members = model.body(body).name or f"body {body}", frozenset(int(geom) for geom in geoms)
+        if kind == SEAT:
+            found[name] = Seat(name, place, yaw, furniture, members, max(_reach(points) for points in local))
+        else:
+            left, right = (max(_reach(points @ side) for points in local) for side in (_LEFT_AHEAD, _LEFT_AHEAD.T))
+            found[name] = Bed(name, place, yaw, furniture, members, np.array([left, right]))
+    return found
+
+
+def _reach(points: Array) -> float:
+    """How far ahead (x) the hull of points (n, 3) reaches straight before the origin [m], -inf where it is beside."""
+    flat = points[:, :2]
+    start = flat[ConvexHull(flat).vertices]
+    way = np.roll(start, -1, axis=0) - start
+    crosses = start[:, 1] * (start[:, 1] + way[:, 1]) < 0
+    share = start[crosses, 1] / way[crosses, 1]
+    return float((start[crosses, 0] - share * way[crosses, 0]).max(initial=-np.inf))
+
+
+def _direction(yaw: float) -> Array:
+    return np.array([np.cos(yaw), np.sin(yaw)])

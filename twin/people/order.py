@@ -1,0 +1,34 @@
+"""What a person is asked to do with their body on the floor until the next order: go, stand, turn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf
+from typing import Literal
+
+End = Literal["arrived", "time", "done", "taken", "blocked"]
+"""Why an order ended: the goal is reached, its time is over, its own condition holds, somebody else is at the goal, or
+the way is blocked."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """Walk or run to `goal` [m] at `speed_m_s`, or stand (goal None), until time `until` [s], arrival,
+    or what `done` tells.
+
+    `arrive_m`: how near counts as having arrived; `halt`: slow down to stop at the goal instead of passing it;
+    `heading`: where to face meanwhile [rad], None: where one goes. Who goes and holds a heading steps sideways and
+    backwards; who stands turns on the spot. `near`: furniture by name that may be come up to closely, for the last
+    steps to a seat, a bed or a shelf; `firm`: do not give way to others, as people who sit, lie or bend do not.
+    """
+
+    goal: tuple[float, float] | None
+    speed_m_s: float = 0.0
+    until: float = inf
+    arrive_m: float = 0.25
+    halt: bool = False
+    heading: float | None = None
+    near: frozenset[str] = frozenset()
+    firm: bool = False
+    done: Callable[[], bool] | None = None

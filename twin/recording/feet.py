@@ -1,0 +1,132 @@
+"""The truth about feet: the table `truth_feet.csv` and the string on `/truth/feet`.
+
+One row a foot and moment, left before right, people in the order of their ids; a moment at which nobody is there is one
+row with only `t`. `cells_<floor>` holds the numbers of the cells a foot loads, parted by blanks, counted row by row from
+0, at stamps of that floor; it is empty at others. Numbers are written as in `truth.csv`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import isnan
+from operator import attrgetter
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.typesys.stores.ros2_humble import std_msgs__msg__String as String
+
+from trackers.observations import NS_PER_S
+from twin.recording.csv_columns import read_csv_columns
+from twin.recording.messages import STRING, TYPESTORE
+from twin.recording.tables import number_cell, seconds_cell
+from twin.recording.whole_file import whole_file
+from twin.truth import FootTruth, TruthFrame
+
+_NUMBERS = ("x", "y", "z", "yaw", "load_n", "pressure_x", "pressure_y")
+FEET_COLUMNS = ("t", "id", "foot", *_NUMBERS, "contact")
+SIDES = ("left", "right")
+_CELLS = "cells_"
+_numbers = attrgetter(*_NUMBERS)
+
+
+@dataclass(frozen=True, eq=False)
+class FeetTable:
+    """Truth of feet as columns, one element a foot and moment, in the order of the file; units as in `FootTruth`."""
+
+    source: str
+    stamps_ns: NDArray[np.int64]  # (n,)
+    id: NDArray[np.int64]  # (n,)
+    foot: NDArray[np.str_]  # (n,) of SIDES
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    z: NDArray[np.float64]
+    yaw: NDArray[np.float64]
+    load_n: NDArray[np.float64]
+    pressure_x: NDArray[np.float64]
+    pressure_y: NDArray[np.float64]
+    contact: NDArray[np.bool_]
+    cells: dict[str, tuple[tuple[int, ...], ...]]  # by floor
+
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """Stamps [s], (n,)."""
+        return self.stamps_ns / NS_PER_S
+
+
+class FeetWriter:
+    """Takes truth frames in order of time; made by `feet_writer`."""
+
+    def __init__(self, stream: TextIO, floors: Sequence[str]) -> None:
+        self._stream = stream
+        self._floors = tuple(floors)
+        columns = (*FEET_COLUMNS, *(_CELLS + floor for floor in floors))
+        self._empty_cells = "," * (len(columns) - 1)
+        stream.write(",".join(columns) + "\n")
+
+    def write(self, frame: TruthFrame) -> None:
+        """Write one frame; raises ValueError for a number that is infinite."""
+        t = seconds_cell(frame.stamp_ns)
+        lines = [
+            ",".join([t, str(person.id), foot.side, *self._cells(foot)]) + "\n"
+            for person in frame.people
+            for foot in person.feet
+        ]
+        self._stream.write("".join(lines) or t + self._empty_cells + "\n")
+
+    def _cells(self, foot: FootTruth) -> list[str]:
+        loaded = [" ".join(map(str, foot.cells.get(floor, ()))) for floor in self._floors]
+        return [*(number_cell(value) for value in _numbers(foot)), "1" if foot.contact else "0", *loaded]
+
+
+@contextmanager
+def feet_writer(path: Path, floors: Sequence[str] = ()) -> Iterator[FeetWriter]:
+    """A writer of `truth_feet.csv` with a column cells_<floor> each; the file is there when the block has ended well.
+
+    Raises InputError where the file cannot be written.
+    """
+    with whole_file(path) as stream:
+        yield FeetWriter(stream, floors)
+
+
+def read_feet(path: Path) -> FeetTable:
+    """Read a `truth_feet.csv`; raises InputError naming file, line, column and value."""
+    columns = read_csv_columns(path, FEET_COLUMNS, "table of feet")
+    somebody = np.flatnonzero(columns.filled(FEET_COLUMNS[1:])) if len(columns) else np.zeros(0, dtype=np.intp)
+    rows = columns.take(somebody)
+    cells = {}
+    for name in columns.cells:
+        if name.startswith(_CELLS):
+            for place, text in enumerate(rows.cells[name]):
+                if not all(part.isdecimal() for part in text.split()):
+                    rows.refuse(place, name, "numbers of cells parted by blanks, or an empty cell")
+            cells[name.removeprefix(_CELLS)] = tuple(tuple(map(int, text.split())) for text in rows.cells[name])
+    return FeetTable(
+        str(path),
+        rows.stamps_ns("t"),
+        rows.integers("id", minimum=1),
+        rows.words("foot", SIDES),
+        **{name: rows.numbers(name, may_be_empty=name.startswith("pressure")) for name in _NUMBERS},
+        contact=rows.flags("contact"),
+        cells=cells,
+    )
+
+
+def encode_feet(frame: TruthFrame) -> memoryview:
+    """A `std_msgs/String` (CDR) with a JSON list: one object a foot, the columns of truth_feet.csv, null where unknown."""
+    t = frame.stamp_ns / NS_PER_S
+    feet = []
+    for person in frame.people:
+        for foot in person.feet:
+            columns: dict[str, float | int | str | list[int] | None] = {"t": t, "id": person.id, "foot": foot.side}
+            columns |= {
+                name: None if isnan(value) else value for name, value in zip(_NUMBERS, _numbers(foot), strict=True)
+            }
+            columns["contact"] = int(foot.contact)
+            columns |= {_CELLS + floor: list(loaded) for floor, loaded in foot.cells.items()}
+            feet.append(columns)
+    return TYPESTORE.serialize_cdr(String(json.dumps(feet, allow_nan=False)), STRING)

@@ -1,0 +1,277 @@
+"""What people do, as a scenario says it: a small vocabulary of actions, done one after another.
+
+A person's script is one action or a list of them. Every action may wait for a time (`at_s`) and for a condition (`when`),
+standing meanwhile; `for_s` says how long it lasts where it has no end of its own. After the last action people stand.
+Whoever sits or lies gets up by themselves before they walk, turn or stand.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import hypot
+from typing import Annotated, Literal
+
+from pydantic import Field, FiniteFloat, StringConstraints, model_validator
+
+from trackers.configuration import Strict
+from trackers.rig import Point2, Point3
+
+TOP_WALK_M_S = 2.5
+"""The fastest that somebody is sent walking [m/s]; from about 2.2 m/s on people run."""
+TOP_RUN_M_S = 5.0
+"""The fastest that people of this model run [m/s]."""
+JUMP_M_S = 12.0
+"""A recorded path that moves faster than this is an error of the recording [m/s]: no human runs so."""
+
+PersonName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]
+"""The name of a person: it becomes a column and a label, so letters, digits, '-' and '_' only."""
+
+WalkSpeed = Annotated[float, Field(gt=0, le=TOP_WALK_M_S)]
+RunSpeed = Annotated[float, Field(ge=2.0, le=TOP_RUN_M_S)]
+Share = Annotated[float, Field(ge=0, le=1)]
+Seconds = Annotated[float, Field(ge=0, le=86_400)]
+Target = PersonName | Point3 | Point2
+"""Somebody by name, or a place in the room frame: [x, y] on the floor or [x, y, z] [m]."""
+
+
+class Condition(Strict):
+    """Something to wait for: `near` somebody or a place within `within_m`, or `person` doing (`does`) an action."""
+
+    near: Target | None = None
+    within_m: float | None = Field(default=None, gt=0, le=1000)
+    person: PersonName | None = None
+    does: (
+        Literal[
+            "wander", "stand", "walk", "run", "turn", "sit", "lie", "bend", "reach", "look", "follow", "meet", "path",
+            "leave",
+        ]
+        | None
+    ) = None  # fmt: skip
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> Condition:
+        near, does = (self.near, self.within_m), (self.person, self.does)
+        complete = [None not in pair for pair in (near, does)]
+        if sum(complete) != 1 or any(pair != (None, None) for pair in (near, does) if None in pair):
+            raise ValueError(
+                "is not a condition; {near: NAME or [x, y], within_m: M} or {person: NAME, does: ACTION} is expected"
+            )
+        return self
+
+
+class _Action(Strict):
+    at_s: Seconds | None = Field(default=None, description="not before this time since the start [s]")
+    when: Condition | None = Field(default=None, description="not before this holds")
+
+
+class _Lasting(_Action):
+    for_s: Seconds | None = Field(default=None, description="how long [s]; none: to the end of the run")
+
+
+class Wander(_Lasting):
+    """Walk about the tracked area at random, with sudden stops, starts and turns.
+
+    The person walks to a random place after another, each stretch at a speed of its own. Stretches end after an
+    exponentially distributed time of mean `stretch_s`, or on arrival: then the person stops suddenly with
+    probability `stop_share` for a time uniform in `stop_s`, and otherwise turns at once.
+    """
+
+    kind: Literal["wander"] = "wander"
+    speed_m_s: tuple[WalkSpeed, WalkSpeed] = Field(
+        default=(0.6, 1.3), description="slowest and fastest walking speed [m/s]"
+    )
+    stretch_s: float = Field(default=2.5, ge=0.2, le=60, description="mean time between two stops or turns [s]")
+    stop_share: Share = Field(default=0.4, description="share of stretches that end in a stop, 0 to 1")
+    stop_s: tuple[float, float] = Field(default=(0.3, 1.0), description="shortest and longest stop [s]")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Wander:
+        for name, (low, high) in (("speed_m_s", self.speed_m_s), ("stop_s", self.stop_s)):
+            if not 0 <= low <= high:
+                raise ValueError(f"{name} [{low:g}, {high:g}] is not a range; the smaller number first, none negative")
+        return self
+
+
+class Stand(_Lasting):
+    """Stand still where one is (whoever sits or lies stands up); the others walk around."""
+
+    kind: Literal["stand"] = "stand"
+
+
+class Walk(_Action):
+    """Walk through waypoints, around furniture and people, then stop; with `repeat`, over and over.
+
+    `face`: somebody or a place to keep facing meanwhile: so people step backwards and sideways (slowly).
+    """
+
+    kind: Literal["walk"] = "walk"
+    waypoints: tuple[Point2, ...] = Field(min_length=1, description="places in the room frame [m], in order")
+    speed_m_s: WalkSpeed = 1.2
+    repeat: bool = False
+    face: Target | None = None
+
+
+class Run(_Action):
+    """Run through waypoints, around furniture and people, then stop; with `repeat`, over and over."""
+
+    kind: Literal["run"] = "run"
+    waypoints: tuple[Point2, ...] = Field(min_length=1, description="places in the room frame [m], in order")
+    speed_m_s: RunSpeed = 3.0
+    repeat: bool = False
+
+
+class Turn(_Action):
+    """Turn on the spot: to a heading, by an angle, or towards somebody or a place; exactly one of the three."""
+
+    kind: Literal["turn"] = "turn"
+    to_deg: FiniteFloat | None = Field(default=None, description="heading, counter-clockwise from x [deg]")
+    by_deg: FiniteFloat | None = Field(default=None, description="positive: to the left [deg]")
+    towards: Target | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> Turn:
+        if sum(each is not None for each in (self.to_deg, self.by_deg, self.towards)) != 1:
+            raise ValueError("a turn needs exactly one of to_deg, by_deg and towards")
+        return self
+
+
+class Sit(_Lasting):
+    """Walk to a seat of the room and sit down; the person stands up when the time is over."""
+
+    kind: Literal["sit"] = "sit"
+    seat: str = Field(description="a seat of the room, as `twin list` or an error names them")
+
+
+class Lie(_Lasting):
+    """Walk to a bed of the room, sit on its edge and lie down; the person gets up when the time is over."""
+
+    kind: Literal["lie"] = "lie"
+    bed: str = Field(description="a bed of the room, as `twin list` or an error names them")
+
+
+class Bend(_Action):
+    """Bend forward by an angle of the trunk, stay so for `for_s`, and straighten up."""
+
+    kind: Literal["bend"] = "bend"
+    angle_deg: float = Field(default=60.0, gt=0, le=100)
+    for_s: Seconds = 1.0
+
+
+class Reach(_Action):
+    """Stretch a hand out to a point, hold it there for `for_s`, and take it back.
+
+    A point out of reach from where the person stands is reached for, not touched: walk there first.
+    """
+
+    kind: Literal["reach"] = "reach"
+    point: Point3
+    hand: Literal["left", "right", "auto"] = "auto"
+    for_s: Seconds = 1.0
+
+
+class Look(_Action):
+    """Turn the head: at somebody or a place, or by an angle (left and down positive); with neither, look about freely.
+
+    The script goes on at once, and the head keeps turned, while the person walks too, for `for_s` (none: until the
+    next look).
+    """
+
+    kind: Literal["look"] = "look"
+    at: Target | None = None
+    yaw_deg: float | None = Field(default=None, ge=-90, le=90)
+    pitch_deg: float = Field(default=0.0, ge=-60, le=60)
+    for_s: Seconds | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> Look:
+        if self.at is not None and self.yaw_deg is not None:
+            raise ValueError("look has both at and yaw_deg; one of them, or none, is expected")
+        return self
+
+
+class Follow(_Lasting):
+    """Walk after somebody at a distance, as they go."""
+
+    kind: Literal["follow"] = "follow"
+    person: PersonName
+    distance_m: float = Field(default=1.2, ge=0.8, le=20)
+    speed_m_s: WalkSpeed = Field(default=1.8, description="the fastest that the follower walks [m/s]")
+
+
+class Meet(_Action):
+    """Walk up to somebody, stand face to face for `for_s`, and part: go on with the script."""
+
+    kind: Literal["meet"] = "meet"
+    person: PersonName
+    distance_m: float = Field(default=0.9, ge=0.7, le=5)
+    speed_m_s: WalkSpeed = 1.2
+    for_s: Seconds = 3.0
+
+
+class Path(_Action):
+    """Keep a recorded path: rows of t [s], x, y [m]; the person enters with its first row and leaves with its last.
+
+    Before t = 0 the person has walked already. Given as `points`, or read from `file` (see `Pedestrians`).
+    """
+
+    kind: Literal["path"] = "path"
+    points: tuple[tuple[FiniteFloat, FiniteFloat, FiniteFloat], ...] = Field(min_length=2)
+
+    @model_validator(mode="after")
+    def _walkable(self) -> Path:
+        for number, ((t, x, y), (t2, x2, y2)) in enumerate(pairwise(self.points), start=1):
+            if t2 <= t:
+                raise ValueError(f"point {number} at {t2:g} s does not come after {t:g} s; growing times are expected")
+            speed = hypot(x2 - x, y2 - y) / (t2 - t)
+            if speed > JUMP_M_S:
+                raise ValueError(
+                    f"point {number} at {t2:g} s is a jump of {speed:.1f} m/s; at most {JUMP_M_S:g} m/s is expected"
+                )
+        if self.points[-1][0] <= 0:
+            raise ValueError(
+                f"ends at {self.points[-1][0]:g} s, before the start; a path that reaches t > 0 is expected"
+            )
+        return self
+
+
+class Leave(_Action):
+    """Walk to a place, at a door say, and be gone from there on."""
+
+    kind: Literal["leave"] = "leave"
+    to: Point2
+    speed_m_s: WalkSpeed = 1.2
+
+
+Action = Annotated[
+    Wander | Stand | Walk | Run | Turn | Sit | Lie | Bend | Reach | Look | Follow | Meet | Path | Leave,
+    Field(discriminator="kind"),
+]
+
+
+def endless(action: Action) -> bool:
+    """Whether nothing after this action would ever be done."""
+    if isinstance(action, Wander | Stand | Sit | Lie | Follow):
+        return action.for_s is None
+    return isinstance(action, Path | Leave) or (isinstance(action, Walk | Run) and action.repeat)
+
+
+def companions(action: Action) -> list[tuple[str, str]]:
+    """The people an action names, each as (field, name)."""
+    named = []
+    match action:
+        case Follow() | Meet():
+            named.append(("person", action.person))
+        case Turn(towards=str() as name):
+            named.append(("towards", name))
+        case Look(at=str() as name):
+            named.append(("at", name))
+        case Walk(face=str() as name):
+            named.append(("face", name))
+        case _:
+            pass
+    if action.when is not None:
+        if isinstance(action.when.near, str):
+            named.append(("when.near", action.when.near))
+        if action.when.person is not None:
+            named.append(("when.person", action.when.person))
+    return named

@@ -1,0 +1,104 @@
+"""A pressure floor as a scenario describes it: where its grid lies, how fine it is, and how well it measures."""
+
+from __future__ import annotations
+
+from math import radians
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BeforeValidator, Field, FiniteFloat, PositiveInt, model_validator
+
+from trackers.configuration import Strict
+from trackers.errors import InputError
+from trackers.floor.force_curve import ForceCurve
+from trackers.rig import FloorSensor, Point3, Pose
+from twin.polygon import leaves_at
+from twin.scenario.presets import NoiseName, by_name
+from twin.sensors.floor_electronics import FLOOR_ELECTRONICS, FloorElectronics
+from twin.sensors.schedule import Timing
+
+_FloorElectronics = Annotated[
+    FloorElectronics,
+    BeforeValidator(
+        by_name(FLOOR_ELECTRONICS, "parameters like {crosstalk: 0.1}"),
+        json_schema_input_type=NoiseName | FloorElectronics,
+    ),
+]
+MOST_CELLS = 40_000
+"""Elements of a floor: a message of this size at 10 Hz is that of a small camera."""
+
+
+class FloorMount(Strict):
+    """Where a floor's grid lies: `xyz` [m] of the outer corner of element (0, 0) in the room frame, on the floor, z = 0.
+
+    Rows run along the room's x, turned by yaw about z; rows follow each other along y, turned likewise.
+    """
+
+    xyz: Point3 = (0.0, 0.0, 0.0)
+    yaw_deg: FiniteFloat = 0.0
+
+    @model_validator(mode="after")
+    def _on_the_floor(self) -> FloorMount:
+        if self.xyz[2] != 0:
+            raise ValueError(
+                f"xyz has z = {self.xyz[2]:g}; the sensing elements lie in the room's floor, z = 0 is valid"
+            )
+        return self
+
+    def room_from_grid(self) -> Pose:
+        """The pose of the grid's frame: x along a row, y from row to row, z up."""
+        return Pose(xyz=self.xyz, rpy=(0.0, 0.0, radians(self.yaw_deg)))
+
+
+class FloorDescription(Timing):
+    """A pressure floor: `rows` x `columns` square elements of side `pitch_m`, each a force-sensing resistor with `curve`.
+
+    The default is the floor of Mori et al. (camera-floor-particle): 252 elements 200 mm apart, 8 bits, 10 Hz, to 10 kg/cm²; laid
+    18 along x by 14 along y (ours).
+    """
+
+    kind: Literal["floor"]
+    mount: FloorMount = FloorMount()
+    rows: PositiveInt = 14
+    columns: PositiveInt = 18
+    pitch_m: float = Field(default=0.2, ge=0.01, le=2)
+    rate_hz: float = Field(default=10.0, gt=0, le=1000)
+    curve: ForceCurve = ForceCurve()
+    noise: _FloorElectronics = FLOOR_ELECTRONICS["default"]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> FloorDescription:
+        if self.rows * self.columns > MOST_CELLS:
+            raise ValueError(
+                f"rows {self.rows} x columns {self.columns} are {self.rows * self.columns} elements; "
+                f"at most {MOST_CELLS} are valid"
+            )
+        self.noise.check_cells(self.rows, self.columns)
+        return self
+
+    def rig_sensor(self, name: str) -> FloorSensor:
+        """What a tracker is told of it."""
+        return FloorSensor(
+            topic=f"/{name}/floor",
+            room_from_sensor=self.mount.room_from_grid(),
+            rows=self.rows,
+            columns=self.columns,
+            pitch_m=self.pitch_m,
+            curve=self.curve,
+        )
+
+
+def check_floor(description: FloorDescription, floor: NDArray[np.float64], field: str) -> None:
+    """Raise InputError naming the field if the grid leaves the room's floor, a simple polygon (k, 2) [m]."""
+    corners = description.rig_sensor("floor").corners
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        outside = leaves_at(floor, start, end)
+        if outside is not None:
+            low, high = floor.min(axis=0), floor.max(axis=0)
+            size_m = np.array([description.columns, description.rows]) * description.pitch_m
+            raise InputError(
+                f"{field}: a grid of {description.rows} rows and {description.columns} columns of {description.pitch_m:g} m, "
+                f"{size_m[0]:g} m x {size_m[1]:g} m, is outside the room at [{outside[0]:.3g}, {outside[1]:.3g}]; a grid on its "
+                f"floor is valid, which lies in x {low[0]:g} to {high[0]:g} m, y {low[1]:g} to {high[1]:g} m"
+            )
