@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from benchmarks import runs, sensors, start_up, tracking
+from benchmarks import people, runs, sensors, start_up, tracking
 from benchmarks.figure import Figure
 
 BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
@@ -16,6 +16,9 @@ BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
     "laser": sensors.laser,
     "fisheye": sensors.fisheye,
     "silhouettes": sensors.silhouettes,
+    "floor-real-time": people.floor_real_time,
+    "floor-truth": people.floor_truth,
+    "recorded-paths": people.recorded_paths,
     "table-one": tracking.table_one,
     "tracker-cost": tracking.cost,
     "real-time": runs.real_time,

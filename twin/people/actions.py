@@ -43,7 +43,8 @@ _LOOKS_AGAIN_S = 0.1
 """How often a condition, or somebody who moves, is looked at [s]."""
 _PASS_M = 0.2
 _HALT_M = 0.05
-_FACING_RAD = radians(5)
+_FACING_RAD = radians(3)
+_TURNS_AT_ONCE_DEG = 150.0
 _BEFORE_M = 0.28
 """From where one sits down to where one turns round before [m]."""
 _STEPS_BACK_M_S = 0.5
@@ -166,12 +167,13 @@ def _turn(actor: Actor, action: Turn) -> Doing:
     elif action.to_deg is not None:
         heading = radians(action.to_deg)
     else:
-        # a turn of more than half a circle goes the way it says, in two parts
-        by = action.by_deg or 0.0
-        while abs(by) > 150:
-            yield from _turn_to(actor, actor.heading + radians(150 if by > 0 else -150))
-            by -= 150 if by > 0 else -150
-        heading = actor.heading + radians(by)
+        # a turn of more than half a circle goes the way it says, in parts
+        by, heading = action.by_deg or 0.0, actor.heading
+        while abs(by) > _TURNS_AT_ONCE_DEG:
+            part = _TURNS_AT_ONCE_DEG if by > 0 else -_TURNS_AT_ONCE_DEG
+            heading, by = heading + radians(part), by - part
+            yield from _turn_to(actor, heading)
+        heading += radians(by)
     yield from _turn_to(actor, heading)
 
 

@@ -11,6 +11,7 @@ Places on the floor are complex numbers x + iy; arrays over feet are (2, n), lef
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -235,8 +236,11 @@ class Footsteps:
             self.stepping |= begins
         self.progress *= self.stepping
 
-    def lift(self, load: Array, style: GaitStyle, dt: float) -> None:
-        """Take off the feet whose time has come and whose load (2, n) [body weights] has gone."""
+    def lift(self, load: Array, style: GaitStyle, dt: float, drawn: Callable[[], Array]) -> None:
+        """Take off the feet whose time has come and whose load (2, n) [body weights] has gone.
+
+        `drawn` tells the pitch of the feet (2, n) [rad] as the legs' reach had it: the swing goes on from there.
+        """
         # in running the foot that stands lifts before the other one lands
         flight = np.where(style.double_support < 0, style.double_support, _NEVER)
         due = np.where(self.lands, self.lift_at, flight)
@@ -245,7 +249,7 @@ class Footsteps:
             self.in_air |= lifts
             # it left between this tick and the last
             self._lifted_at = np.where(lifts, np.maximum(due, self.own - dt * self.rate), self._lifted_at)
-            self._pitch_at_lift = np.where(lifts, self.pitch, self._pitch_at_lift)
+            self._pitch_at_lift = np.where(lifts, np.maximum(self.pitch, drawn()), self._pitch_at_lift)
             self._start = np.where(lifts, self.spots, self._start)
 
     def move(self, bodies: Bodies, course: Course, style: GaitStyle, stance: Array, dt: float) -> None:

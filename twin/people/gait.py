@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from twin.people.footsteps import Bodies, Course, Footsteps
 from twin.people.gait_table import RUN_PACE, GaitStyle, GaitTable
-from twin.people.pose import FLOOR_ROWS, ROWS, STRAIGHTEST, Moment
+from twin.people.pose import FLOOR_ROWS, ROWS, STRAIGHTEST, Moment, heel_and_pelvis
 from twin.people.skeleton import Skeleton
 
 Array = NDArray[np.float64]
@@ -145,7 +145,7 @@ class Gait:
         self._bear(cycle, left, course, style, dt)
         most = dt * _PRESSURE_M_S
         self._ahead = np.minimum(np.maximum(point, self._ahead - most), self._ahead + most)
-        feet.lift(self._load, style, dt)
+        feet.lift(self._load, style, dt, lambda: heel_and_pelvis(self.moment, self._skeleton)[0])
         feet.move(crowd, course, style, stance, dt)
         self._lean(crowd, course, gaze, style, dt)
         self._record(crowd)

@@ -19,10 +19,10 @@ from twin.people.gaze import FreeGaze
 from twin.people.ground import Ground
 from twin.people.order import End
 from twin.people.pose import FLOOR_ROWS, ROWS, Moment, foot_loads, joint_coordinates
-from twin.people.posture import Postures
+from twin.people.posture import Part, Postures
 from twin.people.posture_lay import apply
 from twin.people.posture_measures import BodyMeasures
-from twin.people.posture_rows import POSTURE_ROWS, active, faced
+from twin.people.posture_rows import HANDS, LOOK, OFF_FEET, PELVIS_PITCH, POSTURE_ROWS, active, faced
 from twin.people.posture_weight import pressure_shift_m, support
 from twin.people.recorded import RecordedPaths
 from twin.people.skeleton import Skeleton
@@ -113,6 +113,7 @@ class Population:
         self._arrive_s[self._recorded.numbers] = np.inf  # they come with their paths
         self._gaze = FreeGaze(random)
         self._entered = np.zeros(count, dtype=bool)
+        self._everybody_came = count == 0
         self._begun = np.zeros(count, dtype=bool)
         self._until = np.zeros(count)
         self._done: dict[int, Callable[[], bool]] = {}
@@ -125,11 +126,32 @@ class Population:
         self._rows = np.zeros((size, ROWS, count))
         self._posture = np.zeros((size, POSTURE_ROWS, count))
         self._present = np.zeros((size, count), dtype=bool)
+        self._asked: tuple[float, int, Array] | None = None  # time, tick and coordinates last asked for
         self._enter_and_leave()
         self._remember()
 
     def __len__(self) -> int:
         return len(self.names)
+
+    @property
+    def in_use(self) -> dict[str, str]:
+        """By person, the seat or bed that they sit or lie on, are about to, or have just left, as of the last step."""
+        return {self.names[number]: furniture for furniture, number in self._stage.taken.items()}
+
+    @property
+    def doing(self) -> tuple[str, ...]:
+        """The kind of action that each is at, as of the last step, in the order of the names."""
+        return tuple(self._stage.doing)
+
+    def holds_posture(self) -> Mask:
+        """Who sits, lies, bends or reaches and has got there, as of the last step, (n,)."""
+        parts: tuple[Part, ...] = ("body", "bend", "reach")
+        held = self._postures.rows[[OFF_FEET, PELVIS_PITCH, HANDS, HANDS + 4]].any(axis=0)
+        return held & [all(self._postures.done(number, part) for part in parts) for number in range(len(self))]
+
+    def looks(self) -> Mask:
+        """Who keeps the head turned to somebody, to a place or by an angle, as of the last step, (n,)."""
+        return self._postures.rows[LOOK] == 1.0
 
     def advance(self, t: float) -> None:
         """Step until the clock has reached time t [s] since the start; does nothing where it has already."""
@@ -145,8 +167,9 @@ class Population:
 
         Those who are not present have the coordinates of when they were, or will be.
         """
-        moment, posture = self._moment(t)
-        return self._coordinates(moment, posture)
+        if self._asked is None or self._asked[:2] != (t, self._tick):
+            self._asked = t, self._tick, self._coordinates(*self._moment(t))
+        return self._asked[2].copy()
 
     def feet(self, t: float) -> Feet:
         """Everybody's soles and the weight on them at time t [s]."""
@@ -167,7 +190,7 @@ class Population:
     def truth(self, t: float) -> PopulationTruth:
         """Where everybody is at time t [s]."""
         moment, posture = self._moment(t)
-        qpos = self._coordinates(moment, posture)
+        qpos = self.qpos(t)
         velocity = moment.pelvis_velocity + self._posture_velocity(t)
         yaw = (faced(moment.rows[0], posture) + np.pi) % (2 * np.pi) - np.pi
         x, y, z = qpos[:, :3].T.copy()
@@ -178,8 +201,10 @@ class Population:
 
     def _posture_velocity(self, t: float) -> NDArray[np.complex128]:
         """What sitting down, bending and the like add to the velocity of the ground point under the pelvis, (n,) [m/s]."""
-        early, late, _ = self._slots(t)
-        if early == late or not (len(active(self._posture[early])) or len(active(self._posture[late]))):
+        size = len(self._rows)
+        late = max(min(int(t / TICK_S + 1e-9) + 1, self._tick), 1)
+        early, late = (late - 1) % size, late % size
+        if self._tick == 0 or not (len(active(self._posture[early])) or len(active(self._posture[late]))):
             return np.zeros(len(self), dtype=complex)
         ends = []
         for slot in (early, late):
@@ -237,12 +262,14 @@ class Population:
         """Give everybody whose order has ended the next one of their script."""
         crowd = self._crowd
         arrived = crowd.arrived()
-        self._blocked_s = np.where(crowd.blocked() & crowd.present, self._blocked_s + TICK_S, 0.0)
+        self._blocked_s = (self._blocked_s + TICK_S) * crowd.blocked()
         blocked = self._blocked_s > _BLOCKED_FOR_S
         taken = crowd.taken()
         ended = (arrived | blocked | taken | (t >= self._until)) & crowd.present
         for person, done in self._done.items():
             ended[person] |= bool(crowd.present[person]) and done()
+        if not ended.any():
+            return
         for person in map(int, np.flatnonzero(ended)):
             end: End = "arrived" if arrived[person] else "taken" if taken[person] else "time"
             if end == "time" and blocked[person]:
@@ -266,6 +293,8 @@ class Population:
         if leaving:
             crowd.present[list(leaving)] = False
             leaving.clear()
+        if not len(self._recorded.numbers) and self._everybody_came:
+            return
         entering = []
         for person in map(int, np.flatnonzero(~self._entered & (self._arrive_s <= tick * TICK_S))):
             apart = np.abs(crowd.place - crowd.place[person])[crowd.present]
@@ -287,6 +316,7 @@ class Population:
                 entering.append(person)
         if entering:
             self._entered[entering] = True
+            self._everybody_came = bool(self._entered.all())
             who = np.zeros(len(self), dtype=bool)
             who[entering] = True
             self._gait.place_anew(who, crowd)

@@ -62,6 +62,8 @@ class Postures:
         self.measures = measures
         self.rows = np.zeros((POSTURE_ROWS, count))
         self._place, self._heading = place.copy(), heading.copy()
+        self._idle = True  # everybody stands or walks, and nobody was asked for anything else
+        self._everybody = np.ones(count, dtype=bool)
         self._aim = np.zeros(count, dtype=np.intp)
         self._sitting = np.zeros(count)  # progress of sitting down
         self._lying = np.zeros(count)  # progress of lying down from there
@@ -92,6 +94,7 @@ class Postures:
         """Lie down on a bed; the person stands beside it, see `posture_bed.standing_place_beside`, or sits on its edge."""
         if self._in_bed[person] and self._aim[person] == _SITS and self.done(person, "body"):
             self._aim[person] = _LIES
+            self._idle = False
             return
         self._must(person, self._aim[person] == _STANDS and self._sitting[person] == 0, "lie down", "stands")
         lair = lair_in(bed, self.measures, person, complex(self._place[person]))
@@ -122,6 +125,7 @@ class Postures:
 
     def straighten(self, person: int) -> None:
         """Come up from a bend."""
+        self._idle = False
         self._bend.go(person, 0.0, 0.7 + 0.6 * self._bend.value[0, person])
 
     def reach(self, person: int, point: Array, hand: Hand = "auto") -> None:
@@ -157,6 +161,7 @@ class Postures:
 
     def withdraw(self, person: int) -> None:
         """Take the hands, and the trunk, back."""
+        self._idle = False
         duration = 0.8 + 0.6 * float(self._help.value[1, person] + self._help.value[3, person])
         self._hands.go(person, np.zeros(2), duration)
         self._help.go(person, np.zeros(4), duration)
@@ -181,6 +186,7 @@ class Postures:
 
     def look_ahead(self, person: int) -> None:
         """Look where the way goes again."""
+        self._idle = False
         self._looks.ahead(person)
 
     def done(self, person: int, part: Part | None = None) -> bool:
@@ -196,11 +202,15 @@ class Postures:
 
     def may_walk(self) -> NDArray[np.bool_]:
         """Who is on their feet and may be sent about, (n,)."""
+        if self._idle:
+            return self._everybody
         return (self._sitting == 0) & (self._aim == _STANDS)
 
     def step(self, place: Planar, heading: Array, dt: float) -> None:
         """Go on by dt [s]; place (n,) x + iy [m] and heading (n,) [rad]: where the gait has everybody now."""
         self._place, self._heading = place, heading
+        if self._idle:
+            return
         moves = (self._sitting != (self._aim >= _SITS)) | (self._lying != (self._aim == _LIES))
         if moves.any():
             self._move(dt)
@@ -215,6 +225,8 @@ class Postures:
             head, body = self._heads(rows)
             self._looks.step(dt, head, body, rows)
         self.rows = rows
+        moving = any(course.moving.any() for course in (self._bend, self._hands, self._points, self._help))
+        self._idle = not (moving or self._aim.any() or rows.any() or self._mass.moves or not self._looks.idle())
 
     def _move(self, dt: float) -> None:
         down = self._aim >= _SITS
@@ -302,7 +314,8 @@ class Postures:
         self._spot[:, person] = *spot.hips, faces + turn
         self._hang[person] = float(spot.feet_hang)
 
-    @staticmethod
-    def _must(person: int, holds: bool, what: str, who: str) -> None:
+    def _must(self, person: int, holds: bool, what: str, who: str) -> None:
+        """Refuse a command that makes no sense; with one that does there is something to do."""
         if not holds:
             raise ValueError(f"person {person} cannot {what}: only one who {who} can")
+        self._idle = False

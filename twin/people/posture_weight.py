@@ -26,12 +26,17 @@ class CentreOfMass:
         self._up = np.zeros(len(measures))
         self._rate = np.zeros(len(measures))
 
+    @property
+    def moves(self) -> bool:
+        """Whether anybody's centre of mass is not where standing has it, at rest."""
+        return bool(self._up.any() or self._rate.any())
+
     def step(self, rows: Array, dt: float) -> None:
         """Write the vertical acceleration into rows (POSTURE_ROWS, n), which are how it is `dt` [s] after the last call.
 
         A difference of heights, so one tick late. Arms and lower legs are taken to keep their height.
         """
-        if not (rows.any() or self._up.any() or self._rate.any()):
+        if not (rows.any() or self.moves):
             return
         rest = hips_up(np.zeros_like(rows), self._measures)
         lean = rows[PELVIS_PITCH] + rows[SPINE + 1]

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from twin.people.crowd import KEEP_APART_M
 from twin.scenario.behaviour import Action, Path
 from twin.scenario.people import Person
 
 Array = NDArray[np.float64]
 Planar = NDArray[np.complex128]
 
+BODIES_NEED_M = 0.75
+"""Two people whose middles are closer than this overlap at some moments of their steps: hands, shoes [m]."""
 _LOOKS_EVERY_S = 0.1
 
 
@@ -70,7 +71,7 @@ class CloseCall:
     apart_m: float
 
 
-def close_calls(people: Mapping[str, Person], within_m: float = KEEP_APART_M) -> list[CloseCall]:
+def close_calls(people: Mapping[str, Person], within_m: float = BODIES_NEED_M) -> list[CloseCall]:
     """Where two recorded paths come closer than bodies allow, the closest moment of each pair, in order of time."""
     names = sorted(name for name, person in people.items() if person.script and isinstance(person.script[0], Path))
     paths = RecordedPaths({number: people[name].script[0] for number, name in enumerate(names)}, _LOOKS_EVERY_S)
@@ -96,6 +97,6 @@ def warning_of(calls: Sequence[CloseCall]) -> str:
     worst = min(calls, key=lambda call: call.apart_m)
     pairs = "1 pair" if len(calls) == 1 else f"{len(calls)} pairs"
     return (
-        f"{pairs} of recorded paths come closer than the {KEEP_APART_M:g} m that bodies need, nearest {worst.first} and "
+        f"{pairs} of recorded paths come closer than the {BODIES_NEED_M:g} m that bodies need, nearest {worst.first} and "
         f"{worst.second} with {worst.apart_m:.2f} m at {worst.t:.1f} s: the bodies overlap there, as the recording has it"
     )

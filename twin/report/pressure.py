@@ -12,14 +12,14 @@ from twin.report.birdseye import FloorView
 from twin.report.palette import RGB
 
 PRESSED: RGB = (255, 120, 70)
-_FAINTEST, _STRONGEST = 0.25, 0.95
+_STRONGEST = 0.95
 _FULL_SCALE = 255.0
 
 
 def draw_pressure(panel: NDArray[np.uint8], view: FloorView, floor: FloorSensor, frame: FloorFrame) -> None:
     """Lay the loaded elements of a floor over a drawing of the room, in place."""
     values = frame.values.astype(np.float32) / _FULL_SCALE
-    opacity = np.where(values > 0, _FAINTEST + (_STRONGEST - _FAINTEST) * np.sqrt(values), 0.0).astype(np.float32)
+    opacity = _STRONGEST * np.sqrt(values)
     # the grid is an image of one pixel an element: an affine map takes it to the drawing
     origin, along_x, along_y = view.pixels(floor.corners[[0, 1, 3]])
     matrix = np.stack([(along_x - origin) / floor.columns, (along_y - origin) / floor.rows, origin], axis=1)

@@ -1,0 +1,35 @@
+"""The shipped scenarios: nobody passes through another or through furniture, and everybody does what they are told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from twin import models
+from twin.furniture import Bed, Seat
+from twin.penetration import count_penetrations
+from twin.scenario import load_scenario
+from twin.world import World
+
+EVERY_S = 0.2
+
+
+def using(world: World) -> dict[int, list[int]]:
+    """The geoms that people press into who sit or lie, or are about to, by their ids."""
+    ids, names = world.scene.ids, world.population.names
+    held: dict[int, list[int]] = {}
+    for name, furniture in world.population.in_use.items():
+        thing = world.scene.ground.furniture[furniture]
+        assert isinstance(thing, Seat | Bed)
+        held[ids[name]] = sorted(thing.geoms)
+    assert set(names) == set(ids)
+    return held
+
+
+@pytest.mark.parametrize("name", models.names("scenarios"))
+def test_no_bodies_pass_through_anything(name: str) -> None:
+    scenario = load_scenario(name)
+    world = World(scenario)
+    times = np.arange(0.0, min(scenario.duration_s, 60.0), EVERY_S)
+    count = count_penetrations(world, times, lambda _: using(world))
+    assert count.with_overlap == 0, str(count)
