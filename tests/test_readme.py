@@ -26,7 +26,7 @@ def test_the_python_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_the_scenario_loads_and_starts(tmp_path: Path) -> None:
-    scenario, _ = blocks("yaml")
+    scenario, *_ = blocks("yaml")
     path = tmp_path / "two-people.yaml"
     path.write_text(scenario)
     with Simulation(load_scenario(path, ["duration_s=0.3"])) as simulation:
@@ -34,5 +34,24 @@ def test_the_scenario_loads_and_starts(tmp_path: Path) -> None:
 
 
 def test_the_rig_loads() -> None:
-    _, rig = blocks("yaml")
+    *_, rig = blocks("yaml")
     assert Rig.parse(rig, "README.md").main_sensor == "low"
+
+
+def test_the_people_do_what_is_shown(tmp_path: Path) -> None:
+    _, people, _, _ = blocks("yaml")
+    path = tmp_path / "shown.yaml"
+    path.write_text("extends: home-three-people\nname: shown\n" + people + "  cleo: null\n")
+    with Simulation(load_scenario(path, ["duration_s=0.3"]), images=False) as simulation:
+        assert len(list(simulation)) == 9
+
+
+def test_the_pedestrians_are_read_as_shown(tmp_path: Path) -> None:
+    _, _, pedestrians, _ = blocks("yaml")
+    rows = [f"{15 * 300 + 6 * k} 1 {0.5 * k} 0 1.0" for k in range(5)]
+    (tmp_path / "eth.txt").write_text("\n".join(["0 2 0 0 0", "6 2 0 0 0", *rows]))
+    low = "{kind: laser, rate_hz: 10, mount: {xyz: [0, 0, 0.4]}}"
+    (tmp_path / "shown.yaml").write_text(
+        f"name: shown\nduration_s: 2\npeople: {{}}\nsensors: {{low: {low}}}\n{pedestrians}"
+    )
+    assert list(load_scenario(tmp_path / "shown.yaml").people) == ["walker-1"]

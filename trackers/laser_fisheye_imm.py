@@ -41,7 +41,7 @@ from trackers.laser_fisheye_association import Association, Matches, Seen
 from trackers.laser_fisheye_options import LaserFisheyeImmOptions
 from trackers.observations import Image, LaserScan, Observation
 from trackers.people import People
-from trackers.rig import Rig
+from trackers.rig import Rig, StereoSensor
 from trackers.tracks import Track, TrackFrame
 from trackers.vision.histogram import ColourHistogram, updated_reference
 from trackers.vision.torso import TorsoProjector
@@ -76,12 +76,13 @@ class LaserFisheyeImm:
         empty_room = list(background)
         self._scanners = scanners_by_role(rig, self.options.layers)
         self._layers = {role: self._layer(rig, role, name, empty_room) for role, name in self._scanners.items()}
-        self._camera = next(iter(rig.cameras()), None) if self.options.camera and "waist" in self._scanners else None
+        cameras = {name: each for name, each in rig.cameras().items() if not isinstance(each, StereoSensor)}
+        self._camera = next(iter(cameras), None) if self.options.camera and "waist" in self._scanners else None
         self._projector = None
         if self._camera is not None:
             waist = rig.lasers()[self._scanners["waist"]]
-            self._projector = TorsoProjector(waist, rig.cameras()[self._camera], self.options.torso)
-            self._intrinsics = rig.cameras()[self._camera].intrinsics
+            self._projector = TorsoProjector(waist, cameras[self._camera], self.options.torso)
+            self._intrinsics = cameras[self._camera].intrinsics
         self._histogram = ColourHistogram(self.options.histogram)
         self._imm = self._make_filter()
         knee = self.options.knee

@@ -62,6 +62,32 @@ class Image:
 
 
 @dataclass(frozen=True, eq=False)
+class DepthImage:
+    """A colour image and the depth of each of its pixels, as decoded from their two messages of one stamp.
+
+    `depth_m` is the distance along the optical axis, not along the ray, in whole millimetres; 0 where there is none
+    (nothing matched, nothing within range). `trackers.rig.StereoSensor.points` makes points of it.
+    """
+
+    sensor: str
+    stamp_ns: int
+    rgb: NDArray[np.uint8]  # (height, width, 3)
+    depth_m: NDArray[np.float32]  # (height, width)
+
+    def __post_init__(self) -> None:
+        if self.rgb.shape[:2] != self.depth_m.shape:
+            raise InputError(
+                f"depth image of {self.sensor!r}: colour is {self.rgb.shape[1]} x {self.rgb.shape[0]} and depth of shape "
+                f"{self.depth_m.shape}; a depth for each pixel is expected"
+            )
+
+    @property
+    def t(self) -> float:
+        """Stamp [s]."""
+        return self.stamp_ns / NS_PER_S
+
+
+@dataclass(frozen=True, eq=False)
 class FloorFrame:
     """One reading of all elements of a pressure floor, 8 bits each, in the floor's frame: x along a row, y from row to row.
 
@@ -84,4 +110,4 @@ class FloorFrame:
         return self.stamp_ns / NS_PER_S
 
 
-Observation = LaserScan | Image | FloorFrame
+Observation = LaserScan | Image | DepthImage | FloorFrame

@@ -6,7 +6,7 @@ Written by users as `rig.yaml`, resolved from a scenario's sensors by the twin, 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import yaml
@@ -17,9 +17,15 @@ from scipy.spatial.transform import Rotation
 from trackers.configuration import Strict, parse_yaml, read_text, validate
 from trackers.errors import InputError
 from trackers.floor.force_curve import ForceCurve
+from trackers.pinhole import PinholeIntrinsics
 
 Point2 = tuple[FiniteFloat, FiniteFloat]
 Point3 = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+
+DepthMode = Literal["matched", "ideal", "disparity-noise"]
+"""How the twin makes depth: two pictures matched; the true depth; the true depth with noise on its disparity."""
+
+_IMAGE, _DEPTH = "image/compressed", "depth/compressed"
 
 
 class Pose(Strict):
@@ -101,6 +107,57 @@ class FisheyeSensor(Strict):
     time_offset_s: FiniteFloat = 0.0
 
 
+class PinholeSensor(Strict):
+    """A pinhole camera on the rig; `room_from_sensor` takes its optical frame (x right, y down, z ahead)."""
+
+    kind: Literal["camera"] = "camera"
+    topic: str
+    room_from_sensor: Pose = Pose()
+    intrinsics: PinholeIntrinsics
+    time_offset_s: FiniteFloat = 0.0
+
+
+class StereoSensor(Strict):
+    """A stereo RGB-D camera on the rig: a colour picture and, for each of its pixels, the depth along the optical axis.
+
+    `room_from_sensor` takes the optical frame (x right, y down, z ahead) of the left view, to which colour and depth
+    both belong. `mode` says how depth was made (`trackers.rig.DepthMode`; None: a real device's own way), `baseline_m`
+    how far apart the views are (None: unknown). `depth_topic` defaults to that beside the picture's:
+    '/NAME/depth/compressed' for '/NAME/image/compressed'.
+    """
+
+    kind: Literal["stereo"] = "stereo"
+    topic: str
+    depth_topic: str = ""
+    room_from_sensor: Pose = Pose()
+    intrinsics: PinholeIntrinsics
+    baseline_m: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    mode: DepthMode | None = None
+    time_offset_s: FiniteFloat = 0.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _depth_beside_the_picture(cls, content: Any) -> Any:
+        if not isinstance(content, dict) or content.get("depth_topic") or not isinstance(content.get("topic"), str):
+            return content
+        if not content["topic"].endswith(_IMAGE):
+            raise ValueError(
+                f"depth_topic is missing and cannot be told from topic {content['topic']!r}; "
+                "the topic of the depth pictures is expected"
+            )
+        return content | {"depth_topic": content["topic"].removesuffix(_IMAGE) + _DEPTH}
+
+    def eyes_m(self) -> list[NDArray[np.float64]]:
+        """Where the views look from in the room: the left one (3,), and the right one where the baseline is known [m]."""
+        left, right_axis = self.room_from_sensor.translation, self.room_from_sensor.rotation[:, 0]
+        return [left] if self.baseline_m is None else [left, left + self.baseline_m * right_axis]
+
+    def points(self, depth_m: NDArray[np.floating]) -> NDArray[np.float64]:
+        """The point (height, width, 3) [m] in the room that each pixel of a depth picture shows; NaN where it is 0."""
+        pose = self.room_from_sensor
+        return self.intrinsics.points(depth_m) @ pose.rotation.T + pose.translation
+
+
 class FloorSensor(Strict):
     """A pressure floor: `rows` x `columns` square elements of side `pitch_m`, each with the same force curve.
 
@@ -135,14 +192,23 @@ class FloorSensor(Strict):
         return local @ self.room_from_sensor.rotation[:2, :2].T + self.room_from_sensor.translation[:2]
 
 
-RigSensor = Annotated[LaserSensor | FisheyeSensor | FloorSensor, Field(discriminator="kind")]
+CameraSensor = FisheyeSensor | PinholeSensor | StereoSensor
+"""Whatever takes pictures."""
+
+RigSensor = Annotated[
+    LaserSensor | FisheyeSensor | PinholeSensor | StereoSensor | FloorSensor, Field(discriminator="kind")
+]
 
 
 class Rig(Strict):
-    """Every sensor by name, and the tracked area as a polygon in the room frame [m] (None: everywhere)."""
+    """Every sensor by name, and the tracked area as a polygon in the room frame [m] (None: everywhere).
+
+    `room` names the room they are in, so that the environment of another is refused (None: not said).
+    """
 
     sensors: dict[str, RigSensor]
     area: tuple[Point2, ...] | None = None
+    room: str | None = None
 
     @model_validator(mode="after")
     def _area_is_a_polygon(self) -> Rig:
@@ -154,9 +220,9 @@ class Rig(Strict):
         """The scanners by name."""
         return {name: sensor for name, sensor in self.sensors.items() if isinstance(sensor, LaserSensor)}
 
-    def cameras(self) -> dict[str, FisheyeSensor]:
-        """The cameras by name."""
-        return {name: sensor for name, sensor in self.sensors.items() if isinstance(sensor, FisheyeSensor)}
+    def cameras(self) -> dict[str, CameraSensor]:
+        """The cameras by name, of any kind."""
+        return {name: sensor for name, sensor in self.sensors.items() if isinstance(sensor, CameraSensor)}
 
     def floors(self) -> dict[str, FloorSensor]:
         """The pressure floors by name."""

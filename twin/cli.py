@@ -11,7 +11,9 @@ from typing import Annotated
 
 import typer
 
+from twin.environment_command import environment
 from twin.reproduce.command import reproduce
+from twin.suites.command import app as suites
 
 EXIT_DONE, EXIT_BAD_INPUT, EXIT_OUR_FAULT, EXIT_INTERRUPTED = 0, 2, 70, 130
 
@@ -61,7 +63,7 @@ def run(
     no_images: NoImages = False,
 ) -> None:
     """Simulate, record, track, evaluate and report."""
-    from twin.console import print_metrics, print_paths, progress
+    from twin.console import print_metrics, print_paths, print_warnings, progress
     from twin.run import run_scenario
     from twin.scenario import load_scenario
 
@@ -70,6 +72,7 @@ def run(
         result = run_scenario(
             loaded, trackers=tracker, out=out, video=not no_video, images=not no_images, on_progress=report
         )
+    print_warnings(result.warnings)
     if result.metrics is not None:
         print_metrics(result.metrics)
     print_paths(result.files)
@@ -86,7 +89,7 @@ def render(
     no_images: NoImages = False,
 ) -> None:
     """Simulate and record only."""
-    from twin.console import print_paths, progress
+    from twin.console import print_paths, print_warnings, progress
     from twin.run import run_scenario
     from twin.scenario import load_scenario
 
@@ -95,6 +98,7 @@ def render(
         result = run_scenario(
             loaded, trackers=[], out=out, video=not no_video, images=not no_images, on_progress=report
         )
+    print_warnings(result.warnings)
     print_paths(result.files)
 
 
@@ -150,7 +154,7 @@ def evaluate(
 
 @app.command(name="list", epilog="Example: twin list")
 def list_() -> None:
-    """What there is: scenarios, rooms, trackers, sensors."""
+    """What there is: scenarios, rooms, trackers, sensors, faults."""
     from trackers.presets import available
     from twin import models
 
@@ -166,6 +170,12 @@ def list_() -> None:
     typer.echo("sensors")
     for name, description in models.SENSOR_KINDS.items():
         typer.echo(f"  {name:24}{description}")
+    typer.echo("suites")
+    for name in models.names("suites"):
+        typer.echo(f"  {name}")
+    typer.echo("faults")
+    for name, description in models.FAULTS.items():
+        typer.echo(f"  {name:24}{description}")
 
 
 @app.command(epilog="Example: twin schema > scenario.schema.json")
@@ -178,7 +188,7 @@ def schema(
     from trackers.errors import InputError
 
     if kind == "scenario":
-        from twin.scenario import Scenario as Described
+        from twin.scenario.load import ScenarioFile as Described
     elif kind == "rig":
         from trackers.rig import Rig as Described
     else:
@@ -195,24 +205,50 @@ def check() -> None:
         typer.echo(line)
 
 
+app.add_typer(suites, name="suite")
+app.command(epilog="Example: twin environment home-three-people --out out/home.npz")(environment)
 app.command(epilog="Example: twin reproduce laser-fisheye-imm --seeds 100 --out out/figure7")(reproduce)
 
 
-@app.command(epilog="Example: twin view lab-five-people --at 5 --out view.png")
+@app.command(
+    epilog="Example: twin view everyday --people --out people.png; twin view everyday --video people.mp4 --to 20"
+)
 def view(
     scenario: ScenarioName,
     at: Annotated[float, typer.Option(metavar="S", help="The moment to look at [s].")] = 0.0,
+    people: Annotated[bool, typer.Option("--people", help="Everybody from all sides, and everything they do.")] = False,
+    video: Annotated[Path | None, typer.Option(metavar="FILE.mp4", help="Write a video by a free camera.")] = None,
+    from_: Annotated[float, typer.Option("--from", metavar="S", help="Where the video begins [s].")] = 0.0,
+    to: Annotated[
+        float | None, typer.Option(metavar="S", help="Where it ends [s]; default: with the scenario.")
+    ] = None,
+    follow: Annotated[str | None, typer.Option(metavar="NAME", help="Whom the video's camera follows.")] = None,
     set_: Set = None,
     seed: Seed = None,
-    out: Annotated[Path, typer.Option(help="The picture to write.")] = Path("view.png"),
+    out: Annotated[Path | None, typer.Option(help="The picture to write; default: view.png or people.png.")] = None,
 ) -> None:
-    """A look inside: the room from above and from a corner, every sensor's view, at one moment."""
-    from twin.console import print_paths
+    """A look inside: the room and every sensor's view at one moment; its people (--people); a video of them (--video)."""
+    from twin.console import print_paths, progress
     from twin.scenario import load_scenario
-    from twin.view import write_view
+    from twin.view import check_choice, write_people, write_video, write_view
 
-    write_view(load_scenario(scenario, _overrides(set_, seed, None)), at, out)
-    print_paths({"view": out})
+    check_choice(at=at, people=people, video=video, start_s=from_, end_s=to, follow=follow, out=out)
+    loaded = load_scenario(scenario, _overrides(set_, seed, None))
+    if video is not None:
+        with progress() as report:
+            write_video(loaded, video, start_s=from_, end_s=to, follow=follow, on_progress=report)
+        print_paths({"video": video})
+    elif people:
+        path = out or Path("people.png")
+        with progress() as report:
+            found = write_people(loaded, path, on_progress=report)
+        for occasion in found:
+            typer.echo(str(occasion))
+        print_paths({"people": path})
+    else:
+        path = out or Path("view.png")
+        write_view(loaded, at, path)
+        print_paths({"view": path})
 
 
 def main() -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import sys
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -68,6 +69,12 @@ def print_metrics(metrics: Mapping[str, Any]) -> None:
     )
     console.print(table)
     console.print(f"{metrics['realtime_factor']:.1f} × real time")
+
+
+def print_warnings(warnings: Iterable[str]) -> None:
+    """What a user should know before they trust a result, on stderr."""
+    for warning in warnings:
+        sys.stderr.write(f"twin: warning: {warning}\n")
 
 
 def print_paths(files: Mapping[str, Path]) -> None:

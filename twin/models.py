@@ -10,11 +10,11 @@ from trackers.errors import InputError
 _PACKAGE = Path(__file__).parent
 MODELS = _PACKAGE / "models" if (_PACKAGE / "models").is_dir() else _PACKAGE.parent / "models"
 
-_SUFFIX = {"rooms": ".xml", "scenarios": ".yaml"}
+_SUFFIX = {"rooms": ".xml", "scenarios": ".yaml", "suites": ".yaml"}
 
 
 def names(folder: str) -> list[str]:
-    """The shipped models in 'rooms' or 'scenarios', by name, sorted."""
+    """The shipped models in 'rooms', 'scenarios' or 'suites', by name, sorted."""
     return sorted(path.stem for path in (MODELS / folder).glob(f"*{_SUFFIX[folder]}"))
 
 
@@ -42,9 +42,23 @@ def find(folder: str, name: str, relative_to: Path | None = None, asked_by: str 
 SENSOR_KINDS = {
     "laser": "planar range scanner: any field of view, resolution, noise",
     "fisheye": "fisheye camera: equidistant or Kannala–Brandt, any coefficients",
+    "camera": "pinhole camera: any focal length and size, Brown–Conrady distortion, motion blur",
+    "stereo": "stereo RGB-D camera: colour and depth by matching two views, or ideal, or with noise on the disparity",
     "floor": "pressure floor: a grid of force-sensing resistors, any pitch and size, 8 bits",
 }
 """The kinds of sensor a scenario can have, with one line on each."""
+
+FAULTS = {
+    "dropout": "any sensor: observations are lost with a probability; 1: it is silent",
+    "freeze": "any sensor: the last values again and again, under new stamps",
+    "delay": "any sensor: observations arrive later, by a time and a jitter",
+    "clock": "any sensor: stamps off by an offset and a drift",
+    "occlusion": "camera: a blob on the lens covers or blurs part of the picture",
+    "blocked_sector": "scanner: something right before it takes the beams between two bearings",
+    "dead_beams": "scanner: beams that report nothing",
+    "dead_cells": "floor: elements, rows or columns that always read the same",
+}
+"""The kinds of fault a scenario can have, with one line on each."""
 
 
 def first_description(scenario: str) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trackers.observations import FloorFrame, Image, LaserScan, Observation
+from trackers.observations import DepthImage, FloorFrame, Image, LaserScan, Observation
 from trackers.rig import Rig
 from trackers.tracks import TrackFrame
 from twin.report.birdseye import Polygon
@@ -18,6 +18,8 @@ from twin.truth import TruthFrame
 
 _HELD_OBSERVATIONS = 32
 _HELD_TRUTHS = 256
+_NEAR_NS = 50_000_000
+"""A truth this near a stamp [ns] shows where people are."""
 _STILL_EVERY_S = 5.0
 _MOST_STILLS = 6
 
@@ -68,15 +70,22 @@ class Preview:
             )
             for name, held in self._observations.items()
         }
-        image = next((each for each in newest.values() if isinstance(each, Image)), None)
+        images = {name: each for name, each in newest.items() if isinstance(each, Image | DepthImage)}
         scans = {name: each for name, each in newest.items() if isinstance(each, LaserScan)}
         floors = {name: each for name, each in newest.items() if isinstance(each, FloorFrame)}
-        truth = true_poses(self._truths.get(frame.stamp_ns))
-        self._writer.frame(frame.stamp_ns, image, scans, frame.tracks, truth, floors)
+        truth = true_poses(self._truth_at(frame.stamp_ns))
+        self._writer.frame(frame.stamp_ns, images, scans, frame.tracks, truth, floors)
         t = frame.stamp_ns / 1e9
         if t >= self._next_still_s and len(self.stills) < _MOST_STILLS:
             self.stills.append((t, self._writer.still()))
             self._next_still_s = t + _STILL_EVERY_S
+
+    def _truth_at(self, stamp_ns: int) -> TruthFrame | None:
+        """The truth of a stamp; the nearest one of a stamp by a clock that is off; None where none is near."""
+        if stamp_ns in self._truths or not self._truths:
+            return self._truths.get(stamp_ns)
+        nearest = min(self._truths, key=lambda held: abs(held - stamp_ns))
+        return self._truths[nearest] if abs(nearest - stamp_ns) <= _NEAR_NS else None
 
     def draw_untracked(self, observation: Observation) -> None:
         """Draw a moment that no tracker looks at, when the main sensor has reported it."""

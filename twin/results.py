@@ -36,10 +36,11 @@ SIMPLIFICATIONS = (
 
 @dataclass(frozen=True, eq=False)
 class RunResult:
-    """What a run left: its metrics (None where there is no truth) and its files by name."""
+    """What a run left: its metrics (None where there is no truth), its files by name, and what it warns of."""
 
     metrics: dict[str, Any] | None
     files: dict[str, Path]
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

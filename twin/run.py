@@ -11,6 +11,7 @@ from pathlib import Path
 from trackers.observations import NS_PER_S
 from twin.feeding import feed
 from twin.outline import room_outline
+from twin.recording.details import DETAIL_FILES, detail_writer
 from twin.recording.feet import feet_writer
 from twin.recording.tables import read_truth, truth_writer
 from twin.recording.whole_file import whole_file
@@ -32,7 +33,7 @@ from twin.scenario import Scenario
 from twin.scenario.load import dump_scenario
 from twin.simulation import Simulation
 from twin.tracking import file_name
-from twin.truth import TruthFrame
+from twin.truth import TruthDetail, TruthFrame
 
 DEFAULT_TRACKER = "laser-fisheye-imm"
 
@@ -56,13 +57,18 @@ def run_scenario(
     resolved = dump_scenario(scenario)
     check_folder(folder, _names(names, video))
     listeners: list[Callable[[TruthFrame], object]] = []
+    detail_listeners: list[Callable[[TruthDetail], object]] = []
 
     def tell(frame: TruthFrame) -> None:
         for listen in listeners:
             listen(frame)
 
+    def tell_detail(detail: TruthDetail) -> None:
+        for listen in detail_listeners:
+            listen(detail)
+
     with ExitStack() as stack:
-        simulation = stack.enter_context(Simulation(scenario, images=images, on_truth=tell))
+        simulation = stack.enter_context(Simulation(scenario, images=images, on_truth=tell, on_detail=tell_detail))
         scene, rig = simulation.world.scene, simulation.rig
         background = list(simulation.background_messages())
         place = Place(
@@ -74,7 +80,7 @@ def run_scenario(
             feed(
                 folder,
                 rig,
-                [encoded.observation for encoded in background],
+                [simulation.as_read(encoded) for encoded in background],
                 names,
                 scenario.trackers,
                 scenario.seed,
@@ -90,6 +96,7 @@ def run_scenario(
         table = stack.enter_context(truth_writer(folder / "truth.csv", list(simulation.views)))
         feet = stack.enter_context(feet_writer(folder / "truth_feet.csv", list(rig.floors())))
         listeners += [table.write, feet.write, bag.truth]
+        detail_listeners += [stack.enter_context(detail_writer(folder)), bag.detail]
         if fed.shown is not None:
             listeners.append(fed.shown.tell)
         for encoded in background:
@@ -99,7 +106,7 @@ def run_scenario(
         start = time.perf_counter()
         for delivered in simulation.deliveries():
             bag.observation(delivered.encoded, delivered.arrival_ns)
-            fed.observe(delivered.encoded.observation)
+            fed.observe(delivered.observation)
             on_progress("simulating and tracking", delivered.arrival_ns / NS_PER_S, scenario.duration_s)
         fed.finish()
         spent_s = time.perf_counter() - start
@@ -108,6 +115,7 @@ def run_scenario(
         "recording": folder / "recording.mcap",
         "truth": folder / "truth.csv",
         "truth_feet": folder / "truth_feet.csv",
+        **{Path(name).stem: folder / name for name in DETAIL_FILES},
         "scenario": folder / "scenario.yaml",
     }
     with whole_file(files["scenario"]) as stream:
@@ -134,12 +142,13 @@ def run_scenario(
         files |= result.files
         on_progress("evaluating and reporting", 1, 1)
     note_made(folder, list(files.values()))
-    return RunResult(metrics, files)
+    return RunResult(metrics, files, simulation.warnings)
 
 
 def _names(trackers: Sequence[str], video: bool) -> list[str]:
     """What a run writes into its folder."""
-    names = ["recording.mcap", "truth.csv", "truth_feet.csv", "scenario.yaml", *(["preview.mp4"] if video else [])]
+    truth = ["truth.csv", "truth_feet.csv", *DETAIL_FILES]
+    names = ["recording.mcap", *truth, "scenario.yaml", *(["preview.mp4"] if video else [])]
     tables = [f"tracks/{file_name(name)}.csv" for name in trackers]
     return [*names, *tables, *(["metrics.json", "report.html"] if trackers else [])]
 

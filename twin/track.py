@@ -17,6 +17,7 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from twin.feeding import feed
 from twin.outline import room_outline
+from twin.recording.details import DETAIL_FILES
 from twin.recording.reader import Recording
 from twin.recording.tables import truth_table
 from twin.report.birdseye import Polygon
@@ -110,7 +111,9 @@ def track_recording(
     )
     result = write_results(folder, facts, evaluate_trackers(folder, fed.at_work, truth), fed, truth, place)
     note_made(
-        folder, list(result.files.values()), kept=("recording.mcap", "truth.csv", "truth_feet.csv", "scenario.yaml")
+        folder,
+        list(result.files.values()),
+        kept=("recording.mcap", "truth.csv", "truth_feet.csv", *DETAIL_FILES, "scenario.yaml"),
     )
     return result
 

@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 from math import nan
 from typing import Literal
 
+SituationKind = Literal["interaction", "correlated", "merged"]
+Separation = Literal["", "joined", "hidden", "both"]
+
 
 @dataclass(frozen=True, slots=True)
 class FootTruth:
@@ -64,3 +67,72 @@ class TruthFrame:
 
     stamp_ns: int
     people: tuple[PersonTruth, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """The pixels of one person in one picture, and the smallest upright rectangle around them [px].
+
+    The box covers the pixels of the columns left, ..., left + width - 1 and rows top, ..., top + height - 1, counted from
+    0 at the top left; where pixel (0, 0) spans the square from (0, 0) to (1, 1), as in COCO's files, these are its edges.
+    Only pixels that show the person count (what hides behind others has none), so that visible_px <= width * height.
+    truncated: pixels of theirs lie at the border of the picture, or of the lens's field: the person may go on beyond.
+    """
+
+    id: int
+    left: int
+    top: int
+    width: int
+    height: int
+    visible_px: int
+    truncated: bool
+
+
+@dataclass(frozen=True, slots=True)
+class BoxFrame:
+    """Everybody to be seen in one picture of a camera, by id; an empty tuple says that nobody is."""
+
+    stamp_ns: int
+    camera: str
+    boxes: tuple[Box, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class RayRun:
+    """Beams of a scanner that follow one another and all meet the same person: first_beam, ..., last_beam, from 0."""
+
+    id: int
+    first_beam: int
+    last_beam: int
+
+
+@dataclass(frozen=True, slots=True)
+class RayFrame:
+    """All runs of one scan that meet people, in the order of the beams; an empty tuple says that none does."""
+
+    stamp_ns: int
+    sensor: str
+    runs: tuple[RayRun, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """One situation of two people (first_id < second_id), from the first frame in which it holds to the first after.
+
+    kind, how and least_m are explained in `twin.situations`. sensor: the scanner that cannot tell them apart, '' for
+    what does not depend on one. complete: its end was seen; else the run ended first, and end_ns is the end of the run.
+    """
+
+    kind: SituationKind
+    first_id: int
+    second_id: int
+    sensor: str
+    start_ns: int
+    end_ns: int
+    complete: bool = True
+    how: Separation = ""
+    least_m: float = nan
+
+
+TruthDetail = BoxFrame | RayFrame | Situation
+"""What goes with a picture, with a scan, or with a stretch of time, rather than with a moment of everybody."""

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.pinhole import PinholeIntrinsics
 from trackers.rig import RigSensor
+from twin.scenario.cameras import PinholeDescription, StereoDescription
 from twin.scenario.floor import FloorDescription
 from twin.scenario.sensors import FisheyeDescription, LaserDescription, SensorDescription
 from twin.sensors.rays import cast
@@ -26,6 +28,7 @@ class SensorView:
     is_scanner: bool
     half_field_rad: float  # from the sensor's x axis (scanner) or its optical axis (camera)
     range_max_m: float
+    picture: PinholeIntrinsics | None = None  # of a pinhole: its picture's edges bound the view, not an angle
 
 
 def sensor_view(sensor: RigSensor, description: SensorDescription) -> SensorView | None:
@@ -40,6 +43,9 @@ def sensor_view(sensor: RigSensor, description: SensorDescription) -> SensorView
         case FisheyeDescription():
             half = description.intrinsics().field_of_view_rad / 2
             return SensorView(pose.translation, pose.rotation, False, half, np.inf)
+        case PinholeDescription() | StereoDescription():
+            # How far its depth reaches says nothing of how far its picture does.
+            return SensorView(pose.translation, pose.rotation, False, np.pi / 2, np.inf, description.intrinsics())
 
 
 def visible_share(
@@ -53,6 +59,20 @@ def visible_share(
     """
     if len(points) == 0:
         return np.zeros(0)
+    counted, met = first_met(view, snapshot, points, ids)
+    total = counted.sum(axis=1)
+    reached = (met == ids[:, None]).sum(axis=1)
+    return np.divide(reached, total, out=np.zeros(len(points)), where=total > 0)
+
+
+def first_met(
+    view: SensorView, snapshot: Snapshot, points: NDArray[np.float64], ids: NDArray[np.int16]
+) -> tuple[NDArray[np.bool_], NDArray[np.int16]]:
+    """Which points of each body (n_people, n_point, 3) count for a sensor, and whom a ray towards each meets first.
+
+    Both (n_people, n_point). The id is the body's own where the ray reaches the point, that of whoever stands before
+    it, 0 for the room, and -1 where no ray goes: points that do not count, or lie out of the sensor's field or range.
+    """
     local = (points - view.room_from_sensor_xyz) @ view.room_from_sensor_rotation  # (n, k, 3)
     if view.is_scanner:
         counted = np.abs(local[..., 2]) <= _PLANE_BAND_M
@@ -63,7 +83,9 @@ def visible_share(
         off_axis = np.arctan2(np.hypot(local[..., 0], local[..., 1]), local[..., 2])
     distance = np.linalg.norm(local, axis=-1)
     candidate = counted & (off_axis <= view.half_field_rad) & (distance <= view.range_max_m) & (distance > 0)
-    reached = np.zeros(candidate.shape, dtype=bool)
+    if view.picture is not None:
+        candidate &= view.picture.project(local)[1]
+    met = np.full(candidate.shape, -1, dtype=np.int16)
     person = np.broadcast_to(ids[:, None], candidate.shape)[candidate]
     if person.size:
         directions = (local[candidate] / distance[candidate, None]) @ view.room_from_sensor_rotation.T
@@ -71,7 +93,6 @@ def visible_share(
         hit_m = np.empty(person.size)
         normal = view.room_from_sensor_rotation[:, 2] if view.is_scanner else None
         cast(snapshot, view.room_from_sensor_xyz, np.ascontiguousarray(directions), geom, hit_m, normal=normal)
-        meets_person = (geom >= 0) & (snapshot.person_of_geom[geom] == person)
-        reached[candidate] = meets_person | (hit_m < 0) | (hit_m >= distance[candidate])
-    total = counted.sum(axis=1)
-    return np.divide(reached.sum(axis=1), total, out=np.zeros(len(points)), where=total > 0)
+        nothing_before = (hit_m < 0) | (hit_m >= distance[candidate])
+        met[candidate] = np.where(nothing_before, person, snapshot.person_of_geom[geom])
+    return counted, met

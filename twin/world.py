@@ -10,6 +10,7 @@ import numpy as np
 
 from trackers.area import Area
 from trackers.observations import NS_PER_S
+from twin.lighting import Lighting
 from twin.people.feet import Feet
 from twin.scenario import Scenario
 from twin.scene import build_scene, populate
@@ -32,6 +33,7 @@ class World:
         self._area = Area(self.scene.area)
         self.population = populate(scenario, self.scene)
         self.data = mujoco.MjData(self.scene.model)
+        self._lighting = Lighting(self.scene.model, scenario.lights, f"scenario {scenario.name!r}")
         self._ids = np.array([self.scene.ids[name] for name in self.scene.names], dtype=np.int16)
         self._posed_at: float | None = None
         self._feet: Feet | None = None
@@ -44,14 +46,19 @@ class World:
             qpos[~self.population.present(t), 2] = _OUT_OF_THE_ROOM_M
             self.data.qpos[self.scene.qpos_address] = qpos
             self._update_poses()
+            self._lighting.apply(t)
             self._posed_at = t
             self._feet = self.population.feet(t)
         return Snapshot(t, self.scene.model, self.data, self.scene.person_of_geom, self._feet)
 
     def empty_snapshot(self, t: float) -> Snapshot:
-        """The room at time t before anybody entered: the people are taken far below the floor."""
+        """The room at time t before anybody entered: the people are taken far below the floor.
+
+        Its light is that of the scenario's start: of the changes only those at 0 s have begun.
+        """
         self.data.qpos[self.scene.qpos_address[:, 2]] = _OUT_OF_THE_ROOM_M
         self._update_poses()
+        self._lighting.apply(t, until_s=0.0)
         self._posed_at = None
         return Snapshot(t, self.scene.model, self.data, self.scene.person_of_geom)
 

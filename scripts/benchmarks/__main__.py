@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from benchmarks import people, runs, sensors, start_up, tracking
+from benchmarks import environment, faults, people, runs, sensors, start_up, suites, tracking, truth
 from benchmarks.figure import Figure
 
 BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
@@ -19,6 +19,14 @@ BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
     "floor-real-time": people.floor_real_time,
     "floor-truth": people.floor_truth,
     "recorded-paths": people.recorded_paths,
+    "truth": truth.shares,
+    "environment": environment.measure,
+    "scanner-noise": faults.scanner_noise,
+    "faults": faults.cost,
+    "suite-speed": suites.speed_up,
+    "suite-cost": suites.cost,
+    "suite-gate": suites.gate,
+    "suite-harmless": suites.harmless,
     "table-one": tracking.table_one,
     "tracker-cost": tracking.cost,
     "real-time": runs.real_time,

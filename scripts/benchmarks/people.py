@@ -21,6 +21,7 @@ from twin.world import World
 
 _DATA = FilePath(__file__).parents[3] / "shared" / "data" / "trajectories"
 _WARM_UP_S, _MEASURED_S = 2.0, 20.0
+_WALKS_M_S = 0.5
 
 
 def _scenario(people: dict[str, Any], sensors: dict[str, Any], *, room: str = "plaza", **more: Any) -> Scenario:
@@ -130,22 +131,26 @@ def _kept(scenario: Scenario, file: str) -> Iterator[Figure]:
                 extra += _apart(rows[first], rows[second], t) > BODIES_NEED_M
         if truth.present[number]:
             seen[number].append((t, float(truth.x[number]), float(truth.y[number])))
-    ratios, errors = [], []
+    ratios, errors, fast = [], [], []
     for number, path in rows.items():
         ours = np.array(seen[number])
         theirs = path[np.searchsorted(path[:, 0], ours[:, 0] - 1e-5)]
         errors.append(np.linalg.norm(ours[:, 1:] - theirs[:, 1:], axis=1))
         length = np.linalg.norm(np.diff(theirs[:, 1:], axis=0), axis=1).sum()
         if length > 1.0:
+            fast.append(length > _WALKS_M_S * (theirs[-1, 0] - theirs[0, 0]))
             ratios.append(np.linalg.norm(np.diff(ours[:, 1:], axis=0), axis=1).sum() / length)
     yield Figure(
         f"{file}: pedestrians who walk", float(sum(len(each) > 1 for each in seen.values())), "", f">= {len(rows)}"
     )
+    off = 100 * np.abs(np.array(ratios) - 1)
+    walks = np.array(fast)
     yield Figure(
-        f"{file}: mean speed over the file's, worst pedestrian",
-        float(np.abs(np.array(ratios) - 1).max()) * 100,
-        "%",
-        "",
+        f"{file}: mean speed off the file's, worst of {walks.sum()} who walk", float(off[walks].max()), "%", "<= 3"
+    )
+    # who stands shifts the weight from foot to foot, which the file does not have
+    yield Figure(
+        f"{file}: the same, worst of {(~walks).sum()} who mostly stand", float(off[~walks].max(initial=0)), "%", ""
     )
     yield Figure(f"{file}: mean speed over the file's, all", abs(float(np.mean(ratios)) - 1) * 100, "%", "<= 3")
     yield Figure(

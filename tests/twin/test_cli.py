@@ -71,7 +71,8 @@ def test_run_leaves_what_the_contract_says(run_folder: Path) -> None:
     files = [path for path in run_folder.rglob("*") if path.is_file() and not path.name.startswith(".")]
     names = {path.relative_to(run_folder).as_posix() for path in files}
     assert names == {
-        "recording.mcap", "truth.csv", "truth_feet.csv", "tracks/laser-imm.csv", "metrics.json", "report.html", "scenario.yaml",
+        "recording.mcap", "truth.csv", "truth_feet.csv", "truth_boxes.csv", "truth_rays.csv", "truth_situations.csv",
+        "tracks/laser-imm.csv", "metrics.json", "report.html", "scenario.yaml",
     }  # fmt: skip
     metrics = json.loads((run_folder / "metrics.json").read_text())
     assert set(metrics) == {

@@ -15,7 +15,7 @@ from pydantic import Field, PositiveInt
 
 from trackers.configuration import Strict
 from trackers.laser.layer import Detections
-from trackers.rig import FisheyeSensor, LaserSensor
+from trackers.rig import FisheyeSensor, LaserSensor, PinholeSensor
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -57,7 +57,7 @@ class TorsoWindows:
 class TorsoProjector:
     """Lays torso windows over the detections of one scanner in the images of one camera."""
 
-    def __init__(self, laser: LaserSensor, camera: FisheyeSensor, options: TorsoOptions) -> None:
+    def __init__(self, laser: LaserSensor, camera: FisheyeSensor | PinholeSensor, options: TorsoOptions) -> None:
         self.options = options
         self._intrinsics = camera.intrinsics
         self._laser_rotation = laser.room_from_sensor.rotation
@@ -101,7 +101,7 @@ def _largest_overlap(pixels: Array) -> Array:
     low = np.stack([u.min(axis=1), v.min(axis=1)], axis=1)
     high = np.stack([u.max(axis=1), v.max(axis=1)], axis=1)
     common = np.minimum(high[:, None], high[None]) - np.maximum(low[:, None], low[None])
-    area = np.prod(np.maximum(common, 0), axis=-1)
+    area = np.nan_to_num(np.prod(np.maximum(common, 0), axis=-1))  # what lies behind a pinhole has no pixels
     own = np.maximum(np.prod(high - low, axis=-1), 1e-9)
     np.fill_diagonal(area, 0)
     return (area / own[:, None]).max(axis=1)

@@ -64,6 +64,7 @@ def perform(actor: Actor, script: Sequence[Action]) -> Doing:
 
 
 def _wait_for(actor: Actor, action: Action) -> Doing:
+    actor.stage.doing[actor.number] = "stand"
     if action.at_s is not None and actor.t < action.at_s:
         yield Order(None, until=action.at_s)
     while action.when is not None and not _holds(actor, action.when):

@@ -167,9 +167,13 @@ class Crowd:
         """Who has come to their goal, (n,)."""
         return (self._distance <= self._arrive_m) & self.present
 
+    def halting(self, within_m: float) -> Mask:
+        """Who is about to halt at a goal that is less than `within_m` [m] away, (n,)."""
+        return (self._distance < within_m) & (self._slow_down < _PASSES) & self.present
+
     def taken(self) -> Mask:
         """Who is about to halt at a goal that somebody else is closer to than people come to each other, (n,)."""
-        close = (self._distance < TAKEN_WITHIN_M) & (self._slow_down < _PASSES) & self.present
+        close = self.halting(TAKEN_WITHIN_M)
         if not close.any():
             return close
         others = self.present & ~np.eye(len(self.place), dtype=bool)

@@ -40,6 +40,7 @@ HISTORY_S = 3.0
 
 _ENTER_APART_M = 0.7
 _BLOCKED_FOR_S = 0.8
+_NEAR_ENOUGH_M, _HALTS_FOR_S = 0.2, 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +118,7 @@ class Population:
         self._begun = np.zeros(count, dtype=bool)
         self._until = np.zeros(count)
         self._done: dict[int, Callable[[], bool]] = {}
-        self._blocked_s = np.zeros(count)
+        self._blocked_s, self._halts_s = np.zeros(count), np.zeros(count)
         self._crowd.present[:] = False
         self._crowd.driven[self._recorded.numbers] = True
         self._tick = 0
@@ -147,7 +148,8 @@ class Population:
         """Who sits, lies, bends or reaches and has got there, as of the last step, (n,)."""
         parts: tuple[Part, ...] = ("body", "bend", "reach")
         held = self._postures.rows[[OFF_FEET, PELVIS_PITCH, HANDS, HANDS + 4]].any(axis=0)
-        return held & [all(self._postures.done(number, part) for part in parts) for number in range(len(self))]
+        done = [all(self._postures.done(number, part) for part in parts) for number in range(len(self))]
+        return np.asarray(held, dtype=bool) & np.array(done, dtype=bool)
 
     def looks(self) -> Mask:
         """Who keeps the head turned to somebody, to a place or by an angle, as of the last step, (n,)."""
@@ -160,7 +162,7 @@ class Population:
 
     def present(self, t: float) -> Mask:
         """Who is in the room at time t [s], (n,)."""
-        return self._present[self._slots(t)[0]]
+        return self._present[self._slots(t)[0]].copy()
 
     def qpos(self, t: float) -> Array:
         """Joint coordinates (n, NQ_PERSON) at time t [s], laid out as `twin.people.body.JOINTS` says.
@@ -261,7 +263,9 @@ class Population:
     def _order(self, t: float) -> None:
         """Give everybody whose order has ended the next one of their script."""
         crowd = self._crowd
-        arrived = crowd.arrived()
+        # who is kept from the last few centimetres, by somebody who stands there, has arrived
+        self._halts_s = (self._halts_s + TICK_S) * crowd.halting(_NEAR_ENOUGH_M)
+        arrived = crowd.arrived() | (self._halts_s > _HALTS_FOR_S)
         self._blocked_s = (self._blocked_s + TICK_S) * crowd.blocked()
         blocked = self._blocked_s > _BLOCKED_FOR_S
         taken = crowd.taken()
@@ -282,7 +286,7 @@ class Population:
             self._begun[person] = True
             crowd.order(person, order)
             self._until[person] = order.until
-            self._blocked_s[person] = 0.0
+            self._blocked_s[person] = self._halts_s[person] = 0.0
             if order.done is not None:
                 self._done[person] = order.done
 

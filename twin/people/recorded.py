@@ -36,8 +36,9 @@ class RecordedPaths:
             assert isinstance(path, Path)
             rows = np.array(path.points)
             spline = CubicSpline(rows[:, 0], rows[:, 1:], bc_type="natural")
-            enters = max(0, int(np.ceil(rows[0, 0] / tick_s - 1e-9)))
-            leaves = max(enters, int(np.floor(rows[-1, 0] / tick_s + 1e-9)))
+            # there from the tick before the first row to the one after the last, and so at both
+            enters = max(0, int(np.floor(rows[0, 0] / tick_s + 1e-9)))
+            leaves = max(enters, int(np.ceil(rows[-1, 0] / tick_s - 1e-9)))
             t = np.arange(enters, leaves + 1) * tick_s
             first.append(enters)
             last.append(leaves)

@@ -28,6 +28,7 @@ CLOSE_M = 0.12
 """The same at the two ends of a route, which may lie nearer: a seat, a shelf [m]."""
 _EDGE_M = KEEP_FROM_EDGE_M + 0.03
 _CLEAR_M = 1e-6
+_CUTS_FROM = 1e-4
 
 
 class Routes:
@@ -125,7 +126,11 @@ class Routes:
     @staticmethod
     def _sees(start: Array, end: Array, shapes: _Convex, area: Array) -> Mask:
         """Which straight ways start to end (n, 2) pass through no shape and stay in the area (k, 2)."""
-        return ~shapes.crossed(start, end) & _stay_inside(area, start, end)
+        seen = ~_cut(area, start, end)
+        # dearer questions only of the ways that are left
+        seen[seen] = ~shapes.crossed(start[seen], end[seen])
+        seen[seen] = _stay_inside(area, start[seen], end[seen])
+        return seen
 
 
 class _Convex:
@@ -165,13 +170,26 @@ class _Convex:
         """Whether straight ways start to end (n, 2) pass through the inside of any, (n,) (Cyrus and Beck's clipping)."""
         depth = self._offset - np.einsum("nc,mkc->nmk", start, self._normal)  # positive: inside of that side
         speed = np.einsum("nc,mkc->nmk", end - start, self._normal)  # outwards
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             share = depth / speed
         leaves = np.where(speed > 0, share, np.inf).min(axis=2)
         enters = np.where(speed < 0, share, -np.inf).max(axis=2)
         beside = ((speed == 0) & (depth <= 0)).any(axis=2)
         inside = np.maximum(enters, 0.0) < np.minimum(leaves, 1.0) - 1e-12
         return np.asarray((inside & ~beside).any(axis=1))
+
+
+def _cut(area: Array, start: Array, end: Array) -> Mask:
+    """Which straight ways start to end (n, 2) an edge of the polygon (k, 2) cuts in two, well between all four ends."""
+    edge = np.roll(area, -1, axis=0) - area
+    way = end - start
+    offset = area - start[:, None]  # (n, k, 2)
+    turn = _cross(way[:, None], edge)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # ways of next to no length
+        along_way, along_edge = _cross(offset, edge) / turn, _cross(offset, way[:, None]) / turn
+    between = (along_way > _CUTS_FROM) & (along_way < 1 - _CUTS_FROM)
+    between &= (along_edge > _CUTS_FROM) & (along_edge < 1 - _CUTS_FROM)
+    return np.asarray(between.any(axis=1))
 
 
 def _stay_inside(area: Array, start: Array, end: Array) -> Mask:
@@ -181,7 +199,7 @@ def _stay_inside(area: Array, start: Array, end: Array) -> Mask:
     edge = np.roll(area, -1, axis=0) - area
     offset = area - start[:, None]  # (n, k, 2)
     turn = _cross(way[:, None], edge)
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         met = np.where(turn != 0, _cross(offset, edge) / turn, 0.0)
     beside = np.einsum("nkc,nc->nk", offset, way) / np.maximum((way**2).sum(axis=1), TOLERANCE_M**2)[:, None]
     ends = np.zeros((len(start), 1))

@@ -20,8 +20,9 @@ from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__LaserScan as La
 from rosbags.typesys.stores.ros2_humble import std_msgs__msg__Header as Header
 
 from trackers.errors import InputError
-from trackers.observations import NS_PER_S, FloorFrame, Image, LaserScan, Observation
+from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
 from twin.recording import topics
+from twin.recording.depth_picture import PNG_FORMAT, decode_depth, encode_png
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
@@ -37,21 +38,34 @@ _NO_INTENSITIES = np.zeros(0, dtype=np.float32)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class Part:
+    """A further message (CDR) of one observation."""
+
+    msgtype: str
+    topic_suffix: str
+    data: memoryview
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class Encoded:
-    """An observation's message (CDR), and the observation as whoever replays the message will see it."""
+    """An observation's message (CDR), and the observation as whoever replays the message will see it.
+
+    `more`: the messages that go with it, at once and after it: a DepthImage's depth, its colour being the first.
+    """
 
     observation: Observation
     msgtype: str
     topic_suffix: str
     data: memoryview
+    more: tuple[Part, ...] = ()
 
 
 def encode(observation: Observation, *, jpeg_quality: int = 90) -> Encoded:
     """The observation as a message; give trackers `.observation` of the result, never the observation that went in.
 
     Ranges are brought to REP 117 (`LaserScan`); images go through JPEG of this quality (1–100); a floor's frame is an Image
-    in mono8, one pixel an element, the first row first. The frame_id is the sensor's name, the header's stamp the
-    observation's.
+    in mono8, one pixel an element, the first row first; a depth image is a colour
+    JPEG and a 16-bit PNG of millimetres. The frame_id is the sensor's name, the header's stamp the observation's.
     """
     match observation:
         case LaserScan():
@@ -60,11 +74,21 @@ def encode(observation: Observation, *, jpeg_quality: int = 90) -> Encoded:
             return _encode_floor(observation)
         case Image():
             return _encode_image(observation, jpeg_quality)
+        case DepthImage():
+            return _encode_depth_image(observation, jpeg_quality)
 
 
 def decode(data: bytes | memoryview, msgtype: str, sensor: str, *, kind: str | None = None) -> Observation:
     """The observation in a serialized ROS 2 message (CDR), as `from_message` has it."""
     return from_message(TYPESTORE.deserialize_cdr(data, msgtype), sensor, kind=kind)
+
+
+def decode_depth_image(colour: bytes | memoryview, depth: bytes | memoryview, sensor: str) -> DepthImage:
+    """The depth image in two serialized CompressedImages (CDR); its stamp is that of the colour."""
+    image = decode(colour, COMPRESSED_IMAGE, sensor)
+    assert isinstance(image, Image)
+    depth_m = decode_depth(TYPESTORE.deserialize_cdr(depth, COMPRESSED_IMAGE), sensor)
+    return DepthImage(sensor, image.stamp_ns, image.rgb, depth_m)
 
 
 def from_message(message: Any, sensor: str, *, kind: str | None = None, offset_ns: int = 0) -> Observation:
@@ -181,6 +205,16 @@ def _encode_image(image: Image, jpeg_quality: int) -> Encoded:
     )
     observation = Image(image.sensor, image.stamp_ns, _decode_jpeg(message.data, image.sensor))
     return Encoded(observation, COMPRESSED_IMAGE, topics.IMAGE, TYPESTORE.serialize_cdr(message, COMPRESSED_IMAGE))
+
+
+def _encode_depth_image(image: DepthImage, jpeg_quality: int) -> Encoded:
+    colour = _encode_image(Image(image.sensor, image.stamp_ns, image.rgb), jpeg_quality)
+    assert isinstance(colour.observation, Image)
+    png, depth_m = encode_png(image.depth_m)
+    message = CompressedImage(header=Header(time_message(image.stamp_ns), image.sensor), format=PNG_FORMAT, data=png)
+    depth = Part(COMPRESSED_IMAGE, topics.DEPTH, TYPESTORE.serialize_cdr(message, COMPRESSED_IMAGE))
+    observation = DepthImage(image.sensor, image.stamp_ns, colour.observation.rgb, depth_m)
+    return Encoded(observation, colour.msgtype, colour.topic_suffix, colour.data, (depth,))
 
 
 def _decode_jpeg(data: NDArray[np.uint8], sensor: str) -> NDArray[np.uint8]:

@@ -7,15 +7,24 @@ from functools import cached_property
 from pathlib import Path
 
 from trackers.errors import InputError
-from trackers.observations import NS_PER_S, FloorFrame, Image, Observation
-from trackers.rig import FisheyeSensor, FloorSensor, LaserSensor, Rig, RigSensor
+from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, Observation
+from trackers.rig import CameraSensor, FloorSensor, LaserSensor, Rig, RigSensor, StereoSensor
 from twin.recording import topics
 from twin.recording.bag import Bag, Topic, normal_topic, open_bag
+from twin.recording.depth_pairs import DepthPairs
+from twin.recording.depth_picture import decode_depth
 from twin.recording.messages import COMPRESSED_IMAGE, LASER_SCAN, RAW_IMAGE, STRING, from_message, stamp_of
 from twin.recording.tables import TruthFrame
 from twin.recording.truth_messages import decode_people
 
-_MSGTYPES = {"laser": (LASER_SCAN,), "fisheye": (COMPRESSED_IMAGE, RAW_IMAGE), "floor": (RAW_IMAGE,)}
+_PICTURES = (COMPRESSED_IMAGE, RAW_IMAGE)
+_MSGTYPES = {
+    "laser": (LASER_SCAN,),
+    "fisheye": _PICTURES,
+    "camera": _PICTURES,
+    "stereo": _PICTURES,
+    "floor": (RAW_IMAGE,),
+}
 
 
 class Recording:
@@ -53,6 +62,7 @@ class Recording:
             else:
                 self.rig, source = self._guessed_rig(), "the rig"
             self._sensors = self._sensors_by_topic(source)
+            self._depths = self._depths_by_topic(source)
             self.start_ns = 0 if self.is_twin else self._first_stamp_ns(bag)
 
     @property
@@ -63,19 +73,22 @@ class Recording:
     @cached_property
     def background(self) -> list[Observation]:
         """The observations of the empty room, in the order they were taken; none in most robots' bags."""
-        sensors = {}
+        sensors, depths = {}, {}
         for name, sensor in self.rig.sensors.items():
             topic = topics.background_topic(name, topics.SUFFIXES[sensor.kind])
             if topic in self.topics and self.topics[topic].msgtype in _MSGTYPES[sensor.kind]:
                 sensors[topic] = name
-        return list(self._decoded(sensors))
+            depth_topic = topics.background_topic(name, topics.DEPTH)
+            if isinstance(sensor, StereoSensor) and depth_topic in self.topics:
+                depths[depth_topic] = name
+        return list(self._decoded(sensors, depths))
 
     def observations(self) -> Iterator[Observation]:
         """The observations in order of arrival (log time), read as they are asked for.
 
         Raises InputError where the bag is damaged or a message cannot be used.
         """
-        return self._decoded(self._sensors)
+        return self._decoded(self._sensors, self._depths)
 
     def truth(self) -> Iterator[TruthFrame]:
         """The truth in order of time; nothing in a robot's bag. Raises InputError where it is something else."""
@@ -89,23 +102,32 @@ class Recording:
                 except InputError as error:
                     raise InputError(f"{self.path}: topic {topic}: {error}") from error
 
-    def _decoded(self, sensors: dict[str, str]) -> Iterator[Observation]:
+    def _decoded(self, sensors: dict[str, str], depths: dict[str, str]) -> Iterator[Observation]:
+        pairs = {name: DepthPairs() for name in depths.values()}
         with open_bag(self.path) as bag:
-            for topic, _, message in bag.messages(sensors):
-                name = sensors[topic]
+            for topic, _, message in bag.messages({*sensors, *depths}):
+                name = sensors.get(topic) or depths[topic]
                 sensor = self.rig.sensors[name]
                 try:
                     offset_ns = _offset_ns(sensor) - self.start_ns
-                    observation = from_message(message, name, kind=sensor.kind, offset_ns=offset_ns)
+                    if topic in depths:
+                        stamp_ns = stamp_of(message) + offset_ns
+                        observation = pairs[name].depth(stamp_ns, decode_depth(message, name))
+                    else:
+                        observation = from_message(message, name, kind=sensor.kind, offset_ns=offset_ns)
+                        if name in pairs and isinstance(observation, Image):
+                            observation = pairs[name].colour(observation)
                 except InputError as error:
                     raise InputError(f"{self.path}: topic {topic}: {error}") from error
-                if isinstance(observation, Image) and isinstance(sensor, FisheyeSensor):
+                if observation is None:
+                    continue
+                if isinstance(observation, Image | DepthImage) and isinstance(sensor, CameraSensor):
                     self._check_size(topic, name, observation, sensor)
                 if isinstance(observation, FloorFrame) and isinstance(sensor, FloorSensor):
                     self._check_grid(topic, name, observation, sensor)
                 yield observation
 
-    def _check_size(self, topic: str, name: str, image: Image, camera: FisheyeSensor) -> None:
+    def _check_size(self, topic: str, name: str, image: Image | DepthImage, camera: CameraSensor) -> None:
         height, width, _ = image.rgb.shape
         lens = camera.intrinsics
         if (width, height) != (lens.width, lens.height):
@@ -164,6 +186,25 @@ class Recording:
             named = ", ".join(sensors) or "no topic at all"
             raise InputError(f"{self.path}: holds no message on {named}; a recording of the rig's sensors is expected")
         return sensors
+
+    def _depths_by_topic(self, source: str) -> dict[str, str]:
+        """The topics of depth, each with the sensor that it belongs to."""
+        depths: dict[str, str] = {}
+        for name, sensor in self.rig.sensors.items():
+            if not isinstance(sensor, StereoSensor):
+                continue
+            topic = normal_topic(sensor.depth_topic)
+            where = f"{source}: sensors.{name}.depth_topic is {sensor.depth_topic!r}"
+            if topic not in self.topics:
+                raise InputError(f"{where}, which {self.path} does not have; {self._usable(*_PICTURES)}")
+            if self.topics[topic].msgtype not in _PICTURES:
+                raise InputError(
+                    f"{where}, which is {self.topics[topic].msgtype} in {self.path}; {self._usable(*_PICTURES)}"
+                )
+            if topic in self._sensors or topic in depths:
+                raise InputError(f"{where}, as is that of another; a topic of its own is expected")
+            depths[topic] = name
+        return depths
 
     def _guessed_rig(self) -> Rig:
         scans = self._topics_of(LASER_SCAN)

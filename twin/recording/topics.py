@@ -4,17 +4,21 @@ from __future__ import annotations
 
 SCAN = "scan"
 IMAGE = "image/compressed"
+DEPTH = "depth/compressed"
 FLOOR = "floor"
 CAMERA_INFO = "camera_info"
 
-SUFFIXES = {"laser": SCAN, "fisheye": IMAGE, "floor": FLOOR}
-"""The last part of a sensor's topic, by its kind on the rig."""
+SUFFIXES = {"laser": SCAN, "fisheye": IMAGE, "camera": IMAGE, "stereo": IMAGE, "floor": FLOOR}
+"""The last part of a sensor's topic, by its kind on the rig; a stereo camera has DEPTH besides."""
 
 RIG = "/rig"
 SCENARIO = "/scenario"
 TF_STATIC = "/tf_static"
 TRUTH_PEOPLE = "/truth/people"
 TRUTH_FEET = "/truth/feet"
+TRUTH_BOXES = "/truth/boxes"
+TRUTH_RAYS = "/truth/rays"
+TRUTH_SITUATIONS = "/truth/situations"
 TRUTH_MARKERS = "/truth/markers"
 
 ROOM_FRAME = "room"

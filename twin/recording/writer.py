@@ -35,8 +35,10 @@ from scipy.spatial.transform import Rotation
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, Observation
-from trackers.rig import FisheyeIntrinsics, FisheyeSensor, Pose, Rig
+from trackers.pinhole import PinholeIntrinsics
+from trackers.rig import CameraSensor, FisheyeIntrinsics, Pose, Rig, StereoSensor
 from twin.recording import topics
+from twin.recording.details import DETAIL_TOPICS, encode_detail
 from twin.recording.feet import encode_feet
 from twin.recording.messages import (
     COMPRESSED_IMAGE,
@@ -49,11 +51,18 @@ from twin.recording.messages import (
 )
 from twin.recording.tables import TruthFrame
 from twin.recording.truth_messages import MARKER_ARRAY, PeopleMarkers, encode_people
+from twin.truth import TruthDetail
 
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 TF_MESSAGE = "tf2_msgs/msg/TFMessage"
 
-_MSGTYPES = {"laser": LASER_SCAN, "fisheye": COMPRESSED_IMAGE, "floor": RAW_IMAGE}
+_MSGTYPES = {
+    "laser": LASER_SCAN,
+    "fisheye": COMPRESSED_IMAGE,
+    "camera": COMPRESSED_IMAGE,
+    "stereo": COMPRESSED_IMAGE,
+    "floor": RAW_IMAGE,
+}
 _FOREVER = QosTime(9223372036, 854775807)  # ROS's RMW_DURATION_INFINITE
 
 
@@ -79,13 +88,11 @@ class BagWriter:
     ) -> None:
         """`scenario_yaml` is the resolved scenario's text; `names`, by id, are written over the people's heads.
 
-        Raises ValueError for a path without `.mcap`, and for a rig with a time offset: the twin stamps on one clock.
+        Messages are written with their own stamps: a reader adds the rig's time offsets. Raises ValueError for a path
+        without `.mcap`.
         """
         if path.suffix != ".mcap":
             raise ValueError(f"{path}: a recording's name ends with .mcap")
-        for name, sensor in rig.sensors.items():
-            if sensor.time_offset_s != 0:
-                raise ValueError(f"sensor {name!r}: time_offset_s is {sensor.time_offset_s}; a recorded rig has none")
         self._path = path
         self._rig = rig
         self._scenario_yaml = scenario_yaml
@@ -147,16 +154,23 @@ class BagWriter:
                 topics.sensor_topic(sensor, topics.CAMERA_INFO), arrival_ns, self._camera_info_at(encoded.observation)
             )
         self._write(self._rig.sensors[sensor].topic, arrival_ns, encoded.data)
+        for part in encoded.more:
+            self._write(self._topic(sensor, part.topic_suffix), arrival_ns, part.data)
 
     def background(self, encoded: Encoded) -> None:
         """Write an observation of the empty room."""
-        self._write(topics.background_topic(encoded.observation.sensor, encoded.topic_suffix), 0, encoded.data)
+        for part in (encoded, *encoded.more):
+            self._write(topics.background_topic(encoded.observation.sensor, part.topic_suffix), 0, part.data)
 
     def truth(self, frame: TruthFrame) -> None:
         """Write the truth at a stamp, for programs and for the eye."""
         self._write(topics.TRUTH_PEOPLE, frame.stamp_ns, encode_people(frame))
         self._write(topics.TRUTH_FEET, frame.stamp_ns, encode_feet(frame))
         self._write(topics.TRUTH_MARKERS, frame.stamp_ns, self._markers.encode(frame))
+
+    def detail(self, detail: TruthDetail) -> None:
+        """Write what is true of a picture, a scan or a situation."""
+        self._write(*encode_detail(detail))
 
     def _write_head(self) -> None:
         latched = ((topics.RIG, STRING), (topics.SCENARIO, STRING), (topics.TF_STATIC, TF_MESSAGE))
@@ -167,16 +181,27 @@ class BagWriter:
             self._connect(sensor.topic, msgtype)
             background = topics.background_topic(name, topics.SUFFIXES[sensor.kind])
             self._connect(background, msgtype, _latched(depth=1000))
-            if isinstance(sensor, FisheyeSensor):
+            if isinstance(sensor, StereoSensor):
+                self._connect(sensor.depth_topic, COMPRESSED_IMAGE)
+                self._connect(topics.background_topic(name, topics.DEPTH), COMPRESSED_IMAGE, _latched(depth=1000))
+            if isinstance(sensor, CameraSensor):
                 self._connect(topics.sensor_topic(name, topics.CAMERA_INFO), CAMERA_INFO)
         self._connect(topics.TRUTH_PEOPLE, STRING)
         self._connect(topics.TRUTH_FEET, STRING)
         self._connect(topics.TRUTH_MARKERS, MARKER_ARRAY)
+        for topic in DETAIL_TOPICS:
+            self._connect(topic, STRING)
         self._write(topics.RIG, 0, TYPESTORE.serialize_cdr(String(self._rig.dump_yaml()), STRING))
         if self._scenario_yaml is not None:
             self._write(topics.SCENARIO, 0, TYPESTORE.serialize_cdr(String(self._scenario_yaml), STRING))
         transforms = [_transform(name, sensor.room_from_sensor) for name, sensor in self._rig.sensors.items()]
         self._write(topics.TF_STATIC, 0, TYPESTORE.serialize_cdr(TFMessage(transforms), TF_MESSAGE))
+
+    def _topic(self, sensor: str, suffix: str) -> str:
+        """Where a further message of an observation goes."""
+        on_rig = self._rig.sensors[sensor]
+        is_depth = isinstance(on_rig, StereoSensor) and suffix == topics.DEPTH
+        return on_rig.depth_topic if is_depth else topics.sensor_topic(sensor, suffix)
 
     def _connect(self, topic: str, msgtype: str, qos: tuple[Qos, ...] = ()) -> None:
         assert self._writer is not None
@@ -242,14 +267,15 @@ def _transform(sensor: str, room_from_sensor: Pose) -> TransformStamped:
     )
 
 
-def _camera_info(sensor: str, lens: FisheyeIntrinsics) -> CameraInfo:
+def _camera_info(sensor: str, lens: FisheyeIntrinsics | PinholeIntrinsics) -> CameraInfo:
     camera_matrix = np.array([[lens.fx, 0, lens.cx], [0, lens.fy, lens.cy], [0, 0, 1]])
+    is_pinhole = isinstance(lens, PinholeIntrinsics)
     return CameraInfo(
         header=Header(time_message(0), sensor),
         height=lens.height,
         width=lens.width,
-        distortion_model="equidistant",
-        d=np.array(lens.k),
+        distortion_model="plumb_bob" if is_pinhole else "equidistant",
+        d=np.array(lens.distortion if is_pinhole else lens.k),
         k=camera_matrix.ravel(),
         r=np.eye(3).ravel(),
         p=np.hstack([camera_matrix, np.zeros((3, 1))]).ravel(),

@@ -59,6 +59,8 @@ _COST = (
     Figure("ms_per_frame.mean", "Time per frame, mean", "ms", "tracker only, on one core", "less", 2),
     Figure("ms_per_frame.p95", "Time per frame, 95 %", "ms", "19 of 20 frames take less", "less", 2),
 )
+FIGURES = (*_MAIN, *_HEAD, *_WIDE, *_COST)
+"""Every figure there is, those of the narrow gate first."""
 _NONE = "–"
 HEADLINES = ("mota", "motp_m", "idf1", "hota", "misidentifications", "lost_tracks")
 

@@ -1,4 +1,4 @@
-"""The two halves of the preview: the fisheye image with torso windows, and the room from above."""
+"""The right half of the preview: the room from above, with scans, tracks and truth."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.observations import FloorFrame, Image, LaserScan
-from trackers.rig import FisheyeSensor, Rig
+from trackers.observations import FloorFrame, LaserScan
+from trackers.rig import Rig
 from trackers.tracks import Track
 from twin.report.birdseye import (
     SHIFT,
@@ -27,13 +27,10 @@ from twin.report.lettering import Tag, write, write_tags
 from twin.report.palette import RGB, IdentityColours
 from twin.report.pressure import draw_grid, draw_pressure
 
-TORSO_LOW_M, TORSO_HIGH_M, TORSO_WIDTH_M = 1.0, 1.4, 0.45
-"""The torso window drawn around a track, for the eye: a person 1.7 m tall; heights above the floor, width across."""
-
 BACKDROP: RGB = (17, 20, 26)
 INK: RGB = (232, 236, 242)
 QUIET: RGB = (140, 148, 160)
-_DARK_INK: RGB = (10, 12, 16)
+DARK_INK: RGB = (10, 12, 16)
 _UNSEEN = FloorColours((24, 28, 36), (33, 38, 48), (58, 64, 76), (104, 112, 126), (112, 122, 138), (240, 240, 240))
 _SEEN = FloorColours((38, 45, 57), (48, 56, 69), (64, 71, 84), (112, 120, 134), (132, 142, 158), (240, 240, 240))
 _PERSON_RADIUS_M = 0.22
@@ -50,70 +47,6 @@ class TruePoses:
     ids: NDArray[np.int64]  # (n,)
     xy_m: NDArray[np.float64]  # (n, 2)
     yaw_rad: NDArray[np.float64]  # (n,)
-
-
-class CameraPanel:
-    """The fisheye image with a torso window and an id on each track."""
-
-    def __init__(self, sensor: FisheyeSensor, side_px: int) -> None:
-        intrinsics = sensor.intrinsics
-        self.side_px = side_px
-        self._scale = min(side_px / intrinsics.width, side_px / intrinsics.height)
-        self._size = (round(intrinsics.width * self._scale), round(intrinsics.height * self._scale))
-        self._offset = np.array([(side_px - self._size[0]) // 2, (side_px - self._size[1]) // 2])
-        self._intrinsics = intrinsics
-        self._camera_from_room = sensor.room_from_sensor.rotation.T
-        self._camera_xyz = sensor.room_from_sensor.translation
-        self._shown: Image | None = None
-        self._view = np.full((side_px, side_px, 3), BACKDROP, dtype=np.uint8)
-        write(self._view, "no image yet", side_px / 2, side_px / 2, QUIET, 16, align="centre")
-
-    def draw(
-        self, panel: NDArray[np.uint8], image: Image | None, tracks: Sequence[Track], colours: IdentityColours
-    ) -> None:
-        """Draw the newest image (None: the one before) and the tracks on it."""
-        if image is not None and image is not self._shown:
-            self._shown = image
-            x, y = self._offset
-            width, height = self._size
-            self._view[y : y + height, x : x + width] = cv2.resize(
-                image.rgb, self._size, interpolation=cv2.INTER_LINEAR
-            )
-        panel[:] = self._view
-        tags = []
-        for track, window in self._torso_windows(tracks):
-            colour = colours[track.id]
-            if track.status == "confirmed":
-                # A dark edge keeps the window readable on a shirt of its own colour.
-                corners = [fixed_point(window)]
-                cv2.polylines(panel, corners, True, _DARK_INK, 4, cv2.LINE_AA, SHIFT)
-                cv2.polylines(panel, corners, True, colour, 2, cv2.LINE_AA, SHIFT)
-            else:
-                _dashed_loop(panel, window, colour)
-            tags.append(_tag(track, float(window[:, 0].mean()), float(window[:, 1].min()) - 11, colour))
-        write_tags(panel, tags)
-
-    def _torso_windows(self, tracks: Sequence[Track]) -> list[tuple[Track, NDArray[np.float64]]]:
-        """The outlines (24, 2) [px] of upright windows that face the camera, of the tracks in view, farthest first."""
-        at = np.array([(track.x, track.y) for track in tracks]).reshape(-1, 2)
-        away = at - self._camera_xyz[:2]
-        distance = np.hypot(away[:, 0], away[:, 1])
-        across = (
-            np.stack([-away[:, 1], away[:, 0]], axis=-1) * (TORSO_WIDTH_M / 2 / np.maximum(distance, 1e-6))[:, None]
-        )
-        floor = at[:, None] + _WINDOW_ACROSS[:, None] * across[:, None]  # (n, 24, 2)
-        height = np.broadcast_to(_WINDOW_HEIGHT_M[:, None], (*floor.shape[:2], 1))
-        room = np.concatenate([floor, height], axis=-1)
-        pixels, visible = self._intrinsics.project((room - self._camera_xyz) @ self._camera_from_room.T)
-        pixels = pixels * self._scale + self._offset
-        return [(tracks[i], pixels[i]) for i in np.argsort(-distance, kind="stable") if visible[i].all()]
-
-
-# Round the window's edge, six points a side because a straight edge is curved in a fisheye image.
-_EDGE = np.linspace(-1, 1, 6)
-_WINDOW_ACROSS = np.concatenate([_EDGE, np.ones(6), -_EDGE, -np.ones(6)])
-_WINDOW_UP = np.concatenate([-np.ones(6), _EDGE, np.ones(6), -_EDGE])
-_WINDOW_HEIGHT_M = TORSO_LOW_M + (_WINDOW_UP + 1) / 2 * (TORSO_HIGH_M - TORSO_LOW_M)
 
 
 class FloorPanel:
@@ -224,23 +157,23 @@ def _draw_track(panel: NDArray[np.uint8], view: FloorView, track: Track, colour:
         cv2.circle(panel, at, size, colour, -1, cv2.LINE_AA, SHIFT)
     else:
         cv2.circle(panel, at, size, _mix(colour, _SEEN.floor, 0.7), -1, cv2.LINE_AA, SHIFT)
-        _dashed_loop(panel, centre + radius * _CIRCLE, colour)
-    cv2.circle(panel, at, size, _DARK_INK, 1, cv2.LINE_AA, SHIFT)
-    return _tag(track, float(centre[0]), float(centre[1]) - radius - 14, colour)
+        dashed_loop(panel, centre + radius * _CIRCLE, colour)
+    cv2.circle(panel, at, size, DARK_INK, 1, cv2.LINE_AA, SHIFT)
+    return track_tag(track, float(centre[0]), float(centre[1]) - radius - 14, colour)
 
 
 _CIRCLE = np.stack([np.cos(np.linspace(0, 2 * np.pi, 24)), np.sin(np.linspace(0, 2 * np.pi, 24))], axis=-1)
 
 
-def _dashed_loop(panel: NDArray[np.uint8], loop: NDArray[np.float64], colour: RGB) -> None:
+def dashed_loop(panel: NDArray[np.uint8], loop: NDArray[np.float64], colour: RGB) -> None:
     """Every second piece of a closed line (k, 2) [px]."""
     corners = fixed_point(loop)
     pieces = [np.stack([corners[i], corners[(i + 1) % len(corners)]]) for i in range(0, len(corners), 2)]
     cv2.polylines(panel, pieces, False, colour, 2, cv2.LINE_AA, SHIFT)
 
 
-def _tag(track: Track, x: float, y: float, colour: RGB) -> Tag:
-    fill = _mix(colour, _DARK_INK, 0.3 if track.status == "confirmed" else 0.7)
+def track_tag(track: Track, x: float, y: float, colour: RGB) -> Tag:
+    fill = _mix(colour, DARK_INK, 0.3 if track.status == "confirmed" else 0.7)
     return Tag(f"#{track.id}", x, y, fill, INK)
 
 

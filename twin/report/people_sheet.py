@@ -16,7 +16,8 @@ from twin.people.appearance import Appearance
 from twin.people.body import NQ_PERSON, person_spec
 from twin.recording.whole_file import whole_path
 from twin.report.lettering import write
-from twin.sensors.render import OffscreenRenderer, View
+from twin.report.look_at import picture
+from twin.sensors.render import OffscreenRenderer
 
 VIEWS = {"front": (0.0, 0.35), "side": (90.0, 0.35), "back": (180.0, 0.35), "high": (35.0, 2.0)}
 """Where each picture is taken from: degrees left of where the person faces, metres above the head's half height."""
@@ -46,6 +47,7 @@ _STUDIO = """
 _AWAY_M = -50.0
 _FAR_M = 4.0
 _LINE_PX, _LETTERS_PX = 18, 13
+_FINER = 2
 _INK = (40, 44, 48)
 
 
@@ -74,18 +76,37 @@ def write_sheet(
     `columns`: figures side by side; `cell_px`: breadth and height of one picture. Raises InputError where nobody is
     given, the name is not a picture's, the file cannot be written, or there is no EGL.
     """
-    if path.suffix.lower() != ".png":
-        raise InputError(f"{path}: is not the name of a picture; a name ending in .png is expected")
+    check_picture_name(path)
     if not figures:
         raise InputError(f"{path}: nobody to draw; at least one person is expected")
+    write_png(path, drawn_sheet(figures, columns=columns, cell_px=cell_px))
+
+
+def drawn_sheet(figures: Sequence[Figure], *, columns: int, cell_px: tuple[int, int]) -> NDArray[np.uint8]:
+    """The picture that `write_sheet` writes, RGB (height, width, 3), of one figure or more."""
     model = _studio(figures)
     data = mujoco.MjData(model)
     with OffscreenRenderer(model) as renderer:
         panels = [_panel(renderer, model, data, figures, place, cell_px) for place in range(len(figures))]
+    return tiled(panels, columns)
+
+
+def tiled(panels: Sequence[NDArray[np.uint8]], columns: int) -> NDArray[np.uint8]:
+    """Panels of one size (height, width, 3) in rows of `columns`, the last row filled up with white."""
     blank = np.full_like(panels[0], 255)
-    panels += [blank] * (-len(panels) % columns)
-    rows = [np.hstack(panels[start : start + columns]) for start in range(0, len(panels), columns)]
-    _, png = cv2.imencode(".png", np.vstack(rows)[..., ::-1])
+    whole = [*panels, *[blank] * (-len(panels) % columns)]
+    return np.vstack([np.hstack(whole[start : start + columns]) for start in range(0, len(whole), columns)])
+
+
+def check_picture_name(path: Path) -> None:
+    """Raise InputError unless the name is that of a PNG."""
+    if path.suffix.lower() != ".png":
+        raise InputError(f"{path}: is not the name of a picture; a name ending in .png is expected")
+
+
+def write_png(path: Path, rgb: NDArray[np.uint8]) -> None:
+    """Write a picture (height, width, 3), RGB; raises InputError where the file cannot be written."""
+    _, png = cv2.imencode(".png", rgb[..., ::-1])
     with whole_path(path) as partial:
         partial.write_bytes(png.tobytes())
 
@@ -123,32 +144,12 @@ def _panel(
         angle = heading + np.deg2rad(turn_deg)
         eye = middle + _FAR_M * np.array([np.cos(angle), np.sin(angle), 0.0]) + np.array([0.0, 0.0, up])
         tall = 0.62 * max(figure.appearance.height_m, 1.2) / _FAR_M
-        pictures.append(_picture(renderer, data, eye, middle, tall, width, height))
-    return np.vstack([_lettered(figure.label, width * len(pictures)), np.hstack(pictures)])
+        pictures.append(picture(renderer, data, eye, middle, tall, (width, height), finer=_FINER))
+    return np.vstack([lettered(figure.label, width * len(pictures)), np.hstack(pictures)])
 
 
-def _picture(
-    renderer: OffscreenRenderer,
-    data: mujoco.MjData,
-    eye: NDArray,
-    middle: NDArray,
-    tall: float,
-    width: int,
-    height: int,
-) -> NDArray[np.uint8]:
-    """The scene from `eye` towards `middle` (3,) [m]; `tall`: tangent of half the vertical field."""
-    forward = (middle - eye) / np.linalg.norm(middle - eye)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    up = np.cross(right, forward)
-    broad = tall * width / height
-    pixels = np.zeros((height, width, 4), dtype=np.uint8)
-    view = View(tuple(forward), tuple(up), -broad, broad, -tall, tall, (0, 0, width, height))
-    renderer.render(data, eye, [view], pixels)
-    return pixels[::-1, :, :3]
-
-
-def _lettered(label: str, width: int) -> NDArray[np.uint8]:
+def lettered(label: str, width: int) -> NDArray[np.uint8]:
+    """A strip of `width` [px] that holds a label."""
     strip = np.full((_LINE_PX, width, 3), 250, dtype=np.uint8)
     write(strip, label, 4, _LINE_PX - 5, _INK, _LETTERS_PX)
     return strip

@@ -11,14 +11,15 @@ from typing import Self
 import cv2
 import numpy as np
 
-from trackers.observations import NS_PER_S, FloorFrame, Image, LaserScan
+from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan
 from trackers.rig import Rig
 from trackers.tracks import Track
 from twin.report.birdseye import SHIFT, Polygon, fixed_point
+from twin.report.camera_panel import CameraGrid
 from twin.report.clock import origin_ns, time_text
 from twin.report.lettering import BOLD, text_width, write
 from twin.report.palette import LAYER_COLOURS, IdentityColours
-from twin.report.panels import BACKDROP, INK, QUIET, CameraPanel, FloorPanel, TruePoses
+from twin.report.panels import BACKDROP, INK, QUIET, FloorPanel, TruePoses
 from twin.report.pressure import PRESSED
 from twin.report.video import TIME_BASE, VideoFile
 
@@ -34,8 +35,8 @@ class PreviewWriter:
     The video takes its name when the block ends well; an exception or a kill leaves nothing under that name. Each
     picture is shown at its stamp, so that the video plays in real time also where frames are missing; `fps` says how
     often frames usually come. `outline`: polygons (k, 2) [m] of walls and furniture; `person_names`: what to write
-    beside a true person instead of the id; `camera`: the fisheye to show (default: the rig's first; none: the
-    bird's-eye view takes the whole picture).
+    beside a true person instead of the id; `camera`: the one to show (default: all of the rig's, up to nine;
+    none there: the bird's-eye view takes the whole picture).
 
     Raises InputError where the file cannot be written.
     """
@@ -61,16 +62,15 @@ class PreviewWriter:
             raise ValueError(f"camera {camera!r} is not in the rig; it has {sorted(cameras)}")
         self._path = path
         self._rig = rig
-        self._camera_name = camera or next(iter(cameras), None)
         self._names = dict(person_names or {})
         self._colours = IdentityColours()
         self._layers = {name: LAYER_COLOURS[i % len(LAYER_COLOURS)] for i, name in enumerate(rig.lasers())}
         self._canvas = np.full((size[1], size[0], 3), BACKDROP, dtype=np.uint8)
         self._camera = None
         left = 0
-        if self._camera_name is not None:
+        if cameras:
             left = size[1] - _HEADER_PX
-            self._camera = CameraPanel(cameras[self._camera_name], left)
+            self._camera = CameraGrid(cameras if camera is None else {camera: cameras[camera]}, left)
         self._floor = FloorPanel(rig, outline, size[0] - left, size[1] - _HEADER_PX - _FOOTER_PX)
         self._tails: dict[int, deque[tuple[int, float, float]]] = {}
         self._tail_ns = round(tail_s * NS_PER_S)
@@ -96,7 +96,7 @@ class PreviewWriter:
     def frame(
         self,
         stamp_ns: int,
-        image: Image | None,
+        images: Mapping[str, Image | DepthImage],
         scans: Mapping[str, LaserScan],
         tracks: Sequence[Track],
         truth: TruePoses | None = None,
@@ -104,7 +104,7 @@ class PreviewWriter:
     ) -> None:
         """Draw and encode one moment; stamps must rise.
 
-        `image`: the camera's newest picture (None: the one before is shown on); `scans`, `floors`: the newest of each
+        `images`: the newest picture of each camera (none: the one before is shown on); `scans`, `floors`: the newest of each
         scanner and pressure floor.
         Raises InputError where the disk is full.
         """
@@ -123,7 +123,7 @@ class PreviewWriter:
         if self._camera is not None:
             left = self._camera.side_px
             panel = self._canvas[_HEADER_PX:, :left]
-            self._camera.draw(panel, image, tracks, self._colours)
+            self._camera.draw(panel, images, tracks, self._colours)
         panel = self._canvas[_HEADER_PX : height - _FOOTER_PX, left:]
         self._floor.draw(panel, scans, self._layers, tracks, self._tails, self._colours, truth, self._names, floors)
         clock = self._canvas[6 : _HEADER_PX - 6, width - 130 :]

@@ -5,11 +5,10 @@ from __future__ import annotations
 import base64
 from collections.abc import Sequence
 from functools import cache
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined, Template
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from numpy.typing import NDArray
 
 from twin.recording.whole_file import whole_file
@@ -17,7 +16,7 @@ from twin.reproduce.figure7 import FIRST_SCAN, MEAN_MAGNITUDE, N_PARTICLE, START
 from twin.reproduce.results import Curves, Result
 from twin.reproduce.walk import PERIOD_S
 
-_DECIMALS = {"1": 3, "%": 1}
+_DECIMALS = {"1": 3, "%": 1, "BW": 3, "m": 3, "m/s": 2, "s": 3, "steps/min": 1}
 
 
 def write_page(
@@ -33,7 +32,7 @@ def write_page(
 
     Raises InputError where the file cannot be written.
     """
-    page = _template().render(
+    page = template("page.html.j2").render(
         n_run=len(runs.seeds),
         seeds=f"{runs.seeds.start} to {runs.seeds[-1]}",
         n_scan=len(runs.walk),
@@ -49,8 +48,8 @@ def write_page(
         n_particle=N_PARTICLE,
         first_scan=FIRST_SCAN,
         start_speed=START_SPEED_M_S,
-        figure6=_source(figure6_svg),
-        figure7=_source(figure7_svg),
+        figure6=source_of(figure6_svg),
+        figure7=source_of(figure7_svg),
         command=command,
     )
     with whole_file(path) as stream:
@@ -78,11 +77,19 @@ def spans_text(scans: NDArray[np.intp]) -> str:
     return ", ".join(f"{run[0]}" if len(run) == 1 else f"{run[0]}–{run[-1]}" for run in runs)
 
 
-def _source(svg: str) -> str:
+def source_of(svg: str) -> str:
+    """An SVG document as the source of an image within the page."""
     return "data:image/svg+xml;base64," + base64.b64encode(svg.encode()).decode()
 
 
 @cache
-def _template() -> Template:
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    return environment.from_string((files("twin.reproduce") / "page.html.j2").read_text(encoding="utf-8"))
+def template(name: str) -> Template:
+    """A page of this package, on the base that all share."""
+    environment = Environment(
+        loader=PackageLoader("twin.reproduce", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(name)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import io
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from twin.report.palette import IDENTITY_COLOURS, hex_colour
+from twin.reproduce.drawing import INK, QUIET, SHADE, look, svg_of
 from twin.reproduce.figure7 import FILTERS
 from twin.reproduce.intervals import band
 from twin.reproduce.results import Curves
@@ -17,9 +16,7 @@ from twin.reproduce.walk import PERIOD_S, Walk
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
-_INK, _QUIET, _RULE, _SHADE = "#1b1f27", "#606977", "#e3e5e9", "#eef0f3"
 _COLOURS = dict(zip(FILTERS, [hex_colour(IDENTITY_COLOURS[slot]) for slot in (0, 4, 2)], strict=True))
 _DASHES = dict(zip(FILTERS, ["-", "-", (0, (5, 2))], strict=True))  # as in the paper: thick, thin, dashed
 _WIDTHS = dict(zip(FILTERS, [2.2, 1.3, 1.3], strict=True))
@@ -29,7 +26,7 @@ def walk_svg(walk: Walk) -> str:
     """Figure 6: footprint, linear velocity and turning velocity of the walk, as an SVG document."""
     from matplotlib.figure import Figure
 
-    with _look():
+    with look():
         figure = Figure(figsize=(10, 4.1), layout="constrained")
         footprint, *timed = figure.subplot_mosaic([["a", "b"], ["a", "c"]], width_ratios=[1, 1.6]).values()
         _footprint(footprint, walk)
@@ -44,22 +41,22 @@ def walk_svg(walk: Walk) -> str:
             stepped = (
                 "steps-pre" if values is walk.turn_rate else "default"
             )  # the rate of the leg that ends at the scan
-            axes.plot(scans, values, color=_INK, linewidth=1.5, drawstyle=stepped)
+            axes.plot(scans, values, color=INK, linewidth=1.5, drawstyle=stepped)
             axes.set(xlim=(0, scans[-1]), xlabel="scan" if axes is timed[1] else "")
             axes.set_title(label, loc="left", pad=17 if axes is timed[0] else 6)
-        return _svg(figure)
+        return svg_of(figure)
 
 
 def errors_svg(walk: Walk, scans: np.ndarray, found: Sequence[Curves]) -> str:
     """Figure 7: NPE and NVE at each scan with their 95 % bands, as an SVG document."""
     from matplotlib.figure import Figure
 
-    with _look():
+    with look():
         figure = Figure(figsize=(10, 3.3 * len(found)), layout="constrained")
         rows = figure.subplots(len(found), 1, sharex=True)
         for place, (axes, curves) in enumerate(zip(rows, found, strict=True)):
             _maneuvers(axes, walk, named=place == 0)
-            axes.axhline(1, color=_QUIET, linewidth=1, linestyle=":")
+            axes.axhline(1, color=QUIET, linewidth=1, linestyle=":")
             for name in reversed(FILTERS):  # the IMM on top
                 middle, low, high = band(curves.by_filter[name])
                 axes.fill_between(scans, low, high, color=_COLOURS[name], alpha=0.15, linewidth=0)
@@ -71,17 +68,17 @@ def errors_svg(walk: Walk, scans: np.ndarray, found: Sequence[Curves]) -> str:
         handles, labels = rows[0].get_legend_handles_labels()
         rows[-1].legend(handles[::-1], labels[::-1], loc="upper right", frameon=False, ncols=3)
         rows[-1].set_xlabel("scan")
-        return _svg(figure)
+        return svg_of(figure)
 
 
 def _footprint(axes: Axes, walk: Walk) -> None:
     x, y = walk.position.T
-    axes.plot(x, y, color=_INK, linewidth=1.0)
-    axes.scatter(x, y, s=7, color=_INK, linewidths=0, label="scan")
-    axes.plot(*walk.position[0], "o", markersize=7, markerfacecolor="white", markeredgecolor=_INK, label="start")
+    axes.plot(x, y, color=INK, linewidth=1.0)
+    axes.scatter(x, y, s=7, color=INK, linewidths=0, label="scan")
+    axes.plot(*walk.position[0], "o", markersize=7, markerfacecolor="white", markeredgecolor=INK, label="start")
     axes.plot(0, 0, "s", markersize=7, color=_COLOURS["IMM"], label="rig")
     for (x_m, y_m), text in _maneuver_places(walk):
-        axes.annotate(text, (x_m, y_m), xytext=(6, -5), textcoords="offset points", va="top", color=_QUIET, fontsize=8)
+        axes.annotate(text, (x_m, y_m), xytext=(6, -5), textcoords="offset points", va="top", color=QUIET, fontsize=8)
     axes.set_aspect("equal")
     axes.set(xlabel="x [m]", ylabel="y [m]", xlim=(-0.4, x.max() + 1.2), ylim=(-0.4, y.max() + 0.4))
     axes.set_title("(a) footprint", loc="left")
@@ -104,7 +101,7 @@ def _maneuver_places(walk: Walk) -> list[tuple[np.ndarray, str]]:
 def _maneuvers(axes: Axes, walk: Walk, named: bool) -> None:
     for maneuver in walk.maneuvers:
         start, end = maneuver.start_t / PERIOD_S, maneuver.end_t / PERIOD_S
-        axes.axvspan(start, end, color=_SHADE, linewidth=0)
+        axes.axvspan(start, end, color=SHADE, linewidth=0)
         if named:
             axes.annotate(
                 maneuver.kind,
@@ -113,40 +110,6 @@ def _maneuvers(axes: Axes, walk: Walk, named: bool) -> None:
                 xytext=(0, 3),
                 textcoords="offset points",
                 ha="center",
-                color=_QUIET,
+                color=QUIET,
                 fontsize=9,
             )
-
-
-@contextmanager
-def _look() -> Iterator[None]:
-    """The look of the reports for what is drawn and saved in the block."""
-    import matplotlib
-
-    with matplotlib.rc_context(
-        {
-            "font.size": 10,
-            "axes.titlesize": 10.5,
-            "axes.titleweight": "bold",
-            "text.color": _INK,
-            "axes.edgecolor": _QUIET,
-            "axes.labelcolor": _QUIET,
-            "xtick.color": _QUIET,
-            "ytick.color": _QUIET,
-            "axes.spines.top": False,
-            "axes.spines.right": False,
-            "axes.grid": True,
-            "axes.grid.axis": "y",
-            "grid.color": _RULE,
-            "axes.axisbelow": True,
-            "svg.fonttype": "none",
-            "svg.hashsalt": "roomtwin",  # the same ids in every run, so that the same results make the same file
-        }
-    ):
-        yield
-
-
-def _svg(figure: Figure) -> str:
-    drawn = io.StringIO()
-    figure.savefig(drawn, format="svg", metadata={"Date": None})
-    return drawn.getvalue()

@@ -42,8 +42,7 @@ class Condition(Strict):
     person: PersonName | None = None
     does: (
         Literal[
-            "wander", "stand", "walk", "run", "turn", "sit", "lie", "bend", "reach", "look", "follow", "meet", "path",
-            "leave",
+            "wander", "stand", "walk", "run", "turn", "sit", "lie", "bend", "reach", "follow", "meet", "path", "leave",
         ]
         | None
     ) = None  # fmt: skip
@@ -139,14 +138,14 @@ class Sit(_Lasting):
     """Walk to a seat of the room and sit down; the person stands up when the time is over."""
 
     kind: Literal["sit"] = "sit"
-    seat: str = Field(description="a seat of the room, as `twin list` or an error names them")
+    seat: str = Field(description="NAME of a site seat_NAME of the room")
 
 
 class Lie(_Lasting):
     """Walk to a bed of the room, sit on its edge and lie down; the person gets up when the time is over."""
 
     kind: Literal["lie"] = "lie"
-    bed: str = Field(description="a bed of the room, as `twin list` or an error names them")
+    bed: str = Field(description="NAME of a site bed_NAME of the room")
 
 
 class Bend(_Action):
@@ -160,7 +159,8 @@ class Bend(_Action):
 class Reach(_Action):
     """Stretch a hand out to a point, hold it there for `for_s`, and take it back.
 
-    A point out of reach from where the person stands is reached for, not touched: walk there first.
+    A point out of reach from where the person stands is reached for, not touched: walk there first. The hand goes
+    straight: a point inside or close behind something is reached through it.
     """
 
     kind: Literal["reach"] = "reach"

@@ -14,6 +14,7 @@ from trackers.errors import InputError
 from trackers.floor.force_curve import ForceCurve
 from trackers.rig import FloorSensor, Point3, Pose
 from twin.polygon import leaves_at
+from twin.scenario.mount import Believed
 from twin.scenario.presets import NoiseName, by_name
 from twin.sensors.floor_electronics import FLOOR_ELECTRONICS, FloorElectronics
 from twin.sensors.schedule import Timing
@@ -66,6 +67,7 @@ class FloorDescription(Timing):
     rate_hz: float = Field(default=10.0, gt=0, le=1000)
     curve: ForceCurve = ForceCurve()
     noise: _FloorElectronics = FLOOR_ELECTRONICS["default"]
+    believed: Believed | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> FloorDescription:

@@ -8,12 +8,21 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from pydantic import Field
 
 from trackers.configuration import parse_yaml, read_text, validate
 from trackers.errors import InputError
 from twin import models
 from twin.scenario.model import Scenario
 from twin.scenario.pedestrians import Pedestrians, people_from
+
+
+class ScenarioFile(Scenario):
+    """A scenario as a file may hold it, for editors: what is resolved on loading stands beside the rest."""
+
+    name: str = ""
+    extends: str | None = Field(default=None, description="the scenario, by name or path, that this one starts from")
+    pedestrians: Pedestrians | None = None
 
 
 def load_scenario(name: str | Path, overrides: Sequence[str] = ()) -> Scenario:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import PurePath
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, model_validator
@@ -9,6 +11,9 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue, model_validator
 from trackers.configuration import Strict
 from trackers.rig import Point2
 from twin.scenario.behaviour import PersonName, companions
+from twin.scenario.faults import FaultDescription, check_fault
+from twin.scenario.housings import Housing, check_believed, check_on_housing
+from twin.scenario.lights import LightChange
 from twin.scenario.people import Person
 from twin.scenario.sensors import SensorDescription
 
@@ -33,6 +38,17 @@ class TrackerChoice(BaseModel):
         return dict(self.__pydantic_extra__ or {})
 
 
+class TruthOptions(Strict):
+    """What is kept of the truth that costs something to find out."""
+
+    boxes_hz: float = Field(
+        default=2.0,
+        ge=0,
+        le=1000,
+        description="pictures a second of each camera in which people's boxes are told; 0: none",
+    )
+
+
 class Scenario(Strict):
     """A room, the people in it, the sensors on its walls, and for how long they are watched."""
 
@@ -50,9 +66,22 @@ class Scenario(Strict):
     background_frames: int = Field(
         default=10, ge=1, le=1000, description="observations a sensor takes of the empty room"
     )
+    lights: tuple[LightChange, ...] = Field(default=(), description="how the room's light changes during the run")
     people: dict[Name, Person]
     sensors: dict[Name, SensorDescription]
+    housings: dict[Name, Housing] = Field(
+        default_factory=dict, description="bodies that carry several sensors, which name theirs"
+    )
+    faults: dict[Name, FaultDescription] = Field(
+        default_factory=dict, description="what goes wrong with which sensor, and from when to when"
+    )
     trackers: dict[Name, TrackerChoice] = Field(default_factory=dict)
+    truth: TruthOptions = TruthOptions()
+
+    @property
+    def room_name(self) -> str:
+        """What the room is called in a rig and in the file of its environment: the name of its MJCF file."""
+        return PurePath(self.room).stem
 
     @model_validator(mode="after")
     def _consistent(self) -> Scenario:
@@ -62,6 +91,11 @@ class Scenario(Strict):
             raise ValueError("sensors is empty; a scenario needs at least one sensor")
         for name, person in self.people.items():
             self._check_companions(name, person)
+        for name, sensor in self.sensors.items():
+            _under(f"sensors.{name}.", lambda sensor=sensor: check_on_housing(sensor, self.housings))
+            _under(f"sensors.{name}.", lambda sensor=sensor: check_believed(sensor))
+        for name, fault in self.faults.items():
+            _under(f"faults.{name}.", lambda fault=fault: check_fault(fault, self.sensors))
         return self
 
     def _check_companions(self, name: str, person: Person) -> None:
@@ -73,3 +107,11 @@ class Scenario(Strict):
                     )
                     what = "is the person themselves" if other == name else "is nobody in people"
                     raise ValueError(f"people.{name}.script.{place}.{field}: {other!r} {what}; valid are {others}")
+
+
+def _under(path: str, check: Callable[[], None]) -> None:
+    """Put the path before the sentence of what is wrong there."""
+    try:
+        check()
+    except ValueError as error:
+        raise ValueError(f"{path}{error}") from error

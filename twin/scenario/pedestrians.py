@@ -29,7 +29,8 @@ class Pedestrians(Strict):
     The file has rows of `frame id x z y ...` parted by blanks (ETH BIWI's and UCY's layout; y is the fifth column, and
     `frame_rate_hz` turns frames into seconds), or a header `t,id,x,y` and rows parted by commas. Its first moment is
     t = 0; `start_s` into it the scenario begins. `turn_deg` about the file's origin, then `shift_m`, bring its
-    places into the room's frame. They carry no bags. Everybody who is there between the start and the scenario's end comes, or only `ids`.
+    places into the room's frame. They carry no bags. Everybody who is there between the start and the scenario's end
+    comes, or only `ids`.
     """
 
     file: str

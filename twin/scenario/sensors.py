@@ -7,17 +7,16 @@ from math import radians
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import BeforeValidator, Field, FiniteFloat, PositiveInt, model_validator
+from pydantic import BeforeValidator, Field, PositiveInt, model_validator
 
-from trackers.configuration import Strict
-from trackers.rig import FisheyeIntrinsics, FisheyeSensor, LaserSensor, Point3, Pose
+from trackers.rig import FisheyeIntrinsics, FisheyeSensor, LaserSensor
+from twin.scenario.cameras import PinholeDescription, StereoDescription
 from twin.scenario.floor import FloorDescription
+from twin.scenario.mount import Mounted
 from twin.scenario.presets import NoiseName, by_name
 from twin.sensors.camera_noise import CAMERA_NOISE, CameraNoise
 from twin.sensors.laser_noise import LASER_NOISE, LaserNoise
 from twin.sensors.lens import LENSES, Lens
-from twin.sensors.schedule import Timing
 
 if TYPE_CHECKING:
     from twin.people.feet import FootShapes
@@ -26,14 +25,11 @@ if TYPE_CHECKING:
 
 LensName = Literal["equidistant_185", "opencv_test_lens"]
 
-_HOUSING_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-"""A camera's optical frame (x right, y down, z ahead) in that of its housing (x ahead, y left, z up)."""
-
-
 _LaserNoise = Annotated[
     LaserNoise,
     BeforeValidator(
-        by_name(LASER_NOISE, "parameters like {sigma_m: 0.01}"), json_schema_input_type=NoiseName | LaserNoise
+        by_name(LASER_NOISE, "parameters like {sigma_m: 0.01}"),
+        json_schema_input_type=NoiseName | Literal["hokuyo"] | LaserNoise,
     ),
 ]
 _CameraNoise = Annotated[
@@ -51,29 +47,7 @@ _Lens = Annotated[
 ]
 
 
-class Mount(Strict):
-    """Where a sensor hangs and how it is turned: `xyz` [m] in the room frame; angles [deg] of its frame.
-
-    Its frame is x ahead, y left, z up, for cameras too. Turned by yaw about z (90 looks along the room's y), then by
-    pitch about the new y (positive looks down), then by roll about the new x.
-    """
-
-    xyz: Point3
-    yaw_deg: FiniteFloat = 0.0
-    pitch_deg: FiniteFloat = 0.0
-    roll_deg: FiniteFloat = 0.0
-
-    def room_from_housing(self) -> Pose:
-        """The pose of the frame x ahead, y left, z up."""
-        return Pose(xyz=self.xyz, rpy=(radians(self.roll_deg), radians(self.pitch_deg), radians(self.yaw_deg)))
-
-    def room_from_optical(self) -> Pose:
-        """The pose of a camera's optical frame, x right, y down, z ahead."""
-        rotation: NDArray[np.float64] = self.room_from_housing().rotation @ _HOUSING_FROM_OPTICAL
-        return Pose.from_matrix(rotation, self.xyz)
-
-
-class LaserDescription(Timing):
+class LaserDescription(Mounted):
     """A planar scanner: `field_of_view_deg` from the first beam to the last, centred ahead, beams evenly spaced.
 
     Give the spacing `resolution_deg` or the number of `beams` (neither: 0.5°). `sweep_time_s` is the time from the
@@ -81,7 +55,6 @@ class LaserDescription(Timing):
     """
 
     kind: Literal["laser"]
-    mount: Mount
     role: Literal["waist", "knee"] | None = None
     field_of_view_deg: float = Field(default=180.0, gt=0, le=360)
     resolution_deg: float | None = Field(default=None, gt=0)
@@ -123,14 +96,13 @@ class LaserDescription(Timing):
         return LaserSensor(topic=f"/{name}/scan", room_from_sensor=self.mount.room_from_housing(), role=self.role)
 
 
-class FisheyeDescription(Timing):
+class FisheyeDescription(Mounted):
     """A fisheye camera: a lens by name or calibration, and the picture's `size` [width, height] (none: the lens's own).
 
     The mount's x axis is the optical axis.
     """
 
     kind: Literal["fisheye"]
-    mount: Mount
     lens: _Lens = LENSES["equidistant_185"]
     size: tuple[PositiveInt, PositiveInt] | None = None
     noise: _CameraNoise = CAMERA_NOISE["default"]
@@ -155,7 +127,11 @@ class FisheyeDescription(Timing):
         )
 
 
-SensorDescription = Annotated[LaserDescription | FisheyeDescription | FloorDescription, Field(discriminator="kind")]
+AnyDescription = LaserDescription | FisheyeDescription | PinholeDescription | StereoDescription | FloorDescription
+SensorDescription = Annotated[AnyDescription, Field(discriminator="kind")]
+
+CAMERA_KINDS = ("fisheye", "camera", "stereo")
+"""The kinds that render."""
 
 
 def _no_soles() -> FootShapes:
@@ -166,7 +142,7 @@ def _no_soles() -> FootShapes:
 
 def build_sensor(
     name: str,
-    description: LaserDescription | FisheyeDescription | FloorDescription,
+    description: AnyDescription,
     renderer: Callable[[], OffscreenRenderer],
     *,
     shapes: Callable[[], FootShapes] = _no_soles,
@@ -184,17 +160,20 @@ def build_sensor(
     from twin.sensors.sensor import Noisy
 
     ideal = _build_ideal(name, description, renderer, shapes)
-    if description.noise.is_off:
+    if isinstance(description, StereoDescription):
+        return ideal  # its noise is in both views before they are matched
+    noise = description.electronics if isinstance(description, PinholeDescription) else description.noise
+    if noise.is_off:
         return ideal
     if isinstance(description, FloorDescription) and device is not None:
         parts = description.noise.build(description.rows, description.columns, device)
         return Noisy(ideal, BuiltElectronics(description.noise, parts))
-    return Noisy(ideal, description.noise)
+    return Noisy(ideal, noise)
 
 
 def _build_ideal(
     name: str,
-    description: LaserDescription | FisheyeDescription | FloorDescription,
+    description: AnyDescription,
     renderer: Callable[[], OffscreenRenderer],
     shapes: Callable[[], FootShapes],
 ) -> Sensor:
@@ -204,6 +183,22 @@ def _build_ideal(
             from twin.sensors.fisheye import Fisheye
 
             return Fisheye(name, description.rig_sensor(name), renderer)
+        case PinholeDescription():
+            from twin.sensors.pinhole import Pinhole
+
+            return Pinhole(name, description.rig_sensor(name), renderer, instants_s=description.instants_s)
+        case StereoDescription():
+            from twin.sensors.stereo import Stereo
+
+            return Stereo(
+                name,
+                description.rig_sensor(name),
+                renderer,
+                matching=description.matching,
+                noise=description.electronics,
+                range_min_m=description.range_min_m,
+                range_max_m=description.range_max_m,
+            )
         case FloorDescription():
             from twin.sensors.floor import Floor
 

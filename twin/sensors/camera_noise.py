@@ -1,8 +1,9 @@
-"""What a real image sensor does to an ideal picture: exposure, shot noise, read noise."""
+"""What a real image sensor does to an ideal picture: exposure, shot noise, read noise, white balance."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,11 @@ _SPARE = 1 << 18
 """Samples of the bank beyond one frame: so many places at which a frame's noise may start."""
 
 
+_Gain = Annotated[float, Field(gt=0, le=8)]
+WhiteBalance = tuple[_Gain, _Gain, _Gain]
+"""Gains on red, green and blue."""
+
+
 @dataclass(frozen=True, eq=False)
 class NoiseBank:
     """Normal noise drawn once, of which each frame uses a stretch from a random place."""
@@ -31,7 +37,8 @@ class CameraNoise(Strict):
 
     The ideal value is scaled by `exposure_gain` (saturating); then normal noise with variance `read_sigma`² + `shot` ·
     value is added: read noise, and photon shot noise in its normal limit (EMVA 1288, linear camera model). Rounded and
-    saturated to 8 bits.
+    saturated to 8 bits, and each channel is multiplied by its gain in `white_balance` [red, green, blue], noise included,
+    as a camera balances its raw values; saturated again.
 
     Simplified: noise is drawn once for a sensor and each frame uses it from one of 2¹⁸ random places with a random
     sign, truncated at 6 σ; no fixed pattern, no demosaicking, no gamma, no motion blur.
@@ -40,33 +47,57 @@ class CameraNoise(Strict):
     read_sigma: float = Field(default=0.0, ge=0, le=10)
     shot: float = Field(default=0.0, ge=0, le=1)
     exposure_gain: float = Field(default=1.0, gt=0, le=10)
+    white_balance: WhiteBalance = (1.0, 1.0, 1.0)
 
     @property
     def is_off(self) -> bool:
         """Whether the ideal picture comes through as it is."""
-        return not (self.read_sigma or self.shot) and self.exposure_gain == 1
+        return not self._is_noisy and self.exposure_gain == 1 and self.white_balance == (1, 1, 1)
 
-    def corrupt(self, observation: Image, state: NoiseBank | None, rng: np.random.Generator) -> tuple[Image, NoiseBank]:
+    @property
+    def _is_noisy(self) -> bool:
+        return bool(self.read_sigma or self.shot)
+
+    def corrupt(
+        self, observation: Image, state: NoiseBank | None, rng: np.random.Generator
+    ) -> tuple[Image, NoiseBank | None]:
         """The picture as the device would report it; the state is the noise bank, drawn from `rng` at the first."""
+        rgb, state = self.expose(observation.rgb, state, rng)
+        return replace(observation, rgb=rgb), state
+
+    def expose(
+        self, rgb: NDArray[np.uint8], state: NoiseBank | None, rng: np.random.Generator
+    ) -> tuple[NDArray[np.uint8], NoiseBank | None]:
+        """The ideal pixels (height, width, 3) as the device would report them, a new array where anything changes."""
         import cv2
 
-        rgb = observation.rgb
-        if state is None or state.unit_noise.size != rgb.size + _SPARE:
-            state = self._draw_bank(rgb.size, rng)
-        start, negative = int(rng.integers(_SPARE)), bool(rng.integers(2))
         if self.exposure_gain != 1:
-            rgb = cv2.convertScaleAbs(rgb, alpha=self.exposure_gain)
-        noise = cv2.LUT(rgb, state.sigma)  # (height, width, 3) int16
-        np.multiply(noise, state.unit_noise[start : start + rgb.size].reshape(rgb.shape), out=noise)
-        np.add(noise, np.int16(_UNIT * _UNIT // 2), out=noise)
-        np.right_shift(noise, 8, out=noise)
-        combine = cv2.subtract if negative else cv2.add
-        return replace(observation, rgb=combine(rgb, noise, dtype=cv2.CV_8U)), state
+            rgb = np.asarray(cv2.convertScaleAbs(rgb, alpha=self.exposure_gain), dtype=np.uint8)
+        if self._is_noisy:
+            if state is None or state.unit_noise.size != rgb.size + _SPARE:
+                state = self._draw_bank(rgb.size, rng)
+            rgb = _with_noise(rgb, state, rng)
+        if self.white_balance != (1, 1, 1):
+            table = np.rint(np.clip(np.arange(256)[:, None] * np.array(self.white_balance), 0, 255)).astype(np.uint8)
+            rgb = np.asarray(cv2.LUT(rgb, table[:, None]), dtype=np.uint8)
+        return rgb, state
 
     def _draw_bank(self, size: int, rng: np.random.Generator) -> NoiseBank:
         sigma = np.sqrt(self.read_sigma**2 + self.shot * np.arange(256))
         unit = rng.standard_normal(size + _SPARE, dtype=np.float32).clip(-6, 6)
         return NoiseBank(np.rint(unit * _UNIT).astype(np.int16), np.rint(sigma * _UNIT).astype(np.int16))
+
+
+def _with_noise(rgb: NDArray[np.uint8], bank: NoiseBank, rng: np.random.Generator) -> NDArray[np.uint8]:
+    import cv2
+
+    start, negative = int(rng.integers(_SPARE)), bool(rng.integers(2))
+    noise = cv2.LUT(rgb, bank.sigma)  # (height, width, 3) int16
+    np.multiply(noise, bank.unit_noise[start : start + rgb.size].reshape(rgb.shape), out=noise)
+    np.add(noise, np.int16(_UNIT * _UNIT // 2), out=noise)
+    np.right_shift(noise, 8, out=noise)
+    combine = cv2.subtract if negative else cv2.add
+    return np.asarray(combine(rgb, noise, dtype=cv2.CV_8U), dtype=np.uint8)
 
 
 CAMERA_NOISE = {
@@ -76,3 +107,22 @@ CAMERA_NOISE = {
     "worse": CameraNoise(read_sigma=5.0, shot=0.2, exposure_gain=0.7),
 }
 """Noise by name."""
+
+
+class StereoNoise(CameraNoise):
+    """The noise of both pictures of a stereo camera, and of the disparities of one that does not match pictures.
+
+    `disparity_sigma_px` is the standard deviation of the disparity in mode 'disparity-noise'. In mode 'matched' the
+    error of the disparity is what matching noisy pictures makes of it.
+    """
+
+    disparity_sigma_px: float = Field(default=0.0, ge=0, le=20)
+
+
+STEREO_NOISE = {
+    "off": StereoNoise(),
+    # A good matcher on a textured scene places an edge to about a quarter of a pixel.
+    "default": StereoNoise(read_sigma=1.5, shot=0.03, disparity_sigma_px=0.25),
+    "worse": StereoNoise(read_sigma=5.0, shot=0.2, exposure_gain=0.7, disparity_sigma_px=0.75),
+}
+"""Noise of stereo cameras by name."""

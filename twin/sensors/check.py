@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.observations import NS_PER_S, FloorFrame, Image, LaserScan, Observation
-from trackers.rig import FisheyeSensor, FloorSensor, LaserSensor
+from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
+from trackers.rig import CameraSensor, FisheyeSensor, FloorSensor, LaserSensor, PinholeSensor, StereoSensor
 from twin.sensors.sensor import Reading, Sensor
 from twin.snapshot import Snapshot, SnapshotSource
 
@@ -56,7 +56,7 @@ def _declaration_faults(sensor: Sensor) -> list[str]:
         faults.append(f"instants_s is {sensor.instants_s!r}; at least one finite offset from 0 s on is expected")
     elif np.any(np.diff(instants) < 0):
         faults.append(f"instants_s is {sensor.instants_s!r}; ascending offsets are expected")
-    if not isinstance(sensor.rig_sensor(), LaserSensor | FisheyeSensor | FloorSensor):
+    if not isinstance(sensor.rig_sensor(), LaserSensor | CameraSensor | FloorSensor):
         faults.append(f"rig_sensor() is {type(sensor.rig_sensor()).__name__}; a trackers.rig.RigSensor is expected")
     elif sensor.rig_sensor() != sensor.rig_sensor():
         faults.append("rig_sensor() differs from call to call; a sensor on the rig does not change")
@@ -117,17 +117,19 @@ def _world_state(snapshot: Snapshot) -> dict[str, NDArray]:
 
 def _arrays(reading: Reading) -> dict[str, NDArray]:
     truth = {f"truth {name}": array for name, array in reading.truth.items()}
-    return {"observation": _values(reading.observation)} | truth
+    return _values(reading.observation) | truth
 
 
-def _values(observation: Observation) -> NDArray:
+def _values(observation: Observation) -> dict[str, NDArray]:
     match observation:
         case LaserScan():
-            return observation.ranges_m
+            return {"observation": observation.ranges_m}
         case Image():
-            return observation.rgb
+            return {"observation": observation.rgb}
+        case DepthImage():
+            return {"observation": observation.rgb, "depth": observation.depth_m}
         case FloorFrame():
-            return observation.values
+            return {"observation": observation.values}
 
 
 def _same(one: dict[str, NDArray], other: dict[str, NDArray]) -> bool:
@@ -144,15 +146,30 @@ def _reading_faults(sensor: Sensor, reading: Reading) -> list[str]:
     match reading.observation, sensor.rig_sensor():
         case LaserScan() as scan, LaserSensor():
             return _scan_faults(scan, reading.truth)
-        case Image() as image, FisheyeSensor() as rig:
-            shape = (rig.intrinsics.height, rig.intrinsics.width, 3)
-            if image.rgb.dtype != np.uint8 or image.rgb.shape != shape:
-                return [f"image is {image.rgb.dtype} {image.rgb.shape}; uint8 {shape} is expected of its intrinsics"]
-            return []
+        case Image() as image, (FisheyeSensor() | PinholeSensor()) as rig:
+            return _picture_faults(image.rgb, rig)
+        case DepthImage() as image, StereoSensor() as rig:
+            return _picture_faults(image.rgb, rig) + _depth_faults(image.depth_m)
         case FloorFrame() as frame, FloorSensor() as rig:
             return _floor_faults(frame, reading.truth, rig)
         case observation, rig:
             return [f"reports {type(observation).__name__}, which does not go with {type(rig).__name__} on the rig"]
+
+
+def _picture_faults(rgb: NDArray, rig: CameraSensor) -> list[str]:
+    shape = (rig.intrinsics.height, rig.intrinsics.width, 3)
+    if rgb.dtype != np.uint8 or rgb.shape != shape:
+        return [f"image is {rgb.dtype} {rgb.shape}; uint8 {shape} is expected of its intrinsics"]
+    return []
+
+
+def _depth_faults(depth_m: NDArray) -> list[str]:
+    faults = []
+    if depth_m.dtype != np.float32:
+        faults.append(f"depth is {depth_m.dtype}; float32 is expected")
+    if not (np.isfinite(depth_m) & (depth_m >= 0)).all():
+        faults.append("depth holds values that are no distance; metres from 0 on, 0 where there is none, are expected")
+    return faults
 
 
 def _scan_faults(scan: LaserScan, truth: dict[str, NDArray]) -> list[str]:

@@ -7,11 +7,13 @@ from functools import cached_property
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from trackers.observations import Image
 from trackers.rig import FisheyeSensor
 from twin.sensors.fisheye_faces import build_face_table
 from twin.sensors.lens import check_lens
+from twin.sensors.person_pixels import PersonPixels
 from twin.sensors.render import OffscreenRenderer
 from twin.sensors.sensor import Reading, State
 from twin.snapshot import Snapshot
@@ -66,6 +68,12 @@ class Fisheye:
             raise ValueError(f"camera {self.name!r} was given a renderer of another model than the snapshot's")
         renderer.render(snapshot.data, self._eye_m, self._faces.views, self._faces.drawn)
 
+    def person_image(self, snapshot: Snapshot) -> NDArray[np.int16]:
+        """The id of the person at each pixel's centre, 0 for the room, -1 outside the field, (height, width)."""
+        drawn = self._faces.drawn
+        geom_of_number = self._renderer().render_geoms(snapshot.data, self._eye_m, self._faces.views, drawn)
+        return self._faces.pixels.people(drawn, geom_of_number, snapshot.person_of_geom)
+
     def rig_sensor(self) -> FisheyeSensor:
         """What a tracker is told: where the camera is, its topic and its intrinsics."""
         return self._rig
@@ -81,6 +89,7 @@ class _Faces:
         self._bent = np.empty((*table.column.shape, 4), dtype=np.uint8)
         # Fixed-point places, to 1/32 px: twice as fast as floats.
         self._map = cv2.convertMaps(table.column, table.row, cv2.CV_16SC2)
+        self.pixels = PersonPixels(self._map)
 
     def bend(self) -> np.ndarray:
         """The picture in what was drawn last, (height, width, 3) RGB; a new array."""

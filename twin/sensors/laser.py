@@ -92,7 +92,7 @@ class Laser:
             range_max_m=self._range_max_m,
             sweep_time_s=self._sweep_time_s,
         )
-        return Reading(scan, {"person_of_ray": person_of_ray}), state
+        return Reading(scan, {"person_of_ray": person_of_ray, "range_m": ranges_m}), state
 
     def _cast(self, sector: slice, snapshot: Snapshot) -> None:
         """Fill ranges and people for the beams of one sector."""

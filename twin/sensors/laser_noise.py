@@ -106,5 +106,11 @@ LASER_NOISE = {
     # SICK LMS200: σ 5 mm in the 8 m range, 10 mm steps, 15 mrad beam.
     "default": LaserNoise(sigma_m=0.005, quantisation_m=0.01, dropout=0.005, mixed_pixel=0.5),
     "worse": LaserNoise(sigma_m=0.02, sigma_per_m=0.005, quantisation_m=0.01, dropout=0.05, mixed_pixel=0.9),
+    # A Hokuyo of 768 beams over 270°, 1 mm steps, as measured on walls 2 m to 9 m away, σ 3.9 mm in the middle of them, 4 of
+    # 41 000 readings lost (so the rate is known to a factor of about two), scans of the leg_tracker data set. The share of
+    # mixed pixels is not measured; the beam is the 40 mm at 4 m of the maker's URG series.
+    "hokuyo": LaserNoise(
+        sigma_m=0.0019, sigma_per_m=0.00055, quantisation_m=0.001, dropout=0.0001, mixed_pixel=0.5, divergence_deg=0.57
+    ),
 }
 """Noise by name."""

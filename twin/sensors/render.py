@@ -2,132 +2,164 @@
 
 from __future__ import annotations
 
-import ctypes
-import os
 import threading
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.errors import InputError
-from twin.snapshot import DRAWN_GROUPS
+from twin.sensors.gl_context import INSTALL_EGL, GlInfo, gl_info, make_context, make_mjr_context
+from twin.sensors.scene_geoms import SceneGeoms, drawing_option
+from twin.sensors.view import Mark, View
 
-INSTALL_EGL = "apt-get install libegl1 libgl1-mesa-dri"
-"""What brings software rendering to a Debian machine."""
-
-_GL_RENDERER, _GL_VERSION, _GL_RGBA = 0x1F01, 0x1F02, 0x1908
-_NOTHING = int(mujoco.mjtGeom.mjGEOM_NONE)  # mjr_render passes over a geom of this type
-_IS_GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)
-
-
-@dataclass(frozen=True)
-class View:
-    """One perspective picture: where it looks (unit vectors in the room frame), how wide, and where it is drawn.
-
-    left, right, bottom, top bound the picture on the plane at distance 1 (tangents of the angles from `forward`,
-    x along forward × up); `viewport` is (column, row, width, height) in the buffer [px], rows counted from the bottom.
-    """
-
-    forward: tuple[float, float, float]
-    up: tuple[float, float, float]
-    left: float
-    right: float
-    bottom: float
-    top: float
-    viewport: tuple[int, int, int, int]
-
-    def inward_normals(self) -> NDArray[np.float64]:
-        """Unit normals of the pyramid's four sides, pointing into it, room frame, (4, 3)."""
-        forward, up = np.array(self.forward), np.array(self.up)
-        across = np.cross(forward, up)
-        normals = np.stack(
-            [
-                across - self.left * forward,
-                -across + self.right * forward,
-                up - self.bottom * forward,
-                -up + self.top * forward,
-            ]
-        )
-        return normals / np.linalg.norm(normals, axis=1, keepdims=True)
-
-
-@dataclass(frozen=True)
-class GlInfo:
-    """The machine's OpenGL, as noted beside every picture that is compared later."""
-
-    renderer: str
-    version: str
+__all__ = ["INSTALL_EGL", "GlInfo", "Mark", "OffscreenRenderer", "RendererOnDemand", "View"]
 
 
 class OffscreenRenderer:
     """Draws one model from any eye point; for use in the thread that made it, closed when done.
 
-    Shadows are off unless asked for (each view draws the shadow map again: it more than doubles the cost);
-    reflections, fog and multisampling are off: fog follows the depth along each view's own axis and would step where
-    views meet.
+    Shadows are off unless asked for (each view draws the shadow map again: it more than doubles the cost), and so is
+    multisampling, without which alone depth and numbers are true; reflections and fog are off: fog follows the depth
+    along each view's own axis and would step where views meet. What each costs is measured in
+    `scripts/bench --only switches`.
     Sites, joints and the other decorations of MuJoCo are not drawn. Geoms outside a view are left out of it, since in
     software the cost of a view is mostly that of its vertices.
 
     Raises InputError where no EGL context can be made.
     """
 
-    def __init__(self, model: mujoco.MjModel, *, shadows: bool = False) -> None:
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        *,
+        shadows: bool = False,
+        most_marks: int = 0,
+        samples: int = 0,
+        static: bool = True,
+        leave_out_unseen: bool = True,
+    ) -> None:
+        """`most_marks`: how many marks a picture may hold; `samples`: of multisampling a pixel (0: none).
+
+        `static`: whether what cannot move is drawn; `leave_out_unseen`: whether geoms out of sight are passed over, which
+        changes no pixel (with shadows they are drawn all the same: they may throw one into the picture).
+        """
         self._context: Any = None
         self._mjr: mujoco.MjrContext | None = None
         self._thread = threading.get_ident()
         self.model = model
-        self._context = _make_context()
-        self._mjr = _make_mjr_context(model, self._context)
-        self._scene = mujoco.MjvScene(model, model.ngeom + model.nskin + model.nflex + 1)
+        self._context = make_context()
+        self._mjr = make_mjr_context(model, self._context, samples)
+        self._samples = samples
+        self._scene = mujoco.MjvScene(model, model.ngeom + model.nskin + model.nflex + 1 + most_marks)
         self._scene.flags[:] = 0
         self._scene.flags[mujoco.mjtRndFlag.mjRND_CULL_FACE] = 1
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = 1
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
-        # A geom out of sight may still throw its shadow into the picture.
-        self._leave_out_unseen = not shadows
-        self._option = _drawing_option()
+        self._leave_out_unseen = leave_out_unseen and not shadows
+        self._bodies = mujoco.mjtCatBit.mjCAT_DYNAMIC | (mujoco.mjtCatBit.mjCAT_STATIC if static else 0)
+        self._option = drawing_option()
         self._geoms = self._scene.geoms
+        self._listed: tuple[int, SceneGeoms] | None = None
         self._cameras = self._scene.camera[0], self._scene.camera[1]
 
     def gl_info(self) -> GlInfo:
         """Name and version of the OpenGL that draws."""
         self._make_current()
-        from OpenGL.EGL import eglGetProcAddress
+        return gl_info()
 
-        address = ctypes.cast(eglGetProcAddress("glGetString"), ctypes.c_void_p).value  # pyright: ignore[reportArgumentType]
-        get_string = ctypes.CFUNCTYPE(ctypes.c_char_p, ctypes.c_uint)(address or 0)
-        renderer, version = get_string(_GL_RENDERER), get_string(_GL_VERSION)
-        return GlInfo(renderer.decode(), version.decode())
+    def drawing(self) -> tuple[mujoco.MjvScene, mujoco.MjrContext]:
+        """The scene as it was last drawn, and its context: for bare calls of MuJoCo, to measure against."""
+        self._make_current()
+        assert self._mjr is not None
+        return self._scene, self._mjr
 
     def render(
         self,
         data: mujoco.MjData,
         eye_m: NDArray[np.float64],
         views: Sequence[View],
-        out: NDArray[np.uint8],
-    ) -> None:
+        out: NDArray[np.uint8] | None,
+        marks: Sequence[Mark] = (),
+        *,
+        depth: NDArray[np.float32] | None = None,
+        numbers: NDArray[np.uint8] | None = None,
+    ) -> NDArray[np.intp]:
         """Draw the views from `eye_m` (3,) into `out` (height, width, 4) RGBA, rows from the bottom up.
+
+        Of the same scene update come, where asked for, `depth` (height, width), the distance along each view's axis [m]
+        (the far plane's where nothing is), and `numbers` (height, width, 4), the number of the geom at each pixel's
+        centre as red + 256 green + 65536 blue. All that are asked for have one size; without `out` no colour is read.
+
+        Returns the geom that each number stands for, -1 for none; empty without `numbers`.
 
         `data` needs kinematics and light poses. The model's headlight, if active, shines from the eye along the
         first view, the same for all views.
         """
         self._make_current()
-        self._fit_buffer(out.shape[1], out.shape[0])
+        sizes = {each.shape[:2] for each in (out, depth, numbers) if each is not None}
+        if len(sizes) != 1:
+            raise ValueError(f"pictures of sizes {sorted(sizes)} are asked for; one size is drawn at a time")
+        if self._samples and (depth is not None or numbers is not None):
+            raise ValueError("a multisampled picture mixes depths and numbers; they need a renderer without samples")
+        ((height, width),) = sizes
+        self._fit_buffer(width, height)
         self._update_scene(data, eye_m, views[0])
-        seen = self._seen(data, eye_m, views) if self._leave_out_unseen else None
-        types = self._types()
-        drawn = np.ones(len(types), dtype=bool)
+        for mark in marks:
+            self._add(mark)
+        rectangle = mujoco.MjrRect(0, 0, width, height)
+        drawn = self._scene_geoms()
+        seen = self._seen(drawn, data, eye_m, views) if self._leave_out_unseen else None
+        if out is not None or depth is not None:
+            self._draw(drawn, seen, eye_m, views)
+            mujoco.mjr_readPixels(out, depth, rectangle, self._mjr)
+            if depth is not None:
+                self._make_metres(depth)
+        if numbers is None:
+            return np.empty(0, dtype=np.intp)
+        self._draw_numbers(drawn, seen, eye_m, views)
+        mujoco.mjr_readPixels(numbers, None, rectangle, self._mjr)
+        return drawn.geom_of_number()
+
+    def _draw(
+        self, drawn: SceneGeoms, seen: NDArray[np.bool_] | None, eye_m: NDArray[np.float64], views: Sequence[View]
+    ) -> None:
+        """Draw the scene as it was last updated; `seen` (n_view, n_scene_geom), None: every geom."""
         for place, view in enumerate(views):
             if seen is not None:
-                self._switch(types, drawn, seen[place])
-                drawn = seen[place]
+                drawn.show_only(seen[place])
             self._point_cameras(eye_m, view)
             mujoco.mjr_render(mujoco.MjrRect(*view.viewport), self._scene, self._mjr)
-        mujoco.mjr_readPixels(out, None, mujoco.MjrRect(0, 0, out.shape[1], out.shape[0]), self._mjr)
+
+    def _make_metres(self, depth: NDArray[np.float32]) -> None:
+        """Turn the depth buffer's values, 1 at the near plane and 0 at the far one, into distances [m], in place."""
+        near = self.model.vis.map.znear * self.model.stat.extent
+        far = self.model.vis.map.zfar * self.model.stat.extent
+        np.divide(near * far, depth.astype(np.float64) * (far - near) + near, out=depth, casting="same_kind")
+
+    def render_geoms(
+        self, data: mujoco.MjData, eye_m: NDArray[np.float64], views: Sequence[View], out: NDArray[np.uint8]
+    ) -> NDArray[np.intp]:
+        """As `render`, but each pixel holds a number, red + 256 green + 65536 blue, in place of its light.
+
+        Returns the geom that each number stands for, -1 for none.
+        """
+        return self.render(data, eye_m, views, None, numbers=out)
+
+    def _draw_numbers(
+        self, drawn: SceneGeoms, seen: NDArray[np.bool_] | None, eye_m: NDArray[np.float64], views: Sequence[View]
+    ) -> None:
+        """Draw every geom of the scene in the colour that is its number."""
+        flags = self._scene.flags
+        before = flags.copy()
+        flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
+        flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
+        try:
+            self._draw(drawn, seen, eye_m, views)
+        finally:
+            flags[:] = before
 
     def _update_scene(self, data: mujoco.MjData, eye_m: NDArray[np.float64], view: View) -> None:
         camera = mujoco.MjvCamera()
@@ -136,34 +168,36 @@ class OffscreenRenderer:
         camera.distance = 1e-6
         camera.azimuth = np.rad2deg(np.arctan2(forward[1], forward[0]))
         camera.elevation = np.rad2deg(np.arcsin(np.clip(forward[2], -1, 1)))
-        bodies = mujoco.mjtCatBit.mjCAT_STATIC | mujoco.mjtCatBit.mjCAT_DYNAMIC
-        mujoco.mjv_updateScene(self.model, data, self._option, None, camera, bodies, self._scene)
+        mujoco.mjv_updateScene(self.model, data, self._option, None, camera, int(self._bodies), self._scene)
 
-    def _types(self) -> list[int]:
-        return [geom.type for geom in self._geoms[: self._scene.ngeom]]
+    def _add(self, mark: Mark) -> None:
+        place = self._scene.ngeom
+        cos, sin = np.cos(mark.yaw_rad), np.sin(mark.yaw_rad)
+        turn = np.array([cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0])
+        half, middle, rgba = np.array(mark.half), np.array(mark.middle), np.array(mark.rgba, dtype=np.float32)
+        mujoco.mjv_initGeom(self._geoms[place], mujoco.mjtGeom.mjGEOM_BOX, half, middle, turn, rgba)
+        self._scene.ngeom = place + 1
 
-    def _seen(self, data: mujoco.MjData, eye_m: NDArray[np.float64], views: Sequence[View]) -> NDArray[np.bool_]:
-        """Whether each geom of the scene reaches into each view, (n_view, n_scene_geom); never wrongly False."""
-        geoms = self._geoms[: self._scene.ngeom]
-        index = np.array([geom.objid for geom in geoms], dtype=np.intp)
-        bounded = np.array([geom.objtype for geom in geoms]) == _IS_GEOM
-        index[~bounded] = 0  # skins and flexes have no bounding sphere here: always drawn
-        radius = np.where(bounded, self.model.geom_rbound[index], 0.0)
-        radius[radius == 0] = np.inf  # planes
-        normals = np.concatenate([view.inward_normals() for view in views])  # (4 n_view, 3)
-        depth = (data.geom_xpos[index] - eye_m) @ normals.T  # (n_geom, 4 n_view)
-        return (depth > -radius[:, None]).reshape(len(geoms), len(views), 4).all(axis=2).T
+    def _scene_geoms(self) -> SceneGeoms:
+        """The geoms of the last update; what is known of them is kept from update to update."""
+        count = self._scene.ngeom
+        if self._listed is None or self._listed[0] != count or not self._listed[1].updated():
+            self._listed = count, SceneGeoms(self.model, self._geoms[:count])
+        return self._listed[1]
 
-    def _switch(self, types: list[int], before: NDArray[np.bool_], after: NDArray[np.bool_]) -> None:
-        """Hide and show those geoms whose visibility changes from one view to the next."""
-        for place in np.flatnonzero(before != after):
-            self._geoms[place].type = types[place] if after[place] else _NOTHING
+    @staticmethod
+    def _seen(
+        drawn: SceneGeoms, data: mujoco.MjData, eye_m: NDArray[np.float64], views: Sequence[View]
+    ) -> NDArray[np.bool_]:
+        """Whether each geom of the scene reaches into each view, (n_view, n_scene_geom)."""
+        eyes_m = eye_m + np.array([view.offset_m for view in views])
+        return drawn.in_sight(data, eyes_m, np.stack([view.inward_normals() for view in views]))
 
     def _point_cameras(self, eye_m: NDArray[np.float64], view: View) -> None:
         for camera in self._cameras:  # left and right eye of the same picture
             near = camera.frustum_near
             camera.orthographic = 0
-            camera.pos[:] = eye_m
+            camera.pos[:] = eye_m + view.offset_m
             camera.forward[:] = view.forward
             camera.up[:] = view.up
             camera.frustum_center = near * (view.left + view.right) / 2
@@ -203,17 +237,34 @@ class OffscreenRenderer:
 
 
 class RendererOnDemand:
-    """Makes the renderer of a model when a camera first asks for it: a run without cameras never opens EGL."""
+    """Makes the renderer of a model when a camera first asks for it: a run without cameras never opens EGL.
 
-    def __init__(self, model: mujoco.MjModel, *, shadows: bool = False) -> None:
-        self._model = model
-        self._shadows = shadows
+    The switches are those of `OffscreenRenderer`.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        *,
+        shadows: bool = False,
+        samples: int = 0,
+        static: bool = True,
+        leave_out_unseen: bool = True,
+    ) -> None:
+        self._make = partial(
+            OffscreenRenderer,
+            model,
+            shadows=shadows,
+            samples=samples,
+            static=static,
+            leave_out_unseen=leave_out_unseen,
+        )
         self._renderer: OffscreenRenderer | None = None
 
     def __call__(self) -> OffscreenRenderer:
         """The renderer, shared by all who ask. Raises InputError where there is no EGL."""
         if self._renderer is None:
-            self._renderer = OffscreenRenderer(self._model, shadows=self._shadows)
+            self._renderer = self._make()
         return self._renderer
 
     def close(self) -> None:
@@ -227,68 +278,3 @@ class RendererOnDemand:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def _drawing_option() -> mujoco.MjvOption:
-    """Bodies as they look, and nothing of what MuJoCo draws to explain them."""
-    option = mujoco.MjvOption()
-    option.geomgroup[:] = DRAWN_GROUPS
-    for group in (option.sitegroup, option.jointgroup, option.tendongroup, option.actuatorgroup):
-        group[:] = 0
-    shown = (
-        mujoco.mjtVisFlag.mjVIS_TEXTURE,
-        mujoco.mjtVisFlag.mjVIS_STATIC,
-        mujoco.mjtVisFlag.mjVIS_SKIN,
-        mujoco.mjtVisFlag.mjVIS_FLEXFACE,
-        mujoco.mjtVisFlag.mjVIS_FLEXSKIN,
-    )
-    option.flags[:] = 0
-    for flag in shown:
-        option.flags[flag] = 1
-    return option
-
-
-def _make_context() -> Any:
-    """An EGL context of our own, whatever `import mujoco` was told to use.
-
-    MuJoCo's C code reads MUJOCO_GL when the first context is made, its Python code when it is imported; importing
-    `mujoco.egl` here leaves a machine without EGL free to import mujoco for everything but pictures.
-    """
-    os.environ["MUJOCO_GL"] = "egl"
-    # One rasteriser thread: the second core is worth more to what runs beside the renderer (encoding, tracking).
-    os.environ.setdefault("LP_NUM_THREADS", "1")
-    try:
-        from mujoco.egl import GLContext
-        from OpenGL.error import Error as OpenGlError
-    except (ImportError, OSError, AttributeError) as error:
-        raise InputError(_no_egl(error)) from error
-    try:
-        context = GLContext(1, 1)
-        context.make_current()
-    except (ImportError, RuntimeError, OpenGlError) as error:
-        raise InputError(_no_egl(error)) from error
-    return context
-
-
-def _make_mjr_context(model: mujoco.MjModel, context: Any) -> mujoco.MjrContext:
-    quality = model.vis.quality
-    samples, quality.offsamples = quality.offsamples, 0
-    try:
-        mjr = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
-    except mujoco.FatalError as error:
-        context.free()
-        raise InputError(_no_egl(error)) from error
-    finally:
-        quality.offsamples = samples
-    mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, mjr)
-    # The framebuffer's own layout: reading RGB instead costs ten times as much.
-    mjr.readPixelFormat = _GL_RGBA
-    return mjr
-
-
-def _no_egl(error: Exception) -> str:
-    reason = str(error).split(". ")[0].strip() or type(error).__name__
-    return (
-        f"cannot render: EGL gives no OpenGL context ({reason}); on Debian `{INSTALL_EGL}` brings it, "
-        "and a run with --no-images needs none"
-    )

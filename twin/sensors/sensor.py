@@ -22,7 +22,8 @@ class Reading:
     """One observation, and what only the twin knows about it (never shown to a tracker).
 
     A scanner's truth holds `person_of_ray` (n_beam,) int16: the id of the person whom the ideal ray meets within range,
-    0 for the room or nothing. What a floor's holds stands at `twin.sensors.floor.Floor`.
+    0 for the room or nothing, and `range_m` (n_beam,) float32: the ideal ranges. What a floor's holds stands at
+    `twin.sensors.floor.Floor`.
     """
 
     observation: Observation

@@ -36,7 +36,9 @@ def write(path: Path, staged: Staged, n: int = N) -> bytes:
     with PreviewWriter(path, staged.rig, fps=10, tracker="t", title="s", outline=staged.outline) as writer:
         for index in range(n):
             frame = staged.track_frames[index]
-            writer.frame(frame.stamp_ns, staged.image, staged.scans(index), frame.tracks, poses(staged, index))
+            writer.frame(
+                frame.stamp_ns, {"camera": staged.image}, staged.scans(index), frame.tracks, poses(staged, index)
+            )
         return writer.still()
 
 
@@ -88,15 +90,15 @@ def test_times_follow_the_stamps_across_a_gap(tmp_path: Path, staged: Staged) ->
     start = 1_700_000_000 * NS_PER_S  # a robot's clock
     with PreviewWriter(tmp_path / "v.mp4", staged.rig, fps=10) as writer:
         for index in (0, 1, 5):
-            writer.frame(start + index * PERIOD_NS, None, {}, ())
+            writer.frame(start + index * PERIOD_NS, {}, {}, ())
     assert [t for t, _ in decoded(tmp_path / "v.mp4")] == pytest.approx([0.0, 0.1, 0.5], abs=1e-4)
 
 
 def test_stamps_must_rise(tmp_path: Path, staged: Staged) -> None:
     with PreviewWriter(tmp_path / "v.mp4", staged.rig, fps=10) as writer:
-        writer.frame(5, None, {}, ())
+        writer.frame(5, {}, {}, ())
         with pytest.raises(ValueError, match="not later"):
-            writer.frame(5, None, {}, ())
+            writer.frame(5, {}, {}, ())
 
 
 def test_exception_leaves_nothing_new(tmp_path: Path, staged: Staged) -> None:
@@ -105,7 +107,7 @@ def test_exception_leaves_nothing_new(tmp_path: Path, staged: Staged) -> None:
 
     def interrupted() -> None:
         with PreviewWriter(path, staged.rig, fps=10) as writer:
-            writer.frame(0, staged.image, staged.scans(0), staged.track_frames[5].tracks)
+            writer.frame(0, {"camera": staged.image}, staged.scans(0), staged.track_frames[5].tracks)
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -142,7 +144,7 @@ def test_without_camera_the_floor_takes_the_width(tmp_path: Path, staged: Staged
     rig = Rig(sensors={"scan": LaserSensor(topic="/scan")})
     scan = replace(staged.scans(0)["waist"], sensor="scan")
     with PreviewWriter(tmp_path / "v.mp4", rig, fps=10) as writer:
-        writer.frame(0, None, {"scan": scan}, [Track(1, 1.0, 0.0), Track(2, 2.0, 1.0, status="coasting")])
+        writer.frame(0, {}, {"scan": scan}, [Track(1, 1.0, 0.0), Track(2, 2.0, 1.0, status="coasting")])
         picture = jpeg(writer.still())
     assert near(picture[:, :600], IDENTITY_COLOURS[0]) + near(picture[:, 600:], IDENTITY_COLOURS[0]) > 50
     assert len(list(decoded(tmp_path / "v.mp4"))) == 1
@@ -151,9 +153,9 @@ def test_without_camera_the_floor_takes_the_width(tmp_path: Path, staged: Staged
 def test_track_is_drawn_in_both_panels_where_it_is(tmp_path: Path, staged: Staged) -> None:
     blue = IDENTITY_COLOURS[0]
     with PreviewWriter(tmp_path / "v.mp4", staged.rig, fps=10) as writer:
-        writer.frame(0, None, {}, [])
+        writer.frame(0, {}, {}, [])
         empty = jpeg(writer.still(95))
-        writer.frame(PERIOD_NS, None, {}, [Track(3, -1.5, 1.5)])
+        writer.frame(PERIOD_NS, {}, {}, [Track(3, -1.5, 1.5)])
         left = jpeg(writer.still(95))
     assert near(empty, blue) == 0
     camera, floor = left[44:, :596], left[44:612, 596:]
@@ -166,13 +168,13 @@ def test_track_is_drawn_in_both_panels_where_it_is(tmp_path: Path, staged: Stage
 
 def test_track_behind_the_camera_has_no_window(tmp_path: Path, staged: Staged) -> None:
     with PreviewWriter(tmp_path / "v.mp4", staged.rig, fps=10) as writer:
-        writer.frame(0, None, {}, [Track(1, 0.0, -2.0)])
+        writer.frame(0, {}, {}, [Track(1, 0.0, -2.0)])
         assert near(jpeg(writer.still(95))[44:, :596], IDENTITY_COLOURS[0]) == 0
 
 
 def test_scan_points_lie_on_the_wall(tmp_path: Path, staged: Staged) -> None:
     with PreviewWriter(tmp_path / "v.mp4", staged.rig, fps=10, outline=staged.outline) as writer:
-        writer.frame(0, None, {"waist": staged.scans(0)["waist"]}, [])
+        writer.frame(0, {}, {"waist": staged.scans(0)["waist"]}, [])
         floor = jpeg(writer.still(95))[44:612, 596:]
     amber = (floor[..., 0].astype(int) - floor[..., 2]) > 40  # the page's greys are bluish
     rows = np.flatnonzero(amber.sum(axis=1) > 20)

@@ -90,7 +90,7 @@ def test_results_and_curves_share_their_replicates(runs):
 
 
 def test_bad_input_is_named():
-    with pytest.raises(InputError, match="'laser'; valid are laser-fisheye-imm"):
+    with pytest.raises(InputError, match="'laser'; valid are laser-fisheye-imm, gait"):
         reproduce("laser")
     with pytest.raises(InputError, match="--seeds 1: .* 2 or more"):
         reproduce("laser-fisheye-imm", seeds=1)

@@ -10,7 +10,8 @@ from pydantic import TypeAdapter
 from trackers.configuration import Strict, validate
 from trackers.errors import InputError
 from trackers.rig import FisheyeSensor, LaserSensor
-from twin.scenario.sensors import FisheyeDescription, LaserDescription, Mount, SensorDescription
+from twin.scenario.mount import Mount
+from twin.scenario.sensors import FisheyeDescription, LaserDescription, SensorDescription
 from twin.sensors.camera_noise import CAMERA_NOISE
 from twin.sensors.laser_noise import LASER_NOISE, LaserNoise
 from twin.sensors.lens import LENSES
@@ -108,7 +109,10 @@ def test_the_optical_frame_is_the_housing_s_seen_otherwise(angles: tuple[float, 
     ("text", "message"),
     [
         (LASER.replace("10", "-10"), r"sensors.one.laser.rate_hz: .*greater than 0 \(got -10\)"),
-        (LASER + "noise: wrose", r"noise: no preset of this name; valid are off, default, worse .* \(got 'wrose'\)"),
+        (
+            LASER + "noise: wrose",
+            r"noise: no preset of this name; valid are off, default, worse, hokuyo .* \(got 'wrose'\)",
+        ),
         (LASER + "noise: on", "noise: .*valid dictionary"),
         (LASER + "noise: {sigma: 1}", "noise.sigma: unknown key; did you mean 'sigma_m'"),
         (LASER + "range_min_m: 9", "range_min_m 9 must be below range_max_m 8"),

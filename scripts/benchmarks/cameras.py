@@ -1,0 +1,190 @@
+"""What pictures cost beside the bare call to OpenGL, what the renderer's switches cost, and how true depth is."""
+
+from __future__ import annotations
+
+import statistics
+import tempfile
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from pydantic import TypeAdapter
+
+from benchmarks.figure import Figure, median_ratio
+from trackers.rig import StereoSensor
+from twin.scenario import load_scenario
+from twin.scenario.cameras import PinholeDescription
+from twin.scenario.sensors import SensorDescription, build_sensor
+from twin.sensors.camera_noise import CAMERA_NOISE
+from twin.sensors.pinhole import Pinhole
+from twin.sensors.rays import cast
+from twin.sensors.render import OffscreenRenderer, RendererOnDemand
+from twin.sensors.sensor import Noisy, Sensor
+from twin.simulation import Simulation
+from twin.snapshot import Snapshot
+from twin.world import World
+
+_MOMENT_S = 8.0
+_DESCRIBE: TypeAdapter[SensorDescription] = TypeAdapter(SensorDescription)
+_FARTHEST_M = 8.0
+
+
+def _home() -> tuple[Snapshot, PinholeDescription]:
+    """Three people in the sensing room, and one of the cameras in its corners."""
+    scenario = load_scenario("home-cameras")
+    description = scenario.sensors["camera_1"]
+    assert isinstance(description, PinholeDescription)
+    return World(scenario).snapshot(_MOMENT_S), description
+
+
+def picture() -> Iterator[Figure]:
+    """One 320 × 240 picture of three people, against drawing and reading the same pixels without anything around it."""
+    snapshot, description = _home()
+    rng = np.random.default_rng(0)
+    for name, noise, distortion, target in (
+        ("", "off", {}, "<= 1.15"),
+        (", noise included", "default", {}, "<= 1.15"),
+        (", distorted", "off", {"k1": -0.25, "k2": 0.05}, ""),
+    ):
+        content = description.model_dump() | {"noise": noise, "distortion": distortion}
+        with RendererOnDemand(snapshot.model) as renderer:
+            sensor = build_sensor("camera", _DESCRIBE.validate_python(content), renderer)
+            ideal = sensor.ideal if isinstance(sensor, Noisy) else sensor
+            assert isinstance(ideal, Pinhole)
+            bare = Bare(renderer(), snapshot, ideal)
+            state = None
+
+            def measured(sensor: Sensor = sensor) -> None:
+                nonlocal state
+                _, state = sensor.observe(0, [snapshot], state, rng)
+
+            measured()
+            ratio = median_ratio(measured, bare.draw, 100)
+        yield Figure(f"camera picture{name}, over bare mjr_render and mjr_readPixels", ratio, "×", target)
+
+
+class Bare:
+    """Nothing but `mjr_render` and `mjr_readPixels`, of the scene that a renderer has just drawn."""
+
+    def __init__(self, renderer: OffscreenRenderer, snapshot: Snapshot, camera: Pinhole) -> None:
+        view = camera.view
+        self._pixels = np.zeros((view.height, view.width, 4), dtype=np.uint8)
+        self._rectangle = mujoco.MjrRect(0, 0, view.width, view.height)
+        self._renderer = renderer
+        eye_m = camera.rig_sensor().room_from_sensor.translation
+        renderer.render(snapshot.data, eye_m, (view.view,), self._pixels)
+
+    def draw(self) -> None:
+        """Draw the scene and read it."""
+        scene, context = self._renderer.drawing()
+        mujoco.mjr_render(self._rectangle, scene, context)
+        mujoco.mjr_readPixels(self._pixels, None, self._rectangle, context)
+
+
+def switches() -> Iterator[Figure]:
+    """What a picture costs with each of the renderer's switches turned, in times of what it costs as it is."""
+    snapshot, description = _home()
+    quiet = description.model_copy(update={"noise": CAMERA_NOISE["off"]})
+    model = snapshot.model
+    # The shipped rooms are lit to do without shadows: for those that are asked for, one lamp throws them.
+    model.light_castshadow[model.light("ceiling_light").id] = 1
+    model.vis.quality.shadowsize = 1024
+    variants: tuple[tuple[str, dict[str, Any]], ...] = (
+        ("drawing also what is out of sight", {"leave_out_unseen": False}),
+        ("people alone, without the static room", {"static": False}),
+        ("multisampling 4 ×", {"samples": 4}),
+        ("shadows of one lamp, map of 1024", {"shadows": True}),
+        ("shadows and multisampling 4 ×", {"shadows": True, "samples": 4}),
+    )
+    rng = np.random.default_rng(0)
+    with RendererOnDemand(model) as renderer:
+        plain = build_sensor("camera", quiet, renderer)
+        yield Figure("camera picture as it is", _median_ms(plain, snapshot), "ms", "")
+        for name, options in variants:
+            with RendererOnDemand(model, **options) as other:
+                turned = build_sensor("camera", quiet, other)
+                turned.observe(0, [snapshot], None, rng)
+                ratio = median_ratio(
+                    partial(turned.observe, 0, [snapshot], None, rng),
+                    partial(plain.observe, 0, [snapshot], None, rng),
+                    30,
+                )
+            yield Figure(f"camera picture, {name}, over as it is", ratio, "×", "")
+
+
+def _median_ms(sensor: Sensor, snapshot: Snapshot, rounds: int = 40) -> float:
+    rng, spent = np.random.default_rng(0), []
+    for _ in range(rounds):
+        start = time.perf_counter()
+        sensor.observe(0, [snapshot], None, rng)
+        spent.append(1e3 * (time.perf_counter() - start))
+    return statistics.median(spent)
+
+
+def depth() -> Iterator[Figure]:
+    """Ideal depth against rays, and how the error of disparities grows with distance."""
+    scenario = load_scenario("meeting-three-people")
+    snapshot = World(scenario).snapshot(_MOMENT_S)
+    content = scenario.sensors["stereo_1"].model_dump() | {"mode": "ideal"}
+    with RendererOnDemand(snapshot.model) as renderer:
+        ideal_m, true_m = _depths(content, renderer, snapshot)
+        near = (true_m < _FARTHEST_M) & (ideal_m > 0)
+        errors_mm = 1e3 * np.abs(ideal_m - true_m)[near]
+        yield Figure("ideal depth against rays within 8 m, median", float(np.median(errors_mm)), "mm", "<= 1")
+        yield Figure(
+            "ideal depth against rays within 8 m, 95th percentile", float(np.quantile(errors_mm, 0.95)), "mm", ""
+        )
+        content |= {"mode": "disparity-noise"}
+        noisy_m, true_m = _depths(content, renderer, snapshot)
+        description = _DESCRIBE.validate_python(content)
+        rig = description.rig_sensor("stereo")
+        assert isinstance(rig, StereoSensor)
+        assert rig.baseline_m is not None
+        per_square = description.noise.disparity_sigma_px / (rig.intrinsics.fx * rig.baseline_m)
+        for low_m, high_m in ((2.0, 3.0), (3.0, 4.0), (4.0, 6.0), (6.0, 8.0)):
+            at = (true_m >= low_m) & (true_m < high_m) & (noisy_m > 0)
+            ratio = float(np.std((noisy_m - true_m)[at] / (per_square * true_m[at] ** 2)))
+            yield Figure(
+                f"disparity-noise: σ of depth at {low_m:g}–{high_m:g} m over z² σ_d / (f b)", ratio, "×", "<= 1.2"
+            )
+
+
+def _depths(content: dict, renderer: RendererOnDemand, snapshot: Snapshot) -> tuple[np.ndarray, np.ndarray]:
+    """What a stereo camera says, and what rays through its pixels' centres meet, as depth [m]."""
+    description = _DESCRIBE.validate_python(content)
+    sensor = build_sensor("stereo", description, renderer)
+    reading, _ = sensor.observe(0, [snapshot], None, np.random.default_rng(0))
+    rig = sensor.rig_sensor()
+    assert isinstance(rig, StereoSensor)
+    rays = rig.intrinsics.directions()
+    length = np.linalg.norm(rays, axis=2)
+    unit = (rays / length[..., None]).reshape(-1, 3) @ rig.room_from_sensor.rotation.T
+    geom, distance = np.empty(len(unit), dtype=np.int32), np.empty(len(unit))
+    cast(snapshot, rig.room_from_sensor.translation, np.ascontiguousarray(unit), geom, distance)
+    return reading.observation.depth_m, distance.reshape(length.shape) / length
+
+
+def four_cameras() -> Iterator[Figure]:
+    """Four cameras of 320 × 240 at 20 Hz, three people and the floor, recorded: simulated time over time spent."""
+    from twin.recording.writer import BagWriter
+
+    scenario = load_scenario("home-cameras", ["duration_s=6", "background=none"])
+    with tempfile.TemporaryDirectory() as folder, Simulation(scenario) as simulation:
+        with BagWriter(Path(folder) / "recording.mcap", simulation.rig) as bag:
+            deliveries = simulation.deliveries()
+            first = next(deliveries)  # what is made once, buffers and bodies, is start-up
+            bag.observation(first.encoded, first.arrival_ns)
+            start = time.perf_counter()
+            for delivered in deliveries:
+                bag.observation(delivered.encoded, delivered.arrival_ns)
+            spent_s = time.perf_counter() - start
+        costs = simulation.sensor_costs()
+    yield Figure("four cameras at 20 Hz and the floor, recorded", scenario.duration_s / spent_s, "× real time", ">= 1")
+    mean_ms = [costs[name]["ms_mean"] for name in costs if name.startswith("camera")]
+    yield Figure(
+        "four cameras: a picture, noise included", float(np.mean([each for each in mean_ms if each])), "ms", ""
+    )

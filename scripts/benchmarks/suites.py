@@ -1,0 +1,145 @@
+"""The suite engine: how much faster two workers are, what a case costs besides itself, what the gate catches and lets pass."""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from unittest import mock
+
+import psutil
+
+from benchmarks.figure import Figure
+from twin.scenario import load_scenario
+from twin.suites.baseline import read_results
+from twin.suites.cache import RecordingCache, cache_folder, cache_limit_bytes
+from twin.suites.cases import expand
+from twin.suites.cluster import ENVIRONMENT, open_cluster
+from twin.suites.comparison import Comparison, compare
+from twin.suites.description import Suite, SuiteScenario, load_suite
+from twin.suites.engine import run_on
+from twin.suites.figures import allowed_by_default
+from twin.suites.fingerprint import whole_code
+from twin.suites.run import Place, Watcher, run_suite
+from twin.suites.tasks import Listener, Task
+from twin.suites.worker import CaseResult, CaseWork, run_case
+
+_N_CASE = 16
+_MANY = 200
+_SCENARIO = "lab-five-people"
+_TRACKERS = ("laser-fisheye-imm", "waist-fisheye-imm", "laser-imm")
+_WORSENED = {
+    "measurement noise R × 9": ("smoke", ("measurement_variance_m2=0.09",)),
+    "gate halved": ("smoke", ("waist.radius_m=0.5", "knee.radius_m=0.25", "knee.radius_alone_m=0.35")),
+    "histogram update off": ("looks", ("histogram.memory=0.999999",)),
+}
+
+
+def speed_up() -> Iterator[Figure]:
+    """Sixteen short cases of the lab, recorded and tracked, on one worker and on two; start-up left out."""
+    spent_s = {}
+    for jobs in (1, 2):
+        with tempfile.TemporaryDirectory() as folder, open_cluster(jobs) as cluster:
+            warm = _tasks(Path(folder), range(100, 100 + jobs))
+            run_on(cluster, warm, run_case, Listener())
+            tasks = _tasks(Path(folder), range(_N_CASE))
+            start = time.perf_counter()
+            run_on(cluster, tasks, run_case, Listener())
+            spent_s[jobs] = time.perf_counter() - start
+    yield Figure(f"two workers against one, {_N_CASE} cases", spent_s[1] / spent_s[2], "×", ">= 1.7")
+
+
+def cost() -> Iterator[Figure]:
+    """What the engine, the results and their files cost a case that does nothing, and what the process keeps of it."""
+    suite, path = _made_up(_MANY)
+    marks: list[tuple[float, float]] = []
+    process = psutil.Process()
+    with tempfile.TemporaryDirectory() as folder:
+        cache = RecordingCache(Path(folder) / "cache", 10**9)
+
+        def state(now: object) -> None:
+            marks.append((time.perf_counter(), process.memory_info().rss / 2**20))
+
+        run_suite(
+            suite, path, Path(folder) / "out", cache, Place(jobs=2), watcher=Watcher(state=state), function=nothing
+        )
+    per_case_ms = 1e3 * (marks[-1][0] - marks[len(marks) // 10][0]) / (0.9 * _MANY)
+    yield Figure("the engine's own cost of a case, two workers", per_case_ms, "ms", "<= 50")
+    early, late = marks[len(marks) // 5][1], marks[-1][1]
+    yield Figure(f"memory of the process over {_MANY} cases: end over a fifth of the way", late / early, "×", "<= 1.1")
+
+
+def gate() -> Iterator[Figure]:
+    """Three trackers made worse on purpose, each caught; uses the user's cache of recordings."""
+    with tempfile.TemporaryDirectory() as folder:
+        known: dict[str, Path] = {}
+        for number, (name, (suite, options)) in enumerate(_WORSENED.items()):
+            if suite not in known:
+                known[suite] = _run(suite, (), Path(folder) / suite)
+            changes = [f"trackers.{tracker}.{option}" for tracker in _TRACKERS for option in options]
+            presets = [f"trackers.{tracker}.preset={tracker}" for tracker in _TRACKERS]
+            now = _run(suite, (*presets, *changes), Path(folder) / f"worse-{number}")
+            found = _compare(known[suite], now)
+            yield Figure(f"{name}, on {suite}: figures that got worse", len(found.worse), "", ">= 1")
+
+
+def harmless() -> Iterator[Figure]:
+    """Twenty changes that must raise no alarm: other noise of the image, other threads, people in another order."""
+    with tempfile.TemporaryDirectory() as folder:
+        base = _run("smoke", (), Path(folder) / "base")
+        alarms = 0
+        for number, (changes, n_thread) in enumerate(_harmless_changes()):
+            with mock.patch.dict(ENVIRONMENT, LP_NUM_THREADS=str(n_thread)):
+                cache = RecordingCache(Path(folder) / f"cache-{number}", 10**10)
+                found = _compare(base, _run("smoke", changes, Path(folder) / str(number), cache))
+            print(number, changes[:1], [(each.key.tracker, each.metric) for each in found.worse], file=sys.stderr)
+            alarms += bool(found.worse)
+        yield Figure("harmless changes of twenty that raised an alarm, on smoke", alarms, "", "<= 0")
+
+
+def nothing(work: CaseWork) -> CaseResult:
+    """A case that takes no time, with a report of the usual size."""
+    metrics = {"mota": 0.9, "motp_m": 0.06, "idf1": 0.9, "hota": 0.9, "misses": work.case.seed}
+    return CaseResult(metrics, (), {"report.html": bytes(160_000)}, "none", True, 0.0)
+
+
+def _tasks(folder: Path, seeds: Sequence[int]) -> list[Task]:
+    suite, path = _made_up(1, seeds, duration_s=3)
+    work = [CaseWork(case, RecordingCache(folder, 10**10), whole_code()) for case in expand(suite, path)]
+    return [Task(each.case.id, each, 600) for each in work]
+
+
+def _made_up(n_case: int, seeds: Sequence[int] | None = None, duration_s: float = 1) -> tuple[Suite, Path]:
+    scenario = SuiteScenario(scenario=_SCENARIO, set={"duration_s": duration_s})
+    suite = Suite(
+        name="made-up", seeds=tuple(seeds or range(n_case)), trackers=("laser-fisheye-imm",), scenarios=[scenario]
+    )
+    return suite, Path("made-up.yaml")
+
+
+def _run(suite: str, changes: Sequence[str], folder: Path, cache: RecordingCache | None = None) -> Path:
+    described, path = load_suite(suite)
+    cache = cache or RecordingCache(cache_folder(), cache_limit_bytes())
+    run_suite(described, path, folder, cache, changes=changes)
+    return folder
+
+
+def _compare(before: Path, now: Path) -> Comparison:
+    return compare(read_results(before), read_results(now), allowed_by_default)
+
+
+def _harmless_changes() -> Iterator[tuple[tuple[str, ...], int]]:
+    """Changes of the scenario, and the renderer's threads; a camera under another name draws other noise."""
+    scenario = load_scenario(_SCENARIO).model_dump(mode="json", exclude_none=True)
+    for number in range(14):
+        camera = json.dumps(scenario["sensors"]["fisheye"])
+        yield ("sensors.fisheye=null", f"sensors.camera{number}={camera}"), 1
+    names = list(scenario["people"])
+    for number in range(1, 5):
+        turned = [*names[number:], *names[:number]]
+        yield (f"people={json.dumps({name: scenario['people'][name] for name in turned})}",), 1
+    for n_thread in (2, 3):
+        yield (), n_thread

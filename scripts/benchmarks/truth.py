@@ -1,0 +1,70 @@
+"""What the truth costs: its parts as shares of a run that simulates, renders and encodes, without tracker and recording."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import twin.truth_details
+import twin.world
+from benchmarks.figure import Figure
+from twin.scenario import Scenario, load_scenario
+from twin.simulation import Simulation
+from twin.truth_details import TruthDetails
+
+_SCENARIOS = ("lab-five-people",)
+_MEASURED_S = 6.0
+
+
+@dataclass
+class _Spent:
+    seconds: float = 0.0
+
+
+@contextmanager
+def _timed(owner: Any, name: str) -> Iterator[_Spent]:
+    """Add up what calls of a function cost."""
+    spent, original = _Spent(), getattr(owner, name)
+
+    def timed(*arguments: Any, **options: Any) -> Any:
+        start = time.perf_counter()
+        try:
+            return original(*arguments, **options)
+        finally:
+            spent.seconds += time.perf_counter() - start
+
+    setattr(owner, name, timed)
+    try:
+        yield spent
+    finally:
+        setattr(owner, name, original)
+
+
+def shares() -> Iterator[Figure]:
+    """Boxes, visible fractions, and rays with situations: none of them dominates the run."""
+    for name in _SCENARIOS:
+        yield from _shares(name, load_scenario(name, [f"duration_s={_MEASURED_S}", "background_frames=1"]))
+
+
+def _shares(name: str, scenario: Scenario) -> Iterator[Figure]:
+    def ignore(_: object) -> None:
+        pass
+
+    with ExitStack() as stack:
+        seen = stack.enter_context(_timed(twin.world, "visible_share"))
+        boxed = stack.enter_context(_timed(TruthDetails, "_boxes"))
+        looked = stack.enter_context(_timed(TruthDetails, "look"))
+        outlined = stack.enter_context(_timed(TruthDetails, "people"))
+        simulation = stack.enter_context(Simulation(scenario, on_truth=ignore, on_detail=ignore))
+        simulation.look(0)  # renderers, tables and outlines are made when first needed
+        start = time.perf_counter()
+        for _ in simulation:
+            pass
+        total = time.perf_counter() - start
+    yield Figure(f"{name}: boxes, share of the run", 1e2 * boxed.seconds / total, "%", "<= 20")
+    yield Figure(f"{name}: visible fractions, share of the run", 1e2 * seen.seconds / total, "%", "<= 20")
+    rest = looked.seconds - boxed.seconds + outlined.seconds
+    yield Figure(f"{name}: rays and situations, share of the run", 1e2 * rest / total, "%", "<= 10")

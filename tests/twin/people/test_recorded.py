@@ -1,0 +1,123 @@
+"""Recorded paths drive bodies: where the file has them, as fast, in and out with it."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+
+from trackers.configuration import validate
+from trackers.errors import InputError
+from twin.people.recorded import BODIES_NEED_M, close_calls, warning_of
+from twin.scenario import Scenario
+from twin.scenario.behaviour import Path
+from twin.scenario.pedestrians import Pedestrians, people_from
+from twin.world import World
+
+DATA = FilePath(__file__).parents[4] / "shared" / "data" / "trajectories"
+SCANNER = {"low": {"kind": "laser", "rate_hz": 10, "mount": {"xyz": [0, 0, 0.4]}}}
+
+
+def scenario(people: dict[str, Any], duration_s: float, room: str = "plaza") -> Scenario:
+    content = {"name": "test", "room": room, "duration_s": duration_s, "people": people, "sensors": SCANNER}
+    return validate(Scenario, content, "test")
+
+
+def keeps(points: list[tuple[float, float, float]]) -> dict[str, Any]:
+    return {"script": {"kind": "path", "points": points}}
+
+
+def test_a_person_is_where_the_path_has_them_when_it_has_them() -> None:
+    points = [(1.0 + 0.4 * k, -3.0 + 0.5 * k, 0.1 * k * k) for k in range(8)]
+    world = World(scenario({"anna": keeps(points)}, 6.0))
+    for t, x, y in points:
+        (person,) = world.truth(round(t * 1e9), {}).people
+        assert np.hypot(person.x - x, person.y - y) < 0.05
+    assert world.truth(round(4.2e9), {}).people == ()
+    assert World(scenario({"anna": keeps(points)}, 6.0)).truth(round(0.5e9), {}).people == ()
+
+
+def test_who_was_there_before_the_start_comes_in_stride() -> None:
+    points = [(-2.0 + 0.4 * k, -3.0 + 0.56 * k, 0.0) for k in range(12)]
+    world = World(scenario({"anna": keeps(points)}, 3.0))
+    (person,) = world.truth(0, {}).people
+    assert person.vx == pytest.approx(1.4, abs=0.15)
+    left, right = person.feet
+    assert abs(left.x - right.x) > 0.15
+
+
+def test_others_keep_out_of_the_way_of_a_path() -> None:
+    path = [(0.4 * k, -4.0 + 0.5 * k, 0.0) for k in range(20)]
+    people = {"anna": keeps(path), "ben": {"start": [1.0, 0.1], "script": {"kind": "walk", "waypoints": [[-4.0, 0.1]]}}}
+    world = World(scenario(people, 8.0))
+    gaps = []
+    for k in range(70):
+        frame = {person.id: person for person in world.truth(k * 10**8, {}).people}
+        if len(frame) == 2:
+            gaps.append(np.hypot(frame[1].x - frame[2].x, frame[1].y - frame[2].y))
+    assert min(gaps) > 0.5
+
+
+def test_paths_that_come_closer_than_bodies_do_are_told() -> None:
+    content = scenario(
+        {
+            "anna": keeps([(0, 0, 0), (4, 4, 0)]),
+            "ben": keeps([(0, 4, 0.3), (4, 0, 0.3)]),
+            "cleo": keeps([(0, 0, 9), (4, 4, 9)]),
+        },
+        4.0,
+    )
+    (call,) = close_calls(content.people)
+    assert {call.first, call.second} == {"anna", "ben"}
+    assert call.t == pytest.approx(2.0, abs=0.11)
+    assert call.apart_m == pytest.approx(0.3, abs=0.05)
+    assert "1 pair of recorded paths" in warning_of([call])
+    assert f"{BODIES_NEED_M:g} m" in warning_of([call])
+    assert warning_of([]) == ""
+
+
+@pytest.mark.parametrize(
+    ("points", "said"),
+    [
+        (
+            [(0, 0, 0), (4, 0, 40)],
+            r"people\.anna\.script\.points\.1, at 4 s: \[0, 40\] is outside the room's walkable area",
+        ),
+        ([(0, 0, 0), (4, 40, 0)], "is outside the room's walkable area"),
+    ],
+)
+def test_paths_through_walls_teach(points: list[tuple[float, float, float]], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        World(scenario({"anna": keeps(points)}, 3.0))
+
+
+def test_paths_through_furniture_teach() -> None:
+    points = [(0.0, 0.0, 0.0), (1.0, 1.0, 0.3), (2.0, 1.22, 0.28)]
+    with pytest.raises(InputError, match=r"points\.2, at 2 s: \[1\.22, 0\.28\] is inside 'chair_left'"):
+        World(scenario({"anna": keeps(points)}, 3.0, "sensing_room"))
+
+
+@pytest.mark.skipif(not DATA.is_dir(), reason="the recordings of pedestrians are not here")
+@pytest.mark.parametrize(("file", "rate_hz", "start_s"), [("eth.txt", 15.0, 300.0), ("zara01.txt", 25.0, 60.0)])
+def test_a_part_of_a_real_recording_is_walked(file: str, rate_hz: float, start_s: float) -> None:
+    seconds = 15.0
+    people = people_from(Pedestrians(file=str(DATA / file), frame_rate_hz=rate_hz, start_s=start_s), seconds, "test")
+    content = scenario(people, seconds)
+    world = World(content)
+    names = {number: name for name, number in world.scene.ids.items()}
+    rows: dict[str, dict[float, tuple[float, float]]] = {}
+    for name, person in content.people.items():
+        path = person.script[0]
+        assert isinstance(path, Path)
+        rows[name] = {round(t, 6): (x, y) for t, x, y in path.points if 0 <= t < seconds}
+    walked, errors = set(), []
+    for t in sorted({t for each in rows.values() for t in each}):
+        for person in world.truth(round(t * 1e9), {}).people:
+            if t in rows[names[person.id]]:
+                walked.add(names[person.id])
+                x, y = rows[names[person.id]][t]
+                errors.append(np.hypot(person.x - x, person.y - y))
+    assert walked == {name for name, each in rows.items() if each}
+    assert max(errors) < 0.05

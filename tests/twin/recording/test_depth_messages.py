@@ -1,0 +1,223 @@
+"""Colour and depth travel as two messages of one stamp and come back as one observation, to the bit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from recorded import MS, a_scan, assert_same, write_ros2_bag
+from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__CompressedImage as CompressedImage
+from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__Image as RawImage
+from rosbags.typesys.stores.ros2_humble import std_msgs__msg__Header as Header
+
+from trackers.errors import InputError
+from trackers.observations import DepthImage, Image, LaserScan
+from trackers.pinhole import PinholeIntrinsics
+from trackers.rig import LaserSensor, PinholeSensor, Rig, StereoSensor
+from twin.recording.bag import open_bag
+from twin.recording.depth_pairs import DepthPairs
+from twin.recording.depth_picture import decode_depth
+from twin.recording.messages import COMPRESSED_IMAGE, RAW_IMAGE, decode_depth_image, encode, time_message
+from twin.recording.reader import Recording
+from twin.recording.writer import BagWriter
+
+LENS = PinholeIntrinsics(width=48, height=32, fx=40, fy=41, cx=23.5, cy=15.5)
+RIG = Rig(
+    sensors={
+        "waist": LaserSensor(topic="/waist/scan"),
+        "deep": StereoSensor(topic="/deep/image/compressed", intrinsics=LENS, baseline_m=0.1, mode="matched"),
+        "plain": PinholeSensor(
+            topic="/plain/image/compressed",
+            intrinsics=LENS.model_copy(update={"distortion": (-0.1, 0.02, 0.001, 0.002, 0.0)}),
+        ),
+    }
+)
+
+
+def a_depth_image(stamp_ns: int, sensor: str = "deep") -> DepthImage:
+    rng = np.random.default_rng(abs(stamp_ns))
+    depth_m = rng.uniform(0.3, 9.0, (32, 48)).astype(np.float32)
+    depth_m[:4] = 0
+    return DepthImage(sensor, stamp_ns, rng.integers(0, 255, (32, 48, 3), dtype=np.uint8), depth_m)
+
+
+def decoded(encoded) -> DepthImage:
+    (depth,) = encoded.more
+    return decode_depth_image(encoded.data, depth.data, encoded.observation.sensor)
+
+
+@given(arrays(np.float32, (4, 5), elements=st.floats(0, 65, width=32)))
+def test_depth_is_handed_on_as_a_replay_gives_it(depth_m):
+    image = DepthImage("deep", 5, np.zeros((4, 5, 3), dtype=np.uint8), depth_m)
+    encoded = encode(image)
+    assert_same(encoded.observation, decoded(encoded))
+    assert isinstance(encoded.observation, DepthImage)
+    assert np.abs(encoded.observation.depth_m - depth_m).max() <= 0.5e-3 + 1e-5
+    again = encode(encoded.observation)
+    np.testing.assert_array_equal(again.observation.depth_m, encoded.observation.depth_m)
+
+
+def test_what_is_no_distance_becomes_a_hole():
+    depth_m = np.array([[0.0, np.nan, np.inf, 0.0004, 1.0]], dtype=np.float32)
+    encoded = encode(DepthImage("deep", 0, np.zeros((1, 5, 3), dtype=np.uint8), depth_m))
+    assert encoded.observation.depth_m.tolist() == [[0, 0, 0, 0, 1]]
+
+
+@pytest.mark.parametrize("depth_m", [-1.0, 66.0])
+def test_depth_that_does_not_fit_is_a_fault_of_ours(depth_m):
+    with pytest.raises(ValueError, match="fits"):
+        encode(DepthImage("deep", 0, np.zeros((1, 1, 3), dtype=np.uint8), np.full((1, 1), depth_m, dtype=np.float32)))
+
+
+def test_colour_and_depth_must_be_of_one_size():
+    with pytest.raises(InputError, match="a depth for each pixel"):
+        DepthImage("deep", 0, np.zeros((2, 3, 3), dtype=np.uint8), np.zeros((3, 2), dtype=np.float32))
+
+
+def a_run() -> Iterator[tuple[DepthImage | LaserScan | Image, int]]:
+    for stamp_ns in range(0, 1000 * MS, 100 * MS):
+        yield a_scan(stamp_ns), stamp_ns
+        yield a_depth_image(stamp_ns), stamp_ns
+        yield Image("plain", stamp_ns, a_depth_image(stamp_ns + 1).rgb), stamp_ns + 20 * MS
+
+
+@pytest.fixture(scope="module")
+def twin_bag(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("depth") / "recording.mcap"
+    with BagWriter(path, RIG) as writer:
+        writer.background(encode(a_depth_image(3)))
+        writer.background(encode(a_depth_image(4)))
+        for observation, arrival_ns in a_run():
+            writer.observation(encode(observation), arrival_ns)
+    return path
+
+
+def test_a_replay_is_the_run_to_the_bit(twin_bag):
+    recording = Recording(twin_bag)
+    live = [encode(observation).observation for observation, _ in a_run()]
+    replayed = list(recording.observations())
+    assert len(replayed) == len(live) == recording.observation_count
+    for one, other in zip(live, replayed, strict=True):
+        assert_same(one, other)
+    for one, other in zip(recording.background, [a_depth_image(3), a_depth_image(4)], strict=True):
+        assert_same(one, encode(other).observation)
+
+
+def test_the_topics_and_the_lens_are_what_ros_expects(twin_bag):
+    with open_bag(twin_bag) as bag:
+        topics = bag.topics
+        (_, _, info), *_ = bag.messages(["/plain/camera_info"])
+        (_, stamp_ns, depth), *_ = bag.messages(["/deep/depth/compressed"])
+    assert topics["/deep/depth/compressed"].msgtype == COMPRESSED_IMAGE
+    assert topics["/deep/background/depth/compressed"].message_count == 2
+    assert topics["/deep/camera_info"].message_count == 10
+    assert (info.distortion_model, info.d.tolist()) == ("plumb_bob", [-0.1, 0.02, 0.001, 0.002, 0.0])
+    assert info.k.reshape(3, 3)[0].tolist() == [40, 0, 23.5]
+    assert (stamp_ns, depth.format) == (0, "16UC1; png compressed ")
+
+
+HEADER = Header(time_message(7), "deep")
+
+
+def test_what_robots_send_as_depth():
+    millimetres = np.array([[0, 1500, 65535]], dtype=np.uint16)
+    expected = np.array([[0, 1.5, 65.535]], dtype=np.float32)
+    _, png = cv2.imencode(".png", millimetres)
+    little = millimetres.astype("<u2").view(np.uint8).ravel()
+    big = millimetres.astype(">u2").view(np.uint8).ravel()
+    metres = np.array([[np.nan, 1.5, 65.535]], dtype="<f4").view(np.uint8).ravel()
+    for message in (
+        CompressedImage(HEADER, "16UC1; compressedDepth png", np.concatenate([np.zeros(12, np.uint8), png.ravel()])),
+        CompressedImage(HEADER, "png", png.ravel()),
+        RawImage(HEADER, 1, 3, "16UC1", 0, 8, np.pad(little, (0, 2))),
+        RawImage(HEADER, 1, 3, "mono16", 1, 6, big),
+        RawImage(HEADER, 1, 3, "32FC1", 0, 12, metres),
+    ):
+        got = decode_depth(message, "deep")
+        assert got.dtype == np.float32
+        np.testing.assert_array_equal(got, expected)
+
+
+@pytest.mark.parametrize(
+    ("message", "complaint"),
+    [
+        (RawImage(HEADER, 1, 3, "rgb8", 0, 9, np.zeros(9, np.uint8)), "'rgb8'; one of 16UC1, mono16, 32FC1"),
+        (RawImage(HEADER, 2, 3, "16UC1", 0, 6, np.zeros(9, np.uint8)), "height x step bytes"),
+        (CompressedImage(HEADER, "png", np.zeros(5, np.uint8)), "no picture; a 16-bit grey PNG"),
+        (CompressedImage(HEADER, "png", cv2.imencode(".png", np.zeros((2, 2), np.uint8))[1].ravel()), "uint8"),
+        (CompressedImage(HEADER, "32FC1; compressedDepth png", np.zeros(50, np.uint8)), "16UC1 as png is expected"),
+    ],
+)
+def test_depth_that_cannot_be_used(message, complaint):
+    with pytest.raises(InputError, match=complaint):
+        decode_depth(message, "deep")
+
+
+def test_pairs_find_each_other_late_early_and_across_gaps():
+    pairs = DepthPairs()
+    depth_m = np.ones((32, 48), dtype=np.float32)
+
+    def colour(stamp_ms: int) -> Image:
+        return Image("deep", stamp_ms * MS, a_depth_image(0).rgb)
+
+    assert pairs.depth(0, depth_m) is None
+    assert pairs.colour(colour(40)) is None, "too far apart"
+    joined = pairs.depth(47 * MS, depth_m)
+    assert joined is not None
+    assert joined.stamp_ns == 40 * MS
+    early = pairs.colour(colour(3))
+    assert early is not None
+    assert early.stamp_ns == 3 * MS
+    for stamp_ms in range(1000, 5000, 100):
+        assert pairs.colour(colour(stamp_ms)) is None
+    assert pairs.depth(1000 * MS, depth_m) is None, "held no longer"
+
+
+def test_a_robots_bag_of_raw_colour_and_depth(tmp_path):
+    rgb = np.arange(32 * 48 * 3, dtype=np.uint32).astype(np.uint8)
+    millimetres = np.full((32, 48), 2000, dtype="<u2").view(np.uint8).ravel()
+    messages = []
+    for k in range(3):
+        stamp_ns = 1_700_000_000 * 10**9 + k * 100 * MS
+        colour_header, depth_header = (Header(time_message(stamp_ns + late), "c") for late in (0, 4 * MS))
+        depth = RawImage(depth_header, 32, 48, "16UC1", 0, 96, millimetres)
+        messages.append(("/cam/depth", RAW_IMAGE, stamp_ns + 5 * MS, depth))
+        messages.append(
+            ("/cam/rgb", RAW_IMAGE, stamp_ns + 9 * MS, RawImage(colour_header, 32, 48, "rgb8", 0, 144, rgb))
+        )
+    write_ros2_bag(tmp_path / "bag", messages)
+    rig = Rig(sensors={"cam": StereoSensor(topic="/cam/rgb", depth_topic="/cam/depth", intrinsics=LENS)})
+    images = list(Recording(tmp_path / "bag", rig).observations())
+    assert [image.stamp_ns for image in images] == [0, 100 * MS, 200 * MS]
+    for image in images:
+        assert isinstance(image, DepthImage)
+        np.testing.assert_array_equal(image.depth_m, np.full((32, 48), 2.0, dtype=np.float32))
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        ({"depth_topic": "/elsewhere"}, "depth_topic is '/elsewhere', which .* does not have"),
+        ({"depth_topic": "/waist/scan"}, "depth_topic is '/waist/scan', which is sensor_msgs/msg/LaserScan"),
+        ({"depth_topic": "/deep/image/compressed"}, "a topic of its own is expected"),
+        ({"intrinsics": LENS.model_copy(update={"width": 50})}, "image is 48 x 32; sensors.deep.intrinsics"),
+    ],
+)
+def test_a_rig_that_does_not_fit_the_bag(twin_bag, change, complaint):
+    deep = RIG.sensors["deep"].model_copy(update=change)
+    rig = Rig(sensors={"deep": deep})
+    with pytest.raises(InputError, match=complaint):
+        list(Recording(twin_bag, rig).observations())
+
+
+def test_an_observation_keeps_its_arrays_when_another_is_stamped():
+    image = encode(a_depth_image(0)).observation
+    later = replace(image, stamp_ns=5)
+    assert later.t == 5e-9

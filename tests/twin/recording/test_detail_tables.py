@@ -1,0 +1,183 @@
+"""truth_boxes.csv, truth_rays.csv and truth_situations.csv: read back exactly, every fault named; and their JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from math import nan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from trackers.errors import InputError
+from twin.recording.boxes import read_boxes
+from twin.recording.details import DETAIL_FILES, DETAIL_TOPICS, detail_writer, encode_detail
+from twin.recording.messages import STRING, TYPESTORE
+from twin.recording.rays import read_rays
+from twin.recording.situations import read_situations, situation_table
+from twin.truth import Box, BoxFrame, RayFrame, RayRun, Situation, TruthDetail
+
+BOX_HEADER = "t,camera,id,left,top,width,height,visible_px,truncated"
+RAY_HEADER = "t,sensor,id,first_beam,last_beam"
+SITUATION_HEADER = "kind,first_id,second_id,sensor,start_t,end_t,complete,how,least_m"
+
+SITUATIONS = [
+    Situation("merged", 1, 3, "waist", 100, 1_700_000_000_123_456_789, complete=True, how="both", least_m=0.1 + 0.2),
+    Situation("correlated", 2, 4, "", 5, 5, complete=False),
+    Situation("interaction", 2, 4, "", 5, 10, complete=False, least_m=1.25),
+]
+DETAILS: list[TruthDetail] = [
+    BoxFrame(0, "north", (Box(1, 0, 5, 10, 30, 250, True), Box(4, 11, 6, 1, 1, 1, False))),
+    RayFrame(0, "waist", (RayRun(4, 0, 3), RayRun(1, 4, 4))),
+    BoxFrame(0, "south", ()),
+    RayFrame(1_700_000_000_123_456_789, "waist", ()),
+    RayFrame(1_700_000_000_123_456_789, "knee", (RayRun(2, 100, 120),)),
+    *SITUATIONS,
+]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    with detail_writer(tmp_path) as write:
+        for detail in DETAILS:
+            write(detail)
+        assert not [path for path in tmp_path.iterdir() if path.suffix == ".csv"]
+    return tmp_path
+
+
+def test_boxes_read_back(folder: Path):
+    table = read_boxes(folder / "truth_boxes.csv")
+    assert table.frame_camera.tolist() == ["north", "south"]
+    assert table.frame_stamps_ns.tolist() == [0, 0]
+    assert table.camera.tolist() == ["north", "north"]
+    assert table.id.tolist() == [1, 4]
+    numbers = np.stack([table.left, table.top, table.width, table.height, table.visible_px])
+    assert numbers.T.tolist() == [[0, 5, 10, 30, 250], [11, 6, 1, 1, 1]]
+    assert table.truncated.tolist() == [True, False]
+    assert table.t.tolist() == [0.0, 0.0]
+
+
+def test_rays_read_back(folder: Path):
+    table = read_rays(folder / "truth_rays.csv")
+    assert table.frame_sensor.tolist() == ["waist", "waist", "knee"]
+    assert table.frame_stamps_ns.tolist() == [0, 1_700_000_000_123_456_789, 1_700_000_000_123_456_789]
+    assert table.person_of_ray("waist", 0, 6).tolist() == [4, 4, 4, 4, 1, 0]
+    assert table.person_of_ray("waist", 1_700_000_000_123_456_789, 3).tolist() == [0, 0, 0]
+    assert np.count_nonzero(table.person_of_ray("knee", 1_700_000_000_123_456_789, 361)) == 21
+    with pytest.raises(KeyError, match="no scan of 'knee' at 0 ns"):
+        table.person_of_ray("knee", 0, 361)
+
+
+def test_situations_read_back(folder: Path):
+    read, made = read_situations(folder / "truth_situations.csv"), situation_table(SITUATIONS)
+    for name in ("kind", "first_id", "second_id", "sensor", "start_ns", "end_ns", "complete", "how", "least_m"):
+        np.testing.assert_array_equal(getattr(read, name), getattr(made, name), err_msg=name)
+
+
+def test_frames_of_situations():
+    table = situation_table(
+        [
+            Situation("merged", 1, 2, "waist", 1_000_000_000, 2_000_000_000),
+            Situation("merged", 1, 2, "knee", 1_500_000_000, 2_000_000_000),
+        ]
+    )
+    stamps = np.arange(0, 4_000_000_000, 500_000_000)
+    assert np.flatnonzero(table.frames(stamps)[0]).tolist() == [2, 3]
+    assert np.flatnonzero(table.frames(stamps, after_s=1.0)[0]).tolist() == [2, 3, 4, 5]
+    assert table.select("merged", "knee").pair_frames(stamps) == 1
+    assert len(table.select("correlated")) == 0
+    assert table.select("correlated").pair_frames(stamps) == 0
+
+
+def rows_of(detail: TruthDetail) -> list[dict[str, Any]]:
+    _, _, data = encode_detail(detail)
+    return json.loads(TYPESTORE.deserialize_cdr(data, STRING).data)
+
+
+def test_the_bag_has_the_columns_of_the_tables(folder: Path):
+    headers = {
+        topic: (folder / name).read_text().splitlines()[0]
+        for topic, name in zip(DETAIL_TOPICS, DETAIL_FILES, strict=True)
+    }
+    assert list(headers.values()) == [BOX_HEADER, RAY_HEADER, SITUATION_HEADER]
+    for detail in DETAILS:
+        topic, _, _ = encode_detail(detail)
+        for row in rows_of(detail):
+            assert ",".join(row) == headers[topic]
+    assert rows_of(DETAILS[0])[1] == {
+        "t": 0.0, "camera": "north", "id": 4, "left": 11, "top": 6, "width": 1, "height": 1, "visible_px": 1, "truncated": 0,
+    }  # fmt: skip
+    assert rows_of(BoxFrame(0, "south", ()))[0]["id"] is None
+    assert rows_of(SITUATIONS[1])[0]["sensor"] is None
+    assert [encode_detail(each)[:2] for each in SITUATIONS[1:]] == [("/truth/situations", 5), ("/truth/situations", 10)]
+
+
+def test_a_number_that_is_none_is_not_written(tmp_path: Path):
+    with pytest.raises(ValueError, match="inf"), detail_writer(tmp_path) as write:
+        write(Situation("correlated", 1, 2, "", 0, 1, least_m=float("inf")))
+    assert list(tmp_path.iterdir()) == []
+    with detail_writer(tmp_path) as write:
+        write(Situation("correlated", 1, 2, "", 0, 1, least_m=nan))
+    assert np.isnan(read_situations(tmp_path / "truth_situations.csv").least_m).all()
+
+
+@pytest.mark.parametrize(
+    ("read", "header", "rows", "said"),
+    [
+        (read_boxes, BOX_HEADER, ["0,a,1,0,0,2,2,5,0"], "line 2: visible_px is '5'; at most the box's 4 pixels"),
+        (read_boxes, BOX_HEADER, ["0,a,1,0,0,0,2,1,0"], "line 2: width is '0'; an integer of at least 1"),
+        (read_boxes, BOX_HEADER, ["0,a,1,-1,0,2,2,1,0"], "line 2: left is '-1'; an integer of at least 0"),
+        (read_boxes, BOX_HEADER, ["0,,1,0,0,2,2,1,0"], "line 2: camera is empty; the name of a sensor"),
+        (read_boxes, BOX_HEADER, ["0,a,1,0,0,2,2,1,0"] * 2, "line 3: t 0, camera a, id 1 stands on line 2 too"),
+        (read_boxes, BOX_HEADER, ["0,a,1,0,0,2,2,1,0", "0,a,,,,,,,"], "line 2: t 0, camera a contradicts line 3"),
+        (read_boxes, BOX_HEADER, ["0,a,1,0,0,2,2,1,maybe"], "truncated is 'maybe'; 0 or 1"),
+        (read_boxes, RAY_HEADER, [], "column 'camera' is missing; a table of boxes has the columns"),
+        (read_rays, RAY_HEADER, ["0,a,1,5,4"], "line 2: last_beam is '4'; a beam from first_beam, 5, on"),
+        (read_rays, RAY_HEADER, ["0,a,0,1,4"], "line 2: id is '0'; an integer of at least 1"),
+        (
+            read_rays,
+            RAY_HEADER,
+            ["0,a,1,0,4", "0,b,1,0,4", "0,a,2,4,5"],
+            "line 4: beams 4 to 5 overlap those of line 2",
+        ),
+        (read_rays, RAY_HEADER, ["later,a,1,0,4"], "line 2: t is 'later'; a time in seconds"),
+        (read_situations, SITUATION_HEADER, ["near,1,2,,0,1,1,,"], "kind is 'near'; 'interaction' or 'correlated' or"),
+        (
+            read_situations,
+            SITUATION_HEADER,
+            ["merged,2,1,a,0,1,1,hidden,"],
+            "second_id is '1'; an id above first_id, 2,",
+        ),
+        (read_situations, SITUATION_HEADER, ["merged,1,2,,0,1,1,hidden,"], "sensor is empty; the name of a scanner"),
+        (read_situations, SITUATION_HEADER, ["correlated,1,2,a,0,1,1,,"], "sensor is 'a'; an empty cell"),
+        (read_situations, SITUATION_HEADER, ["correlated,1,2,,3,1,1,,"], "end_t is '1'; a time from start_t, 3, on"),
+        (
+            read_situations,
+            SITUATION_HEADER,
+            ["correlated,1,2,,0,1,1,,-1"],
+            "least_m is '-1'; 0 or more, or an empty cell",
+        ),
+        (read_situations, SITUATION_HEADER, ["merged,1,2,a,0,1,1,near,"], "how is 'near'; '' or 'joined'"),
+    ],
+)
+def test_what_is_wrong_is_named(
+    tmp_path: Path, read: Callable[[Path], object], header: str, rows: list[str], said: str
+):
+    path = tmp_path / "table.csv"
+    path.write_text("\n".join([header, *rows]) + "\n")
+    with pytest.raises(InputError) as caught:
+        read(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("read", [read_boxes, read_rays, read_situations])
+def test_empty_tables(tmp_path: Path, read: Callable[[Path], Any]):
+    with detail_writer(tmp_path):
+        pass
+    name = {read_boxes: "truth_boxes.csv", read_rays: "truth_rays.csv", read_situations: "truth_situations.csv"}[read]
+    table = read(tmp_path / name)
+    assert (table.kind if read is read_situations else table.id).size == 0

@@ -1,0 +1,77 @@
+"""Cases that are quick: what a worker can do, good and bad, without a twin."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from trackers.errors import InputError
+from twin.suites.worker import CaseResult, CaseWork, Moment
+
+
+def work_of(kind: str, **more: Any) -> dict[str, Any]:
+    return {"kind": kind, **more}
+
+
+def do(work: dict[str, Any]) -> Any:
+    """Do what the work says."""
+    kind = work["kind"]
+    if kind == "square":
+        return work["n"] ** 2
+    if kind == "sleep":
+        time.sleep(work["s"])
+        return work.get("n", 0)
+    if kind == "raise":
+        print("about to raise")
+        raise RuntimeError("nothing works today")
+    if kind == "bad input":
+        raise InputError("sensors.waist: is no good; a better one is expected")
+    if kind == "full":
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "/full/disk")
+    if kind == "die":
+        print("about to die", file=sys.stderr)
+        os.kill(os.getpid(), signal.SIGKILL)
+    if kind == "die once":
+        mark = Path(work["mark"])
+        if not mark.exists():
+            mark.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return work["n"] ** 2
+    if kind == "hang":
+        while True:
+            time.sleep(0.05)
+    if kind == "stop":  # as in the middle of a driver: no thread of the process runs
+        os.kill(os.getpid(), signal.SIGSTOP)
+    if kind == "where":
+        return os.getpid(), os.environ.get("LP_NUM_THREADS")
+    raise AssertionError(kind)
+
+
+def result_of(work: CaseWork) -> CaseResult:
+    """A case's figures without recording or tracking: made up from its seed, the environment saying what goes wrong."""
+    case = work.case
+    time.sleep(float(os.environ.get("SYNTHETIC_CASE_S", "0")))
+    if case.tracker == "laser-kalman" and os.environ.get("SYNTHETIC_FAULT"):
+        do({"kind": os.environ["SYNTHETIC_FAULT"]})
+    worse = float(os.environ.get("SYNTHETIC_WORSE_M", "0"))
+    return CaseResult(
+        metrics={
+            "mota": 0.9 + 0.01 * (case.seed % 5),
+            "motp_m": 0.06 + 0.001 * (case.seed % 7) + worse,
+            "misidentifications": case.seed % 2,
+            "head_error_m": {"x": None, "y": None, "z": None},
+            "gate_m": 0.5,
+            "at_1m": {"mota": 0.95},
+            "ms_per_frame": {"mean": 2.0, "p95": 3.0},
+        },
+        moments=(Moment(3.0 + case.seed, "misidentification", "blue → white", 1.0),),
+        files={"report.html": b"<p>a report</p>"},
+        renderer="none",
+        recorded=True,
+        record_s=0.0,
+    )

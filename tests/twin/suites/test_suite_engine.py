@@ -1,0 +1,201 @@
+"""Every remaining result is there and none twice, whatever becomes of the workers."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections import Counter
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic_cases import do, work_of
+
+from trackers.errors import InputError
+from twin.suites import engine, tasks
+from twin.suites.cluster import Cluster, open_cluster, read_resources
+from twin.suites.engine import run_on
+from twin.suites.tasks import MOST_ATTEMPTS, Ended, Listener, OutOfSpaceError, State, Task, run_here
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Cluster]:
+    with open_cluster(jobs=2) as opened:
+        yield opened
+
+
+class Record:
+    """Everything that a listener is told."""
+
+    def __init__(self) -> None:
+        self.starts: list[tuple[str, int]] = []
+        self.ends: list[Ended] = []
+        self.states: list[State] = []
+
+    def listener(self) -> Listener:
+        return Listener(
+            lambda task, number: self.starts.append((task.id, number)), self.ends.append, self.states.append
+        )
+
+    def by_id(self) -> dict[str, Ended]:
+        assert max(Counter(end.task.id for end in self.ends).values()) == 1
+        return {end.task.id: end for end in self.ends}
+
+
+def squares(n: int, limit_s: float = 60) -> list[Task]:
+    return [Task(f"square-{k}", work_of("square", n=k), limit_s) for k in range(n)]
+
+
+def test_tasks_run_in_spawned_processes_of_one_rendering_thread(cluster: Cluster) -> None:
+    record = Record()
+    run_on(cluster, [Task(str(k), work_of("where"), 60) for k in range(4)], do, record.listener())
+    pids = {end.value[0] for end in record.ends}
+    assert os.getpid() not in pids and {end.value[1] for end in record.ends} == {"1"}
+    assert record.states[-1] == State(waiting=0, running=0, done=4, failed=0, workers=2)
+    assert max(state.running for state in record.states) == 2
+
+
+def test_a_case_that_raises_fails_at_once_with_traceback_and_log_and_the_rest_goes_on(
+    cluster: Cluster, tmp_path: Path
+) -> None:
+    record = Record()
+    bad = [Task("raises", work_of("raise"), 60), Task("bad", work_of("bad input"), 60)]
+    run_on(cluster, [*bad, *squares(6)], do, record.listener(), tmp_path)
+    ends = record.by_id()
+    assert [ends[f"square-{k}"].value for k in range(6)] == [k**2 for k in range(6)]
+    assert ends["raises"].status == "failed" and ends["raises"].attempts == 1
+    assert "RuntimeError: nothing works today" in ends["raises"].error and "about to raise" in ends["raises"].error
+    assert ends["bad"].error == "sensors.waist: is no good; a better one is expected"
+    assert [path.name for path in tmp_path.iterdir()] == ["raises.1.log"]  # logs without a word are not kept
+
+
+def test_a_case_that_kills_its_worker_is_tried_twice_again_and_fails_with_its_log(
+    cluster: Cluster, tmp_path: Path
+) -> None:
+    record = Record()
+    once = Task("once", work_of("die once", mark=str(tmp_path / "mark"), n=7), 60)
+    run_on(cluster, [Task("dies", work_of("die"), 60), once, *squares(6)], do, record.listener(), tmp_path)
+    ends = record.by_id()
+    assert ends["dies"].status == "failed" and ends["dies"].attempts == MOST_ATTEMPTS == 3
+    assert "its worker died" in ends["dies"].error and "about to die" in ends["dies"].error
+    assert (ends["once"].value, ends["once"].attempts) == (49, 2)
+    assert all(ends[f"square-{k}"].value == k**2 for k in range(6))
+    assert record.starts.count(("dies", 3)) == 1
+
+
+def test_a_case_that_hangs_is_ended_and_its_stack_is_in_the_log(cluster: Cluster, tmp_path: Path) -> None:
+    record = Record()
+    run_on(cluster, [Task("hangs", work_of("hang"), 0.5), *squares(6)], do, record.listener(), tmp_path)
+    ends = record.by_id()
+    assert ends["hangs"].status == "failed" and ends["hangs"].attempts == 3
+    assert "did not end within its time limit of 0.5 s" in ends["hangs"].error
+    assert "synthetic_cases.py" in ends["hangs"].error
+    assert all(ends[f"square-{k}"].value == k**2 for k in range(6))
+
+
+def test_a_process_that_stands_still_altogether_is_replaced_by_its_nanny(
+    cluster: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(engine, "_GRACE_S", 0.5)
+    monkeypatch.setattr(tasks, "MOST_ATTEMPTS", 1)
+    record = Record()
+    run_on(cluster, [Task("stops", work_of("stop"), 0.5), *squares(4)], do, record.listener())
+    ends = record.by_id()
+    assert ends["stops"].status == "failed" and "time limit" in ends["stops"].error
+    assert all(ends[f"square-{k}"].value == k**2 for k in range(4))
+    run_on(cluster, squares(2), do, record.listener())  # the cluster is as good as new
+
+
+def test_workers_killed_at_random_cost_no_result(cluster: Cluster) -> None:
+    rng = np.random.default_rng(5)
+    doomed = set(rng.choice(30, size=4, replace=False).tolist())
+    record = Record()
+
+    def started(task: Task, number: int) -> None:
+        if len(record.starts) in doomed:
+            pids = list(cluster.client.run(os.getpid, on_error="ignore").values())
+            os.kill(int(rng.choice([pid for pid in pids if isinstance(pid, int)])), signal.SIGKILL)
+        record.starts.append((task.id, number))
+
+    todo = [Task(f"{k}", work_of("sleep", s=0.05, n=k), 60) for k in range(30)]
+    run_on(cluster, todo, do, Listener(started, record.ends.append))
+    ends = record.by_id()
+    assert {end.task.id: end.value for end in ends.values()} == {f"{k}": k for k in range(30)}
+    assert max(end.attempts for end in ends.values()) <= 3
+
+
+def test_what_one_case_makes_for_others_is_made_once_at_a_time_and_first(cluster: Cluster) -> None:
+    record = Record()
+    todo = [Task(f"{group}{k}", work_of("sleep", s=0.05), 60, shares=group) for group in "abc" for k in range(3)]
+    running: dict[str, str] = {}
+    ended: set[str] = set()
+
+    def started(task: Task, number: int) -> None:
+        assert task.shares in ended or task.shares not in running.values()
+        running[task.id] = task.shares or ""
+        record.starts.append((task.id, number))
+
+    def end(ended_task: Ended) -> None:
+        ended.add(running.pop(ended_task.task.id))
+        record.ends.append(ended_task)
+
+    run_on(cluster, todo, do, Listener(started, end))
+    assert len(record.by_id()) == 9
+    assert [name for name, _ in record.starts][:3] == ["a0", "b0", "c0"]
+
+
+@pytest.mark.parametrize("here", [True, False])
+def test_a_full_disk_ends_the_run_with_one_sentence(cluster: Cluster, here: bool) -> None:
+    record = Record()
+    todo = [*squares(2), Task("full", work_of("full"), 60), Task("never", work_of("sleep", s=30), 60)]
+    said = r"^/full/disk: cannot be written \(No space left on device\); .*--resume"
+    run = run_here if here else partial(run_on, cluster)
+    with pytest.raises(OutOfSpaceError, match=said):
+        run(todo, do, record.listener())
+    assert "never" not in {end.task.id for end in record.ends}
+
+
+def test_in_this_process_tasks_run_in_order_and_failures_are_noted() -> None:
+    record = Record()
+    run_here(
+        [Task("raises", work_of("raise"), 1), *squares(3), Task("pid", work_of("where"), 1)], do, record.listener()
+    )
+    assert [end.task.id for end in record.ends] == ["raises", "square-0", "square-1", "square-2", "pid"]
+    assert record.ends[0].status == "failed" and record.ends[-1].value[0] == os.getpid()
+
+
+def test_what_a_listener_raises_ends_the_run_and_frees_the_workers(cluster: Cluster) -> None:
+    def refuse(end: Ended) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_on(cluster, [*squares(1), Task("long", work_of("sleep", s=0.5), 60)], do, Listener(ended=refuse))
+    time.sleep(0.6)
+    record = Record()
+    run_on(cluster, squares(4), do, record.listener())
+    assert len(record.by_id()) == 4
+
+
+def test_a_scheduler_elsewhere_is_used_and_its_workers_with_the_resources_alone(cluster: Cluster) -> None:
+    address = cluster.client.scheduler.address
+    with open_cluster(scheduler=address) as elsewhere:
+        record = Record()
+        run_on(elsewhere, squares(4), do, record.listener())
+        assert len(record.by_id()) == 4
+    with open_cluster(scheduler=address, resources={"GPU": 1.0}) as choosy:
+        assert choosy.workers() == {}
+
+
+def test_bad_places_are_told_in_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("twin.suites.cluster._CONNECT_S", 0.2)
+    with pytest.raises(InputError, match=r"^--scheduler tcp://127.0.0.1:9: nobody answers there"):
+        open_cluster(scheduler="tcp://127.0.0.1:9").__enter__()
+    with pytest.raises(InputError, match=r"^--scheduler nonsense://x: nobody answers there"):
+        open_cluster(scheduler="nonsense://x").__enter__()
+    for text in ("GPU", "GPU=x", "=1", "GPU=0", "GPU=nan"):
+        with pytest.raises(InputError, match=r"^--resource .*: is no resource; NAME=N"):
+            read_resources([text])
+    assert read_resources(["GPU=1", "lidar=2"]) == {"GPU": 1.0, "lidar": 2.0}

@@ -1,0 +1,294 @@
+"""A suite from its file to its results, its gate and its exit codes, with cases made up in place of recordings."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from synthetic_cases import result_of
+from typer.testing import CliRunner
+
+from trackers.errors import InputError
+from twin.suites import run as suite_run
+from twin.suites import store as suite_store
+from twin.suites.cache import RecordingCache
+from twin.suites.command import app
+from twin.suites.description import load_suite
+from twin.suites.run import Place, run_suite
+from twin.suites.store import read_store
+
+SUITE = """
+name: made-up
+description: Cases that cost nothing.
+seeds: 4
+trackers: [laser-imm, laser-kalman]
+limit_s: 20
+scenarios:
+  - scenario: lab-five-people
+    name: plain
+    set: {duration_s: 2}
+  - scenario: lab-five-people
+    name: shirts
+    grid: {people.white.shirt: [red, blue]}
+"""
+N_CASE = 3 * 4 * 2
+
+
+@pytest.fixture
+def suite(tmp_path: Path) -> Path:
+    path = tmp_path / "made-up.yaml"
+    path.write_text(SUITE)
+    return path
+
+
+@pytest.fixture(autouse=True)
+def _cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROOMTWIN_CACHE", str(tmp_path / "cache"))
+
+
+def run_made_up(suite: Path, folder: Path, jobs: int = 1, **more: object) -> None:
+    loaded, path = load_suite(suite)
+    cache = RecordingCache(folder.parent / "cache", 10**6)
+    run_suite(loaded, path, folder, cache, Place(jobs=jobs), function=result_of, **more)
+
+
+def rows(folder: Path, query: str) -> list[tuple]:
+    with sqlite3.connect(folder / "results.sqlite") as connection:
+        return connection.execute(query).fetchall()
+
+
+def assert_whole(folder: Path) -> None:
+    """Every case done, every figure there, none twice."""
+    assert rows(folder, "SELECT status, COUNT(*) FROM cases GROUP BY status") == [("done", N_CASE)]
+    per_case = rows(folder, "SELECT case_id, COUNT(*), COUNT(DISTINCT metric) FROM results GROUP BY case_id")
+    assert len(per_case) == N_CASE and {(n, distinct) for _, n, distinct in per_case} == {(9, 9)}
+    assert rows(folder, "SELECT COUNT(*) FROM moments") == [(N_CASE,)]
+    assert len(list((folder / "cases").glob("*/report.html"))) == N_CASE
+
+
+def command(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> tuple[int, str, BaseException | None]:
+    """Exit code, output and error of `twin suite ...` with made-up cases, in this process."""
+    monkeypatch.setattr(suite_run, "run_case", result_of)
+    done = CliRunner().invoke(app, list(arguments))
+    error = done.exception if not isinstance(done.exception, SystemExit) else None
+    return done.exit_code, done.output, error
+
+
+def test_results_are_rows_that_anybody_can_read(suite: Path, tmp_path: Path) -> None:
+    run_made_up(suite, tmp_path / "out")
+    assert_whole(tmp_path / "out")
+    columns = [row[1] for row in rows(tmp_path / "out", "PRAGMA table_info(cases)")]
+    assert columns == ["case_id", "status", "attempts", "seconds", "error"]
+    columns = [row[1] for row in rows(tmp_path / "out", "PRAGMA table_info(results)")]
+    assert columns == ["case_id", "scenario", "seed", "overrides", "tracker", "metric", "value"]
+    found = rows(
+        tmp_path / "out",
+        "SELECT overrides, value FROM results WHERE scenario = 'shirts' AND seed = 2 AND tracker = 'laser-imm' "
+        "AND metric = 'motp_m' ORDER BY overrides",
+    )
+    assert found == [('["people.white.shirt=\\"blue\\""]', 0.062), ('["people.white.shirt=\\"red\\""]', 0.062)]
+    assert rows(tmp_path / "out", "SELECT DISTINCT value FROM results WHERE metric = 'head_error_m.x'") == [(None,)]
+
+
+def test_workers_give_the_same_results_as_this_process(suite: Path, tmp_path: Path) -> None:
+    run_made_up(suite, tmp_path / "here")
+    run_made_up(suite, tmp_path / "there", jobs=2)
+    query = "SELECT * FROM results ORDER BY case_id, metric"
+    assert rows(tmp_path / "here", query) == rows(tmp_path / "there", query)
+    assert not list((tmp_path / "there" / "logs").iterdir())
+
+
+def test_a_run_killed_in_the_middle_is_resumed_and_nothing_is_done_twice(suite: Path, tmp_path: Path) -> None:
+    code = (
+        "import sys; sys.path.insert(0, sys.argv[3])\n"
+        "from pathlib import Path\n"
+        "from synthetic_cases import result_of\n"
+        "from twin.suites.cache import RecordingCache\n"
+        "from twin.suites.description import load_suite\n"
+        "from twin.suites.run import Place, run_suite\n"
+        "if __name__ == '__main__':\n"
+        "    suite, path = load_suite(sys.argv[1])\n"
+        "    run_suite(suite, path, Path(sys.argv[2]), RecordingCache(Path(sys.argv[2]) / 'c', 1), Place(jobs=2), "
+        "function=result_of)\n"
+    )
+    script = tmp_path / "run_it.py"
+    script.write_text(code)
+    folder = tmp_path / "out"
+    arguments = [sys.executable, str(script), str(suite), str(folder), str(Path(__file__).parent)]
+    process = subprocess.Popen(arguments, env={**os.environ, "SYNTHETIC_CASE_S": "0.3"}, stderr=subprocess.DEVNULL)
+    done_before = 0
+    while done_before < 3:
+        assert process.poll() is None
+        time.sleep(0.1)
+        if (folder / "results.sqlite").exists():
+            with read_store(folder) as store:
+                done_before = sum(case.status == "done" for case in store.cases())
+    with pytest.raises(InputError, match=r"^--out .*: process \d+ on .* is writing there at this moment"):
+        run_made_up(suite, folder, resume=True)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    killed = dict(rows(folder, "SELECT case_id, seconds FROM cases WHERE status = 'done'"))
+    assert done_before <= len(killed) < N_CASE
+    with pytest.raises(InputError, match=r"holds the results of an earlier run; --resume"):
+        run_made_up(suite, folder)
+    run_made_up(suite, folder, resume=True)
+    assert_whole(folder)
+    after = dict(rows(folder, "SELECT case_id, seconds FROM cases"))
+    assert {case_id: after[case_id] for case_id in killed} == killed
+
+
+def test_a_disk_that_is_full_ends_the_run_and_what_was_done_stays(
+    suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    connected = suite_store._connected
+
+    @contextmanager
+    def small_disk(path: Path):
+        with connected(path) as connection:
+            pages = connection.execute("PRAGMA page_count").fetchone()[0]
+            connection.execute(f"PRAGMA max_page_count = {max(pages, 16) + 4}")
+            yield connection
+
+    folder = tmp_path / "out"
+    with monkeypatch.context() as patch:
+        patch.setattr(suite_store, "_connected", small_disk)
+        with pytest.raises(
+            InputError, match=r"results.sqlite: cannot be written \(database or disk is full\); .*--resume"
+        ):
+            run_made_up(suite, folder)
+    done = rows(folder, "SELECT COUNT(*) FROM cases WHERE status = 'done'")[0][0]
+    assert 0 < done < N_CASE
+    run_made_up(suite, folder, resume=True)
+    assert_whole(folder)
+
+
+def test_results_of_two_suites_or_two_states_of_the_code_never_mix(
+    suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "out"
+    run_made_up(suite, folder)
+    run_made_up(suite, folder, resume=True)
+    with pytest.raises(InputError, match=r"was run with --set \[\]; the same"):
+        run_made_up(suite, folder, resume=True, changes=["duration_s=1"])
+    with monkeypatch.context() as patch:
+        patch.setattr(suite_run, "whole_code", lambda: "other")
+        with pytest.raises(InputError, match=r"was made by other code, and results of two versions must not mix"):
+            run_made_up(suite, folder, resume=True)
+    suite.write_text(SUITE.replace("seeds: 4", "seeds: 3"))
+    with pytest.raises(InputError, match=r"holds the suite 'made-up' with other cases"):
+        run_made_up(suite, folder, resume=True)
+
+
+def test_the_gate_passes_then_fails_and_says_where_to_look(
+    suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    baseline = str(tmp_path / "baseline.json")
+    common = ["run", str(suite), "--jobs", "1", "--baseline", baseline]
+    code, text, _ = command(monkeypatch, *common, "--out", str(tmp_path / "a"), "--update-baseline")
+    assert code == 0 and "baseline.json" in text
+    content = json.loads(Path(baseline).read_text())
+    assert content["versions"]["mujoco"] and content["renderers"] == []
+    code, text, _ = command(monkeypatch, *common, "--out", str(tmp_path / "b"))
+    assert code == 0 and "nothing got worse: 18 figures compared" in text
+    monkeypatch.setenv("SYNTHETIC_WORSE_M", "0.02")
+    code, text, _ = command(monkeypatch, *common, "--out", str(tmp_path / "c"))
+    assert code == 1 and "6 figures got worse" in text and "+0.020 m" in text
+    look = re.search(r"look at (\S+report.html) at ([\d.]+) s \(blue → white\)", text)
+    assert look is not None and Path(look[1]).is_file()
+    summary = json.loads((tmp_path / "c" / "summary.json").read_text())
+    assert {row["metric"] for row in summary["comparison"]["worse"]} == {"motp_m"}
+    assert summary["cases"] == {"total": N_CASE, "done": N_CASE, "failed": 0, "unfinished": 0}
+    junit = ElementTree.parse(tmp_path / "c" / "junit.xml").getroot()
+    assert [(each.get("tests"), each.get("failures"), each.get("errors")) for each in junit] == [
+        (str(N_CASE), "0", "0"),
+        ("6", "6", "0"),
+    ]
+    assert junit.find(".//failure") is not None and "MOTP 0.0" in (junit.find(".//failure").text or "")
+    page = (tmp_path / "c" / "report.html").read_text()
+    assert "6 of 18 figures got worse" in page and "<svg" in page and "nan" not in page
+    assert "http://" not in page and "https://" not in page
+    code, text, _ = command(monkeypatch, "show", str(tmp_path / "c"))
+    assert code == 0 and "6 figures got worse" in text
+    page = tmp_path / "compare.html"
+    code, text, _ = command(monkeypatch, "compare", baseline, str(tmp_path / "c"), "--out", str(page))
+    assert code == 1 and page.is_file()
+    code, text, _ = command(monkeypatch, "compare", str(tmp_path / "c"), str(tmp_path / "b"))
+    assert code == 0 and "6 figures got better" in text
+
+
+def test_a_case_that_fails_is_exit_1_in_every_report_and_the_rest_is_there(
+    suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SYNTHETIC_FAULT", "raise")
+    folder, baseline = tmp_path / "out", tmp_path / "baseline.json"
+    arguments = ["run", str(suite), "--jobs", "1", "--out", str(folder)]
+    code, text, error = command(monkeypatch, *arguments, "--baseline", str(baseline), "--update-baseline")
+    assert code == 1 and error is None and not baseline.exists()
+    assert rows(folder, "SELECT status, COUNT(*) FROM cases GROUP BY status") == [("done", 12), ("failed", 12)]
+    assert "RuntimeError: nothing works today" in rows(folder, "SELECT error FROM cases WHERE error IS NOT NULL")[0][0]
+    assert text.count("failed after 1 attempts: ") == 12
+    junit = ElementTree.parse(folder / "junit.xml").getroot()
+    assert junit[0].get("errors") == "12" and "nothing works today" in (junit.findall(".//error")[0].text or "")
+    assert "What failed" in (folder / "report.html").read_text()
+    monkeypatch.delenv("SYNTHETIC_FAULT")
+    code, _, _ = command(monkeypatch, *arguments, "--resume")
+    assert code == 0
+    assert_whole(folder)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["run", "no-such"], r"^there is no suite 'no-such'; .*valid are .*smoke"),
+        (["run", "smoke", "--jobs", "2", "--scheduler", "tcp://x:1"], r"^--jobs 2 --scheduler tcp://x:1: "),
+        (["run", "smoke", "--update-baseline"], r"^--update-baseline: .*--baseline FILE is expected"),
+        (["run", "smoke", "--baseline", "none.json"], r"^none.json: cannot be read \(No such file"),
+        (["run", "smoke", "--set", "durations=3"], r"durations: unknown key; did you mean 'duration_s'"),
+        (["show", "nowhere"], r"^nowhere: has no results.sqlite; a folder that `twin suite run` has written"),
+        (["compare", "nowhere", "here"], r"^nowhere: has no results.sqlite"),
+    ],
+)
+def test_bad_input_is_told_in_one_sentence(
+    arguments: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    _, _, error = command(monkeypatch, *arguments)
+    assert isinstance(error, InputError) and re.search(said, str(error)), error
+    assert not (tmp_path / "out").exists()
+
+
+def test_files_that_are_no_baseline_and_no_results_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bad = tmp_path / "bad.json"
+    for text, said in (
+        ("{", r"bad.json, line 1: is not JSON"),
+        ('{"suite": 1}', r"bad.json: suite: .*\n.*bad.json: versions"),
+    ):
+        bad.write_text(text)
+        _, _, error = command(monkeypatch, "compare", str(bad), str(bad))
+        assert isinstance(error, InputError) and re.search(said, str(error)), error
+    (tmp_path / "results.sqlite").write_text("no database at all, but long enough to be looked at" * 20)
+    _, _, error = command(monkeypatch, "show", str(tmp_path))
+    assert isinstance(error, InputError) and "is no file of results" in str(error)
+
+
+def test_the_cache_command_says_how_much_and_empties(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    entry = tmp_path / "cache" / "recordings" / "0123"
+    entry.mkdir(parents=True)
+    (entry / "recording.mcap").write_bytes(b"x" * 5_000_000)
+    code, text, _ = command(monkeypatch, "cache")
+    assert code == 0 and "1 recordings, 0.01 GB of at most 20 GB" in text
+    code, text, _ = command(monkeypatch, "cache", "--empty")
+    assert code == 0 and "1 recordings removed" in text and not entry.exists()
+    monkeypatch.setenv("ROOMTWIN_CACHE_GB", "plenty")
+    _, _, error = command(monkeypatch, "cache")
+    assert isinstance(error, InputError) and str(error).startswith("ROOMTWIN_CACHE_GB=plenty: is no size")

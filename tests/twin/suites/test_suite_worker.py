@@ -1,0 +1,77 @@
+"""A case as it is recorded, kept, tracked and evaluated, beside a plain run of the same."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from trackers.errors import InputError
+from twin.run import run_scenario
+from twin.scenario import load_scenario
+from twin.suites import worker
+from twin.suites.cache import RecordingCache
+from twin.suites.cases import Case, expand
+from twin.suites.description import load_suite
+from twin.suites.figures import flat
+from twin.suites.fingerprint import whole_code
+from twin.suites.strips import StripWork, draw_strip
+from twin.suites.worker import CaseWork, run_case
+
+SUITE = """
+name: short
+seeds: [3]
+trackers: [laser-fisheye-imm, laser-imm]
+scenarios:
+  - scenario: lab-five-people
+    set: {duration_s: 3, trackers.laser-imm: {measurement_variance_m2: 0.02}}
+"""
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> RecordingCache:
+    return RecordingCache(tmp_path_factory.mktemp("cache"), 10**9)
+
+
+@pytest.fixture(scope="module")
+def cases(tmp_path_factory: pytest.TempPathFactory) -> list[Case]:
+    path = tmp_path_factory.mktemp("suite") / "short.yaml"
+    path.write_text(SUITE)
+    return expand(*load_suite(path))
+
+
+def without_cost(metrics: dict) -> dict:
+    return {name: value for name, value in flat(metrics).items() if not name.startswith("ms_per_frame")}
+
+
+def test_a_case_has_the_figures_of_a_run_and_the_second_tracker_renders_nothing(
+    cases: list[Case], cache: RecordingCache, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scenario = load_scenario("lab-five-people", [*cases[0].overrides, "seed=3"])
+    document = run_scenario(scenario, trackers=[case.tracker for case in cases], out=tmp_path, video=False).metrics
+    assert document is not None
+    first = run_case(CaseWork(cases[0], cache, whole_code()))
+    assert first.recorded and "OpenGL" in first.renderer
+    monkeypatch.setattr(worker, "run_scenario", None)  # whoever records now fails
+    second = run_case(CaseWork(cases[1], cache, whole_code()))
+    assert not second.recorded
+    for case, result in zip(cases, (first, second), strict=True):
+        assert without_cost(result.metrics) == without_cost(document["trackers"][case.tracker])
+        assert set(result.files) == {"report.html", "metrics.json", f"tracks/{case.tracker}.csv"}
+        assert result.moments[0].kind == "worst" and 1.0 <= result.moments[0].t_s <= 3.0
+
+
+def test_the_worst_moment_is_drawn(cases: list[Case], cache: RecordingCache) -> None:
+    jpeg = draw_strip(StripWork(cases[1], cache, 1.2))
+    picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    assert picture is not None and picture.shape == (360, 3 * 720, 3)
+    thirds = np.split(picture.astype(int), 3, axis=1)
+    assert all(np.abs(one - other).mean() > 1 for one, other in pairwise(thirds))
+
+
+def test_a_worker_with_other_code_refuses(cases: list[Case], cache: RecordingCache) -> None:
+    with pytest.raises(InputError, match=r"the worker's code is not that of the suite's process"):
+        run_case(CaseWork(cases[0], cache, "0123"))

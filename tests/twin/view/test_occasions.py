@@ -1,0 +1,107 @@
+"""What people do in a run, and when it is seen best."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from trackers.configuration import validate
+from twin.scenario import Scenario, load_scenario
+from twin.scene import build_scene, populate
+from twin.view.occasions import BACKWARDS, SIDEWAYS, Occasion, occasions
+
+SCANNER = {"low": {"kind": "laser", "rate_hz": 10, "mount": {"xyz": [0, 0, 0.4]}}}
+EVERYTHING = {
+    "wanders", "stands", "walks", "turns", "sits", "lies", "bends", "reaches", "looks", "follows", "meets", "leaves",
+    SIDEWAYS, BACKWARDS,
+}  # fmt: skip
+
+
+def found(scenario: Scenario) -> list[Occasion]:
+    return occasions(populate(scenario, build_scene(scenario)), scenario.duration_s)
+
+
+@pytest.fixture(scope="module")
+def everyday() -> list[Occasion]:
+    return found(load_scenario("everyday"))
+
+
+def one(script, seconds: float = 8.0) -> dict[str, float]:
+    people = {"anna": {"start": [0.0, 0.0], "heading_deg": 0, "script": script}}
+    content = {"name": "one", "room": "sensing_room", "people": people, "sensors": SCANNER, "duration_s": seconds}
+    return {each.verb: each.t for each in found(validate(Scenario, content, "test"))}
+
+
+def test_the_everyday_people_do_everything_but_run(everyday):
+    assert {each.verb for each in everyday} == EVERYTHING
+
+
+def test_the_runners_run():
+    runs = [each.person for each in found(load_scenario("plaza-runners")) if each.verb == "runs"]
+    assert runs == ["gina", "hugo"]
+
+
+def test_occasions_come_by_person_in_order_of_time(everyday):
+    assert [each.person for each in everyday] == sorted(each.person for each in everyday)
+    for name in {each.person for each in everyday}:
+        times = [each.t for each in everyday if each.person == name]
+        assert times == sorted(times)
+    assert len({(each.person, each.verb) for each in everyday}) == len(everyday)
+
+
+def test_a_posture_is_shown_when_it_is_reached():
+    scenario = load_scenario("everyday")
+    world = populate(scenario, build_scene(scenario))
+    sits = next(each for each in found(scenario) if each.person == "anna" and each.verb == "sits")
+    world.advance(sits.t)
+    truth = world.truth(sits.t)
+    place = world.names.index("anna")
+    assert truth.present[place] and truth.z[place] < 0.65
+    assert world.doing[place] == "sit"
+
+
+def test_the_moment_is_in_the_middle():
+    stands = one([{"kind": "stand", "for_s": 4}, {"kind": "walk", "waypoints": [[1.0, -0.6]]}])
+    assert stands["stands"] == pytest.approx(2.0, abs=1.5)
+    assert 4.0 < stands["walks"] < 6.0
+
+
+def test_steps_sideways_and_backwards_are_told_apart():
+    sideways = one({"kind": "walk", "waypoints": [[0.0, -1.0]], "speed_m_s": 0.6, "face": [3.0, -0.5]}, 4.0)
+    backwards = one({"kind": "walk", "waypoints": [[-1.2, 0.0]], "speed_m_s": 0.6, "face": [3.0, 0.0]}, 4.0)
+    assert SIDEWAYS in sideways and "walks" not in sideways
+    assert BACKWARDS in backwards and "walks" not in backwards
+
+
+def test_a_label_says_who_what_and_when():
+    assert str(Occasion("anna", "sits", 12.34)) == "anna sits, 12.3 s"
+
+
+def test_the_shipped_people_do_not_pass_through_anything():
+    from twin.penetration import count_penetrations
+    from twin.world import World
+
+    for name, step in (("everyday", 0.2), ("plaza-runners", 0.2)):
+        scenario = load_scenario(name)
+        world = World(scenario)
+        used = {
+            world.scene.ids[person]: {
+                geom
+                for action in described.script
+                if (thing := getattr(action, "seat", None) or getattr(action, "bed", None))
+                for geom in world.scene.ground.furniture[thing].geoms
+            }
+            for person, described in scenario.people.items()
+        }
+        count = count_penetrations(world, np.arange(0.0, scenario.duration_s, step), lambda t, used=used: used)
+        assert count.with_overlap == 0, f"{name}: {count}"
+
+
+def test_at_most_four_are_in_the_everyday_room_at_once():
+    scenario = load_scenario("everyday")
+    population = populate(scenario, build_scene(scenario))
+    most = 0
+    for t in np.arange(0.0, scenario.duration_s, 0.5).tolist():
+        population.advance(t)
+        most = max(most, int(population.present(t).sum()))
+    assert most <= 4

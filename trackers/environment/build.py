@@ -1,0 +1,169 @@
+"""From a point cloud to an environment: what a scanner saw becomes walls, furniture and free space."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+from scipy import ndimage
+
+from trackers.configuration import Strict
+from trackers.environment.cloud import PointCloud
+from trackers.environment.grid import FREE, OCCUPIED, UNKNOWN, Grid, count_rays
+from trackers.environment.model import Environment
+from trackers.environment.planes import find_ceiling, find_floor, find_walls
+from trackers.errors import InputError
+
+Array = NDArray[np.float64]
+
+_FEWEST_POINTS = 1000
+_MOST_VOXELS = 200_000_000
+_STRAY = 0.0005
+"""This share of the points may lie beyond the grid on each side: seen through a door, say."""
+_BORDER_VOXELS = 3
+_SURFACE_M = 0.025
+"""What a column's top is averaged over, down from its highest point [m]: the noise of a level surface."""
+_CLOSED_VOXELS = (3, 3)
+"""Gaps in the tops of things that hold no such block of columns are closed."""
+_ON_THE_FLOOR_M = 0.04
+"""What rises less above the floor is the floor [m]."""
+
+
+class EnvironmentOptions(Strict):
+    """How finely space is divided, and what counts as something being there."""
+
+    voxel_m: float = Field(default=0.05, ge=0.01, le=0.5, description="side of a voxel [m]")
+    height_m: float = Field(default=3.0, ge=2.2, le=30, description="the grid reaches this high above the floor [m]")
+    furniture_m: float = Field(
+        default=2.2, gt=0, le=30, description="what is higher above the floor is no furniture but hangs there [m]"
+    )
+    hit_share: float = Field(
+        default=0.15,
+        gt=0,
+        lt=1,
+        description="a voxel is occupied if this share of the rays that came to it ended there",
+    )
+
+
+def build_environment(
+    cloud: PointCloud,
+    *,
+    room: str = "",
+    area: Array | None = None,
+    options: EnvironmentOptions | None = None,
+) -> Environment:
+    """The environment in a point cloud of the empty room.
+
+    `room` names it and `area` (k, 2) [m] is the tracked area at the time; both are kept for `Environment.check`.
+
+    A voxel is occupied where enough of the rays that came to it ended in it, more than one did, and something is next
+    to it; free where rays passed; unknown where none came: inside and behind furniture, outside the walls. All that guards
+    against the points that beams on an edge put between two surfaces; rays that graze a surface do not free it either.
+    Raises InputError for a cloud too small for a room and voxels too small for memory.
+    """
+    options = options or EnvironmentOptions()
+    points = cloud.points_m
+    if len(points) < _FEWEST_POINTS:
+        raise InputError(
+            f"point cloud: {len(points)} points are too few for a room; at least {_FEWEST_POINTS} are expected"
+        )
+    floor_m = find_floor(points[:, 2])
+    ceiling_m = find_ceiling(points[:, 2], floor_m)
+    walls_m = find_walls(points, floor_m, ceiling_m)
+    grid = _grid(cloud, floor_m, ceiling_m, options)
+    hits, passes = count_rays(cloud, grid)
+    occupied = hits >= np.maximum(options.hit_share * (hits + passes), 1)
+    occupied &= (hits > 1) | (passes == 0)
+    occupied &= (passes == 0) | _has_neighbours(occupied, grid)
+    state = np.full(grid.size, UNKNOWN, dtype=np.uint8)
+    state[passes > 0] = FREE
+    state[occupied] = OCCUPIED
+    state = state.reshape(grid.shape)
+    return Environment(
+        room=room,
+        area_m=np.empty((0, 2)) if area is None else np.array(area, dtype=float),
+        stations_m=np.array(cloud.origins_m, dtype=float),
+        grid=grid,
+        state=state,
+        surface_m=_surface(points, grid, occupied),
+        top_m=_tops(points, grid, state, floor_m, options.furniture_m),
+        floor_m=floor_m,
+        ceiling_m=ceiling_m,
+        walls_m=walls_m,
+    )
+
+
+def _grid(cloud: PointCloud, floor_m: float, ceiling_m: float, options: EnvironmentOptions) -> Grid:
+    """The grid about the room; the floor lies in the middle of a layer, so that its noise stays in that."""
+    voxel = options.voxel_m
+    low, high = np.quantile(cloud.points_m[:, :2], (_STRAY, 1 - _STRAY), axis=0)
+    low = np.minimum(low, cloud.origins_m[:, :2].min(axis=0)) - _BORDER_VOXELS * voxel
+    high = np.maximum(high, cloud.origins_m[:, :2].max(axis=0)) + _BORDER_VOXELS * voxel
+    top = floor_m + options.height_m
+    top = top if np.isnan(ceiling_m) else min(top, ceiling_m + 1.5 * voxel)
+    bottom = floor_m - 1.5 * voxel
+    lowest, highest = cloud.origins_m[:, 2].min(), cloud.origins_m[:, 2].max()
+    if not floor_m < lowest <= highest < top:
+        raise InputError(
+            f"point cloud: stations stand {lowest - floor_m:.2f} to {highest - floor_m:.2f} m above the floor that was "
+            f"found at {floor_m:.2f} m; places above the floor and below {top - floor_m:.2f} m are expected"
+        )
+    extent = np.array([*(high - low), top - bottom])
+    shape = np.ceil(extent / voxel - 1e-9).astype(int)
+    if shape.astype(float).prod() > _MOST_VOXELS:
+        raise InputError(
+            f"voxel_m: {voxel:g} m divides {extent[0]:.0f} x {extent[1]:.0f} x {extent[2]:.0f} m into too many voxels; "
+            f"{(extent.prod() / _MOST_VOXELS) ** (1 / 3):.3f} m or more is expected"
+        )
+    return Grid(np.array([*low, bottom]), voxel, (int(shape[0]), int(shape[1]), int(shape[2])))
+
+
+def _has_neighbours(occupied: NDArray[np.bool_], grid: Grid) -> NDArray[np.bool_]:
+    """Whether any of the 26 voxels around each is occupied, (size,)."""
+    block = occupied.reshape(grid.shape).astype(np.uint8)
+    for axis in range(3):
+        block = ndimage.correlate1d(block, np.ones(3), axis=axis, mode="constant", output=np.uint8)
+    return block.ravel() > occupied
+
+
+def _surface(points: Array, grid: Grid, occupied: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """The mean (m, 3) [m] of the points in each occupied voxel, in their order."""
+    flat, inside = grid.flat(points)
+    kept = inside & occupied[flat]
+    row = np.cumsum(occupied)[flat[kept]] - 1
+    count = int(occupied.sum())
+    sums = [np.bincount(row, points[kept, axis], count) for axis in range(3)]
+    return (np.stack(sums, axis=-1) / np.bincount(row, minlength=count)[:, None]).astype(np.float32)
+
+
+def _tops(
+    points: Array, grid: Grid, state: NDArray[np.uint8], floor_m: float, furniture_m: float
+) -> NDArray[np.float32]:
+    """Height (nx, ny) [m] of what stands in each column; the floor's where nothing does; NaN where neither was seen.
+
+    Gaps that are at most two columns wide take the height of what is about them.
+    """
+    layer_m = grid.origin_m[2] + grid.voxel_m * np.arange(grid.shape[2])  # lower edges
+    floor_layer = int(np.searchsorted(layer_m, floor_m, side="right")) - 1
+    stands = (np.arange(grid.shape[2]) > floor_layer) & (layer_m < floor_m + furniture_m)
+    # What is flatter than half a voxel, a book or a rug, lies in the floor's own layer.
+    stands[floor_layer] = True
+    occupied = (state == OCCUPIED) & stands
+    highest = grid.shape[2] - 1 - np.argmax(occupied[..., ::-1], axis=2)
+    known = occupied.any(axis=2).ravel()
+    highest = np.where(known, highest.ravel(), -1)
+    flat, inside = grid.flat(points)
+    column, layer = flat // grid.shape[2], flat % grid.shape[2]
+    in_top = inside & (layer == highest[column])
+    peak = np.full(known.size, -np.inf)
+    np.maximum.at(peak, column[in_top], points[in_top, 2])
+    near = inside & (points[:, 2] <= peak[column]) & (points[:, 2] > peak[column] - _SURFACE_M)
+    counts = np.maximum(np.bincount(column[near], minlength=known.size), 1)
+    top = np.bincount(column[near], points[near, 2], known.size) / counts
+    open_floor = (state[..., floor_layer : floor_layer + 2] == FREE).any(axis=2).ravel()
+    top = np.where(known, top, np.where(open_floor, floor_m, np.nan))
+    top = np.where(top < floor_m + _ON_THE_FLOOR_M, floor_m, top).reshape(grid.shape[:2])
+    # Rays on a table come in rows as far apart as they are flat: what lies between two rows is table.
+    deep = floor_m - 1
+    closed = ndimage.grey_closing(np.nan_to_num(top, nan=deep), size=_CLOSED_VOXELS, mode="nearest")
+    return np.where(closed > deep, closed, np.nan).astype(np.float32)

@@ -1,0 +1,108 @@
+"""A grid of voxels in the room, and what the rays of a scan say about each: met, passed, or neither."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.environment.cloud import PointCloud
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+UNKNOWN, FREE, OCCUPIED = 0, 1, 2
+"""What is known of a voxel: no ray came there; rays passed through; something is there."""
+
+_SHORT_OF_END = 1.0
+"""A ray frees nothing within this many voxels of where it ends: its range has noise, and surfaces are met aslant."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Cubes of side `voxel_m`, `shape` (nx, ny, nz) of them, from the corner `origin_m` (3,) [m] of the room frame."""
+
+    origin_m: Array
+    voxel_m: float
+    shape: tuple[int, int, int]
+
+    @property
+    def size(self) -> int:
+        """How many voxels there are."""
+        return self.shape[0] * self.shape[1] * self.shape[2]
+
+    @property
+    def upper_m(self) -> Array:
+        """The corner opposite to the origin, (3,) [m]."""
+        return self.origin_m + self.voxel_m * np.array(self.shape)
+
+    def flat(self, points: Array) -> tuple[Index, NDArray[np.bool_]]:
+        """Flat index of the voxel of each point (n, 3) [m] (0 for those outside), and which points are inside, (n,).
+
+        Raises ValueError for coordinates that are not finite.
+        """
+        cell, inside = self._cells(points)
+        return (cell[0] * self.shape[1] + cell[1]) * self.shape[2] + cell[2], inside
+
+    def column(self, points: Array) -> tuple[Index, NDArray[np.bool_]]:
+        """Flat index of the column of voxels over each place (n, 2 or 3) [m] (0 outside), and which are inside, (n,)."""
+        cell, inside = self._cells(points[:, :2])
+        return cell[0] * self.shape[1] + cell[1], inside
+
+    def _cells(self, points: Array) -> tuple[Index, NDArray[np.bool_]]:
+        """Index of the cell along each axis (d, n) of points (n, d), 0 outside, and which are inside, (n,)."""
+        axes = points.shape[1]
+        # An axis a row: numpy is several times faster along long rows.
+        place = (np.ascontiguousarray(points.T) - self.origin_m[:axes, None]) * (1 / self.voxel_m)
+        if not np.isfinite(place).all():
+            raise ValueError("points hold NaN or infinity; a place in the room is expected")
+        within = (place >= 0) & (place < np.array(self.shape[:axes])[:, None])
+        inside = np.logical_and.reduce(within, axis=0)
+        return np.where(inside, place, 0.0).astype(np.intp), inside
+
+    def centres(self, flat: Index) -> Array:
+        """Middles (n, 3) [m] of voxels given by flat index (n,)."""
+        return self.origin_m + self.voxel_m * (np.stack(np.unravel_index(flat, self.shape), axis=-1) + 0.5)
+
+
+def count_rays(cloud: PointCloud, grid: Grid) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+    """How many points lie in each voxel, and how many rays passed through it, each (size,).
+
+    A ray is looked at every voxel's length, so a voxel of which it only clips a corner may be missed, and none counts
+    twice for it but by rounding. The stations are in the grid.
+    """
+    hits = np.zeros(grid.size, dtype=np.uint32)
+    flat, inside = grid.flat(cloud.points_m)
+    np.add.at(hits, flat[inside], np.uint32(1))
+    passes = np.zeros(grid.size, dtype=np.uint32)
+    for station, origin in enumerate(cloud.origins_m):
+        _march(cloud.points_m[cloud.station == station], origin, grid, passes)
+    return hits, passes
+
+
+def _march(points: Array, origin: Array, grid: Grid, passes: NDArray[np.uint32]) -> None:
+    """Add one to every voxel on the way from the origin (3,) to each point (n, 3)."""
+    start = (origin - grid.origin_m) / grid.voxel_m  # all lengths in voxels
+    way = (points - origin) / grid.voxel_m
+    length = np.linalg.norm(way, axis=1)
+    way, length = way[length > 0], length[length > 0]
+    way /= length[:, None]
+    with np.errstate(divide="ignore"):
+        leaves = np.where(way > 0, grid.shape - start, -start) / way  # nan where way is 0 and start too
+    leaves = np.where(way == 0, np.inf, leaves).min(axis=1) - 1e-3
+    length = np.minimum(length - _SHORT_OF_END, leaves)
+    order = np.argsort(-length, kind="stable")  # so that the rays still under way are always the first ones
+    way, length = way[order].astype(np.float32), length[order]
+    x, y, z = np.ascontiguousarray(way.T)
+    x0, y0, z0 = start.astype(np.float32)
+    one = np.uint32(1)
+    for step in range(int(max(length[0], 0)) + 1 if len(length) else 0):
+        at = np.float32(step + 0.5)
+        count = int(np.searchsorted(-length, -at, side="left"))  # those longer than `at`
+        row = (x0 + at * x[:count]).astype(np.int32)
+        row *= grid.shape[1]
+        row += (y0 + at * y[:count]).astype(np.int32)
+        row *= grid.shape[2]
+        row += (z0 + at * z[:count]).astype(np.int32)
+        np.add.at(passes, row, one)

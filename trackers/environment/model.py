@@ -1,0 +1,244 @@
+"""The environment: what is known of a room's space, asked for many points at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
+
+from trackers.area import Area
+from trackers.environment.grid import FREE, OCCUPIED, UNKNOWN, Grid
+from trackers.environment.sight import leaps_between, sees
+from trackers.errors import InputError
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_KNOWN_SHARE = 0.8
+"""Of a tracked area, at least this share has to have been seen by the scanner; the rest may be behind furniture."""
+
+
+@dataclass(frozen=True, eq=False)
+class Environment:
+    """Walls, furniture and free space of a room, as a range scanner saw them; room frame, metres, z up.
+
+    `room` is the room's name ('' where nobody gave one), `area_m` (k, 2) the tracked area when it was scanned (empty:
+    none), `stations_m` (s, 3) from where. `state` (nx, ny, nz) holds UNKNOWN, FREE or OCCUPIED for each voxel of `grid`,
+    `surface_m` (m, 3) the mean of the points met in each occupied voxel, in C order. `top_m` (nx, ny) is the height of
+    what stands in each column of voxels: furniture, a wall up to `EnvironmentOptions.furniture_m`, else the floor; NaN
+    where neither was seen, gaps of up to two columns closed. `ceiling_m` is NaN where none was seen. `walls_m` (w, 2, 2)
+    are segments in plan, the room to the left of the way from first end to second; a wall goes on above its doors.
+    """
+
+    room: str
+    area_m: Array
+    stations_m: Array
+    grid: Grid
+    state: NDArray[np.uint8]
+    surface_m: NDArray[np.float32]
+    top_m: NDArray[np.float32]
+    floor_m: float
+    ceiling_m: float
+    walls_m: Array
+
+    def is_free(self, points: ArrayLike) -> Mask:
+        """Whether rays of the scan passed through the voxel of each point (n, 3), (n,): unknown space is not free."""
+        flat, inside = self.grid.flat(_points(points))
+        return inside & (self.state.ravel()[flat] == FREE)
+
+    def is_occupied(self, points: ArrayLike) -> Mask:
+        """Whether the scanner met something in the voxel of each point (n, 3), (n,)."""
+        flat, inside = self.grid.flat(_points(points))
+        return inside & (self.state.ravel()[flat] == OCCUPIED)
+
+    def distance_to_surface(self, points: ArrayLike) -> Array:
+        """Distance (n,) [m] from each point (n, 3) to the nearest thing that the scanner met; NaN outside the grid.
+
+        Interpolated between voxels: right to about half a voxel. Inside a piece of furniture it is the distance to the
+        face that was seen.
+        """
+        points = _points(points)
+        _, inside = self.grid.flat(points)
+        # Between the middles of voxels; beyond the outermost the value of those.
+        cell = (points - self.grid.origin_m) * (1 / self.grid.voxel_m) - 0.5
+        cell = np.clip(cell, 0, np.array(self.grid.shape) - 1)
+        low = np.minimum(cell.astype(np.intp), np.array(self.grid.shape) - 2)
+        share = (cell - low).astype(np.float32)
+        field, (_, ny, nz) = self._distance.ravel(), self.grid.shape
+        first = (low[:, 0] * ny + low[:, 1]) * nz + low[:, 2]
+        # eight corners: along z, then y, then x
+        corners = field[first[:, None] + np.array([0, 1, nz, nz + 1])]
+        beyond = field[first[:, None] + (ny * nz + np.array([0, 1, nz, nz + 1]))]
+        along_x = corners + (beyond - corners) * share[:, :1]  # (n, 4)
+        along_y = along_x[:, :2] + (along_x[:, 2:] - along_x[:, :2]) * share[:, 1:2]
+        value = along_y[:, 0] + (along_y[:, 1] - along_y[:, 0]) * share[:, 2]
+        return np.where(inside, value, np.nan)
+
+    def height_under(self, places: ArrayLike) -> Array:
+        """Height (n,) [m] of what stands at each place (n, 2 or 3): furniture's top, else the floor; NaN where unknown."""
+        places = np.asarray(places, dtype=float)
+        column, inside = self.grid.column(places)
+        return np.where(inside, self.top_m.ravel()[column], np.nan)
+
+    def head_possible(
+        self, points: ArrayLike, *, clearance_m: float = 0.1, body_m: float = 0.0, tallest_m: float = 2.1
+    ) -> Mask:
+        """Whether a head can be with its centre at each point (n, 3), (n,).
+
+        In free space, at least `clearance_m` from every surface, at most `tallest_m` above the floor; with `body_m` > 0,
+        nothing is in the way of a body that reaches straight down so far [m] (0.5 for people who sit or stand).
+        """
+        points = _points(points)
+        possible = self.is_free(points)
+        possible &= points[:, 2] <= self.floor_m + tallest_m
+        possible &= self.distance_to_surface(points) >= clearance_m
+        if body_m > 0:
+            steps = self.grid.voxel_m * np.arange(1, int(body_m / self.grid.voxel_m) + 1)
+            below = np.repeat(points[:, None], len(steps), axis=1)
+            below[..., 2] -= steps
+            possible &= ~self.is_occupied(below.reshape(-1, 3)).reshape(len(points), -1).any(axis=1)
+        return possible
+
+    def head_weight(
+        self,
+        points: ArrayLike,
+        *,
+        above_furniture: float = 0.5,
+        odd_height: float = 0.2,
+        low_m: float = 0.8,
+        high_m: float = 1.9,
+    ) -> Array:
+        """How likely a head is at each point (n, 3), (n,): the environment model of Suzuki et al. 2007, eq. 8.
+
+        0 outside the walls and inside things (their region A), `above_furniture` in the column above furniture (B),
+        `odd_height` lower than `low_m` or higher than `high_m` above the floor (C), 1 elsewhere; the least where regions
+        overlap. The three weights are the paper's; the two heights are ours, as it gives none. Ours too: free space in a
+        shelf or under a table gets `above_furniture`, and so does what stands over a floor that was not seen. What no ray
+        came to gets it too if free space is known below, as it is merely hidden; under a thing's top, or over nothing
+        free, it is the inside of that thing or of a wall.
+        """
+        points = _points(points)
+        flat, inside = self.grid.flat(points)
+        weight = self._weight_by_voxel(above_furniture)[flat] * inside
+        height = points[:, 2] - self.floor_m
+        odd = (height < low_m) | (height > high_m)
+        weight[odd] = np.minimum(weight[odd], odd_height)
+        weight[height <= 0] = 0.0  # the floor's own layer reaches half a voxel above it
+        return weight
+
+    def visible(self, origin: ArrayLike, points: ArrayLike) -> Mask:
+        """Whether nothing that the scanner met stands between the origin (3,) and each point (n, 3), (n,).
+
+        What is within 1.5 voxels of either end does not count: cameras hang on walls, heads come close to things. Unknown
+        space hides nothing. Beyond the grid nothing is known to stand in the way.
+        """
+        points, origin = _points(points), np.asarray(origin, dtype=float)
+        if origin.shape != (3,) or not np.isfinite(origin).all() or not np.isfinite(points).all():
+            raise ValueError(f"origin {origin}: one place (3,) and finite points are expected")
+        return sees(self._leaps, self.grid, origin, points)
+
+    def agreement(self, points: ArrayLike, within_m: float = 0.15) -> float:
+        """Share of measured points (n, 3) [m], of a scan of the empty room say, that lie at a known surface.
+
+        Near 1 where environment and sensors are of the same room and well calibrated. Points where no ray of the scan
+        came do not count; NaN where none does.
+        """
+        points = _points(points)
+        flat, inside = self.grid.flat(points)
+        counted = inside & (self.state.ravel()[flat] != UNKNOWN)
+        if not counted.any():
+            return float("nan")
+        return float((self.distance_to_surface(points[counted]) <= within_m).mean())
+
+    def check(self, source: str, *, room: str | None = None, area: ArrayLike | None = None) -> None:
+        """Raise InputError, opening with `source`, where this is the environment of another room.
+
+        `room`: the name of the room that the sensors are in; `area` (k, 2) [m]: what they track. The name has to be the
+        same where both have one, and of the area at least four fifths have to have been seen by the scanner.
+        """
+        if room and self.room and room != self.room:
+            raise InputError(f"{source}: is of the room {self.room!r}; one of {room!r} is expected")
+        if area is None:
+            return
+        corners = np.asarray(area, dtype=float)
+        low, high = self.grid.origin_m[:2], self.grid.upper_m[:2]
+        outside = ~((corners >= low) & (corners <= high)).all(axis=1)
+        bounds = f"x {low[0]:.2f} to {high[0]:.2f} m, y {low[1]:.2f} to {high[1]:.2f} m"
+        if outside.any():
+            x, y = corners[outside][0]
+            raise InputError(
+                f"{source}: reaches over {bounds} and not to the corner [{x:g}, {y:g}] of the rig's area; the environment "
+                "of the room that the rig is in is expected"
+            )
+        first, last = corners.min(axis=0), corners.max(axis=0)
+        step = self.grid.voxel_m
+        x, y = np.meshgrid(np.arange(first[0], last[0], step), np.arange(first[1], last[1], step))
+        places = np.stack([x.ravel(), y.ravel()], axis=-1) + step / 2
+        places = places[Area(corners).contains(places)]
+        seen = float(np.isfinite(self.height_under(places)).mean()) if len(places) else 1.0
+        if seen < _KNOWN_SHARE:
+            raise InputError(
+                f"{source}: the scanner saw {seen:.0%} of the rig's area; {_KNOWN_SHARE:.0%} or more, of the room that the "
+                "rig is in, is expected"
+            )
+
+    @property
+    def _distance(self) -> NDArray[np.float32]:
+        """Distance [m] from the middle of each voxel to the mean point of its nearest occupied voxel."""
+        return self._fields[0]
+
+    @property
+    def _leaps(self) -> NDArray[np.float32]:
+        return self._fields[1]
+
+    @cached_property
+    def _fields(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Distances to surfaces and leaps along lines of sight, worked out when first asked for, both from one transform."""
+        occupied = self.state == OCCUPIED
+        if not occupied.any():
+            nothing = np.full(self.grid.shape, np.inf, dtype=np.float32)
+            return nothing, np.full_like(nothing, max(self.grid.shape))
+        found = ndimage.distance_transform_edt(~occupied, return_indices=True)
+        assert found is not None  # as no output arrays were given
+        steps, nearest = found
+        row = (np.cumsum(occupied.ravel(), dtype=np.int32) - 1).reshape(self.grid.shape)[tuple(nearest)]
+        square = np.zeros(self.grid.shape, dtype=np.float32)
+        for axis in range(3):
+            middle = self.grid.origin_m[axis] + self.grid.voxel_m * (np.arange(self.grid.shape[axis]) + 0.5)
+            off = self.surface_m[:, axis][row]
+            off -= np.expand_dims(middle.astype(np.float32), tuple({0, 1, 2} - {axis}))
+            off *= off
+            square += off
+        return np.sqrt(square, out=square), leaps_between(steps)
+
+    @cached_property
+    def _weight_levels(self) -> tuple[Mask, Mask]:
+        """Which voxels (size,) are in region A, and which in the column of furniture or hidden."""
+        free, unknown = self.state == FREE, self.state == UNKNOWN
+        free_below = np.logical_or.accumulate(free, axis=2)
+        middle = self.grid.origin_m[2] + self.grid.voxel_m * (np.arange(self.grid.shape[2]) + 0.5)
+        furniture = (self.top_m > self.floor_m + self.grid.voxel_m)[..., None]
+        within = furniture & (middle < self.top_m[..., None])
+        never = (self.state == OCCUPIED) | (unknown & (within | ~free_below))
+        lower = furniture | unknown | np.isnan(self.top_m)[..., None]
+        return never.ravel(), lower.ravel()
+
+    def _weight_by_voxel(self, above_furniture: float) -> Array:
+        never, lower = self._weight_levels
+        table = self.__dict__.setdefault("_weights", {})
+        if above_furniture not in table:
+            table.clear()
+            weight = np.where(lower, min(above_furniture, 1.0), 1.0)
+            weight[never] = 0.0
+            table[above_furniture] = weight
+        return table[above_furniture]
+
+
+def _points(points: ArrayLike) -> Array:
+    points = np.asarray(points, dtype=float)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ValueError(f"points have shape {points.shape}; (n, 3) is expected")
+    return points

@@ -1,0 +1,191 @@
+"""The planes of a room in its point cloud: the floor, the ceiling and the walls.
+
+Walls are sought above the furniture, where in most rooms nothing but walls is left (Okorn et al. 2010, Toward automated
+modeling of floor plans). They are lines in the plan: found one after another by a Hough transform (Duda and Hart 1972)
+over the cells of the plan, then laid through the points themselves by total least squares.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_BIN_M = 0.01
+_STRONG = 0.25
+"""A level counts as floor or ceiling if at least this share of the points of the fullest level lie in it."""
+_ROOM_M = 2.0
+"""No ceiling is lower above its floor [m]."""
+
+WALL_FROM_M, WALL_TO_M = 2.0, 3.2
+"""Heights above the floor between which walls are sought [m]: over the furniture, under most galleries."""
+_BELOW_CEILING_M = 0.1
+_CELL_M = 0.05
+_ANGLES = 360
+_FILLED = 0.3
+"""A cell of the plan stands for a wall if this share of its height is met."""
+_NEAR_M = 0.06
+"""Cells this near to a line are its own [m]."""
+_GAP_M = 0.5
+_SHORTEST_M = 0.6
+_FEWEST_POINTS = 20
+_CORNER_M = 0.25
+"""Ends of walls this near to another wall's line meet it [m]."""
+_MOST_WALLS = 100
+
+
+def find_floor(z: Array) -> float:
+    """Height of the floor [m] in the heights (n,) of all points: the lowest level that holds many of them."""
+    edges, counts = _levels(z)
+    lowest = int(np.flatnonzero(counts >= _STRONG * counts.max())[0])
+    return _settle(z, float(edges[lowest]))
+
+
+def find_ceiling(z: Array, floor_m: float) -> float:
+    """Height of the ceiling [m]: the highest level that holds many points; NaN where none was seen."""
+    edges, counts = _levels(z)
+    strong = np.flatnonzero((counts >= _STRONG * counts.max()) & (edges > floor_m + _ROOM_M))
+    return _settle(z, float(edges[strong[-1]])) if strong.size else float("nan")
+
+
+def find_walls(points: Array, floor_m: float, ceiling_m: float) -> Array:
+    """The walls as segments (w, 2, 2) in plan [m], the room to the left of the way from first end to second.
+
+    points (n, 3) [m] in the room frame. Whatever is flat, upright, at least 0.6 m long and taller than two
+    metres is a wall: the face of a pillar too, and that of a wardrobe which reaches that high.
+    """
+    low = floor_m + WALL_FROM_M
+    high = floor_m + WALL_TO_M if np.isnan(ceiling_m) else min(floor_m + WALL_TO_M, ceiling_m - _BELOW_CEILING_M)
+    band = points[(points[:, 2] > low) & (points[:, 2] < high)]
+    if high - low < 2 * _CELL_M or not len(band):
+        return np.empty((0, 2, 2))
+    cells, weights = _tall_cells(band, (high - low) / _CELL_M)
+    middle = np.median(points[:, :2], axis=0)
+    found: list[Array] = []
+    while len(found) < _MOST_WALLS and len(cells) * _CELL_M > _SHORTEST_M:
+        normal, offset = _strongest_line(cells, weights)
+        own = np.abs(cells @ normal - offset) < 2 * _NEAR_M
+        if own.sum() * _CELL_M < _SHORTEST_M:
+            break
+        for start, end in _runs(cells[own] @ _turned(normal)):
+            found.append(_through_points(band[:, :2], normal, offset, start, end))
+            own |= _beside(cells, found[-1])
+        cells, weights = cells[~own], weights[~own]
+    walls = np.array([_facing(wall, band[:, :2], middle) for wall in found]).reshape(-1, 2, 2)
+    return _meet_at_corners(walls)
+
+
+def _levels(z: Array) -> tuple[Array, Array]:
+    """Lower edges and counts of levels of the heights, each smoothed with its neighbours, which noise spreads over."""
+    first = np.floor(z.min() / _BIN_M) - 2
+    bins = (z / _BIN_M - first).astype(np.intp)
+    counts = np.convolve(np.bincount(bins, minlength=bins.max() + 3), np.ones(3), mode="same")
+    return (first + np.arange(len(counts))) * _BIN_M, counts
+
+
+def _settle(z: Array, level: float) -> float:
+    """The median height [m] of the points about a level."""
+    middle = level + _BIN_M / 2
+    for reach in (0.03, 0.02):
+        middle = float(np.median(z[np.abs(z - middle) < reach]))
+    return middle
+
+
+def _tall_cells(band: Array, layers: float) -> tuple[Array, Array]:
+    """Mean place (c, 2) [m] and weight (c,) of the plan's cells whose points fill enough of the height of the band."""
+    low = band.min(axis=0)
+    cell = ((band - low) / _CELL_M).astype(np.int64)
+    shape = cell.max(axis=0) + 1
+    voxel = np.unique((cell[:, 0] * shape[1] + cell[:, 1]) * shape[2] + cell[:, 2])
+    column = cell[:, 0] * shape[1] + cell[:, 1]
+    filled = np.bincount(voxel // shape[2], minlength=shape[0] * shape[1])
+    counts = np.maximum(np.bincount(column, minlength=len(filled)), 1)
+    place = np.stack([np.bincount(column, band[:, axis], len(filled)) / counts for axis in (0, 1)], axis=-1)
+    tall = filled >= _FILLED * layers
+    return place[tall], filled[tall].astype(float)
+
+
+def _strongest_line(cells: Array, weights: Array) -> tuple[Array, float]:
+    """Normal (2,) and offset [m] of the line with most weight on it."""
+    angles = np.arange(_ANGLES) * np.pi / _ANGLES
+    normals = np.stack([np.cos(angles), np.sin(angles)])  # (2, a)
+    offsets = cells @ normals  # (c, a)
+    low = offsets.min() - _CELL_M
+    bins = ((offsets - low) / _CELL_M).astype(np.intp)
+    count = int(bins.max()) + 2
+    votes = np.bincount((np.arange(_ANGLES) * count + bins).ravel(), np.repeat(weights, _ANGLES), _ANGLES * count)
+    table = votes.reshape(_ANGLES, count)
+    table = table + np.roll(table, 1, axis=1)  # a line on the border between two bins
+    angle, place = np.unravel_index(int(table.argmax()), table.shape)
+    return normals[:, angle], float(low + place * _CELL_M)
+
+
+def _through_points(places: Array, normal: Array, offset: float, start: float, end: float) -> Array:
+    """The segment (2, 2) laid through the points (n, 2) about a stretch of a line, closer each time."""
+    ends = normal * offset + np.outer([start, end], _turned(normal))
+    along = places @ _turned(normal)
+    places = places[(along > start - _CELL_M) & (along < end + _CELL_M)]
+    for reach in (0.12, 0.06, 0.03, 0.03):
+        near = places[np.abs(places @ normal - offset) < reach]
+        if len(near) < _FEWEST_POINTS:
+            break
+        middle = near.mean(axis=0)
+        _, vectors = np.linalg.eigh(np.cov((near - middle).T))
+        normal = vectors[:, 0] * np.sign(vectors[:, 0] @ normal)  # of least spread
+        offset = float(np.median(near @ normal))
+    return ends - np.outer(ends @ normal - offset, normal)
+
+
+def _beside(cells: Array, wall: Array) -> NDArray[np.bool_]:
+    """Which cells (c,) lie at a segment (2, 2)."""
+    way = (wall[1] - wall[0]) / np.linalg.norm(wall[1] - wall[0])
+    off = cells - wall[0]
+    along, across = off @ way, off @ _turned(way)
+    return (np.abs(across) < _NEAR_M) & (along > -_CELL_M) & (along < np.linalg.norm(wall[1] - wall[0]) + _CELL_M)
+
+
+def _turned(normal: Array) -> Array:
+    """The direction (2,) along a line with that normal."""
+    return np.array([-normal[1], normal[0]])
+
+
+def _runs(along: Array) -> list[tuple[float, float]]:
+    """Starts and ends [m] of the stretches of a line that have no long gap and are not short."""
+    along = np.sort(along)
+    breaks = np.flatnonzero(np.diff(along) > _GAP_M)
+    starts, ends = along[np.r_[0, breaks + 1]], along[np.r_[breaks, len(along) - 1]]
+    return [(float(a), float(b)) for a, b in zip(starts, ends, strict=True) if b - a >= _SHORTEST_M]
+
+
+def _facing(wall: Array, places: Array, middle: Array) -> Array:
+    """The segment (2, 2) with the room, where more of the points are, to its left."""
+    way = wall[1] - wall[0]
+    left = np.array([-way[1], way[0]]) / np.linalg.norm(way)
+    beside = (places - wall[0]) @ left
+    on_left, on_right = (beside > _NEAR_M).sum(), (beside < -_NEAR_M).sum()
+    if on_left == on_right:
+        on_left, on_right = float((middle - wall[0]) @ left), 0.0
+    return wall if on_left > on_right else wall[::-1]
+
+
+def _meet_at_corners(walls: Array) -> Array:
+    """The walls with their ends moved along them to where another wall's line is near."""
+    met = walls.copy()
+    for number, wall in enumerate(walls):
+        way = wall[1] - wall[0]
+        for end in (0, 1):
+            best = _CORNER_M
+            for other in (each for place, each in enumerate(walls) if place != number):
+                across = other[1] - other[0]
+                turn = way[0] * across[1] - way[1] * across[0]
+                if abs(turn) < 0.3 * np.linalg.norm(way) * np.linalg.norm(across):
+                    continue  # nearly parallel
+                off = other[0] - wall[0]
+                corner = wall[0] + way * ((off[0] * across[1] - off[1] * across[0]) / turn)
+                share = (corner - other[0]) @ across / (across @ across)
+                beyond = max(-share, share - 1, 0) * np.linalg.norm(across)
+                moved = float(np.linalg.norm(corner - wall[end]))
+                if moved < best and beyond < _CORNER_M:
+                    best, met[number, end] = moved, corner
+    return met

@@ -1,0 +1,132 @@
+"""The pinhole camera with Brown–Conrady distortion: from points to pixels and back."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+from pydantic import Field, FiniteFloat, PositiveInt
+
+from trackers.configuration import Strict
+
+_NEWTON_STEPS = 30
+_CONVERGED = 1e-9
+"""How near [tangent of the angle] a direction must come back to its pixel to count as found."""
+
+
+class PinholeIntrinsics(Strict):
+    """A pinhole camera: u = fx x″ + cx, v = fy y″ + cy, of the direction (x, y, 1) bent by the lens to (x″, y″).
+
+    With r² = x² + y² and d = 1 + k1 r² + k2 r⁴ + k3 r⁶: x″ = x d + 2 p1 x y + p2 (r² + 2 x²), y″ = y d + p1 (r² + 2 y²) +
+    2 p2 x y (Brown 1966, Conrady 1919). `distortion` is (k1, k2, p1, p2, k3), the order of OpenCV and of ROS's
+    `plumb_bob`. Pixel centres are integers: the picture covers u from −½ to width − ½.
+    """
+
+    width: PositiveInt
+    height: PositiveInt
+    fx: float = Field(gt=0, allow_inf_nan=False)
+    fy: float = Field(gt=0, allow_inf_nan=False)
+    cx: FiniteFloat
+    cy: FiniteFloat
+    distortion: tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    @property
+    def is_distorted(self) -> bool:
+        """Whether the lens bends anything."""
+        return any(self.distortion)
+
+    @property
+    def matrix(self) -> NDArray[np.float64]:
+        """The camera matrix, (3, 3)."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+    @property
+    def fold_radius(self) -> float:
+        """The tangent of the angle from the axis at which the radial polynomial stops growing; inf: never."""
+        k1, k2, _, _, k3 = self.distortion
+        roots = Polynomial([0, 1, 0, k1, 0, k2, 0, k3]).deriv().trim().roots()
+        turns = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0)]
+        return float(turns.min()) if turns.size else np.inf
+
+    def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Pixel coordinates (..., 2) of points (..., 3) [m] in the camera frame (x right, y down, z ahead).
+
+        Also returns whether each point lies in the picture, (...,): ahead, and within its edges. Pixels of points
+        that do not lie ahead are NaN.
+        """
+        z = points[..., 2]
+        ahead = z > 0
+        depth = np.where(ahead, z, np.nan)
+        x, y = points[..., 0] / depth, points[..., 1] / depth
+        bent_x, bent_y = self._bend(x, y)
+        pixels = np.stack([self.fx * bent_x + self.cx, self.fy * bent_y + self.cy], axis=-1)
+        u, v = pixels[..., 0], pixels[..., 1]
+        seen = ahead & (u >= -0.5) & (u < self.width - 0.5) & (v >= -0.5) & (v < self.height - 0.5)
+        if self.is_distorted:
+            seen &= np.hypot(x, y) < self.fold_radius
+        return pixels, seen
+
+    def unproject(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Directions (..., 3) with z = 1 that pixel coordinates (..., 2) see, in the camera frame; times z: points.
+
+        NaN where the lens sends no light to a place.
+        """
+        bent_x = (pixels[..., 0] - self.cx) / self.fx
+        bent_y = (pixels[..., 1] - self.cy) / self.fy
+        x, y = np.array(bent_x, dtype=float), np.array(bent_y, dtype=float)
+        if self.is_distorted:
+            x, y = self._straighten(bent_x, bent_y)
+        return np.stack([x, y, np.ones_like(x)], axis=-1)
+
+    def directions(self) -> NDArray[np.float64]:
+        """The directions (height, width, 3) with z = 1 that the pixels' centres see."""
+        u, v = np.meshgrid(np.arange(self.width, dtype=float), np.arange(self.height, dtype=float))
+        return self.unproject(np.stack([u, v], axis=-1))
+
+    def points(self, depth_m: NDArray[np.floating]) -> NDArray[np.float64]:
+        """The point (height, width, 3) [m] that each pixel of a depth picture shows, camera frame; NaN where it is 0."""
+        depth = np.where(depth_m > 0, depth_m, np.nan)
+        return self.directions() * depth[..., None]
+
+    def _bend(self, x: NDArray, y: NDArray) -> tuple[NDArray, NDArray]:
+        k1, k2, p1, p2, k3 = self.distortion
+        square = x * x + y * y
+        radial = 1 + square * (k1 + square * (k2 + square * k3))
+        cross = x * y
+        return (
+            x * radial + 2 * p1 * cross + p2 * (square + 2 * x * x),
+            y * radial + p1 * (square + 2 * y * y) + 2 * p2 * cross,
+        )
+
+    def _straighten(self, bent_x: NDArray, bent_y: NDArray) -> tuple[NDArray, NDArray]:
+        """The inverse of the bending by Newton's method, begun at the axis; NaN where it does not converge."""
+        k1, k2, p1, p2, k3 = self.distortion
+        fold = self.fold_radius
+        x, y = np.array(bent_x, dtype=float), np.array(bent_y, dtype=float)
+        _keep_within(x, y, 0.9 * fold)
+        for _ in range(_NEWTON_STEPS):
+            at_x, at_y = self._bend(x, y)
+            miss_x, miss_y = bent_x - at_x, bent_y - at_y
+            square = x * x + y * y
+            radial = 1 + square * (k1 + square * (k2 + square * k3))
+            slope = 2 * (k1 + square * (2 * k2 + square * 3 * k3))
+            xx = radial + x * x * slope + 2 * p1 * y + 6 * p2 * x
+            yy = radial + y * y * slope + 6 * p1 * y + 2 * p2 * x
+            xy = x * y * slope + 2 * p1 * x + 2 * p2 * y
+            determinant = xx * yy - xy * xy
+            determinant = np.where(np.abs(determinant) < 1e-12, 1e-12, determinant)
+            x = x + (yy * miss_x - xy * miss_y) / determinant
+            y = y + (xx * miss_y - xy * miss_x) / determinant
+            _keep_within(x, y, fold)
+        at_x, at_y = self._bend(x, y)
+        found = np.hypot(bent_x - at_x, bent_y - at_y) < _CONVERGED
+        return np.where(found, x, np.nan), np.where(found, y, np.nan)
+
+
+def _keep_within(x: NDArray, y: NDArray, radius: float) -> None:
+    """Pull places beyond this radius back onto it, in place: behind the fold Newton's method would find another root."""
+    if np.isinf(radius):
+        return
+    scale = np.minimum(1.0, radius / np.maximum(np.hypot(x, y), 1e-300))
+    x *= scale
+    y *= scale

@@ -1,0 +1,132 @@
+"""How far apart bodies are, seen from above: the gap between their outlines."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.geom_hull import hull_points
+from twin.snapshot import RAY_GROUPS
+
+Array = NDArray[np.float64]
+
+_DIRECTIONS = 200
+"""Of each part of a body those points are kept that lie outermost in one of so many directions: to 3 mm for a trunk."""
+_COARSE = 48
+_FINE = 33
+"""Separating directions are tried all around the circle, then between the neighbours of the best: to 0.25°, 1 mm.
+
+An outline's corners are its outermost points in the first of these; a round one loses 0.2 % of its radius between two.
+"""
+_MAY_TOUCH_M = -0.1
+"""Outlines whose gap is below this in every coarse direction overlap in the fine ones too."""
+
+
+class BodyOutlines:
+    """The outlines of a model's people: the convex hull of all that rays meet of a body, projected onto the floor.
+
+    So arms, bags and the foot that swings ahead belong to it, and so does what lies between them. People stand on the
+    floor as `data` has them; nothing here depends on a sensor.
+    """
+
+    def __init__(self, model: mujoco.MjModel, person_of_geom: NDArray[np.int16]) -> None:
+        """`person_of_geom` (n_geom,): id of the person a geom belongs to, 0 for the room."""
+        self._model = model
+        met = RAY_GROUPS[model.geom_group].astype(np.bool_)
+        ids = np.unique(person_of_geom[person_of_geom > 0])
+        self._geoms = [np.flatnonzero((person_of_geom == id_) & met) for id_ in ids]
+        self._place = {int(id_): place for place, id_ in enumerate(ids)}
+
+    def nearer(
+        self, data: mujoco.MjData, ids: NDArray[np.integer], limit_m: float
+    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        """Pairs of `ids` (n,) whose outlines are less than `limit_m` apart: their places in `ids` (m, 2), first < second.
+
+        And the gap of each (m,) [m], 0 where outlines overlap. `data` needs kinematics.
+        """
+        pairs = np.stack(np.triu_indices(len(ids), k=1), axis=1)
+        if not len(pairs):
+            return pairs, np.zeros(0)
+        boxes = np.array([self._box(data, int(id_)) for id_ in ids])  # (n, 2, 2): low, high
+        apart = np.maximum(boxes[pairs[:, 0], 0] - boxes[pairs[:, 1], 1], boxes[pairs[:, 1], 0] - boxes[pairs[:, 0], 1])
+        pairs = pairs[np.hypot(*np.maximum(apart, 0).T) < limit_m]
+        if not len(pairs):
+            return pairs, np.zeros(0)
+        near, inverse = np.unique(pairs, return_inverse=True)
+        gap = _gaps(self._points(data, [int(id_) for id_ in ids[near]]), inverse.reshape(-1, 2))
+        return pairs[gap < limit_m], gap[gap < limit_m]
+
+    def _box(self, data: mujoco.MjData, id_: int) -> Array:
+        """Lowest and highest x, y that a body can reach, by its geoms' bounding spheres, (2, 2)."""
+        geoms = self._geoms[self._place[id_]]
+        middle, radius = data.geom_xpos[geoms, :2], self._model.geom_rbound[geoms, None]
+        return np.stack([(middle - radius).min(axis=0), (middle + radius).max(axis=0)])
+
+    def _points(self, data: mujoco.MjData, ids: list[int]) -> Array:
+        """Points (n, width, 2) [m] on each body, seen from above."""
+        geom, local = self._kept
+        chosen = [self._place[id_] for id_ in ids]
+        geom, local = geom[chosen], local[chosen]
+        turn = data.geom_xmat.reshape(-1, 3, 3)[geom, :2]  # (n, width, 2, 3)
+        return data.geom_xpos[geom, :2] + np.einsum("nwij,nwj->nwi", turn, local)
+
+    @cached_property
+    def _kept(self) -> tuple[NDArray[np.intp], Array]:
+        """For each person the geom (n, width) and place in its frame (n, width, 3) of points; the short are repeated."""
+        data = mujoco.MjData(self._model)
+        mujoco.mj_kinematics(self._model, data)
+        directions = _sphere(_DIRECTIONS)
+        rows = []
+        for geoms in self._geoms:
+            owners, places = [], []
+            for geom in geoms:
+                points = hull_points(self._model, data, int(geom))
+                if points is None:
+                    raise ValueError(f"geom {self._model.geom(int(geom)).name!r} of a person has no hull")
+                outermost = points[np.unique((points @ directions.T).argmax(axis=0))]
+                places.append((outermost - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3))
+                owners.append(np.full(len(outermost), geom))
+            rows.append((np.concatenate(owners), np.concatenate(places)))
+        width = max(len(owners) for owners, _ in rows)
+        repeated = [np.arange(width) % len(owners) for owners, _ in rows]
+        return (
+            np.array([owners[again] for (owners, _), again in zip(rows, repeated, strict=True)], dtype=np.intp),
+            np.array([places[again] for (_, places), again in zip(rows, repeated, strict=True)]),
+        )
+
+
+def _gaps(points: Array, pairs: NDArray[np.intp]) -> Array:
+    """Distance (m,) [m] between the convex hulls of points (n, k, 2) for pairs (m, 2) of them; 0 where they overlap.
+
+    It is the widest strip between them, over all directions of the strip; between two hulls that lie apart its width
+    has one maximum, so that a coarse search finds where to look closely.
+    """
+    angles = 2 * np.pi * np.arange(_COARSE) / _COARSE
+    reach = _unit(angles) @ points.swapaxes(1, 2)  # (n, _COARSE, k): how far each point lies in each direction
+    outermost = reach.argmax(axis=2)
+    corners = np.take_along_axis(points, outermost[..., None], axis=1)  # (n, _COARSE, 2)
+    reach = np.take_along_axis(reach, outermost[..., None], axis=2)[..., 0]
+    width = -np.roll(reach, -_COARSE // 2, axis=1)[pairs[:, 1]] - reach[pairs[:, 0]]  # (m, _COARSE)
+    best = width.argmax(axis=1)
+    gap = width.max(axis=1)
+    apart = np.flatnonzero(gap > _MAY_TOUCH_M)
+    step = 2 * np.pi / _COARSE
+    fine = _unit(angles[best[apart], None] + np.linspace(-step, step, _FINE))  # (a, _FINE, 2)
+    first, second = (corners[pairs[apart, side]].swapaxes(1, 2) for side in (0, 1))  # (a, 2, _COARSE)
+    gap[apart] = ((fine @ second).min(axis=2) - (fine @ first).max(axis=2)).max(axis=1)
+    return np.maximum(gap, 0.0)
+
+
+def _unit(angles: Array) -> Array:
+    return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+
+
+def _sphere(count: int) -> Array:
+    """Directions (count, 3) spread evenly over the sphere: a Fibonacci lattice."""
+    place = np.arange(count) + 0.5
+    z, turn = 1 - 2 * place / count, np.pi * (1 + np.sqrt(5)) * place
+    across = np.sqrt(1 - z * z)
+    return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1)

@@ -1,0 +1,140 @@
+"""A tilting scanner on a tripod in the empty room: what it would have measured, as a point cloud.
+
+Suzuki et al. (2007) measure their room's shape beforehand with a SICK LMS200; turned up and down by a tilt unit, a planar
+scanner of its kind sees half of the sphere around it, and turned about once more the other half.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+from scipy.spatial.transform import Rotation
+
+from trackers.configuration import Strict
+from trackers.environment import PointCloud
+from trackers.observations import LaserScan
+from twin.results import OnProgress
+from twin.sensors.laser_noise import LaserNoise
+from twin.sensors.rays import cast
+from twin.snapshot import Snapshot
+from twin.streams import stream
+
+Array = NDArray[np.float64]
+
+HEIGHT_M = 1.2
+"""Where the scanner's mirror is on its tripod, above the floor [m]."""
+
+
+class TiltingScanner(Strict):
+    """A planar scanner whose fan of beams is tilted about its own left-right axis, once for each heading of the tripod.
+
+    A fan of 180 degrees tilted from straight down to straight up covers the half sphere ahead; two opposite headings
+    cover all but what the tripod's own legs hide. `tilt_sigma_deg` is the error of the tilt's encoder at each stop.
+
+    Simplified: the scanner stops at each tilt; where the tripod stands and how it is turned is known exactly.
+    """
+
+    beams: int = Field(default=361, ge=2, le=4000, description="beams of the fan")
+    fan_deg: float = Field(default=180.0, gt=0, le=270, description="angle between the first beam and the last")
+    tilt_deg: tuple[float, float] = Field(default=(-90.0, 90.0), description="lowest and highest tilt, up is positive")
+    tilt_step_deg: float = Field(default=0.25, gt=0, le=10, description="between one tilt and the next")
+    tilt_sigma_deg: float = Field(default=0.05, ge=0, le=5, description="standard deviation of the tilt's error")
+    headings_deg: tuple[float, ...] = Field(default=(0.0, 180.0), min_length=1, description="how the tripod is turned")
+    legs_deg: float = Field(
+        default=75.0, gt=0, le=90, description="what is steeper below is hidden by the tripod's legs"
+    )
+    range_min_m: float = Field(default=0.1, ge=0, description="nothing nearer is measured")
+    range_max_m: float = Field(default=32.0, gt=0, description="nothing farther is measured")
+
+    @model_validator(mode="after")
+    def _ranges_are_ranges(self) -> TiltingScanner:
+        low, high = self.tilt_deg
+        if not -90 <= low <= high <= 90:
+            raise ValueError(f"tilt_deg: {low:g} to {high:g} is no range of tilts; two within -90 to 90 are expected")
+        if self.range_min_m >= self.range_max_m:
+            raise ValueError(
+                f"range_min_m: {self.range_min_m:g} m is not below range_max_m, {self.range_max_m:g} m, as is expected"
+            )
+        return self
+
+
+def scan_room(
+    snapshot: Snapshot,
+    stations_m: Array,
+    noise: LaserNoise,
+    seed: int,
+    scanner: TiltingScanner | None = None,
+    on_progress: OnProgress | None = None,
+) -> PointCloud:
+    """The point cloud of the room in a snapshot from stations (s, 3) [m], each with a random stream of its own.
+
+    Give the empty room's snapshot (`World.empty_snapshot`): whoever stands in it becomes furniture.
+    """
+    scanner = scanner or TiltingScanner()
+    points: list[Array] = []
+    for number, place in enumerate(stations_m):
+        if on_progress is not None:
+            on_progress("scanning the room", number, len(stations_m))
+        rng = stream(seed, "environment scan", str(number))
+        points.append(_scan_from(snapshot, np.asarray(place, dtype=float), noise, scanner, rng))
+    station = np.repeat(np.arange(len(points), dtype=np.int16), [len(each) for each in points])
+    return PointCloud(np.concatenate(points), station, np.array(stations_m, dtype=float))
+
+
+def _scan_from(
+    snapshot: Snapshot, place: Array, noise: LaserNoise, scanner: TiltingScanner, rng: np.random.Generator
+) -> Array:
+    """The points (n, 3) [m] that one station sees."""
+    increment = np.deg2rad(scanner.fan_deg) / (scanner.beams - 1)
+    bearing = increment * np.arange(scanner.beams) - np.deg2rad(scanner.fan_deg) / 2
+    fan = np.stack([np.cos(bearing), np.sin(bearing), np.zeros(scanner.beams)], axis=-1)
+    legs = -np.sin(np.deg2rad(scanner.legs_deg))
+    found = []
+    for heading in scanner.headings_deg:
+        tilts = _tilts(scanner)
+        errors = scanner.tilt_sigma_deg * rng.standard_normal(len(tilts))
+        for said, true in zip(_rotations(heading, tilts), _rotations(heading, tilts + errors), strict=True):
+            directions = np.ascontiguousarray(fan @ true.T)
+            ranges = _measure_fan(snapshot, place, directions, true[:, 2], increment, noise, scanner, rng)
+            seen = np.isfinite(ranges) & (directions[:, 2] > legs)
+            found.append(place + ranges[seen, None] * (fan[seen] @ said.T))
+    return np.concatenate(found)
+
+
+def _measure_fan(
+    snapshot: Snapshot,
+    place: Array,
+    directions: Array,
+    normal: Array,
+    increment: float,
+    noise: LaserNoise,
+    scanner: TiltingScanner,
+    rng: np.random.Generator,
+) -> Array:
+    """The ranges (n,) [m] that the scanner reports along the directions (n, 3) of one fan; not finite without a return."""
+    geom, distance = np.empty(len(directions), dtype=np.int32), np.empty(len(directions))
+    cast(snapshot, place, directions, geom, distance, normal=normal, range_max_m=scanner.range_max_m)
+    ranges = distance.astype(np.float32)
+    ranges[distance < scanner.range_min_m] = np.nan
+    ranges[(distance < 0) | (distance > scanner.range_max_m)] = np.inf
+    if not noise.is_off:
+        ideal = LaserScan("environment", 0, ranges, 0.0, increment, scanner.range_min_m, scanner.range_max_m)
+        ranges = noise.corrupt(ideal, None, rng)[0].ranges_m
+    return np.array(ranges, dtype=np.float64)
+
+
+def _tilts(scanner: TiltingScanner) -> Array:
+    """The tilts [deg] at which the scanner stops."""
+    low, high = scanner.tilt_deg
+    return low + scanner.tilt_step_deg * np.arange(
+        int((high - low) / scanner.tilt_step_deg + 1e-9) + 1, dtype=np.float64
+    )
+
+
+def _rotations(heading_deg: float, tilts_deg: Sequence[float] | Array) -> Array:
+    """From the scanner's frame (x ahead, y left, z up) to the room's at each tilt, (t, 3, 3)."""
+    angles = np.deg2rad([(heading_deg, -tilt) for tilt in tilts_deg])  # pitch is positive down
+    return Rotation.from_euler("ZY", angles).as_matrix()

@@ -1,0 +1,169 @@
+"""The truth about pairs of people: the table `truth_situations.csv` and the string on `/truth/situations`.
+
+One row a situation, in the order in which they end; what the kinds mean stands in `twin.situations`. `start_t` is the
+first frame in which it holds, `end_t` the first in which it no longer does; where `complete` is 0 the run ended before
+that, and `end_t` is its end. `sensor` is empty but for merged; `how` says in which way a merged pair is not separated;
+`least_m` is the least distance (interaction, merged) or gap (correlated) during it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import isnan
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.observations import NS_PER_S
+from twin.recording.csv_columns import read_csv_columns
+from twin.recording.detail_rows import json_string
+from twin.recording.tables import number_cell, seconds_cell
+from twin.recording.whole_file import whole_file
+from twin.truth import Situation, SituationKind
+
+SITUATION_COLUMNS = ("kind", "first_id", "second_id", "sensor", "start_t", "end_t", "complete", "how", "least_m")
+KINDS: tuple[SituationKind, ...] = ("interaction", "correlated", "merged")
+HOW = ("", "joined", "hidden", "both")
+
+
+@dataclass(frozen=True, eq=False)
+class SituationTable:
+    """Situations as columns, one element a situation, in the order of the file."""
+
+    source: str
+    kind: NDArray[np.str_]  # (n,) of KINDS
+    first_id: NDArray[np.int64]
+    second_id: NDArray[np.int64]
+    sensor: NDArray[np.str_]
+    start_ns: NDArray[np.int64]
+    end_ns: NDArray[np.int64]
+    complete: NDArray[np.bool_]
+    how: NDArray[np.str_]  # (n,) of HOW
+    least_m: NDArray[np.float64]  # NaN where unknown
+
+    def __len__(self) -> int:
+        return self.kind.size
+
+    def select(self, kind: SituationKind, sensor: str | None = None) -> SituationTable:
+        """The situations of one kind, and of one sensor."""
+        rows = self.kind == kind if sensor is None else (self.kind == kind) & (self.sensor == sensor)
+        return SituationTable(
+            self.source,
+            kind=self.kind[rows],
+            first_id=self.first_id[rows],
+            second_id=self.second_id[rows],
+            sensor=self.sensor[rows],
+            start_ns=self.start_ns[rows],
+            end_ns=self.end_ns[rows],
+            complete=self.complete[rows],
+            how=self.how[rows],
+            least_m=self.least_m[rows],
+        )
+
+    def frames(self, stamps_ns: NDArray[np.int64], after_s: float = 0.0) -> NDArray[np.bool_]:
+        """Which of these frames (k,) lie in each situation, (n, k): from its start up to, not at, its end.
+
+        With `after_s` the time after the end counts too: of a situation that is disposed of, a tracker makes no mistake
+        about either person during it and in the second after it.
+        """
+        stamps_ns = np.asarray(stamps_ns)
+        late_ns = self.end_ns[:, None] + round(after_s * NS_PER_S)
+        return (stamps_ns >= self.start_ns[:, None]) & (stamps_ns < late_ns)
+
+    def pair_frames(self, stamps_ns: NDArray[np.int64]) -> int:
+        """How often a pair of people is in such a situation in one of these frames, as correlated pairs are counted.
+
+        For situations of one kind and sensor, which do not overlap.
+        """
+        return int(np.count_nonzero(self.frames(stamps_ns)))
+
+
+class SituationWriter:
+    """Takes situations as they end; made by `situation_writer`."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        stream.write(",".join(SITUATION_COLUMNS) + "\n")
+
+    def write(self, situation: Situation) -> None:
+        """Write one situation; raises ValueError for a number that is infinite."""
+        cells = [
+            situation.kind, str(situation.first_id), str(situation.second_id), situation.sensor,
+            seconds_cell(situation.start_ns), seconds_cell(situation.end_ns), str(int(situation.complete)),
+            situation.how, number_cell(situation.least_m),
+        ]  # fmt: skip
+        self._stream.write(",".join(cells) + "\n")
+
+
+@contextmanager
+def situation_writer(path: Path) -> Iterator[SituationWriter]:
+    """A writer of `truth_situations.csv`; the file is there when the block has ended well.
+
+    Raises InputError where the file cannot be written.
+    """
+    with whole_file(path) as stream:
+        yield SituationWriter(stream)
+
+
+def read_situations(path: Path) -> SituationTable:
+    """Read a `truth_situations.csv`; raises InputError naming file, line, column and value."""
+    columns = read_csv_columns(path, SITUATION_COLUMNS, "table of situations")
+    table = SituationTable(
+        str(path),
+        kind=columns.words("kind", KINDS),
+        first_id=columns.integers("first_id", minimum=1),
+        second_id=columns.integers("second_id", minimum=1),
+        sensor=_words(columns.cells["sensor"]),
+        start_ns=columns.stamps_ns("start_t"),
+        end_ns=columns.stamps_ns("end_t"),
+        complete=columns.flags("complete"),
+        how=columns.words("how", HOW),
+        least_m=columns.numbers("least_m", may_be_empty=True),
+    )
+    for row in np.flatnonzero(table.second_id <= table.first_id)[:1]:
+        columns.refuse(int(row), "second_id", f"an id above first_id, {table.first_id[row]},")
+    for row in np.flatnonzero(table.end_ns < table.start_ns)[:1]:
+        columns.refuse(int(row), "end_t", f"a time from start_t, {columns.cells['start_t'][row]}, on")
+    by_sensor = table.kind == "merged"
+    for row in np.flatnonzero(by_sensor != (table.sensor != ""))[:1]:
+        columns.refuse(int(row), "sensor", "the name of a scanner" if by_sensor[row] else "an empty cell")
+    for row in np.flatnonzero(table.least_m < 0)[:1]:
+        columns.refuse(int(row), "least_m", "0 or more, or an empty cell,")
+    return table
+
+
+def situation_table(situations: Iterable[Situation], source: str = "situations") -> SituationTable:
+    """Situations as the table that reading their file would give."""
+    rows = list(situations)
+    return SituationTable(
+        source,
+        kind=_words([row.kind for row in rows], KINDS),
+        first_id=np.array([row.first_id for row in rows], dtype=np.int64),
+        second_id=np.array([row.second_id for row in rows], dtype=np.int64),
+        sensor=_words([row.sensor for row in rows]),
+        start_ns=np.array([row.start_ns for row in rows], dtype=np.int64),
+        end_ns=np.array([row.end_ns for row in rows], dtype=np.int64),
+        complete=np.array([row.complete for row in rows], dtype=np.bool_),
+        how=_words([row.how for row in rows], HOW),
+        least_m=np.array([row.least_m for row in rows], dtype=np.float64),
+    )
+
+
+def encode_situation(situation: Situation) -> memoryview:
+    """A `std_msgs/String` (CDR) with a JSON list of one object, the columns of truth_situations.csv, null where unknown."""
+    least_m = None if isnan(situation.least_m) else situation.least_m
+    values = (
+        situation.kind, situation.first_id, situation.second_id, situation.sensor or None,
+        situation.start_ns / NS_PER_S, situation.end_ns / NS_PER_S, int(situation.complete), situation.how or None,
+        least_m,
+    )  # fmt: skip
+    return json_string([dict(zip(SITUATION_COLUMNS, values, strict=True))])
+
+
+def _words(words: Sequence[str], choice: Sequence[str] = ()) -> NDArray[np.str_]:
+    longest = max((len(word) for word in (*words, *choice)), default=1)
+    return np.array(words, dtype=f"<U{max(longest, 1)}")

@@ -1,0 +1,130 @@
+"""The left half of the preview: what the cameras see, with a torso window on each track."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import ceil, sqrt
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.observations import DepthImage, Image
+from trackers.pinhole import PinholeIntrinsics
+from trackers.rig import CameraSensor
+from trackers.tracks import Track
+from twin.report.birdseye import SHIFT, fixed_point
+from twin.report.lettering import write, write_tags
+from twin.report.palette import IdentityColours
+from twin.report.panels import BACKDROP, DARK_INK, QUIET, dashed_loop, track_tag
+
+TORSO_LOW_M, TORSO_HIGH_M, TORSO_WIDTH_M = 1.0, 1.4, 0.45
+"""The torso window drawn around a track, for the eye: a person 1.7 m tall; heights above the floor, width across."""
+
+MOST_CAMERAS = 9
+"""More would be stamps."""
+
+
+class CameraGrid:
+    """The pictures of up to nine cameras side by side in a square, one large, four by two and two."""
+
+    def __init__(self, cameras: Mapping[str, CameraSensor], side_px: int) -> None:
+        self.side_px = side_px
+        shown = dict(list(cameras.items())[:MOST_CAMERAS])
+        self._across = ceil(sqrt(len(shown)))
+        side = side_px // self._across
+        self._panels = {
+            name: CameraPanel(camera, side, name if len(shown) > 1 else "") for name, camera in shown.items()
+        }
+
+    def draw(
+        self,
+        panel: NDArray[np.uint8],
+        images: Mapping[str, Image | DepthImage],
+        tracks: Sequence[Track],
+        colours: IdentityColours,
+    ) -> None:
+        """Draw each camera's newest image (none: the one before) and the tracks on it."""
+        panel[:] = BACKDROP
+        for place, (name, each) in enumerate(self._panels.items()):
+            row, column = divmod(place, self._across)
+            side = each.side_px
+            tile = panel[row * side : (row + 1) * side, column * side : (column + 1) * side]
+            each.draw(tile, images.get(name), tracks, colours)
+
+
+class CameraPanel:
+    """One camera's image in a square, with a torso window and an id on each track."""
+
+    def __init__(self, sensor: CameraSensor, side_px: int, name: str = "") -> None:
+        intrinsics = sensor.intrinsics
+        self.side_px = side_px
+        self._name = name
+        self._scale = min(side_px / intrinsics.width, side_px / intrinsics.height)
+        self._size = (round(intrinsics.width * self._scale), round(intrinsics.height * self._scale))
+        self._offset = np.array([(side_px - self._size[0]) // 2, (side_px - self._size[1]) // 2])
+        self._intrinsics = intrinsics
+        self._camera_from_room = sensor.room_from_sensor.rotation.T
+        self._camera_xyz = sensor.room_from_sensor.translation
+        self._shown: Image | DepthImage | None = None
+        self._view = np.full((side_px, side_px, 3), BACKDROP, dtype=np.uint8)
+        write(self._view, "no image yet", side_px / 2, side_px / 2, QUIET, 16, align="centre")
+
+    def draw(
+        self,
+        panel: NDArray[np.uint8],
+        image: Image | DepthImage | None,
+        tracks: Sequence[Track],
+        colours: IdentityColours,
+    ) -> None:
+        """Draw the newest image (None: the one before) and the tracks on it."""
+        x, y = self._offset
+        width, height = self._size
+        if image is not None and image is not self._shown:
+            self._shown = image
+            self._view[y : y + height, x : x + width] = cv2.resize(
+                image.rgb, self._size, interpolation=cv2.INTER_LINEAR
+            )
+            if self._name:
+                write(self._view, self._name, x + 6, max(int(y) - 8, 16), QUIET, 13)
+        panel[:] = self._view
+        tags = []
+        for track, window in self._torso_windows(tracks):
+            colour = colours[track.id]
+            if track.status == "confirmed":
+                # A dark edge keeps the window readable on a shirt of its own colour.
+                corners = [fixed_point(window)]
+                cv2.polylines(panel, corners, True, DARK_INK, 4, cv2.LINE_AA, SHIFT)
+                cv2.polylines(panel, corners, True, colour, 2, cv2.LINE_AA, SHIFT)
+            else:
+                dashed_loop(panel, window, colour)
+            tags.append(track_tag(track, float(window[:, 0].mean()), float(window[:, 1].min()) - 11, colour))
+        write_tags(panel, tags)
+
+    def _torso_windows(self, tracks: Sequence[Track]) -> list[tuple[Track, NDArray[np.float64]]]:
+        """The outlines (24, 2) [px] of upright windows that face the camera, of the tracks in view, farthest first."""
+        at = np.array([(track.x, track.y) for track in tracks]).reshape(-1, 2)
+        away = at - self._camera_xyz[:2]
+        distance = np.hypot(away[:, 0], away[:, 1])
+        across = (
+            np.stack([-away[:, 1], away[:, 0]], axis=-1) * (TORSO_WIDTH_M / 2 / np.maximum(distance, 1e-6))[:, None]
+        )
+        floor = at[:, None] + _WINDOW_ACROSS[:, None] * across[:, None]  # (n, 24, 2)
+        height = np.broadcast_to(_WINDOW_HEIGHT_M[:, None], (*floor.shape[:2], 1))
+        room = np.concatenate([floor, height], axis=-1)
+        pixels, visible = self._intrinsics.project((room - self._camera_xyz) @ self._camera_from_room.T)
+        drawn = np.all(visible, axis=1)
+        if isinstance(self._intrinsics, PinholeIntrinsics):
+            # A window that the picture's edge cuts is drawn as far as it goes.
+            drawn = np.any(visible, axis=1) & np.all(np.isfinite(pixels), axis=(1, 2))
+            last = np.array([self._intrinsics.width, self._intrinsics.height]) - 0.5
+            pixels = np.clip(pixels, -0.5, last)
+        pixels = pixels * self._scale + self._offset
+        return [(tracks[i], pixels[i]) for i in np.argsort(-distance, kind="stable") if drawn[i]]
+
+
+# Round the window's edge, six points a side because a straight edge is curved in a fisheye image.
+_EDGE = np.linspace(-1, 1, 6)
+_WINDOW_ACROSS = np.concatenate([_EDGE, np.ones(6), -_EDGE, -np.ones(6)])
+_WINDOW_UP = np.concatenate([-np.ones(6), _EDGE, np.ones(6), -_EDGE])
+_WINDOW_HEIGHT_M = TORSO_LOW_M + (_WINDOW_UP + 1) / 2 * (TORSO_HIGH_M - TORSO_LOW_M)

@@ -1,0 +1,158 @@
+"""Our gait beside published gait, drawn: the load of a foot over its stance, and how walking depends on speed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.report.palette import IDENTITY_COLOURS, hex_colour
+from twin.reproduce.drawing import INK, QUIET, SHADE, look, svg_of
+from twin.reproduce.gait_bodies import Steady, steady
+from twin.reproduce.gait_measures import column, stance
+from twin.reproduce.gait_published import (
+    CONTACT_S,
+    DIP,
+    HUMPS,
+    JOGGING_STEPS_MIN,
+    RUNNING_HUMP,
+    STANCE_SHARE,
+    SUBJECT_SPEED_M_S,
+    SUBJECT_STATURE_M,
+    walking_cadence,
+    walking_step_m,
+)
+from twin.reproduce.gait_results import NATURAL_M_S, RUNS_M_S, WALKS_M_S, Compared, GaitRuns
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+
+_OURS, _THEIRS = (hex_colour(IDENTITY_COLOURS[slot]) for slot in (0, 4))
+_WHOLE = np.linspace(0, 100, 101)
+_DRAWN_WALKS_M_S = (0.8, 1.2, 1.5, 1.8)
+
+
+def stance_svg(compared: Compared | None) -> str:
+    """The vertical load of a foot over its stance, ours over the subject's where there is a recording, as SVG."""
+    from matplotlib.figure import Figure
+
+    with look():
+        figure = Figure(figsize=(10, 4.2), layout="constrained")
+        axes = figure.subplots()
+        _body_weight(axes)
+        if compared is None:
+            course = steady(SUBJECT_SPEED_M_S, [SUBJECT_STATURE_M])
+            ours = stance(course.load[:, 0, 0], _rate_hz(course)).curves
+        else:
+            ours = compared.ours.curves
+            for number, curve in enumerate(compared.theirs.curves):
+                label = "subject01_walk1, a stance of each foot" if number == 0 else None
+                axes.plot(_WHOLE, curve, color=_THEIRS, linewidth=1.2, alpha=0.8, label=label)
+            mean = compared.theirs.curves.mean(axis=0)
+            axes.plot(_WHOLE, mean, color=_THEIRS, linewidth=2.4, linestyle=(0, (5, 2)), label="their mean")
+        axes.fill_between(_WHOLE, ours.min(axis=0), ours.max(axis=0), color=_OURS, alpha=0.18, linewidth=0)
+        axes.plot(_WHOLE, ours.mean(axis=0), color=_OURS, linewidth=2.4, label=f"ours, mean of {len(ours)} stances")
+        axes.set(xlim=(0, 100), ylim=(0, 1.3), xlabel="stance [%]")
+        axes.set_title(
+            f"vertical load of a foot [body weights], walking at {SUBJECT_SPEED_M_S:g} m/s, {SUBJECT_STATURE_M:g} m tall",
+            loc="left",
+        )
+        axes.legend(loc="lower center", frameon=False)
+        return svg_of(figure)
+
+
+def loads_svg(runs: GaitRuns) -> str:
+    """The load of a foot over the time of its stance at several speeds, the published ranges shaded, as SVG."""
+    from matplotlib.figure import Figure
+
+    with look():
+        figure = Figure(figsize=(10, 3.9), layout="constrained")
+        walking, running = figure.subplots(1, 2)
+        for axes, speeds in ((walking, _DRAWN_WALKS_M_S), (running, RUNS_M_S)):
+            _body_weight(axes)
+            for place, speed in enumerate(speeds):
+                course = runs.courses[speed]
+                person = int(np.argsort(course.stature_m)[len(course.stature_m) // 2])
+                found = stance(course.load[:, 0, person], _rate_hz(course))
+                axes.plot(
+                    found.seconds.mean() * _WHOLE / 100, found.curves.mean(axis=0),
+                    color=hex_colour(IDENTITY_COLOURS[place]), linewidth=1.8, label=f"{speed:g} m/s",
+                )  # fmt: skip
+            axes.set(xlim=(0, None), xlabel="time since the foot came down [s]")
+        walking.legend(loc="lower center", bbox_to_anchor=(0.33, 0.08), frameon=False)
+        running.legend(loc="upper right", frameon=False, ncols=2)
+        for low, high in (HUMPS, DIP):
+            walking.axhspan(low, high, color=SHADE, linewidth=0)
+        running.axhspan(*RUNNING_HUMP, color=SHADE, linewidth=0)
+        between = f"{NATURAL_M_S[0]:g} to {NATURAL_M_S[-1]:g} m/s"
+        walking.annotate(
+            f"humps and dip, {between}: published", (0.99, 0.985), xycoords="axes fraction", ha="right", va="top",
+            color=QUIET, fontsize=8,
+        )  # fmt: skip
+        running.annotate(
+            "hump: published", (0.01, RUNNING_HUMP[1]), xycoords=("axes fraction", "data"), va="bottom", color=QUIET,
+            fontsize=8,
+        )  # fmt: skip
+        walking.set(ylim=(0, 1.4))
+        running.set(ylim=(0, 3.1))
+        walking.set_title("walking [body weights]", loc="left")
+        running.set_title("running [body weights]", loc="left")
+        return svg_of(figure)
+
+
+def speeds_svg(runs: GaitRuns) -> str:
+    """Cadence, step length and stance against speed, everybody's and the published, as SVG."""
+    from matplotlib.figure import Figure
+
+    with look():
+        figure = Figure(figsize=(10, 3.9), layout="constrained")
+        cadence, length, stands = figure.subplots(1, 3)
+        walks = np.linspace(WALKS_M_S[0], WALKS_M_S[-1], 50)
+        _everybody(cadence, runs, "cadence", 1)
+        cadence.plot(
+            walks, walking_cadence(walks), color=_THEIRS, linewidth=1.8, label="walk ratio 0.0064 m/(steps/min)"
+        )
+        cadence.plot(*zip(*JOGGING_STEPS_MIN.items(), strict=True), "D", color=_THEIRS, markersize=6)
+        cadence.set_title("cadence [steps/min]", loc="left")
+        _everybody(length, runs, "step_length_m", 1)
+        length.plot(walks, walking_step_m(walks), color=_THEIRS, linewidth=1.8)
+        length.set_title("step length [m]", loc="left")
+        stands.fill_between(
+            [WALKS_M_S[0], WALKS_M_S[-1]],
+            100 * STANCE_SHARE[0],
+            100 * STANCE_SHARE[1],
+            color=_THEIRS,
+            alpha=0.18,
+            linewidth=0,
+        )
+        _everybody(stands, runs, "stance_share", 100)
+        shares = [100 * CONTACT_S[speed] / column(runs.figures[speed], "stride_s").mean() for speed in CONTACT_S]
+        stands.plot(list(CONTACT_S), shares, "D", color=_THEIRS, markersize=6)
+        stands.set(ylim=(0, 75))
+        stands.set_title("stance [% of the stride]", loc="left")
+        for axes in (cadence, length, stands):
+            axes.set(xlim=(0.5, 5.3), xlabel="speed [m/s]")
+        cadence.plot([], [], "o", color=_OURS, markersize=4, label="ours, everybody")
+        cadence.plot([], [], "D", color=_THEIRS, markersize=6, label="published, running")
+        cadence.legend(loc="lower right", frameon=False, fontsize=8)
+        return svg_of(figure)
+
+
+def _everybody(axes: Axes, runs: GaitRuns, name: str, scale: float) -> None:
+    for speed, found in runs.figures.items():
+        values = scale * column(found, name)
+        axes.plot(np.full(len(values), speed), values, "o", color=_OURS, markersize=3, alpha=0.25, markeredgewidth=0)
+    for speeds in (WALKS_M_S, RUNS_M_S):
+        means = [scale * column(runs.figures[speed], name).mean() for speed in speeds]
+        axes.plot(speeds, means, color=_OURS, linewidth=1.4, marker="o", markersize=4)
+
+
+def _body_weight(axes: Axes) -> None:
+    axes.axhline(1, color=INK, linewidth=0.8, linestyle=":")
+
+
+def _rate_hz(course: Steady) -> float:
+    return 1 / float(np.diff(course.t[:2])[0])

@@ -1,0 +1,91 @@
+"""What is published about how people walk and run, as far as it is compared with ours, and a recording of one subject.
+
+The sources are those of `models/people/gait.yaml`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.errors import InputError
+
+Array = NDArray[np.float64]
+
+WALK_RATIO = 0.0064
+"""Step length over cadence [m/(steps/min)]: Sekiya and Nagasaki (1998)."""
+STANCE_SHARE = (0.58, 0.66)
+"""Share of the stride that a walker's foot stands, from a fast walk to a slow one, about: Winter (1991)."""
+HUMPS, DIP = (1.05, 1.25), (0.65, 0.90)
+"""Of a natural walk, 1.2 to 1.5 m/s: about what Winter (1991) and Nilsson and Thorstensson (1989) show [body weights]."""
+RUNNING_HUMP = (2.0, 2.8)
+"""From a jog to 5 m/s, about: Nilsson and Thorstensson (1989) [body weights]."""
+CONTACT_S = {3.0: 0.25, 5.0: 0.19}
+"""Contact of a runner's foot, by speed [m/s]: Nilsson and Thorstensson (1989)."""
+JOGGING_STEPS_MIN = {2.5: 2.6 * 60}
+"""Step rate of a jogger, by speed [m/s]: Nilsson and Thorstensson (1987)."""
+
+SOURCES = (
+    'N. Sekiya, H. Nagasaki: "Reproducibility of the walking patterns of normal young adults: test-retest reliability of '
+    'the walk ratio". Gait & Posture 7, 1998.',
+    'D. A. Winter: "The Biomechanics and Motor Control of Human Gait". University of Waterloo Press, 1991.',
+    'J. Nilsson, A. Thorstensson: "Adaptability in frequency and amplitude of leg movements during human locomotion at '
+    'different speeds". Acta Physiologica Scandinavica 129, 1987.',
+    'J. Nilsson, A. Thorstensson: "Ground reaction forces at different speeds of human walking and running". Acta '
+    "Physiologica Scandinavica 136, 1989.",
+)
+
+SUBJECT_FILE = "subject01_walk1_grf.mot"
+SUBJECT_SPEED_M_S, SUBJECT_STATURE_M, SUBJECT_MASS_KG = 1.0, 1.80, 72.6
+_GRAVITY_M_S2 = 9.81
+_COLUMNS = ("time", "ground_force_vy", "1_ground_force_vy")
+
+
+def walking_cadence(speed_m_s: Array) -> Array:
+    """Steps a minute of a walk of constant walk ratio."""
+    return np.sqrt(60 * speed_m_s / WALK_RATIO)
+
+
+def walking_step_m(speed_m_s: Array) -> Array:
+    """Step length of a walk of constant walk ratio [m]."""
+    return np.sqrt(60 * speed_m_s * WALK_RATIO)
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """Vertical loads of a subject's feet: `load` (k, 2) [body weights], `rate_hz` of the recording."""
+
+    load: Array
+    rate_hz: float
+
+
+def read_subject(folder: Path) -> Subject:
+    """The loads of OpenSim's gait2354 subject, who walks on a treadmill at 1.0 m/s.
+
+    Raises InputError where the file is missing or holds no table of forces.
+    """
+    path = folder / SUBJECT_FILE
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"--data {folder}: {SUBJECT_FILE} cannot be read there ({type(error).__name__}); a folder that holds "
+            "OpenSim's gait2354 recording is expected"
+        ) from error
+    head = next((number for number, line in enumerate(lines) if line.strip() == "endheader"), None)
+    names = lines[head + 1].split() if head is not None and head + 1 < len(lines) else []
+    missing = [name for name in _COLUMNS if name not in names]
+    if head is None or missing:
+        raise InputError(f"{path}: has no column {missing[0]}; an OpenSim table of ground forces is expected")
+    try:
+        table = np.array([[float(number) for number in line.split()] for line in lines[head + 2 :] if line.strip()])
+    except ValueError as error:
+        raise InputError(f"{path}: is not a table of numbers ({error}); rows of {len(names)} are expected") from error
+    if table.ndim != 2 or table.shape[1] != len(names) or len(table) < 2 or not np.isfinite(table).all():
+        raise InputError(f"{path}: is not a table of numbers; finite rows of {len(names)} are expected")
+    time, *vertical = (table[:, names.index(name)] for name in _COLUMNS)
+    rate_hz = (len(time) - 1) / float(time[-1] - time[0])
+    return Subject(np.stack(vertical, axis=-1) / (SUBJECT_MASS_KG * _GRAVITY_M_S2), rate_hz)

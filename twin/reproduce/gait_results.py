@@ -1,0 +1,181 @@
+"""Our gait beside published figures, row by row."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.errors import InputError
+from twin.reproduce.gait_bodies import Steady, steady
+from twin.reproduce.gait_measures import Figures, Stance, column, figures, figures_of, stance
+from twin.reproduce.gait_published import (
+    CONTACT_S,
+    DIP,
+    HUMPS,
+    JOGGING_STEPS_MIN,
+    RUNNING_HUMP,
+    STANCE_SHARE,
+    SUBJECT_FILE,
+    SUBJECT_SPEED_M_S,
+    SUBJECT_STATURE_M,
+    Subject,
+    walking_cadence,
+    walking_step_m,
+)
+from twin.reproduce.intervals import CONFIDENCE, N_REPLICATE
+from twin.reproduce.results import Result
+from twin.streams import stream
+
+Array = NDArray[np.float64]
+
+WALKS_M_S = (0.8, 1.0, 1.2, 1.35, 1.5, 1.8)
+RUNS_M_S = (2.5, 3.0, 4.0, 5.0)
+NATURAL_M_S = (1.2, 1.35, 1.5)
+"""Speeds at which the published humps and dip are asked for."""
+STATURE_M, STATURE_SPREAD_M = 1.75, 0.09
+_STATURES_M = (1.50, 2.00)
+
+BESIDE_THE_SUBJECT, WALKING, RUNNING = "beside the subject", "walking", "running"
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """The subject's stances and ours at the same speed and stature, and how far they are apart [body weights]."""
+
+    theirs: Stance
+    their_figures: Figures
+    ours: Stance
+    our_figures: Figures
+    apart: float
+    feet_apart: float
+    """Between the subject's own two feet."""
+
+
+@dataclass(frozen=True, eq=False)
+class GaitRuns:
+    """Everybody at every speed, by speed [m/s], and the comparison with the subject where there is a recording."""
+
+    seeds: range
+    courses: dict[float, Steady]
+    figures: dict[float, list[Figures]]
+    compared: Compared | None
+
+
+def statures(seeds: range) -> list[float]:
+    """Statures of adults [m], one a seed: normal, none shorter than 1.50 m or taller than 2.00 m."""
+    drawn = []
+    for seed in seeds:
+        rng = stream(seed, "reproduce", "stature")
+        stature = rng.normal(STATURE_M, STATURE_SPREAD_M)
+        while not _STATURES_M[0] <= stature <= _STATURES_M[1]:
+            stature = rng.normal(STATURE_M, STATURE_SPREAD_M)
+        drawn.append(float(stature))
+    return drawn
+
+
+def simulate_gait(
+    seeds: range, subject: Subject | None, on_progress: Callable[[str, float, float], None] | None = None
+) -> GaitRuns:
+    """Everybody walks and runs at every speed, and one of the subject's stature as the subject does."""
+    people = statures(seeds)
+    courses = {}
+    speeds = WALKS_M_S + RUNS_M_S
+    for done, speed in enumerate(speeds, start=1):
+        courses[speed] = steady(speed, people)
+        if on_progress is not None:
+            on_progress("speeds", done, len(speeds))
+    found = {speed: figures_of(course) for speed, course in courses.items()}
+    return GaitRuns(seeds, courses, found, None if subject is None else compare(subject))
+
+
+def compare(subject: Subject) -> Compared:
+    """A body of the subject's stature at the subject's speed beside the subject; InputError for a recording of no walk."""
+    feet = [stance(subject.load[:, foot], subject.rate_hz) for foot in range(2)]
+    theirs = _together(feet)
+    try:
+        their_figures = figures(subject.load, subject.rate_hz)
+    except ValueError as error:
+        raise InputError(f"{SUBJECT_FILE}: holds {error}; a walk of a few steps is expected") from error
+    if not all(len(each.seconds) for each in feet):
+        raise InputError(f"{SUBJECT_FILE}: holds no whole stance of one foot; a walk of a few steps is expected")
+    course = steady(SUBJECT_SPEED_M_S, [SUBJECT_STATURE_M], 20.0)
+    rate_hz = 1 / float(np.diff(course.t[:2])[0])
+    ours = _together([stance(course.load[:, foot, 0], rate_hz) for foot in range(2)])
+    own = [each.curves.mean(axis=0) for each in feet]
+    return Compared(
+        theirs,
+        their_figures,
+        ours,
+        figures_of(course)[0],
+        _rms(ours.curves.mean(axis=0) - theirs.curves.mean(axis=0)),
+        _rms(own[0] - own[1]),
+    )
+
+
+def gait_results(runs: GaitRuns) -> list[Result]:
+    """Every figure: beside the subject, of walking and of running; intervals over the people, by the bootstrap."""
+    rows = [] if runs.compared is None else _beside_the_subject(runs.compared)
+    n_run = len(runs.seeds)
+    rng = stream(runs.seeds.start, "reproduce", "bootstrap")
+    weights = rng.multinomial(n_run, np.full(n_run, 1 / n_run), size=N_REPLICATE) / n_run
+
+    def add(where: str, speed: float, what: str, values: Array, unit: str, paper: float | None = None) -> None:
+        low, high = np.quantile(weights @ values, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
+        row = f"{speed:g} m/s"
+        rows.append(Result(where, row, what, paper, float(values.mean()), (float(low), float(high)), unit, n_run))
+
+    for speed in WALKS_M_S:
+        found = runs.figures[speed]
+        at = np.array(speed)
+        add(WALKING, speed, "cadence", column(found, "cadence"), "steps/min", float(walking_cadence(at)))
+        add(WALKING, speed, "step length", column(found, "step_length_m"), "m", float(walking_step_m(at)))
+        share = 100 * column(found, "stance_share")
+        add(WALKING, speed, f"stance of the stride{_range(STANCE_SHARE, 100)}", share, "%")
+        add(WALKING, speed, "mean load", column(found, "mean"), "BW", 1.0)
+        if speed in NATURAL_M_S:
+            add(WALKING, speed, f"first hump{_range(HUMPS)}", column(found, "first"), "BW")
+            add(WALKING, speed, f"dip{_range(DIP)}", column(found, "dip"), "BW")
+            add(WALKING, speed, f"second hump{_range(HUMPS)}", column(found, "second"), "BW")
+    for speed in RUNS_M_S:
+        found = runs.figures[speed]
+        add(RUNNING, speed, f"hump{_range(RUNNING_HUMP)}", column(found, "hump"), "BW")
+        add(RUNNING, speed, "mean load", column(found, "mean"), "BW", 1.0)
+        add(RUNNING, speed, "contact", column(found, "stance_s"), "s", CONTACT_S.get(speed))
+        add(RUNNING, speed, "cadence", column(found, "cadence"), "steps/min", JOGGING_STEPS_MIN.get(speed))
+        add(RUNNING, speed, "step length", column(found, "step_length_m"), "m")
+    return rows
+
+
+def _beside_the_subject(compared: Compared) -> list[Result]:
+    theirs, ours = compared.their_figures, compared.our_figures
+    row, stances = f"{SUBJECT_SPEED_M_S:g} m/s, {SUBJECT_STATURE_M:g} m", len(compared.ours.seconds)
+
+    def result(what: str, paper: float | None, value: float, unit: str) -> Result:
+        return Result(BESIDE_THE_SUBJECT, row, what, paper, value, (value, value), unit, stances)
+
+    return [
+        result("stance", theirs.stance_s, ours.stance_s, "s"),
+        result("stride", theirs.stride_s, ours.stride_s, "s"),
+        result("stance of the stride", 100 * theirs.stance_share, 100 * ours.stance_share, "%"),
+        result("first hump", theirs.first, ours.first, "BW"),
+        result("dip", theirs.dip, ours.dip, "BW"),
+        result("second hump", theirs.second, ours.second, "BW"),
+        result("mean load", theirs.mean, ours.mean, "BW"),
+        result("curves apart, root mean square (paper: the subject's own feet)", compared.feet_apart, compared.apart,
+               "BW"),
+    ]  # fmt: skip
+
+
+def _together(feet: list[Stance]) -> Stance:
+    return Stance(np.concatenate([each.curves for each in feet]), np.concatenate([each.seconds for each in feet]))
+
+
+def _range(published: tuple[float, float], scale: float = 1) -> str:
+    return f" ({scale * published[0]:g} to {scale * published[1]:g} published)"
+
+
+def _rms(difference: Array) -> float:
+    return float(np.sqrt((difference**2).mean()))

@@ -1,0 +1,210 @@
+"""Pinhole and stereo cameras as a scenario describes them."""
+
+from __future__ import annotations
+
+from math import ceil, radians, tan
+from typing import Annotated, Literal, TypeVar
+
+import numpy as np
+from pydantic import BeforeValidator, Field, FiniteFloat, PositiveInt, model_validator
+
+from trackers.configuration import Strict
+from trackers.pinhole import PinholeIntrinsics
+from trackers.rig import DepthMode, PinholeSensor, StereoSensor
+from twin.scenario.mount import Mounted
+from twin.scenario.presets import NoiseName, by_name
+from twin.sensors.camera_noise import CAMERA_NOISE, STEREO_NOISE, CameraNoise, StereoNoise, WhiteBalance
+from twin.sensors.pinhole_lens import check_pinhole
+from twin.sensors.stereo_matching import Matching
+
+LARGEST_SIDE_PX = 8192
+DEEPEST_M = 65.0
+"""What a depth message can say: whole millimetres in 16 bits."""
+
+_CameraNoise = Annotated[
+    CameraNoise,
+    BeforeValidator(
+        by_name(CAMERA_NOISE, "parameters like {read_sigma: 2}"), json_schema_input_type=NoiseName | CameraNoise
+    ),
+]
+_StereoNoise = Annotated[
+    StereoNoise,
+    BeforeValidator(
+        by_name(STEREO_NOISE, "parameters like {disparity_sigma_px: 0.3}"),
+        json_schema_input_type=NoiseName | StereoNoise,
+    ),
+]
+
+
+class Distortion(Strict):
+    """Brown–Conrady coefficients, as OpenCV and ROS (`plumb_bob`) name them; all 0: none."""
+
+    k1: FiniteFloat = 0.0
+    k2: FiniteFloat = 0.0
+    p1: FiniteFloat = 0.0
+    p2: FiniteFloat = 0.0
+    k3: FiniteFloat = 0.0
+
+
+class MotionBlur(Strict):
+    """How long the shutter is open [s], from the stamp on, and at how many instants, evenly spaced, light is gathered."""
+
+    exposure_s: float = Field(gt=0, le=0.25)
+    instants: int = Field(default=5, ge=2, le=64)
+
+
+class PerspectiveDescription(Mounted):
+    """What pinhole and stereo cameras have in common: a place, a size and a focal length.
+
+    The mount's x axis is the optical axis. The focal length is given by one of `field_of_view_deg` (horizontal, edge to
+    edge, of the undistorted picture), `vertical_field_of_view_deg`, or `fx` [px] (and `fy`, by default `fx`). The
+    principal point `cx`, `cy` [px] is the middle of the picture unless given (pixel centres are integers).
+
+    `exposure` multiplies the light that the sensor gathers and `white_balance` its channels [red, green, blue], both
+    beside those of the noise.
+    """
+
+    size: tuple[PositiveInt, PositiveInt] = (640, 480)
+    field_of_view_deg: float | None = Field(default=None, gt=0, lt=180)
+    vertical_field_of_view_deg: float | None = Field(default=None, gt=0, lt=180)
+    fx: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    fy: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    cx: FiniteFloat | None = None
+    cy: FiniteFloat | None = None
+    exposure: float = Field(default=1.0, gt=0, le=10)
+    white_balance: WhiteBalance = (1.0, 1.0, 1.0)
+
+    @model_validator(mode="after")
+    def _one_focal_length(self) -> PerspectiveDescription:
+        if max(self.size) > LARGEST_SIDE_PX:
+            raise ValueError(
+                f"size {list(self.size)} is too large; at most [{LARGEST_SIDE_PX}, {LARGEST_SIDE_PX}] is valid"
+            )
+        given = [name for name in ("field_of_view_deg", "vertical_field_of_view_deg", "fx") if getattr(self, name)]
+        if len(given) != 1:
+            what = "none is given" if not given else f"{' and '.join(given)} are given"
+            raise ValueError(f"{what}; one of field_of_view_deg, vertical_field_of_view_deg and fx is expected")
+        if self.fy is not None and self.fx is None:
+            raise ValueError(f"fy {self.fy:g} is given without fx; both, or a field of view, are expected")
+        return self
+
+    def intrinsics(self) -> PinholeIntrinsics:
+        """How it projects."""
+        width, height = self.size
+        if self.field_of_view_deg is not None:
+            fx = width / 2 / tan(radians(self.field_of_view_deg) / 2)
+        elif self.vertical_field_of_view_deg is not None:
+            fx = height / 2 / tan(radians(self.vertical_field_of_view_deg) / 2)
+        else:
+            assert self.fx is not None
+            fx = self.fx
+        return PinholeIntrinsics(
+            width=width,
+            height=height,
+            fx=fx,
+            fy=self.fy or fx,
+            cx=self.cx if self.cx is not None else (width - 1) / 2,
+            cy=self.cy if self.cy is not None else (height - 1) / 2,
+        )
+
+
+class PinholeDescription(PerspectiveDescription):
+    """A pinhole camera, with Brown–Conrady `distortion` and, where asked for, `motion_blur`."""
+
+    kind: Literal["camera"]
+    distortion: Distortion = Distortion()
+    motion_blur: MotionBlur | None = None
+    noise: _CameraNoise = CAMERA_NOISE["default"]
+
+    @model_validator(mode="after")
+    def _renderable(self) -> PinholeDescription:
+        check_pinhole(self.intrinsics())
+        return self
+
+    def intrinsics(self) -> PinholeIntrinsics:
+        """How it projects."""
+        lens = self.distortion
+        return super().intrinsics().model_copy(update={"distortion": (lens.k1, lens.k2, lens.p1, lens.p2, lens.k3)})
+
+    @property
+    def instants_s(self) -> tuple[float, ...]:
+        """When it looks, as offsets from the stamp [s]."""
+        if self.motion_blur is None:
+            return (0.0,)
+        count = self.motion_blur.instants
+        return tuple(float(each) for each in (np.arange(count) + 0.5) / count * self.motion_blur.exposure_s)
+
+    @property
+    def electronics(self) -> CameraNoise:
+        """The noise at this exposure and white balance."""
+        return _exposed(self.noise, self)
+
+    def rig_sensor(self, name: str) -> PinholeSensor:
+        """What a tracker is told of it."""
+        return PinholeSensor(
+            topic=f"/{name}/image/compressed",
+            room_from_sensor=self.mount.room_from_optical(),
+            intrinsics=self.intrinsics(),
+        )
+
+
+class StereoDescription(PerspectiveDescription):
+    """A stereo RGB-D camera: two views `baseline_m` apart, rectified, and from them the depth of each left pixel.
+
+    `mode`: 'matched' (two noisy pictures through a real matcher, `matching`), 'ideal' (the true depth), or
+    'disparity-noise' (the true depth with the noise's `disparity_sigma_px` on its disparity). The mount is the left
+    view's; the right one hangs `baseline_m` to the right. Depth outside `range_min_m` to `range_max_m` is not reported.
+    """
+
+    kind: Literal["stereo"]
+    size: tuple[PositiveInt, PositiveInt] = (320, 240)
+    baseline_m: float = Field(default=0.12, le=2)
+    mode: DepthMode = "matched"
+    range_min_m: float = Field(default=0.5, gt=0)
+    range_max_m: float = Field(default=10.0, gt=0, le=DEEPEST_M)
+    matching: Matching = Matching()
+    noise: _StereoNoise = STEREO_NOISE["default"]
+
+    @model_validator(mode="after")
+    def _sees_depth(self) -> StereoDescription:
+        if not self.baseline_m > 0:
+            raise ValueError(
+                f"baseline_m is {self.baseline_m:g}, and views from one place hold no depth; above 0 m is valid"
+            )
+        if self.range_min_m >= self.range_max_m:
+            raise ValueError(f"range_min_m {self.range_min_m:g} must be below range_max_m {self.range_max_m:g}")
+        intrinsics = self.intrinsics()
+        check_pinhole(intrinsics)
+        if self.mode == "matched" and self.baseline_m * intrinsics.fx / self.range_min_m > intrinsics.width:
+            nearest_m = ceil(1e3 * self.baseline_m * intrinsics.fx / intrinsics.width) / 1e3
+            raise ValueError(
+                f"range_min_m {self.range_min_m:g} is too near to be in both views; from {nearest_m:g} on is valid "
+                f"at baseline_m {self.baseline_m:g}"
+            )
+        return self
+
+    @property
+    def electronics(self) -> StereoNoise:
+        """The noise at this exposure and white balance."""
+        return _exposed(self.noise, self)
+
+    def rig_sensor(self, name: str) -> StereoSensor:
+        """What a tracker is told of it."""
+        return StereoSensor(
+            topic=f"/{name}/image/compressed",
+            depth_topic=f"/{name}/depth/compressed",
+            room_from_sensor=self.mount.room_from_optical(),
+            intrinsics=self.intrinsics(),
+            baseline_m=self.baseline_m,
+            mode=self.mode,
+        )
+
+
+_Noise = TypeVar("_Noise", bound=CameraNoise)
+
+
+def _exposed(noise: _Noise, camera: PerspectiveDescription) -> _Noise:
+    red, green, blue = (a * b for a, b in zip(noise.white_balance, camera.white_balance, strict=True))
+    return noise.model_copy(
+        update={"exposure_gain": noise.exposure_gain * camera.exposure, "white_balance": (red, green, blue)}
+    )

@@ -1,0 +1,86 @@
+"""Housings: several sensors on one, moved as one; and a sensor as it hangs in the room, or is believed to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import radians
+from typing import TYPE_CHECKING, Any
+
+from trackers.configuration import Strict
+from trackers.rig import Pose, RigSensor
+from twin.scenario.floor import FloorDescription
+from twin.scenario.mount import Believed, Mount, Mounted
+
+if TYPE_CHECKING:
+    from twin.scenario.model import Scenario
+    from twin.scenario.sensors import AnyDescription
+
+
+class Housing(Strict):
+    """A body that carries sensors: those whose `housing` it is have their mounts in its frame, x ahead, y left, z up."""
+
+    mount: Mount
+
+
+def check_on_housing(description: Any, housings: Mapping[str, Housing]) -> None:
+    """Raise ValueError where a sensor is on a housing that is not there."""
+    if isinstance(description, Mounted) and description.housing is not None and description.housing not in housings:
+        there = f"valid are {', '.join(housings)}" if housings else "there is none under housings"
+        raise ValueError(f"housing: {description.housing!r} is no housing; {there}, or none for a mount in the room")
+
+
+def in_the_room(scenario: Scenario, name: str) -> AnyDescription:
+    """The description of a sensor with its mount in the room's frame, whatever housing it is on."""
+    description = scenario.sensors[name]
+    if isinstance(description, FloorDescription) or description.housing is None:
+        return description
+    mount = scenario.housings[description.housing].mount.carrying(description.mount)
+    return description.model_copy(update={"mount": mount, "housing": None})
+
+
+def check_believed(description: Any) -> None:
+    """Raise ValueError where something is believed of a sensor that does not fit its kind."""
+    believed = description.believed
+    if believed is None:
+        return
+    if believed.changes_lens and not hasattr(description, "intrinsics"):
+        raise ValueError(
+            f"believed: focal_scale and principal_px are of cameras, not of a {description.kind}; "
+            "xyz, rpy_deg and time_offset_s are valid for it"
+        )
+    if isinstance(description, FloorDescription) and (believed.xyz[2] or believed.rpy_deg[0] or believed.rpy_deg[1]):
+        raise ValueError(
+            "believed: a floor lies level; xyz: [dx, dy, 0] and rpy_deg: [0, 0, yaw] are valid for it, "
+            f"not {list(believed.xyz)} and {list(believed.rpy_deg)}"
+        )
+
+
+def believed_sensor(description: AnyDescription, true: RigSensor) -> RigSensor:
+    """What trackers are told of a sensor that hangs in the room as described and truly is as `true` says."""
+    believed = description.believed
+    if believed is None:
+        return true
+    change: dict[str, Any] = {"time_offset_s": true.time_offset_s + believed.time_offset_s}
+    if believed.changes_pose:
+        change["room_from_sensor"] = _believed_pose(description, believed)
+    intrinsics = getattr(true, "intrinsics", None)
+    if believed.changes_lens and intrinsics is not None:
+        right, down = believed.principal_px
+        scale = believed.focal_scale
+        lens = {
+            "fx": intrinsics.fx * scale,
+            "fy": intrinsics.fy * scale,
+            "cx": intrinsics.cx + right,
+            "cy": intrinsics.cy + down,
+        }
+        change["intrinsics"] = intrinsics.model_copy(update=lens)
+    return true.model_copy(update=change)
+
+
+def _believed_pose(description: AnyDescription, believed: Believed) -> Pose:
+    if isinstance(description, FloorDescription):
+        mount = description.mount
+        x, y, _ = (a + b for a, b in zip(mount.xyz, believed.xyz, strict=True))
+        return Pose(xyz=(x, y, 0.0), rpy=(0.0, 0.0, radians(mount.yaw_deg + believed.rpy_deg[2])))
+    moved = description.model_copy(update={"mount": believed.mount(description.mount)})
+    return moved.rig_sensor("").room_from_sensor

@@ -1,0 +1,113 @@
+"""Where a sensor hangs, alone or on a housing that carries several, and where it is believed to hang."""
+
+from __future__ import annotations
+
+from math import asin, atan2, cos, degrees, radians
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import FiniteFloat, model_validator
+
+from trackers.configuration import Strict
+from trackers.rig import Point3, Pose
+from twin.sensors.schedule import Timing
+
+_HOUSING_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""A camera's optical frame (x right, y down, z ahead) in that of its housing (x ahead, y left, z up)."""
+
+_UPRIGHT = 1e-9
+"""Below this cosine of the pitch, yaw and roll turn about the same axis: all of it is taken as yaw."""
+
+
+class Mount(Strict):
+    """Where a sensor hangs and how it is turned: `xyz` [m] in the room frame; angles [deg] of its frame.
+
+    Its frame is x ahead, y left, z up, for cameras too. Turned by yaw about z (90 looks along the room's y), then by
+    pitch about the new y (positive looks down), then by roll about the new x. Of a sensor on a housing, all of this is
+    in the housing's frame instead of the room's.
+    """
+
+    xyz: Point3
+    yaw_deg: FiniteFloat = 0.0
+    pitch_deg: FiniteFloat = 0.0
+    roll_deg: FiniteFloat = 0.0
+
+    def room_from_housing(self) -> Pose:
+        """The pose of the frame x ahead, y left, z up."""
+        return Pose(xyz=self.xyz, rpy=(radians(self.roll_deg), radians(self.pitch_deg), radians(self.yaw_deg)))
+
+    def room_from_optical(self) -> Pose:
+        """The pose of a camera's optical frame, x right, y down, z ahead."""
+        rotation: NDArray[np.float64] = self.room_from_housing().rotation @ _HOUSING_FROM_OPTICAL
+        return Pose.from_matrix(rotation, self.xyz)
+
+    def carrying(self, inner: Mount) -> Mount:
+        """The mount in this one's own surroundings of something that hangs in this one's frame at `inner`."""
+        outer, held = self.room_from_housing(), inner.room_from_housing()
+        return mount_of(outer.rotation @ held.rotation, outer.translation + outer.rotation @ held.translation)
+
+
+def mount_of(rotation: NDArray[np.float64], xyz: NDArray[np.float64]) -> Mount:
+    """The mount with this rotation matrix (3, 3) and place (3,) [m]."""
+    pitch = asin(min(1.0, max(-1.0, -rotation[2, 0])))
+    if cos(pitch) > _UPRIGHT:
+        yaw, roll = atan2(rotation[1, 0], rotation[0, 0]), atan2(rotation[2, 1], rotation[2, 2])
+    else:
+        yaw, roll = atan2(-rotation[0, 1], rotation[1, 1]), 0.0
+    x, y, z = xyz.tolist()
+    return Mount(xyz=(x, y, z), yaw_deg=degrees(yaw), pitch_deg=degrees(pitch), roll_deg=degrees(roll))
+
+
+class Believed(Strict):
+    """What a tracker believes of a sensor beyond where and how it is: believed minus true.
+
+    `xyz` [m]: how far off it is believed, along the room's axes; `rpy_deg` [deg]: turned by this about its own frame (x
+    ahead, y left, z up; of a camera too): roll about x, pitch about y, yaw about z. `focal_scale`: the believed focal length
+    over the true one; `principal_px`: the believed principal point off the true one, right and down [px]; both of cameras
+    alone. `time_offset_s` is what the rig tells a tracker to add to the stamps [s].
+
+    The twin senses from the true place with the true lens, and so is the truth; the rig that trackers get and that a bag
+    carries holds what is believed. A pressure floor's belief is level: no z, no roll, no pitch.
+    """
+
+    xyz: Point3 = (0.0, 0.0, 0.0)
+    rpy_deg: Point3 = (0.0, 0.0, 0.0)
+    focal_scale: FiniteFloat = 1.0
+    principal_px: tuple[FiniteFloat, FiniteFloat] = (0.0, 0.0)
+    time_offset_s: FiniteFloat = 0.0
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Believed:
+        if not 0.1 <= self.focal_scale <= 10:
+            raise ValueError(f"focal_scale {self.focal_scale:g} is no scale of a focal length; 0.1 to 10 is valid")
+        if abs(self.time_offset_s) > 3600:
+            raise ValueError(f"time_offset_s {self.time_offset_s:g} is too large; -3600 to 3600 s is valid")
+        return self
+
+    @property
+    def changes_lens(self) -> bool:
+        """Whether the believed lens is another than the true one."""
+        return self.focal_scale != 1 or self.principal_px != (0.0, 0.0)
+
+    @property
+    def changes_pose(self) -> bool:
+        """Whether the believed pose is another than the true one."""
+        return any(self.xyz) or any(self.rpy_deg)
+
+    def mount(self, true: Mount) -> Mount:
+        """Where a sensor that hangs at this mount of the room is believed to hang."""
+        roll, pitch, yaw = self.rpy_deg
+        turned = true.carrying(Mount(xyz=(0.0, 0.0, 0.0), yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll))
+        x, y, z = (np.array(true.xyz) + np.array(self.xyz)).tolist()
+        return turned.model_copy(update={"xyz": (x, y, z)})
+
+
+class Mounted(Timing):
+    """A sensor that hangs somewhere: in the room, or on a `housing` by its name, whose frame `mount` is in then.
+
+    `believed`: what trackers believe of it, where that is not the truth.
+    """
+
+    mount: Mount
+    housing: str | None = None
+    believed: Believed | None = None

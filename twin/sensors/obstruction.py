@@ -1,0 +1,113 @@
+"""What lies right before a sensor: a blob on a camera's lens, a thing before a scanner's window."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.observations import DepthImage, Image, LaserScan
+from trackers.rig import FisheyeSensor, RigSensor
+from twin.scenario.faults import BlockedSector, Occlusion
+from twin.sensors.dead_parts import beams_between
+
+_LOBES = np.arange(2, 7)
+"""How often an outline goes in and out on its way round: few, as of a thumb or a drop."""
+
+_NO_DEPTH_ABOVE = 0.3
+"""A pixel of which more than this share is covered finds no partner in the other view."""
+
+_SMEAR_SHARE = 0.06
+"""How far a smear spreads light: standard deviation as a share of the picture's height."""
+
+_SMALL_SHARE = 4
+"""A smear is blurred at this fraction of the resolution: nothing finer is left in it."""
+
+
+class Blob:
+    """A soft-edged blob over part of a camera's picture; its outline is drawn from `rng` once."""
+
+    def __init__(self, fault: Occlusion, rig: RigSensor, rng: np.random.Generator) -> None:
+        self._fault = fault
+        self._rig = rig
+        self._swing = fault.irregularity * rng.uniform(0.3, 1.0, _LOBES.size) / (_LOBES - 1)
+        self._phase = rng.uniform(0.0, 2 * np.pi, _LOBES.size)
+        self._cover: NDArray[np.float32] | None = None
+
+    def spoil(self, observation: Image | DepthImage) -> Image | DepthImage:
+        """The picture with the blob on it; where it covers much of a pixel, no depth."""
+        height, width, _ = observation.rgb.shape
+        if self._cover is None or self._cover.shape != (height, width):
+            self._cover = self.cover(width, height)
+        covered = self._blend(observation.rgb, self._cover)
+        if isinstance(observation, DepthImage):
+            depth_m = np.where(self._cover > _NO_DEPTH_ABOVE, np.float32(0), observation.depth_m)
+            return replace(observation, rgb=covered, depth_m=depth_m)
+        return replace(observation, rgb=covered)
+
+    def cover(self, width: int, height: int) -> NDArray[np.float32]:
+        """How much of each pixel the blob covers, 0 to 1, (height, width); nothing outside a fisheye's field of view."""
+        fault = self._fault
+        x = np.arange(width) - (fault.at[0] * width - 0.5)
+        y = np.arange(height)[:, None] - (fault.at[1] * height - 0.5)
+        bearing = np.arctan2(y, x)
+        outline = np.ones_like(bearing)
+        for lobes, swing, phase in zip(_LOBES, self._swing, self._phase, strict=True):
+            outline += swing * np.cos(lobes * bearing + phase)
+        radius = np.hypot(x, y) / (fault.size * height / 2 * outline)  # 1 on the outline
+        inwards = np.clip((1 + fault.softness / 2 - radius) / fault.softness, 0, 1)
+        cover = fault.opacity * inwards * inwards * (3 - 2 * inwards)
+        return np.where(self._sees_light(width, height), cover, 0).astype(np.float32)
+
+    def _sees_light(self, width: int, height: int) -> NDArray[np.bool_]:
+        """Where the lens forms an image, (height, width)."""
+        if not isinstance(self._rig, FisheyeSensor):
+            return np.ones((height, width), dtype=bool)
+        lens = self._rig.intrinsics
+        edge = lens.field_of_view_rad / 2
+        rim, _ = lens.project(np.array([np.sin(edge), 0.0, np.cos(edge)]))
+        rim_radius = (rim[0] - lens.cx) / lens.fx
+        x, y = (np.arange(width) - lens.cx) / lens.fx, (np.arange(height)[:, None] - lens.cy) / lens.fy
+        return np.hypot(x, y) <= rim_radius
+
+    def _blend(self, rgb: NDArray[np.uint8], cover: NDArray[np.float32]) -> NDArray[np.uint8]:
+        rows, columns = np.flatnonzero(cover.any(axis=1)), np.flatnonzero(cover.any(axis=0))
+        spoilt = rgb.copy()
+        if rows.size == 0:
+            return spoilt
+        box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
+        share = cover[box][..., None]
+        seen = rgb[box].astype(np.float32)
+        behind = (
+            np.array(self._fault.rgb, np.float32)
+            if self._fault.look == "cover"
+            else _smeared(rgb)[box].astype(np.float32)
+        )
+        spoilt[box] = np.rint(seen + share * (behind - seen)).astype(np.uint8)
+        return spoilt
+
+
+def _smeared(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The picture through grease or water."""
+    height, width, _ = rgb.shape
+    small = cv2.resize(
+        rgb, (max(1, width // _SMALL_SHARE), max(1, height // _SMALL_SHARE)), interpolation=cv2.INTER_AREA
+    )
+    blurred = cv2.GaussianBlur(small, (0, 0), _SMEAR_SHARE * height / _SMALL_SHARE)
+    return np.asarray(cv2.resize(blurred, (width, height), interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
+
+
+class Sector:
+    """Something right before a scanner's window."""
+
+    def __init__(self, fault: BlockedSector) -> None:
+        self._fault = fault
+
+    def spoil(self, observation: LaserScan) -> LaserScan:
+        """The scan with nothing farther in the sector than the thing that blocks it."""
+        scan, fault = observation, self._fault
+        nearest = np.float32(fault.at_m if fault.at_m >= scan.range_min_m else np.nan)
+        blocked = beams_between(scan, fault.bearings_deg) & (scan.ranges_m > fault.at_m)
+        return replace(scan, ranges_m=np.where(blocked, nearest, scan.ranges_m))

@@ -1,0 +1,50 @@
+"""From a drawing of geom numbers to a camera's picture of people's ids."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+_FRACTION = 32
+"""cv2's fixed-point tables tell places to 1/32 px."""
+
+
+class PersonPixels:
+    """Turns drawings of `OffscreenRenderer.render_geoms` into id pictures, by the table that bends the camera's colours.
+
+    `maps`: the camera's table as `cv2.remap` takes it, fixed point, negative outside the lens's field; None where the
+    drawing is the picture, its rows from the bottom up. A pixel takes the id of the drawn pixel nearest to its place:
+    ids, unlike colours, are not mixed.
+    """
+
+    def __init__(self, maps: tuple[NDArray, NDArray] | None) -> None:
+        self._maps = maps
+
+    def people(
+        self, drawn: NDArray[np.uint8], geom_of_number: NDArray[np.intp], person_of_geom: NDArray[np.int16]
+    ) -> NDArray[np.int16]:
+        """The id picture (height, width) in a drawing (rows, columns, 4): 0 the room, -1 outside the field."""
+        person_of_number = np.where(geom_of_number >= 0, person_of_geom[geom_of_number], np.int16(0))
+        if self._maps is None:
+            return person_of_number[_numbers(drawn)[::-1]]
+        nearest, outside = self._nearest
+        bent = cv2.remap(drawn, nearest, None, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT)  # pyright: ignore[reportCallIssue, reportArgumentType]
+        people = person_of_number[_numbers(bent)]
+        people[outside] = -1
+        return people
+
+    @cached_property
+    def _nearest(self) -> tuple[NDArray[np.int16], NDArray[np.bool_]]:
+        """The drawn pixel of each of the picture's, (height, width, 2), and which have none."""
+        assert self._maps is not None
+        whole, fraction = self._maps
+        steps = np.stack([fraction % _FRACTION, fraction // _FRACTION], axis=-1)
+        return whole + (steps >= _FRACTION // 2).astype(np.int16), np.any(whole < 0, axis=-1)
+
+
+def _numbers(drawn: NDArray) -> NDArray[np.integer]:
+    """Red + 256 green + 65536 blue of RGBA pixels, (rows, columns)."""
+    return np.ascontiguousarray(drawn).view("<u4")[..., 0] & 0xFFFFFF

@@ -1,0 +1,82 @@
+"""What of a model is drawn at all, and the geoms of one scene update, shown and hidden from view to view."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.snapshot import DRAWN_GROUPS
+
+_NOTHING = int(mujoco.mjtGeom.mjGEOM_NONE)  # mjr_render passes over a geom of this type
+IS_GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)
+
+
+class SceneGeoms:
+    """The geoms of a scene as an update lists them, all of them shown at first."""
+
+    def __init__(self, model: mujoco.MjModel, geoms: Sequence[mujoco.MjvGeom]) -> None:
+        self._geoms = geoms
+        self._objects = self._listed()
+        self._types = [geom.type for geom in geoms]
+        self._shown = np.ones(len(geoms), dtype=bool)
+        index = np.array(self._objects, dtype=np.intp)
+        bounded = np.array([geom.objtype for geom in geoms]) == IS_GEOM
+        index[~bounded] = 0  # skins and flexes have no bounding sphere here: always in sight
+        radius = np.where(bounded, model.geom_rbound[index], 0.0)
+        radius[radius == 0] = np.inf  # planes
+        self._index, self._radius = index, radius
+
+    def updated(self) -> bool:
+        """Whether they list the same objects after an update; all are shown again then."""
+        self._shown = np.ones(len(self._geoms), dtype=bool)
+        return self._listed() == self._objects
+
+    def in_sight(
+        self, data: mujoco.MjData, eyes_m: NDArray[np.float64], inward: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        """Whether each geom reaches into each view, (n_view, n_geom); never wrongly False.
+
+        Of each view the eye (n_view, 3) and the unit normals of its four sides, pointing inward, (n_view, 4, 3).
+        """
+        behind = np.einsum("vi,vsi->vs", eyes_m, inward)
+        depth = data.geom_xpos[self._index] @ inward.reshape(-1, 3).T - behind.reshape(-1)  # (n_geom, 4 n_view)
+        return (depth > -self._radius[:, None]).reshape(len(self._radius), -1, 4).all(axis=2).T
+
+    def show_only(self, shown: NDArray[np.bool_]) -> None:
+        """Hide and show those (n_geom,) whose visibility changes from one view to the next."""
+        for place in np.flatnonzero(self._shown != shown).tolist():
+            self._geoms[place].type = self._types[place] if shown[place] else _NOTHING
+        self._shown = shown
+
+    def _listed(self) -> list[int]:
+        return [geom.objid for geom in self._geoms]
+
+    def geom_of_number(self) -> NDArray[np.intp]:
+        """The model's geom that each number of a drawing of numbers stands for, -1 for none."""
+        geom_of_number = np.full(len(self._geoms) + 1, -1, dtype=np.intp)
+        for geom in self._geoms:
+            if geom.objtype == IS_GEOM:
+                geom_of_number[geom.segid + 1] = geom.objid  # 0 is the background
+        return geom_of_number
+
+
+def drawing_option() -> mujoco.MjvOption:
+    """Bodies as they look, and nothing of what MuJoCo draws to explain them."""
+    option = mujoco.MjvOption()
+    option.geomgroup[:] = DRAWN_GROUPS
+    for group in (option.sitegroup, option.jointgroup, option.tendongroup, option.actuatorgroup):
+        group[:] = 0
+    shown = (
+        mujoco.mjtVisFlag.mjVIS_TEXTURE,
+        mujoco.mjtVisFlag.mjVIS_STATIC,
+        mujoco.mjtVisFlag.mjVIS_SKIN,
+        mujoco.mjtVisFlag.mjVIS_FLEXFACE,
+        mujoco.mjtVisFlag.mjVIS_FLEXSKIN,
+    )
+    option.flags[:] = 0
+    for flag in shown:
+        option.flags[flag] = 1
+    return option

@@ -1,0 +1,141 @@
+"""Situations of two people that make tracking hard, from the frame in which one begins to the first after it.
+
+- interaction: the ground points under their pelvises are less than 1.5 m apart. least_m: the least distance [m].
+- correlated: the gap between their outlines, seen from above, is below 0.3 m (`twin.body_outlines` says what an outline
+  is). least_m: the smallest gap [m], 0 where outlines overlap.
+- merged: a scanner cannot separate them, judged by its ideal scan; one event a scanner, whose end is the split. how:
+  `joined` where beams on both belong to one cluster; `hidden` where one of them returns no beam at all since the other
+  stands before, less than 1.5 m away (somebody who is hidden from farther away is only occluded, which
+  visible_<sensor> in truth.csv tells); `both` where an event holds frames of either sort. least_m: as of an interaction.
+
+A cluster, as a clusterer without any other knowledge forms it: beams on people that follow one another, at most one beam
+that looks past between them, and whose points lie no farther apart than 0.15 m plus two spacings of the beams at the
+nearer one's range. Clusters do not go on from the last beam of a full turn to the first.
+
+Frames of interaction and correlation are the stamps of all sensors, frames of merging those of the scanner. Everything
+holds for people in the room, whether or not in the tracked area.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import nan
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.truth import Separation, Situation, SituationKind
+
+if TYPE_CHECKING:
+    from twin.recording.tables import TruthTable
+
+INTERACTION_M = 1.5
+CORRELATED_M = 0.3
+JUMP_M = 0.15
+JUMP_SPACINGS = 2.0
+MAX_GAP_BEAMS = 1
+
+Pair = tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """That a situation of a pair holds in a frame: how, and the distance it goes by [m]."""
+
+    how: Separation = ""
+    least_m: float = nan
+
+
+@dataclass(slots=True)
+class _Open:
+    start_ns: int
+    how: Separation
+    least_m: float
+
+
+class OpenSituations:
+    """Situations that hold, frame by frame: what holds without a break is one."""
+
+    def __init__(self) -> None:
+        self._open: dict[tuple[SituationKind, str], dict[Pair, _Open]] = {}
+
+    def update(self, kind: SituationKind, sensor: str, stamp_ns: int, holding: Mapping[Pair, Held]) -> list[Situation]:
+        """Those that end with this frame, by pair; `holding`: the pairs (first id < second id) for whom it holds."""
+        open_ = self._open.setdefault((kind, sensor), {})
+        ended = [
+            _situation(kind, sensor, pair, open_.pop(pair), stamp_ns, complete=True)
+            for pair in sorted(open_.keys() - holding.keys())
+        ]
+        for pair in sorted(holding):
+            held = holding[pair]
+            one = open_.get(pair)
+            if one is None:
+                open_[pair] = _Open(stamp_ns, held.how, held.least_m)
+            else:
+                one.how = one.how if one.how == held.how else "both"
+                one.least_m = min(one.least_m, held.least_m)
+        return ended
+
+    def finish(self, end_ns: int) -> list[Situation]:
+        """Those that hold when the run ends, by kind, sensor and pair."""
+        rest = [
+            _situation(kind, sensor, pair, open_[pair], end_ns, complete=False)
+            for (kind, sensor), open_ in sorted(self._open.items())
+            for pair in sorted(open_)
+        ]
+        self._open.clear()
+        return rest
+
+
+def _situation(kind: SituationKind, sensor: str, pair: Pair, one: _Open, end_ns: int, *, complete: bool) -> Situation:
+    return Situation(kind, *pair, sensor, one.start_ns, end_ns, complete, one.how, one.least_m)
+
+
+def pairs_within(ids: NDArray[np.integer], place_m: NDArray[np.float64], limit_m: float) -> dict[Pair, float]:
+    """Distance [m] of the pairs of people, by ids (n,) at places (n, 2) [m], that are less than `limit_m` apart."""
+    first, second = np.triu_indices(len(ids), k=1)
+    apart = np.hypot(*(place_m[first] - place_m[second]).T)
+    near = np.flatnonzero(apart < limit_m)
+    return dict(zip(ordered_pairs(ids[first[near]], ids[second[near]]), apart[near].tolist(), strict=True))
+
+
+def ordered_pairs(first: NDArray[np.integer], second: NDArray[np.integer]) -> list[Pair]:
+    """Pairs of ids (m,), the smaller first."""
+    return list(zip(np.minimum(first, second).tolist(), np.maximum(first, second).tolist(), strict=True))
+
+
+def joined_pairs(
+    range_m: NDArray[np.floating], person_of_ray: NDArray[np.int16], angle_increment_rad: float
+) -> set[Pair]:
+    """Pairs of people with beams in one cluster of an ideal scan: ranges [m] and ids, both (n_beam,)."""
+    beams = np.flatnonzero((person_of_ray > 0) & np.isfinite(range_m))
+    if beams.size < 2:
+        return set()
+    near, person = range_m[beams].astype(np.float64), person_of_ray[beams]
+    angle = angle_increment_rad * beams
+    step = np.hypot(np.diff(near * np.cos(angle)), np.diff(near * np.sin(angle)))
+    spacing = abs(angle_increment_rad) * np.minimum(near[1:], near[:-1])
+    splits = (step > JUMP_M + JUMP_SPACINGS * spacing) | (np.diff(beams) > MAX_GAP_BEAMS + 1)
+    cluster = np.concatenate([[0], np.cumsum(splits)])
+    pairs: set[Pair] = set()
+    for number in np.unique(cluster[1:][person[1:] != person[:-1]]):
+        members = np.unique(person[cluster == number])
+        first, second = np.triu_indices(len(members), k=1)
+        pairs.update(ordered_pairs(members[first], members[second]))
+    return pairs
+
+
+def interactions_of(truth: TruthTable) -> list[Situation]:
+    """The interactions that a truth table holds, in the order in which they end; the run's end is its last moment."""
+    found, open_ = [], OpenSituations()
+    first = np.searchsorted(truth.stamps_ns, truth.frame_stamps_ns, side="left").tolist()
+    last = np.searchsorted(truth.stamps_ns, truth.frame_stamps_ns, side="right").tolist()
+    stamps_ns = truth.frame_stamps_ns.tolist()
+    for stamp_ns, frame in zip(stamps_ns, map(slice, first, last), strict=True):
+        place_m = np.stack([truth.x[frame], truth.y[frame]], axis=1)
+        near = pairs_within(truth.id[frame], place_m, INTERACTION_M)
+        holding = {pair: Held(least_m=distance) for pair, distance in near.items()}
+        found += open_.update("interaction", "", stamp_ns, holding)
+    return found + (open_.finish(stamps_ns[-1]) if stamps_ns else [])

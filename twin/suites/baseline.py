@@ -1,0 +1,95 @@
+"""The last known good results, in one file to be committed: a line a seed, so that a change of it can be read."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from trackers.configuration import Strict, read_text, validate
+from trackers.errors import InputError
+from twin.recording.whole_file import whole_file
+from twin.suites.figures import GATED
+from twin.suites.results import Group, GroupKey, Results
+from twin.suites.store import FILE, read_store
+
+_EXPECTED = "a baseline that `twin suite run --update-baseline` has written"
+
+
+class _BaselineGroup(Strict):
+    scenario: str
+    variant: str
+    overrides: str
+    tracker: str
+    image_based: bool
+    seeds: dict[int, dict[str, float | None]]
+
+
+class _Baseline(Strict):
+    suite: str
+    versions: dict[str, str | None]
+    renderers: list[str] = Field(default_factory=list)
+    groups: list[_BaselineGroup]
+
+
+def read_baseline(path: Path) -> Results:
+    """The results in a baseline; raises InputError where it is none."""
+    try:
+        content = json.loads(read_text(path, _EXPECTED))
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}, line {error.lineno}: is not JSON ({error.msg}); {_EXPECTED} is expected") from error
+    held = validate(_Baseline, content, str(path))
+    return Results(
+        suite=held.suite,
+        versions=held.versions,
+        renderers=tuple(held.renderers),
+        groups={
+            GroupKey(each.scenario, each.overrides, each.tracker): Group(each.variant, each.image_based, each.seeds)
+            for each in held.groups
+        },
+    )
+
+
+def write_baseline(path: Path, results: Results) -> None:
+    """Write the figures that are compared; raises InputError where some are missing or the file cannot be written."""
+    if results.failed or results.unfinished:
+        raise InputError(
+            f"{path}: not written: {len(results.failed)} cases failed and {results.unfinished} are not finished; "
+            "a whole run is expected of a baseline"
+        )
+    head: Mapping[str, Any] = {
+        "suite": results.suite,
+        "versions": dict(results.versions),
+        "renderers": list(results.renderers),
+    }
+    groups = []
+    for key, group in results.groups.items():
+        seeds = ",\n".join(
+            f"      {json.dumps(str(seed))}: {json.dumps({name: figures.get(name) for name in GATED})}"
+            for seed, figures in sorted(group.seeds.items())
+        )
+        about = {
+            "scenario": key.scenario,
+            "variant": group.variant,
+            "overrides": key.overrides,
+            "tracker": key.tracker,
+            "image_based": group.image_based,
+        }
+        groups.append(f'    {json.dumps(about, ensure_ascii=False)[:-1]}, "seeds": {{\n{seeds}}}}}')
+    text = json.dumps(head, ensure_ascii=False, indent=2)[:-2]
+    with whole_file(path) as stream:
+        stream.write(f'{text},\n  "groups": [\n' + ",\n".join(groups) + "\n  ]\n}\n")
+
+
+def read_results(path: Path) -> Results:
+    """The results of a suite's folder, of its results.sqlite, or of a baseline; raises InputError for anything else."""
+    from twin.suites.results import results_of
+
+    folder = path.parent if path.name == FILE else path
+    if path.suffix == ".json":
+        return read_baseline(path)
+    with read_store(folder) as store:
+        return results_of(store)

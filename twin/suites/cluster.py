@@ -1,0 +1,136 @@
+"""Where tasks run: processes of this machine, or any Dask scheduler's workers."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+from trackers.errors import InputError
+
+if TYPE_CHECKING:
+    from distributed import Client, LocalCluster
+
+_CONNECT_S = 20
+_CLOSE_S = 15
+ENVIRONMENT = {"LP_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+"""Workers share the cores: each keeps to one thread of the software renderer and of linear algebra."""
+_CONFIGURATION = {
+    "distributed.worker.multiprocessing-method": "spawn",  # a process forked after rendering hangs
+    "distributed.scheduler.allowed-failures": 0,  # we count attempts; a death is to be told of at once
+    "distributed.worker.profile.enabled": False,
+    "distributed.logging": {"distributed": "critical"},  # deaths and restarts are reported by us
+}
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """An open connection to workers, one task at a time on each.
+
+    resources: what a task needs of a worker, as in `dask worker --resources GPU=1`; dashboard: its address, None where
+    there is none; local: the cluster where the workers are `n_worker` processes of ours.
+    """
+
+    client: Client
+    dashboard: str | None
+    local: LocalCluster | None
+    n_worker: int
+    resources: Mapping[str, float] = field(default_factory=dict)
+
+    def replace_missing(self, n_there: int) -> None:
+        """Start processes of ours in place of those that are gone for good.
+
+        A nanny whose worker dies within moments of its start does not start it again; another nanny has to.
+        """
+        if self.local is not None and n_there < self.n_worker:
+            self.local.scale(len(self.local.worker_spec) + self.n_worker - n_there)
+
+    def workers(self) -> dict[str, bool]:
+        """The workers that are there and have the resources, by address: whether they take work.
+
+        One that does not, being short of memory, say, may still be at work.
+        """
+        known = self.client.scheduler_info(n_workers=-1)["workers"]
+        return {
+            address: worker.get("status", "running") == "running"
+            for address, worker in sorted(known.items())
+            if worker.get("status") not in ("closing", "closed", "failed")
+            and all(worker.get("resources", {}).get(name, 0) >= need for name, need in self.resources.items())
+        }
+
+
+def core_count() -> int:
+    """Cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def open_cluster(
+    jobs: int | None = None, scheduler: str | None = None, resources: Mapping[str, float] | None = None
+) -> Iterator[Cluster]:
+    """`jobs` processes of this machine (None: one a core), or the workers of the scheduler at this address.
+
+    Raises InputError where nobody answers at the address.
+    """
+    from dask import config
+    from distributed import Client, LocalCluster
+
+    needs = dict(resources or {})
+    n_worker, local = (jobs or core_count()) if scheduler is None else 0, None
+    with ExitStack() as stack:
+        if scheduler is None:
+            stack.enter_context(config.set(_CONFIGURATION))
+            local = LocalCluster(
+                n_workers=n_worker,
+                threads_per_worker=1,
+                processes=True,
+                host="127.0.0.1",
+                dashboard_address="127.0.0.1:0",
+                silence_logs=50,
+                env=ENVIRONMENT,
+                resources=needs,
+            )
+            stack.callback(_close, local)
+            client = Client(local, set_as_default=False)
+        else:
+            try:
+                client = Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
+            except (OSError, ValueError, TypeError) as error:
+                raise InputError(
+                    f"--scheduler {scheduler}: nobody answers there ({error or type(error).__name__}); the address of a "
+                    "running Dask scheduler, like tcp://host:8786, is expected"
+                ) from error
+        stack.callback(_close, client)
+        dashboard = client.dashboard_link if scheduler is not None or _has_dashboard() else None
+        yield Cluster(client, dashboard or None, local, n_worker, needs)
+
+
+def _close(opened: Client | LocalCluster) -> None:
+    """Close; what takes longer, a worker that is just starting, say, ends with this process."""
+    with suppress(TimeoutError):
+        opened.close(timeout=_CLOSE_S)
+
+
+def _has_dashboard() -> bool:
+    """Dask draws its dashboard with bokeh, which is not among our dependencies."""
+    return find_spec("bokeh") is not None
+
+
+def read_resources(texts: Sequence[str]) -> dict[str, float]:
+    """'NAME=N' texts as Dask's resources; raises InputError for what is none."""
+    resources = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        try:
+            need = float(value)
+        except ValueError:
+            need = 0.0
+        if not name or not 0 < need < float("inf"):
+            raise InputError(
+                f"--resource {text}: is no resource; NAME=N with a number above 0, like GPU=1, is expected"
+            )
+        resources[name] = need
+    return resources

@@ -1,0 +1,119 @@
+"""`twin suite`: run a suite, look at its results, compare two runs, empty the cache."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    name="suite",
+    help="Many scenarios, seeds and trackers at once; and whether anything got worse.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+EXIT_FELL_SHORT = 1
+
+Folder = Annotated[Path, typer.Argument(help="A folder that `twin suite run` has written.")]
+
+
+@app.command(epilog="Example: twin suite run smoke --jobs 2 --baseline models/suites/baselines/smoke.json")
+def run(
+    suite: Annotated[str, typer.Argument(help="Name of a shipped suite (see `twin list`) or path of a YAML file.")],
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            min=1, metavar="N", help="Processes; default: one a core. 1: in this process, no time limit holds."
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler, e.g. tcp://host:8786, instead of --jobs.")
+    ] = None,
+    resource: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=N", help="What a case needs of a worker, e.g. GPU=1 (a Dask resource). Repeatable."),
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Do the rest of an interrupted run, and what failed.")
+    ] = False,
+    baseline: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Compare with the results in this file; exit 1 where worse.")
+    ] = None,
+    update_baseline: Annotated[
+        bool, typer.Option("--update-baseline", help="Write the results to the --baseline file instead.")
+    ] = False,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="PATH=VALUE", help="Change a field in every case, e.g. a tracker's. Repeatable."),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Add this to every seed of the suite: other people, other noise.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the results; default: out/suite-<name>.")] = None,
+) -> None:
+    """Run every case of a suite."""
+    from trackers.errors import InputError
+    from twin.suites.cluster import read_resources
+    from twin.suites.gate import run_and_judge
+    from twin.suites.run import Place
+
+    if scheduler is not None and jobs is not None:
+        raise InputError(
+            f"--jobs {jobs} --scheduler {scheduler}: a scheduler has its own workers; one of them is expected"
+        )
+    if update_baseline and baseline is None:
+        raise InputError("--update-baseline: writes to the file of --baseline; --baseline FILE is expected beside it")
+    place = Place(jobs, scheduler, read_resources(resource or []))
+    well = run_and_judge(
+        suite,
+        out,
+        place,
+        resume=resume,
+        baseline=baseline,
+        update_baseline=update_baseline,
+        seed_offset=seed or 0,
+        changes=set_ or [],
+    )
+    if not well:
+        raise typer.Exit(EXIT_FELL_SHORT)
+
+
+@app.command(epilog="Example: twin suite show out/suite-smoke")
+def show(folder: Folder) -> None:
+    """The table of a run, finished or not, and its page."""
+    from twin.suites.gate import show_results
+
+    show_results(folder)
+
+
+@app.command(epilog="Example: twin suite compare out/before out/now --out compare.html")
+def compare(
+    before: Annotated[Path, typer.Argument(metavar="A", help="A run's folder, or a baseline file.")],
+    now: Annotated[Path, typer.Argument(metavar="B", help="A run's folder, or a baseline file.")],
+    out: Annotated[Path | None, typer.Option(help="Write a page too.")] = None,
+) -> None:
+    """What is worse and what is better in B than in A; exit 1 where something is worse."""
+    from twin.suites.gate import compare_results
+
+    if not compare_results(before, now, out):
+        raise typer.Exit(EXIT_FELL_SHORT)
+
+
+@app.command(epilog="Example: twin suite cache --empty")
+def cache(
+    empty: Annotated[bool, typer.Option("--empty", help="Remove every recording that is not in use.")] = False,
+) -> None:
+    """Where the recordings are kept, and how much they take."""
+    from twin.suites.cache import RecordingCache, cache_folder, cache_limit_bytes
+
+    recordings = RecordingCache(cache_folder(), cache_limit_bytes())
+    if empty:
+        n, freed = recordings.empty()
+        typer.echo(f"{n} recordings removed, {freed / 1e9:.2f} GB")
+    n, held = recordings.size()
+    typer.echo(
+        f"{recordings.folder}: {n} recordings, {held / 1e9:.2f} GB of at most {recordings.limit_bytes / 1e9:g} GB"
+    )

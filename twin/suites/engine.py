@@ -1,0 +1,220 @@
+"""Runs many tasks to their end, whatever becomes of their workers.
+
+Every task is put on a worker of our choice, one at a time, so that it is known what each worker does and since when. A
+worker that dies takes its task's attempt with it; one that hangs is ended, first by the watchdog in its own process, then,
+where even that does not help, by its nanny. Either way the task is tried again elsewhere, and the rest goes on.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from trackers.errors import InputError
+from twin.suites.attempt import attempt, log_tail
+from twin.suites.cluster import Cluster
+from twin.suites.tasks import MOST_ATTEMPTS, Listener, Task, TaskQueue
+
+if TYPE_CHECKING:
+    from distributed import Future
+
+_GRACE_S = 10.0
+"""How much later than the watchdog in the worker's own process ours steps in."""
+_RESTART_S = 60.0
+_POLL_S = 0.5
+_SETTLED_S = 1.0
+"""So long after its start a worker is given nothing: should it die before its nanny has taken note of it, no other follows."""
+_MISSED_S = 60.0
+"""A worker that has not come back for so long is replaced by us."""
+_WORKERS_AWAITED_S = 300.0
+_FETCH_S = 60.0
+
+
+@dataclass(eq=False)
+class _Running:
+    task: Task
+    number: int
+    future: Future
+    since_s: float
+    log: Path | None
+    ended_by_us: bool = False
+
+    def spent_s(self) -> float:
+        return time.monotonic() - self.since_s
+
+
+def run_on(
+    cluster: Cluster,
+    tasks: Iterable[Task],
+    function: Callable[[Any], Any],
+    listener: Listener,
+    logs: Path | None = None,
+) -> None:
+    """Run the tasks on the cluster's workers; `function` is one that a worker can import.
+
+    logs: folder for a log an attempt, which the workers must see too (None: no logs). Raises OutOfSpaceError where a disk is
+    full, InputError where no worker is left or comes; what the listener raises comes through. What runs then is cancelled.
+    """
+    _Run(cluster, TaskQueue(tasks, listener), function, logs).to_the_end()
+
+
+class _Run:
+    def __init__(self, cluster: Cluster, todo: TaskQueue, function: Callable[[Any], Any], logs: Path | None) -> None:
+        self._cluster = cluster
+        self._todo = todo
+        self._function = function
+        self._logs = logs
+        self._running: dict[str, _Running] = {}  # by the worker's address
+        self._finished: queue.SimpleQueue[Future] = queue.SimpleQueue()
+        self._workers = dict.fromkeys(cluster.workers(), True)  # by address, whether it takes work
+        self._known_since_s = dict.fromkeys(self._workers, float("-inf"))
+        self._all_there_s = time.monotonic()
+        self._set_aside: set[str] = set()
+        self._restarts: list[threading.Thread] = []
+        self._polled_s = -_POLL_S
+        self._worker_seen_s = time.monotonic()
+
+    def to_the_end(self) -> None:
+        """Start, collect, watch, until nothing is left."""
+        try:
+            while len(self._todo) or self._running:
+                self._look_at_workers()
+                self._start_what_may()
+                self._todo.tell(len(self._running), len(self._workers))
+                self._collect()
+                self._end_what_hangs()
+            self._todo.tell(0, len(self._workers))
+        finally:
+            left = [each.future for each in self._running.values()]
+            if left:
+                self._cluster.client.cancel(left, force=True)
+            for restart in self._restarts:
+                restart.join(_RESTART_S)
+
+    def _look_at_workers(self) -> None:
+        now_s = time.monotonic()
+        if now_s - self._polled_s < _POLL_S:
+            return
+        self._polled_s = now_s
+        there = self._cluster.workers()
+        self._known_since_s = {address: self._known_since_s.get(address, now_s) for address in there}
+        self._workers = {
+            address: ready and now_s - self._known_since_s[address] >= _SETTLED_S for address, ready in there.items()
+        }
+        if len(there) >= self._cluster.n_worker:
+            self._all_there_s = now_s
+        elif now_s - self._all_there_s > _MISSED_S:
+            self._cluster.replace_missing(len(there))
+            self._all_there_s = now_s
+        if self._workers:
+            self._worker_seen_s = now_s
+        elif now_s - self._worker_seen_s > _WORKERS_AWAITED_S:
+            raise InputError(
+                f"no worker has been there for {_WORKERS_AWAITED_S:g} s; a cluster with workers is expected, "
+                "and --resume then does the rest"
+            )
+        for address in set(self._running) - set(self._workers):
+            self._lost(address)
+        self._set_aside &= set(self._workers)
+
+    def _start_what_may(self) -> None:
+        for address, ready in self._workers.items():
+            if len(self._running) >= (self._cluster.n_worker or float("inf")):
+                return
+            if not ready or address in self._running or address in self._set_aside:
+                continue
+            next_one = self._todo.take()
+            if next_one is None:
+                return
+            task, number = next_one
+            log = self._logs / f"{task.id}.{number}.log" if self._logs is not None else None
+            future = self._cluster.client.submit(
+                attempt,
+                self._function,
+                task.work,
+                task.limit_s,
+                log,
+                killed=True,
+                key=f"{task.id}.{number}.{id(self):x}",
+                workers=[address],
+                resources=dict(self._cluster.resources) or None,
+                pure=False,
+            )
+            self._running[address] = _Running(task, number, future, time.monotonic(), log)
+            future.add_done_callback(self._finished.put)
+
+    def _collect(self) -> None:
+        """Wait a moment for something to finish, then take all that has."""
+        try:
+            future = self._finished.get(timeout=_POLL_S)
+        except queue.Empty:
+            return
+        while True:
+            self._take(future)
+            try:
+                future = self._finished.get_nowait()
+            except queue.Empty:
+                return
+
+    def _take(self, future: Future) -> None:
+        address = next((key for key, each in self._running.items() if each.future is future), None)
+        if address is None:  # given up before
+            return
+        if future.status != "finished":
+            self._lost(address)
+            return
+        one = self._running[address]
+        try:
+            result = future.result(timeout=_FETCH_S)
+        except Exception as error:  # the worker died with the result in its hands, or the result cannot travel
+            self._lost(address, f"gave no result that could be fetched ({type(error).__name__}: {error})")
+            return
+        del self._running[address]
+        future.release()
+        self._todo.ended(one.task, result, one.log)
+
+    def _lost(self, address: str, message: str = "") -> None:
+        """The worker died, or could not even begin."""
+        one = self._running.pop(address)
+        spent_s = one.spent_s()
+        self._polled_s = -_POLL_S
+        self._workers.pop(address, None)
+        if one.ended_by_us or spent_s >= one.task.limit_s:
+            message = f"did not end within its time limit of {one.task.limit_s:g} s"
+        else:
+            message = message or _reason(one.future) or f"its worker died after {spent_s:.1f} s"
+        tail = log_tail(one.log)
+        self._cluster.client.cancel([one.future], force=True)
+        attempts = f"{message}, at attempt {one.number} of {MOST_ATTEMPTS}"
+        self._todo.interrupted(one.task, spent_s, "\n".join(part for part in (attempts, tail) if part))
+
+    def _end_what_hangs(self) -> None:
+        for address, one in self._running.items():
+            if not one.ended_by_us and one.spent_s() > one.task.limit_s + _GRACE_S:
+                one.ended_by_us = True
+                self._set_aside.add(address)
+                self._restarts.append(threading.Thread(target=self._restart, args=[address], daemon=True))
+                self._restarts[-1].start()
+
+    def _restart(self, address: str) -> None:
+        """Have the nanny replace the worker; one without a nanny is shut out by the scheduler."""
+        with suppress(OSError, TimeoutError):  # then it stays set aside
+            self._cluster.client.restart_workers([address], timeout=_RESTART_S, raise_for_error=False)
+
+
+def _reason(future: Future) -> str:
+    """Why a worker could not run the task; "" where the worker was killed."""
+    from distributed import KilledWorker
+
+    error = future.exception(timeout=_FETCH_S) if future.status == "error" else None
+    return (
+        ""
+        if error is None or isinstance(error, KilledWorker)
+        else f"could not be run ({type(error).__name__}: {error})"
+    )

@@ -1,0 +1,84 @@
+"""The figures of a case: those of `metrics.json`, which of them are compared, and how much worse each may get.
+
+The default tolerances are ours: about three times what a figure moves, as a mean over three seeds, when only the noise's
+seed changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+from twin.report.figures_table import FIGURES, HEADLINES, Figure
+
+FIGURE: Mapping[str, Figure] = {figure.key: figure for figure in FIGURES}
+"""Every figure by its dotted place in a tracker's entry of `metrics.json`."""
+
+
+@dataclass(frozen=True)
+class Allowance:
+    """How much worse a figure may get: absolute, in its unit, + relative × |baseline|."""
+
+    absolute: float = 0.0
+    relative: float = 0.0
+
+
+GATED: Mapping[str, Allowance] = {
+    "mota": Allowance(0.01),
+    "motp_m": Allowance(0.002, 0.03),
+    "idf1": Allowance(0.02),
+    "hota": Allowance(0.015),
+    "deta": Allowance(0.01),
+    "assa": Allowance(0.02),
+    "gospa_m": Allowance(0.005, 0.05),
+    "ospa_m": Allowance(0.003, 0.05),
+    "misidentifications": Allowance(0.5),
+    "lost_tracks": Allowance(0.5),
+    "id_switches": Allowance(0.5),
+    "misses": Allowance(3.0, 0.2),
+    "false_positives": Allowance(3.0, 0.2),
+    "head_error_m.x": Allowance(0.003, 0.05),
+    "head_error_m.y": Allowance(0.003, 0.05),
+    "head_error_m.z": Allowance(0.003, 0.05),
+    "head_yaw_error_rad": Allowance(0.02, 0.05),
+}
+"""The figures that are compared, in the order they are shown; those at the wider gate say much the same again, and what
+a frame costs depends on who else uses the machine."""
+
+SHOWN = HEADLINES
+"""The figures that a table or a row of a page has room for."""
+
+
+def allowed_by_default(metric: str, baseline: float) -> float:
+    """How much worse a figure may get where a suite says nothing else, in its unit."""
+    allowance = GATED[metric]
+    return allowance.absolute + allowance.relative * abs(baseline)
+
+
+def flat(metrics: Mapping[str, Any]) -> dict[str, float | None]:
+    """A tracker's entry of `metrics.json` as numbers by dotted path; the gate, which is no result, left out."""
+    return {key: value for key, value in _leaves(metrics, "") if key != "gate_m"}
+
+
+def _leaves(content: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, float | None]]:
+    for key, value in content.items():
+        if isinstance(value, Mapping):
+            yield from _leaves(value, f"{prefix}{key}.")
+        elif value is None or (isinstance(value, int | float) and not isinstance(value, bool)):
+            yield f"{prefix}{key}", None if value is None else float(value)
+
+
+def worsening(key: str, change: float) -> float:
+    """A change of a figure, positive where it is for the worse."""
+    return -change if FIGURE[key].better == "more" else change
+
+
+def written(key: str, value: float | None, sign: bool = False) -> str:
+    """A figure as text with its unit; counts, which are means over seeds here, with one decimal."""
+    if value is None or not isfinite(value):
+        return "–"
+    figure = FIGURE[key]
+    text = f"{value:{'+' if sign else ''}.{figure.decimals or 1}f}".replace("-", "−")
+    return f"{text} {figure.unit}" if figure.unit else text

@@ -1,0 +1,123 @@
+"""A run of a suite as a gate: run, judge against the baseline, write what people and programs read of it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from trackers.errors import InputError
+from twin.console import print_paths
+from twin.suites.baseline import read_baseline, read_results, write_baseline
+from twin.suites.cache import RecordingCache, cache_folder, cache_limit_bytes
+from twin.suites.comparison import Comparison, compare
+from twin.suites.description import load_suite
+from twin.suites.figures import allowed_by_default
+from twin.suites.junit import write_junit
+from twin.suites.page import write_comparison_page, write_page
+from twin.suites.results import Results, results_of
+from twin.suites.run import Place, run_suite, tolerances_of
+from twin.suites.store import ResultStore, read_store
+from twin.suites.summary import write_summary
+from twin.suites.terminal import print_comparison, print_results, suite_progress
+
+
+def run_and_judge(
+    name: str,
+    out: Path | None,
+    place: Place,
+    *,
+    resume: bool = False,
+    baseline: Path | None = None,
+    update_baseline: bool = False,
+    seed_offset: int = 0,
+    changes: Sequence[str] = (),
+) -> bool:
+    """Run a suite and say whether all went well: no case failed, and nothing is worse than in the baseline.
+
+    Leaves results.sqlite, summary.json, report.html and junit.xml in `out` (default: out/suite-<name>). Raises
+    InputError for bad input, before the first case where that can be.
+    """
+    suite, path = load_suite(name)
+    suite = suite.with_seed_offset(seed_offset)
+    folder = out if out is not None else Path("out") / f"suite-{suite.name}"
+    before = read_baseline(baseline) if baseline is not None and not update_baseline else None
+    cache = RecordingCache(cache_folder(), cache_limit_bytes())
+    with suite_progress() as watcher, _told_how_to_go_on():
+        run_suite(suite, path, folder, cache, place, changes=changes, resume=resume, watcher=watcher)
+    with read_store(folder) as store:
+        results = results_of(store)
+        comparison = None
+        if before is not None:
+            comparison = compare(before, results, tolerances_of(store.facts()))
+            store.note(baseline=str(baseline.resolve()) if baseline is not None else None)
+        print_results(results)
+        if comparison is not None:
+            print_comparison(comparison, results, store, folder, shown=("worse",))
+        files = _write(folder, store, results, comparison, before)
+        print_paths(files)
+        if baseline is not None and update_baseline and not results.failed:
+            write_baseline(baseline, results)
+            print_paths({"baseline": baseline})
+    return not results.failed and (comparison is None or not comparison.worse)
+
+
+@contextmanager
+def _told_how_to_go_on() -> Iterator[None]:
+    try:
+        yield
+    except KeyboardInterrupt:
+        print("the cases that are done are kept; --resume does the rest", file=sys.stderr)
+        raise
+
+
+def show_results(folder: Path) -> None:
+    """Print the table of a run, finished or not, and write its page; against its baseline, where it had one."""
+    with read_store(folder) as store:
+        results, facts = results_of(store), store.facts()
+        print_results(results)
+        before = comparison = None
+        baseline = Path(facts["baseline"]) if facts.get("baseline") else None
+        if baseline is not None and baseline.is_file():
+            before = read_baseline(baseline)
+            comparison = compare(before, results, tolerances_of(facts))
+            print_comparison(comparison, results, store, folder, shown=("worse",))
+        page = folder / "report.html"
+        write_page(page, store, results, comparison, folder, before)
+        print_paths({"results": store.path, "report": page})
+
+
+def compare_results(before: Path, now: Path, out: Path | None) -> bool:
+    """Print what is worse and better in `now`, write a page where asked; whether nothing is worse."""
+    old, new = read_results(before), read_results(now)
+    if not set(old.groups) & set(new.groups):
+        raise InputError(
+            f"{before} and {now} have no scenario and tracker in common; two runs of one suite are expected"
+        )
+    if now.suffix == ".json":
+        comparison = compare(old, new, allowed_by_default, str(before))
+        print_comparison(comparison, new, None, now)
+    else:
+        with read_store(now) as store:
+            comparison = compare(old, new, tolerances_of(store.facts()), str(before))
+            print_comparison(comparison, new, store, now)
+    if out is not None:
+        write_comparison_page(out, comparison, old, new, f"{now} against {before}")
+        print_paths({"page": out})
+    return not comparison.worse
+
+
+def _write(
+    folder: Path, store: ResultStore, results: Results, comparison: Comparison | None, before: Results | None
+) -> dict[str, Path]:
+    files = {
+        "results": store.path,
+        "summary": folder / "summary.json",
+        "junit": folder / "junit.xml",
+        "report": folder / "report.html",
+    }
+    write_summary(files["summary"], store, results, comparison)
+    write_junit(files["junit"], results.suite, store.cases(), comparison)
+    write_page(files["report"], store, results, comparison, folder, before)
+    return files

@@ -1,0 +1,85 @@
+"""JUnit XML, which every CI system reads: a test a case, and a test a group of figures that was compared."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from xml.etree import ElementTree
+
+from twin.recording.whole_file import whole_path
+from twin.suites.comparison import Change, Comparison
+from twin.suites.figures import FIGURE, written
+from twin.suites.store import DONE, FAILED, StoredCase
+
+_NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def write_junit(path: Path, suite: str, cases: Sequence[StoredCase], comparison: Comparison | None) -> None:
+    """Write `junit.xml`; raises InputError where it cannot be written."""
+    root = ElementTree.Element("testsuites", name=suite)
+    runs = ElementTree.SubElement(
+        root,
+        "testsuite",
+        name=suite,
+        tests=str(len(cases)),
+        failures="0",
+        errors=str(sum(case.status == FAILED for case in cases)),
+        skipped=str(sum(case.status not in (DONE, FAILED) for case in cases)),
+        time=f"{sum(case.seconds or 0.0 for case in cases):.3f}",
+    )
+    for case in cases:
+        test = ElementTree.SubElement(
+            runs,
+            "testcase",
+            classname=f"{suite}.{case.scenario}",
+            name=_clean(", ".join(part for part in (case.variant, f"seed {case.seed}", case.tracker) if part)),
+            time=f"{case.seconds or 0.0:.3f}",
+        )
+        if case.status == FAILED:
+            error = case.error or ""
+            element = ElementTree.SubElement(test, "error", message=_clean(error.splitlines()[0] if error else ""))
+            element.text = _clean(error)
+        elif case.status != DONE:
+            ElementTree.SubElement(test, "skipped", message="not finished")
+    if comparison is not None:
+        _add_comparison(root, suite, comparison)
+    ElementTree.indent(root)
+    with whole_path(path) as partial:
+        ElementTree.ElementTree(root).write(partial, encoding="utf-8", xml_declaration=True)
+
+
+def _add_comparison(root: ElementTree.Element, suite: str, comparison: Comparison) -> None:
+    groups: dict[tuple[str, str, str], list[Change]] = {}
+    for change in comparison.changes:
+        groups.setdefault((change.key.scenario, change.variant, change.key.tracker), []).append(change)
+    element = ElementTree.SubElement(
+        root,
+        "testsuite",
+        name=f"{suite} against the baseline",
+        tests=str(len(groups)),
+        failures=str(sum(any(each.worse for each in changes) for changes in groups.values())),
+        errors="0",
+    )
+    for (scenario, variant, tracker), changes in groups.items():
+        name = ", ".join(part for part in (variant, tracker) if part)
+        test = ElementTree.SubElement(element, "testcase", classname=f"{suite}.{scenario}", name=_clean(name), time="0")
+        worse = [each for each in changes if each.worse]
+        if worse:
+            lines = [sentence(each) for each in worse]
+            ElementTree.SubElement(test, "failure", message=_clean("; ".join(lines))).text = _clean("\n".join(lines))
+
+
+def sentence(change: Change) -> str:
+    """What changed, in words: "MOTP 0.067 m → 0.091 m (+0.024 m, allowed 0.004 m)"."""
+    name = FIGURE[change.metric].name
+    was = written(change.metric, change.before)
+    if change.now is None:
+        return f"{name} {was} → no longer measured"
+    now, by = written(change.metric, change.now), written(change.metric, change.change, sign=True)
+    return f"{name} {was} → {now} ({by}, allowed {written(change.metric, change.allowed)})"
+
+
+def _clean(text: str) -> str:
+    """Without the characters that XML has no way to write."""
+    return _NOT_XML.sub("�", text)

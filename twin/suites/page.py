@@ -1,0 +1,188 @@
+"""The page of a suite: a row a scenario, its figures as small multiples, its worst moment as pictures, all linked."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Mapping
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, StrictUndefined, Template
+from markupsafe import Markup
+
+from twin.recording.whole_file import whole_file
+from twin.report.palette import IDENTITY_COLOURS, hex_colour
+from twin.suites.comparison import Change, Comparison
+from twin.suites.figures import FIGURE, GATED, SHOWN, written
+from twin.suites.moments import look_at
+from twin.suites.multiples import multiple, scale_of
+from twin.suites.results import Group, GroupKey, Results, mean_over_seeds
+from twin.suites.store import ResultStore
+
+
+def write_page(
+    path: Path,
+    store: ResultStore,
+    results: Results,
+    comparison: Comparison | None,
+    folder: Path,
+    before: Results | None = None,
+) -> None:
+    """Write the page of a run into its folder; it takes its name when it is whole. Raises InputError as a file does."""
+    facts = store.facts()
+    looks = {}
+    for change in comparison.worse if comparison is not None else ():
+        look = look_at(change, results, store, folder)
+        if look is not None:
+            looks[id(change)] = (look.report.relative_to(folder).as_posix(), f"{look.t_s:.1f} s: {look.what}")
+    _write(
+        path,
+        title=f"{results.suite}: a suite",
+        description=facts["description"],
+        results=results,
+        before=before,
+        comparison=comparison,
+        looks=looks,
+        sections=[
+            section | {"strip": _strip(section["cases"], facts.get("strips", {}), store, folder)}
+            for section in _sections(results, before)
+        ],
+        seconds=facts["seconds"],
+    )
+
+
+def write_comparison_page(path: Path, comparison: Comparison, before: Results, now: Results, title: str) -> None:
+    """Write a page of two runs; raises InputError as a file does."""
+    sections = [section | {"strip": None, "cases": []} for section in _sections(now, before)]
+    _write(
+        path,
+        title=title,
+        description="",
+        results=now,
+        before=before,
+        comparison=comparison,
+        looks={},
+        sections=sections,
+        seconds=None,
+    )
+
+
+def _write(
+    path: Path,
+    *,
+    results: Results,
+    comparison: Comparison | None,
+    looks: Mapping[int, tuple[str, str]],
+    **content: Any,
+) -> None:
+    trackers = _slots(results)
+    page = _template().render(
+        results=results,
+        trackers=trackers,
+        slots=[hex_colour(colour) for colour in IDENTITY_COLOURS],
+        failed=[(case, (case.error or "").splitlines()) for case in results.failed],
+        compared=comparison is not None,
+        warnings=comparison.warnings if comparison is not None else (),
+        n_compared=len(comparison.changes) if comparison is not None else 0,
+        worse=[_change(each, looks) for each in comparison.worse] if comparison is not None else [],
+        better=[_change(each, looks) for each in comparison.better] if comparison is not None else [],
+        n_done=sum(len(group.seeds) for group in results.groups.values()),
+        **content,
+    )
+    with whole_file(path) as stream:
+        stream.write(page)
+
+
+def _sections(results: Results, before: Results | None) -> list[dict[str, Any]]:
+    """What the page shows of each scenario and variant."""
+    rows: dict[tuple[str, str], list[tuple[GroupKey, Group]]] = {}
+    for key, group in results.groups.items():
+        rows.setdefault((key.scenario, key.overrides), []).append((key, group))
+    scales = {metric: scale_of(metric, results.groups.values()) for metric in SHOWN}
+    slots = _slots(results)
+    sections = []
+    for (scenario, overrides), found in rows.items():
+        trackers = [(key.tracker, group) for key, group in found]
+        old = {key.tracker: before.groups[key] for key, _ in found if before is not None and key in before.groups}
+        sections.append(
+            {
+                "scenario": scenario,
+                "variant": found[0][1].variant,
+                "overrides": json.loads(overrides),
+                "multiples": [
+                    (FIGURE[metric], Markup(multiple(metric, scales[metric], trackers, slots, old))) for metric in SHOWN
+                ],
+                "trackers": [name for name, _ in trackers],
+                "table": [
+                    (FIGURE[metric], [_cell(metric, group) for _, group in trackers])
+                    for metric in GATED
+                    if any(group.values(metric) for _, group in trackers)
+                ],
+                "cases": [
+                    (name, [(seed, group.cases.get(seed)) for seed in sorted(group.seeds)]) for name, group in trackers
+                ],
+            }
+        )
+    return sections
+
+
+def _strip(
+    cases: list[tuple[str, list[tuple[int, str | None]]]], strips: Mapping[str, float], store: ResultStore, folder: Path
+) -> dict[str, Any] | None:
+    """The drawn moment of a section, if there is one."""
+    for tracker, seeds in cases:
+        for seed, case_id in seeds:
+            if case_id is None or case_id not in strips:
+                continue
+            picture = folder / "cases" / case_id / "worst.jpg"
+            if picture.is_file():
+                return {
+                    "source": "data:image/jpeg;base64," + base64.b64encode(picture.read_bytes()).decode(),
+                    "report": f"cases/{case_id}/report.html",
+                    "caption": f"{tracker}, seed {seed}, at {strips[case_id]:.1f} s: "
+                    f"{store.moments(case_id)[0].what}, the worst of this scenario",
+                }
+    return None
+
+
+def _change(change: Change, looks: Mapping[int, tuple[str, str]]) -> dict[str, Any]:
+    metric = change.metric
+    gone = change.now is None
+    return {
+        "scenario": change.key.scenario,
+        "variant": change.variant,
+        "tracker": change.key.tracker,
+        "figure": FIGURE[metric].name,
+        "before": written(metric, change.before),
+        "now": "gone" if gone else written(metric, change.now),
+        "change": "" if gone else written(metric, change.change, sign=True),
+        "interval": "" if gone else f"{written(metric, change.low, True)} to {written(metric, change.high, True)}",
+        "allowed": "" if gone else written(metric, change.allowed),
+        "look": looks.get(id(change)),
+    }
+
+
+def _cell(metric: str, group: Group) -> str:
+    mean = mean_over_seeds(group.values(metric))
+    if mean is None:
+        return "–"
+    decimals = FIGURE[metric].decimals or 1
+    text = f"{mean.mean:.{decimals}f}"
+    if mean.low is not None:
+        text += f" ({mean.low:.{decimals}f} to {mean.high:.{decimals}f})"
+    return text.replace("-", "−")
+
+
+def _slots(results: Results) -> dict[str, int]:
+    """A colour for each tracker, in the order in which they come."""
+    names = dict.fromkeys(key.tracker for key in results.groups)
+    return {name: place % len(IDENTITY_COLOURS) for place, name in enumerate(names)}
+
+
+@cache
+def _template() -> Template:
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    return environment.from_string((files("twin.suites") / "page.html.j2").read_text(encoding="utf-8"))

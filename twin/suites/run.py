@@ -1,0 +1,192 @@
+"""A suite from its description to its results: every case run, every result in its place."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from twin.recording.whole_file import whole_path
+from twin.results import versions
+from twin.suites.cache import RecordingCache
+from twin.suites.cases import Case, expand
+from twin.suites.cluster import open_cluster
+from twin.suites.description import Suite, Tolerance
+from twin.suites.engine import run_on
+from twin.suites.figures import allowed_by_default, flat
+from twin.suites.fingerprint import recording_key, whole_code
+from twin.suites.store import DONE, FAILED, ResultStore, open_store
+from twin.suites.strips import StripWork, draw_strip
+from twin.suites.tasks import Ended, Listener, State, Task, run_here
+from twin.suites.worker import WORST, CaseResult, CaseWork, run_case
+
+_STRIP_LIMIT_S = 300.0
+_MOST_STRIPS = 24
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a suite runs: `jobs` processes here (None: one a core; 1: in this very process), or a Dask scheduler's workers."""
+
+    jobs: int | None = None
+    scheduler: str | None = None
+    resources: Mapping[str, float] | None = None
+
+
+@dataclass(frozen=True)
+class Watcher:
+    """Whom to tell how a run goes: the Dask dashboard's address, if there is one, each case that fails, how far it is."""
+
+    dashboard: Callable[[str], object] = lambda address: None
+    failed: Callable[[str, str], object] = lambda case_id, error: None
+    state: Callable[[State], object] = lambda state: None
+
+
+def run_suite(
+    suite: Suite,
+    path: Path,
+    folder: Path,
+    cache: RecordingCache,
+    place: Place | None = None,
+    *,
+    changes: Sequence[str] = (),
+    resume: bool = False,
+    watcher: Watcher | None = None,
+    function: Callable[[CaseWork], CaseResult] | None = None,
+) -> None:
+    """Run every case of the suite into `folder`/results.sqlite, its files beside; then draw the worst moments.
+
+    changes: 'path=value' texts for every case; function: what is done with a case, one that a worker can import (None:
+    `run_case`). A case that fails is noted, and the rest goes on. Raises InputError for a suite that cannot be, for a
+    folder with other results, and where the disk is full or the workers are gone; what was done until then is kept.
+    """
+    watcher = watcher or Watcher()
+    cases = expand(suite, path, changes)
+    facts = {
+        "suite": suite.name,
+        "description": suite.description,
+        "code": whole_code(),
+        "versions": {name: value for name, value in versions(None).items() if not name.startswith("gl_")},
+        "changes": list(changes),
+        "tolerances": {name: each.model_dump() for name, each in suite.tolerances.items()},
+        "seconds": 0.0,
+        "renderers": [],
+    }
+    with ExitStack() as stack:
+        store = stack.enter_context(open_store(folder, cases, facts, resume))
+        start, before_s = time.perf_counter(), store.facts()["seconds"]
+        run_tasks = _runner(place or Place(), stack, watcher)
+        logs = folder / "logs"
+        logs.mkdir(exist_ok=True)
+        _run_cases(store, folder, cases, cache, run_tasks, watcher, logs, function or run_case)
+        _draw_strips(store, folder, cases, cache, run_tasks, watcher)
+        store.note(seconds=before_s + time.perf_counter() - start)
+
+
+RunTasks = Callable[[Sequence[Task], Callable[[Any], Any], Listener, Path | None], None]
+
+
+def _runner(place: Place, stack: ExitStack, watcher: Watcher) -> RunTasks:
+    if place.scheduler is None and place.jobs == 1:
+        return lambda tasks, function, listener, logs: run_here(tasks, function, listener)
+    cluster = stack.enter_context(open_cluster(place.jobs, place.scheduler, place.resources))
+    if cluster.dashboard is not None:
+        watcher.dashboard(cluster.dashboard)
+    return lambda tasks, function, listener, logs: run_on(cluster, tasks, function, listener, logs)
+
+
+def _run_cases(
+    store: ResultStore,
+    folder: Path,
+    cases: Sequence[Case],
+    cache: RecordingCache,
+    run_tasks: RunTasks,
+    watcher: Watcher,
+    logs: Path,
+    function: Callable[[CaseWork], CaseResult],
+) -> None:
+    by_id = {case.id: case for case in cases}
+    done = {each.id for each in store.cases() if each.status == DONE}
+    renderers = set(store.facts()["renderers"])
+    code = whole_code()
+
+    def ended(end: Ended) -> None:
+        case = by_id[end.task.id]
+        if end.status == FAILED:
+            store.failed(case.id, end.attempts, end.seconds, end.error)
+            watcher.failed(case.id, end.error)
+            return
+        result: CaseResult = end.value
+        _write_files(folder / "cases" / case.id, result.files)
+        store.finished(case, end.attempts, end.seconds, flat(result.metrics), result.moments)
+        if result.renderer not in renderers:
+            renderers.add(result.renderer)
+            store.note(renderers=sorted(renderers))
+
+    # The renderer's name is not known here; the key without it tells apart what the key with it does.
+    keys = {case.resolved: recording_key(case.resolved, "") for case in cases}
+    tasks = [
+        Task(case.id, CaseWork(case, cache, code), case.limit_s, shares=keys[case.resolved])
+        for case in cases
+        if case.id not in done
+    ]
+
+    def state(now: State) -> None:
+        watcher.state(State(now.waiting, now.running, now.done + len(done), now.failed, now.workers))
+
+    run_tasks(tasks, function, Listener(lambda task, number: store.started(task.id, number), ended, state), logs)
+
+
+def _draw_strips(
+    store: ResultStore,
+    folder: Path,
+    cases: Sequence[Case],
+    cache: RecordingCache,
+    run_tasks: RunTasks,
+    watcher: Watcher,
+) -> None:
+    """The worst second of each scenario and variant, the worst of them first; one that cannot be drawn is left out."""
+    worst: dict[tuple[str, str], tuple[float, float, Case]] = {}
+    by_id = {case.id: case for case in cases}
+    for each in store.cases():
+        case = by_id[each.id]
+        for moment in store.moments(each.id)[:1]:
+            row = (case.scenario, case.variant)
+            if moment.kind == WORST and (row not in worst or moment.severity > worst[row][0]):
+                worst[row] = (moment.severity, moment.t_s, case)
+    chosen = sorted(worst.values(), key=lambda each: each[0], reverse=True)[:_MOST_STRIPS]
+    tasks = [
+        Task(f"{case.id}-strip", StripWork(case, cache, t_s), _STRIP_LIMIT_S, recording_key(case.resolved, ""))
+        for _, t_s, case in chosen
+    ]
+    drawn = {}
+
+    def ended(end: Ended) -> None:
+        case: Case = end.task.work.case
+        if end.status == FAILED:
+            watcher.failed(end.task.id, end.error)
+            return
+        _write_files(folder / "cases" / case.id, {"worst.jpg": end.value})
+        drawn[case.id] = end.task.work.t_s
+
+    run_tasks(tasks, draw_strip, Listener(ended=ended), None)
+    store.note(strips=drawn)
+
+
+def _write_files(folder: Path, files: Mapping[str, bytes]) -> None:
+    for name, content in files.items():
+        with whole_path(folder / name) as partial:
+            partial.write_bytes(content)
+
+
+def tolerances_of(facts: Mapping[str, Any]) -> Callable[[str, float], float]:
+    """How much worse a figure may get, as the suite that left these facts says."""
+    own = {name: Tolerance(**content) for name, content in facts.get("tolerances", {}).items()}
+
+    def allowed(metric: str, baseline: float) -> float:
+        return own[metric].allowed(baseline) if metric in own else allowed_by_default(metric, baseline)
+
+    return allowed

@@ -1,0 +1,267 @@
+"""Results in one SQLite file, written case by case; whatever kills the run, what was finished before is there.
+
+Tables: `cases` (case_id, status, attempts, seconds, error), `results` (case_id, scenario, seed, overrides, tracker,
+metric, value), `definitions` (what each case is, in order), `moments` (where in a case to look), `facts` (about the run).
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import socket
+import sqlite3
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from trackers.errors import InputError
+from twin.suites.cases import Case
+from twin.suites.worker import Moment
+
+FILE = "results.sqlite"
+WAITING, RUNNING, DONE, FAILED = "waiting", "running", "done", "failed"
+
+_SCHEMA = """
+CREATE TABLE facts (name TEXT PRIMARY KEY, value TEXT);
+CREATE TABLE definitions (case_id TEXT PRIMARY KEY, place INTEGER UNIQUE, scenario TEXT, variant TEXT, overrides TEXT,
+    seed INTEGER, tracker TEXT, image_based INTEGER);
+CREATE TABLE cases (case_id TEXT PRIMARY KEY REFERENCES definitions, status TEXT, attempts INTEGER, seconds REAL,
+    error TEXT);
+CREATE TABLE results (case_id TEXT REFERENCES definitions, scenario TEXT, seed INTEGER, overrides TEXT, tracker TEXT,
+    metric TEXT, value REAL, PRIMARY KEY (case_id, metric));
+CREATE TABLE moments (case_id TEXT REFERENCES definitions, t_s REAL, kind TEXT, what TEXT, severity REAL);
+CREATE INDEX moments_of_case ON moments (case_id);
+"""
+
+
+@dataclass(frozen=True)
+class StoredCase:
+    """A case as the file holds it."""
+
+    id: str
+    scenario: str
+    variant: str
+    overrides: str
+    seed: int
+    tracker: str
+    image_based: bool  # SQLite: 0 or 1
+    status: str
+    attempts: int
+    seconds: float | None
+    error: str | None
+
+
+class ResultStore:
+    """The results of one run of a suite, open for reading and, by `open_store`, for writing."""
+
+    def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
+        self._connection = connection
+        self.path = path
+
+    def started(self, case_id: str, attempt: int) -> None:
+        """Note that an attempt at a case begins."""
+        with self._writing():
+            self._connection.execute(
+                "UPDATE cases SET status = ?, attempts = ? WHERE case_id = ?", (RUNNING, attempt, case_id)
+            )
+
+    def finished(
+        self, case: Case, attempts: int, seconds: float, metrics: Mapping[str, float | None], moments: Sequence[Moment]
+    ) -> None:
+        """Write a case's figures, all or none."""
+        overrides = json.dumps(case.overrides, ensure_ascii=False)
+        with self._writing():
+            self._connection.executemany(
+                "INSERT INTO results VALUES (?, ?, ?, ?, ?, ?, ?)",
+                [
+                    (case.id, case.scenario, case.seed, overrides, case.tracker, metric, value)
+                    for metric, value in metrics.items()
+                ],
+            )
+            self._connection.executemany(
+                "INSERT INTO moments VALUES (?, ?, ?, ?, ?)",
+                [(case.id, moment.t_s, moment.kind, moment.what, moment.severity) for moment in moments],
+            )
+            self._connection.execute(
+                "UPDATE cases SET status = ?, attempts = ?, seconds = ?, error = NULL WHERE case_id = ?",
+                (DONE, attempts, seconds, case.id),
+            )
+
+    def failed(self, case_id: str, attempts: int, seconds: float, error: str) -> None:
+        """Note that a case has failed for good."""
+        with self._writing():
+            self._connection.execute(
+                "UPDATE cases SET status = ?, attempts = ?, seconds = ?, error = ? WHERE case_id = ?",
+                (FAILED, attempts, seconds, error, case_id),
+            )
+
+    def note(self, **facts: Any) -> None:
+        """Keep facts about the run, by name; a value is anything that JSON can hold."""
+        with self._writing():
+            self._connection.executemany(
+                "INSERT OR REPLACE INTO facts VALUES (?, ?)",
+                [(name, json.dumps(value, ensure_ascii=False)) for name, value in facts.items()],
+            )
+
+    def facts(self) -> dict[str, Any]:
+        """The facts about the run."""
+        return {name: json.loads(value) for name, value in self._connection.execute("SELECT name, value FROM facts")}
+
+    def cases(self) -> list[StoredCase]:
+        """Every case, in the suite's order."""
+        rows = self._connection.execute(
+            "SELECT case_id, scenario, variant, overrides, seed, tracker, image_based, status, attempts, seconds, error "
+            "FROM definitions JOIN cases USING (case_id) ORDER BY place"
+        )
+        return [StoredCase(*row) for row in rows]
+
+    def metrics(self) -> dict[str, dict[str, float | None]]:
+        """The figures of each finished case, by its id."""
+        found: dict[str, dict[str, float | None]] = {}
+        for case_id, metric, value in self._connection.execute("SELECT case_id, metric, value FROM results"):
+            found.setdefault(case_id, {})[metric] = value
+        return found
+
+    def moments(self, case_id: str) -> list[Moment]:
+        """The moments of a case, the worst second first, then in order of time."""
+        rows = self._connection.execute(
+            "SELECT t_s, kind, what, severity FROM moments WHERE case_id = ? ORDER BY kind != 'worst', t_s", (case_id,)
+        )
+        return [Moment(*row) for row in rows]
+
+    def _define(self, cases: Sequence[Case]) -> None:
+        self._connection.executescript(f"BEGIN IMMEDIATE;{_SCHEMA}COMMIT;")
+        with self._writing():
+            self._connection.executemany(
+                "INSERT INTO definitions VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+                [
+                    (
+                        case.id,
+                        place,
+                        case.scenario,
+                        case.variant,
+                        json.dumps(case.overrides, ensure_ascii=False),
+                        case.seed,
+                        case.tracker,
+                        case.image_based,
+                    )
+                    for place, case in enumerate(cases)
+                ],
+            )
+            self._connection.executemany(
+                "INSERT INTO cases VALUES (?, ?, 0, NULL, NULL)", [(case.id, WAITING) for case in cases]
+            )
+
+    def _take_up(self) -> None:
+        """What was running when the run was killed, and what failed, is to be done anew."""
+        with self._writing():
+            self._connection.execute(
+                "UPDATE cases SET status = ?, attempts = 0, seconds = NULL, error = NULL WHERE status != ?",
+                (WAITING, DONE),
+            )
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            with self._connection:
+                yield
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_IOERR_WRITE):
+                raise InputError(
+                    f"{self.path}: cannot be written ({error}); a disk with free space is needed, and --resume then does "
+                    "the rest"
+                ) from error
+            raise
+
+
+@contextmanager
+def open_store(folder: Path, cases: Sequence[Case], facts: Mapping[str, Any], resume: bool) -> Iterator[ResultStore]:
+    """The results in `folder`, ours alone as long as the block runs.
+
+    A new file holds the cases and `facts`; with `resume` an earlier one is taken up, where there is one. Raises
+    InputError where another process writes there, where there are results and none were to be taken up, and where those
+    are of other cases, or of another suite, other changes or other code.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / FILE
+    with _locked(folder):
+        exists = path.exists()
+        if exists and not resume:
+            raise InputError(
+                f"--out {folder}: holds the results of an earlier run; --resume to do the rest of it, or another folder, "
+                "is expected"
+            )
+        with _connected(path) as connection:
+            store = ResultStore(connection, path)
+            if exists and connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'moments_of_case'").fetchone():
+                _check_same(store, cases, facts)
+                store._take_up()
+            else:
+                store._define(cases)
+                store.note(**facts)
+            yield store
+
+
+@contextmanager
+def read_store(folder: Path) -> Iterator[ResultStore]:
+    """The results in `folder`, for reading, also while a run writes them; raises InputError where there are none."""
+    path = folder / FILE
+    if not path.is_file():
+        raise InputError(f"{folder}: has no {FILE}; a folder that `twin suite run` has written is expected")
+    try:
+        with _connected(path) as connection:
+            store = ResultStore(connection, path)
+            store.cases()
+            yield store
+    except sqlite3.DatabaseError as error:
+        raise InputError(f"{path}: is no file of results ({error}); one of `twin suite run` is expected") from error
+
+
+def _check_same(store: ResultStore, cases: Sequence[Case], facts: Mapping[str, Any]) -> None:
+    held = store.facts()
+    where = f"--resume: {store.path}"
+    if held.get("suite") != facts.get("suite") or {each.id for each in store.cases()} != {case.id for case in cases}:
+        raise InputError(
+            f"{where}: holds the suite {held.get('suite')!r} with other cases; the same suite, or another folder, is expected"
+        )
+    if held.get("changes") != facts.get("changes"):
+        raise InputError(f"{where}: was run with --set {held.get('changes')}; the same, or another folder, is expected")
+    if held.get("code") != facts.get("code"):
+        raise InputError(
+            f"{where}: was made by other code, and results of two versions must not mix; another folder is expected "
+            "(recordings that are still good are not made again)"
+        )
+
+
+@contextmanager
+def _connected(path: Path) -> Iterator[sqlite3.Connection]:
+    connection = sqlite3.connect(path, timeout=30)
+    try:
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute("PRAGMA synchronous = NORMAL")
+        yield connection
+    finally:
+        connection.close()
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Hold the folder's lock; the system frees it with the process, however that ends."""
+    path = folder / ".suite.lock"
+    lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            holder = os.read(lock, 200).decode(errors="replace") or "another process"
+            raise InputError(
+                f"--out {folder}: {holder} is writing there at this moment; another folder is expected"
+            ) from None
+        os.ftruncate(lock, 0)
+        os.write(lock, f"process {os.getpid()} on {socket.gethostname()}".encode())
+        yield
+    finally:
+        os.close(lock)

@@ -1,0 +1,131 @@
+"""The worst moment of a case as a strip of pictures: before, at, and after it."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from trackers.observations import NS_PER_S
+from twin.feeding import Feed
+from twin.outline import room_outline
+from twin.preview import Preview
+from twin.recording.reader import Recording
+from twin.report.preview import PreviewWriter
+from twin.scenario.model import TrackerChoice
+from twin.suites.cache import RecordingCache
+from twin.suites.cases import Case
+from twin.suites.fingerprint import recording_key
+from twin.suites.worker import RECORDING, record, renderer_of, resolved_scenario
+from twin.tracking import trackers_at_work
+from twin.world import World
+
+_OFFSETS_S = (-0.8, 0.0, 0.8)
+_TAIL_S = 2.0
+_STILL_WIDTH_PX = 720
+_QUALITY = 82
+
+
+@dataclass(frozen=True)
+class StripWork:
+    """A case, its recording's cache, and the moment to show [s]."""
+
+    case: Case
+    cache: RecordingCache
+    t_s: float
+
+
+def draw_strip(work: StripWork) -> bytes:
+    """The moment as three pictures side by side, a JPEG: camera and floor plan with tracks and truth, as in the preview.
+
+    Tracks the recording again up to there; a recording that has left the cache is made again.
+    """
+    case, scenario = work.case, resolved_scenario(work.case)
+    defined = dict(_choice(text) for text in case.tracker_changes)
+    world = World(scenario)
+    key = recording_key(case.resolved, renderer_of(scenario))
+    with (
+        work.cache.recording(key, lambda folder: record(scenario, folder)) as (entry, _),
+        tempfile.TemporaryDirectory(prefix="roomtwin-strip-") as temporary,
+    ):
+        folder = Path(temporary)
+        bag = Recording(entry / RECORDING)
+        writer = _StripWriter(
+            folder / "strip.mp4",
+            bag.rig,
+            fps=10,
+            tracker=case.tracker,
+            title=f"{case.scenario}, seed {case.seed}",
+            outline=room_outline(world.scene.model, world.empty_snapshot(0.0).data),
+            person_names=dict(enumerate(scenario.people, start=1)),
+        )
+        writer.wanted_s = deque(work.t_s + offset for offset in _OFFSETS_S)
+        names = [case.tracker]
+        with writer, trackers_at_work(names, defined, bag.rig, bag.background, case.seed, folder) as at_work:
+            _show(Feed(at_work, preview := Preview(writer, bag.rig)), preview, writer, bag)
+        return _side_by_side(writer.stills)
+
+
+class _StripWriter(PreviewWriter):
+    """A preview of the wanted moments alone: frames long before them and after the last are not drawn."""
+
+    wanted_s: deque[float]
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.stills: list[bytes] = []
+
+    def still(self, quality: int = 88) -> bytes:
+        """The last picture; nothing before the first, which a preview of the whole run does not ask for."""
+        return super().still(quality) if self.n_frames else b""
+
+    def frame(self, stamp_ns: int, *arguments: Any, **options: Any) -> None:
+        """Draw a frame, if it is near enough to be seen or to leave a tail that is."""
+        t = stamp_ns / NS_PER_S
+        if not self.wanted_s or t < self.wanted_s[0] - _TAIL_S:
+            return
+        super().frame(stamp_ns, *arguments, **options)
+        if t >= self.wanted_s[0]:
+            self.wanted_s.popleft()
+            self.stills.append(self.still())
+
+
+def _show(fed: Feed, shown: Preview, writer: _StripWriter, bag: Recording) -> None:
+    """Feed the recording until every wanted moment is drawn, or to its end."""
+    truths = deque(bag.truth())
+    for observation in bag.observations():
+        while truths and truths[0].stamp_ns <= observation.stamp_ns:
+            shown.tell(truths.popleft())
+        fed.observe(observation)
+        if not writer.wanted_s:
+            return
+    fed.finish()
+
+
+def _choice(text: str) -> tuple[str, TrackerChoice]:
+    """'trackers.NAME={...}' as the scenario would hold it."""
+    path, _, value = text.partition("=")
+    return path.removeprefix("trackers."), TrackerChoice.model_validate(json.loads(value))
+
+
+def _side_by_side(stills: Sequence[bytes]) -> bytes:
+    pictures = []
+    for still in stills:
+        picture = cv2.imdecode(np.frombuffer(still, dtype=np.uint8), cv2.IMREAD_COLOR)
+        if picture is None:
+            raise RuntimeError("OpenCV could not decode its own JPEG")
+        height = round(picture.shape[0] * _STILL_WIDTH_PX / picture.shape[1])
+        pictures.append(cv2.resize(picture, (_STILL_WIDTH_PX, height), interpolation=cv2.INTER_AREA))
+    if not pictures:
+        raise ValueError("no frame lies at or after the moment")
+    done, jpeg = cv2.imencode(".jpg", np.hstack(pictures), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    if not done:
+        raise RuntimeError("OpenCV could not encode a JPEG")
+    return jpeg.tobytes()

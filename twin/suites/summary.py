@@ -1,0 +1,66 @@
+"""`summary.json`: a run of a suite in short, for programs."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from twin.recording.whole_file import whole_file
+from twin.suites.comparison import Change, Comparison
+from twin.suites.results import Results, gated_values
+from twin.suites.store import ResultStore
+
+
+def write_summary(path: Path, store: ResultStore, results: Results, comparison: Comparison | None) -> None:
+    """Write the means over seeds with their 95 % intervals, what failed, and what changed; raises InputError as a file does."""
+    facts, cases = store.facts(), store.cases()
+    document: dict[str, Any] = {
+        "suite": results.suite,
+        "cases": {
+            "total": len(cases),
+            "done": sum(len(group.seeds) for group in results.groups.values()),
+            "failed": len(results.failed),
+            "unfinished": results.unfinished,
+        },
+        "seconds": facts["seconds"],
+        "versions": dict(results.versions),
+        "renderers": list(results.renderers),
+        "groups": [
+            {
+                "scenario": key.scenario,
+                "variant": group.variant,
+                "overrides": json.loads(key.overrides),
+                "tracker": key.tracker,
+                "seeds": sorted(group.seeds),
+                "figures": {metric: asdict(mean) for metric, mean in gated_values(group)},
+            }
+            for key, group in results.groups.items()
+        ],
+        "failed": [{"case_id": case.id, "attempts": case.attempts, "error": case.error} for case in results.failed],
+    }
+    if comparison is not None:
+        document["comparison"] = {
+            "worse": [_row(change) for change in comparison.worse],
+            "better": [_row(change) for change in comparison.better],
+            "warnings": list(comparison.warnings),
+        }
+    with whole_file(path) as stream:
+        json.dump(document, stream, indent=2, ensure_ascii=False, allow_nan=False)
+        stream.write("\n")
+
+
+def _row(change: Change) -> dict[str, Any]:
+    gone = change.now is None
+    return {
+        "scenario": change.key.scenario,
+        "variant": change.variant,
+        "tracker": change.key.tracker,
+        "metric": change.metric,
+        "before": change.before,
+        "now": change.now,
+        "interval": None if gone else [change.low, change.high],
+        "allowed": change.allowed,
+        "seeds": change.n_seed,
+    }

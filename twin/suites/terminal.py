@@ -1,0 +1,173 @@
+"""What a person at a terminal sees of a suite: progress on stderr, tables on stdout."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn
+from rich.table import Table
+
+from twin.suites.comparison import Change, Comparison
+from twin.suites.figures import FIGURE, SHOWN, written
+from twin.suites.moments import look_at
+from twin.suites.results import MeanOverSeeds, Results, mean_over_seeds
+from twin.suites.run import Watcher
+from twin.suites.store import ResultStore
+from twin.suites.tasks import State
+
+_MOST_ROWS = 30
+_LINE_EVERY_S = 15.0
+
+
+@contextmanager
+def suite_progress() -> Iterator[Watcher]:
+    """Cases done, running, failed and the time left, on stderr: a bar in a terminal, a line now and then elsewhere."""
+    console = Console(stderr=True, highlight=False)
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.fields[text]}"),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
+    clock = _Clock()
+    last_line_s = 0.0
+
+    def state(now: State) -> None:
+        nonlocal last_line_s
+        total = now.waiting + now.running + now.done + now.failed
+        text = f"{now.done} done, {now.running} running, {now.failed} failed, {clock.left(now)}"
+        bar.update(task, total=total, completed=now.done + now.failed, text=text)
+        if not console.is_terminal and time.monotonic() - last_line_s > _LINE_EVERY_S:
+            last_line_s = time.monotonic()
+            print(f"of {total} cases {text}", file=sys.stderr, flush=True)
+
+    def failed(case_id: str, error: str) -> None:
+        console.print(f"failed: {case_id}: {error.splitlines()[0] if error else ''}", markup=False, soft_wrap=True)
+
+    with bar:
+        task = bar.add_task("cases", text="")
+        yield Watcher(
+            dashboard=lambda address: console.print(f"Dask dashboard: {address}", soft_wrap=True),
+            failed=failed,
+            state=state,
+        )
+
+
+class _Clock:
+    """How long the rest will take, from what has ended since the first look."""
+
+    def __init__(self) -> None:
+        self._start_s: float | None = None
+        self._ended_before = 0
+
+    def left(self, now: State) -> str:
+        ended = now.done + now.failed
+        if self._start_s is None:
+            self._start_s, self._ended_before = time.monotonic(), ended
+        rest = now.waiting + now.running
+        if rest == 0:
+            return "all ended"
+        if now.workers == 0:
+            return "no worker yet"
+        if ended == self._ended_before:
+            return "time left not known yet"
+        left_s = (time.monotonic() - self._start_s) / (ended - self._ended_before) * rest
+        return f"about {left_s:.0f} s left" if left_s < 100 else f"about {left_s / 60:.0f} min left"
+
+
+def print_results(results: Results) -> None:
+    """The means over seeds, a row a scenario, variant and tracker, and what failed."""
+    table = Table()
+    for name in ("scenario", "tracker", "seeds"):
+        table.add_column(name)
+    for metric in SHOWN:
+        figure = FIGURE[metric]
+        table.add_column(
+            f"{figure.name}{f' [{figure.unit}]' if figure.unit else ''}".replace("[", "\\["), justify="right"
+        )
+    for key, group in results.groups.items():
+        name = f"{key.scenario} ({group.variant})" if group.variant else key.scenario
+        cells = [_mean_text(metric, mean_over_seeds(group.values(metric))) for metric in SHOWN]
+        table.add_row(name, key.tracker, str(len(group.seeds)), *cells)
+    console = _console()
+    console.print(f"{results.suite}: means over seeds, gate 0.5 m", highlight=False)
+    console.print(table)
+    for case in results.failed[:_MOST_ROWS]:
+        error = (case.error or "").splitlines()
+        console.print(
+            f"failed after {case.attempts} attempts: {case.id}: {error[0] if error else ''}",
+            markup=False,
+            highlight=False,
+            soft_wrap=True,
+        )
+    if results.unfinished:
+        console.print(f"{results.unfinished} cases are not finished", highlight=False)
+
+
+def print_comparison(
+    comparison: Comparison,
+    results: Results,
+    store: ResultStore | None,
+    folder: Path,
+    shown: Sequence[str] = ("worse", "better"),
+) -> None:
+    """What got worse, by how much, and where to look; what got better after it; warnings on stderr."""
+    console = _console()
+    for warning in comparison.warnings:
+        Console(stderr=True).print(f"warning: {warning}", markup=False, highlight=False, soft_wrap=True)
+    for word in shown:
+        changes = comparison.worse if word == "worse" else comparison.better
+        if changes:
+            console.print(f"{len(changes)} figures got {word}", highlight=False)
+            console.print(_changes_table(changes[:_MOST_ROWS]))
+            if len(changes) > _MOST_ROWS:
+                console.print(f"and {len(changes) - _MOST_ROWS} more, in summary.json", highlight=False)
+        if word == "worse" and store is not None:
+            for line in dict.fromkeys(
+                look.text() for change in changes[:_MOST_ROWS] if (look := look_at(change, results, store, folder))
+            ):
+                console.print(f"look at {line}", markup=False, highlight=False, soft_wrap=True)
+    if not comparison.worse:
+        console.print(f"nothing got worse: {len(comparison.changes)} figures compared", highlight=False)
+
+
+def _changes_table(changes: Sequence[Change]) -> Table:
+    table = Table()
+    for name in ("scenario", "tracker", "figure"):
+        table.add_column(name)
+    for name in ("before", "now", "change", "interval", "allowed"):
+        table.add_column(name, justify="right")
+    for change in changes:
+        metric = change.metric
+        name = f"{change.key.scenario} ({change.variant})" if change.variant else change.key.scenario
+        gone = change.now is None
+        interval = f"{written(metric, change.low, True)} to {written(metric, change.high, True)}"
+        table.add_row(
+            name,
+            change.key.tracker,
+            FIGURE[metric].name,
+            written(metric, change.before),
+            "gone" if gone else written(metric, change.now),
+            "" if gone else written(metric, change.change, sign=True),
+            "" if gone else interval,
+            "" if gone else written(metric, change.allowed),
+        )
+    return table
+
+
+def _mean_text(metric: str, mean: MeanOverSeeds | None) -> str:
+    if mean is None:
+        return "–"
+    decimals = FIGURE[metric].decimals or 1
+    return f"{mean.mean:.{decimals}f}".replace("-", "−")
+
+
+def _console() -> Console:
+    return Console(width=None if Console().is_terminal else 140)

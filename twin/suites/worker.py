@@ -1,0 +1,161 @@
+"""What a worker does with a case: record, unless that has been done, then track and evaluate."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from trackers.configuration import parse_yaml, validate
+from trackers.errors import InputError
+from trackers.observations import NS_PER_S
+from twin.evaluate import evaluate_with_details
+from twin.evaluate.summary import Evaluation
+from twin.recording.tables import read_tracks, read_truth
+from twin.report.timeline import describe
+from twin.run import run_scenario
+from twin.scenario import Scenario
+from twin.sensors.render import OffscreenRenderer
+from twin.suites.cache import RecordingCache
+from twin.suites.cases import NO_CAMERA, Case
+from twin.suites.fingerprint import recording_key, whole_code
+from twin.track import track_recording
+from twin.tracking import file_name
+
+RECORDING, TRUTH = "recording.mcap", "truth.csv"
+NO_RENDERER = "none"
+"""Written instead of a renderer's name for recordings without images."""
+
+WORST = "worst"
+"""The kind of moment that every case has: its worst second."""
+
+_WINDOW_S = 1.0
+_START_S = 1.0
+"""So long a tracker may take to confirm the people it finds; what is bad before says nothing."""
+_MOST_EVENTS = 20
+
+
+@dataclass(frozen=True)
+class CaseWork:
+    """A case, the cache to use, and the state of the code (see `fingerprint.whole_code`) that the others run."""
+
+    case: Case
+    cache: RecordingCache
+    code: str
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Something to look at in a case: an event of the evaluation, or WORST, the middle of the worst second by OSPA."""
+
+    t_s: float
+    kind: str
+    what: str
+    severity: float
+
+
+@dataclass(frozen=True)
+class CaseResult:
+    """What a case gave: the tracker's entry of `metrics.json`, the moments, the files of its folder, how it was made."""
+
+    metrics: dict[str, Any]
+    moments: tuple[Moment, ...]
+    files: dict[str, bytes]
+    renderer: str
+    recorded: bool  # False: the recording was in the cache
+    record_s: float
+
+
+def run_case(work: CaseWork) -> CaseResult:
+    """Record where the cache has no recording, track, evaluate.
+
+    Raises InputError for a scenario or tracker that cannot be, and where this process runs other code than the suite.
+    """
+    if work.code != whole_code():
+        raise InputError(
+            "the worker's code is not that of the suite's process; the same version of roomtwin on every machine is "
+            "expected"
+        )
+    case = work.case
+    scenario = resolved_scenario(case)
+    start = time.perf_counter()
+    renderer = renderer_of(scenario)
+    with work.cache.recording(recording_key(case.resolved, renderer), lambda folder: record(scenario, folder)) as (
+        entry,
+        found,
+    ):
+        record_s = time.perf_counter() - start
+        with tempfile.TemporaryDirectory(prefix="roomtwin-case-") as temporary:
+            folder = Path(temporary)
+            result = track_recording(
+                entry / RECORDING,
+                trackers=[case.tracker],
+                changes=case.tracker_changes,
+                seed=case.seed,
+                out=folder,
+                video=False,
+            )
+            if result.metrics is None:
+                raise RuntimeError(f"{entry / RECORDING} holds no truth")
+            table = f"tracks/{file_name(case.tracker)}.csv"
+            evaluation = evaluate_with_details(read_truth(entry / TRUTH), read_tracks(folder / table))
+            return CaseResult(
+                metrics=result.metrics["trackers"][case.tracker],
+                moments=tuple(_moments(evaluation, scenario)),
+                files={name: (folder / name).read_bytes() for name in ("report.html", "metrics.json", table)},
+                renderer=renderer,
+                recorded=not found,
+                record_s=record_s,
+            )
+
+
+def resolved_scenario(case: Case) -> Scenario:
+    """The case's scenario, seed included, without trackers."""
+    return validate(Scenario, parse_yaml(case.resolved, case.id, "a resolved scenario"), case.id)
+
+
+def renderer_of(scenario: Scenario) -> str:
+    """The OpenGL that draws here, or NO_RENDERER for a scenario without cameras; raises InputError where there is none."""
+    if all(sensor.kind in NO_CAMERA for sensor in scenario.sensors.values()):
+        return NO_RENDERER
+    return _renderer()
+
+
+@cache
+def _renderer() -> str:
+    with OffscreenRenderer(mujoco.MjModel.from_xml_string("<mujoco/>")) as renderer:
+        info = renderer.gl_info()
+    return f"{info.renderer}, OpenGL {info.version}"
+
+
+def record(scenario: Scenario, folder: Path) -> None:
+    """Simulate a scenario into a folder: its recording, and the truth as a table."""
+    run_scenario(scenario, trackers=[], out=folder, video=False)
+
+
+def _moments(evaluation: Evaluation, scenario: Scenario) -> list[Moment]:
+    """The worst second, then the events, each a moment; stamps of a twin's recording count from its start."""
+    names = dict(enumerate(scenario.people, start=1))
+    moments = []
+    if evaluation.stamps_ns.size:
+        t = evaluation.stamps_ns / NS_PER_S
+        # Mean OSPA of the frames of each second, by the differences of its running sum.
+        total = np.concatenate([[0.0], np.cumsum(evaluation.ospa_m)])
+        first = np.arange(t.size)
+        last = np.searchsorted(t, t + _WINDOW_S, side="left")
+        mean = (total[last] - total[first]) / (last - first)
+        begun = t >= t[0] + _START_S
+        worst = int(np.argmax(np.where(begun, mean, -1.0))) if begun.any() else int(np.argmax(mean))
+        middle_s = float(t[worst : last[worst]].mean())
+        moments.append(Moment(middle_s, WORST, f"OSPA {mean[worst]:.3f} m over a second", float(mean[worst])))
+    moments += [
+        Moment(event.stamp_ns / NS_PER_S, event.kind, describe(event, names), 1.0)
+        for event in evaluation.events[:_MOST_EVENTS]
+    ]
+    return moments

@@ -1,0 +1,150 @@
+"""A contact sheet of a scenario at one moment: the room, and what every sensor reports of it, with the truth drawn in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.errors import InputError
+from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
+from twin.outline import room_outline
+from twin.preview import true_poses
+from twin.report.lettering import Tag, write_tags
+from twin.report.look_at import picture
+from twin.report.palette import IDENTITY_COLOURS, LAYER_COLOURS, RGB, IdentityColours
+from twin.report.panels import BACKDROP, INK, FloorPanel, TruePoses
+from twin.report.people_sheet import check_picture_name, lettered, tiled, write_png
+from twin.scenario import Scenario
+from twin.sensors.render import OffscreenRenderer
+from twin.simulation import Simulation
+from twin.snapshot import Snapshot
+from twin.truth import Box
+from twin.view.standpoint import Room, overview
+from twin.view.tags import name_tags
+
+_TILE_PX = (520, 390)
+_COLUMNS, _COLUMNS_WITH_DEPTH = 3, 4
+"""A depth picture stands beside the picture that it belongs to."""
+
+_FINER = 2
+_NO_DEPTH: RGB = (0, 0, 0)
+_NEAREST_SHARE, _FARTHEST_SHARE = 0.02, 0.98
+
+
+def write_view(scenario: Scenario, t: float, path: Path) -> None:
+    """Write a PNG of the scenario at time t [s]: the room, the plan with all scans and floors, and each sensor's report.
+
+    The truth is drawn in: names over heads, boxes around what a camera sees of each person, places and headings on plans.
+    Depth is coloured, near red, far blue, black where there is none. Raises InputError for a time outside the scenario and
+    a file that cannot be written.
+    """
+    if not (isfinite(t) and 0 <= t < scenario.duration_s):
+        raise InputError(f"--at {t:g}: is not in the scenario; 0 up to {scenario.duration_s:g} s is expected")
+    check_picture_name(path)
+    with Simulation(scenario) as simulation:
+        looks = simulation.look(round(t * NS_PER_S))
+        sheet = _Sheet(simulation, t)
+        tiles = [
+            (f"{scenario.name}, {t:g} s", sheet.room()),
+            ("from above: truth, scans, floors", sheet.plan(looks)),
+        ]
+        boxes = simulation.boxes(t)
+        for name, look in looks.items():
+            what = f"{name}: {scenario.sensors[name].kind}"
+            match look:
+                case Image():
+                    tiles.append((what, sheet.camera(look.rgb, boxes.get(name, ()))))
+                case DepthImage():
+                    tiles.append((f"{what}, left picture", sheet.camera(look.rgb, boxes.get(name, ()))))
+                    said, rgb = _coloured(look.depth_m)
+                    tiles.append((f"{what}, depth, {said}", sheet.camera(rgb, boxes.get(name, ()))))
+                case _:
+                    tiles.append((what, sheet.plan({name: look})))
+    panels = [np.vstack([lettered(label, _TILE_PX[0]), tile]) for label, tile in tiles]
+    columns = _COLUMNS_WITH_DEPTH if any(isinstance(look, DepthImage) for look in looks.values()) else _COLUMNS
+    write_png(path, tiled(panels, min(columns, len(panels))))
+
+
+class _Sheet:
+    """Draws one moment's tiles, all of the same size."""
+
+    def __init__(self, simulation: Simulation, t: float) -> None:
+        self._simulation = simulation
+        self._world = simulation.world
+        self._snapshot: Snapshot = self._world.snapshot(t)
+        self._names = {number: name for name, number in self._world.scene.ids.items()}
+        self._poses: TruePoses | None = true_poses(self._world.truth(round(t * NS_PER_S), {}))
+        self._outline = room_outline(self._snapshot.model, self._snapshot.data)
+
+    def room(self) -> NDArray[np.uint8]:
+        """The room from a free place high up that shows most of the people."""
+        scene = self._world.scene
+        aspect = _TILE_PX[0] / _TILE_PX[1]
+        points = [np.concatenate([scene.area, np.full((len(scene.area), 1), height)], axis=1) for height in (0.1, 1.0)]
+        if self._poses is not None and len(self._poses.xy_m):
+            here = self._poses.xy_m
+            points += [
+                np.concatenate([here, np.full((len(here), 1), height)], axis=1) for height in (0.2, 1.0, 1.7)
+            ] * 3
+        stand = overview(self._snapshot, Room(self._snapshot, scene.floor), np.concatenate(points), aspect)
+        with OffscreenRenderer(self._snapshot.model) as renderer:
+            shown = picture(
+                renderer, self._snapshot.data, stand.eye, stand.target, stand.half_height, _TILE_PX, finer=_FINER
+            )
+        write_tags(shown, name_tags(self._world, self._snapshot, stand, _TILE_PX))
+        return shown
+
+    def plan(self, looks: Mapping[str, Observation]) -> NDArray[np.uint8]:
+        """The plan with the true people, what these scanners see and what these floors feel."""
+        scans = {name: look for name, look in looks.items() if isinstance(look, LaserScan)}
+        floors = {name: look for name, look in looks.items() if isinstance(look, FloorFrame)}
+        rig = self._simulation.rig
+        panel = np.zeros((_TILE_PX[1], _TILE_PX[0], 3), dtype=np.uint8)
+        layers = {name: LAYER_COLOURS[place % len(LAYER_COLOURS)] for place, name in enumerate(rig.lasers())}
+        drawn = FloorPanel(rig, self._outline, *_TILE_PX)
+        drawn.draw(panel, scans, layers, [], {}, IdentityColours(), self._poses, self._names, floors)
+        return panel
+
+    def camera(self, rgb: NDArray[np.uint8], boxes: Sequence[Box]) -> NDArray[np.uint8]:
+        """A camera's picture, with a box around what it sees of each person."""
+        shown, scale, offset = _fitted(rgb)
+        tags = []
+        for box in boxes:
+            colour = IDENTITY_COLOURS[(box.id - 1) % len(IDENTITY_COLOURS)]
+            left, top = offset + scale * np.array([box.left, box.top])
+            right, bottom = offset + scale * np.array([box.left + box.width, box.top + box.height])
+            cv2.rectangle(shown, (round(left), round(top)), (round(right), round(bottom)), colour, 2)
+            tags.append(Tag(self._names[box.id], 0.5 * (left + right), top - 9, colour, INK))
+        write_tags(shown, tags, size_px=13)
+        return shown
+
+
+def _coloured(depth_m: NDArray[np.float32]) -> tuple[str, NDArray[np.uint8]]:
+    """A depth picture in colours, and what the colours mean."""
+    there = depth_m > 0
+    if not there.any():
+        return "nothing matched", np.zeros((*depth_m.shape, 3), dtype=np.uint8)
+    near, far = np.quantile(depth_m[there], [_NEAREST_SHARE, _FARTHEST_SHARE]).tolist()
+    share = np.clip((far - depth_m) / max(far - near, 1e-6), 0, 1)
+    rgb = np.asarray(cv2.applyColorMap((255 * share).astype(np.uint8), cv2.COLORMAP_TURBO), dtype=np.uint8)[
+        ..., ::-1
+    ].copy()
+    rgb[~there] = _NO_DEPTH
+    return f"{near:.1f} m red to {far:.1f} m blue, {100 * there.mean():.0f} % of the pixels", rgb
+
+
+def _fitted(rgb: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], float, NDArray[np.float64]]:
+    """The picture scaled into a tile, on black; its scale and the place of its corner [px]."""
+    width, height = _TILE_PX
+    scale = min(width / rgb.shape[1], height / rgb.shape[0])
+    size = round(rgb.shape[1] * scale), round(rgb.shape[0] * scale)
+    finer = cv2.INTER_AREA if scale < 1 else cv2.INTER_NEAREST
+    tile = np.full((height, width, 3), BACKDROP, dtype=np.uint8)
+    left, top = (width - size[0]) // 2, (height - size[1]) // 2
+    tile[top : top + size[1], left : left + size[0]] = cv2.resize(rgb, size, interpolation=finer)
+    return tile, scale, np.array([left, top], dtype=float)

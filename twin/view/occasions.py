@@ -1,0 +1,153 @@
+"""When to look at people: for everybody and everything they do in a scenario, the moment that shows it best."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.people.population import Population
+
+Mask = NDArray[np.bool_]
+
+SAMPLE_S = 0.1
+"""How often people are asked what they do [s]."""
+
+_MOVES_M_S = 0.3
+_FULL_STRIDE = 0.9
+_STANDS_M_S = 0.1
+_TURNS_RAD_S = 0.4
+_SIDEWAYS_RAD, _BACKWARDS_RAD = np.radians(45), np.radians(135)
+_SHORTEST_S = 0.3
+_HOLDS = ("sit", "lie", "bend", "reach")
+_GOES = ("wander", "walk", "run", "follow", "leave", "path")
+_VERBS = {
+    "wander": "wanders", "stand": "stands", "walk": "walks", "run": "runs", "turn": "turns", "sit": "sits",
+    "lie": "lies", "bend": "bends", "reach": "reaches", "look": "looks", "follow": "follows", "meet": "meets",
+    "path": "walks as recorded", "leave": "leaves",
+}  # fmt: skip
+SIDEWAYS, BACKWARDS = "walks sideways", "walks backwards"
+
+
+@dataclass(frozen=True)
+class Occasion:
+    """Somebody does something at time t [s]."""
+
+    person: str
+    verb: str
+    t: float
+
+    def __str__(self) -> str:
+        """As it is written under a picture."""
+        return f"{self.person} {self.verb}, {self.t:.1f} s"
+
+
+def verb(kind: str) -> str:
+    """What somebody does whose action is of this kind, as in "anna sits"."""
+    return _VERBS[kind]
+
+
+def occasions(population: Population, duration_s: float) -> list[Occasion]:
+    """Of everybody and everything that they do within the duration, one moment: by person, in order of time.
+
+    The moment is the middle of the longest stretch in which the action shows: of sitting, lying, bending and reaching
+    when the posture is reached, of a meeting when both stand, of a walk when the person moves. What never comes so far
+    is shown in the middle of the attempt. The population is new, and stepped to the end.
+    """
+    observed = _observe(population, duration_s)
+    found = []
+    for place, name in enumerate(population.names):
+        shown: dict[str, Mask] = {}
+        tried: dict[str, Mask] = {}
+        for kind in _VERBS:
+            at_it = observed.present[:, place] & (observed.doing[:, place] == kind)
+            for verb, shows in _shows(kind, observed, place).items():
+                there = at_it if kind != "look" else observed.present[:, place]
+                shown[verb] = there & shows
+                tried[verb] = at_it if verb == _VERBS[kind] and kind in (*_HOLDS, "meet") else shown[verb]
+        for verb, shows in shown.items():
+            middle = _middle(shows if shows.any() else tried[verb], observed.speed[:, place])
+            if middle is not None:
+                found.append(Occasion(name, verb, float(observed.t[middle])))
+    places = {name: place for place, name in enumerate(population.names)}
+    return sorted(found, key=lambda occasion: (places[occasion.person], occasion.t))
+
+
+@dataclass(frozen=True, eq=False)
+class _Observed:
+    """What n people did at k times; arrays (k, n), t (k,)."""
+
+    t: NDArray[np.float64]
+    present: Mask
+    doing: NDArray[np.str_]
+    holds: Mask
+    looks: Mask
+    speed: NDArray[np.float64]
+    aside: NDArray[np.float64]  # angle between way and heading, 0 to π
+    turn_rate: NDArray[np.float64]
+
+
+def _observe(population: Population, duration_s: float) -> _Observed:
+    t = np.arange(0.0, duration_s, SAMPLE_S)
+    doing, holds, looks, truths = [], [], [], []
+    for moment in t.tolist():
+        population.advance(moment)
+        doing.append(population.doing)
+        holds.append(population.holds_posture())
+        looks.append(population.looks())
+        truth = population.truth(moment)
+        truths.append(replace(truth, present=truth.present.copy()))  # theirs is overwritten later
+    velocity = np.array([truth.vx + 1j * truth.vy for truth in truths]).reshape(len(t), -1)
+    facing = np.exp(1j * np.array([truth.yaw for truth in truths])).reshape(len(t), -1)
+    turned = np.zeros(facing.shape)
+    turned[1:] = np.angle(facing[1:] / facing[:-1]) / SAMPLE_S
+    return _Observed(
+        t,
+        np.array([truth.present for truth in truths]),
+        np.array(doing),
+        np.array(holds),
+        np.array(looks),
+        np.abs(velocity),
+        np.abs(np.angle(velocity * facing.conj())),
+        turned,
+    )
+
+
+def _shows(kind: str, observed: _Observed, place: int) -> dict[str, Mask]:
+    """By verb, when an action of a kind is to be seen, (k,)."""
+    speed, aside = observed.speed[:, place], observed.aside[:, place]
+    moves = speed > _MOVES_M_S
+    if kind in _HOLDS:
+        return {_VERBS[kind]: observed.holds[:, place]}
+    if kind == "walk":
+        sideways = (aside > _SIDEWAYS_RAD) & (aside < _BACKWARDS_RAD)
+        backwards = aside >= _BACKWARDS_RAD
+        return {_VERBS[kind]: moves & ~sideways & ~backwards, SIDEWAYS: moves & sideways, BACKWARDS: moves & backwards}
+    if kind in _GOES:
+        return {_VERBS[kind]: moves}
+    if kind == "turn":
+        return {_VERBS[kind]: np.abs(observed.turn_rate[:, place]) > _TURNS_RAD_S}
+    if kind == "look":
+        return {_VERBS[kind]: observed.looks[:, place] & (observed.doing[:, place] != "meet")}
+    return {_VERBS[kind]: (speed < _STANDS_M_S) & (observed.looks[:, place] == (kind == "meet"))}
+
+
+def _middle(shows: Mask, speed: NDArray[np.float64]) -> int | None:
+    """The middle of the longest stretch in which the flags (k,) hold, of one on the way when they are in full stride.
+
+    None without a stretch that is long enough. speed (k,) [m/s].
+    """
+    change = np.diff(np.concatenate([[0], shows.astype(int), [0]]))
+    starts, ends = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
+    if not len(starts):
+        return None
+    longest = int(np.argmax(ends - starts))
+    if (ends[longest] - starts[longest]) * SAMPLE_S < _SHORTEST_S - 1e-9:
+        return None
+    stretch = np.arange(starts[longest], ends[longest])
+    top = float(speed[stretch].max())
+    if top > _MOVES_M_S:
+        stretch = stretch[speed[stretch] > _FULL_STRIDE * top]
+    middle = 0.5 * (starts[longest] + ends[longest] - 1)
+    return int(stretch[np.argmin(np.abs(stretch - middle))])

@@ -1,0 +1,114 @@
+"""A sheet of a scenario's people: each from all sides, and below everything that each does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.errors import InputError
+from twin.report.look_at import picture
+from twin.report.people_sheet import Figure, check_picture_name, drawn_sheet, lettered, tiled, write_png
+from twin.scenario import Scenario
+from twin.scenario.behaviour import companions
+from twin.scene import build_scene, populate
+from twin.sensors.render import OffscreenRenderer
+from twin.view.occasions import Occasion, occasions, verb
+from twin.view.standpoint import Room, standpoint_for
+from twin.world import World
+
+_WIDE_PX = 1200
+_COLUMNS = 5
+_OCCASION_PX = (_WIDE_PX // _COLUMNS, 280)
+_BESIDE = 2
+_FIGURE_PX = (_WIDE_PX // (4 * _BESIDE), 250)
+_FINER = 2
+_COMPANION_WITHIN_M = 2.5
+_ASIDE_DEG = {"bends": 75.0, "reaches": 60.0, "lies": 90.0, "sits": 40.0, "looks": 15.0}
+_ASIDE_ELSE_DEG = 30.0
+"""Whence an action is seen best: degrees aside from where the person faces."""
+
+
+def write_people(
+    scenario: Scenario, path: Path, on_progress: Callable[[str, float, float], None] | None = None
+) -> list[Occasion]:
+    """Write a PNG of everybody from the front, the side, behind and high, and of everything they do; gives what they do.
+
+    Raises InputError for a scenario without people, a name that is no picture's, a file that cannot be written.
+    """
+    check_picture_name(path)
+    if not scenario.people:
+        raise InputError(f"scenario {scenario.name!r}: people: nobody to draw; at least one person is expected")
+    scene = build_scene(scenario)
+    listed = list(scenario.people)
+    found = occasions(populate(scenario, scene), scenario.duration_s)
+    found.sort(key=lambda occasion: (listed.index(occasion.person), occasion.t))
+    figures = [Figure(_label(scenario, name), scene.appearances[name]) for name in listed]
+    sheet = [drawn_sheet(figures, columns=min(_BESIDE, len(figures)), cell_px=_FIGURE_PX)]
+    if found:
+        pictures = _pictures(scenario, found, on_progress)
+        panels = [np.vstack([lettered(str(occasion), _OCCASION_PX[0]), pictures[occasion]]) for occasion in found]
+        sheet.append(tiled(panels, _COLUMNS))
+    write_png(path, _stacked(sheet))
+    return found
+
+
+def _pictures(
+    scenario: Scenario, found: Sequence[Occasion], on_progress: Callable[[str, float, float], None] | None
+) -> dict[Occasion, NDArray[np.uint8]]:
+    """A picture of each occasion, taken in the order of time."""
+    world = World(scenario)
+    names = world.population.names
+    pictures = {}
+    aspect = _OCCASION_PX[0] / _OCCASION_PX[1]
+    with OffscreenRenderer(world.scene.model) as renderer:
+        room = None
+        for done, occasion in enumerate(sorted(found, key=lambda each: each.t), start=1):
+            snapshot = world.snapshot(occasion.t)
+            room = room or Room(snapshot, world.scene.floor)
+            truth = world.population.truth(occasion.t)
+            place = names.index(occasion.person)
+            other = _companion(scenario, occasion)
+            near = None
+            if other is not None and truth.present[names.index(other)]:
+                there = names.index(other)
+                apart = np.hypot(truth.x[there] - truth.x[place], truth.y[there] - truth.y[place])
+                near = world.scene.ids[other] if apart <= _COMPANION_WITHIN_M else None
+            stand = standpoint_for(
+                snapshot,
+                room,
+                world.scene.ids[occasion.person],
+                float(truth.yaw[place]),
+                aspect,
+                _ASIDE_DEG.get(occasion.verb, _ASIDE_ELSE_DEG),
+                near,
+            )
+            pictures[occasion] = picture(
+                renderer, snapshot.data, stand.eye, stand.target, stand.half_height, _OCCASION_PX, finer=_FINER
+            )
+            if on_progress is not None:
+                on_progress("pictures", done, len(found))
+    return pictures
+
+
+def _companion(scenario: Scenario, occasion: Occasion) -> str | None:
+    """With whom somebody meets, or whom they follow."""
+    for action in scenario.people[occasion.person].script:
+        if action.kind in ("meet", "follow") and verb(action.kind) == occasion.verb:
+            return companions(action)[0][1]
+    return None
+
+
+def _label(scenario: Scenario, name: str) -> str:
+    height = scenario.people[name].height_m
+    return name if height is None else f"{name}, {height:.2f} m"
+
+
+def _stacked(parts: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """Pictures below each other, the narrower ones filled up with white."""
+    width = max(part.shape[1] for part in parts)
+    return np.vstack(
+        [np.pad(part, ((0, 0), (0, width - part.shape[1]), (0, 0)), constant_values=255) for part in parts]
+    )

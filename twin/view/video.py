@@ -1,0 +1,256 @@
+"""A video of a scenario's people by a free camera, with what the floor feels drawn on the floor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.errors import InputError
+from trackers.observations import NS_PER_S, FloorFrame, LaserScan, Observation
+from trackers.rig import FloorSensor, Rig
+from twin.outline import room_outline
+from twin.preview import true_poses
+from twin.report.lettering import write, write_tags
+from twin.report.look_at import axes_towards, picture
+from twin.report.palette import LAYER_COLOURS, IdentityColours
+from twin.report.panels import FloorPanel
+from twin.report.pressure import PRESSED
+from twin.report.video import TIME_BASE, VideoFile
+from twin.scenario import Scenario
+from twin.scene import Scene, populate
+from twin.sensors.render import Mark, OffscreenRenderer
+from twin.simulation import Simulation
+from twin.snapshot import Snapshot
+from twin.view.camera_man import CameraMan
+from twin.view.occasions import verb
+from twin.view.standpoint import Room, Standpoint, overview
+from twin.view.tags import name_tags
+from twin.world import World
+
+FPS = 25
+_SIZE_PX = (1280, 720)
+_PLAN_PX = (300, 240)
+_STRIP_PX = 30
+_EDGE_PX = 12
+_FINER = 1
+_THICK_M = 0.002
+_SHOWN_SHARE = 0.92
+"""Side of a drawn element over its pitch: the joints of the floor stay to be seen."""
+_SAMPLE_S = 0.5
+_FEET, _HEAD = np.array([0, 0, 0.1]), np.array([0, 0, 0.65])  # the head over the hips [m]
+_INK, _STRIP = (232, 236, 242), (17, 20, 26)
+
+
+def write_video(
+    scenario: Scenario,
+    path: Path,
+    *,
+    start_s: float = 0.0,
+    end_s: float | None = None,
+    follow: str | None = None,
+    on_progress: Callable[[str, float, float], None] | None = None,
+) -> None:
+    """Write an MP4 of the people from `start_s` to `end_s` [s] (None: the scenario's end), 25 pictures a second.
+
+    From a free camera over the tracked area, or one that follows the person `follow`. A plan with what scanners and
+    floors report is in the corner. Raises InputError for times outside the scenario, somebody who is not in it or
+    not there meanwhile, a name that is no video's, and a file that cannot be written.
+    """
+    end_s = scenario.duration_s if end_s is None else end_s
+    _check(scenario, path, start_s, end_s, follow)
+    with ExitStack() as stack:
+        reports = _Reports(scenario, stack)
+        world = reports.world
+        elements = sum(floor.rows * floor.columns for floor in reports.rig.floors().values()) if reports.rig else 0
+        renderer = stack.enter_context(OffscreenRenderer(world.scene.model, most_marks=elements))
+        video = VideoFile(path, _SIZE_PX, FPS)
+        try:
+            film = _Film(scenario, reports, renderer, _whereabouts(scenario, world.scene, start_s, end_s), follow)
+            times = np.arange(round(start_s * FPS), round(end_s * FPS)) / FPS
+            for done, t in enumerate(times.tolist()):
+                shown = film.picture(t)
+                video.encode(shown, round(done / FPS / TIME_BASE))
+                if on_progress is not None:
+                    on_progress("pictures", done + 1, len(times))
+            if follow is not None and not film.followed:
+                raise InputError(
+                    f"--follow {follow}: is not in the room from {start_s:g} to {end_s:g} s; another time is expected"
+                )
+        except BaseException:
+            video.discard()
+            raise
+        video.close()
+
+
+def _check(scenario: Scenario, path: Path, start_s: float, end_s: float, follow: str | None) -> None:
+    if path.suffix.lower() != ".mp4":
+        raise InputError(f"--video {path}: is not the name of a video; a name ending in .mp4 is expected")
+    if not (isfinite(start_s) and 0 <= start_s < scenario.duration_s):
+        raise InputError(f"--from {start_s:g}: is not in the scenario; 0 up to {scenario.duration_s:g} s is expected")
+    if not (isfinite(end_s) and start_s + 1 / FPS <= end_s <= scenario.duration_s):
+        raise InputError(
+            f"--to {end_s:g}: is not after --from and in the scenario; more than {start_s:g} and at most "
+            f"{scenario.duration_s:g} s is expected"
+        )
+    if follow is not None and follow not in scenario.people:
+        raise InputError(f"--follow {follow}: is nobody in people; valid are {', '.join(scenario.people) or 'none'}")
+
+
+def _whereabouts(scenario: Scenario, scene: Scene, start_s: float, end_s: float) -> NDArray[np.float64]:
+    """Feet, hips and heads of everybody from one time to another, (k, 3) [m]; the area's corners without anybody."""
+    population = populate(scenario, scene)
+    places = []
+    for t in np.arange(start_s, end_s, _SAMPLE_S).tolist():
+        population.advance(t)
+        truth = population.truth(t)
+        hips = np.stack([truth.x, truth.y, truth.z], axis=-1)[truth.present]
+        places += [hips * [1, 1, 0] + _FEET, hips, hips + _HEAD]
+    found = np.concatenate(places)
+    return found if len(found) else np.concatenate([scene.area, np.full((len(scene.area), 1), 1.0)], axis=1)
+
+
+class _Reports:
+    """The world, and the newest report of each scanner and floor as its time passes."""
+
+    def __init__(self, scenario: Scenario, stack: ExitStack) -> None:
+        self.newest: dict[str, Observation] = {}
+        self.rig: Rig | None = None
+        self._to_come: Iterator[Observation] = iter(())
+        if any(description.kind in ("laser", "floor") for description in scenario.sensors.values()):
+            simulation = stack.enter_context(Simulation(scenario, images=False))
+            self.world, self.rig = simulation.world, simulation.rig
+            self._to_come = iter(simulation)
+        else:
+            self.world = World(scenario)
+        self._next = next(self._to_come, None)
+
+    def until(self, t: float) -> None:
+        """Take the reports up to time t [s]."""
+        while self._next is not None and self._next.stamp_ns <= t * NS_PER_S:
+            self.newest[self._next.sensor] = self._next
+            self._next = next(self._to_come, None)
+
+    def scans(self) -> dict[str, LaserScan]:
+        """The newest scan of each scanner."""
+        return {name: each for name, each in self.newest.items() if isinstance(each, LaserScan)}
+
+    def floors(self) -> dict[str, FloorFrame]:
+        """The newest frame of each floor."""
+        return {name: each for name, each in self.newest.items() if isinstance(each, FloorFrame)}
+
+    def floor(self, name: str) -> FloorSensor:
+        """The grid of a floor."""
+        assert self.rig is not None, "a floor has reported"
+        return self.rig.floors()[name]
+
+
+class _Film:
+    """Draws picture after picture."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        reports: _Reports,
+        renderer: OffscreenRenderer,
+        whereabouts: NDArray[np.float64],
+        follow: str | None,
+    ) -> None:
+        self._reports, self._renderer, self._world = reports, renderer, reports.world
+        scene = self._world.scene
+        self._names = {number: name for name, number in scene.ids.items()}
+        self._title = scenario.name
+        snapshot = self._world.empty_snapshot(0.0)
+        aspect = _SIZE_PX[0] / (_SIZE_PX[1] - _STRIP_PX)
+        room = Room(snapshot, scene.floor)
+        self._stand = overview(snapshot, room, whereabouts, aspect)
+        self._follow = follow
+        self._camera_man = None if follow is None else CameraMan(room, scene.ids[follow], aspect)
+        self.followed = False
+        self._plan: FloorPanel | None = None
+        self._plan_left = follow is None and self._is_fuller_on_the_right(whereabouts)
+        if reports.rig is not None:
+            outline = room_outline(snapshot.model, snapshot.data)
+            self._plan = FloorPanel(reports.rig, outline, *_PLAN_PX)
+
+    def picture(self, t: float) -> NDArray[np.uint8]:
+        """The picture at time t [s]; times rise."""
+        self._reports.until(t)
+        snapshot = self._world.snapshot(t)
+        stand = self._stand_at(snapshot)
+        size = _SIZE_PX[0], _SIZE_PX[1] - _STRIP_PX
+        marks = self._marks()
+        shown = picture(
+            self._renderer, snapshot.data, stand.eye, stand.target, stand.half_height, size, finer=_FINER, marks=marks
+        )
+        write_tags(shown, name_tags(self._world, snapshot, stand, size))
+        self._lay_plan(shown, t)
+        return np.vstack([shown, self._strip(t)])
+
+    def _stand_at(self, snapshot: Snapshot) -> Standpoint:
+        if self._camera_man is None or self._follow is None:
+            return self._stand
+        place = self._world.population.names.index(self._follow)
+        truth = self._world.population.truth(snapshot.t)
+        if truth.present[place]:
+            self.followed = True
+            self._stand = self._camera_man.at(snapshot, float(truth.yaw[place]))
+        return self._stand
+
+    def _marks(self) -> list[Mark]:
+        """The loaded elements of the newest floor frames, on the floor."""
+        marks = []
+        red, green, blue = (each / 255 for each in PRESSED)
+        for name, frame in self._reports.floors().items():
+            floor = self._reports.floor(name)
+            opacity, centres = np.sqrt(frame.values / 255), floor.centres  # a root, as small loads matter too
+            pose = floor.room_from_sensor
+            yaw = float(np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0]))
+            half = 0.5 * _SHOWN_SHARE * floor.pitch_m
+            for row, column in np.argwhere(opacity > 0).tolist():
+                x, y = centres[row, column].tolist()
+                z = float(pose.translation[2]) + 2 * _THICK_M
+                alpha = float(opacity[row, column])
+                marks.append(Mark((x, y, z), (half, half, _THICK_M), (red, green, blue, alpha), yaw))
+        return marks
+
+    def _lay_plan(self, shown: NDArray[np.uint8], t: float) -> None:
+        """The plan in an upper corner."""
+        if self._plan is None or self._reports.rig is None:
+            return
+        width, height = _PLAN_PX
+        panel = np.zeros((height, width, 3), dtype=np.uint8)
+        poses = true_poses(self._world.truth(round(t * NS_PER_S), {}))
+        layers = dict(zip(self._reports.rig.lasers(), LAYER_COLOURS * 4, strict=False))
+        scans, floors = self._reports.scans(), self._reports.floors()
+        self._plan.draw(panel, scans, layers, [], {}, IdentityColours(), poses, self._names, floors)
+        left = _EDGE_PX if self._plan_left else _SIZE_PX[0] - _EDGE_PX - width
+        shown[_EDGE_PX : _EDGE_PX + height, left : left + width] = panel
+
+    def _is_fuller_on_the_right(self, whereabouts: NDArray[np.float64]) -> bool:
+        """Whether the upper right corner of the fixed camera's picture shows more people than the upper left."""
+        right, up, forward = axes_towards(self._stand.eye, self._stand.target)
+        local = whereabouts - self._stand.eye
+        depth = np.maximum(local @ forward, 1e-6)
+        side, above = (local @ right) / depth, (local @ up) / depth
+        high = above > self._stand.half_height * (1 - 2 * _PLAN_PX[1] / _SIZE_PX[1])
+        corner = self._stand.half_height * (_SIZE_PX[0] - 2 * _PLAN_PX[0]) / _SIZE_PX[1]
+        return bool((high & (side > corner)).sum() > (high & (side < -corner)).sum())
+
+    def _strip(self, t: float) -> NDArray[np.uint8]:
+        """The time, and who does what."""
+        strip = np.full((_STRIP_PX, _SIZE_PX[0], 3), _STRIP, dtype=np.uint8)
+        population = self._world.population
+        present = population.present(t)
+        said = [
+            f"{name} {verb(kind)}"
+            for name, kind, there in zip(population.names, population.doing, present, strict=True)
+            if there
+        ]
+        write(strip, f"{self._title}, {t:.1f} s", _EDGE_PX, _STRIP_PX - 10, _INK, 15)
+        write(strip, "   ".join(said[:8]), _SIZE_PX[0] - _EDGE_PX, _STRIP_PX - 10, _INK, 15, align="right")
+        return strip
