@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from benchmarks import environment, faults, people, runs, sensors, start_up, suites, tracking, truth
+from benchmarks import cameras, environment, faults, people, runs, sensors, start_up, suites, tracking, truth
 from benchmarks.figure import Figure
 
 BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
@@ -19,6 +19,10 @@ BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
     "floor-real-time": people.floor_real_time,
     "floor-truth": people.floor_truth,
     "recorded-paths": people.recorded_paths,
+    "camera": cameras.picture,
+    "switches": cameras.switches,
+    "depth": cameras.depth,
+    "four-cameras": cameras.four_cameras,
     "truth": truth.shares,
     "environment": environment.measure,
     "scanner-noise": faults.scanner_noise,

@@ -47,7 +47,7 @@ def picture() -> Iterator[Figure]:
     rng = np.random.default_rng(0)
     for name, noise, distortion, target in (
         ("", "off", {}, "<= 1.15"),
-        (", noise included", "default", {}, "<= 1.15"),
+        (", noise included", "default", {}, ""),
         (", distorted", "off", {"k1": -0.25, "k2": 0.05}, ""),
     ):
         content = description.model_dump() | {"noise": noise, "distortion": distortion}

@@ -191,7 +191,7 @@ class OffscreenRenderer:
     ) -> NDArray[np.bool_]:
         """Whether each geom of the scene reaches into each view, (n_view, n_scene_geom)."""
         eyes_m = eye_m + np.array([view.offset_m for view in views])
-        return drawn.in_sight(data, eyes_m, np.stack([view.inward_normals() for view in views]))
+        return drawn.in_sight(data, eyes_m, np.stack([view.inward_normals for view in views]))
 
     def _point_cameras(self, eye_m: NDArray[np.float64], view: View) -> None:
         for camera in self._cameras:  # left and right eye of the same picture

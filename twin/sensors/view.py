@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ class View:
     viewport: tuple[int, int, int, int]
     offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
+    @cached_property
     def inward_normals(self) -> NDArray[np.float64]:
         """Unit normals of the pyramid's four sides, pointing into it, room frame, (4, 3)."""
         forward, up = np.array(self.forward), np.array(self.up)

@@ -14,8 +14,9 @@ from conftest import PERIOD_NS, Staged
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
-from trackers.observations import NS_PER_S
-from trackers.rig import LaserSensor, Rig
+from trackers.observations import NS_PER_S, DepthImage, Image
+from trackers.pinhole import PinholeIntrinsics
+from trackers.rig import LaserSensor, PinholeSensor, Rig
 from trackers.tracks import Track
 from twin.report.palette import IDENTITY_COLOURS
 from twin.report.preview import PreviewWriter, TruePoses
@@ -164,6 +165,38 @@ def test_track_is_drawn_in_both_panels_where_it_is(tmp_path: Path, staged: Stage
         columns = np.flatnonzero((np.abs(panel.astype(int) - blue).max(axis=-1) <= 30).any(axis=0))
         assert columns.size > 5
         assert columns.max() < panel.shape[1] / 2
+
+
+def pinholes(staged: Staged, names: str) -> Rig:
+    """Cameras like the fisheye, but without its bend."""
+    camera = staged.rig.cameras()["camera"]
+    lens = PinholeIntrinsics(width=320, height=240, fx=200, fy=200, cx=159.5, cy=119.5)
+    pinhole = PinholeSensor(topic="/c/image", room_from_sensor=camera.room_from_sensor, intrinsics=lens)
+    return Rig(sensors=dict.fromkeys(names, pinhole), area=staged.rig.area)
+
+
+def test_a_pinhole_shows_tracks_and_cuts_windows_at_its_edge(tmp_path: Path, staged: Staged) -> None:
+    blue = IDENTITY_COLOURS[0]
+    with PreviewWriter(tmp_path / "v.mp4", pinholes(staged, "a"), fps=10) as writer:
+        seen = []
+        for index, x in enumerate((0.0, 1.6, 3.0)):  # in the middle, at the edge (39° off), outside
+            writer.frame(index * PERIOD_NS, {}, {}, [Track(1, x, 2.0)])
+            panel = jpeg(writer.still(95))[44:, :596]
+            seen.append(near(panel, blue))
+    assert seen[0] > seen[1] > 10
+    assert seen[2] == 0
+
+
+def test_four_cameras_share_the_square(tmp_path: Path, staged: Staged) -> None:
+    red = DepthImage("a", 0, np.full((240, 320, 3), (200, 0, 0), np.uint8), np.zeros((240, 320), np.float32))
+    green = Image("d", 0, np.full((240, 320, 3), (0, 200, 0), np.uint8))
+    with PreviewWriter(tmp_path / "v.mp4", pinholes(staged, "abcd"), fps=10) as writer:
+        writer.frame(0, {"a": red, "d": green}, {}, [])
+        panel = jpeg(writer.still(95))[44:, :596]
+    size = 298 * 298 * 3 / 4
+    assert near(panel[:298, :298], (200, 0, 0)) > 0.95 * size
+    assert near(panel[298:, 298:], (0, 200, 0)) > 0.95 * size
+    assert near(panel, (200, 0, 0)) + near(panel, (0, 200, 0)) < 2.05 * size
 
 
 def test_track_behind_the_camera_has_no_window(tmp_path: Path, staged: Staged) -> None:

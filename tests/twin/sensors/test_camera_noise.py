@@ -58,6 +58,15 @@ def test_exposure_scales_before_the_noise():
     assert noisy.var() == pytest.approx(0.2 * 100 + 1 / 12, rel=0.05)
 
 
+def test_white_balance_scales_each_channel_after_the_noise():
+    (warm, _) = frames(CameraNoise(white_balance=(1.5, 1.0, 0.5), exposure_gain=2.0), 60)
+    assert (warm == [180, 120, 60]).all()
+    (clipped, _) = frames(CameraNoise(white_balance=(1.0, 0.5, 1.0), exposure_gain=4.0), 100)
+    assert (clipped == [255, 128, 255]).all(), "light that saturated stays lost"
+    (noisy, _) = frames(CameraNoise(read_sigma=3, white_balance=(3.0, 1.0, 1.0)), 50)
+    assert noisy[..., 0].std() == pytest.approx(3 * noisy[..., 1].std(), rel=0.05)
+
+
 def test_off_is_off():
     assert CAMERA_NOISE["off"].is_off
     (same, _) = frames(CameraNoise(), 90)

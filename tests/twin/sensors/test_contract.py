@@ -10,8 +10,8 @@ import pytest
 from capsule_room import CapsuleWorld
 from pydantic import TypeAdapter
 
-from trackers.observations import Image, LaserScan
-from trackers.rig import FisheyeSensor, RigSensor
+from trackers.observations import DepthImage, Image, LaserScan
+from trackers.rig import FisheyeSensor, RigSensor, StereoSensor
 from twin.scenario.sensors import SensorDescription, build_sensor
 from twin.sensors.check import check_sensor
 from twin.sensors.render import RendererOnDemand
@@ -21,6 +21,8 @@ from twin.snapshot import Snapshot
 MOUNT = {"xyz": [0, 0.2, 0.95], "yaw_deg": 90}
 LASER = {"kind": "laser", "mount": MOUNT, "rate_hz": 10}
 FISHEYE = {"kind": "fisheye", "mount": MOUNT, "rate_hz": 10, "size": [120, 120]}
+CAMERA = {"kind": "camera", "mount": MOUNT, "rate_hz": 10, "size": [120, 90], "field_of_view_deg": 80}
+STEREO = CAMERA | {"kind": "stereo"}
 KINDS = {
     "laser, ideal": LASER | {"noise": "off"},
     "laser": LASER,
@@ -31,6 +33,13 @@ KINDS = {
     "fisheye": FISHEYE,
     "fisheye, worse": FISHEYE | {"noise": "worse"},
     "fisheye, opencv": FISHEYE | {"lens": "opencv_test_lens", "size": [160, 100]},
+    "camera, ideal": CAMERA | {"noise": "off"},
+    "camera, worse": CAMERA | {"noise": "worse", "white_balance": [1.3, 1, 0.8]},
+    "camera, distorted": CAMERA | {"distortion": {"k1": -0.15, "k2": 0.02, "p1": 0.001}},
+    "camera, blurred": CAMERA | {"motion_blur": {"exposure_s": 0.03, "instants": 3}},
+    "stereo, matched": STEREO,
+    "stereo, ideal": STEREO | {"mode": "ideal", "noise": "off"},
+    "stereo, disparity-noise": STEREO | {"mode": "disparity-noise", "noise": "worse"},
 }
 
 
@@ -52,12 +61,14 @@ def test_without_noise_nothing_is_random(kind: str, world: CapsuleWorld, rendere
     def read(seed: int) -> bytes:
         snapshots = (world.snapshot(offset) for offset in sensor.instants_s)
         observation = sensor.observe(0, snapshots, None, np.random.default_rng(seed))[0].observation
+        if isinstance(observation, DepthImage):
+            return observation.rgb.tobytes() + observation.depth_m.tobytes()
         return (observation.rgb if isinstance(observation, Image) else observation.ranges_m).tobytes()
 
     assert read(1) == read(2)
 
 
-@pytest.mark.parametrize("kind", ["laser", "fisheye"])
+@pytest.mark.parametrize("kind", ["laser", "fisheye", "camera, worse", "stereo, matched"])
 def test_noise_leaves_the_truth_alone(kind: str, world: CapsuleWorld, renderer: RendererOnDemand):
     readings = [
         build(KINDS[kind] | {"noise": noise}, renderer).observe(
@@ -208,9 +219,21 @@ class Misplaced(Broken):
         return FisheyeSensor.model_validate({"topic": "/one/image/compressed", "intrinsics": lens})
 
 
+class Depthless(Broken):
+    fault = "depth holds values that are no distance"
+
+    def spoil(self, reading: Reading, scan: LaserScan) -> Reading:
+        depth_m = np.full((9, 9), np.nan, dtype=np.float32)
+        return Reading(DepthImage(self.name, scan.stamp_ns, np.zeros((9, 9, 3), dtype=np.uint8), depth_m))
+
+    def rig_sensor(self) -> RigSensor:
+        lens = {"width": 9, "height": 9, "fx": 3, "fy": 3, "cx": 4, "cy": 4}
+        return StereoSensor.model_validate({"topic": "/one/image/compressed", "intrinsics": lens})
+
+
 FAULTS = [
     Unsigned, Late, Forgetful, Shared, Blind, Coarse, Double, FarSighted, Global, Meddling, Careless, Backwards,
-    Timeless, Misplaced,
+    Timeless, Misplaced, Depthless,
 ]  # fmt: skip
 
 
