@@ -14,6 +14,7 @@ from twin.people.arrivals import comes_at, known_start
 from twin.people.crowd import KEEP_FROM_FURNITURE_M, planar
 from twin.people.obstacles import Footprints
 from twin.people.places import nearest_free
+from twin.people.recorded import curve_through
 from twin.people.routes import CLOSE_M, Routes
 from twin.polygon import TOLERANCE_M, leaves_at, meets_itself_at, strictly_inside
 from twin.scenario import Scenario
@@ -22,6 +23,7 @@ from twin.scenario.people import Person
 
 Array = NDArray[np.float64]
 
+_LOOKS_EVERY_S = 0.05
 CLEARANCE_M = 0.5
 """Least distance between the middles of two people at the start: below it their bodies overlap [m]."""
 
@@ -80,9 +82,8 @@ def check_free(place: Array, routes: Routes, field: str, clear_m: float = KEEP_F
     where = f"inside {furniture!r}" if gaps.min() <= 0 else f"only {gaps.min():.2f} m from {furniture!r}"
     free = nearest_free(place, routes.area, routes.obstacles, clear_m)
     instead = f", {_point(free)} for instance," if free is not None else ""
-    raise InputError(
-        f"{field}: {_point(place)} is {where}; a place at least {clear_m:g} m from furniture{instead} is expected"
-    )
+    clear = f"at least {clear_m:g} m from furniture" if clear_m > 0 else "outside of furniture"
+    raise InputError(f"{field}: {_point(place)} is {where}; a place {clear}{instead} is expected")
 
 
 def check_way(start: Array, goal: Array, routes: Routes, field: str) -> None:
@@ -154,15 +155,28 @@ def _check_between(start: Array, goal: Array, walkable: Array, routes: Routes | 
 
 
 def _check_path(points: Array, walkable: Array, routes: Routes | None, field: str) -> None:
-    """Raise InputError naming the row of a recorded path (k, 3) t, x, y that lies in a wall or in furniture."""
-    places = points[:, 1:]
-    outside = ~Area(walkable, TOLERANCE_M).contains(places)
-    for row in np.flatnonzero(outside)[:1]:
-        _check_point(walkable, places[row], f"{field}.{row}, at {points[row, 0]:g} s")
+    """Raise InputError naming where a recorded path (k, 3) t, x, y, or the curve through it, is in a wall or in furniture.
+
+    What lies before the start is nobody's way.
+    """
+    t = np.arange(max(points[0, 0], 0.0), points[-1, 0], _LOOKS_EVERY_S)
+    t = np.unique(np.concatenate([t, points[points[:, 0] >= 0, 0]]))
+    places = curve_through(points)(t)
+    wrong = ~Area(walkable, TOLERANCE_M).contains(places)
+    for number in np.flatnonzero(wrong)[:1]:
+        _check_point(walkable, places[number], _moment(points, float(t[number]), field))
     if routes is not None and len(routes.obstacles):
         inside = Footprints(routes.obstacles).gaps(planar(places))[1].min(axis=1) <= 0
-        for row in np.flatnonzero(inside)[:1]:
-            check_free(places[row], routes, f"{field}.{row}, at {points[row, 0]:g} s", 0.0)
+        for number in np.flatnonzero(inside)[:1]:
+            check_free(places[number], routes, _moment(points, float(t[number]), field), 0.0)
+
+
+def _moment(points: Array, t: float, field: str) -> str:
+    """Where on a path: at a row, or between two."""
+    row = int(np.searchsorted(points[:, 0], t))
+    if points[row, 0] == t:
+        return f"{field}.{row}, at {t:g} s"
+    return f"{field}, between {row - 1} and {row}, at {t:g} s"
 
 
 def _keeps_path(person: Person) -> bool:

@@ -103,7 +103,7 @@ def _walk_to(
         way = actor.way_to(goal)
         for place in way:
             last = place is way[-1]
-            arrive_m = _HALT_M if halt and last else _PASS_M
+            arrive_m = _HALT_M if (halt or exactly) and last else _PASS_M
             end = yield from _towards(actor, Order(place, speed_m_s, inf, arrive_m, halt and last, near=near), face)
             if last and halt and end == "taken" and not exactly:
                 return
@@ -258,7 +258,7 @@ def _look(actor: Actor, action: Look) -> Doing:
 def _follow(actor: Actor, action: Follow) -> Doing:
     yield from _upright(actor)
     ends_at = actor.ends_at(action.for_s)
-    while actor.t < ends_at:
+    while actor.t < ends_at and not actor.is_gone(action.person):
         until = min(actor.t + 2 * _LOOKS_AGAIN_S, ends_at)
         gap = actor.distance_to(action.person) - action.distance_m
         if gap < 0.1 or gap == inf:
@@ -285,13 +285,16 @@ def _one_step_on(actor: Actor, person: str, speed_m_s: float, until: float, dist
 def _meet(actor: Actor, action: Meet) -> Doing:
     yield from _upright(actor)
     while actor.distance_to(action.person) > action.distance_m + 0.1:
+        if actor.is_gone(action.person):
+            return
         if actor.distance_to(action.person) == inf:
             yield Order(None, until=actor.t + _LOOKS_AGAIN_S)
             continue
         yield from _one_step_on(actor, action.person, action.speed_m_s, actor.t + 2 * _LOOKS_AGAIN_S, action.distance_m)
     ends_at = actor.t + action.for_s
     actor.look(Look(at=action.person))
-    while actor.t < ends_at:
+    while actor.t < ends_at and not actor.is_gone(action.person):
+        actor.draws_the_eyes_of(action.person)
         yield Order(None, until=min(actor.t + 2 * _LOOKS_AGAIN_S, ends_at), heading=actor.bearing_of(action.person))
     actor.look(Look())
 
@@ -302,7 +305,7 @@ def _keep_path(actor: Actor, action: Path) -> Doing:
 
 def _leave(actor: Actor, action: Leave) -> Doing:
     yield from _upright(actor)
-    yield from _walk_to(actor, action.to, action.speed_m_s, halt=False)
+    yield from _walk_to(actor, action.to, action.speed_m_s, halt=False, exactly=True)
     actor.stage.leaving.add(actor.number)
     yield Order(None)
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from twin.furniture import Bed, Seat
 from twin.people.crowd import Crowd
 from twin.people.ground import Ground
+from twin.people.order import Order
 from twin.people.posture import Postures
 from twin.people.posture_bed import standing_place_beside
 from twin.people.posture_sit import standing_place_before
@@ -26,7 +27,8 @@ _EYE_LEVEL_M = 1.5
 class Stage:
     """What all actors share: the clock, everybody's places and postures, the room.
 
-    `doing`: the kind of action that each is at; `taken`: who uses a seat or bed; `leaving`: who is to go;
+    `doing`: the kind of action that each is at; `taken`: who uses a seat or bed; `leaving`: who is to go, `gone`: who has
+    gone;
     `looks_until`: when a turned head is free again [s].
     """
 
@@ -38,6 +40,7 @@ class Stage:
     doing: list[str] = field(default_factory=list)
     taken: dict[str, int] = field(default_factory=dict)
     leaving: set[int] = field(default_factory=set)
+    gone: set[int] = field(default_factory=set)
     looks_until: dict[int, float] = field(default_factory=dict)
 
     def number_of(self, name: str) -> int:
@@ -123,6 +126,17 @@ class Actor:
             here = complex(self.stage.crowd.place[self.number])
             place, heading = standing_place_beside(furniture, measures, self.number, here)
         return (place.real, place.imag), heading
+
+    def is_gone(self, name: str) -> bool:
+        """Whether somebody has left for good."""
+        return self.stage.number_of(name) in self.stage.gone
+
+    def draws_the_eyes_of(self, name: str) -> None:
+        """Somebody who only stands about turns to this person, and looks at them."""
+        stage, other = self.stage, self.stage.number_of(name)
+        if stage.doing[other] == "stand" and stage.postures.may_walk()[other]:
+            way = self.here - self.place_of(other)
+            stage.crowd.order(other, Order(None, heading=float(np.arctan2(way[1], way[0])), firm=True))
 
     def others(self) -> Array:
         """Where everybody else who is there is, (k, 2) [m]."""

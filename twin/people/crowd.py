@@ -204,7 +204,7 @@ class Crowd:
         push = (self._wanted_speed(rows, way, length, before, facing) * way - before) / RELAXATION_S
         between = place - place[:, None]  # (n, n) from each to each
         self_far = self._self_far[: len(place), : len(place)]
-        distance = np.abs(between) + self_far
+        distance = np.maximum(np.abs(between), _ROUNDING_M_S) + self_far  # recorded paths may meet in one point
         towards = between / distance
         push += repulsion(between, distance, towards, before, facing, going, self_far)
         outwards, room = self._barriers.gaps(place)

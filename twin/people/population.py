@@ -40,6 +40,7 @@ HISTORY_S = 3.0
 
 _ENTER_APART_M = 0.7
 _BLOCKED_FOR_S = 0.8
+_TOUCHES_M = 1e-3
 _NEAR_ENOUGH_M, _HALTS_FOR_S = 0.2, 1.5
 
 
@@ -179,7 +180,8 @@ class Population:
         present = self.present(t)
         feet = foot_loads(moment, self._skeleton)
         on_feet, acceleration = support(posture)
-        load_n = feet.load * (on_feet * np.maximum(1.0 + acceleration / GRAVITY_M_S2, 0.0) * self._weight_n)
+        load = _on_the_floor(feet.load, feet.height)
+        load_n = load * (on_feet * np.maximum(1.0 + acceleration / GRAVITY_M_S2, 0.0) * self._weight_n)
         return Feet(
             place=np.stack([feet.place.real, feet.place.imag], axis=-1).transpose(1, 0, 2),
             yaw=feet.yaw.T,
@@ -296,6 +298,7 @@ class Population:
         leaving = self._stage.leaving
         if leaving:
             crowd.present[list(leaving)] = False
+            self._stage.gone |= leaving
             leaving.clear()
         if not len(self._recorded.numbers) and self._everybody_came:
             return
@@ -309,6 +312,7 @@ class Population:
         recorded = self._recorded
         there = recorded.there(tick)
         crowd.present[recorded.numbers[~there]] = False
+        self._stage.gone.update(recorded.numbers[tick > recorded.last].tolist())
         new = there & ~crowd.present[recorded.numbers]
         if new.any():
             place, velocity = recorded.at(tick)
@@ -324,6 +328,16 @@ class Population:
             who = np.zeros(len(self), dtype=bool)
             who[entering] = True
             self._gait.place_anew(who, crowd)
+
+
+def _on_the_floor(load: Array, height: Array) -> Array:
+    """Loads (2, n) with those of feet that are still, or already, off the floor given to the other foot.
+
+    Between two ticks, of which a foot stands at one only, both its height [m] and its load are partly there.
+    """
+    lifted = height > _TOUCHES_M
+    moved = np.where(lifted & ~lifted[::-1], load, 0.0)
+    return np.where(lifted, 0.0, load) + moved[::-1]
 
 
 def _kept_in(person: Person, ground: Ground) -> Array | None:

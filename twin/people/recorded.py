@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import PchipInterpolator
 
 from twin.scenario.behaviour import Action, Path
 from twin.scenario.people import Person
@@ -20,11 +20,17 @@ BODIES_NEED_M = 0.75
 _LOOKS_EVERY_S = 0.1
 
 
-class RecordedPaths:
-    """The paths of some people, interpolated by cubic splines: places, velocities and accelerations are continuous.
+def curve_through(rows: Array) -> PchipInterpolator:
+    """The curve of places over time through rows (k, 3) t [s], x, y [m]."""
+    return PchipInterpolator(rows[:, 0], rows[:, 1:])
 
-    A natural cubic spline passes through every row of the recording; between rows it is the smoothest curve (least mean
-    square acceleration) that does.
+
+class RecordedPaths:
+    """The paths of some people, interpolated by monotone cubics: places and velocities are continuous.
+
+    The curve passes through every row of the recording and overshoots none: between two rows it stays in the rectangle
+    that they span (F. Fritsch and J. Butland, "A method for constructing local monotone piecewise cubic interpolants", SIAM
+    Journal on Scientific and Statistical Computing 5, 1984).
     """
 
     def __init__(self, paths: Mapping[int, Action], tick_s: float) -> None:
@@ -35,15 +41,16 @@ class RecordedPaths:
             path = paths[int(number)]
             assert isinstance(path, Path)
             rows = np.array(path.points)
-            spline = CubicSpline(rows[:, 0], rows[:, 1:], bc_type="natural")
+            spline = curve_through(rows)
             # there from the tick before the first row to the one after the last, and so at both
             enters = max(0, int(np.floor(rows[0, 0] / tick_s + 1e-9)))
             leaves = max(enters, int(np.ceil(rows[-1, 0] / tick_s - 1e-9)))
             t = np.arange(enters, leaves + 1) * tick_s
             first.append(enters)
             last.append(leaves)
-            place.append(spline(t) @ np.array([1, 1j]))
-            velocity.append(spline(t, 1) @ np.array([1, 1j]))
+            at = np.clip(t, rows[0, 0], rows[-1, 0])
+            place.append(spline(at) @ np.array([1, 1j]))
+            velocity.append(spline(at, 1) @ np.array([1, 1j]))
         self.first = np.array(first, dtype=np.intp)
         """(k,) the tick at which each enters."""
         self.last = np.array(last, dtype=np.intp)

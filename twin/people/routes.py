@@ -41,6 +41,7 @@ class Routes:
 
         Raises InputError where the area is too narrow for its margin.
         """
+        self._open = not len(obstacles) and _is_convex(area)
         inner = inset(area, edge_m)
         if inner is None:
             raise InputError(
@@ -75,6 +76,8 @@ class Routes:
         start, goal = np.asarray(start, dtype=float), np.asarray(goal, dtype=float)
         if not (self._stands(start) and self._stands(goal)):
             return None
+        if self._open:
+            return goal[None].copy()
         if self._leg(start, goal[None], goal)[0]:
             return goal[None].copy()
         leaves, arrives = self._leg(start, self._nodes), self._leg(goal, self._nodes)
@@ -177,6 +180,13 @@ class _Convex:
         beside = ((speed == 0) & (depth <= 0)).any(axis=2)
         inside = np.maximum(enters, 0.0) < np.minimum(leaves, 1.0) - 1e-12
         return np.asarray((inside & ~beside).any(axis=1))
+
+
+def _is_convex(corners: Array) -> bool:
+    """Whether a simple polygon (k, 2) turns one way at all its corners."""
+    way = np.roll(corners, -1, axis=0) - corners
+    turn = _cross(way, np.roll(way, -1, axis=0))
+    return bool((turn >= 0).all() or (turn <= 0).all())
 
 
 def _cut(area: Array, start: Array, end: Array) -> Mask:

@@ -23,6 +23,9 @@ TOP_RUN_M_S = 5.0
 JUMP_M_S = 12.0
 """A recorded path that moves faster than this is an error of the recording [m/s]: no human runs so."""
 
+NEAREST_M = 0.7
+"""People who walk come no closer to each other than about this [m]."""
+
 PersonName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]
 """The name of a person: it becomes a column and a label, so letters, digits, '-' and '_' only."""
 
@@ -54,6 +57,10 @@ class Condition(Strict):
         if sum(complete) != 1 or any(pair != (None, None) for pair in (near, does) if None in pair):
             raise ValueError(
                 "is not a condition; {near: NAME or [x, y], within_m: M} or {person: NAME, does: ACTION} is expected"
+            )
+        if isinstance(self.near, str) and self.within_m is not None and self.within_m < NEAREST_M:
+            raise ValueError(
+                f"within_m {self.within_m:g} is closer than people come to each other; more than {NEAREST_M:g} is expected"
             )
         return self
 
@@ -179,7 +186,7 @@ class Look(_Action):
     kind: Literal["look"] = "look"
     at: Target | None = None
     yaw_deg: float | None = Field(default=None, ge=-90, le=90)
-    pitch_deg: float = Field(default=0.0, ge=-60, le=60)
+    pitch_deg: float = Field(default=0.0, ge=-40, le=40)
     for_s: Seconds | None = None
 
     @model_validator(mode="after")

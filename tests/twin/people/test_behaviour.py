@@ -226,6 +226,33 @@ def test_who_meet_stand_face_to_face_and_part() -> None:
     np.testing.assert_allclose(run[-1].place, [-1.0, -0.5], atol=0.15)
 
 
+def test_who_only_stands_turns_to_who_meets_them() -> None:
+    people = {
+        "anna": act({"kind": "meet", "person": "ben", "for_s": 4.0}, start=[-1.0, -0.5]),
+        "ben": act({"kind": "stand"}, start=[0.7, -0.4], heading_deg=0.0),
+    }
+    met = moments(people, 7.0, "ben")[-1]
+    assert apart(met.truth.yaw, np.pi) < 0.35
+
+
+def test_a_meeting_with_somebody_who_leaves_is_over() -> None:
+    people = {
+        "anna": act(
+            {"kind": "meet", "person": "ben"}, {"kind": "walk", "waypoints": [[-1.0, -0.5]]}, start=[-1.0, 0.0]
+        ),
+        "ben": act({"kind": "leave", "to": [0.9, 1.7]}, start=[0.9, 1.3]),
+    }
+    np.testing.assert_allclose(moments(people, 9.0)[-1].place, [-1.0, -0.5], atol=0.15)
+
+
+def test_only_feet_on_the_floor_carry() -> None:
+    world = World(scenario({"anna": act({"kind": "walk", "waypoints": [[1.0, -0.8], [-1.0, 0.3]], "repeat": True})}))
+    for k in range(600):
+        (person,) = world.truth(k * 10**7, {}).people
+        for foot in person.feet:
+            assert not (foot.contact and foot.z > 0.001), k / 100
+
+
 def test_people_come_and_leave() -> None:
     script = {"kind": "leave", "to": [-1.0, 0.0]}
     world = World(scenario({"anna": act(script, arrive_s=2.0), "ben": act({"kind": "stand"}, start=[1.2, -0.6])}))

@@ -10,7 +10,7 @@ import pytest
 
 from trackers.configuration import validate
 from trackers.errors import InputError
-from twin.people.recorded import BODIES_NEED_M, close_calls, warning_of
+from twin.people.recorded import BODIES_NEED_M, close_calls, curve_through, warning_of
 from twin.scenario import Scenario
 from twin.scenario.behaviour import Path
 from twin.scenario.pedestrians import Pedestrians, people_from
@@ -48,6 +48,20 @@ def test_who_was_there_before_the_start_comes_in_stride() -> None:
     assert abs(left.x - right.x) > 0.15
 
 
+def test_paths_are_overshot_nowhere() -> None:
+    rows = [(0.0, 0.0, 0.0), (1.0, 0.0, 3.0), (2.0, 0.0, 3.0), (3.0, 0.0, 0.0), (3.4, 0.5, 0.0)]
+    places = curve_through(np.array(rows))(np.arange(0.0, 3.4, 0.02))
+    assert places.max() <= 3.0
+    assert places.min() >= 0.0
+
+
+def test_paths_may_meet_in_one_point() -> None:
+    there, back = [(0, 0, 0), (4, 4, 0)], [(0, 4, 0), (4, 0, 0)]
+    world = World(scenario({"anna": keeps(there), "ben": keeps(back)}, 4.0))
+    with np.errstate(divide="raise", invalid="raise"):
+        assert len(world.truth(2 * 10**9, {}).people) == 2
+
+
 def test_others_keep_out_of_the_way_of_a_path() -> None:
     path = [(0.4 * k, -4.0 + 0.5 * k, 0.0) for k in range(20)]
     people = {"anna": keeps(path), "ben": {"start": [1.0, 0.1], "script": {"kind": "walk", "waypoints": [[-4.0, 0.1]]}}}
@@ -83,7 +97,7 @@ def test_paths_that_come_closer_than_bodies_do_are_told() -> None:
     [
         (
             [(0, 0, 0), (4, 0, 40)],
-            r"people\.anna\.script\.points\.1, at 4 s: \[0, 40\] is outside the room's walkable area",
+            r"people\.anna\.script\.points, between 0 and 1, at 2\.5 s: \[0, 25\] is outside the room's walkable area",
         ),
         ([(0, 0, 0), (4, 40, 0)], "is outside the room's walkable area"),
     ],
@@ -95,7 +109,10 @@ def test_paths_through_walls_teach(points: list[tuple[float, float, float]], sai
 
 def test_paths_through_furniture_teach() -> None:
     points = [(0.0, 0.0, 0.0), (1.0, 1.0, 0.3), (2.0, 1.22, 0.28)]
-    with pytest.raises(InputError, match=r"points\.2, at 2 s: \[1\.22, 0\.28\] is inside 'chair_left'"):
+    with pytest.raises(
+        InputError,
+        match=r"points, between 1 and 2, at 1\.\d+ s: .* is inside 'chair_left'; a place outside of furniture",
+    ):
         World(scenario({"anna": keeps(points)}, 3.0, "sensing_room"))
 
 

@@ -81,6 +81,16 @@ def test_a_path_has_its_own_start() -> None:
         ("people.white.script={kind: bend, when: {person: bob, does: sit}}", "script.0.when.person: 'bob'"),
         ("people.white.script={kind: bend, when: {near: bob, within_m: 2}}", "script.0.when.near: 'bob'"),
         ("people.white.height_m=-1", "people.white.height_m"),
+        ("people.white.arrive_s=100", "people.white.arrive_s: 100 s is not before the end"),
+        ("people.white.script={kind: bend, at_s: 500}", "script.0.at_s: 500 s is not before the end"),
+        (
+            "people.white.script={kind: bend, when: {person: blue, does: sit}}",
+            "'blue' never does 'sit'; valid are wander, stand",
+        ),
+        (
+            "people.white.script={kind: bend, when: {near: blue, within_m: 0.1}}",
+            "closer than people come to each other",
+        ),
         ("people.white.script={kind: walk, waypoint: [[0, 0]]}", "did you mean 'waypoints'"),
     ],
 )
