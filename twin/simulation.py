@@ -18,6 +18,7 @@ from trackers.observations import NS_PER_S, Observation
 from trackers.rig import Rig, RigSensor, StereoSensor
 from twin.boxes import SeesPeople, person_boxes
 from twin.mounts import check_mount
+from twin.people.arrivals import too_late
 from twin.people.feet import FootShapes
 from twin.people.recorded import close_calls, warning_of
 from twin.recording.messages import Encoded, encode
@@ -297,7 +298,8 @@ class Simulation:
             if not view.is_scanner and not sees_some_of(view, empty, area)
         ]
         close = warning_of(close_calls(self.scenario.people))
-        told = [*blind, *([f"people: {close}"] if close else [])]
+        late = too_late(self.scenario.people, self.scenario.duration_s)
+        told = [*blind, *late, *([f"people: {close}"] if close else [])]
         return tuple(f"scenario {self.scenario.name!r}: {each}" for each in told)
 
     def _check_mounts(self) -> None:

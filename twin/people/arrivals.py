@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import hypot
 
 import numpy as np
@@ -70,6 +70,23 @@ def comes_at(person: Person) -> float:
     if person.script and isinstance(person.script[0], Path):
         return max(0.0, person.script[0].points[0][0])
     return person.arrive_s
+
+
+def too_late(people: Mapping[str, Person], duration_s: float) -> list[str]:
+    """One sentence for each person and action whose time is not before the end of the run at `duration_s` [s]."""
+    told = []
+    for name, person in people.items():
+        if comes_at(person) >= duration_s:
+            told.append(
+                f"people.{name}.arrive_s: {comes_at(person):g} s is after the end at {duration_s:g} s: never comes"
+            )
+            continue
+        told += [
+            f"people.{name}.script.{place}.at_s: {action.at_s:g} s is after the end at {duration_s:g} s: never done"
+            for place, action in enumerate(person.script)
+            if action.at_s is not None and action.at_s >= duration_s
+        ]
+    return told
 
 
 def first_heading(person: Person, start: Array, rng: np.random.Generator) -> float:

@@ -99,16 +99,7 @@ class Scenario(Strict):
         return self
 
     def _check_companions(self, name: str, person: Person) -> None:
-        if person.arrive_s >= self.duration_s:
-            raise ValueError(
-                f"people.{name}.arrive_s: {person.arrive_s:g} s is not before the end; less than {self.duration_s:g} is expected"
-            )
         for place, action in enumerate(person.script):
-            if action.at_s is not None and action.at_s >= self.duration_s:
-                raise ValueError(
-                    f"people.{name}.script.{place}.at_s: {action.at_s:g} s is not before the end; less than "
-                    f"{self.duration_s:g} is expected"
-                )
             when = action.when
             if when is not None and when.person in self.people:
                 done = dict.fromkeys(each.kind for each in self.people[when.person].script) | {"stand": None}

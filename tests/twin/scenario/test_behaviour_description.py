@@ -8,6 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from trackers.errors import InputError
+from twin.people.arrivals import too_late
 from twin.scenario import load_scenario
 from twin.scenario.behaviour import Condition, Look, Path, Turn, endless
 from twin.scenario.people import Person
@@ -81,8 +82,6 @@ def test_a_path_has_its_own_start() -> None:
         ("people.white.script={kind: bend, when: {person: bob, does: sit}}", "script.0.when.person: 'bob'"),
         ("people.white.script={kind: bend, when: {near: bob, within_m: 2}}", "script.0.when.near: 'bob'"),
         ("people.white.height_m=-1", "people.white.height_m"),
-        ("people.white.arrive_s=100", "people.white.arrive_s: 100 s is not before the end"),
-        ("people.white.script={kind: bend, at_s: 500}", "script.0.at_s: 500 s is not before the end"),
         (
             "people.white.script={kind: bend, when: {person: blue, does: sit}}",
             "'blue' never does 'sit'; valid are wander, stand",
@@ -116,3 +115,10 @@ def test_shown_values_are_those_given() -> None:
     assert Look(at="bob").at == "bob"
     assert Turn(towards=(1.0, 2.0)).towards == (1.0, 2.0)
     assert Path(points=((0, 0, 0), (1, 1, 0))).points[1] == (1, 1, 0)
+
+
+def test_what_comes_after_the_end_is_told() -> None:
+    changes = ["people.white.arrive_s=100", "people.black.script={kind: bend, at_s: 500}"]
+    late = too_late(load_scenario("lab-five-people", changes).people, 26.2)
+    assert [each.split(":")[0] for each in late] == ["people.white.arrive_s", "people.black.script.0.at_s"]
+    assert too_late(load_scenario("lab-five-people").people, 26.2) == []
