@@ -240,9 +240,8 @@ class Simulation:
 
     def boxes(self, t: float) -> dict[str, tuple[Box, ...]]:
         """The pixel boxes of the people in each camera's picture at time t [s], by name."""
-        cameras = {name: timed.ideal for name, timed in self._sensors.items() if isinstance(timed.ideal, SeesPeople)}
         snapshot = self.world.snapshot(t)
-        return {name: person_boxes(camera.person_image(snapshot)) for name, camera in cameras.items()}
+        return {name: person_boxes(camera.person_image(snapshot)) for name, camera in self._cameras().items()}
 
     def snapshot(self, t: float) -> Snapshot:
         """The world at time t [s], after the truth of every stamp until then has been told."""
@@ -281,10 +280,13 @@ class Simulation:
         device = stream(self.scenario.seed, "device", name)
         return build_sensor(name, self._descriptions[name], self._renderer, shapes=shapes, device=device)
 
+    def _cameras(self) -> dict[str, SeesPeople]:
+        """The cameras without their noise, by name."""
+        return {name: timed.ideal for name, timed in self._sensors.items() if isinstance(timed.ideal, SeesPeople)}
+
     def _truth_details(self, tell: Callable[[TruthDetail], object]) -> TruthDetails:
-        cameras = {name: timed.ideal for name, timed in self._sensors.items() if isinstance(timed.ideal, SeesPeople)}
         boxes_hz = self.scenario.truth.boxes_hz
-        details = TruthDetails(self.world.scene, self.views, cameras, boxes_hz, self.world.snapshot, tell)
+        details = TruthDetails(self.world.scene, self.views, self._cameras(), boxes_hz, self.world.snapshot, tell)
         for timed in self._sensors.values():
             timed.on_reading = details.look
         return details

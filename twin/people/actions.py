@@ -178,22 +178,15 @@ def _turn(actor: Actor, action: Turn) -> Doing:
     yield from _turn_to(actor, heading)
 
 
-def _sit(actor: Actor, action: Sit) -> Doing:
-    seat = actor.stage.ground.furniture[action.seat]
-    assert isinstance(seat, Seat)
-    yield from _go_and_take(actor, action.seat)
-    postures, number = actor.stage.postures, actor.number
-    postures.sit(number, seat)
-    yield from _settled(actor, action.for_s, "body")
-    yield from _upright(actor)
-
-
-def _lie(actor: Actor, action: Lie) -> Doing:
-    bed = actor.stage.ground.furniture[action.bed]
-    assert isinstance(bed, Bed)
-    yield from _go_and_take(actor, action.bed)
-    postures, number = actor.stage.postures, actor.number
-    postures.lie(number, bed)
+def _rest(actor: Actor, action: Sit | Lie) -> Doing:
+    """Sit or lie down on what the room has for it, and get up when the time is over."""
+    name = action.seat if isinstance(action, Sit) else action.bed
+    yield from _go_and_take(actor, name)
+    match actor.stage.ground.furniture[name]:
+        case Seat() as seat:
+            actor.stage.postures.sit(actor.number, seat)
+        case Bed() as bed:
+            actor.stage.postures.lie(actor.number, bed)
     yield from _settled(actor, action.for_s, "body")
     yield from _upright(actor)
 
@@ -311,6 +304,6 @@ def _leave(actor: Actor, action: Leave) -> Doing:
 
 
 _DOING: dict[type, Callable[[Actor, Any], Doing]] = {
-    Wander: wander, Stand: _stand, Walk: _walk, Run: _walk, Turn: _turn, Sit: _sit, Lie: _lie, Bend: _bend,
+    Wander: wander, Stand: _stand, Walk: _walk, Run: _walk, Turn: _turn, Sit: _rest, Lie: _rest, Bend: _bend,
     Reach: _reach, Look: _look, Follow: _follow, Meet: _meet, Path: _keep_path, Leave: _leave,
 }  # fmt: skip

@@ -79,7 +79,7 @@ def test_a_foot_has_two_humps_in_a_natural_walk(speed):
             for stance in stances(course.load[:, foot, person] > 0):
                 load = course.load[stance, foot, person]
                 third = len(load) // 3
-                assert 1.05 < load[: len(load) // 2].max() < 1.26
+                assert 1.05 < load[: len(load) // 2].max() <= 1.25
                 assert 1.05 < load[len(load) // 2 :].max() < 1.25
                 assert 0.65 < load[third:-third].min() < 0.9
 
@@ -90,7 +90,7 @@ def test_a_running_foot_has_one_hump_and_then_both_are_in_the_air(run):
         for foot in range(2):
             for stance in stances(course.load[:, foot, person] > 0):
                 load = course.load[stance, foot, person]
-                assert 1.95 < load.max() < 2.8
+                assert 2.0 <= load.max() <= 2.8
                 rising = np.diff(load) > 0
                 assert np.count_nonzero(np.diff(rising.astype(int))) == 1
         whole = strides(course, person)
