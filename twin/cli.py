@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from twin.environment_command import environment
+from twin.environment.command import environment
 from twin.reproduce.command import reproduce
 from twin.suites.command import app as suites
 

@@ -14,7 +14,7 @@ from trackers.rig import Rig
 from trackers.tracks import TrackFrame
 from twin.report.birdseye import Polygon
 from twin.report.preview import PreviewWriter, TruePoses
-from twin.truth import TruthFrame
+from twin.truth.frames import TruthFrame
 
 _HELD_OBSERVATIONS = 32
 _HELD_TRUTHS = 256

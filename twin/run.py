@@ -10,7 +10,6 @@ from pathlib import Path
 
 from trackers.observations import NS_PER_S
 from twin.feeding import feed
-from twin.outline import room_outline
 from twin.recording.details import DETAIL_FILES, detail_writer
 from twin.recording.feet import feet_writer
 from twin.recording.tables import read_truth, truth_writer
@@ -29,11 +28,12 @@ from twin.results import (
     versions,
     write_results,
 )
+from twin.room.outline import room_outline
 from twin.scenario import Scenario
 from twin.scenario.load import dump_scenario
 from twin.simulation import Simulation
 from twin.tracking import file_name
-from twin.truth import TruthDetail, TruthFrame
+from twin.truth.frames import TruthDetail, TruthFrame
 
 DEFAULT_TRACKER = "laser-fisheye-imm"
 

@@ -13,8 +13,6 @@ from scipy.spatial import ConvexHull
 
 from trackers.errors import InputError
 from twin import models
-from twin.furniture import Bed, Seat, furniture_of
-from twin.geom_hull import hull_points
 from twin.people.appearance import Appearance, appearance_of
 from twin.people.body import NQ_PERSON, person_spec
 from twin.people.crowd import OBSTACLE_REACH_M
@@ -23,7 +21,9 @@ from twin.people.ground import Ground
 from twin.people.obstacles import Obstacle, obstacles_of, within_reach
 from twin.people.population import Population
 from twin.people.routes import Routes
-from twin.placement import check_placement, check_polygon, check_seat
+from twin.room.furniture import Bed, Seat, furniture_of
+from twin.room.geom_hull import hull_points
+from twin.room.placement import check_placement, check_polygon, check_seat
 from twin.scenario import Scenario
 from twin.scenario.behaviour import Lie, Sit
 from twin.streams import stream

@@ -16,12 +16,12 @@ import numpy as np
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, Observation
 from trackers.rig import Rig, RigSensor, StereoSensor
-from twin.boxes import SeesPeople, person_boxes
-from twin.mounts import check_mount
 from twin.people.arrivals import too_late
 from twin.people.feet import FootShapes
 from twin.people.recorded import close_calls, warning_of
 from twin.recording.messages import Encoded, encode
+from twin.room.mounts import check_mount
+from twin.room.sight import sees_some_of
 from twin.scenario import Scenario
 from twin.scenario.floor import FloorDescription, check_floor
 from twin.scenario.housings import believed_sensor, in_the_room
@@ -33,12 +33,12 @@ from twin.sensors.message_faults import MessageFaultsOf
 from twin.sensors.render import GlInfo, RendererOnDemand
 from twin.sensors.schedule import Schedule, Scheduled
 from twin.sensors.sensor import Noisy, Reading, Sensor, State
-from twin.sight import sees_some_of
 from twin.snapshot import Snapshot
 from twin.streams import stream
-from twin.truth import Box, TruthDetail, TruthFrame
-from twin.truth_details import TruthDetails
-from twin.visibility import sensor_view
+from twin.truth.boxes import SeesPeople, person_boxes
+from twin.truth.details import TruthDetails
+from twin.truth.frames import Box, TruthDetail, TruthFrame
+from twin.truth.visibility import sensor_view
 from twin.world import World
 
 
@@ -117,7 +117,7 @@ class Simulation:
     Iterating yields them in order of arrival, once. `rig` is what a tracker may know of the sensors, and so what the
     scenario has it believe; `true_rig` is where they are and how they project in truth. `on_truth` is
     called with the truth at every stamp of every sensor, in order of time, before the observation of that stamp
-    comes. `on_detail` is called with what goes with pictures, scans and situations (`twin.truth_details`) as they are
+    comes. `on_detail` is called with what goes with pictures, scans and situations (`twin.truth.details`) as they are
     measured; without it none of that is found out. With `images=False` the cameras are left out, and nothing is rendered.
 
     `warnings`: what can be, but is hardly meant, one sentence each.

@@ -16,7 +16,6 @@ from trackers.configuration import Strict, parse_yaml, validate
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from twin.feeding import feed
-from twin.outline import room_outline
 from twin.recording.details import DETAIL_FILES
 from twin.recording.reader import Recording
 from twin.recording.tables import truth_table
@@ -35,6 +34,7 @@ from twin.results import (
     versions,
     write_results,
 )
+from twin.room.outline import room_outline
 from twin.scenario import Scenario, TrackerChoice
 from twin.scenario.load import apply_overrides
 from twin.tracking import file_name

@@ -10,13 +10,13 @@ import numpy as np
 
 from trackers.area import Area
 from trackers.observations import NS_PER_S
-from twin.lighting import Lighting
 from twin.people.feet import Feet
+from twin.room.lighting import Lighting
 from twin.scenario import Scenario
 from twin.scene import build_scene, populate
 from twin.snapshot import Snapshot
-from twin.truth import FootTruth, PersonTruth, TruthFrame
-from twin.visibility import SensorView, visible_share
+from twin.truth.frames import FootTruth, PersonTruth, TruthFrame
+from twin.truth.visibility import SensorView, visible_share
 
 _OUT_OF_THE_ROOM_M = -100.0
 _SIDES: tuple[Literal["left"], Literal["right"]] = ("left", "right")

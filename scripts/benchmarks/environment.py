@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.figure import Figure
 from trackers.configuration import validate
 from trackers.environment import Environment, build_environment
-from twin.environment_run import scan_scenario
+from twin.environment.run import scan_scenario
 from twin.scenario import Scenario
 from twin.sensors.rays import cast
 from twin.snapshot import Snapshot

@@ -8,12 +8,12 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-import twin.truth_details
+import twin.truth.details
 import twin.world
 from benchmarks.figure import Figure
 from twin.scenario import Scenario, load_scenario
 from twin.simulation import Simulation
-from twin.truth_details import TruthDetails
+from twin.truth.details import TruthDetails
 
 _SCENARIOS = ("lab-five-people",)
 _MEASURED_S = 6.0

@@ -15,7 +15,7 @@ from twin.preview import Preview
 from twin.report.preview import PreviewWriter, TruePoses
 from twin.scenario import Scenario, load_scenario
 from twin.simulation import Delivered, Simulation
-from twin.truth import TruthFrame
+from twin.truth.frames import TruthFrame
 
 FROM_S, TO_S = 0.3, 0.6
 SENSOR_OF = {"laser": "waist", "fisheye": "fisheye", "floor": "floor"}

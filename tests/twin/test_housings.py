@@ -17,7 +17,7 @@ from twin.scenario import Scenario, load_scenario
 from twin.scenario.load import dump_scenario
 from twin.scenario.mount import Believed, Mount
 from twin.simulation import Simulation
-from twin.truth import TruthFrame
+from twin.truth.frames import TruthFrame
 
 SHORT = ["duration_s=0.5", "background_frames=2", "sensors.fisheye.size=[64, 64]"]
 ON_ONE = [

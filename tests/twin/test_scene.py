@@ -11,7 +11,7 @@ import pytest
 
 from trackers.area import Area
 from trackers.errors import InputError
-from twin.placement import CLEARANCE_M
+from twin.room.placement import CLEARANCE_M
 from twin.scenario import Scenario, load_scenario
 from twin.scene import build_scene, populate
 from twin.world import World

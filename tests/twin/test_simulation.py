@@ -11,7 +11,7 @@ from trackers.errors import InputError
 from trackers.observations import LaserScan, Observation
 from twin.scenario import Scenario, load_scenario
 from twin.simulation import Simulation
-from twin.truth import TruthFrame
+from twin.truth.frames import TruthFrame
 
 SHORT = ["duration_s=1.0", "background_frames=2"]
 

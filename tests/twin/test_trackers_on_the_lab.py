@@ -14,7 +14,7 @@ from twin.evaluate import evaluate_tracks
 from twin.recording.tables import track_table, truth_table
 from twin.scenario import Scenario, load_scenario
 from twin.simulation import Simulation
-from twin.truth import TruthFrame
+from twin.truth.frames import TruthFrame
 
 Observed = tuple[Rig, list[Observation], list[Observation], list[TruthFrame]]
 

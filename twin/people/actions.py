@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.furniture import Bed, Seat
 from twin.people.actor import Actor
 from twin.people.order import End, Order
 from twin.people.posture import Part
 from twin.people.wandering import wander
+from twin.room.furniture import Bed, Seat
 from twin.scenario.behaviour import (
     Action,
     Bend,

@@ -8,13 +8,13 @@ from math import inf, radians
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.furniture import Bed, Seat
 from twin.people.crowd import Crowd
 from twin.people.ground import Ground
 from twin.people.order import Order
 from twin.people.posture import Postures
 from twin.people.posture_bed import standing_place_beside
 from twin.people.posture_sit import standing_place_before
+from twin.room.furniture import Bed, Seat
 from twin.scenario.behaviour import Look, Target
 
 Array = NDArray[np.float64]

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
-from twin.furniture import Bed, Seat
 from twin.people.crowd import KEEP_FROM_EDGE_M
 from twin.people.obstacles import Obstacle
 from twin.people.places import free_places
 from twin.people.routes import Routes
-from twin.polygon import inset
+from twin.room.furniture import Bed, Seat
+from twin.room.polygon import inset
 
 Array = NDArray[np.float64]
 

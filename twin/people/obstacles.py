@@ -16,8 +16,8 @@ from scipy.spatial import ConvexHull
 
 from trackers.area import Area
 from trackers.errors import InputError
-from twin.geom_hull import hull_points
-from twin.polygon import TOLERANCE_M, gap_between, polygon_area
+from twin.room.geom_hull import hull_points
+from twin.room.polygon import TOLERANCE_M, gap_between, polygon_area
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

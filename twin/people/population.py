@@ -80,7 +80,7 @@ class Population:
         """`ground`: where people may walk and what stands there; `rngs`: a generator of each person's own;
         `appearances`: their looks, for their measures; `source`: what describes them, as errors name it.
 
-        Known starts must be apart, and a wanderer's inside the area (see `twin.placement`). Raises InputError when the
+        Known starts must be apart, and a wanderer's inside the area (see `twin.room.placement`). Raises InputError when the
         area has no room for those who wander.
         """
         self.names = tuple(sorted(people))

@@ -39,7 +39,7 @@ _TOWARDS_HEAD_M = 0.04
 
 
 class BedLike(Protocol):
-    """A bed, such as `twin.furniture.Bed`: `place` (3,) middle of the mattress' top [m], `yaw` from feet end to head end
+    """A bed, such as `twin.room.furniture.Bed`: `place` (3,) middle of the mattress' top [m], `yaw` from feet end to head end
     [rad], `to_edge_m` (2,) from the middle to the edges left and right [m]."""
 
     @property

@@ -9,11 +9,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.geom_hull import hull_points
 from twin.people.appearance import Appearance
 from twin.people.body import person_spec
 from twin.people.proportions import proportions_of
 from twin.people.skeleton import REFERENCE_STATURE_M
+from twin.room.geom_hull import hull_points
 
 Array = NDArray[np.float64]
 

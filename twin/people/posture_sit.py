@@ -53,7 +53,7 @@ _KNEE_HANGING_RAD = 1.22
 
 
 class SeatLike(Protocol):
-    """A seat, such as `twin.furniture.Seat`: `place` (3,) middle of the top [m], `yaw` where the sitter looks [rad],
+    """A seat, such as `twin.room.furniture.Seat`: `place` (3,) middle of the top [m], `yaw` where the sitter looks [rad],
     `to_front_m` from the middle to the front edge [m]; as much again is taken to lie behind the middle."""
 
     @property

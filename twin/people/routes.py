@@ -17,7 +17,7 @@ from trackers.area import Area
 from trackers.errors import InputError
 from twin.people.crowd import KEEP_FROM_EDGE_M, KEEP_FROM_FURNITURE_M
 from twin.people.obstacles import Obstacle, inflated
-from twin.polygon import TOLERANCE_M, inset
+from twin.room.polygon import TOLERANCE_M, inset
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -21,7 +21,7 @@ from trackers.observations import NS_PER_S
 from twin.recording.csv_columns import read_csv_columns
 from twin.recording.detail_rows import frame_json, frame_rows, frames_once, refuse_repeats, split_frames
 from twin.recording.whole_file import whole_file
-from twin.truth import Box, BoxFrame
+from twin.truth.frames import Box, BoxFrame
 
 BOX_COLUMNS = ("t", "camera", "id", "left", "top", "width", "height", "visible_px", "truncated")
 _LEAST = {"id": 1, "left": 0, "top": 0, "width": 1, "height": 1, "visible_px": 1}

@@ -10,7 +10,7 @@ from twin.recording import topics
 from twin.recording.boxes import box_writer, encode_boxes
 from twin.recording.rays import encode_rays, ray_writer
 from twin.recording.situations import encode_situation, situation_writer
-from twin.truth import BoxFrame, RayFrame, Situation, TruthDetail
+from twin.truth.frames import BoxFrame, RayFrame, Situation, TruthDetail
 
 DETAIL_FILES = ("truth_boxes.csv", "truth_rays.csv", "truth_situations.csv")
 DETAIL_TOPICS = (topics.TRUTH_BOXES, topics.TRUTH_RAYS, topics.TRUTH_SITUATIONS)

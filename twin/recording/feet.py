@@ -25,7 +25,7 @@ from twin.recording.csv_columns import read_csv_columns
 from twin.recording.messages import STRING, TYPESTORE
 from twin.recording.tables import number_cell, seconds_cell
 from twin.recording.whole_file import whole_file
-from twin.truth import FootTruth, TruthFrame
+from twin.truth.frames import FootTruth, TruthFrame
 
 _NUMBERS = ("x", "y", "z", "yaw", "load_n", "pressure_x", "pressure_y")
 FEET_COLUMNS = ("t", "id", "foot", *_NUMBERS, "contact")

@@ -23,7 +23,7 @@ from trackers.observations import NS_PER_S
 from twin.recording.csv_columns import CsvColumns, read_csv_columns
 from twin.recording.detail_rows import frame_json, frame_rows, frames_once, split_frames
 from twin.recording.whole_file import whole_file
-from twin.truth import RayFrame, RayRun
+from twin.truth.frames import RayFrame, RayRun
 
 RAY_COLUMNS = ("t", "sensor", "id", "first_beam", "last_beam")
 

@@ -1,6 +1,6 @@
 """The truth about pairs of people: the table `truth_situations.csv` and the string on `/truth/situations`.
 
-One row a situation, in the order in which they end; what the kinds mean stands in `twin.situations`. `start_t` is the
+One row a situation, in the order in which they end; what the kinds mean stands in `twin.truth.situations`. `start_t` is the
 first frame in which it holds, `end_t` the first in which it no longer does; where `complete` is 0 the run ended before
 that, and `end_t` is its end. `sensor` is empty but for merged; `how` says in which way a merged pair is not separated;
 `least_m` is the least distance (interaction, merged) or gap (correlated) during it.
@@ -23,7 +23,7 @@ from twin.recording.csv_columns import read_csv_columns
 from twin.recording.detail_rows import json_string
 from twin.recording.tables import number_cell, seconds_cell
 from twin.recording.whole_file import whole_file
-from twin.truth import Situation, SituationKind
+from twin.truth.frames import Situation, SituationKind
 
 SITUATION_COLUMNS = ("kind", "first_id", "second_id", "sensor", "start_t", "end_t", "complete", "how", "least_m")
 KINDS: tuple[SituationKind, ...] = ("interaction", "correlated", "merged")

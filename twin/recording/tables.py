@@ -24,7 +24,7 @@ from trackers.observations import NS_PER_S
 from trackers.tracks import Track, TrackFrame
 from twin.recording.csv_columns import CsvColumns, read_csv_columns
 from twin.recording.whole_file import whole_file
-from twin.truth import PersonTruth, TruthFrame
+from twin.truth.frames import PersonTruth, TruthFrame
 
 _TRUTH_NUMBERS = ("x", "y", "z", "yaw", "head_x", "head_y", "head_z", "head_yaw", "vx", "vy")
 _TRACK_NUMBERS = ("x", "y", "z", "vx", "vy", "head_x", "head_y", "head_z", "head_yaw")

@@ -51,7 +51,7 @@ from twin.recording.messages import (
 )
 from twin.recording.tables import TruthFrame
 from twin.recording.truth_messages import MARKER_ARRAY, PeopleMarkers, encode_people
-from twin.truth import TruthDetail
+from twin.truth.frames import TruthDetail
 
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 TF_MESSAGE = "tf2_msgs/msg/TFMessage"

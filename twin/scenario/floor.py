@@ -13,7 +13,7 @@ from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.floor.force_curve import ForceCurve
 from trackers.rig import FloorSensor, Point3, Pose
-from twin.polygon import leaves_at
+from twin.room.polygon import leaves_at
 from twin.scenario.mount import Believed
 from twin.scenario.presets import NoiseName, by_name
 from twin.sensors.floor_electronics import FLOOR_ELECTRONICS, FloorElectronics

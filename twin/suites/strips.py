@@ -15,10 +15,10 @@ import numpy as np
 
 from trackers.observations import NS_PER_S
 from twin.feeding import Feed
-from twin.outline import room_outline
 from twin.preview import Preview
 from twin.recording.reader import Recording
 from twin.report.preview import PreviewWriter
+from twin.room.outline import room_outline
 from twin.scenario.model import TrackerChoice
 from twin.suites.cache import RecordingCache
 from twin.suites.cases import Case

@@ -12,18 +12,18 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
-from twin.outline import room_outline
 from twin.preview import true_poses
 from twin.report.lettering import Tag, write_tags
 from twin.report.look_at import picture
 from twin.report.palette import IDENTITY_COLOURS, LAYER_COLOURS, RGB, IdentityColours
 from twin.report.panels import BACKDROP, INK, FloorPanel, TruePoses
 from twin.report.people_sheet import check_picture_name, lettered, tiled, write_png
+from twin.room.outline import room_outline
 from twin.scenario import Scenario
 from twin.sensors.render import OffscreenRenderer
 from twin.simulation import Simulation
 from twin.snapshot import Snapshot
-from twin.truth import Box
+from twin.truth.frames import Box
 from twin.view.standpoint import Room, overview
 from twin.view.tags import name_tags
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from trackers.area import Area
 from trackers.errors import InputError
-from twin.mounts import check_mount
 from twin.report.look_at import axes_towards
+from twin.room.mounts import check_mount
 from twin.sensors.rays import cast
 from twin.snapshot import Snapshot
 

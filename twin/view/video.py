@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, FloorFrame, LaserScan, Observation
 from trackers.rig import FloorSensor, Rig
-from twin.outline import room_outline
 from twin.preview import true_poses
 from twin.report.lettering import write, write_tags
 from twin.report.look_at import axes_towards, picture
@@ -21,6 +20,7 @@ from twin.report.palette import LAYER_COLOURS, IdentityColours
 from twin.report.panels import FloorPanel
 from twin.report.pressure import PRESSED
 from twin.report.video import TIME_BASE, VideoFile
+from twin.room.outline import room_outline
 from twin.scenario import Scenario
 from twin.scene import Scene, populate
 from twin.sensors.render import Mark, OffscreenRenderer

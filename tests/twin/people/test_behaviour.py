@@ -13,7 +13,7 @@ import pytest
 from trackers.configuration import validate
 from twin.people.body import JOINTS
 from twin.scenario import Scenario
-from twin.truth import FootTruth, PersonTruth
+from twin.truth.frames import FootTruth, PersonTruth
 from twin.world import World
 
 DT = 0.1

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from twin import models
-from twin.furniture import Bed, Seat
 from twin.penetration import count_penetrations
+from twin.room.furniture import Bed, Seat
 from twin.scenario import load_scenario
 from twin.world import World
 

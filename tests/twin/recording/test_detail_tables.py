@@ -17,7 +17,7 @@ from twin.recording.details import DETAIL_FILES, DETAIL_TOPICS, detail_writer, e
 from twin.recording.messages import STRING, TYPESTORE
 from twin.recording.rays import read_rays
 from twin.recording.situations import read_situations, situation_table
-from twin.truth import Box, BoxFrame, RayFrame, RayRun, Situation, TruthDetail
+from twin.truth.frames import Box, BoxFrame, RayFrame, RayRun, Situation, TruthDetail
 
 BOX_HEADER = "t,camera,id,left,top,width,height,visible_px,truncated"
 RAY_HEADER = "t,sensor,id,first_beam,last_beam"

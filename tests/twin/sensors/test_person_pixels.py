@@ -13,11 +13,11 @@ from pydantic import TypeAdapter
 from scipy.ndimage import maximum_filter, minimum_filter
 from silhouettes import RING
 
-from twin.boxes import SeesPeople, person_boxes
 from twin.scenario.sensors import FisheyeDescription, SensorDescription, build_sensor
 from twin.sensors.lens import viewing_directions
 from twin.sensors.render import RendererOnDemand
 from twin.snapshot import RAY_GROUPS
+from twin.truth.boxes import SeesPeople, person_boxes
 
 MOUNT = {"xyz": [0, 0.2, 1.0], "yaw_deg": 90}
 CAMERAS = {

@@ -10,9 +10,9 @@ from trackers.configuration import validate
 from trackers.environment import build_environment
 from trackers.errors import InputError
 from trackers.observations import LaserScan
-from twin.environment_run import scan_scenario, scenario_environment
-from twin.environment_scan import TiltingScanner, scan_room
-from twin.environment_stations import chosen_stations, given_stations
+from twin.environment.run import scan_scenario, scenario_environment
+from twin.environment.scan import TiltingScanner, scan_room
+from twin.environment.stations import chosen_stations, given_stations
 from twin.scenario import Scenario
 from twin.sensors.laser_noise import LASER_NOISE
 from twin.sensors.rays import cast

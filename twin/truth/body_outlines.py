@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.geom_hull import hull_points
+from twin.room.geom_hull import hull_points
 from twin.snapshot import RAY_GROUPS
 
 Array = NDArray[np.float64]

@@ -7,12 +7,14 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from trackers.observations import NS_PER_S, LaserScan
-from twin.body_outlines import BodyOutlines
-from twin.boxes import SeesPeople, person_boxes
-from twin.ray_runs import person_runs
 from twin.scene import Scene
 from twin.sensors.sensor import Reading
-from twin.situations import (
+from twin.snapshot import Snapshot
+from twin.truth.body_outlines import BodyOutlines
+from twin.truth.boxes import SeesPeople, person_boxes
+from twin.truth.frames import BoxFrame, RayFrame, Situation, TruthDetail, TruthFrame
+from twin.truth.ray_runs import person_runs
+from twin.truth.situations import (
     CORRELATED_M,
     INTERACTION_M,
     Held,
@@ -22,9 +24,7 @@ from twin.situations import (
     ordered_pairs,
     pairs_within,
 )
-from twin.snapshot import Snapshot
-from twin.truth import BoxFrame, RayFrame, Situation, TruthDetail, TruthFrame
-from twin.visibility import SensorView, first_met
+from twin.truth.visibility import SensorView, first_met
 
 SnapshotAt = Callable[[float], Snapshot]
 """The world at a time [s] that lies no farther back than the people's short history."""

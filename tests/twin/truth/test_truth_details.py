@@ -10,14 +10,14 @@ import pytest
 from trackers.configuration import validate
 from trackers.observations import NS_PER_S
 from trackers.rig import FisheyeSensor
-from twin.boxes import SeesPeople
 from twin.recording.situations import situation_table
 from twin.recording.tables import truth_table
 from twin.scenario import Scenario, load_scenario
 from twin.sensors.lens import radius_of_angle
 from twin.simulation import Simulation
-from twin.situations import interactions_of
-from twin.truth import BoxFrame, RayFrame, Situation, TruthDetail, TruthFrame
+from twin.truth.boxes import SeesPeople
+from twin.truth.frames import BoxFrame, RayFrame, Situation, TruthDetail, TruthFrame
+from twin.truth.situations import interactions_of
 
 WAIST = {"kind": "laser", "rate_hz": 10, "noise": "off", "mount": {"xyz": [0, 0, 1.0]}}
 AREA = [[-6, -6], [6, -6], [6, 6], [-6, 6]]

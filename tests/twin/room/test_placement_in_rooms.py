@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from trackers.errors import InputError
-from twin.furniture import Seat
 from twin.people.obstacles import Footprints, Obstacle
 from twin.people.routes import Routes
-from twin.placement import check_free, check_placement, check_seat, check_way
+from twin.room.furniture import Seat
+from twin.room.placement import check_free, check_placement, check_seat, check_way
 from twin.scenario import Scenario
 
 ROOM = np.array([[-3.0, -2.0], [3.0, -2.0], [3.0, 2.0], [-3.0, 2.0]])

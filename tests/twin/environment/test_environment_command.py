@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from trackers.environment import load_environment
 from trackers.errors import InputError
-from twin.environment_command import environment
+from twin.environment.command import environment
 
 ROOM = """<mujoco><worldbody>
   <geom name="floor" type="plane" size="2 1.5 0.1" contype="1" conaffinity="1"/>

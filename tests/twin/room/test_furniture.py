@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from trackers.errors import InputError
-from twin.furniture import Bed, Seat, furniture_of
+from twin.room.furniture import Bed, Seat, furniture_of
 
 CHAIR = """<body name="chair" pos="1 2 0" euler="0 0 90">
   <site name="seat_anna" pos="0 0 0.45"/>

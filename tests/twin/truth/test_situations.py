@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from twin.recording.tables import truth_table
-from twin.situations import Held, OpenSituations, interactions_of, joined_pairs, pairs_within
-from twin.truth import PersonTruth, Situation, TruthFrame
+from twin.truth.frames import PersonTruth, Situation, TruthFrame
+from twin.truth.situations import Held, OpenSituations, interactions_of, joined_pairs, pairs_within
 
 STEP = np.deg2rad(0.5)
 

@@ -8,10 +8,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from twin.body_outlines import BodyOutlines
-from twin.geom_hull import hull_points
+from twin.room.geom_hull import hull_points
 from twin.scenario import load_scenario
 from twin.scene import Scene
+from twin.truth.body_outlines import BodyOutlines
 from twin.world import World
 
 POSTS = """

@@ -34,7 +34,7 @@ def environment(
     from trackers.environment import EnvironmentOptions
     from trackers.errors import InputError
     from twin.console import print_paths, progress
-    from twin.environment_run import write_environment
+    from twin.environment.run import write_environment
     from twin.scenario import load_scenario
 
     if noise not in _NOISE:

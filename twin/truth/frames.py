@@ -119,7 +119,7 @@ class RayFrame:
 class Situation:
     """One situation of two people (first_id < second_id), from the first frame in which it holds to the first after.
 
-    kind, how and least_m are explained in `twin.situations`. sensor: the scanner that cannot tell them apart, '' for
+    kind, how and least_m are explained in `twin.truth.situations`. sensor: the scanner that cannot tell them apart, '' for
     what does not depend on one. complete: its end was seen; else the run ended first, and end_ns is the end of the run.
     """
 

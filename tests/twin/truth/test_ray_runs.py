@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from twin.ray_runs import person_runs
-from twin.truth import RayRun
+from twin.truth.frames import RayRun
+from twin.truth.ray_runs import person_runs
 
 
 def test_runs_begin_and_end_where_the_person_changes():

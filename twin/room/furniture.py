@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from trackers.errors import InputError
-from twin.geom_hull import hull_points
+from twin.room.geom_hull import hull_points
 
 Array = NDArray[np.float64]
 

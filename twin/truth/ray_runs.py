@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.truth import RayRun
+from twin.truth.frames import RayRun
 
 
 def person_runs(person_of_ray: NDArray[np.int16]) -> tuple[RayRun, ...]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from trackers.errors import InputError
-from twin.lighting import Lighting
+from twin.room.lighting import Lighting
 from twin.scenario import load_scenario
 from twin.scenario.lights import LightChange
 from twin.simulation import Simulation

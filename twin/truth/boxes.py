@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import find_objects
 
 from twin.snapshot import Snapshot
-from twin.truth import Box
+from twin.truth.frames import Box
 
 OUTSIDE = -1
 """What an id picture holds where the lens sees nothing."""

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from trackers.area import Area
 from trackers.errors import InputError
-from twin.furniture import Seat
 from twin.people.arrivals import comes_at, known_start
 from twin.people.crowd import KEEP_FROM_FURNITURE_M, planar
 from twin.people.obstacles import Footprints
 from twin.people.places import nearest_free
 from twin.people.recorded import curve_through
 from twin.people.routes import CLOSE_M, Routes
-from twin.polygon import TOLERANCE_M, leaves_at, meets_itself_at, strictly_inside
+from twin.room.furniture import Seat
+from twin.room.polygon import TOLERANCE_M, leaves_at, meets_itself_at, strictly_inside
 from twin.scenario import Scenario
 from twin.scenario.behaviour import Bend, Leave, Look, Path, Reach, Run, Stand, Turn, Walk, Wander
 from twin.scenario.people import Person

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from trackers.area import Area
 from trackers.errors import InputError
-from twin.environment_scan import HEIGHT_M
-from twin.mounts import check_mount
+from twin.environment.scan import HEIGHT_M
 from twin.people.crowd import planar
 from twin.people.obstacles import Footprints
+from twin.room.mounts import check_mount
 from twin.scene import Scene
 from twin.sensors.rays import cast
 from twin.snapshot import Snapshot

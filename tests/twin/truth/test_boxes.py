@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from twin.boxes import person_boxes
-from twin.truth import Box
+from twin.truth.boxes import person_boxes
+from twin.truth.frames import Box
 
 
 def test_a_box_covers_the_pixels_of_one_person():

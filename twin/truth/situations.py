@@ -1,7 +1,7 @@
 """Situations of two people that make tracking hard, from the frame in which one begins to the first after it.
 
 - interaction: the ground points under their pelvises are less than 1.5 m apart. least_m: the least distance [m].
-- correlated: the gap between their outlines, seen from above, is below 0.3 m (`twin.body_outlines` says what an outline
+- correlated: the gap between their outlines, seen from above, is below 0.3 m (`twin.truth.body_outlines` says what an outline
   is). least_m: the smallest gap [m], 0 where outlines overlap.
 - merged: a scanner cannot separate them, judged by its ideal scan; one event a scanner, whose end is the split. how:
   `joined` where beams on both belong to one cluster; `hidden` where one of them returns no beam at all since the other
@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.truth import Separation, Situation, SituationKind
+from twin.truth.frames import Separation, Situation, SituationKind
 
 if TYPE_CHECKING:
     from twin.recording.tables import TruthTable

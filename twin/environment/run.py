@@ -8,9 +8,9 @@ from pathlib import Path
 from trackers.environment import EnvironmentOptions, build_environment, save_environment
 from trackers.environment.model import Environment
 from trackers.errors import InputError
-from twin.environment_picture import write_picture
-from twin.environment_scan import HEIGHT_M, PointCloud, TiltingScanner, scan_room
-from twin.environment_stations import chosen_stations, given_stations
+from twin.environment.picture import write_picture
+from twin.environment.scan import HEIGHT_M, PointCloud, TiltingScanner, scan_room
+from twin.environment.stations import chosen_stations, given_stations
 from twin.recording.whole_file import whole_path
 from twin.results import OnProgress
 from twin.scenario import Scenario

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from trackers.area import Area
 from twin.snapshot import Snapshot
-from twin.visibility import SensorView, visible_share
+from twin.truth.visibility import SensorView, visible_share
 
 _SPACING_M = 0.25
 _MOST_PLACES = 1000

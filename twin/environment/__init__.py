@@ -1,0 +1,1 @@
+"""A scan of the empty room, and the model that trackers get of it."""
