@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import groupby
@@ -11,11 +10,9 @@ from operator import attrgetter
 from types import TracebackType
 from typing import Self
 
-import numpy as np
-
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, Observation
-from trackers.rig import Rig, RigSensor, StereoSensor
+from trackers.rig import Rig, StereoSensor
 from twin.people.arrivals import too_late
 from twin.people.feet import FootShapes
 from twin.people.recorded import close_calls, warning_of
@@ -27,12 +24,13 @@ from twin.scenario.floor import FloorDescription, check_floor
 from twin.scenario.housings import believed_sensor, in_the_room
 from twin.scenario.sensors import CAMERA_KINDS, build_sensor
 from twin.scene import foot_shapes
-from twin.sensors.faults import Faulty, with_faults
+from twin.sensors.faults import with_faults
 from twin.sensors.floor import Floor
 from twin.sensors.message_faults import MessageFaultsOf
 from twin.sensors.render import GlInfo, RendererOnDemand
 from twin.sensors.schedule import Schedule, Scheduled
-from twin.sensors.sensor import Noisy, Reading, Sensor, State
+from twin.sensors.sensor import Reading, Sensor
+from twin.sensors.timed import TimedSensor
 from twin.snapshot import Snapshot
 from twin.streams import stream
 from twin.truth.boxes import SeesPeople, person_boxes
@@ -55,60 +53,6 @@ class Delivered:
     reading: Reading
     observation: Observation
     stamp_ns: int
-
-
-@dataclass(eq=False)
-class TimedSensor:
-    """A sensor and what its observations cost."""
-
-    sensor: Sensor
-    frames: int = 0
-    spent_s: float = 0.0
-    on_reading: Callable[[str, int, Reading], object] = lambda sensor, stamp_ns, reading: None
-
-    @property
-    def name(self) -> str:
-        """Name on the rig."""
-        return self.sensor.name
-
-    @property
-    def ideal(self) -> Sensor:
-        """The sensor without its noise and faults."""
-        return self.sensor.ideal if isinstance(self.sensor, Noisy | Faulty) else self.sensor
-
-    @property
-    def healthy(self) -> Sensor:
-        """The sensor without its faults."""
-        return self.sensor.healthy if isinstance(self.sensor, Faulty) else self.sensor
-
-    @property
-    def instants_s(self) -> tuple[float, ...]:
-        """When it looks, as offsets from the stamp [s]."""
-        return self.sensor.instants_s
-
-    def observe(
-        self, stamp_ns: int, snapshots: Iterable[Snapshot], state: State, rng: np.random.Generator
-    ) -> tuple[Reading, State]:
-        """The sensor's reading, timed."""
-        start = time.perf_counter()
-        result = self.sensor.observe(stamp_ns, self._without_the_world(snapshots), state, rng)
-        self.spent_s += time.perf_counter() - start
-        self.frames += 1
-        self.on_reading(self.name, stamp_ns, result[0])
-        return result
-
-    def _without_the_world(self, snapshots: Iterable[Snapshot]) -> Iterator[Snapshot]:
-        """The snapshots; what moving the world to them costs is not the sensor's."""
-        start = time.perf_counter()
-        for snapshot in snapshots:
-            self.spent_s -= time.perf_counter() - start
-            yield snapshot
-            start = time.perf_counter()
-        self.spent_s -= time.perf_counter() - start
-
-    def rig_sensor(self) -> RigSensor:
-        """Where the sensor is and how it projects, in truth."""
-        return self.sensor.rig_sensor()
 
 
 class Simulation:

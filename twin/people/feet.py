@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+_TOUCHES_M = 1e-3
+
 
 @dataclass(frozen=True, eq=False)
 class Feet:
@@ -42,3 +44,14 @@ class FootShapes:
     ball: Array
     length: Array
     breadth: Array
+
+
+def on_the_floor(load: Array, height: Array) -> Array:
+    """Loads (2, n) with those of feet that are still, or already, off the floor given to the other foot.
+
+    height: (2, n) above the floor [m]. Between two ticks, of which a foot stands at one only, both its height and its load
+    are partly there.
+    """
+    lifted = height > _TOUCHES_M
+    moved = np.where(lifted & ~lifted[::-1], load, 0.0)
+    return np.where(lifted, 0.0, load) + moved[::-1]

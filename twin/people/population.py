@@ -13,16 +13,17 @@ from twin.people.actor import Actor, Stage
 from twin.people.appearance import Appearance
 from twin.people.arrivals import first_heading, start_places
 from twin.people.crowd import Crowd, planar
-from twin.people.feet import Feet
+from twin.people.feet import Feet, on_the_floor
 from twin.people.gait import GRAVITY_M_S2, Gait
 from twin.people.gaze import FreeGaze
 from twin.people.ground import Ground
+from twin.people.memory import TICK_S, Memory
 from twin.people.order import End
-from twin.people.pose import FLOOR_ROWS, ROWS, Moment, foot_loads, joint_coordinates
+from twin.people.pose import Moment, foot_loads, joint_coordinates
 from twin.people.posture import Part, Postures
 from twin.people.posture_lay import apply
 from twin.people.posture_measures import BodyMeasures
-from twin.people.posture_rows import HANDS, LOOK, OFF_FEET, PELVIS_PITCH, POSTURE_ROWS, active, faced
+from twin.people.posture_rows import HANDS, LOOK, OFF_FEET, PELVIS_PITCH, active, faced
 from twin.people.posture_weight import pressure_shift_m, support
 from twin.people.recorded import RecordedPaths
 from twin.people.skeleton import Skeleton
@@ -32,15 +33,8 @@ from twin.scenario.people import Person
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-TICK_S = 0.025
-"""The people's clock [s]; between ticks poses are interpolated."""
-
-HISTORY_S = 3.0
-"""How far back poses can be asked for [s]."""
-
 _ENTER_APART_M = 0.7
 _BLOCKED_FOR_S = 0.8
-_TOUCHES_M = 1e-3
 _NEAR_ENOUGH_M, _HALTS_FOR_S = 0.2, 1.5
 
 
@@ -65,7 +59,7 @@ class PopulationTruth:
 class Population:
     """The people of a scenario, in the order of their names: so the order of listing changes nothing.
 
-    `advance(t)` steps them; `qpos(t)`, `feet(t)` and `truth(t)` may be asked for any t from `HISTORY_S` before the last
+    `advance(t)` steps them; `qpos(t)`, `feet(t)` and `truth(t)` may be asked for any t from `memory.HISTORY_S` before the last
     step up to it. Memory does not grow with time.
     """
 
@@ -123,11 +117,7 @@ class Population:
         self._crowd.present[:] = False
         self._crowd.driven[self._recorded.numbers] = True
         self._tick = 0
-        size = round(HISTORY_S / TICK_S) + 1
-        self._floor = np.zeros((size, FLOOR_ROWS, count), dtype=complex)
-        self._rows = np.zeros((size, ROWS, count))
-        self._posture = np.zeros((size, POSTURE_ROWS, count))
-        self._present = np.zeros((size, count), dtype=bool)
+        self._memory = Memory(count)
         self._asked: tuple[float, int, Array] | None = None  # time, tick and coordinates last asked for
         self._enter_and_leave()
         self._remember()
@@ -163,7 +153,7 @@ class Population:
 
     def present(self, t: float) -> Mask:
         """Who is in the room at time t [s], (n,)."""
-        return self._present[self._slots(t)[0]].copy()
+        return self._memory.present(t)
 
     def qpos(self, t: float) -> Array:
         """Joint coordinates (n, NQ_PERSON) at time t [s], laid out as `twin.people.body.JOINTS` says.
@@ -171,16 +161,16 @@ class Population:
         Those who are not present have the coordinates of when they were, or will be.
         """
         if self._asked is None or self._asked[:2] != (t, self._tick):
-            self._asked = t, self._tick, self._coordinates(*self._moment(t))
+            self._asked = t, self._tick, self._coordinates(*self._memory.at(t))
         return self._asked[2].copy()
 
     def feet(self, t: float) -> Feet:
         """Everybody's soles and the weight on them at time t [s]."""
-        moment, posture = self._moment(t)
+        moment, posture = self._memory.at(t)
         present = self.present(t)
         feet = foot_loads(moment, self._skeleton)
         on_feet, acceleration = support(posture)
-        load = _on_the_floor(feet.load, feet.height)
+        load = on_the_floor(feet.load, feet.height)
         load_n = load * (on_feet * np.maximum(1.0 + acceleration / GRAVITY_M_S2, 0.0) * self._weight_n)
         return Feet(
             place=np.stack([feet.place.real, feet.place.imag], axis=-1).transpose(1, 0, 2),
@@ -193,7 +183,7 @@ class Population:
 
     def truth(self, t: float) -> PopulationTruth:
         """Where everybody is at time t [s]."""
-        moment, posture = self._moment(t)
+        moment, posture = self._memory.at(t)
         qpos = self.qpos(t)
         velocity = moment.pelvis_velocity + self._posture_velocity(t)
         yaw = (faced(moment.rows[0], posture) + np.pi) % (2 * np.pi) - np.pi
@@ -205,45 +195,17 @@ class Population:
 
     def _posture_velocity(self, t: float) -> NDArray[np.complex128]:
         """What sitting down, bending and the like add to the velocity of the ground point under the pelvis, (n,) [m/s]."""
-        size = len(self._rows)
-        late = max(min(int(t / TICK_S + 1e-9) + 1, self._tick), 1)
-        early, late = (late - 1) % size, late % size
-        if self._tick == 0 or not (len(active(self._posture[early])) or len(active(self._posture[late]))):
+        around = self._memory.ticks_around(t)
+        if not any(len(active(posture)) for _, posture in around):
             return np.zeros(len(self), dtype=complex)
         ends = []
-        for slot in (early, late):
-            moment = Moment(self._floor[slot], self._rows[slot])
-            qpos = self._coordinates(moment, self._posture[slot])
+        for moment, posture in around:
+            qpos = self._coordinates(moment, posture)
             ends.append(qpos[:, 0] + 1j * qpos[:, 1] - moment.pelvis)
         return (ends[1] - ends[0]) / TICK_S
 
-    def _slots(self, t: float) -> tuple[int, int, float]:
-        """The two remembered ticks around time t [s], and the share of the later one."""
-        size = len(self._rows)
-        oldest = max(0, self._tick - size + 1)
-        place = t / TICK_S
-        if not oldest <= place <= self._tick + 1e-6:
-            raise ValueError(
-                f"t = {t} s is not between {oldest * TICK_S:.2f} and {self._tick * TICK_S:.2f} s: advance(t) first, and "
-                f"look back by at most {HISTORY_S} s"
-            )
-        before = min(int(place + 1e-9), self._tick)
-        return before % size, min(before + 1, self._tick) % size, place - before
-
-    def _moment(self, t: float) -> tuple[Moment, Array]:
-        """The moment and the posture at time t [s], between the two ticks around it."""
-        early, late, share = self._slots(t)
-        floor, rows, posture = self._floor, self._rows, self._posture
-        return Moment(
-            floor[early] + share * (floor[late] - floor[early]), rows[early] + share * (rows[late] - rows[early])
-        ), posture[early] + share * (posture[late] - posture[early])
-
     def _remember(self) -> None:
-        slot = self._tick % len(self._rows)
-        self._floor[slot] = self._gait.moment.floor
-        self._rows[slot] = self._gait.moment.rows
-        self._posture[slot] = self._postures.rows
-        self._present[slot] = self._crowd.present
+        self._memory.remember(self._gait.moment, self._postures.rows, self._crowd.present)
 
     def _step(self) -> None:
         crowd, stage, postures = self._crowd, self._stage, self._postures
@@ -328,16 +290,6 @@ class Population:
             who = np.zeros(len(self), dtype=bool)
             who[entering] = True
             self._gait.place_anew(who, crowd)
-
-
-def _on_the_floor(load: Array, height: Array) -> Array:
-    """Loads (2, n) with those of feet that are still, or already, off the floor given to the other foot.
-
-    Between two ticks, of which a foot stands at one only, both its height [m] and its load are partly there.
-    """
-    lifted = height > _TOUCHES_M
-    moved = np.where(lifted & ~lifted[::-1], load, 0.0)
-    return np.where(lifted, 0.0, load) + moved[::-1]
 
 
 def _kept_in(person: Person, ground: Ground) -> Array | None:

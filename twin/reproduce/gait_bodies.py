@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.people.gait import Gait
-from twin.people.population import TICK_S
+from twin.people.memory import TICK_S
 from twin.people.pose import Moment, foot_loads
 from twin.people.proportions import proportions_of
 from twin.people.skeleton import Skeleton

@@ -7,7 +7,7 @@ import pytest
 from people_cast import AREA, FIVE, make_population
 
 from twin.people.crowd import KEEP_APART_M, KEEP_FROM_EDGE_M
-from twin.people.population import TICK_S
+from twin.people.memory import TICK_S
 from twin.scenario.behaviour import Stand, Walk, Wander
 from twin.scenario.people import Person
 
