@@ -180,19 +180,21 @@ def list_() -> None:
 
 @app.command(epilog="Example: twin schema > scenario.schema.json")
 def schema(
-    kind: Annotated[str, typer.Argument(help="'scenario' or 'rig'.")] = "scenario",
+    kind: Annotated[str, typer.Argument(help="'scenario', 'suite' or 'rig'.")] = "scenario",
 ) -> None:
-    """The JSON schema of a scenario or a rig, for editors."""
+    """The JSON schema of a scenario, a suite or a rig, for editors."""
     import json
 
     from trackers.errors import InputError
 
     if kind == "scenario":
         from twin.scenario.load import ScenarioFile as Described
+    elif kind == "suite":
+        from twin.suites.description import Suite as Described
     elif kind == "rig":
         from trackers.rig import Rig as Described
     else:
-        raise InputError(f"schema: there is none of {kind!r}; valid are scenario, rig")
+        raise InputError(f"schema: there is none of {kind!r}; valid are scenario, suite, rig")
     typer.echo(json.dumps(Described.model_json_schema(), indent=2))
 
 

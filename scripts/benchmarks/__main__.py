@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from benchmarks import cameras, environment, faults, people, runs, sensors, start_up, suites, tracking, truth
+from benchmarks import cameras, environment, faults, people, runs, sensors, spread, start_up, suites, tracking, truth
 from benchmarks.figure import Figure
 
 BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
@@ -29,6 +29,7 @@ BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
     "faults": faults.cost,
     "suite-speed": suites.speed_up,
     "suite-cost": suites.cost,
+    "suite-spread": spread.measure,
     "suite-gate": suites.gate,
     "suite-harmless": suites.harmless,
     "table-one": tracking.table_one,

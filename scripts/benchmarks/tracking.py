@@ -6,10 +6,9 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-
 from benchmarks.figure import Figure
-from twin.recording.tables import TruthTable, read_truth
+from twin.evaluate import long_occlusions
+from twin.recording.tables import read_truth
 from twin.run import run_scenario
 from twin.scenario import load_scenario
 
@@ -38,7 +37,7 @@ def table_one() -> Iterator[Figure]:
                 for kind in counts[name]:
                     counts[name][kind] += document["trackers"][name][kind]
             motp_m.append(document["trackers"]["laser-fisheye-imm"]["motp_m"])
-            excused += long_occlusions(read_truth(out / "truth.csv"))
+            excused += len(long_occlusions(read_truth(out / "truth.csv"), ("waist", "knee"), _COAST_S))
     yield Figure("occlusions at both heights longer than 1.5 s, seeds 0–4", excused, "occlusions", "")
     for name in _COLUMNS:
         full = name == "laser-fisheye-imm"
@@ -50,18 +49,6 @@ def table_one() -> Iterator[Figure]:
     full_sum = sum(counts["laser-fisheye-imm"].values())
     for name in ("laser-imm", "waist-fisheye-imm"):
         yield Figure(f"{name}: errors above the full set's", sum(counts[name].values()) - full_sum, "", ">= 1")
-
-
-def long_occlusions(truth: TruthTable, longer_than_s: float = _COAST_S) -> int:
-    """How often somebody in the area is hidden from both scanners for longer than a track may coast."""
-    found = 0
-    for person in np.unique(truth.id):
-        rows = truth.id == person
-        hidden = (truth.visible["waist"][rows] == 0) & (truth.visible["knee"][rows] == 0) & truth.in_area[rows]
-        t = truth.t[rows]
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], hidden.astype(int), [0]])))
-        found += sum(t[end - 1] - t[start] > longer_than_s for start, end in edges.reshape(-1, 2))
-    return int(found)
 
 
 def cost() -> Iterator[Figure]:

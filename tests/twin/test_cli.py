@@ -57,7 +57,11 @@ def test_schema_is_json_schema() -> None:
     schema = json.loads(twin("schema").stdout)
     assert {"room", "people", "sensors", "duration_s"} <= set(schema["properties"])
     assert "sensors" in json.loads(twin("schema", "rig").stdout)["properties"]
-    refused(twin("schema", "robot"), "'robot'", "scenario, rig")
+    suite = json.loads(twin("schema", "suite").stdout)
+    assert {"scenarios", "seeds", "trackers", "tolerances"} <= set(suite["properties"])
+    either = suite["$defs"]["SuiteScenario"]["properties"]["seeds"]["anyOf"]  # `seeds: 3`, a list, or the suite's
+    assert [each["type"] for each in either] == ["integer", "array", "null"]
+    refused(twin("schema", "robot"), "'robot'", "scenario, suite, rig")
 
 
 def test_check_names_the_renderer() -> None:

@@ -15,18 +15,17 @@ Where the mathematics ends: a period of 0 changes nothing (no time, no switching
 non-finite measurement and a covariance that overflows are refused with InputError; a singular covariance is allowed,
 because the measurement noise, which must be positive definite, keeps every innovation covariance invertible.
 
-The tracks stand in the last axis of every array: each operation then runs along them, several times faster than products
-of many small matrices.
+The tracks stand in the last axis of every array (`ImmState`): each operation then runs along them, several times faster
+than products of many small matrices.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
+from trackers.filters.imm_state import ImmState
 from trackers.filters.motion import (
     DISTURBANCE_SIZE,
     HEADING,
@@ -38,63 +37,14 @@ from trackers.filters.motion import (
     MotionModel,
     disturbance_variances,
     linearise,
-    nearest_turn,
     persistence,
     transition_matrix,
 )
 
 Array = NDArray[np.float64]
-Selection = NDArray[np.intp] | NDArray[np.bool_]
 
 _TINY = np.finfo(float).tiny
 _UNDISTURBED = np.zeros(DISTURBANCE_SIZE)
-
-
-@dataclass(frozen=True, eq=False)
-class ImmState:
-    """n tracks with m modes each: what an `Imm` takes and hands back."""
-
-    mean: Array  # (5, m, n)
-    covariance: Array  # (5, 5, m, n)
-    probability: Array  # (m, n), each column sums to 1
-
-    def __len__(self) -> int:
-        return self.mean.shape[-1]
-
-    @property
-    def positions(self) -> Array:
-        """Position of each track in each mode, (n, m, 2) [m]."""
-        return self.mean[:2].T
-
-    def select(self, index: Selection) -> ImmState:
-        """The tracks at `index` (integers or a mask)."""
-        return ImmState(self.mean[..., index], self.covariance[..., index], self.probability[..., index])
-
-    def joined(self, other: ImmState) -> ImmState:
-        """These tracks followed by `other`."""
-        return ImmState(
-            np.concatenate([self.mean, other.mean], axis=-1),
-            np.concatenate([self.covariance, other.covariance], axis=-1),
-            np.concatenate([self.probability, other.probability], axis=-1),
-        )
-
-    def slowed(self, kept: Array) -> ImmState:
-        """These tracks with speed and turn rate multiplied by `kept` (n,), their covariance accordingly."""
-        scale = np.ones((STATE_SIZE, len(self)))
-        scale[SPEED] = scale[TURN_RATE] = kept
-        mean = self.mean * scale[:, None]
-        covariance = self.covariance * (scale[:, None] * scale)[:, :, None]
-        return ImmState(mean, covariance, self.probability)
-
-    def replaced(self, index: Selection, other: ImmState) -> ImmState:
-        """These tracks with those at `index` exchanged for `other`."""
-        mean, covariance, probability = self.mean.copy(), self.covariance.copy(), self.probability.copy()
-        mean[..., index], covariance[..., index], probability[..., index] = (
-            other.mean,
-            other.covariance,
-            other.probability,
-        )
-        return ImmState(mean, covariance, probability)
 
 
 class Imm:
@@ -206,7 +156,8 @@ class Imm:
         prior = predicted.select(index)
         P = prior.covariance
         R = self.R[:, :, None] if measurement_covariance is None else np.moveaxis(measurement_covariance, 0, -1)
-        s_xx, s_xy, s_yy = P[0, 0] + R[0, 0], P[0, 1] + R[0, 1], P[1, 1] + R[1, 1]  # (m, k) each
+        S = P[:2, :2] + R[:, :, None]  # (2, 2, m, k)
+        s_xx, s_xy, s_yy = S[0, 0], S[0, 1], S[1, 1]
         determinant = s_xx * s_yy - s_xy * s_xy
         gain = np.empty((STATE_SIZE, 2, *determinant.shape))
         gain[:, 0] = P[0] * (s_yy / determinant) - P[1] * (s_xy / determinant)
@@ -214,9 +165,9 @@ class Imm:
         innovation_x = position[:, 0] - prior.mean[0]
         innovation_y = position[:, 1] - prior.mean[1]
         mean = prior.mean + gain[:, 0] * innovation_x + gain[:, 1] * innovation_y
-        # Joseph's form, (I − KH) P (I − KH)ᵀ + K R Kᵀ, stays positive semi-definite under rounding
+        # Joseph's form, (I − KH) P (I − KH)ᵀ + K R Kᵀ = P − K HP − (P Hᵀ − K S) Kᵀ, errs in second order of K's rounding
         covariance = P - np.einsum("apmn,pbmn->abmn", gain, P[:2])
-        columns = covariance[:, :2] - np.einsum("apmn,pqn->aqmn", gain, np.broadcast_to(R, (2, 2, index.size)))
+        columns = P[:, :2] - np.einsum("apmn,pqmn->aqmn", gain, S)
         covariance -= np.einsum("apmn,bpmn->abmn", columns, gain)
         probability = prior.probability
         if self.n_mode > 1:
@@ -230,7 +181,7 @@ class Imm:
 
     def estimate(self, state: ImmState) -> tuple[Array, Array]:
         """Mean (n, 5) and covariance (n, 5, 5) of each track over its modes."""
-        means = _aligned(state)
+        means = state.aligned_mean
         mean = (means * state.probability).sum(axis=1)
         spread = means - mean[:, None]
         covariance = ((state.covariance + spread[:, None] * spread) * state.probability).sum(axis=2)
@@ -238,7 +189,7 @@ class Imm:
 
     def _mix(self, state: ImmState) -> ImmState:
         """The mixed initial conditions of every mode (eq. 3), with the predicted mode probabilities."""
-        means = _aligned(state)
+        means = state.aligned_mean
         predicted = self.transition.T @ state.probability  # (m, n)
         joint = state.probability[:, None] * self.transition[:, :, None]  # (from, to, n)
         if predicted.min() > 0:
@@ -253,19 +204,6 @@ class Imm:
         return ImmState(mean, covariance, predicted)
 
 
-def inverse_2x2(matrix: Array) -> tuple[Array, Array]:
-    """Inverse and determinant of 2 × 2 matrices (..., 2, 2), in closed form; the determinant must not be 0."""
-    a, b, c, d = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 0], matrix[..., 1, 1]
-    determinant = a * d - b * c
-    inverse = np.empty_like(matrix)
-    inverse[..., 0, 0] = d
-    inverse[..., 0, 1] = -b
-    inverse[..., 1, 0] = -c
-    inverse[..., 1, 1] = a
-    inverse /= determinant[..., None, None]
-    return inverse, determinant
-
-
 def _transition_times(F: Array, matrix: Array) -> Array:
     """F matrix, (5, 5, m, n), doing only the products that the models' Jacobian F (identity elsewhere) holds."""
     product = matrix.copy()
@@ -273,15 +211,6 @@ def _transition_times(F: Array, matrix: Array) -> Array:
     product[HEADING] += F[HEADING, TURN_RATE] * matrix[TURN_RATE]
     product[TURN_RATE] *= F[TURN_RATE, TURN_RATE]
     return product
-
-
-def _aligned(state: ImmState) -> Array:
-    """Means (5, m, n) with headings within half a turn of the most probable mode's."""
-    headings = state.mean[HEADING]  # (m, n)
-    likeliest = headings[state.probability.argmax(axis=0), np.arange(len(state))]
-    means = state.mean.copy()
-    means[HEADING] = nearest_turn(headings, likeliest)
-    return means
 
 
 def _symmetric(matrix: Array) -> Array:

@@ -96,8 +96,9 @@ def _with_noise(rgb: NDArray[np.uint8], bank: NoiseBank, rng: np.random.Generato
     np.multiply(noise, bank.unit_noise[start : start + rgb.size].reshape(rgb.shape), out=noise)
     np.add(noise, np.int16(_UNIT * _UNIT // 2), out=noise)
     np.right_shift(noise, 8, out=noise)
-    combine = cv2.subtract if negative else cv2.add
-    return np.asarray(combine(rgb, noise, dtype=cv2.CV_8U), dtype=np.uint8)
+    value = rgb.astype(np.int16)
+    (np.subtract if negative else np.add)(value, noise, out=value)
+    return np.clip(value, 0, 255, out=value).astype(np.uint8)
 
 
 CAMERA_NOISE = {

@@ -25,7 +25,12 @@ def _seeds(value: Any) -> Any:
     return value
 
 
-Seeds = Annotated[tuple[Annotated[int, Field(ge=0, lt=2**63)], ...], BeforeValidator(_seeds), Field(min_length=1)]
+Seed = Annotated[int, Field(ge=0, lt=2**63)]
+HowMany = Annotated[int, Field(ge=1)]
+SeedList = Annotated[list[Seed], Field(min_length=1)]
+Seeds = Annotated[
+    tuple[Seed, ...], Field(min_length=1), BeforeValidator(_seeds, json_schema_input_type=HowMany | SeedList)
+]
 Limit = Annotated[float, Field(gt=0, le=86_400)]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import hashlib
-import re
+import os
 from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib.metadata import version
@@ -15,13 +15,12 @@ import yaml
 import trackers
 import twin
 from twin.models import MODELS
+from twin.room.files import room_files
 
 _PACKAGES = {"twin": Path(twin.__file__).parent, "trackers": Path(trackers.__file__).parent}
 _SIMULATING = ("twin.simulation", "twin.recording.writer")
 """What makes a recording; `twin.run` only passes on what the first gives to the second."""
 _LIBRARIES = ("mujoco", "numpy", "scipy", "opencv-python-headless", "rosbags")
-_ASSET = re.compile(r"""\bfile\s*=\s*["']([^"']+)["']""")
-_ASSET_FOLDER = re.compile(r"""\b(?:meshdir|texturedir|assetdir)\s*=\s*["']([^"']+)["']""")
 
 
 def recording_key(resolved: str, renderer: str) -> str:
@@ -73,19 +72,9 @@ def _room(name: str) -> Iterator[bytes]:
     path = Path(name)
     if not path.is_file():  # a shipped one, among the models
         return
-    waiting, seen = [path], set()
-    while waiting:
-        path = waiting.pop()
-        if path in seen or not path.is_file():
-            continue
-        seen.add(path)
-        content = path.read_bytes()
-        yield path.name.encode()
+    for part, content in room_files(path).items():
+        yield os.path.relpath(part.resolve(), path.parent.resolve()).encode()
         yield content
-        if path.suffix == ".xml":
-            text = content.decode("utf-8", errors="replace")
-            folders = ["", *_ASSET_FOLDER.findall(text)]
-            waiting += [path.parent / folder / asset for asset in _ASSET.findall(text) for folder in folders]
 
 
 def _modules(names: Iterable[str]) -> set[Path]:
