@@ -74,6 +74,8 @@ def _lines(error: ValidationError, model: type[BaseModel], source: str) -> list[
         message = fault["msg"].removeprefix("Value error, ")
         if fault["type"] == "extra_forbidden":
             message = "unknown key" + _valid_keys(model, fault["loc"])
+        elif fault["type"] == "tuple_type":
+            message = f"a list is expected (got {fault['input']!r})"
         elif fault["type"] != "missing" and not isinstance(fault["input"], dict | BaseModel):
             message += f" (got {fault['input']!r})"
         lines.append(": ".join(part for part in (source, path, message) if part))

@@ -8,7 +8,10 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
+from trackers.errors import InputError
 from trackers.observations import NS_PER_S
+from trackers.presets import make_tracker
+from trackers.rig import Rig
 from twin.feeding import feed
 from twin.recording.details import DETAIL_FILES, detail_writer
 from twin.recording.feet import feet_writer
@@ -32,6 +35,7 @@ from twin.room.outline import room_outline
 from twin.scenario import Scenario
 from twin.scenario.load import dump_scenario
 from twin.simulation import Simulation
+from twin.streams import stream
 from twin.tracking import file_name
 from twin.truth.frames import TruthDetail, TruthFrame
 
@@ -49,7 +53,8 @@ def run_scenario(
 ) -> RunResult:
     """Simulate, record, track, evaluate and report into `out` (default out/<scenario>-<seed>).
 
-    `trackers`: names; None: those the scenario defines, else the default; empty: none, and so no metrics and no report.
+    `trackers`: names; None: those the scenario defines, else the default where the rig has what it needs (a warning says
+    where it has not); empty: none, and so no metrics and no report.
     Every file appears under its name when it is whole. Raises InputError for bad input, before anything is written.
     """
     names = list(trackers) if trackers is not None else list(scenario.trackers) or [DEFAULT_TRACKER]
@@ -69,7 +74,9 @@ def run_scenario(
 
     with ExitStack() as stack:
         simulation = stack.enter_context(Simulation(scenario, images=images, on_truth=tell, on_detail=tell_detail))
-        scene, rig = simulation.world.scene, simulation.rig
+        scene, rig, warnings = simulation.world.scene, simulation.rig, simulation.warnings
+        if trackers is None and not scenario.trackers and (reason := _unfit(rig, scenario.seed)):
+            names, warnings = [], (*warnings, reason)
         background = list(simulation.background_messages())
         place = Place(
             rig,
@@ -142,7 +149,16 @@ def run_scenario(
         files |= result.files
         on_progress("evaluating and reporting", 1, 1)
     note_made(folder, list(files.values()))
-    return RunResult(metrics, files, simulation.warnings)
+    return RunResult(metrics, files, warnings)
+
+
+def _unfit(rig: Rig, seed: int) -> str:
+    """Why the default tracker cannot work on this rig, as a warning; empty where it can."""
+    try:
+        make_tracker(DEFAULT_TRACKER, rig, [], stream(seed, "tracker", DEFAULT_TRACKER))
+    except InputError as error:
+        return f"recorded without a tracker: none is named, and the default, {DEFAULT_TRACKER}, does not fit: {error}"
+    return ""
 
 
 def _names(trackers: Sequence[str], video: bool) -> list[str]:
