@@ -9,7 +9,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from trackers.errors import InputError
 from twin import models
@@ -20,10 +19,13 @@ from twin.people.feet import FootShapes
 from twin.people.ground import Ground
 from twin.people.obstacles import Obstacle, obstacles_of, within_reach
 from twin.people.population import Population
+from twin.people.posture_measures import BodyMeasures
 from twin.people.routes import Routes
+from twin.room.files import room_files
+from twin.room.floor import check_floor_under, floor_hull, floor_of
 from twin.room.furniture import Bed, Seat, furniture_of
-from twin.room.geom_hull import hull_points
 from twin.room.placement import check_placement, check_polygon, check_seat
+from twin.room.walkable import walkable_area
 from twin.scenario import Scenario
 from twin.scenario.behaviour import Lie, Sit
 from twin.streams import stream
@@ -42,8 +44,8 @@ class Scene:
 
     model: mujoco.MjModel
     area: NDArray[np.float64]  # (k, 2) tracked area, polygon in the room frame [m]
-    walkable: NDArray[np.float64] | None  # (k, 2) where a body's middle may go, None where the room does not say
-    floor: NDArray[np.float64]  # (k, 2) the room's floor, polygon in the room frame [m]
+    walkable: NDArray[np.float64]  # (k, 2) where a body's middle may go, as the room says or from its geometry
+    floor: NDArray[np.float64]  # (k, 2) hull of the room's floor, polygon in the room frame [m]
     ground: Ground
     names: tuple[str, ...]
     appearances: dict[str, Appearance]
@@ -57,26 +59,22 @@ class Scene:
 def build_scene(scenario: Scenario) -> Scene:
     """Compile the scenario's room with its people in it.
 
-    Raises InputError where the room does not compile or has no area, or the area or a person does not fit into it.
+    Raises InputError where the room reads files outside its folder, does not compile, has no floor or nowhere to walk, or
+    the area or a person does not fit into it.
     """
     path = models.find("rooms", scenario.room, asked_by=f"scenario {scenario.name!r}: room")
     spec = _room_spec(path)
-    walkable = _walkable_area(spec, path)
+    room = _compiled(spec, path)
+    floor, walkable = _where_one_walks(spec, room, path)
     area = np.array(scenario.area, dtype=float) if scenario.area is not None else walkable
-    if area is None:
-        raise InputError(
-            f"scenario {scenario.name!r}: area is missing and {path.name} names no walkable_area; "
-            "a polygon like [[-2, 0.6], [2, 0.6], [2, 2.8], [-2, 2.8]] under area: is expected"
-        )
     if scenario.area is not None:
         check_polygon(area, f"scenario {scenario.name!r}: area")
-    room = _compiled(spec, path)
     furniture = furniture_of(room)
     _check_furniture(scenario, furniture)
     obstacles = obstacles_of(room)
     source = f"scenario {scenario.name!r}"
-    obstacles = within_reach(obstacles, walkable if walkable is not None else area, OBSTACLE_REACH_M)
-    routes = _routes(walkable, area, obstacles, source)
+    obstacles = within_reach(obstacles, walkable, OBSTACLE_REACH_M)
+    routes = _routes(walkable, obstacles, source)
     check_placement(scenario, area, walkable, routes)
     _check_seats(scenario, furniture, routes)
     ground = Ground(area, walkable, obstacles, routes, furniture, source)
@@ -90,7 +88,7 @@ def build_scene(scenario: Scenario) -> Scene:
         model=model,
         area=area,
         walkable=walkable,
-        floor=_floor(room, walkable if walkable is not None else area),
+        floor=floor_hull(floor),
         ground=ground,
         names=names,
         appearances=appearances,
@@ -105,7 +103,9 @@ def build_scene(scenario: Scenario) -> Scene:
 def populate(scenario: Scenario, scene: Scene) -> Population:
     """The scenario's people as they move, each with a stream of their own."""
     streams = {name: stream(scenario.seed, "person", name) for name in scene.names}
-    return Population(scenario.people, scene.ground, streams, scene.appearances, f"scenario {scenario.name!r}")
+    measures = BodyMeasures.in_room(scene.model, scene.appearances)
+    source = f"scenario {scenario.name!r}"
+    return Population(scenario.people, scene.ground, streams, scene.appearances, measures, source)
 
 
 def foot_shapes(scene: Scene) -> FootShapes:
@@ -113,22 +113,6 @@ def foot_shapes(scene: Scene) -> FootShapes:
     lengths = [scene.appearances[name].proportions for name in scene.names]
     measures = ("heel_behind_ankle", "ball_before_ankle", "foot_length", "foot_breadth")
     return FootShapes(*(np.array([getattr(each, measure) for each in lengths], dtype=float) for measure in measures))
-
-
-def _floor(room: mujoco.MjModel, walkable: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The hull (k, 2) [m] of the room's level planes at the height of the floor; the walkable area where it has none."""
-    data = mujoco.MjData(room)
-    mujoco.mj_kinematics(room, data)
-    planes = np.flatnonzero(
-        (room.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)
-        & (data.geom_xmat[:, 8] > 0.99)
-        & (np.abs(data.geom_xpos[:, 2]) < 0.01)
-    )
-    points = [hull for plane in planes if (hull := hull_points(room, data, int(plane))) is not None]
-    if not points:
-        return walkable
-    flat = np.concatenate(points)[:, :2]
-    return flat[ConvexHull(flat).vertices]
 
 
 def _check_seats(scenario: Scenario, furniture: Mapping[str, Seat | Bed], routes: Routes) -> None:
@@ -143,11 +127,9 @@ def _check_seats(scenario: Scenario, furniture: Mapping[str, Seat | Bed], routes
                 )
 
 
-def _routes(
-    walkable: NDArray[np.float64] | None, area: NDArray[np.float64], obstacles: Sequence[Obstacle], source: str
-) -> Routes:
+def _routes(walkable: NDArray[np.float64], obstacles: Sequence[Obstacle], source: str) -> Routes:
     try:
-        return Routes(walkable if walkable is not None else area, obstacles)
+        return Routes(walkable, obstacles)
     except ValueError as error:
         raise InputError(f"{source}: area: {error}; a wider one is expected") from error
 
@@ -183,13 +165,28 @@ def _first_line(error: Exception) -> str:
 
 
 def _room_spec(path: Path) -> mujoco.MjSpec:
+    room_files(path)  # raises for what must not be read
     try:
         return mujoco.MjSpec.from_file(str(path))
     except ValueError as error:
         raise InputError(f"{path}: is not a room ({_first_line(error)}); a valid MJCF file is expected") from error
 
 
-def _walkable_area(spec: mujoco.MjSpec, path: Path) -> NDArray[np.float64] | None:
+def _where_one_walks(
+    spec: mujoco.MjSpec, room: mujoco.MjModel, path: Path
+) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
+    """The pieces (k, 2) of the room's floor and its walkable area (k, 2) [m], the room's own or from its geometry."""
+    data = mujoco.MjData(room)
+    mujoco.mj_kinematics(room, data)
+    floor = floor_of(room, data, str(path))
+    walkable = _own_walkable_area(spec, path)
+    if walkable is None:
+        return floor, walkable_area(room, data, floor, str(path))
+    check_floor_under(walkable, floor, str(path))
+    return floor, walkable
+
+
+def _own_walkable_area(spec: mujoco.MjSpec, path: Path) -> NDArray[np.float64] | None:
     """The polygon (k, 2) [m] in the room's `<custom><numeric name="walkable_area"/>`, None where the room has none."""
     for numeric in spec.numerics:
         if numeric.name == "walkable_area":

@@ -237,7 +237,7 @@ class Simulation:
 
     def _warnings(self) -> tuple[str, ...]:
         empty, scene = self.world.empty_snapshot(0.0), self.world.scene
-        area = scene.walkable if scene.walkable is not None else scene.area
+        area = scene.walkable
         blind = [
             f"sensors.{name}.mount: the camera sees nothing of the walkable area; another place or direction is expected"
             for name, view in self.views.items()

@@ -80,7 +80,10 @@ class World:
         forward = self.data.site_xmat[scene.head_site].reshape(-1, 3, 3)[:, :, 0]
         points = self.data.site_xpos[scene.point_site]
         inside = self._area.contains(np.stack([pose.x, pose.y], axis=-1))
-        shares = {name: visible_share(view, snapshot, points, self._ids) for name, view in views.items()}
+        there = pose.present
+        shares = {name: np.zeros(len(there)) for name in views}
+        for name, view in views.items():
+            shares[name][there] = visible_share(view, snapshot, points[there], self._ids[there])
         feet = self._feet_truth(snapshot, floors or {})
         people = [
             PersonTruth(

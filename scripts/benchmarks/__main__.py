@@ -8,7 +8,23 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from benchmarks import cameras, environment, faults, people, runs, sensors, spread, start_up, suites, tracking, truth
+from benchmarks import (
+    cameras,
+    environment,
+    faults,
+    filters,
+    hall,
+    people,
+    processes,
+    recorded_legs,
+    runs,
+    sensors,
+    spread,
+    start_up,
+    suites,
+    tracking,
+    truth,
+)
 from benchmarks.figure import Figure
 
 BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
@@ -23,17 +39,23 @@ BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
     "switches": cameras.switches,
     "depth": cameras.depth,
     "four-cameras": cameras.four_cameras,
+    "hall": hall.measure,
+    "processes": processes.measure,
     "truth": truth.shares,
     "environment": environment.measure,
     "scanner-noise": faults.scanner_noise,
     "faults": faults.cost,
     "suite-speed": suites.speed_up,
     "suite-cost": suites.cost,
+    "suite-regression": suites.regression,
     "suite-spread": spread.measure,
     "suite-gate": suites.gate,
     "suite-harmless": suites.harmless,
     "table-one": tracking.table_one,
     "tracker-cost": tracking.cost,
+    "imm": filters.imm,
+    "figure-7": filters.figure7,
+    "labelled-legs": recorded_legs.measure,
     "real-time": runs.real_time,
     "memory": runs.memory,
 }

@@ -4,43 +4,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
-from typing import Any
+from contextlib import ExitStack
 
 import twin.truth.details
 import twin.world
 from benchmarks.figure import Figure
+from benchmarks.timed import timed
 from twin.scenario import Scenario, load_scenario
 from twin.simulation import Simulation
 from twin.truth.details import TruthDetails
 
 _SCENARIOS = ("lab-five-people",)
 _MEASURED_S = 6.0
-
-
-@dataclass
-class _Spent:
-    seconds: float = 0.0
-
-
-@contextmanager
-def _timed(owner: Any, name: str) -> Iterator[_Spent]:
-    """Add up what calls of a function cost."""
-    spent, original = _Spent(), getattr(owner, name)
-
-    def timed(*arguments: Any, **options: Any) -> Any:
-        start = time.perf_counter()
-        try:
-            return original(*arguments, **options)
-        finally:
-            spent.seconds += time.perf_counter() - start
-
-    setattr(owner, name, timed)
-    try:
-        yield spent
-    finally:
-        setattr(owner, name, original)
 
 
 def shares() -> Iterator[Figure]:
@@ -54,10 +29,10 @@ def _shares(name: str, scenario: Scenario) -> Iterator[Figure]:
         pass
 
     with ExitStack() as stack:
-        seen = stack.enter_context(_timed(twin.world, "visible_share"))
-        boxed = stack.enter_context(_timed(TruthDetails, "_boxes"))
-        looked = stack.enter_context(_timed(TruthDetails, "look"))
-        outlined = stack.enter_context(_timed(TruthDetails, "people"))
+        seen = stack.enter_context(timed(twin.world, "visible_share"))
+        boxed = stack.enter_context(timed(TruthDetails, "_boxes"))
+        looked = stack.enter_context(timed(TruthDetails, "look"))
+        outlined = stack.enter_context(timed(TruthDetails, "people"))
         simulation = stack.enter_context(Simulation(scenario, on_truth=ignore, on_detail=ignore))
         simulation.look(0)  # renderers, tables and outlines are made when first needed
         start = time.perf_counter()

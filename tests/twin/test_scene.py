@@ -187,11 +187,15 @@ def test_a_walkable_area_that_crosses_itself_is_refused(tmp_path: Path) -> None:
         build_scene(in_room(tmp_path, "-1 0  1 0  -1 2  1 2", "area=null"))
 
 
-def test_where_the_room_does_not_say_people_may_go_anywhere(tmp_path: Path) -> None:
-    people = [person("ann", walk("[[9, 9], [-9, -9]]")), person("bob", "start: [7, 7]", "script: {kind: stand}")]
-    build_scene(in_room(tmp_path, None, *people))
-    with pytest.raises(InputError, match=r"area is missing and room\.xml names no walkable_area"):
-        build_scene(in_room(tmp_path, None, "area=null"))
+def test_where_the_room_does_not_say_people_may_go_as_far_as_its_floor(tmp_path: Path) -> None:
+    people = [
+        person("ann", walk("[[4.5, -4.5], [-4.5, 4.5]]")),
+        person("bob", "start: [-4, -4]", "script: {kind: stand}"),
+    ]
+    scene = build_scene(in_room(tmp_path, None, "area=null", *people))
+    np.testing.assert_allclose([scene.area.min(axis=0), scene.area.max(axis=0)], [[-4.8, -4.8], [4.8, 4.8]], atol=0.03)
+    with pytest.raises(InputError, match=r"script\.waypoints\.0: \[9, 9\] is outside the room's walkable area"):
+        build_scene(in_room(tmp_path, None, person("ann", walk("[[9, 9], [-4, -4]]"))))
 
 
 @pytest.mark.parametrize("start", ["[2.2, 1]", "[0, 3]", "[2, 1]", "[-2, 1]"])

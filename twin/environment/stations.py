@@ -73,7 +73,7 @@ def chosen_stations(scene: Scene, snapshot: Snapshot, height_m: float = HEIGHT_M
 
 def _candidates(scene: Scene, snapshot: Snapshot, height_m: float) -> Array:
     """Places (c, 3) [m] on a square grid over the walkable area where a tripod can stand."""
-    area = scene.walkable if scene.walkable is not None else scene.area
+    area = scene.walkable
     low, high = area.min(axis=0), area.max(axis=0)
     spacing = max(_SPACING_M, float(np.sqrt((high - low).prod() / _MOST_CANDIDATES)))
     ticks = [np.arange(low[axis] + spacing / 2, high[axis], spacing) for axis in (0, 1)]

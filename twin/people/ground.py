@@ -26,12 +26,12 @@ _MARGIN_M = KEEP_FROM_EDGE_M + 0.1
 class Ground:
     """Where the people of a scenario walk.
 
-    `area` (k, 2): polygon in which wanderers stay and starts are drawn, `walkable` (k, 2): where everybody stays, None:
-    everywhere, room frame [m]; `furniture`: seats and beds by name; `source`: what describes the area, as errors name it.
+    `area` (k, 2): polygon in which wanderers stay and starts are drawn, `walkable` (k, 2): where everybody stays, room
+    frame [m]; `furniture`: seats and beds by name; `source`: what describes the area, as errors name it.
     """
 
     area: Array
-    walkable: Array | None
+    walkable: Array
     obstacles: Sequence[Obstacle]
     routes: Routes
     furniture: Mapping[str, Seat | Bed]

@@ -69,10 +69,12 @@ class Population:
         ground: Ground,
         rngs: Mapping[str, np.random.Generator],
         appearances: Mapping[str, Appearance],
+        measures: BodyMeasures,
         source: str,
     ) -> None:
         """`ground`: where people may walk and what stands there; `rngs`: a generator of each person's own;
-        `appearances`: their looks, for their measures; `source`: what describes them, as errors name it.
+        `appearances`: their looks, for their proportions and mass; `measures`: those of their bodies, in the order of
+        their names; `source`: what describes them, as errors name it.
 
         Known starts must be apart, and a wanderer's inside the area (see `twin.room.placement`). Raises InputError when the
         area has no room for those who wander.
@@ -82,15 +84,13 @@ class Population:
         random = [rngs[name] for name in self.names]
         count = len(self.names)
         position = start_places(self.names, described, ground, random, source)
-        heading = np.array(
-            [first_heading(*each) for each in zip(described, position, random, strict=True)], dtype=float
-        )
+        heading = np.array([first_heading(*each) for each in zip(described, position, random, strict=True)], float)
         areas = [_kept_in(person, ground) for person in described]
         self._crowd = Crowd(planar(position), heading, areas, np.zeros(count, dtype=bool), ground.obstacles)
         self._skeleton = Skeleton([appearances[name].proportions for name in self.names])
         self._weight_n = GRAVITY_M_S2 * np.array([appearances[name].mass_kg for name in self.names], dtype=float)
         self._gait = Gait(self._skeleton, self._crowd)
-        self._measures = BodyMeasures.of([appearances[name] for name in self.names])
+        self._measures = measures
         self._postures = Postures(self._measures, self._crowd.place, self._crowd.heading)
         self._stage = Stage(self.names, self._crowd, self._postures, ground, doing=["stand"] * count)
         self._acting = [

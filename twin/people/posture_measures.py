@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 
 import mujoco
@@ -60,8 +60,21 @@ class BodyMeasures:
 
     @classmethod
     def of(cls, appearances: Sequence[Appearance]) -> BodyMeasures:
-        """The measures of people who look like this, in their order."""
-        rows = [_measured(looks) for looks in appearances]
+        """The measures of people who look like this, in their order; each body is compiled for it."""
+        rows = []
+        for looks in appearances:
+            model = person_spec(looks).compile()
+            rows.append(_measured(model, _standing(model, [""]), "", looks))
+        return cls._of_rows(rows)
+
+    @classmethod
+    def in_room(cls, model: mujoco.MjModel, appearances: Mapping[str, Appearance]) -> BodyMeasures:
+        """The same of people whose bodies are in a compiled room already, NAME/ before the names of each one's elements."""
+        data = _standing(model, [f"{name}/" for name in appearances])
+        return cls._of_rows([_measured(model, data, f"{name}/", looks) for name, looks in appearances.items()])
+
+    @classmethod
+    def _of_rows(cls, rows: Sequence[Mapping[str, float]]) -> BodyMeasures:
         return cls(**{field.name: np.array([row[field.name] for row in rows], dtype=float) for field in fields(cls)})
 
     def __len__(self) -> int:
@@ -88,24 +101,31 @@ class BodyMeasures:
         return self.leg / (reference.thigh + reference.shank)
 
 
-def _measured(looks: Appearance) -> dict[str, float]:
-    model = person_spec(looks).compile()
+def _standing(model: mujoco.MjModel, prefixes: Sequence[str]) -> mujoco.MjData:
+    """The people, by the prefixes of their elements' names, standing straight with the hip joints at the origin."""
     data = mujoco.MjData(model)
-    data.qpos[:7] = 0, 0, 0, 1, 0, 0, 0
+    for prefix in prefixes:
+        start = model.jnt_qposadr[model.joint(f"{prefix}root").id]
+        data.qpos[start : start + 7] = 0, 0, 0, 1, 0, 0, 0
     mujoco.mj_kinematics(model, data)
+    return data
+
+
+def _measured(model: mujoco.MjModel, data: mujoco.MjData, prefix: str, looks: Appearance) -> dict[str, float]:
+    """The measures by name of one body who stands straight with the hip joints at the origin."""
 
     def place(body: str) -> Array:
-        return model.body(body).pos
+        return model.body(prefix + body).pos
 
     def surface(geom: str) -> Array:
-        number = model.geom(geom).id
+        number = model.geom(prefix + geom).id
         points = hull_points(model, data, number)
         assert points is not None
         return points - data.xpos[model.geom_bodyid[number]]
 
     thigh, shank = -place("left_shank")[2], -place("left_foot")[2]
     shoulder = place("left_upper_arm")
-    head = model.site("head").pos
+    head = model.site(f"{prefix}head").pos
     hips, thighs, calf = surface("hips"), surface("left_thigh"), surface("left_shank")
     middle = thighs[(thighs[:, 2] < -0.45 * thigh) & (thighs[:, 2] > -0.8 * thigh)]
     if not len(middle):  # a capsule has points at its ends only
@@ -122,13 +142,13 @@ def _measured(looks: Appearance) -> dict[str, float]:
         "shoulder_aside": shoulder[1],
         "shoulder_up": shoulder[2],
         "upper_arm": -place("left_forearm")[2],
-        "grip": -model.geom("left_hand").pos[2],
+        "grip": -model.geom(f"{prefix}left_hand").pos[2],
         "neck": place("head")[2],
         "head_ahead": head[0],
         "head_up": head[2],
         "under": -float((np.cos(SEATED_PELVIS_RAD) * hips[:, 2] - np.sin(SEATED_PELVIS_RAD) * hips[:, 0]).min()),
         "behind": -float(hips[:, 0].min()),
-        "burden_behind": _bag_behind(model, surface),
+        "burden_behind": _bag_behind(model, prefix, surface),
         "back": -float(surface("chest")[:, 0].min()),
         "thigh_under": -float(middle[:, 0].min()),
         "thigh_over": float(middle[:, 0].max()),
@@ -136,9 +156,9 @@ def _measured(looks: Appearance) -> dict[str, float]:
     }
 
 
-def _bag_behind(model: mujoco.MjModel, surface: Callable[[str], Array]) -> float:
+def _bag_behind(model: mujoco.MjModel, prefix: str, surface: Callable[[str], Array]) -> float:
     """How far a bag worn on the trunk reaches behind the body's middle [m]."""
-    number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, "bag")
-    if number < 0 or model.body(model.geom_bodyid[number]).name != "trunk":
+    number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}bag")
+    if number < 0 or model.body(model.geom_bodyid[number]).name != f"{prefix}trunk":
         return 0.0
     return max(-float(surface("bag")[:, 0].min()), 0.0)

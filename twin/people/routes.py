@@ -137,13 +137,20 @@ class Routes:
 
 
 class _Convex:
-    """Convex polygons as the half planes of their sides: (m, k, 2) outward normals and (m, k) offsets [m]."""
+    """Convex polygons as the half planes of their sides: (m, k, 2) outward normals and (m, k) offsets [m].
+
+    Each has a circle about it, `middle` (m, 2) and `radius` (m,) [m]: most ways stay clear of most circles, and need not be
+    held against every side.
+    """
 
     def __init__(self, polygons: Sequence[Array]) -> None:
         most = max((len(corners) for corners in polygons), default=1)
         self._normal = np.zeros((len(polygons), most, 2))
         self._offset = np.ones((len(polygons), most))
+        self._middle, self._radius = np.zeros((len(polygons), 2)), np.zeros(len(polygons))
         for number, corners in enumerate(polygons):
+            self._middle[number] = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+            self._radius[number] = np.linalg.norm(corners - self._middle[number], axis=1).max() + _CLEAR_M
             way = np.roll(corners, -1, axis=0) - corners
             normal = np.stack([way[:, 1], -way[:, 0]], axis=1) / np.linalg.norm(way, axis=1)[:, None]
             self._normal[number, : len(corners)] = normal  # what is left over holds everywhere: 0 x < 1
@@ -156,6 +163,8 @@ class _Convex:
         mine, theirs = self._padded(most), other._padded(most)
         mixed._normal = np.where(replaced[:, None, None], theirs[0], mine[0])
         mixed._offset = np.where(replaced[:, None], theirs[1], mine[1])
+        mixed._middle = np.where(replaced[:, None], other._middle, self._middle)
+        mixed._radius = np.where(replaced, other._radius, self._radius)
         return mixed
 
     def _padded(self, most: int) -> tuple[Array, Array]:
@@ -171,15 +180,22 @@ class _Convex:
 
     def crossed(self, start: Array, end: Array) -> Mask:
         """Whether straight ways start to end (n, 2) pass through the inside of any, (n,) (Cyrus and Beck's clipping)."""
-        depth = self._offset - np.einsum("nc,mkc->nmk", start, self._normal)  # positive: inside of that side
-        speed = np.einsum("nc,mkc->nmk", end - start, self._normal)  # outwards
+        way, shape = np.nonzero(self._comes_near(start, end))
+        depth = self._offset[shape] - np.einsum("pc,pkc->pk", start[way], self._normal[shape])  # positive: inside of it
+        speed = np.einsum("pc,pkc->pk", (end - start)[way], self._normal[shape])  # outwards
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             share = depth / speed
-        leaves = np.where(speed > 0, share, np.inf).min(axis=2)
-        enters = np.where(speed < 0, share, -np.inf).max(axis=2)
-        beside = ((speed == 0) & (depth <= 0)).any(axis=2)
+        leaves = np.where(speed > 0, share, np.inf).min(axis=1)
+        enters = np.where(speed < 0, share, -np.inf).max(axis=1)
+        beside = ((speed == 0) & (depth <= 0)).any(axis=1)
         inside = np.maximum(enters, 0.0) < np.minimum(leaves, 1.0) - 1e-12
-        return np.asarray((inside & ~beside).any(axis=1))
+        crossed = np.zeros(len(start), dtype=bool)
+        crossed[way[inside & ~beside]] = True
+        return crossed
+
+    def _comes_near(self, start: Array, end: Array) -> Mask:
+        """Whether straight ways start to end (n, 2) come into the circle about each, (n, m)."""
+        return _gap_square(start, end, self._middle) <= self._radius**2
 
 
 def _is_convex(corners: Array) -> bool:
@@ -189,14 +205,20 @@ def _is_convex(corners: Array) -> bool:
     return bool((turn >= 0).all() or (turn <= 0).all())
 
 
-def _cut(area: Array, start: Array, end: Array) -> Mask:
-    """Which straight ways start to end (n, 2) an edge of the polygon (k, 2) cuts in two, well between all four ends."""
+def _shares(area: Array, start: Array, end: Array) -> tuple[Array, Array]:
+    """Where straight ways start to end (n, 2) meet the lines of the polygon's edges (k, 2), as shares of the way and of
+    the edge, both (n, k); neither finite where they are parallel."""
     edge = np.roll(area, -1, axis=0) - area
     way = end - start
     offset = area - start[:, None]  # (n, k, 2)
     turn = _cross(way[:, None], edge)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # ways of next to no length
-        along_way, along_edge = _cross(offset, edge) / turn, _cross(offset, way[:, None]) / turn
+        return _cross(offset, edge) / turn, _cross(offset, way[:, None]) / turn
+
+
+def _cut(area: Array, start: Array, end: Array) -> Mask:
+    """Which straight ways start to end (n, 2) an edge of the polygon (k, 2) cuts in two, well between all four ends."""
+    along_way, along_edge = _shares(area, start, end)
     between = (along_way > _CUTS_FROM) & (along_way < 1 - _CUTS_FROM)
     between &= (along_edge > _CUTS_FROM) & (along_edge < 1 - _CUTS_FROM)
     return np.asarray(between.any(axis=1))
@@ -204,6 +226,27 @@ def _cut(area: Array, start: Array, end: Array) -> Mask:
 
 def _stay_inside(area: Array, start: Array, end: Array) -> Mask:
     """Whether straight ways start to end (n, 2) stay in the simple polygon (k, 2), its border included."""
+    inside = Area(area).contains(start)
+    near = _touches(area, start, end)  # the others are on one side of the border all along
+    inside[near] = _stays_inside_piecewise(area, start[near], end[near])
+    return inside
+
+
+def _touches(area: Array, start: Array, end: Array) -> Mask:
+    """Which straight ways start to end (n, 2) come to the border of the polygon (k, 2), or next to it."""
+    following = np.roll(area, -1, axis=0)
+    along_way, along_edge = _shares(area, start, end)
+    met = (along_way >= 0) & (along_way <= 1) & (along_edge >= 0) & (along_edge <= 1)
+    near_square = (2 * TOLERANCE_M) ** 2
+    met |= _gap_square(start, end, area) <= near_square
+    for place in (start, end):
+        of_edges = _gap_square(area, following, place).T
+        met |= of_edges <= near_square
+    return np.asarray(met.any(axis=1))
+
+
+def _stays_inside_piecewise(area: Array, start: Array, end: Array) -> Mask:
+    """The same as `_stay_inside`, by the middles of the pieces into which the edges' lines and corners part each way."""
     inside = Area(area, TOLERANCE_M)
     way = end - start
     edge = np.roll(area, -1, axis=0) - area
@@ -217,6 +260,15 @@ def _stay_inside(area: Array, start: Array, end: Array) -> Mask:
     middles = np.concatenate([ends, (cuts[:, 1:] + cuts[:, :-1]) / 2, ends + 1.0], axis=1)
     places = start[:, None] + middles[..., None] * way[:, None]
     return np.asarray(inside.contains(places.reshape(-1, 2)).reshape(middles.shape).all(axis=1))
+
+
+def _gap_square(start: Array, end: Array, places: Array) -> Array:
+    """Squares of the distances [m²] of straight ways start to end (n, 2) from places (m, 2), (n, m)."""
+    way = end - start
+    x, y = places[:, 0] - start[:, :1], places[:, 1] - start[:, 1:]
+    length_square = np.maximum((way**2).sum(axis=1), TOLERANCE_M**2)[:, None]
+    along = np.clip((x * way[:, :1] + y * way[:, 1:]) / length_square, 0.0, 1.0)
+    return (x - along * way[:, :1]) ** 2 + (y - along * way[:, 1:]) ** 2
 
 
 def _cross(first: Array, second: Array) -> Array:

@@ -38,20 +38,17 @@ def check_polygon(corners: Array, field: str) -> None:
         )
 
 
-def check_placement(scenario: Scenario, area: Array, walkable: Array | None, routes: Routes | None = None) -> None:
+def check_placement(scenario: Scenario, area: Array, walkable: Array, routes: Routes) -> None:
     """Raise InputError where the tracked area or a person leaves the walkable area, somebody starts in furniture or in
     another, or is sent where they cannot go.
 
-    area, walkable: simple polygons (k, 2) in the room frame [m]; walkable None: the room does not say, and only what
-    the people ask of each other and of the tracked area is checked. routes: the ways between the furniture; None:
-    people go straight and furniture is not looked at.
+    area, walkable: simple polygons (k, 2) in the room frame [m]; routes: the ways between the furniture.
     """
     source = f"scenario {scenario.name!r}"
-    if walkable is not None:
-        for corner, after in zip(area, np.roll(area, -1, axis=0), strict=True):
-            _check_way(walkable, corner, after, f"{source}: area: the edge")
-        for name, person in scenario.people.items():
-            _check_person(person, walkable, routes, f"{source}: people.{name}")
+    for corner, after in zip(area, np.roll(area, -1, axis=0), strict=True):
+        _check_edge(walkable, corner, after, f"{source}: area")
+    for name, person in scenario.people.items():
+        _check_person(person, walkable, routes, f"{source}: people.{name}")
     placed: dict[str, Array] = {}
     for name, person in scenario.people.items():
         start = known_start(person)
@@ -113,7 +110,7 @@ def check_seat(seat: Seat, gap_m: float, routes: Routes, field: str) -> None:
     )
 
 
-def _check_person(person: Person, walkable: Array, routes: Routes | None, field: str) -> None:
+def _check_person(person: Person, walkable: Array, routes: Routes, field: str) -> None:
     """Raise InputError where a start, a waypoint or the way between two lies outside the walkable area or in furniture."""
     here = None if person.start is None else np.array(person.start)
     if here is not None:
@@ -129,7 +126,7 @@ def _check_person(person: Person, walkable: Array, routes: Routes | None, field:
                     _check_place(stop, walkable, routes, f"{where}.waypoints.{place}", clear_m)
                 ways = [*([here] if here is not None else []), *stops, *(stops[:1] if repeat else [])]
                 for before, after in pairwise(ways):
-                    _check_between(before, after, walkable, routes, f"{where}.waypoints")
+                    check_way(before, after, routes, f"{where}.waypoints")
                 here = stops[-1]
             case Leave(to=to):
                 _check_place(np.array(to), walkable, routes, f"{where}.to", CLOSE_M)
@@ -141,20 +138,12 @@ def _check_person(person: Person, walkable: Array, routes: Routes | None, field:
                 here = None  # who wanders, follows or sits goes on from somewhere else
 
 
-def _check_place(place: Array, walkable: Array, routes: Routes | None, field: str, clear_m: float) -> None:
+def _check_place(place: Array, walkable: Array, routes: Routes, field: str, clear_m: float) -> None:
     _check_point(walkable, place, field)
-    if routes is not None:
-        check_free(place, routes, field, clear_m)
+    check_free(place, routes, field, clear_m)
 
 
-def _check_between(start: Array, goal: Array, walkable: Array, routes: Routes | None, field: str) -> None:
-    if routes is not None:
-        check_way(start, goal, routes, field)
-    else:
-        _check_way(walkable, start, goal, f"{field}: the straight way")
-
-
-def _check_path(points: Array, walkable: Array, routes: Routes | None, field: str) -> None:
+def _check_path(points: Array, walkable: Array, routes: Routes, field: str) -> None:
     """Raise InputError naming where a recorded path (k, 3) t, x, y, or the curve through it, is in a wall or in furniture.
 
     What lies before the start is nobody's way.
@@ -165,7 +154,7 @@ def _check_path(points: Array, walkable: Array, routes: Routes | None, field: st
     wrong = ~Area(walkable, TOLERANCE_M).contains(places)
     for number in np.flatnonzero(wrong)[:1]:
         _check_point(walkable, places[number], _moment(points, float(t[number]), field))
-    if routes is not None and len(routes.obstacles):
+    if len(routes.obstacles):
         inside = Footprints(routes.obstacles).gaps(planar(places))[1].min(axis=1) <= 0
         for number in np.flatnonzero(inside)[:1]:
             check_free(places[number], routes, _moment(points, float(t[number]), field), 0.0)
@@ -190,11 +179,11 @@ def _check_point(walkable: Array, place: Array, field: str) -> None:
         )
 
 
-def _check_way(walkable: Array, here: Array, after: Array, field: str) -> None:
+def _check_edge(walkable: Array, here: Array, after: Array, field: str) -> None:
     outside = leaves_at(walkable, here, after)
     if outside is not None:
         raise InputError(
-            f"{field} from {_point(here)} to {_point(after)} is outside the room's walkable area at {_point(outside)}; "
+            f"{field}: the edge from {_point(here)} to {_point(after)} is outside the room's walkable area at {_point(outside)}; "
             f"{_within(walkable)} is expected"
         )
 

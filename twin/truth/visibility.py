@@ -92,7 +92,12 @@ def first_met(
         geom = np.empty(person.size, dtype=np.int32)
         hit_m = np.empty(person.size)
         normal = view.room_from_sensor_rotation[:, 2] if view.is_scanner else None
-        cast(snapshot, view.room_from_sensor_xyz, np.ascontiguousarray(directions), geom, hit_m, normal=normal)
+        # what lies beyond all points hides none of them
+        farthest_m = float(distance[candidate].max())
+        cast(
+            snapshot, view.room_from_sensor_xyz, np.ascontiguousarray(directions), geom, hit_m, normal=normal,
+            range_max_m=farthest_m,
+        )  # fmt: skip
         nothing_before = (hit_m < 0) | (hit_m >= distance[candidate])
         met[candidate] = np.where(nothing_before, person, snapshot.person_of_geom[geom])
     return counted, met

@@ -15,6 +15,7 @@ from twin.people.appearance import appearance_of
 from twin.people.body import person_spec
 from twin.people.ground import Ground
 from twin.people.population import Population
+from twin.people.posture_measures import BodyMeasures
 from twin.people.routes import Routes
 from twin.scenario.people import Person
 from twin.streams import stream
@@ -43,8 +44,9 @@ class Cast:
 
 def make_population(people: dict[str, Person], seed: int, area: np.ndarray = AREA) -> Population:
     looks = {name: appearance_of(person, stream(seed, "looks", name)) for name, person in people.items()}
-    ground = Ground(area, None, (), Routes(EVERYWHERE, ()), {}, "test")
-    return Population(people, ground, {name: stream(seed, "person", name) for name in people}, looks, "test")
+    ground = Ground(area, EVERYWHERE, (), Routes(EVERYWHERE, ()), {}, "test")
+    random = {name: stream(seed, "person", name) for name in people}
+    return Population(people, ground, random, looks, BodyMeasures.of([looks[name] for name in sorted(people)]), "test")
 
 
 def make_cast(people: dict[str, Person], seed: int = 1) -> Cast:

@@ -1,0 +1,290 @@
+"""Rooms that users bring: what any MJCF file may hold, and what is refused before a file outside its folder is read."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from trackers.area import Area
+from trackers.errors import InputError
+from twin.room.files import room_files
+from twin.scenario import load_scenario
+from twin.scene import Scene, build_scene
+from twin.simulation import Simulation
+from twin.suites.fingerprint import recording_key
+from twin.world import World
+
+SHELL = """
+<geom name="floor" type="plane" size="0 0 0.1"/>
+<geom name="west" type="box" pos="-3.1 0 1.25" size="0.1 2.2 1.25"/>
+<geom name="east" type="box" pos="3.1 0 1.25" size="0.1 2.2 1.25"/>
+<geom name="south" type="box" pos="0 -2.1 1.25" size="3.2 0.1 1.25"/>
+<geom name="north" type="box" pos="0 2.1 1.25" size="3.2 0.1 1.25"/>
+"""
+SCENARIO = """
+name: mine
+room: rooms/mine.xml
+duration_s: 1
+people:
+  ann: {script: {kind: wander}}
+  bob: {start: [2, 1], script: {kind: stand}}
+sensors:
+  waist: {kind: laser, role: waist, rate_hz: 5, mount: {xyz: [0, -1.9, 0.95], yaw_deg: 90}}
+  camera: {kind: camera, rate_hz: 5, size: [160, 120], field_of_view_deg: 90, mount: {xyz: [0, -1.9, 1.8], yaw_deg: 90}}
+"""
+TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+def write(path: Path, content: str | bytes) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return path
+
+
+def scenario_of(folder: Path, room: str):
+    """A scenario in a folder and its room in `rooms/` beside it; paths are relative to the file that names them."""
+    write(folder / "rooms" / "mine.xml", room)
+    return load_scenario(str(write(folder / "mine.yaml", SCENARIO)))
+
+
+def scene_of(folder: Path, world: str, *, before: str = "", after: str = "") -> Scene:
+    room = f"<mujoco>{before}<worldbody>{SHELL}{world}</worldbody>{after}</mujoco>"
+    return build_scene(scenario_of(folder, room))
+
+
+def test_a_room_beside_its_scenario_loads_runs_and_encloses_its_people(tmp_path: Path) -> None:
+    scenario = scenario_of(tmp_path, f"<mujoco><worldbody>{SHELL}</worldbody></mujoco>")
+    with Simulation(scenario) as simulation:
+        observations = list(simulation)
+        scene = simulation.world.scene
+    assert {each.sensor for each in observations} == {"waist", "camera"}
+    np.testing.assert_allclose(np.abs(scene.area), np.tile([2.8, 1.8], (4, 1)), atol=0.03)
+    scan = next(each for each in observations if each.sensor == "waist")
+    assert scan.ranges_m[np.isfinite(scan.ranges_m)].max() < 5.1  # walls all around
+
+
+def test_bodies_within_bodies_stand_where_they_are_turned_to(tmp_path: Path) -> None:
+    table = (
+        '<body name="corner" pos="-1.5 0 0" euler="0 0 90"><body name="table" pos="0.5 0 0" euler="0 0 -45">'
+        '<geom type="box" pos="0 0 0.36" size="0.4 0.4 0.36"/></body></body>'
+    )
+    scene = scene_of(tmp_path, table)
+    (obstacle,) = scene.ground.obstacles
+    assert obstacle.furniture == "table"
+    np.testing.assert_allclose(obstacle.corners.mean(axis=0), [-1.5, 0.5], atol=1e-9)
+    np.testing.assert_allclose(np.ptp(obstacle.corners, axis=0), 0.8 * np.sqrt(2), atol=1e-9)
+
+
+def test_rooms_in_radians_with_classes_of_their_own_change_no_person(tmp_path: Path) -> None:
+    plain = scene_of(tmp_path / "plain", "")
+    before = (
+        '<compiler angle="radian" eulerseq="ZYX" autolimits="false"/><option gravity="0 0 -1.6" timestep="0.01"/>'
+        '<default><geom rgba="1 0 0 1" type="box" size="0.1 0.1 0.1"/><joint damping="3"/><site size="0.3"/></default>'
+    )
+    odd = scene_of(tmp_path / "odd", '<geom name="box" pos="1 0 0.1"/>', before=before)
+    person = [plain.model.geom(geom).name for geom in np.flatnonzero(plain.person_of_geom)]
+    assert person
+    for name in person:
+        for field in ("type", "size", "rgba", "pos", "quat", "group"):
+            np.testing.assert_array_equal(getattr(plain.model.geom(name), field), getattr(odd.model.geom(name), field))
+
+
+def test_what_moves_in_a_room_stands_still_and_disturbs_nobody(tmp_path: Path) -> None:
+    world = (
+        '<body name="door" pos="1 2 1"><joint name="hinge" type="hinge" axis="0 0 1" range="-90 90"/>'
+        '<geom name="leaf" type="box" pos="0.4 0 0" size="0.4 0.02 1"/><site name="knob"/></body>'
+        '<body name="ball" pos="-1 1 0.2"><freejoint name="loose"/><geom type="sphere" size="0.2"/></body>'
+        '<body name="cart" mocap="true" pos="-2 -1 0.3"><geom name="cart" type="box" size="0.2 0.2 0.3"/></body>'
+        '<camera name="eye" pos="0 0 2"/>'
+    )
+    after = (
+        '<actuator><motor name="push" joint="hinge"/></actuator><sensor><jointpos joint="hinge"/></sensor>'
+        '<keyframe><key name="open" qpos="0.5 -1 1 0.2 1 0 0 0"/></keyframe>'
+    )
+    scenario = scenario_of(tmp_path, f"<mujoco><worldbody>{SHELL}{world}</worldbody>{after}</mujoco>")
+    people = World(scenario).truth(10**9, {}).people
+    alone = World(scenario_of(tmp_path / "alone", f"<mujoco><worldbody>{SHELL}</worldbody></mujoco>"))
+    assert [each.x for each in people] == [each.x for each in alone.truth(10**9, {}).people]
+    with Simulation(scenario) as simulation:
+        door = simulation.world.scene.model.geom("leaf").id
+        list(simulation)
+        np.testing.assert_allclose(simulation.world.data.geom_xpos[door], [1.4, 2, 1], atol=1e-9)
+
+
+@pytest.mark.parametrize("thing", ["body", "geom", "joint", "site", "material", "mesh"])
+def test_names_that_people_use_too_do_not_clash(tmp_path: Path, thing: str) -> None:
+    named = {
+        "body": '<body name="ann"><geom type="sphere" pos="0 0 0.1" size="0.1"/></body>',
+        "geom": '<geom name="ann" type="sphere" pos="0 0 0.1" size="0.1"/>',
+        "joint": '<body><freejoint name="root"/><geom type="sphere" size="0.1"/></body>',
+        "site": '<site name="head"/>',
+        "material": '<geom type="sphere" material="skin" pos="0 0 0.1" size="0.1"/>',
+        "mesh": '<geom type="mesh" mesh="head"/>',
+    }[thing]
+    assets = '<asset><material name="skin"/><mesh name="head" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/></asset>'
+    scene = scene_of(tmp_path, named, before=assets)
+    assert scene.ids == {"ann": 1, "bob": 2}
+
+
+def test_a_name_that_only_a_person_may_have_is_told(tmp_path: Path) -> None:
+    body = '<body><freejoint name="ann/root"/><geom type="sphere" size="0.1"/></body>'
+    with pytest.raises(InputError, match=r"mine\.xml: .*ann/root.*"):
+        scene_of(tmp_path, body)
+
+
+def test_includes_meshes_textures_and_attached_models_of_the_rooms_folder_load(tmp_path: Path) -> None:
+    rooms = tmp_path / "rooms"
+    write(rooms / "parts" / "walls.xml", f"<mujoco><worldbody>{SHELL}</worldbody></mujoco>")
+    write(rooms / "meshes" / "tent.obj", TETRAHEDRON)
+    write(rooms / "chair" / "leg.obj", TETRAHEDRON)
+    write(
+        rooms / "chair" / "chair.xml",
+        '<mujoco><asset><mesh name="leg" file="leg.obj"/></asset>'
+        '<worldbody><body name="seat"><geom type="mesh" mesh="leg"/></body></worldbody></mujoco>',
+    )
+    write(rooms / "pictures" / "tiles.png", cv2.imencode(".png", np.full((8, 8, 3), 90, np.uint8))[1].tobytes())
+    room = (
+        '<mujoco><compiler meshdir="meshes" texturedir="pictures"/><include file="parts/walls.xml"/>'
+        '<asset><mesh file="tent.obj"/><texture name="tiles" type="2d" file="tiles.png"/>'
+        '<material name="tiles" texture="tiles"/><model name="chair" file="chair/chair.xml"/></asset>'
+        '<worldbody><geom type="mesh" mesh="tent" pos="-2 -1 0"/><geom type="box" size="0.1 0.1 0.1" material="tiles"/>'
+        '<body pos="0 -1.5 0"><attach model="chair" body="seat" prefix="one_"/></body></worldbody></mujoco>'
+    )
+    scenario = scenario_of(tmp_path, room)
+    assert {each.furniture for each in build_scene(scenario).ground.obstacles} >= {"one_seat"}
+    read = {path.relative_to(rooms).as_posix() for path in room_files(rooms / "mine.xml")}
+    assert read == {
+        "mine.xml",
+        "parts/walls.xml",
+        "meshes/tent.obj",
+        "chair/chair.xml",
+        "chair/leg.obj",
+        "pictures/tiles.png",
+    }
+
+
+@pytest.mark.parametrize(
+    "changed", ["parts/walls.xml", "parts/deep.xml", "meshes/tent.obj", "chair/chair.xml", "chair/leg.obj"]
+)
+def test_the_key_of_a_recording_follows_every_file_of_its_room(tmp_path: Path, changed: str) -> None:
+    room = write(
+        tmp_path / "mine.xml",
+        '<mujoco><compiler meshdir="meshes"/><include file="parts/walls.xml"/>'
+        '<asset><mesh file="tent.obj"/><model name="chair" file="chair/chair.xml"/></asset></mujoco>',
+    )
+    write(tmp_path / "parts" / "walls.xml", '<mujoco><include file="parts/deep.xml"/></mujoco>')
+    write(tmp_path / "parts" / "deep.xml", "<mujoco/>")
+    write(tmp_path / "meshes" / "tent.obj", TETRAHEDRON)
+    write(tmp_path / "chair" / "chair.xml", '<mujoco><asset><mesh file="leg.obj"/></asset></mujoco>')
+    write(tmp_path / "chair" / "leg.obj", TETRAHEDRON)
+    resolved = f"room: {room}\nseed: 1\n"
+    before = recording_key(resolved, "llvmpipe")
+    assert before == recording_key(resolved, "llvmpipe")
+    (tmp_path / changed).write_text((tmp_path / changed).read_text() + "\n")
+    assert before != recording_key(resolved, "llvmpipe")
+
+
+OUTSIDE = [
+    ('<include file="../secret.xml"/>', r"<include file='\.\./secret\.xml'>"),
+    ('<include file="parts/../../secret.xml"/>', r"<include file='parts/\.\./\.\./secret\.xml'>"),
+    ('<include file="..\\secret.xml"/>', r"<include file='\.\.\\\\secret\.xml'>"),
+    ('<include file="{away}/secret.xml"/>', r"<include file='/.*/secret\.xml'>"),
+    ('<include file="link.xml"/>', r"<include file='link\.xml'>"),
+    ('<include file="parts/nested.xml"/>', r"nested\.xml: <include file='\.\./\.\./secret\.xml'>"),
+    ('<asset><mesh file="../secret.obj"/></asset>', r"<mesh file='\.\./secret\.obj'>"),
+    (
+        '<compiler meshdir=".."/><asset><mesh file="secret.obj"/></asset>',
+        r"<mesh file='secret\.obj'> \(with the compiler's folder '\.\.'\)",
+    ),
+    (
+        '<compiler assetdir="{away}"/><asset><hfield name="h" file="secret.obj"/></asset>',
+        r"<hfield file='secret\.obj'>",
+    ),
+    ('<asset><mesh file="{away}/secret.obj"/></asset>', r"<mesh file='/.*/secret\.obj'>"),
+    ('<asset><texture type="cube" fileup="../secret.png"/></asset>', r"<texture fileup='\.\./secret\.png'>"),
+    ('<asset><model name="m" file="../secret.xml"/></asset>', r"<model file='\.\./secret\.xml'>"),
+    ('<asset><model name="m" file="parts/model.xml"/></asset>', r"model\.xml: <mesh file='\.\./\.\./secret\.obj'>"),
+    (
+        '<asset><mesh file="not/there/../../../secret.stl"/></asset>',
+        r"<mesh file='not/there/\.\./\.\./\.\./secret\.stl'>",
+    ),
+    (
+        '<worldbody><flexcomp name="f" type="mesh" file="../secret.obj"/></worldbody>',
+        r"<flexcomp file='\.\./secret\.obj'>",
+    ),
+]
+
+
+@pytest.mark.parametrize(("inside", "said"), OUTSIDE)
+def test_files_outside_the_rooms_folder_are_never_read(tmp_path: Path, inside: str, said: str) -> None:
+    write(tmp_path / "secret.xml", "<mujoco/>")
+    write(tmp_path / "secret.obj", TETRAHEDRON)
+    rooms = tmp_path / "rooms"
+    write(rooms / "parts" / "nested.xml", '<mujoco><include file="../../secret.xml"/></mujoco>')
+    write(rooms / "parts" / "model.xml", '<mujoco><asset><mesh file="../../secret.obj"/></asset></mujoco>')
+    (rooms / "link.xml").symlink_to(tmp_path / "secret.xml")
+    room = f"<mujoco>{inside.format(away=tmp_path)}<worldbody>{SHELL}</worldbody></mujoco>"
+    with pytest.raises(InputError, match=rf"mine\.xml: {said}.* leads outside the room's folder; .* is expected$"):
+        build_scene(scenario_of(tmp_path, room))
+
+
+@pytest.mark.parametrize(
+    ("room", "said"),
+    [
+        ("<mujoco><worldbody><geom type='cone'/></worldbody></mujoco>", r"mine\.xml: is not a room \(.*cone.*\); .*"),
+        ("<mujoco><worldbody><geom type='box' size='1'/></worldbody></mujoco>", r"mine\.xml: does not compile \(.*"),
+        ("<mujoco><worldbody>", r"mine\.xml: is not well-formed XML \(.*\); a valid MJCF file is expected"),
+        ("", r"mine\.xml: is not well-formed XML \("),
+        ("<robot name='r'/>", r"mine\.xml: "),
+        (b"<mujoco>\xff</mujoco>", r"mine\.xml: byte 8 is not UTF-8; "),
+        ("<!DOCTYPE mujoco [<!ENTITY x 'y'>]><mujoco/>", r"mine\.xml: holds a <!DOCTYPE; "),
+        ("<mujoco><asset><mesh file='none.obj'/></asset></mujoco>", r"mine\.xml: .*none\.obj"),
+        ("<mujoco><include file='none.xml'/></mujoco>", r"mine\.xml: .*none\.xml"),
+        ("<mujoco/>", r"mine\.xml: has no floor; "),
+        (f"<mujoco><worldbody>{SHELL.replace('0 0 0.1', '1 1 0.1')}</worldbody></mujoco>", None),
+        (
+            '<mujoco><custom><numeric name="walkable_area" data="20 0 22 0 22 2 20 2"/></custom>'
+            '<worldbody><geom type="plane" size="4 4 0.1"/></worldbody></mujoco>',
+            r"mine\.xml: walkable_area: there is no floor at z = 0 under x 20 to 22 m, y 0 to 2 m; ",
+        ),
+    ],
+)
+def test_rooms_that_cannot_be_are_told_in_one_sentence(tmp_path: Path, room: str | bytes, said: str | None) -> None:
+    write(tmp_path / "rooms" / "mine.xml", room)
+    write(tmp_path / "mine.yaml", SCENARIO)
+    if said is None:  # a floor smaller than its walls: its own edge
+        scenario = load_scenario(str(tmp_path / "mine.yaml"), ["people={}"])
+        np.testing.assert_allclose(np.abs(build_scene(scenario).area), 0.8, atol=0.03)
+        return
+    with pytest.raises(InputError, match=said) as told:
+        build_scene(load_scenario(str(tmp_path / "mine.yaml")))
+    assert "\n" not in str(told.value)
+
+
+def test_the_command_line_ends_with_code_2_and_one_sentence(tmp_path: Path) -> None:
+    scenario_of(tmp_path, '<mujoco><include file="../../other.xml"/></mujoco>')
+    command = [sys.executable, "-m", "twin", "view", str(tmp_path / "mine.yaml"), "--out", str(tmp_path / "out.png")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "leads outside the room's folder" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_wanderers_stay_in_an_area_from_geometry(tmp_path: Path) -> None:
+    inner = "".join(
+        f'<geom type="box" pos="-0.5 {y} 1.25" size="0.05 {half} 1.25"/>' for y, half in ((1.2, 0.8), (-1.4, 0.6))
+    )
+    scenario = scenario_of(tmp_path, f"<mujoco><worldbody>{SHELL}{inner}</worldbody></mujoco>")
+    world = World(scenario)
+    area, places = Area(world.scene.walkable), []
+    for t in np.arange(0.0, 30.0, 0.25):
+        world.population.advance(t)
+        truth = world.population.truth(t)
+        places += list(np.stack([truth.x, truth.y], axis=-1))
+    assert area.contains(np.array(places)).all()
+    assert area.contains(np.array([[-1.5, 0.0], [1.5, 0.0]])).all()  # on both sides of the gap

@@ -1,0 +1,256 @@
+"""Where people walk in a room that does not say it: from its floor and its walls.
+
+On a grid of 2 cm (coarser over 40 m), turned as most of the walls are:
+
+1. The floor is what is level at z = 0 (`twin.room.floor`). Of a floor of 100 m and more a side, an endless plane for one,
+   counts what is up to 10 m beyond what stands on it, or around the origin where nothing does.
+2. Walls are what stands still, begins at most 0.5 m above the floor and reaches 1.8 m or more: shelves too. All else is
+   furniture; it stays in the area, and people go around it as they do in any room (`twin.people.obstacles`).
+3. Outdoors is what a square of 1.5 m, pushed in from beyond everything, comes to without touching walls or furniture. It
+   fits through no door: a door gap that leads out closes the room, one between two rooms that are both closed joins them.
+4. The area is the largest part of the floor that is neither wall nor outdoors. Where that is under 4 m², as in a
+   yard, a hall with an open side or a plane without walls, it is the largest part of the whole floor, to its own edge.
+5. It is drawn in so that people keep from walls as from furniture, cleared of what is too narrow to walk in (bays under 1 m
+   between walls, gaps under 0.8 m), and made a simple polygon; what stands in the middle of it is not cut out.
+
+Its limits: a mesh counts as its convex hull where it is a wall, and as it is where it is floor; steps and slopes lead
+nowhere; a low barrier right across a room, a counter say, leaves both its sides in; round rooms become polygons, within a
+few centimetres. A room that means something else says so: `<custom><numeric name="walkable_area" data="x1 y1 x2 y2 ..."/>`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import cv2
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from trackers.errors import InputError
+from twin.people.crowd import KEEP_FROM_EDGE_M, OBSTACLE_REACH_M
+from twin.people.obstacles import HIGH_M, LOW_M
+from twin.room.geom_hull import ENDLESS_M, hull_points
+from twin.room.polygon import inset, meets_itself_at, polygon_area
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.uint8]
+
+_CELL_M, _MOST_CELLS = 0.02, 2000
+_BEYOND_M = 10.0
+_WALL_FROM_M, _WALL_TO_M = 0.5, 1.8
+_DOOR_M = 1.5
+_EDGE_M = 2 * _DOOR_M
+_SEAM_M = 0.06
+"""Gaps up to this between pieces of floor are part of it [m]."""
+_LEVEL = 0.99
+_ALIKE_DEG, _AGREED = 1.0, 0.2
+"""Edges that differ by less lie alike [degrees], and the share of all by length that must, to turn the grid."""
+_FAR, _NEAR = (slice(1, None), slice(None)), (slice(-1), slice(None))
+_RIGHT, _LEFT = (slice(None), slice(1, None)), (slice(None), slice(-1))
+_SHIFT = 8  # fractional bits of OpenCV's coordinates
+_ENCLOSED_M2 = 4.0
+_LEAST_M2 = 1.0
+_WAY_M, _BAY_M = 0.4, 0.6
+"""Widths of the area below which nobody can pass, and below which nobody walks unless it leads on [m]."""
+_ROUGH_M = (0.03, 0.06, 0.12, 0.2)
+_MARGINS_M = (KEEP_FROM_EDGE_M + 0.03, KEEP_FROM_EDGE_M + 0.1)
+"""What routes, and wanderers' goals, keep from the polygon's edge: it must be wide enough for both [m]."""
+
+
+def walkable_area(model: mujoco.MjModel, data: mujoco.MjData, floor: Sequence[Array], source: str) -> Array:
+    """Where a body's middle may go: a simple polygon (k, 2), counter-clockwise, in the room frame [m].
+
+    `floor`: convex pieces (k, 2) [m]; `data` needs kinematics. Raises InputError, naming `source`, where there is no such
+    place.
+    """
+    walls, standing = _standing(model, data)
+    plan = _Plan.over(floor, standing, _direction(walls or floor))
+    wall = plan.drawn(walls)
+    ground = plan.within(_closed(plan.drawn(floor), plan.cells(_SEAM_M))) & ~wall
+    outdoors = _outdoors(plan.drawn(standing), plan)
+    for outside, least_m2 in ((outdoors, _ENCLOSED_M2), (np.zeros_like(outdoors), _LEAST_M2)):
+        area = _walked(ground & ~outside, outside, plan)
+        if np.count_nonzero(area) * plan.cell_m**2 >= least_m2:
+            return _polygon(area, plan, source)
+    raise InputError(
+        f"{source}: its floor leaves nowhere to walk: no part of {_LEAST_M2:g} m² is free {OBSTACLE_REACH_M:g} m off the "
+        "walls; a larger floor at z = 0, or a numeric walkable_area under <custom>, is expected"
+    )
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """A grid over the floor: the room turned by -turn [rad], from `low` (2,) [m] in cells of `cell_m` [m].
+
+    Around the part that counts there is an edge, wider than a door, that is outdoors.
+    """
+
+    turn: float
+    low: Array
+    shape: tuple[int, int]
+    cell_m: float
+
+    @classmethod
+    def over(cls, floor: Sequence[Array], standing: Sequence[Array], turn: float) -> _Plan:
+        """The grid that holds the floor, as far as it counts."""
+        points = _turned(np.concatenate(floor), -turn)
+        low, high = points.min(axis=0), points.max(axis=0)
+        things = _turned(np.concatenate(standing), -turn) if standing else np.zeros((1, 2))
+        is_endless = high - low >= 2 * ENDLESS_M * (1 - 1e-6)
+        low = np.where(is_endless, np.maximum(low, things.min(axis=0) - _BEYOND_M), low)
+        high = np.where(is_endless, np.minimum(high, things.max(axis=0) + _BEYOND_M), high)
+        cell_m = max(_CELL_M, float((high - low).max()) / _MOST_CELLS)
+        columns, rows = np.ceil((high - low + 2 * _EDGE_M) / cell_m).astype(int) + 1
+        return cls(turn, low - _EDGE_M, (int(rows), int(columns)), cell_m)
+
+    def cells(self, length_m: float) -> int:
+        """A length in whole cells, at least one."""
+        return max(1, round(length_m / self.cell_m))
+
+    def drawn(self, shapes: Iterable[Array]) -> Mask:
+        """The convex polygons (k, 2) [m] filled with 1; each cell that one touches counts."""
+        mask = np.zeros(self.shape, dtype=np.uint8)
+        for shape in shapes:
+            cells = (_turned(shape, -self.turn) - self.low) / self.cell_m
+            cv2.fillConvexPoly(mask, np.round(cells * 2**_SHIFT).astype(np.int32), 1, shift=_SHIFT)
+        return mask
+
+    def within(self, mask: Mask) -> Mask:
+        """The mask without what lies on the edge of the grid."""
+        edge = self.cells(_EDGE_M)
+        inner = np.zeros_like(mask)
+        inner[edge:-edge, edge:-edge] = mask[edge:-edge, edge:-edge]
+        return inner
+
+    def places(self, cells: Array) -> Array:
+        """The places (n, 2) [m] of cells (n, 2), in the room frame."""
+        return _turned(cells * self.cell_m + self.low, self.turn)
+
+
+def _standing(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[list[Array], list[Array]]:
+    """The footprints (k, 2) [m] of the walls, and of all that is in people's way, walls included."""
+    walls, standing = [], []
+    for geom in range(model.ngeom):
+        if model.body_weldid[model.geom_bodyid[geom]] != 0 or model.geom_rgba[geom, 3] == 0:
+            continue
+        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE and abs(data.geom_xmat[geom, 8]) > _LEVEL:
+            continue
+        points = hull_points(model, data, geom)
+        if points is None or points[:, 2].max() <= LOW_M or points[:, 2].min() >= HIGH_M:
+            continue
+        footprint = _outline(points[:, :2])
+        standing.append(footprint)
+        if points[:, 2].min() <= _WALL_FROM_M and points[:, 2].max() >= _WALL_TO_M:
+            walls.append(footprint)
+    return walls, standing
+
+
+def _outline(points: Array) -> Array:
+    """The convex hull (k, 2) of points (n, 2) [m]; of points in a line, its ends."""
+    try:
+        return points[ConvexHull(points).vertices]
+    except QhullError:
+        along = (points - points[0]) @ np.linalg.svd(points - points.mean(axis=0))[2][0]
+        return points[[int(along.argmin()), int(along.argmax())]]
+
+
+def _direction(shapes: Iterable[Array]) -> float:
+    """The angle [rad], from -45 to 45 degrees, that most of the edges of shapes (k, 2), by length, lie along or across."""
+    ways = np.concatenate([(np.roll(shape, -1, axis=0) - shape) @ np.array([1, 1j]) for shape in shapes])
+    degrees, length = np.rad2deg(np.angle(ways)) % 90, np.abs(ways)
+    near = [np.abs((degrees - each + 45) % 90 - 45) < _ALIKE_DEG for each in range(90)]
+    most = max(near, key=lambda those: length[those].sum())
+    if length[most].sum() < _AGREED * length.sum():
+        return 0.0
+    return float(np.angle(np.sum((length * np.exp(4j * np.angle(ways)))[most])) / 4)
+
+
+def _outdoors(standing: Mask, plan: _Plan) -> Mask:
+    """The cells that a square as wide as a door reaches from the edge of the grid."""
+    door = plan.cells(_DOOR_M)
+    middles = cv2.erode(1 - standing, _square(door), borderType=cv2.BORDER_CONSTANT, borderValue=1)
+    number = _numbered(middles.astype(np.uint8))
+    rim = np.concatenate([number[0], number[-1], number[:, 0], number[:, -1]])
+    from_outside = np.isin(number, np.unique(rim[rim > 0])).astype(np.uint8)
+    return cv2.dilate(from_outside, _square(door)).astype(np.uint8)
+
+
+def _walked(free: Mask, outdoors: Mask, plan: _Plan) -> Mask:
+    """The largest part of the free cells in which a body's middle can walk about."""
+    margin = plan.cells(OBSTACLE_REACH_M)
+    area = cv2.erode(free, _square(2 * margin), borderType=cv2.BORDER_CONSTANT, borderValue=0).astype(np.uint8)
+    area = _opened(area, plan.cells(_WAY_M))
+    area = _without_dead_ends(area, plan.cells(_BAY_M))
+    thresholds = cv2.dilate(outdoors, _square(2 * margin + 2)).astype(np.uint8)
+    area = _without_dead_ends(area, plan.cells(_DOOR_M) - 2 * margin, thresholds)
+    _, number, stats, _ = cv2.connectedComponentsWithStats(area, connectivity=4)
+    if len(stats) == 1:
+        return area  # nothing
+    return (number == 1 + stats[1:, cv2.CC_STAT_AREA].argmax()).astype(np.uint8)
+
+
+def _without_dead_ends(area: Mask, cells: int, only_at: Mask | None = None) -> Mask:
+    """The area without what is narrower, unless that leads from one wide part to another; `only_at`: or does not touch it."""
+    wide = _opened(area, cells)
+    number = _numbered(wide)
+    narrow = _numbered(area & ~wide)
+    count = int(narrow.max()) + 1
+    beside = [
+        np.stack([narrow[here], number[there]]).reshape(2, -1)
+        for one, other in ((_FAR, _NEAR), (_RIGHT, _LEFT))
+        for here, there in ((one, other), (other, one))
+    ]
+    pairs = np.unique(np.concatenate([each[:, (each > 0).all(axis=0)] for each in beside], axis=1), axis=1)
+    stays = np.bincount(pairs[0], minlength=count) >= 2
+    if only_at is not None:
+        is_elsewhere = np.ones(count, dtype=bool)
+        is_elsewhere[np.unique(narrow[only_at > 0])] = False
+        stays |= is_elsewhere
+    stays[0] = False
+    return wide | stays[narrow].astype(np.uint8)
+
+
+def _polygon(area: Mask, plan: _Plan, source: str) -> Array:
+    """The outline of a part, as simple as it must be to keep from its edge."""
+    outlines, _ = cv2.findContours(area, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    outline = max(outlines, key=cv2.contourArea)
+    for rough_m in _ROUGH_M:
+        cells = cv2.approxPolyDP(outline, max(rough_m / plan.cell_m, 1.0), closed=True)[:, 0].astype(float)
+        corners = np.round(plan.places(cells), 3)
+        if len(corners) < 3 or meets_itself_at(corners) is not None:
+            continue
+        if all(inset(corners, margin_m) is not None for margin_m in _MARGINS_M):
+            way = np.roll(corners, -1, axis=0)
+            turns_left = np.sum(corners[:, 0] * way[:, 1] - corners[:, 1] * way[:, 0]) > 0
+            return corners if turns_left else corners[::-1].copy()
+    raise InputError(
+        f"{source}: its walkable area, of {polygon_area(plan.places(outline[:, 0].astype(float))):.1f} m², is too ragged to "
+        "walk in; a numeric walkable_area under <custom>, x1 y1 x2 y2 ... [m], is expected"
+    )
+
+
+def _numbered(mask: Mask) -> NDArray[np.int32]:
+    """The connected parts of a mask, numbered from 1; 0 where it is 0."""
+    return cv2.connectedComponents(mask, connectivity=4)[1].astype(np.int32, copy=False)
+
+
+def _opened(mask: Mask, cells: int) -> Mask:
+    return cv2.morphologyEx(mask, cv2.MORPH_OPEN, _square(cells)).astype(np.uint8)
+
+
+def _closed(mask: Mask, cells: int) -> Mask:
+    return cv2.morphologyEx(mask, cv2.MORPH_CLOSE, _square(cells)).astype(np.uint8)
+
+
+def _square(cells: int) -> Mask:
+    """A square as wide as so many cells, or one more: its middle is a cell."""
+    return np.ones((cells | 1, cells | 1), dtype=np.uint8)
+
+
+def _turned(points: Array, angle: float) -> Array:
+    """Points (n, 2) turned about the origin by an angle [rad]."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    return points @ np.array([[cos, sin], [-sin, cos]])
