@@ -29,6 +29,9 @@ class Area:
         straddles = (self._start[1] > y) != (self._end_y > y)
         crossed = straddles & (off_x < off_y * self._slope)
         inside = np.logical_xor.reduce(crossed, axis=1)
-        along = np.clip((off_x * self._edge[0] + off_y * self._edge[1]) / self._length_square, 0, 1)
+        if inside.all():
+            return inside
+        along = (off_x * self._edge[0] + off_y * self._edge[1]) / self._length_square
+        along = np.minimum(np.maximum(along, 0), 1)
         gap_square = (off_x - along * self._edge[0]) ** 2 + (off_y - along * self._edge[1]) ** 2
         return inside | (gap_square <= self._margin_square).any(axis=1)

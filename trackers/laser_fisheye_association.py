@@ -10,29 +10,16 @@ from numpy.typing import NDArray
 from trackers.filters.gating import global_nearest_neighbour, mahalanobis, validation_region
 from trackers.filters.imm import Imm
 from trackers.laser.grouping import distances, pair_off, take_legs
-from trackers.laser.layer import Detections
+from trackers.laser_fisheye_detection import Seen
 from trackers.laser_fisheye_options import LaserFisheyeImmOptions
 from trackers.people import People
 from trackers.vision.histogram import chi_squared_distance
-from trackers.vision.torso import TorsoWindows
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 _NOBODY = np.empty(0, np.intp)
-
-
-@dataclass(frozen=True, eq=False)
-class Seen:
-    """What one epoch shows: trunks with their colours, single legs."""
-
-    trunks: Detections
-    legs: Detections
-    windows: TorsoWindows | None
-    histograms: Array  # (k, bins) of the trunks; meaningful where comparable
-    comparable: Mask  # (k,)
-    clear: Mask  # (k,) may be learned from
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,30 +84,23 @@ class Association:
             return _NOBODY, _NOBODY
         state = self.people.state.select(tracks)
         distance = mahalanobis(state.positions, self.imm.innovation_covariance(state), position)
-        allowed = validation_region(state.positions, position, radius_m)
-        allowed &= distance <= self.options.max_deviations
-        confirmed = self.people.confirmed[tracks]
-        in_sight = confirmed & ~self._hidden(tracks)
-        expected = ((distance <= self.options.expected_below) & in_sight[:, None]).any(axis=0)
+        allowed = validation_region(state.positions, position, radius_m) & (distance <= self.options.max_deviations)
+        confirmed = self.people.confirmed[tracks, None]
+        recognised = self._recognised(tracks, position, radius_m, colour)
+        if recognised.any():
+            in_sight = confirmed & ~self._hidden(tracks)[:, None]
+            recognised &= ~((distance <= self.options.expected_below) & in_sight).any(axis=0)
         if colour is not None:
-            E = colour[tracks]
             allowed &= ~self._foreign(tracks, colour)
-            distance = distance + self.options.colour_weight * np.nan_to_num(E)
-            recognised = self._can_be(tracks, position, radius_m) & (self.options.recognised_below >= E)
-        else:
-            # nothing tells whose legs these are but that only one of the hidden can be there
-            recognised = self._can_be(tracks, position, radius_m)
-            recognised &= np.count_nonzero(recognised, axis=0) == 1
-        recognised &= ~expected
-        taken_tracks, taken = [], []
+            distance = distance + self.options.colour_weight * np.nan_to_num(colour[tracks])
+        pairs, free = [], np.ones(distance.shape, np.bool_)
         # first whom a prediction explains, then the hidden by what else tells them, then who is not confirmed yet
-        for candidates in (allowed & confirmed[:, None], recognised, allowed & ~confirmed[:, None]):
-            candidates[np.concatenate([*taken_tracks, _NOBODY])] = False
-            candidates[:, np.concatenate([*taken, _NOBODY])] = False
-            rows, columns = global_nearest_neighbour(distance, candidates)
-            taken_tracks.append(rows)
-            taken.append(columns)
-        return tracks[np.concatenate(taken_tracks)], np.concatenate(taken)
+        for candidates in (allowed & confirmed, recognised, allowed & ~confirmed):
+            rows, columns = global_nearest_neighbour(distance, candidates & free)
+            free[rows] = free[:, columns] = False
+            pairs.append((rows, columns))
+        rows, columns = np.concatenate(pairs, axis=1)
+        return tracks[rows], columns
 
     def _foreign(self, tracks: Index, colour: Array) -> Mask:
         """Pairs (p, k) in which the shirt is another's: not the track's own, which is known well, or somebody else's.
@@ -132,16 +112,21 @@ class Association:
         known_well = self.people.n_look[tracks] >= self.options.looks_to_know
         return (self.options.foreign_above < E) & (anothers | known_well[:, None])
 
-    def _can_be(self, tracks: Index, position: Array, radius_m: float) -> Mask:
-        """Pairs (p, k) of a confirmed track out of sight and somebody whom it can have become meanwhile.
+    def _recognised(self, tracks: Index, position: Array, radius_m: float, colour: Array | None) -> Mask:
+        """Pairs (p, k) of a confirmed track out of sight and somebody whom it can have become meanwhile, by all that tells.
 
-        Its prediction says little after a while: what it can have walked since it was seen is asked instead.
+        Its prediction says little after a while: what it can have walked since it was seen is asked instead, and what
+        shirt it wears. Nothing tells whose legs they are but that only one of the hidden can be there.
         """
-        unseen_s = self.t - self.people.measured_t[tracks]
-        reach_m = radius_m + self.options.reach_m_s * unseen_s
-        near = distances(self.people.measured_at[tracks], position) <= reach_m[:, None]
         hidden = self.people.confirmed[tracks] & self._hidden(tracks)
-        return near & hidden[:, None]
+        if not hidden.any():
+            return np.zeros((tracks.size, len(position)), np.bool_)
+        reach_m = radius_m + self.options.reach_m_s * (self.t - self.people.measured_t[tracks])
+        can_be = distances(self.people.measured_at[tracks], position) <= reach_m[:, None]
+        can_be &= hidden[:, None]
+        if colour is not None:
+            return can_be & (colour[tracks] <= self.options.recognised_below)
+        return can_be & (np.count_nonzero(can_be, axis=0) == 1)
 
     def _hidden(self, tracks: Index) -> Mask:
         """Which of `tracks` (p,) were not measured at the last scan either."""
@@ -171,4 +156,4 @@ def _others(n: int, taken: Index) -> Index:
     """The indices below n that are not `taken`."""
     free = np.ones(n, np.bool_)
     free[taken] = False
-    return np.flatnonzero(free)
+    return free.nonzero()[0]

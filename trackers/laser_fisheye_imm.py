@@ -5,6 +5,10 @@ Per epoch: gather what the sensors report of one moment; detect trunks and legs 
 under every motion model; associate by global nearest neighbour on d = N + w E, trunks first, legs for who is left (never
 both); update who was measured, let the others coast; end tracks; start tracks.
 
+What comes twice or too late, time that goes back among it, is dropped and counted; scans without a return, and hundreds of
+clusters, are worked like any other; a long gap ends everybody. Where the background is learned as it goes, somebody who has
+not moved yet is nobody.
+
 Simplified: the sensors of one epoch are taken to look at one moment (they differ by up to half a scan period), and a scan
 to be taken at once.
 
@@ -26,7 +30,6 @@ from numpy.typing import NDArray
 from trackers.area import Area
 from trackers.configuration import validate
 from trackers.epochs import Epoch, EpochGatherer
-from trackers.errors import InputError
 from trackers.filters.imm import Imm
 from trackers.filters.motion import (
     IMM_MODELS,
@@ -35,16 +38,14 @@ from trackers.filters.motion import (
     transition_matrix,
 )
 from trackers.laser.grouping import distances
-from trackers.laser.layer import Detections, LaserLayer
-from trackers.laser.roles import Role, scanners_by_role
-from trackers.laser_fisheye_association import Association, Matches, Seen
+from trackers.laser_fisheye_association import Association, Matches
+from trackers.laser_fisheye_detection import Detector, Seen
 from trackers.laser_fisheye_options import LaserFisheyeImmOptions
-from trackers.observations import Image, LaserScan, Observation
+from trackers.observations import Observation
 from trackers.people import People
-from trackers.rig import Rig, StereoSensor
+from trackers.rig import Rig
 from trackers.tracks import Track, TrackFrame
-from trackers.vision.histogram import ColourHistogram, updated_reference
-from trackers.vision.torso import TorsoProjector
+from trackers.vision.histogram import updated_reference
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -73,25 +74,16 @@ class LaserFisheyeImm:
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
     ) -> None:
         self.options = validate(LaserFisheyeImmOptions, options, "tracker laser-fisheye-imm")
-        empty_room = list(background)
-        self._scanners = scanners_by_role(rig, self.options.layers)
-        self._layers = {role: self._layer(rig, role, name, empty_room) for role, name in self._scanners.items()}
-        cameras = {name: each for name, each in rig.cameras().items() if not isinstance(each, StereoSensor)}
-        self._camera = next(iter(cameras), None) if self.options.camera and "waist" in self._scanners else None
-        self._projector = None
-        if self._camera is not None:
-            waist = rig.lasers()[self._scanners["waist"]]
-            self._projector = TorsoProjector(waist, cameras[self._camera], self.options.torso)
-            self._intrinsics = cameras[self._camera].intrinsics
-        self._histogram = ColourHistogram(self.options.histogram)
-        self._imm = self._make_filter()
-        knee = self.options.knee
-        self._knee_radius_m = knee.radius_m if "waist" in self._scanners else knee.radius_alone_m
-        used = {*self._scanners.values()} | ({self._camera} if self._camera else set())
-        main = rig.main_sensor if rig.main_sensor in used else next(iter(self._scanners.values()))
-        self._gatherer = EpochGatherer(used, main, self.options.period_s, self.options.max_wait_s)
         self._area = None if rig.area is None else Area(rig.area, self.options.management.area_margin_m)
-        self._people = self._born(np.empty((0, 2)), 0.0, np.empty((0, self._histogram.size)), np.empty(0, np.int64))
+        self._detector = Detector(rig, list(background), self.options, self._area)
+        self._imm = self._make_filter()
+        knee, used = self.options.knee, self._detector.sensors
+        self._knee_radius_m = knee.radius_m if self._detector.sees_waists else knee.radius_alone_m
+        main = rig.main_sensor if rig.main_sensor in used else used[0]
+        self._gatherer = EpochGatherer(set(used), main, self.options.period_s, self.options.max_wait_s)
+        self._people = self._born(
+            np.empty((0, 2)), 0.0, np.empty((0, self._detector.histogram.size)), np.empty(0, np.int64)
+        )
         self._next_id = 1
         self._t: float | None = None
         self._windows: list[tuple[int | None, Array]] = []
@@ -101,7 +93,7 @@ class LaserFisheyeImm:
     @property
     def background_learned_causally(self) -> bool:
         """Whether a scanner came without scans of the empty room."""
-        return any(layer.learns_background for layer in self._layers.values())
+        return self._detector.learns_background
 
     @property
     def discarded(self) -> int:
@@ -118,27 +110,23 @@ class LaserFisheyeImm:
 
     def tracks(self) -> list[Track]:
         """Everyone confirmed in the area, as of the last frame, by id."""
-        people, confirmed = self._people, np.flatnonzero(self._people.confirmed & self._inside())
-        means, _ = self._imm.estimate(people.state.select(confirmed))
-        tracks = [
-            Track(
-                id=int(people.id[index]),
-                x=float(x),
-                y=float(y),
-                vx=float(speed * np.cos(heading)),
-                vy=float(speed * np.sin(heading)),
-                status="confirmed" if people.measured_t[index] == self._t else "coasting",
-            )
-            for index, (x, y, heading, speed, _) in zip(confirmed, means, strict=True)
+        people = self._people
+        measured = people.measured_t == self._t  # in the area, or the track would have ended
+        shown = (people.confirmed if measured.all() else people.confirmed & (measured | self._inside())).nonzero()[0]
+        shown = shown[people.id[shown].argsort()]
+        x, y, heading, speed, _ = people.state.mode_average[:, shown]
+        columns = people.id[shown], x, y, speed * np.cos(heading), speed * np.sin(heading), people.measured_t[shown]
+        return [
+            Track(id=number, x=x, y=y, vx=vx, vy=vy, status="confirmed" if measured_t == self._t else "coasting")
+            for number, x, y, vx, vy, measured_t in zip(*(column.tolist() for column in columns), strict=True)
         ]
-        return sorted(tracks, key=lambda track: track.id)
 
     def torso_windows(self) -> list[tuple[int | None, Array]]:
         """The torso windows of the last frame's image: whose (None: nobody's yet), and the outline in pixels (p, 2)."""
         return self._windows
 
     def _work(self, epoch: Epoch) -> TrackFrame:
-        seen = self._detect(epoch)
+        seen = self._detector.detect(epoch)
         self._predict(epoch.t)
         matches = Association(self._people, self._imm, self.options, self._knee_radius_m, epoch.t).matches(seen)
         self._update(matches, epoch.t)
@@ -148,32 +136,6 @@ class LaserFisheyeImm:
         self._end(epoch.t)
         self._start(matches, seen, epoch.t)
         return TrackFrame(epoch.ns, tuple(self.tracks()))
-
-    # --- detect
-
-    def _detect(self, epoch: Epoch) -> Seen:
-        trunks, legs = self._scanned(epoch, "waist"), self._scanned(epoch, "knee")
-        nothing = np.zeros(len(trunks), np.bool_)
-        image = None if self._camera is None else epoch.observations.get(self._camera)
-        if self._projector is None or not isinstance(image, Image):
-            return Seen(trunks, legs, None, np.zeros((len(trunks), self._histogram.size)), nothing, nothing)
-        expected = (self._intrinsics.height, self._intrinsics.width, 3)
-        if image.rgb.shape != expected:
-            raise InputError(
-                f"image of {image.sensor!r} has shape {image.rgb.shape}; the rig's intrinsics say {expected}"
-            )
-        windows = self._projector.windows(trunks)
-        histograms = self._histogram.of_windows(image.rgb, windows.pixels, windows.inside)
-        return Seen(trunks, legs, windows, histograms, windows.usable, windows.clear)
-
-    def _scanned(self, epoch: Epoch, role: Role) -> Detections:
-        scan = epoch.observations.get(self._scanners.get(role, ""))
-        if not isinstance(scan, LaserScan):
-            return Detections.none()
-        detections = self._layers[role].detect(scan)
-        if self._area is None or len(detections) == 0:
-            return detections
-        return detections.select(self._area.contains(detections.position))
 
     # --- predict
 
@@ -186,7 +148,8 @@ class LaserFisheyeImm:
         if slowdown_s is not None:
             # whoever is out of sight is likelier to stop or turn back than to walk on for all of the coasting time
             unseen = self._people.measured_t < t - elapsed
-            state = state.slowed(np.where(unseen, np.exp(-elapsed / slowdown_s), 1.0))
+            if unseen.any():
+                state = state.slowed(np.where(unseen, np.exp(-elapsed / slowdown_s), 1.0))
         state = self._imm.predict_over(state, elapsed, self.options.period_s)
         self._people = replace(self._people, state=state)
 
@@ -244,7 +207,11 @@ class LaserFisheyeImm:
         people = self._people
         measured_for = t - people.born_t + self.options.period_s
         old_enough = measured_for > self.options.management.confirm_after_s + 5e-7
-        new = np.flatnonzero(~people.confirmed & old_enough & (people.measured_t == t))
+        new = ~people.confirmed & old_enough & (people.measured_t == t)
+        if self._detector.learns_background:
+            moved = people.measured_at - people.born_at
+            new &= np.hypot(moved[:, 0], moved[:, 1]) >= self.options.management.confirm_moved_m
+        new = new.nonzero()[0]
         if new.size == 0:
             return
         confirmed, ids = people.confirmed.copy(), people.id.copy()
@@ -273,7 +240,7 @@ class LaserFisheyeImm:
         if len(bodies):
             free = distances(position, bodies).min(axis=1) > matches.new_clearance
             position, trunk = position[free], trunk[free]
-        histograms = np.zeros((len(position), self._histogram.size))
+        histograms = np.zeros((len(position), self._detector.histogram.size))
         by_trunk = trunk >= 0
         has_reference = by_trunk.copy()
         has_reference[by_trunk] = seen.clear[trunk[by_trunk]]
@@ -298,10 +265,6 @@ class LaserFisheyeImm:
         ]
 
     # --- set up
-
-    def _layer(self, rig: Rig, role: Role, name: str, empty_room: list[Observation]) -> LaserLayer:
-        scans = [item for item in empty_room if isinstance(item, LaserScan) and item.sensor == name]
-        return LaserLayer(rig.lasers()[name], scans, self.options.waist if role == "waist" else self.options.knee)
 
     def _make_filter(self) -> Imm:
         options = self.options

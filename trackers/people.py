@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from trackers.configuration import Strict
-from trackers.filters.imm import ImmState
+from trackers.filters.imm_state import ImmState
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -22,6 +22,12 @@ class ManagementOptions(Strict):
         default=0.5,
         ge=0,
         description="a tentative track measured for longer, each scan standing for its period, is a person [s]",
+    )
+    confirm_moved_m: float = Field(
+        default=0.15,
+        ge=0,
+        description="where the background is learned as it goes, only who has come this far from where first measured is a "
+        "person: nothing else tells somebody standing from furniture seen now and then [m] (ours)",
     )
     coast_s: float = Field(default=1.5, ge=0, description="a person not measured for this long is gone [s]")
     coast_slowdown_s: float | None = Field(

@@ -116,6 +116,13 @@ class TestLearned:
             late.append(found[7] and k > 300)
         assert not any(late)
 
+    def test_somebody_who_stops_when_little_is_learned_yet_is_no_flickering_edge(self):
+        """Their stay is short, but it is the first: nothing has come back yet."""
+        background = LearnedBackground()
+        background.foreground(scan(0))
+        for k in range(1, 9):
+            assert background.foreground(scan(k / 10, with_object(slice(20, 24), 2.0)))[20:24].all()
+
     def test_passers_by_never_become_the_room(self):
         background = LearnedBackground()
         background.foreground(scan(-0.1))

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from trackers.errors import InputError
-from trackers.filters.imm import Imm, ImmState
+from trackers.filters.imm import Imm
+from trackers.filters.imm_state import ImmState
 from trackers.filters.kalman import kalman
 from trackers.filters.motion import HEADING, IMM_MODELS, linearise, transition_matrix
 
@@ -218,6 +219,10 @@ def test_non_finite_input_is_refused_never_swallowed():
     broken = ImmState(state.mean, np.full_like(state.covariance, np.nan), state.probability)
     with pytest.raises(InputError, match="covariance"):
         imm.predict(broken, PERIOD_S)
+    lost = ImmState(np.full_like(state.mean, np.nan), state.covariance, state.probability)
+    for bad in (broken, lost):
+        with pytest.raises(InputError, match="holds NaN"):
+            imm.update(bad, np.array([0]), np.array([[0.1, 0.0]]))
 
 
 @pytest.mark.parametrize("R", [np.zeros((2, 2)), np.diag([0.01, -0.01]), np.full((2, 2), np.nan), np.eye(3)])

@@ -8,6 +8,7 @@ import pytest
 from synthetic_room import AREA, empty_room, observe, rig, score, straight_walk, wandering
 
 from trackers.errors import InputError
+from trackers.laser.roles import scanners_by_role
 from trackers.laser_fisheye_imm import LaserFisheyeImm
 from trackers.observations import NS_PER_S, Image, LaserScan
 from trackers.presets import make_tracker
@@ -128,6 +129,27 @@ def test_without_an_empty_room_the_background_is_learned_and_said_so(caplog):
     assert not tracked(CROSSING)[1].background_learned_causally
 
 
+def test_with_a_learned_background_nobody_is_a_person_before_they_moved():
+    """Something that appears and stands may be furniture seen anew: only walking tells."""
+    standing = straight_walk([(0.0, 1.5)], [(0.0, 0.0)], 30)
+    arriving = [replace(o, stamp_ns=o.stamp_ns + 3 * NS_PER_S) for o in observe(standing, 5, False)]
+    given = [*observe(straight_walk(np.empty((0, 2)), np.empty((0, 2)), 30), 4, False), *arriving]
+    assert not any(frame.tracks for frame in tracked(standing, "laser-imm", background=[], observations=given)[0])
+    at_once = tracked(standing, "laser-imm", background=[], observations=given, management={"confirm_moved_m": 0})[0]
+    assert at_once[-1].tracks
+    assert tracked(standing, "laser-imm", observations=given)[0][-1].tracks  # the empty room is known
+
+
+@pytest.mark.parametrize("back_s", [0.0, 0.05, 0.5, 30.0])
+def test_time_that_stands_still_or_goes_back_is_dropped_and_counted(back_s):
+    given = observe(CROSSING, 1, images=False)
+    before, after = given[: len(given) // 2], given[len(given) // 2 :]
+    again = [replace(o, stamp_ns=before[-1].stamp_ns - round(back_s * NS_PER_S)) for o in before[-2:]]
+    frames, tracker = tracked(CROSSING, "laser-imm", observations=[*before, *again, *after])
+    assert tracker.discarded == len(again)
+    assert frames == tracked(CROSSING, "laser-imm", observations=given)[0]
+
+
 def test_images_that_never_come_delay_but_do_not_stop():
     frames, tracker = tracked(CROSSING, images=False)
     assert len(frames) == len(CROSSING)
@@ -237,8 +259,8 @@ def test_a_single_scanner_is_taken_for_what_its_height_says():
         return Rig(sensors={"scan": LaserSensor(topic="/scan", room_from_sensor=pose)})
 
     for height_m, role in ((0.0, "knee"), (0.3, "knee"), (0.9, "waist")):
-        assert LaserFisheyeImm(alone(height_m))._scanners == {role: "scan"}
-    assert LaserFisheyeImm(alone(0.0), layers=("waist",))._scanners == {"waist": "scan"}
+        assert scanners_by_role(alone(height_m), ("waist", "knee")) == {role: "scan"}
+    assert scanners_by_role(alone(0.0), ("waist",)) == {"waist": "scan"}
 
 
 @pytest.mark.parametrize(

@@ -41,6 +41,14 @@ def recall(found: list[np.ndarray], legs: np.ndarray) -> float:
     return float(np.mean(np.array(gaps) < 0.15))
 
 
+def on_furniture(scans: list[LaserScan], legs: np.ndarray) -> np.ndarray:
+    """Which labels have a return within 0.1 m in the same beam in half of all scans: no leg stands that long here."""
+    ranges = np.stack([scan.ranges_m for scan in scans])
+    bearing, label_range = np.arctan2(legs[:, 2], legs[:, 1]), np.hypot(legs[:, 1], legs[:, 2])
+    beam = np.abs(scans[0].angles_rad - bearing[:, None]).argmin(axis=1)
+    return (np.abs(ranges[:, beam] - label_range) < 0.1).mean(axis=0) >= 0.5
+
+
 @needs_data
 @pytest.mark.parametrize("number", [1, 2, 3])
 def test_clusters_find_the_labelled_legs(number):
@@ -55,9 +63,16 @@ def test_the_learned_background_leaves_the_people_and_little_else(number):
     scans, legs = labelled(number)
     background = LearnedBackground()
     found = [find_clusters(scan, background.foreground(scan), KneeOptions().cluster).middle for scan in scans]
-    settled = legs[legs[:, 0] >= 45]  # from then on people have left the places where the first scans showed them
-    assert recall(found, settled) >= 0.9
+    t = np.array([scan.t - scans[0].t for scan in scans])
+    learned = legs[t[legs[:, 0].astype(int)] >= 5]  # the first seconds show people and room alike
+    assert recall(found, learned[~on_furniture(scans, learned)]) >= 0.99
     assert np.mean([len(middle) for middle in found]) < 5  # of about 29 before
+
+
+@needs_data
+@pytest.mark.parametrize(("number", "n"), [(1, 6), (2, 3), (3, 6)])
+def test_few_labels_lie_on_what_stands_there_all_the_time(number, n):
+    assert on_furniture(*labelled(number)).sum() == n
 
 
 def walkers_in_the_robots_bag() -> list[LaserScan]:
@@ -91,5 +106,7 @@ def test_people_walking_past_a_robot_are_few_long_tracks():
     for path in walkers.values():
         assert path[0, 0] < 80
         assert path[-1, 0] > 1150  # until they stand still again
-    # what flickers at the far edge of the room is taken for somebody standing now and then, never for a walker
-    assert len(paths) - len(walkers) <= 9
+    # what flickers at the far edge of the room is taken for somebody for two seconds, once
+    others = [path for number, path in paths.items() if number not in walkers]
+    assert len(others) <= 1
+    assert all(len(path) <= 20 for path in others)

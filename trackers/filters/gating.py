@@ -16,23 +16,31 @@ def validation_region(predicted: Array, position: Array, radius_m: float) -> Mas
 
     predicted: mode-conditioned positions (n, m, 2) [m]; position: measurements (k, 2) [m].
     """
-    difference = position[None, None] - predicted[:, :, None]  # (n, m, k, 2)
-    square = np.einsum("nmka,nmka->nmk", difference, difference)
-    return (square <= radius_m**2).any(axis=1)
+    x, y = _differences(predicted, position)
+    return np.logical_or.reduce(x * x + y * y <= radius_m**2, axis=1)
 
 
 def mahalanobis(predicted: Array, innovation_covariance: Array, position: Array) -> Array:
     """N: the smallest Mahalanobis distance over the modes for each track and measurement, (n, k) (eq. 5).
 
-    predicted: (n, m, 2) [m]; innovation_covariance: (n, m, 2, 2) [m²]; position: (k, 2) [m].
+    predicted: (n, m, 2) [m]; innovation_covariance: symmetric, (n, m, 2, 2) [m²]; position: (k, 2) [m].
     """
-    n, _m = predicted.shape[:2]
-    if n == 0 or len(position) == 0:
-        return np.zeros((n, len(position)))
-    inverse, _ = inverse_2x2(innovation_covariance)
-    difference = position[None, None] - predicted[:, :, None]  # (n, m, k, 2)
-    square = np.einsum("nmka,nmka->nmk", difference @ inverse, difference)
+    x, y = _differences(predicted, position)
+    s_xx, s_xy, s_yy = (
+        innovation_covariance[..., 0, 0],
+        innovation_covariance[..., 0, 1],
+        innovation_covariance[..., 1, 1],
+    )
+    determinant = s_xx * s_yy - s_xy * s_xy
+    # the quadratic form of the inverse, in closed form: a x² + 2 b x y + c y²
+    a, b, c = (s_yy / determinant)[..., None], (-s_xy / determinant)[..., None], (s_xx / determinant)[..., None]
+    square = x * (a * x + 2 * b * y) + c * y * y
     return np.sqrt(np.maximum(square.min(axis=1), 0.0))
+
+
+def _differences(predicted: Array, position: Array) -> tuple[Array, Array]:
+    """x and y of measurements (k, 2) less those of modes (n, m, 2), (n, m, k) each."""
+    return position[:, 0] - predicted[..., 0, None], position[:, 1] - predicted[..., 1, None]
 
 
 def global_nearest_neighbour(distance: Array, allowed: Mask) -> tuple[Index, Index]:
@@ -43,7 +51,7 @@ def global_nearest_neighbour(distance: Array, allowed: Mask) -> tuple[Index, Ind
     if not allowed.any():
         return np.empty(0, np.intp), np.empty(0, np.intp)
     # a forbidden pair costs more than every allowed pair together, so that it is only taken when nothing else is left
-    forbidden = (np.abs(distance[allowed]).max() + 1.0) * (min(distance.shape) + 1)
+    forbidden = (np.abs(distance).max(where=allowed, initial=0.0) + 1.0) * (min(distance.shape) + 1)
     rows, columns = linear_sum_assignment(np.where(allowed, distance, forbidden))
     kept = allowed[rows, columns]
     return rows[kept], columns[kept]

@@ -125,6 +125,7 @@ class Imm:
         covariance = _transition_times(F, half.swapaxes(0, 1))
         covariance += np.einsum("aqmn,bqmn->abmn", noise, noise)
         covariance = _symmetric(covariance)
+        _check_finite(mean, "a predicted mean")
         _check_finite(covariance, "a predicted covariance")
         return ImmState(mean, covariance, mixed.probability)
 
@@ -159,20 +160,20 @@ class Imm:
         S = P[:2, :2] + R[:, :, None]  # (2, 2, m, k)
         s_xx, s_xy, s_yy = S[0, 0], S[0, 1], S[1, 1]
         determinant = s_xx * s_yy - s_xy * s_xy
-        gain = np.empty((STATE_SIZE, 2, *determinant.shape))
-        gain[:, 0] = P[0] * (s_yy / determinant) - P[1] * (s_xy / determinant)
-        gain[:, 1] = P[1] * (s_xx / determinant) - P[0] * (s_xy / determinant)
-        innovation_x = position[:, 0] - prior.mean[0]
-        innovation_y = position[:, 1] - prior.mean[1]
-        mean = prior.mean + gain[:, 0] * innovation_x + gain[:, 1] * innovation_y
+        inverse = np.array([[s_yy, -s_xy], [-s_xy, s_xx]]) / determinant
+        gain = np.einsum("apmn,pqmn->aqmn", P[:, :2], inverse)
+        innovation = position.T[:, None] - prior.mean[:2]  # (2, m, k)
+        mean = prior.mean + np.einsum("apmn,pmn->amn", gain, innovation)
+        _check_finite(mean, "an updated mean")
         # Joseph's form, (I − KH) P (I − KH)ᵀ + K R Kᵀ = P − K HP − (P Hᵀ − K S) Kᵀ, errs in second order of K's rounding
         covariance = P - np.einsum("apmn,pbmn->abmn", gain, P[:2])
         columns = P[:, :2] - np.einsum("apmn,pqmn->aqmn", gain, S)
         covariance -= np.einsum("apmn,bpmn->abmn", columns, gain)
+        _check_finite(covariance, "an updated covariance")
         probability = prior.probability
         if self.n_mode > 1:
-            square = s_yy * innovation_x**2 - 2 * s_xy * innovation_x * innovation_y + s_xx * innovation_y**2
-            log_likelihood = -0.5 * (square / determinant + np.log(determinant))
+            square = np.einsum("pmn,pmn->mn", innovation, np.einsum("pqmn,qmn->pmn", inverse, innovation))
+            log_likelihood = -0.5 * (square + np.log(determinant))
             # relative to the best mode, so that a far measurement cannot underflow every mode at once
             weight = probability * np.exp(log_likelihood - log_likelihood.max(axis=0))
             weight = np.maximum(weight, _TINY)

@@ -81,8 +81,8 @@ def propagate(state: Array, disturbance: Array, period_s: float, turn_persists: 
 
     `turn_persists` is 1 for A.2 and 0 for A.1; it and the trailing axes broadcast.
     """
-    distance, turned, along_x, along_y = _displacement(state, disturbance, period_s, turn_persists)
-    return _displaced(state, disturbance, period_s, turn_persists, distance, turned, along_x, along_y)
+    distance, turned, _, along = _displacement(state, disturbance, period_s, turn_persists)
+    return _displaced(state, disturbance, period_s, turn_persists, distance, turned, along)
 
 
 def linearise(
@@ -91,45 +91,39 @@ def linearise(
     """`propagate` and its Jacobians with respect to the state, (5, 5, ...), and to the disturbance, (5, 2, ...)."""
     T = period_s
     half_square = 0.5 * T * T
-    distance, turned, along_x, along_y = _displacement(state, disturbance, T, turn_persists)
-    following = _displaced(state, disturbance, T, turn_persists, distance, turned, along_x, along_y)
-    heading = state[HEADING]
-    half_distance = 0.5 * distance
-    across_x = -half_distance * np.sin(heading)  # ∂x'/∂a
-    across_y = half_distance * np.cos(heading)  # ∂y'/∂a
+    distance, turned, across, along = _displacement(state, disturbance, T, turn_persists)
+    following = _displaced(state, disturbance, T, turn_persists, distance, turned, along)
+    by_turn = 0.5 * distance * across  # ∂(x', y')/∂a
     persisting = T * turn_persists
 
     by_state = np.zeros((STATE_SIZE, STATE_SIZE, *following.shape[1:]))
     by_state[X, X] = by_state[Y, Y] = by_state[HEADING, HEADING] = by_state[SPEED, SPEED] = 1.0
-    by_state[X, HEADING] = -distance * along_y
-    by_state[X, SPEED] = T * along_x
-    by_state[X, TURN_RATE] = persisting * across_x
-    by_state[Y, HEADING] = distance * along_x
-    by_state[Y, SPEED] = T * along_y
-    by_state[Y, TURN_RATE] = persisting * across_y
+    by_state[X, HEADING] = -distance * along[1]
+    by_state[Y, HEADING] = distance * along[0]
+    by_state[:2, SPEED] = T * along
+    by_state[:2, TURN_RATE] = persisting * by_turn
     by_state[HEADING, TURN_RATE] = persisting
     by_state[TURN_RATE, TURN_RATE] = turn_persists
 
     by_disturbance = np.zeros((STATE_SIZE, DISTURBANCE_SIZE, *following.shape[1:]))
-    by_disturbance[X, 0] = half_square * along_x
-    by_disturbance[X, 1] = half_square * across_x
-    by_disturbance[Y, 0] = half_square * along_y
-    by_disturbance[Y, 1] = half_square * across_y
+    by_disturbance[:2, 0] = half_square * along
+    by_disturbance[:2, 1] = half_square * by_turn
     by_disturbance[HEADING, 1] = half_square
-    by_disturbance[SPEED, 0] = T
-    by_disturbance[TURN_RATE, 1] = T
+    by_disturbance[SPEED, 0] = by_disturbance[TURN_RATE, 1] = T
     return following, by_state, by_disturbance
 
 
 def _displacement(
     state: Array, disturbance: Array, period_s: float, turn_persists: Array | float
 ) -> tuple[Array, Array, Array, Array]:
-    """Distance d and turned angle a of the step, and ∂x'/∂d, ∂y'/∂d."""
+    """Distance d and turned angle a of the step; the unit vector left of the heading and ∂(x', y')/∂d, both (2, ...)."""
     half_square = 0.5 * period_s * period_s
     distance = state[SPEED] * period_s + disturbance[0] * half_square
     turned = state[TURN_RATE] * (turn_persists * period_s) + disturbance[1] * half_square
-    cos, sin, sideways = np.cos(state[HEADING]), np.sin(state[HEADING]), 0.5 * turned
-    return distance, turned, cos - sideways * sin, sin + sideways * cos
+    cos, sin = np.cos(state[HEADING]), np.sin(state[HEADING])
+    across = np.array([-sin, cos])
+    along = np.array([cos, sin]) + 0.5 * turned * across
+    return distance, turned, across, along
 
 
 def _displaced(
@@ -139,12 +133,10 @@ def _displaced(
     turn_persists: Array | float,
     distance: Array,
     turned: Array,
-    along_x: Array,
-    along_y: Array,
+    along: Array,
 ) -> Array:
-    following = np.empty((STATE_SIZE, *along_x.shape))
-    following[X] = state[X] + distance * along_x
-    following[Y] = state[Y] + distance * along_y
+    following = np.empty((STATE_SIZE, *along.shape[1:]))
+    following[:2] = state[:2] + distance * along
     following[HEADING] = state[HEADING] + turned
     following[SPEED] = state[SPEED] + disturbance[0] * period_s
     following[TURN_RATE] = turn_persists * state[TURN_RATE] + disturbance[1] * period_s

@@ -50,7 +50,7 @@ class BackgroundOptions(Strict):
         default=0.3,
         gt=0,
         lt=1,
-        description="or if it fills this share, counting only the first `flicker_s` of every stay",
+        description="or if it fills this share, counting only the first `flicker_s` of every stay but the first",
     )
     flicker_s: float = Field(default=1.0, gt=0, description="a longer stay in a beam is no flicker [s]")
     open_share: float = Field(
@@ -70,10 +70,8 @@ class Background(Protocol):
 def returns(scan: LaserScan) -> tuple[Array, Mask, Mask]:
     """Ranges (n_beam,) [m], which of them are returns, and which beams met nothing."""
     ranges = scan.ranges_m.astype(float)
-    with np.errstate(invalid="ignore"):
-        hit = (ranges >= scan.range_min_m) & (ranges <= scan.range_max_m)
-        missed = (ranges > scan.range_max_m) | ((ranges < scan.range_min_m) & np.isfinite(ranges))
-    return ranges, hit, missed
+    hit = (ranges >= scan.range_min_m) & (ranges <= scan.range_max_m)  # NaN is neither
+    return ranges, hit, (ranges > -np.inf) & ~hit
 
 
 class KnownBackground:
@@ -104,8 +102,7 @@ class KnownBackground:
         """Which samples stand in front of the room, (n_beam,)."""
         _check_same_beams(scan, self._first)
         ranges, hit, _ = returns(scan)
-        with np.errstate(invalid="ignore"):
-            return hit & (ranges < self.threshold_m)
+        return hit & (ranges < self.threshold_m)
 
 
 class LearnedBackground:
@@ -114,8 +111,9 @@ class LearnedBackground:
     Each beam keeps, per range bin (one more for "met nothing"), how long it has seen something there, fading over
     `memory_s`. A nearer object hides a bin and counts neither for nor against it; a farther reading counts against it.
     A bin is the room if it fills `static_share` of the time in which the beam came that far; or if it fills `flicker_share`
-    with short stays (an edge that the beam meets now and then comes back far more often than people do). A sample is
-    foreground if its bin is not the room and if the beam has seen farther for at least `open_share` of its time.
+    with short stays, the first of which is none yet (an edge that the beam meets now and then comes back, and far more
+    often than people do). A sample is foreground if its bin is not the room and if the beam has seen farther for at least
+    `open_share` of its time.
 
     Hence: what the first scan of a beam shows is taken for the room, people included, until they walk on and the beam sees
     past them (a tenth of the time they stood there makes their place open again). A person who comes later and stands
@@ -126,10 +124,11 @@ class LearnedBackground:
         self._options = options or BackgroundOptions()
         self._first: LaserScan | None = None
         self._seen = np.empty((0, 0))  # (n_beam, n_bin + 4): seconds seen, times the weight of the scan; see `_column`
-        self._flickered = np.empty((0, 0))  # like `_seen`, with the first `flicker_s` of every stay only
+        self._flickered = np.empty((0, 0))  # like `_seen`, with the first `flicker_s` of every stay but the first only
         self._total = np.empty(0)  # (n_beam,)
         self._stay_column = np.empty(0, np.intp)  # (n_beam,) what each beam saw last
         self._stay_s = np.empty(0)  # (n_beam,) and for how long by now
+        self._came_back = np.empty(0, np.bool_)  # (n_beam,) and whether it had been there before
         self._weight = 1.0  # grows with time, so that nothing has to be faded at every scan
         self._t = -np.inf
 
@@ -144,6 +143,7 @@ class LearnedBackground:
             self._total = np.zeros(ranges.size)
             self._stay_column = np.zeros(ranges.size, np.intp)
             self._stay_s = np.zeros(ranges.size)
+            self._came_back = np.zeros(ranges.size, np.bool_)
         _check_same_beams(scan, self._first)
         column = self._column(ranges, hit, missed)
         foreground = self._in_front(column, hit)
@@ -185,11 +185,12 @@ class LearnedBackground:
         new = self._total[beams] == 0
         seconds = self._weight * np.where(new, self._options.initial_s, elapsed)
         here = column[beams]
-        self._seen[beams, here] += seconds
         stays = np.abs(here - self._stay_column[beams]) <= 1
+        self._came_back[beams] = np.where(stays, self._came_back[beams], _around(self._seen, beams, here) > 0)
+        self._seen[beams, here] += seconds
         self._stay_s[beams] = np.where(stays, self._stay_s[beams] + elapsed, 0.0)
         self._stay_column[beams] = here
-        short = self._stay_s[beams] < self._options.flicker_s
+        short = self._came_back[beams] & (self._stay_s[beams] < self._options.flicker_s)
         self._flickered[beams[short], here[short]] += seconds[short]
         self._total[beams] += seconds
         if self._weight > _RENORMALISE_ABOVE:

@@ -62,39 +62,40 @@ def find_clusters(scan: LaserScan, foreground: Mask, options: ClusterOptions) ->
     between the points also holds across a lost beam.)
     """
     ranges, hit, missed = returns(scan)
-    beams = np.flatnonzero(foreground)
+    beams = foreground.nonzero()[0]
     if beams.size == 0:
         return _none()
-    angles = scan.angle_min_rad + scan.angle_increment_rad * beams
+    increment = abs(scan.angle_increment_rad)
+    bearing = scan.angle_min_rad + scan.angle_increment_rad * beams
     near = ranges[beams]
-    points = np.stack([near * np.cos(angles), near * np.sin(angles)])  # (2, n)
-    spacing = abs(scan.angle_increment_rad) * near
+    points = np.array([near * np.cos(bearing), near * np.sin(bearing)])  # (2, n)
 
     step = points[:, 1:] - points[:, :-1]
-    jump = options.jump_m + options.jump_spacings * np.minimum(spacing[1:], spacing[:-1])
+    jump = options.jump_m + options.jump_spacings * (increment * np.minimum(near[1:], near[:-1]))
     seen_past = np.cumsum((hit | missed) & ~foreground)[beams]
-    splits = (np.hypot(step[0], step[1]) > jump) | (np.diff(seen_past) > options.max_gap_beams)
-    starts = np.concatenate([[0], np.flatnonzero(splits) + 1])
-    stops = np.append(starts[1:], beams.size)
+    splits = (np.hypot(step[0], step[1]) > jump) | (seen_past[1:] - seen_past[:-1] > options.max_gap_beams)
+    edges = np.concatenate([[0], splits.nonzero()[0] + 1, [beams.size]])
+    starts, stops = edges[:-1], edges[1:]
     if options.split_width_m is not None:
         starts, stops = _split_wide(points, starts, stops, options.split_width_m, options.person_width_m)
 
     n_sample = stops - starts
     middle = np.add.reduceat(points, starts, axis=1) / n_sample
     range_m = np.hypot(middle[0], middle[1])
-    expected = options.min_width_m / (abs(scan.angle_increment_rad) * range_m)
+    expected = options.min_width_m / (increment * range_m)
     kept = n_sample >= np.maximum(options.min_samples, np.minimum(expected, foreground.size))
-    ends = points[:, stops - 1] - points[:, starts]
-    hidden_before, hidden_after = _hidden(ranges, hit, beams[starts], beams[stops - 1], range_m, options.jump_m)
+    starts, stops, range_m = starts[kept], stops[kept], range_m[kept]
+    first, last = beams[starts], beams[stops - 1]
+    hidden_before, hidden_after = _hidden(ranges, hit, first, last, range_m, options.jump_m)
     return Clusters(
-        first_beam=beams[starts][kept],
-        last_beam=beams[stops - 1][kept],
+        first_beam=first,
+        last_beam=last,
         n_sample=n_sample[kept],
         middle=middle[:, kept].T,
-        width_m=np.hypot(ends[0], ends[1])[kept],
-        range_m=range_m[kept],
-        hidden_before=hidden_before[kept],
-        hidden_after=hidden_after[kept],
+        width_m=_width(points, starts, stops),
+        range_m=range_m,
+        hidden_before=hidden_before,
+        hidden_after=hidden_after,
     )
 
 
@@ -111,16 +112,22 @@ def _split_wide(
     points: Array, starts: NDArray[np.intp], stops: NDArray[np.intp], split_width_m: float, person_width_m: float
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Cut clusters that are too wide for one person into parts of equally many samples."""
-    ends = points[:, stops - 1] - points[:, starts]
-    width = np.hypot(ends[0], ends[1])
-    parts = np.where(width > split_width_m, np.maximum(np.round(width / person_width_m), 2), 1).astype(np.intp)
-    parts = np.minimum(parts, stops - starts)
-    if (parts == 1).all():
+    width = _width(points, starts, stops)
+    wide = width > split_width_m
+    if not wide.any():
         return starts, stops
+    parts = np.where(wide, np.maximum(np.round(width / person_width_m), 2), 1).astype(np.intp)
+    parts = np.minimum(parts, stops - starts)
     owner = np.repeat(np.arange(starts.size), parts)
     part = np.arange(owner.size) - np.repeat(np.cumsum(parts) - parts, parts)
     cuts = starts[owner] + (part * (stops - starts)[owner]) // parts[owner]
     return cuts, np.append(cuts[1:], stops[-1])
+
+
+def _width(points: Array, starts: NDArray[np.intp], stops: NDArray[np.intp]) -> Array:
+    """From the first sample of each cluster to its last [m]."""
+    ends = points[:, stops - 1] - points[:, starts]
+    return np.hypot(ends[0], ends[1])
 
 
 def _hidden(
@@ -131,7 +138,7 @@ def _hidden(
     Two, because the beam that straddles an edge may report a range between the two sides.
     """
     padded = np.full(ranges.size + 4, np.inf)
-    padded[2:-2][hit] = ranges[hit]
+    np.copyto(padded[2:-2], ranges, where=hit)
     nearer = range_m - jump_m
     before = np.minimum(padded[first], padded[first + 1]) < nearer
     after = np.minimum(padded[last + 3], padded[last + 4]) < nearer

@@ -31,10 +31,11 @@ def trunks(
     if not narrow.any():
         return kept
     near = (distances(position, position) < np.where(hidden, reach_m, arm_reach_m)) & narrow
+    near &= width_m <= width_m[:, None]
     np.fill_diagonal(near, False)
-    for one in np.argsort(-width_m, kind="stable"):  # each choice depends on those before it
+    for one in (-width_m).argsort(kind="stable").tolist():  # each choice depends on those before it
         if kept[one]:
-            kept[near[one] & (width_m <= width_m[one])] = False
+            kept &= ~near[one]
     return kept
 
 
@@ -51,23 +52,25 @@ def take_legs(
     legs nobody took (k,).
     """
     n, k = len(expected), len(legs)
-    position, n_leg, free = expected.copy(), np.zeros(n, np.intp), np.ones(k, np.bool_)
     if n == 0 or k == 0:
-        return position, n_leg, free
+        return expected.copy(), np.zeros(n, np.intp), np.ones(k, np.bool_)
     first, second, _ = _pairs(legs, stride_m)
     one, other = np.concatenate([np.arange(k), first]), np.concatenate([np.arange(k), second])
     middle = 0.5 * (legs[one] + legs[other])  # k single legs, then the pairs
     cost = distances(expected, middle)
     cost[:, :k] += single_cost_m
-    who, what = np.nonzero(cost < reach_m)
-    nearest_first = np.argsort(cost[who, what], kind="stable")
-    for person, choice in zip(who[nearest_first].tolist(), what[nearest_first].tolist(), strict=True):
-        # each choice depends on those before it
-        if n_leg[person] == 0 and free[one[choice]] and free[other[choice]]:
-            free[one[choice]] = free[other[choice]] = False
-            position[person] = middle[choice]
-            n_leg[person] = 1 if choice < k else 2
-    return position, n_leg, free
+    who, what = (cost < reach_m).nonzero()
+    nearest_first = cost[who, what].argsort(kind="stable")
+    who, what = who[nearest_first], what[nearest_first]
+    chosen, n_leg, free = {}, [0] * n, [True] * k
+    rows = zip(who.tolist(), what.tolist(), one[what].tolist(), other[what].tolist(), strict=True)
+    for person, choice, leg, other_leg in rows:  # each choice depends on those before it
+        if person not in chosen and free[leg] and free[other_leg]:
+            free[leg] = free[other_leg] = False
+            chosen[person], n_leg[person] = choice, 1 if leg == other_leg else 2
+    position = expected.copy()
+    position[list(chosen)] = middle[list(chosen.values())]
+    return position, np.array(n_leg), np.array(free)
 
 
 def pair_off(legs: Array, pair_m: float) -> tuple[Array, NDArray[np.intp]]:
@@ -76,10 +79,12 @@ def pair_off(legs: Array, pair_m: float) -> tuple[Array, NDArray[np.intp]]:
     Legs pair off from the closest up, at most `pair_m` apart, so that two people side by side, whose own legs are closer to
     one another than to the neighbour's, stay two.
     """
+    if len(legs) < 2:
+        return legs, np.ones(len(legs), np.intp)
     free = np.ones(len(legs), np.bool_)
     people = []
     first, second, apart = _pairs(legs, pair_m)
-    closest_first = np.argsort(apart, kind="stable")
+    closest_first = apart.argsort(kind="stable")
     for one, other in zip(first[closest_first].tolist(), second[closest_first].tolist(), strict=True):
         if free[one] and free[other]:
             free[one] = free[other] = False
@@ -91,6 +96,7 @@ def pair_off(legs: Array, pair_m: float) -> tuple[Array, NDArray[np.intp]]:
 def _pairs(points: Array, limit_m: float) -> tuple[Index, Index, Array]:
     """All pairs of points (k, 2) nearer than `limit_m`: first, second, distance."""
     apart = distances(points, points)
-    apart[np.tri(len(points), dtype=np.bool_)] = np.inf  # each pair once, nobody with themselves
-    first, second = np.nonzero(apart < limit_m)
+    first, second = (apart < limit_m).nonzero()
+    once = first < second  # each pair once, nobody with themselves
+    first, second = first[once], second[once]
     return first, second, apart[first, second]

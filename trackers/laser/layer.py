@@ -128,8 +128,8 @@ class LaserLayer:
     def __init__(self, sensor: LaserSensor, empty_scans: Sequence[LaserScan], options: LayerOptions) -> None:
         self.options = options
         self.learns_background = not empty_scans
-        self.rotation = sensor.room_from_sensor.rotation
-        self.translation = sensor.room_from_sensor.translation
+        self._room_from_scan = sensor.room_from_sensor.rotation[:2, :2].T.copy()
+        self._origin_m = sensor.room_from_sensor.translation[:2]
         self._background = (
             KnownBackground(empty_scans, options.background) if empty_scans else LearnedBackground(options.background)
         )
@@ -139,14 +139,13 @@ class LaserLayer:
         clusters = find_clusters(scan, self._background.foreground(scan), self.options.cluster)
         options, hidden = self.options, clusters.hidden_before | clusters.hidden_after
         axis = pushed_back(self._completed(clusters), options.half_depth_m)
-        angles = scan.angles_rad
         detections = Detections(
             position=self._in_room(axis),
             variance_m2=np.where(hidden, options.hidden_variance_m2, 0.0),
             width_m=clusters.width_m,
             range_m=clusters.range_m,
-            first_angle=angles[clusters.first_beam],
-            last_angle=angles[clusters.last_beam],
+            first_angle=scan.angle_min_rad + scan.angle_increment_rad * clusters.first_beam.astype(float),
+            last_angle=scan.angle_min_rad + scan.angle_increment_rad * clusters.last_beam.astype(float),
         )
         if options.satellite_width_m is None:
             return detections
@@ -165,13 +164,10 @@ class LaserLayer:
         if self.options.body_width_m is None:
             return clusters.middle
         missing = np.maximum(self.options.body_width_m - clusters.width_m, 0) / 2
-        side = clusters.hidden_after.astype(float) - clusters.hidden_before.astype(float)  # both hidden: in the middle
-        across = (
-            np.stack([-clusters.middle[:, 1], clusters.middle[:, 0]], axis=1)
-            / np.maximum(clusters.range_m, 1e-9)[:, None]
-        )
+        side = clusters.hidden_after.astype(float) - clusters.hidden_before  # both hidden: in the middle
+        across = clusters.middle[:, ::-1] * (-1.0, 1.0) / np.maximum(clusters.range_m, 1e-9)[:, None]
         return clusters.middle + across * (side * missing)[:, None]
 
     def _in_room(self, points: Array) -> Array:
         """Points (k, 2) of the scan plane as ground points of the room (k, 2) [m]."""
-        return points @ self.rotation[:2, :2].T + self.translation[:2]
+        return points @ self._room_from_scan + self._origin_m

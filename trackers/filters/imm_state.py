@@ -1,0 +1,76 @@
+"""What an interacting multiple model estimator knows of its tracks: the arrays that `Imm` takes and hands back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.filters.motion import HEADING, SPEED, STATE_SIZE, TURN_RATE, nearest_turn
+
+Array = NDArray[np.float64]
+Selection = NDArray[np.intp] | NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class ImmState:
+    """n tracks with m modes each; the tracks stand in the last axis, so that every operation runs along them."""
+
+    mean: Array  # (5, m, n)
+    covariance: Array  # (5, 5, m, n)
+    probability: Array  # (m, n), each column sums to 1
+
+    def __len__(self) -> int:
+        return self.mean.shape[-1]
+
+    @property
+    def positions(self) -> Array:
+        """Position of each track in each mode, (n, m, 2) [m]."""
+        return self.mean[:2].T
+
+    @property
+    def aligned_mean(self) -> Array:
+        """Means (5, m, n) with headings within half a turn of the most probable mode's."""
+        if len(self.probability) == 1:
+            return self.mean
+        headings = self.mean[HEADING]  # (m, n)
+        likeliest = headings[self.probability.argmax(axis=0), np.arange(len(self))]
+        means = self.mean.copy()
+        means[HEADING] = nearest_turn(headings, likeliest)
+        return means
+
+    @property
+    def mode_average(self) -> Array:
+        """Mean of each track over its modes, (5, n)."""
+        return (self.aligned_mean * self.probability).sum(axis=1)
+
+    def select(self, index: Selection) -> ImmState:
+        """The tracks at `index` (integers or a mask)."""
+        return ImmState(self.mean[..., index], self.covariance[..., index], self.probability[..., index])
+
+    def joined(self, other: ImmState) -> ImmState:
+        """These tracks followed by `other`."""
+        return ImmState(
+            np.concatenate([self.mean, other.mean], axis=-1),
+            np.concatenate([self.covariance, other.covariance], axis=-1),
+            np.concatenate([self.probability, other.probability], axis=-1),
+        )
+
+    def slowed(self, kept: Array) -> ImmState:
+        """These tracks with speed and turn rate multiplied by `kept` (n,), their covariance accordingly."""
+        scale = np.ones((STATE_SIZE, len(self)))
+        scale[SPEED] = scale[TURN_RATE] = kept
+        mean = self.mean * scale[:, None]
+        covariance = self.covariance * (scale[:, None] * scale)[:, :, None]
+        return ImmState(mean, covariance, self.probability)
+
+    def replaced(self, index: Selection, other: ImmState) -> ImmState:
+        """These tracks with those at `index` exchanged for `other`."""
+        mean, covariance, probability = self.mean.copy(), self.covariance.copy(), self.probability.copy()
+        mean[..., index], covariance[..., index], probability[..., index] = (
+            other.mean,
+            other.covariance,
+            other.probability,
+        )
+        return ImmState(mean, covariance, probability)
