@@ -209,7 +209,7 @@ def check() -> None:
 
 app.add_typer(suites, name="suite")
 app.command(epilog="Example: twin environment home-three-people --out out/home.npz")(environment)
-app.command(epilog="Example: twin reproduce laser-fisheye-imm --seeds 100 --out out/figure7")(reproduce)
+app.command(epilog="Example: twin reproduce laser-fisheye-imm --seeds 10 --jobs 2")(reproduce)
 
 
 @app.command(

@@ -43,6 +43,8 @@ _LOOKS_AGAIN_S = 0.1
 """How often a condition, or somebody who moves, is looked at [s]."""
 _PASS_M = 0.2
 _HALT_M = 0.05
+_WALKS_ON_M_S = 0.2
+"""Whoever is slower is about to stand."""
 _FACING_RAD = radians(3)
 _TURNS_AT_ONCE_DEG = 150.0
 _BEFORE_M = 0.28
@@ -254,13 +256,17 @@ def _follow(actor: Actor, action: Follow) -> Doing:
     while actor.t < ends_at and not actor.is_gone(action.person):
         until = min(actor.t + 2 * _LOOKS_AGAIN_S, ends_at)
         gap = actor.distance_to(action.person) - action.distance_m
-        if gap < 0.1 or gap == inf:
-            heading = actor.bearing_of(action.person) if gap != inf else None
-            yield Order(None, until=until, heading=heading)
+        if gap == inf:
+            yield Order(None, until=until)
+            continue
+        # as fast as the gap asks for: it closes within about half a second, and stays closed behind somebody who walks on
+        ahead = actor.speed_of(action.person)
+        walks_on = ahead > _WALKS_ON_M_S
+        if gap < (-ahead if walks_on else 0.1):
+            yield Order(None, until=until, heading=actor.bearing_of(action.person))
         else:
-            # as fast as the gap asks for: it closes within about a second
-            speed = min(action.speed_m_s, actor.speed_of(action.person) + gap)
-            yield from _one_step_on(actor, action.person, speed, until, action.distance_m)
+            speed = min(action.speed_m_s, max(ahead + 2 * gap, _WALKS_ON_M_S))
+            yield from _one_step_on(actor, action.person, speed, until, 0.0 if walks_on else action.distance_m)
 
 
 def _one_step_on(actor: Actor, person: str, speed_m_s: float, until: float, distance_m: float) -> Doing:
@@ -272,7 +278,7 @@ def _one_step_on(actor: Actor, person: str, speed_m_s: float, until: float, dist
         yield Order(None, until=until)
         return
     goal = way[0] if len(way) > 1 else before
-    yield Order(goal, speed_m_s, until, _HALT_M, halt=len(way) == 1)
+    yield Order(goal, speed_m_s, until, _HALT_M, halt=len(way) == 1 and distance_m > 0)
 
 
 def _meet(actor: Actor, action: Meet) -> Doing:

@@ -7,6 +7,7 @@ noise decides, so that the interval of a count near all or none lies towards the
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import log
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ Array = NDArray[np.float64]
 
 N_REPLICATE = 2000
 CONFIDENCE = 0.95
+MOST_UNSEEN = -log((1 - CONFIDENCE) / 2)
+"""How many events may be expected where none was seen: 3.69."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,29 @@ class Bootstrap:
     def ratio(self, above: Array, below: Array) -> Array:
         """Σ above / Σ below over the runs (n, k) at each scan, in every replicate, (1 + replicates, k)."""
         return (self.counts @ above) / (self.counts @ below)
+
+    def mean(self, values: Array) -> Array:
+        """The mean of (n,) values over the runs, in every replicate, (1 + replicates,)."""
+        return self.counts @ values / len(values)
+
+    def difference(self, change: Array) -> Interval:
+        """The mean of differences of counts (n,), paired by run, with its interval.
+
+        Where no run differs, the interval is as `rate` has it for no event, either way.
+        """
+        if not change.any():
+            return Interval(0.0, -MOST_UNSEEN / len(change), MOST_UNSEEN / len(change))
+        return interval(self.mean(change))
+
+    def rate(self, counts: Array, exposure: Array) -> Interval:
+        """Events per exposure, from counts (n,) and exposures (n,) of each run, with its interval.
+
+        Where nothing happened in any run the bootstrap sees no doubt; the upper end is then that of Poisson's exact
+        interval for no event, `MOST_UNSEEN` events in all exposure together (Garwood, Biometrika 28, 1936).
+        """
+        if not counts.any():
+            return Interval(0.0, 0.0, MOST_UNSEEN / float(exposure.sum()))
+        return interval(self.ratio(counts[:, None], exposure[:, None])[:, 0])
 
 
 def interval(values: Array) -> Interval:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
@@ -13,60 +14,82 @@ from numpy.typing import NDArray
 
 from twin.recording.whole_file import whole_file
 from twin.reproduce.figure7 import FIRST_SCAN, MEAN_MAGNITUDE, N_PARTICLE, START_SPEED_M_S, MonteCarlo
-from twin.reproduce.results import Curves, Result
+from twin.reproduce.results import NPE, NVE, Curves, Result
 from twin.reproduce.walk import PERIOD_S
 
-_DECIMALS = {"1": 3, "%": 1, "BW": 3, "m": 3, "m/s": 2, "s": 3, "steps/min": 1}
+_DECIMALS = {"1": 3, "%": 1, "BW": 3, "m": 3, "m/s": 2, "s": 3, "steps/min": 1, "/run": 2, "/person-min": 2}
 
 
 def write_page(
     path: Path,
-    runs: MonteCarlo,
+    *,
     results: Sequence[Result],
-    found: Sequence[Curves],
-    figure6_svg: str,
-    figure7_svg: str,
     command: str,
+    drawn: Mapping[str, str],
+    figure7: Mapping[str, Any],
+    lab: Mapping[str, Any],
 ) -> None:
-    """Write the page; it takes its name when it is whole. `command` is how to get the same again.
+    """Write the page of `laser-fisheye-imm`; it takes its name when it is whole.
 
-    Raises InputError where the file cannot be written.
+    command: how to get the same again; drawn: plots as SVG by name; figure7, lab: what `figure7_content` and
+    `lab_content` give. Raises InputError where the file cannot be written.
     """
+    shown = [(result, *text_of(result)) for result in results]
     page = template("page.html.j2").render(
-        n_run=len(runs.seeds),
-        seeds=f"{runs.seeds.start} to {runs.seeds[-1]}",
-        n_scan=len(runs.walk),
-        period_s=PERIOD_S,
-        top_speed=float(runs.walk.speed.max()),
-        maneuvers=[
-            f"{maneuver.kind} {maneuver.start_t / PERIOD_S:.0f}–{maneuver.end_t / PERIOD_S:.0f}"
-            for maneuver in runs.walk.maneuvers
-        ],
-        rows=[(result, *text_of(result)) for result in results],
-        behind=[(curves.name, spans_text(runs.scans[~curves.lowest()[0]])) for curves in found],
-        reading=MEAN_MAGNITUDE,
-        n_particle=N_PARTICLE,
-        first_scan=FIRST_SCAN,
-        start_speed=START_SPEED_M_S,
-        figure6=source_of(figure6_svg),
-        figure7=source_of(figure7_svg),
+        figure7_rows=[row for row in shown if row[0].where in (NPE, NVE)],
+        lab_rows=[row for row in shown if row[0].where not in (NPE, NVE)],
+        plots={name: source_of(svg) for name, svg in drawn.items()},
+        figure7=figure7,
+        lab=lab,
         command=command,
     )
     with whole_file(path) as stream:
         stream.write(page)
 
 
+def figure7_content(runs: MonteCarlo, found: Sequence[Curves]) -> dict[str, Any]:
+    """What the page says of figure 7 and the walk of figure 6."""
+    return {
+        "n_run": len(runs.seeds),
+        "seeds": f"{runs.seeds.start} to {runs.seeds[-1]}",
+        "n_scan": len(runs.walk),
+        "period_s": PERIOD_S,
+        "top_speed": float(runs.walk.speed.max()),
+        "maneuvers": [
+            f"{maneuver.kind} {maneuver.start_t / PERIOD_S:.0f}–{maneuver.end_t / PERIOD_S:.0f}"
+            for maneuver in runs.walk.maneuvers
+        ],
+        "behind": [(curves.name, spans_text(runs.scans[~curves.lowest()[0]])) for curves in found],
+        "reading": MEAN_MAGNITUDE,
+        "n_particle": N_PARTICLE,
+        "first_scan": FIRST_SCAN,
+        "start_speed": START_SPEED_M_S,
+    }
+
+
 def text_of(result: Result) -> tuple[str, str, str]:
     """The paper's figure, ours, and its interval, as written."""
-    decimals = _DECIMALS[result.unit]
-    unit = "" if result.unit == "1" else f" {result.unit}"
-
-    def written(value: float) -> str:
-        return f"{value:.{decimals}f}".replace("-", "−")
-
-    paper = "–" if result.paper is None else written(result.paper) + unit
+    paper = "–" if result.paper is None else written(result.paper, result.unit)
     low, high = result.ci95
-    return paper, written(result.ours) + unit, f"{written(low)} to {written(high)}{unit}"
+    unit = _unit(result.unit)
+    return (
+        paper,
+        written(result.ours, result.unit),
+        f"{_number(low, result.unit)} to {_number(high, result.unit)}{unit}",
+    )
+
+
+def written(value: float, unit: str) -> str:
+    """A figure with its unit."""
+    return _number(value, unit) + _unit(unit)
+
+
+def _number(value: float, unit: str) -> str:
+    return f"{value:.{_DECIMALS[unit]}f}".replace("-", "−")
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else f" {unit}"
 
 
 def spans_text(scans: NDArray[np.intp]) -> str:

@@ -20,4 +20,4 @@ def print_results(title: str, results: Sequence[Result]) -> None:
         table.add_column(heading, justify="right", no_wrap=True)
     for result in results:
         table.add_row(result.where, result.row, result.column, *text_of(result))
-    Console(width=None if Console().is_terminal else 120).print(table)
+    Console(width=None if Console().is_terminal else 150).print(table)

@@ -44,20 +44,20 @@ def attempt(function: Callable[[Any], Any], work: Any, limit_s: float, log: Path
     def spent_s() -> float:
         return time.perf_counter() - start
 
-    with _logged(log, limit_s if killed else None):
-        try:
+    try:
+        with _logged(log, limit_s if killed else None):
             return Attempt("done", function(work), spent_s())
-        except InputError as error:
-            cause = error.__cause__
-            full = isinstance(cause, OSError) and cause.errno in _NO_SPACE
-            return Attempt("no space" if full else "bad input", None, spent_s(), str(error))
-        except OSError as error:
-            if error.errno in _NO_SPACE:
-                message = f"{error.filename or 'a file'}: cannot be written ({error.strerror})"
-                return Attempt("no space", None, spent_s(), message)
-            return Attempt("raised", None, spent_s(), traceback.format_exc())
-        except (Exception, SystemExit):  # a plug-in that leaves the process is a failed case, no more
-            return Attempt("raised", None, spent_s(), traceback.format_exc())
+    except InputError as error:
+        cause = error.__cause__
+        full = isinstance(cause, OSError) and cause.errno in _NO_SPACE
+        return Attempt("no space" if full else "bad input", None, spent_s(), str(error))
+    except OSError as error:  # the log's own too: a full disk can keep it from being opened or written
+        if error.errno in _NO_SPACE:
+            message = f"{error.filename or log or 'a file'}: cannot be written ({error.strerror})"
+            return Attempt("no space", None, spent_s(), message)
+        return Attempt("raised", None, spent_s(), traceback.format_exc())
+    except (Exception, SystemExit):  # a plug-in that leaves the process is a failed case, no more
+        return Attempt("raised", None, spent_s(), traceback.format_exc())
 
 
 def log_tail(log: Path | None) -> str:
@@ -86,14 +86,16 @@ def _logged(log: Path | None, deadline_s: float | None) -> Iterator[None]:
         with _watched(deadline_s, target):
             yield
     finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        for number, copy in enumerate(kept, start=1):
-            os.dup2(copy, number)
-            os.close(copy)
-        os.close(target)
-        if log.stat().st_size == 0:
-            log.unlink()
+        try:
+            sys.stdout.flush()
+            sys.stderr.flush()
+        finally:
+            for number, copy in enumerate(kept, start=1):
+                os.dup2(copy, number)
+                os.close(copy)
+            os.close(target)
+            if log.stat().st_size == 0:
+                log.unlink()
 
 
 @contextmanager

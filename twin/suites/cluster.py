@@ -28,6 +28,14 @@ _CONFIGURATION = {
     "distributed.worker.multiprocessing-method": "spawn",  # a process forked after rendering hangs
     "distributed.scheduler.allowed-failures": 0,  # we count attempts; a death is to be told of at once
     "distributed.worker.profile.enabled": False,
+    # Dask looks after itself up to 50 times a second in every process, and moves work about; our tasks take seconds and
+    # have their places. Seldom is enough: it took 4 % of a core of the two that the workers need.
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.tick.limit": "60s",
+    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.worker.memory.monitor-interval": "1s",
+    "distributed.scheduler.work-stealing": False,
+    "distributed.scheduler.active-memory-manager.start": False,
     "distributed.logging": {"distributed": "critical"},  # deaths and restarts are reported by us
 }
 

@@ -1,7 +1,10 @@
 """The figures of a case: those of `metrics.json`, which of them are compared, and how much worse each may get.
 
-The default tolerances are ours: about three times what a figure moves, as a mean over three seeds, when only the noise's
-seed changes.
+The default tolerances are ours: small enough that validation gates half as wide are noticed (in MOTP, DetA and OSPA; on
+seeds 0 to 2 and on 1000 to 1002), while what is harmless moves less: on the lab, seeds 1000 to 1005, other noise of the
+image changed no figure of any tracker with a camera, in 144 pairs of runs (`scripts/bench --only suite-spread`). Other noise
+of the *scanners* is not harmless: identities go other ways then, and DetA of the trackers without a camera moves by 0.011,
+IDF1 by 0.045 (σ of a mean over three seeds). So a change after which scans differ wants a new baseline, or more seeds.
 """
 
 from __future__ import annotations
@@ -26,23 +29,23 @@ class Allowance:
 
 
 GATED: Mapping[str, Allowance] = {
-    "mota": Allowance(0.01),
-    "motp_m": Allowance(0.002, 0.03),
-    "idf1": Allowance(0.02),
-    "hota": Allowance(0.015),
-    "deta": Allowance(0.01),
-    "assa": Allowance(0.02),
-    "gospa_m": Allowance(0.005, 0.05),
-    "ospa_m": Allowance(0.003, 0.05),
+    "mota": Allowance(0.005),
+    "motp_m": Allowance(0.0005, 0.01),
+    "idf1": Allowance(0.01),
+    "hota": Allowance(0.008),
+    "deta": Allowance(0.003),
+    "assa": Allowance(0.01),
+    "gospa_m": Allowance(0.003, 0.02),
+    "ospa_m": Allowance(0.001, 0.02),
     "misidentifications": Allowance(0.5),
     "lost_tracks": Allowance(0.5),
     "id_switches": Allowance(0.5),
-    "misses": Allowance(3.0, 0.2),
-    "false_positives": Allowance(3.0, 0.2),
-    "head_error_m.x": Allowance(0.003, 0.05),
-    "head_error_m.y": Allowance(0.003, 0.05),
-    "head_error_m.z": Allowance(0.003, 0.05),
-    "head_yaw_error_rad": Allowance(0.02, 0.05),
+    "misses": Allowance(2.0, 0.1),
+    "false_positives": Allowance(2.0, 0.1),
+    "head_error_m.x": Allowance(0.002, 0.02),
+    "head_error_m.y": Allowance(0.002, 0.02),
+    "head_error_m.z": Allowance(0.002, 0.02),
+    "head_yaw_error_rad": Allowance(0.01, 0.02),
 }
 """The figures that are compared, in the order they are shown; those at the wider gate say much the same again, and what
 a frame costs depends on who else uses the machine."""

@@ -78,7 +78,7 @@ def run_suite(
     with ExitStack() as stack:
         store = stack.enter_context(open_store(folder, cases, facts, resume))
         start, before_s = time.perf_counter(), store.facts()["seconds"]
-        run_tasks = _runner(place or Place(), stack, watcher)
+        run_tasks = open_place(place or Place(), stack, watcher)
         logs = folder / "logs"
         logs.mkdir(exist_ok=True)
         _run_cases(store, folder, cases, cache, run_tasks, watcher, logs, function or run_case)
@@ -89,7 +89,8 @@ def run_suite(
 RunTasks = Callable[[Sequence[Task], Callable[[Any], Any], Listener, Path | None], None]
 
 
-def _runner(place: Place, stack: ExitStack, watcher: Watcher) -> RunTasks:
+def open_place(place: Place, stack: ExitStack, watcher: Watcher) -> RunTasks:
+    """What runs tasks there, workers included, until the stack is left; raises InputError as `open_cluster`."""
     if place.scheduler is None and place.jobs == 1:
         return lambda tasks, function, listener, logs: run_here(tasks, function, listener)
     cluster = stack.enter_context(open_cluster(place.jobs, place.scheduler, place.resources))

@@ -1,7 +1,10 @@
 """What `twin reproduce laser-fisheye-imm` leaves behind, and what it refuses."""
 
+import csv
 import json
 import re
+import shutil
+import sqlite3
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -12,38 +15,81 @@ from typer.testing import CliRunner
 from trackers.errors import InputError
 from twin.reproduce.command import reproduce
 from twin.reproduce.figure7 import FILTERS, IMM, MEAN_MAGNITUDE, simulate
+from twin.reproduce.lab_conditions import COLUMNS
 from twin.reproduce.page import spans_text, text_of
 from twin.reproduce.results import NPE, NVE, Result, curves, figure7_results
+from twin.reproduce.table_one import COUNTS, DENSITY, TABLE_ONE, paper_figure
 from twin.reproduce.walk import maneuvering_walk
 
-SEEDS = range(1000, 1006)
+SEEDS = range(1000, 1002)
+RUNS = range(1000, 1006)
+SHORT = """
+name: short
+description: The paper's condition and two beyond it, short and with small pictures.
+seeds: 2
+trackers: [laser-fisheye-imm, waist-fisheye-imm, laser-imm, laser-fisheye-kalman, waist-fisheye-kalman, laser-kalman]
+set: {duration_s: 2, sensors.fisheye.size: [160, 160]}
+scenarios:
+  - {scenario: lab-five-people, name: people-5}
+  - {scenario: lab-five-people, name: people-2, set: {people.white: null, people.black: null, people.blue: null}}
+  - {scenario: lab-five-people, name: dark, set: {lights: [{at_s: 0, brightness: 0.05}]}}
+"""
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def short(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("suite") / "short.yaml"
+    path.write_text(SHORT)
+    return path
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, short):
     out = tmp_path_factory.mktemp("reproduce")
-    reproduce("laser-fisheye-imm", seeds=len(SEEDS), seed=SEEDS.start, out=out)
-    return out
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROOMTWIN_CACHE", str(out / "cache"))
+        reproduce(
+            "laser-fisheye-imm", seeds=2, seed=SEEDS.start, runs=len(RUNS), suite=str(short), jobs=1, out=out / "there"
+        )
+    return out / "there"
 
 
 @pytest.fixture(scope="module")
 def runs():
-    return simulate(maneuvering_walk(), SEEDS)
+    return simulate(maneuvering_walk(), RUNS)
 
 
-def test_it_leaves_results_plots_and_a_page_and_nothing_else(folder):
-    assert {path.name for path in folder.iterdir()} == {"results.json", "figure6.svg", "figure7.svg", "report.html"}
+def rows_of(folder: Path) -> list[Result]:
+    return [
+        Result(**{**each, "ci95": tuple(each["ci95"])}) for each in json.loads((folder / "results.json").read_text())
+    ]
 
 
-def test_results_follow_the_contract_and_are_the_runs(folder, runs):
-    results = json.loads((folder / "results.json").read_text())
-    for result in results:
-        assert list(result) == ["where", "row", "column", "paper", "ours", "ci95", "unit", "runs"]
-        assert result["paper"] is None and result["runs"] == len(SEEDS)
-        assert len(result["ci95"]) == 2 and result["ci95"][0] <= result["ci95"][1]
-        assert np.isfinite([result["ours"], *result["ci95"]]).all()
-    value = {(result["where"], result["row"], result["column"]): result["ours"] for result in results}
-    assert len(value) == len(results)
+def test_it_leaves_results_tables_plots_and_a_page_and_nothing_else(folder):
+    plots = ("figure6", "figure7", "figure9", "table1", "densities", "conditions")
+    names = {path.name for path in folder.iterdir()} - {"strips"}  # there where anything happened
+    assert names == {
+        "results.json",
+        "runs.csv",
+        "moments.csv",
+        "report.html",
+        "suite",
+        *(f"{name}.svg" for name in plots),
+    }
+
+
+def test_results_follow_the_contract(folder):
+    rows = json.loads((folder / "results.json").read_text())
+    for row in rows:
+        assert list(row) == ["where", "row", "column", "paper", "ours", "ci95", "unit", "runs"]
+        assert row["runs"] == (len(RUNS) if row["where"] in (NPE, NVE) else len(SEEDS))
+        assert len(row["ci95"]) == 2 and row["ci95"][0] <= row["ci95"][1]
+        assert np.isfinite([row["ours"], *row["ci95"]]).all()
+    assert len({(row["where"], row["row"], row["column"]) for row in rows}) == len(rows)
+
+
+def test_figure_7_is_the_runs(folder, runs):
+    value = {(row.where, row.row, row.column): row.ours for row in rows_of(folder)}
     for where, name, errors in ((NPE, "NPE", runs.position), (NVE, "NVE", runs.speed[MEAN_MAGNITUDE])):
         column, curve = f"{name}, mean over scans", errors.normalised()
         for key in FILTERS:
@@ -55,30 +101,71 @@ def test_results_follow_the_contract_and_are_the_runs(folder, runs):
         assert value[where, IMM, f"scans at which its {name} is the lowest"] == pytest.approx(100 * lowest)
 
 
+def test_table_one_is_what_the_suite_measured_beside_the_paper(folder):
+    found = {(row.row, row.column): row for row in rows_of(folder) if row.where == TABLE_ONE}
+    with sqlite3.connect(folder / "suite" / "results.sqlite") as connection:
+        query = "SELECT AVG(value) FROM results WHERE scenario = 'people-5' AND tracker = ? AND metric = ?"
+        for column in COLUMNS:
+            metrics = {"misidentified": "misidentifications", "lost": "lost_tracks", "MOTA": "mota", "MOTP": "motp_m"}
+            for row, metric in metrics.items():
+                (mean,) = connection.execute(query, (column.tracker, metric)).fetchone()
+                assert found[row, column.name].ours == pytest.approx(mean), (column, row)
+                assert found[row, column.name].paper == paper_figure(column, row)
+    assert {row for row, _ in found} == {*COUNTS, "MOTA", "IDF1", "MOTP"}
+
+
+def test_every_run_of_every_column_is_a_row(folder):
+    with (folder / "runs.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == 3 * len(SEEDS) * len(COLUMNS)
+    minutes = {(row["condition"], row["seed"]): float(row["person_minutes"]) for row in rows}
+    for (condition, _), found in minutes.items():
+        assert found == pytest.approx((2 if condition == "people-2" else 5) * 2 / 60, rel=0.06)
+    densities = {row.row for row in rows_of(folder) if row.where == DENSITY}
+    assert densities == {"people-2", "people-5"}
+
+
+def test_every_moment_is_listed_and_every_drawn_one_has_its_picture(folder):
+    with (folder / "moments.csv").open() as stream:
+        moments = list(csv.DictReader(stream))
+    for moment in moments:
+        assert moment["kind"] in ("misidentification", "lost")
+        assert (folder / moment["report"]).is_file()
+    with (folder / "runs.csv").open() as stream:
+        counted = sum(int(row["misidentifications"]) + int(row["lost_tracks"]) for row in csv.DictReader(stream))
+    assert counted == len(moments)
+    strips = folder / "strips"
+    drawn = list(strips.iterdir()) if strips.is_dir() else []
+    assert (folder / "report.html").read_text().count("data:image/jpeg;base64,") == len(drawn)
+    assert bool(drawn) == any(row["condition"] == "people-5" for row in moments) or drawn
+
+
 def test_plots_are_svg_with_their_words(folder):
-    for name, words in (("figure6.svg", ["footprint", "turning velocity"]), ("figure7.svg", ["NPE", "NVE", *FILTERS])):
-        text = (folder / name).read_text()
+    words = {
+        "figure6": ["footprint", "turning velocity", "stop", "start", "turn", "scan"],
+        "figure7": ["NPE", "NVE", *FILTERS, "stop", "start", "turn", "scan"],
+        "figure9": ["footprints", "purple", "track, measured", "time [s]"],
+        "table1": ["misidentified", "lost", *(column.name for column in COLUMNS)],
+        "densities": ["errors per person-minute", "0.57/m²", "Kalman"],
+        "conditions": ["dark", "people-5"],
+    }
+    for name, expected in words.items():
+        text = (folder / f"{name}.svg").read_text()
         ElementTree.fromstring(text)
-        for word in [*words, "stop", "start", "turn", "scan"]:
-            assert word in text
+        for word in expected:
+            assert word in text, (name, word)
 
 
 def test_the_page_needs_nothing_but_itself(folder):
     page = (folder / "report.html").read_text()
-    assert not re.findall(r'(?:src|href)="(?!data:)', page) and "<script" not in page
-    assert page.count("data:image/svg+xml;base64,") == 2
-    assert f"twin reproduce laser-fisheye-imm --seeds {len(SEEDS)} --seed {SEEDS.start}" in page
-    for result in json.loads((folder / "results.json").read_text()):
-        written = Result(**{**result, "ci95": tuple(result["ci95"])})
-        assert all(text in page for text in text_of(written))
-    for words in ("no other figure or table", "figure 6 is lost", "No parameter was tuned"):
+    assert not re.findall(r'src="(?!data:)', page) and "<script" not in page
+    assert all(link.startswith(("#", "suite/cases/")) for link in re.findall(r'href="([^"]*)"', page))
+    assert page.count("data:image/svg+xml;base64,") == 6
+    assert f"twin reproduce laser-fisheye-imm --seeds 2 --runs 6 --seed {SEEDS.start} --suite " in page
+    for row in rows_of(folder):
+        assert all(text in page for text in text_of(row))
+    for words in ("figure 6 is lost", "No parameter was tuned", "What was to be shown", "breaks at", "paper 8"):
         assert words in page
-
-
-def test_the_same_seeds_leave_the_same_files(folder, tmp_path):
-    reproduce("laser-fisheye-imm", seeds=len(SEEDS), seed=SEEDS.start, out=tmp_path)
-    for path in folder.iterdir():
-        assert (tmp_path / path.name).read_bytes() == path.read_bytes(), path.name
 
 
 def test_results_and_curves_share_their_replicates(runs):
@@ -89,11 +176,32 @@ def test_results_and_curves_share_their_replicates(runs):
     assert npe.ci95[0] == np.quantile(first.by_filter[IMM].mean(axis=1)[1:], 0.025)
 
 
-def test_bad_input_is_named():
+def test_bad_input_is_named(tmp_path):
     with pytest.raises(InputError, match="'laser'; valid are laser-fisheye-imm, gait"):
         reproduce("laser")
     with pytest.raises(InputError, match="--seeds 1: .* 2 or more"):
         reproduce("laser-fisheye-imm", seeds=1)
+    with pytest.raises(InputError, match="--runs 1: .* 2 or more"):
+        reproduce("laser-fisheye-imm", runs=1)
+    with pytest.raises(InputError, match="--jobs: is an option of `reproduce laser-fisheye-imm` only"):
+        reproduce("gait", jobs=2)
+    with pytest.raises(InputError, match="suite 'tables'"):
+        reproduce("laser-fisheye-imm", suite="tables", out=tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("name: people-5}", "name: five}"), "none is named people-5"),
+        ((", laser-kalman]", "]"), "trackers: people-5 is without laser-kalman; all six"),
+    ],
+)
+def test_a_suite_that_is_not_table_one_is_refused(tmp_path, change, words):
+    path = tmp_path / "other.yaml"
+    path.write_text(SHORT.replace(*change))
+    with pytest.raises(InputError, match=words):
+        reproduce("laser-fisheye-imm", seeds=2, suite=str(path), out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_place_that_cannot_be_written_is_refused(tmp_path):
@@ -102,16 +210,35 @@ def test_a_place_that_cannot_be_written_is_refused(tmp_path):
         reproduce("laser-fisheye-imm", seeds=2, out=tmp_path / "file")
 
 
-def test_as_a_command(tmp_path: Path, monkeypatch):
+def test_as_a_command_that_takes_up_what_is_done_and_leaves_the_same_files(folder, short, tmp_path: Path, monkeypatch):
     import typer
 
+    monkeypatch.setenv("ROOMTWIN_CACHE", str(folder.parent / "cache"))
     monkeypatch.chdir(tmp_path)
+    out = tmp_path / "out" / "reproduce-laser-fisheye-imm"
+    shutil.copytree(folder / "suite", out / "suite")
     app = typer.Typer(rich_markup_mode=None)
     app.command()(reproduce)
-    done = CliRunner().invoke(app, ["laser-fisheye-imm", "--seeds", "3"])
+    arguments = [
+        "laser-fisheye-imm",
+        "--seeds",
+        "2",
+        "--seed",
+        str(SEEDS.start),
+        "--runs",
+        str(len(RUNS)),
+        "--jobs",
+        "1",
+    ]
+    done = CliRunner().invoke(app, [*arguments, "--suite", str(short)])
+    assert isinstance(done.exception, InputError) and "--resume" in str(done.exception)
+    done = CliRunner().invoke(app, [*arguments, "--suite", str(short), "--resume"])
     assert done.exit_code == 0, done.output
-    assert "NPE, mean over scans" in done.stdout and "report.html" in done.stdout
-    assert (tmp_path / "out" / "reproduce-laser-fisheye-imm" / "results.json").is_file()
+    for words in ("NPE, mean over scans", "table I", "misidentified", "report.html"):
+        assert words in done.stdout
+    for path in folder.iterdir():
+        if path.is_file():
+            assert (out / path.name).read_bytes() == path.read_bytes(), path.name
 
 
 def test_spans_in_words():

@@ -42,6 +42,8 @@ def do(work: dict[str, Any]) -> Any:
             mark.touch()
             os.kill(os.getpid(), signal.SIGKILL)
         return work["n"] ** 2
+    if kind == "leave":
+        sys.exit(0)
     if kind == "hang":
         while True:
             time.sleep(0.05)
@@ -56,8 +58,10 @@ def result_of(work: CaseWork) -> CaseResult:
     """A case's figures without recording or tracking: made up from its seed, the environment saying what goes wrong."""
     case = work.case
     time.sleep(float(os.environ.get("SYNTHETIC_CASE_S", "0")))
-    if case.tracker == "laser-kalman" and os.environ.get("SYNTHETIC_FAULT"):
-        do({"kind": os.environ["SYNTHETIC_FAULT"]})
+    for each in os.environ.get("SYNTHETIC_FAULT", "").split(","):  # KIND, or BEGINNING=KIND for cases of such an id
+        beginning, _, kind = each.rpartition("=")
+        if kind and case.tracker == "laser-kalman" and case.id.startswith(beginning):
+            do({"kind": kind})
     worse = float(os.environ.get("SYNTHETIC_WORSE_M", "0"))
     return CaseResult(
         metrics={

@@ -83,11 +83,11 @@ def test_what_gets_better_is_no_alarm() -> None:
 
 
 def test_the_tolerance_holds_where_the_interval_alone_would_alarm() -> None:
-    now = results(shift={"motp_m": 0.003})
+    now = results(shift={"motp_m": 0.0008})
     change = next(each for each in compare(results(), now, allowed_by_default).changes if each.change > 0)
     assert change.significant and not change.worse
-    assert compare(results(), now, lambda metric, before: 0.001).worse == [
-        next(each for each in compare(results(), now, lambda metric, before: 0.001).changes if each.change > 0)
+    assert compare(results(), now, lambda metric, before: 0.0005).worse == [
+        next(each for each in compare(results(), now, lambda metric, before: 0.0005).changes if each.change > 0)
     ]
 
 
@@ -109,7 +109,7 @@ def test_a_figure_that_is_no_longer_there_is_worse() -> None:
 
 
 def test_another_renderer_relaxes_the_figures_of_images_alone_and_is_told() -> None:
-    shift = {"motp_m": 0.008}
+    shift = {"motp_m": 0.003}
     now = results(shift=shift, renderer="NVIDIA H200")
     assert judged(results(), results(shift=shift)) == [("room-0", "full", "motp_m")]
     assert judged(results(), now) == []  # `full` is image-based

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from xml.etree import ElementTree
 
+import psutil
 import pytest
 from synthetic_cases import result_of
 from typer.testing import CliRunner
@@ -135,8 +136,10 @@ def test_a_run_killed_in_the_middle_is_resumed_and_nothing_is_done_twice(suite: 
                 done_before = sum(case.status == "done" for case in store.cases())
     with pytest.raises(InputError, match=r"^--out .*: process \d+ on .* is writing there at this moment"):
         run_made_up(suite, folder, resume=True)
+    workers = psutil.Process(process.pid).children(recursive=True)
     process.send_signal(signal.SIGKILL)
     process.wait()
+    assert len(workers) >= 2 and not psutil.wait_procs(workers, timeout=60)[1]  # they do not outlive it
     killed = dict(rows(folder, "SELECT case_id, seconds FROM cases WHERE status = 'done'"))
     assert done_before <= len(killed) < N_CASE
     with pytest.raises(InputError, match=r"holds the results of an earlier run; --resume"):

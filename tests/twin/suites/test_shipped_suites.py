@@ -1,0 +1,102 @@
+"""The shipped suites hold what they promise: every room, tracker and fault, people from 2 to 20, changing light."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from trackers.configuration import parse_yaml
+from trackers.presets import PRESETS
+from twin import models
+from twin.scenario import Scenario
+from twin.scenario.faults import FAULT_KINDS
+from twin.suites.baseline import read_baseline
+from twin.suites.cases import Case, expand
+from twin.suites.description import load_suite
+from twin.suites.worker import resolved_scenario
+
+
+def cases_of(name: str) -> list[Case]:
+    return expand(*load_suite(name))
+
+
+def scenarios_of(cases: list[Case]) -> dict[str, Scenario]:
+    """A scenario of each name, of one of its seeds."""
+    return {name: resolved_scenario(case) for name, case in {case.scenario: case for case in cases}.items()}
+
+
+def seeds_of(cases: list[Case]) -> dict[tuple[str, str], set[int]]:
+    found: dict[tuple[str, str], set[int]] = {}
+    for case in cases:
+        found.setdefault((case.scenario, case.tracker), set()).add(case.seed)
+    return found
+
+
+def test_regression_has_every_room_and_every_tracker_with_three_seeds() -> None:
+    cases = cases_of("regression")
+    assert {scenario.room for scenario in scenarios_of(cases).values()} == set(models.names("rooms"))
+    assert {case.tracker for case in cases} == set(PRESETS)
+    assert all(len(seeds) == 3 for seeds in seeds_of(cases).values())
+
+
+def test_faults_has_every_fault_on_every_sensor_of_the_lab_that_can_have_it() -> None:
+    scenarios = scenarios_of(cases_of("faults"))
+    hit = {
+        (name, fault.kind)
+        for scenario in scenarios.values()
+        if scenario.name != "lab-faults"
+        for fault in scenario.faults.values()
+        for name in fault.sensor
+    }
+    lab = scenarios["healthy"]
+    assert not lab.faults
+    possible = {
+        (name, kind)
+        for name, each in lab.sensors.items()
+        for kind, fault in FAULT_KINDS.items()
+        if each.kind in fault.fits
+    }
+    assert possible <= hit and {kind for _, kind in hit} == set(FAULT_KINDS)
+
+
+def test_density_goes_from_two_people_to_twenty() -> None:
+    numbers = {name: len(scenario.people) for name, scenario in scenarios_of(cases_of("density")).items()}
+    assert min(numbers.values()) == 2 and max(numbers.values()) == 20
+    assert all(int(name.rpartition("-")[2]) == number for name, number in numbers.items())
+
+
+def test_looks_has_like_shirts_skins_and_light_that_changes() -> None:
+    scenarios = scenarios_of(cases_of("looks")).values()
+    shirts = [{person.shirt for person in scenario.people.values()} for scenario in scenarios]
+    assert {1, 5} <= {len(each) for each in shirts}
+    assert {"dark", "porcelain"} <= {person.skin for scenario in scenarios for person in scenario.people.values()}
+    lights = [{change.name for change in scenario.lights} for scenario in scenarios if scenario.lights]
+    assert len(lights) >= 2 and any("all" not in names for names in lights)  # some are uneven
+
+
+@pytest.mark.parametrize(
+    "path", sorted((models.MODELS / "suites" / "baselines").glob("*.json")), ids=lambda path: path.stem
+)
+def test_a_committed_baseline_is_of_the_suite_as_it_is(path: Path) -> None:
+    baseline = read_baseline(path)
+    assert baseline.suite == path.stem and baseline.renderers and baseline.versions["mujoco"]
+    expected = {(case.scenario, json.dumps(case.overrides), case.tracker, case.seed) for case in cases_of(path.stem)}
+    held = {
+        (key.scenario, key.overrides, key.tracker, seed)
+        for key, group in baseline.groups.items()
+        for seed in group.seeds
+    }
+    assert held == expected
+
+
+def test_smoke_has_a_baseline() -> None:
+    assert (models.MODELS / "suites" / "baselines" / "smoke.json").is_file()
+
+
+@pytest.mark.parametrize("name", models.names("suites"))
+def test_a_suite_says_what_it_is_for(name: str) -> None:
+    path = models.find("suites", name)
+    text = path.read_text(encoding="utf-8")
+    assert text.startswith("# ") and parse_yaml(text, str(path), "a suite")["description"]

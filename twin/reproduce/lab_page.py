@@ -1,0 +1,147 @@
+"""What the page says of the lab's runs: table I, its differences, the occlusions, the densities, conditions and strips."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from trackers.people import ManagementOptions
+from twin.reproduce.intervals import Interval
+from twin.reproduce.lab_claims import claims
+from twin.reproduce.lab_conditions import COAST_S, COLUMNS, FULL, IMM, KALMAN, SENSOR_SETS, Condition, LabRuns
+from twin.reproduce.lab_strips import MOST_A_CONDITION, Strip
+from twin.reproduce.page import spans_text
+from twin.reproduce.table_one import COUNTS, LOST, RATES, ROWS, breaks_at, cell, error_rate, paper_figure, values
+
+
+def lab_content(lab: LabRuns, strips: Sequence[Strip]) -> dict[str, Any]:
+    """Everything that the templates of the lab's part name."""
+    papers = lab.papers
+    return {
+        "filters": [(filter_, SENSOR_SETS) for filter_ in (IMM, KALMAN)],
+        "full": FULL.name,
+        "coast_s": COAST_S,
+        "papers": _condition(papers, papers=True),
+        "n_person": papers.n_person,
+        "n_scan": lab.n_scan,
+        "area": _size(lab),
+        "seeds": spans_text(np.array(papers.seeds)),
+        "first_seed": lab.first.seed,
+        "claims": claims(papers),
+        "densities": _densities(lab) if len(lab.densities) > 1 else None,
+        "conditions": [_condition(each, papers=False) for each in lab.others],
+        "strips": _strips(lab, strips),
+        "n_drawn": len(strips),
+        "n_moment": sum(len(each.moments) for each in lab.conditions),
+        "most_a_condition": MOST_A_CONDITION,
+        "not_done": lab.not_done,
+        "ceiling": _ceiling(lab),
+    }
+
+
+def _ceiling(lab: LabRuns) -> dict[str, Any]:
+    """The MOTA and IDF1 of a tracker without a fault that believes nobody before they are confirmed."""
+    confirm_s = ManagementOptions().confirm_after_s
+    missed = round(confirm_s * lab.scan_rate_hz)
+    return {
+        "confirm_s": confirm_s,
+        "missed": missed,
+        "mota": 1 - missed / lab.n_scan,
+        "idf1": 2 * (lab.n_scan - missed) / (2 * lab.n_scan - missed),
+    }
+
+
+def _size(lab: LabRuns) -> str:
+    across, deep = np.ptp(lab.area, axis=0)
+    return f"{across:g} m × {deep:g} m"
+
+
+def _condition(condition: Condition, papers: bool) -> dict[str, Any]:
+    """A condition's table, a row a figure, a cell a column; and its occlusions."""
+    return {
+        "name": condition.name,
+        "overrides": condition.overrides,
+        "n_run": len(condition.seeds),
+        "n_person": condition.n_person,
+        "rows": [
+            (row, [_cell(condition, column, row, papers) for column in COLUMNS])
+            for row in ROWS
+            if row in COUNTS or not np.isnan(values(condition, FULL, row)).all()
+        ],
+        "hidden": condition.hidden,
+        "n_lost_hidden": sum(each.lost for each in condition.hidden),
+        "n_lost": int(values(condition, FULL, LOST).sum()),
+    }
+
+
+def _cell(condition: Condition, column: Any, row: str, papers: bool) -> dict[str, Any]:
+    found = values(condition, column, row)
+    if np.isnan(found).all():
+        return {"mean": "–", "interval": "", "most": "", "paper": None}
+    paper = paper_figure(column, row) if papers else None
+    decimals = 2 if row in COUNTS else 3
+    unit = " m" if row in RATES and RATES[row][1] == "m" else ""
+    middle = cell(condition, column, row)
+    low, high = np.nanmin(found), np.nanmax(found)
+    return {
+        "mean": f"{middle.value:.{decimals}f}{unit}",
+        "interval": _interval(middle, decimals),
+        "most": f"{low:.0f}–{high:.0f} a run, {found.sum():.0f} in all" if row in COUNTS else f"{low:.3f}–{high:.3f}",
+        "paper": None if paper is None else f"{paper:g}",
+    }
+
+
+def _interval(found: Interval, decimals: int) -> str:
+    return f"{found.low:.{decimals}f} to {found.high:.{decimals}f}".replace("-", "−")
+
+
+def _densities(lab: LabRuns) -> dict[str, Any]:
+    rows = []
+    for each in lab.densities:
+        rates = [error_rate(each, column) for column in COLUMNS]
+        minutes = float(each.person_minutes.sum())
+        rows.append(
+            {
+                "n_person": each.n_person,
+                "per_m2": f"{each.n_person / lab.area_m2:.2f}",
+                "n_run": len(each.seeds),
+                "minutes": f"{minutes:.0f}",
+                "hidden": f"{len(each.hidden) / minutes:.2f}",
+                "cells": [(f"{rate.value:.2f}", _interval(rate, 2), rate.low > 0) for rate in rates],
+                "n_lost": int(values(each, FULL, LOST).sum()),
+                "n_lost_hidden": sum(hidden.lost for hidden in each.hidden),
+            }
+        )
+    broken = [breaks_at(lab.densities, column) for column in COLUMNS]
+    return {
+        "rows": rows,
+        "most": lab.densities[-1].n_person,
+        "breaks": [
+            None if each is None else f"{each.n_person} people, {each.n_person / lab.area_m2:.2f}/m²" for each in broken
+        ],
+        "full_breaks": None
+        if broken[0] is None
+        else f"{broken[0].n_person} people ({broken[0].n_person / lab.area_m2:.2f}/m²)",
+    }
+
+
+def _strips(lab: LabRuns, strips: Sequence[Strip]) -> list[dict[str, Any]]:
+    sections = []
+    for condition in lab.conditions:
+        own = [each for each in strips if each.condition == condition.name]
+        n_full = sum(each.case.tracker == FULL.tracker for each in condition.moments)
+        if own or n_full:
+            sections.append(
+                {
+                    "condition": condition.name,
+                    "n_full": n_full,
+                    "n_full_drawn": sum(each.column == FULL.name for each in own),
+                    "pictures": [
+                        (each, "data:image/jpeg;base64," + base64.b64encode(each.picture).decode()) for each in own
+                    ],
+                }
+            )
+    return sections

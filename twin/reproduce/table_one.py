@@ -1,0 +1,161 @@
+"""Table I of Bai and Takahashi, ours beside theirs; every condition's six columns; and where each column breaks.
+
+Counts are means per run of the paper's length; intervals are percentile bootstraps over runs, differences are paired by
+seed. A column breaks at the first density at which the interval of its errors (misidentified and lost) per minute of a
+person in the area leaves zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.reproduce.intervals import Bootstrap, Interval, interval
+from twin.reproduce.lab_conditions import COLUMNS, FULL, IMM, KALMAN, SENSOR_SETS, Column, Condition, LabRuns
+from twin.reproduce.results import Result
+from twin.streams import stream
+
+Array = NDArray[np.float64]
+
+TABLE_ONE, PAIRED, BEYOND, DENSITY = "table I", "table I, paired", "beyond the paper", "beyond the paper, density"
+MISIDENTIFIED, LOST, TOTAL = "misidentified", "lost", "misidentified + lost"
+COUNTS = (MISIDENTIFIED, LOST, TOTAL)
+RATES = {"MOTA": ("mota", "1"), "IDF1": ("idf1", "1"), "MOTP": ("motp_m", "m")}
+ROWS = (*COUNTS, *RATES)
+"""The rows of the table: the paper's counts, their sum, and figures that the paper has not."""
+ALL_SETS = "summed over the three sensor sets"
+
+_PAPER = {
+    (SENSOR_SETS[0], MISIDENTIFIED): 0.0,
+    (SENSOR_SETS[0], LOST): 0.0,
+    (SENSOR_SETS[1], MISIDENTIFIED): 3.0,
+    (SENSOR_SETS[1], LOST): 5.0,
+    (SENSOR_SETS[2], MISIDENTIFIED): 3.0,
+    (SENSOR_SETS[2], LOST): 8.0,
+}  # of the IMM; the Kalman filter's row is damaged in the text we have: 2, 0, 19, 5 and 4 are legible, but not of what
+
+
+def paper_figure(column: Column, row: str) -> float | None:
+    """What the paper's table says, of its one run; None where it is silent or illegible."""
+    if column.filter != IMM:
+        return None
+    if row == TOTAL:
+        return _PAPER[column.sensors, MISIDENTIFIED] + _PAPER[column.sensors, LOST]
+    return _PAPER.get((column.sensors, row))
+
+
+def values(condition: Condition, column: Column, row: str) -> Array:
+    """A row of the table in each run, (n,)."""
+    if row == TOTAL:
+        return condition.errors(column)
+    figure = {MISIDENTIFIED: "misidentifications", LOST: "lost_tracks"}.get(row) or RATES[row][0]
+    return condition.figures[column.tracker][figure]
+
+
+def cell(condition: Condition, column: Column, row: str) -> Interval:
+    """A cell of the table: the mean over the runs that have the figure, with its interval."""
+    found = values(condition, column, row)
+    if row in COUNTS:
+        return _bootstrap(len(found), condition).rate(found, np.ones(len(found)))
+    found = found[~np.isnan(found)]
+    return interval(_bootstrap(len(found), condition).mean(found))
+
+
+def difference(condition: Condition, column: Column, other: Column) -> Interval:
+    """Errors of a column minus those of another, mean over runs, paired by seed."""
+    change = condition.errors(column) - condition.errors(other)
+    return _bootstrap(len(change), condition).difference(change)
+
+
+def filters_difference(condition: Condition) -> Interval:
+    """Errors of the IMM minus those of the Kalman filter, each summed over the sensor sets, paired by seed."""
+    change = sum(
+        (condition.errors(each) * (1 if each.filter == IMM else -1) for each in COLUMNS),
+        start=np.zeros(len(condition.seeds)),
+    )
+    return _bootstrap(len(change), condition).difference(change)
+
+
+def error_rate(condition: Condition, column: Column) -> Interval:
+    """Errors per minute of a person in the area."""
+    errors = condition.errors(column)
+    return _bootstrap(len(errors), condition).rate(errors, condition.person_minutes)
+
+
+def breaks_at(densities: Sequence[Condition], column: Column) -> Condition | None:
+    """The first of these conditions at which the interval of the error rate leaves zero; None: at none of them."""
+    return next((each for each in densities if error_rate(each, column).low > 0), None)
+
+
+@dataclass(frozen=True)
+class Excuse:
+    """The full system's losses at the paper's experiment: in runs with an occlusion longer than tracks coast, and without."""
+
+    n_run_with: int
+    lost_with: int
+    n_run_without: int
+    lost_without: int
+
+
+def excuse(condition: Condition) -> Excuse:
+    """How the full system's losses fall on runs with and without such an occlusion."""
+    lost, with_hidden = values(condition, FULL, LOST), condition.with_hidden
+    return Excuse(
+        int(with_hidden.sum()), int(lost[with_hidden].sum()), int((~with_hidden).sum()), int(lost[~with_hidden].sum())
+    )
+
+
+def lab_results(lab: LabRuns) -> list[Result]:
+    """Every figure: table I, the paired differences, and the same beyond the paper."""
+    return [
+        *_table(lab.papers, TABLE_ONE, prefix="", papers=True),
+        *_paired(lab.papers, PAIRED, prefix=""),
+        *(
+            result
+            for condition in lab.conditions[1:]
+            for result in (
+                *_table(condition, BEYOND, prefix=f"{condition.name}: ", papers=False),
+                *_paired(condition, f"{BEYOND}, paired", prefix=f"{condition.name}: "),
+            )
+        ),
+        *(
+            _result(DENSITY, condition.name, column.name, None, error_rate(condition, column), "/person-min", condition)
+            for condition in lab.densities
+            for column in COLUMNS
+        ),
+    ]
+
+
+def _table(condition: Condition, where: str, prefix: str, papers: bool) -> Iterator[Result]:
+    for row in ROWS:
+        unit = "/run" if row in COUNTS else RATES[row][1]
+        for column in COLUMNS:
+            if row not in COUNTS and np.isnan(values(condition, column, row)).all():
+                continue  # nobody was matched in any run: the figure does not apply
+            paper = paper_figure(column, row) if papers else None
+            yield _result(where, prefix + row, column.name, paper, cell(condition, column, row), unit, condition)
+
+
+def _paired(condition: Condition, where: str, prefix: str) -> Iterator[Result]:
+    by_set = {(each.filter, each.sensors): each for each in COLUMNS}
+    for sensors in SENSOR_SETS:
+        found = difference(condition, by_set[IMM, sensors], by_set[KALMAN, sensors])
+        yield _result(where, f"{prefix}IMM − Kalman, {sensors}", TOTAL, None, found, "/run", condition)
+    found = filters_difference(condition)
+    yield _result(where, f"{prefix}IMM − Kalman, {ALL_SETS}", TOTAL, None, found, "/run", condition)
+    for column in COLUMNS[1:]:
+        row = f"{prefix}{FULL.name} − {column.name}"
+        yield _result(where, row, TOTAL, None, difference(condition, FULL, column), "/run", condition)
+
+
+def _result(
+    where: str, row: str, column: str, paper: float | None, found: Interval, unit: str, condition: Condition
+) -> Result:
+    return Result(where, row, column, paper, found.value, (found.low, found.high), unit, len(condition.seeds))
+
+
+def _bootstrap(n_run: int, condition: Condition) -> Bootstrap:
+    return Bootstrap(n_run, stream(condition.seeds[0], "reproduce", "lab bootstrap"))
