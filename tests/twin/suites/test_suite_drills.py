@@ -107,12 +107,15 @@ def test_bad_cases_are_exit_1_with_their_logs_and_every_other_result_is_there(
         assert f"failed: {case_id}: " in told
 
 
-def test_workers_killed_at_random_cost_a_run_no_result(suite: Path, tmp_path: Path) -> None:
+def test_workers_killed_at_random_cost_a_run_no_result(
+    suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SYNTHETIC_CASE_S", "0.2")
     rng = np.random.default_rng(3)
     killed = []
 
     def state(now: State) -> None:
-        if now.running == 2 and len(killed) < 3 and rng.random() < 0.5:
+        if now.running and len(killed) < 3 and now.done > 3 * len(killed):
             workers = [each for each in psutil.Process().children() if "spawn_main" in " ".join(each.cmdline())]
             killed.append(rng.choice([each.pid for each in workers]))
             os.kill(int(killed[-1]), signal.SIGKILL)
