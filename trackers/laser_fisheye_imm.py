@@ -204,13 +204,14 @@ class LaserFisheyeImm:
     # --- confirm, end, start
 
     def _confirm(self, t: float) -> None:
-        people = self._people
+        people, rules = self._people, self.options.management
+        learns = self._detector.learns_background
         measured_for = t - people.born_t + self.options.period_s
-        old_enough = measured_for > self.options.management.confirm_after_s + 5e-7
+        old_enough = measured_for > (rules.confirm_learned_after_s if learns else rules.confirm_after_s) + 5e-7
         new = ~people.confirmed & old_enough & (people.measured_t == t)
-        if self._detector.learns_background:
+        if learns:
             moved = people.measured_at - people.born_at
-            new &= np.hypot(moved[:, 0], moved[:, 1]) >= self.options.management.confirm_moved_m
+            new &= np.hypot(moved[:, 0], moved[:, 1]) >= rules.confirm_moved_m
         new = new.nonzero()[0]
         if new.size == 0:
             return

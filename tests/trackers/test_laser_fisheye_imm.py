@@ -41,10 +41,10 @@ def test_five_people_cross_and_keep_their_ids():
     assert tracker.discarded == 0
 
 
-def test_ids_count_from_one_and_nobody_is_shown_before_half_a_second():
+def test_ids_count_from_one_and_nobody_is_shown_before_a_third_of_a_second():
     frames, _ = tracked(CROSSING)
     first = next(frame for frame in frames if frame.tracks)
-    assert first.stamp_ns - frames[0].stamp_ns == 0.5 * NS_PER_S  # the sixth scan in a row
+    assert first.stamp_ns - frames[0].stamp_ns == 0.3 * NS_PER_S  # the fourth scan in a row
     assert {track.id for frame in frames for track in frame.tracks} == {1, 2, 3, 4, 5}
 
 
