@@ -29,7 +29,7 @@ OnProgress = Callable[[str, float, float], None]
 SIMPLIFICATIONS = (
     "People are kinematic: the standing foot is planted and the body follows it, but no forces act on it.",
     "Laser beams are rays: a mixed pixel at an edge is drawn at random, and every surface reflects alike.",
-    "Images are rasterised at one instant, or averaged over several where motion blur is asked for: no shadows, no mirror images.",
+    "Images are rasterised at one instant (several, averaged, with motion blur): no shadows, no mirror images.",
 )
 """What the twin leaves out of the physics, for whoever reads a report."""
 
