@@ -146,6 +146,8 @@ class Association:
         knee, legs = self.options.knee, seen.legs.position
         _, _, free = take_legs(legs, seen.trunks.position, knee.stride_m, knee.claim_m)
         legs = legs[free]
+        # nobody hidden stands inside somebody in sight
+        legs = legs[(distances(legs, seen.trunks.position) > knee.under_m).all(axis=1)]
         hidden = self.people.positions[unmatched[self.people.confirmed[unmatched]]]
         known, n_leg, free = take_legs(legs, hidden, knee.stride_m, knee.claim_m)
         strangers, n_leg_of_strangers = pair_off(legs[free], knee.pair_m)

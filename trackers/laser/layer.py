@@ -75,6 +75,11 @@ class KneeOptions(LayerOptions):
         ge=0,
         description="legs whose middle is this near to a trunk or a prediction may be that person's [m] (ours)",
     )
+    under_m: float = Field(
+        default=0.25,
+        ge=0,
+        description="more legs than two this near to a trunk are its own too: a leg in two pieces, a hem, a bag [m] (ours)",
+    )
     pair_m: float = Field(
         default=0.5, ge=0, description="two legs this near, where nobody is expected, are one person [m] (ours)"
     )

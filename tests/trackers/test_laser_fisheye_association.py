@@ -1,0 +1,58 @@
+"""Whose trunk and whose legs: what one moment of the tracker pairs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from trackers.filters.imm import Imm
+from trackers.laser.layer import Detections
+from trackers.laser_fisheye_association import Association, Matches
+from trackers.laser_fisheye_detection import Seen
+from trackers.laser_fisheye_options import LaserFisheyeImmOptions
+from trackers.people import People
+
+PERIOD_S, T = 0.1, 1.0
+
+
+def detections(*places: tuple[float, float]) -> Detections:
+    position = np.array(places, dtype=float).reshape(-1, 2)
+    nothing = np.zeros(len(position))
+    return Detections(position, nothing, nothing + 0.1, nothing + 2, nothing, nothing)
+
+
+def matched(trunks: Detections, legs: Detections, **options) -> Matches:
+    """Of one person in sight at (0, 1.5) and one last seen half a second ago at (0.4, 1.9), both confirmed."""
+    imm = Imm()
+    places = np.array([[0.0, 1.5], [0.4, 1.9]])
+    state = imm.start(places, np.zeros((2, 2)), 0.02, np.full(2, 0.1))
+    people = People.born(state, places, 0.0, np.zeros((2, 4)), np.zeros(2, np.int64))
+    people = replace(
+        people, id=np.array([1, 2]), confirmed=np.ones(2, np.bool_), measured_t=np.array([T - PERIOD_S, T - 0.5])
+    )
+    count = len(trunks)
+    seen = Seen(trunks, legs, None, np.zeros((count, 4)), np.zeros(count, np.bool_), np.zeros(count, np.bool_))
+    return Association(people, imm, LaserFisheyeImmOptions.model_validate(options), 0.5, T).matches(seen)
+
+
+LEGS_OF_THE_FIRST = ((-0.1, 1.45), (0.12, 1.5))
+
+
+@pytest.mark.parametrize("piece", [(0.05, 1.62), (-0.08, 1.38)])
+def test_a_third_piece_of_legs_under_a_trunk_is_not_somebody_hidden(piece):
+    found = matched(detections((0.0, 1.5)), detections(*LEGS_OF_THE_FIRST, piece))
+    assert found.track.tolist() == [0]
+    assert len(found.new_position) == 0
+
+
+def test_legs_beside_a_trunk_are_those_of_somebody_hidden():
+    found = matched(detections((0.0, 1.5)), detections(*LEGS_OF_THE_FIRST, (0.42, 1.85)))
+    assert sorted(found.track.tolist()) == [0, 1]
+    assert found.trunk[found.track == 1].tolist() == [-1]
+
+
+def test_how_near_a_piece_is_a_trunks_own_is_an_option():
+    found = matched(detections((0.0, 1.5)), detections(*LEGS_OF_THE_FIRST, (0.05, 1.62)), knee={"under_m": 0})
+    assert sorted(found.track.tolist()) == [0, 1]
