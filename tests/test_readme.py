@@ -39,15 +39,27 @@ def test_the_rig_loads() -> None:
 
 
 def test_the_people_do_what_is_shown(tmp_path: Path) -> None:
-    _, people, _, _ = blocks("yaml")
+    _, people, *_ = blocks("yaml")
     path = tmp_path / "shown.yaml"
     path.write_text("extends: home-three-people\nname: shown\n" + people + "  cleo: null\n")
     with Simulation(load_scenario(path, ["duration_s=0.3"]), images=False) as simulation:
         assert len(list(simulation)) == 9
 
 
+def test_the_sensors_faults_and_lights_are_as_shown(tmp_path: Path) -> None:
+    *_, sensors, _ = blocks("yaml")
+    path = tmp_path / "shown.yaml"
+    others = "  waist: null\n  knee: null\n  fisheye: null\n  floor: null\n"
+    shown = sensors.replace("sensors:\n", "sensors:\n" + others)
+    path.write_text("extends: home-three-people\nname: shown\ntrackers: {laser-fisheye-imm: null}\n" + shown)
+    with Simulation(load_scenario(path, ["duration_s=0.3"])) as simulation:
+        assert sorted({each.sensor for each in simulation}) == ["camera", "depth"]
+        true, believed = simulation.true_rig.sensors["depth"], simulation.rig.sensors["depth"]
+        assert believed.room_from_sensor.xyz[0] - true.room_from_sensor.xyz[0] == pytest.approx(0.02)
+
+
 def test_the_pedestrians_are_read_as_shown(tmp_path: Path) -> None:
-    _, _, pedestrians, _ = blocks("yaml")
+    _, _, pedestrians, *_ = blocks("yaml")
     rows = [f"{15 * 300 + 6 * k} 1 {0.5 * k} 0 1.0" for k in range(5)]
     (tmp_path / "eth.txt").write_text("\n".join(["0 2 0 0 0", "6 2 0 0 0", *rows]))
     low = "{kind: laser, rate_hz: 10, mount: {xyz: [0, 0, 0.4]}}"

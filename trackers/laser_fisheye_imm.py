@@ -74,6 +74,7 @@ class LaserFisheyeImm:
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
     ) -> None:
         self.options = validate(LaserFisheyeImmOptions, options, "tracker laser-fisheye-imm")
+        self._rig = rig
         self._area = None if rig.area is None else Area(rig.area, self.options.management.area_margin_m)
         self._detector = Detector(rig, list(background), self.options, self._area)
         self._imm = self._make_filter()
@@ -89,6 +90,11 @@ class LaserFisheyeImm:
         self._windows: list[tuple[int | None, Array]] = []
         if self.background_learned_causally:
             logger.warning("no scans of the empty room: the background is learned from the scans as they come")
+
+    @property
+    def unused_sensors(self) -> list[str]:
+        """The rig's scanners and cameras that are left alone: a second one of a role, a camera without a waist scanner."""
+        return [name for name in (*self._rig.lasers(), *self._rig.cameras()) if name not in self._detector.sensors]
 
     @property
     def background_learned_causally(self) -> bool:

@@ -94,13 +94,16 @@ def write_results(
 
 
 def tracker_notes(at_work: Sequence[TrackerAtWork]) -> list[str]:
-    """What a reader must know of how the trackers worked: a background learned on the way, observations discarded."""
+    """What a reader must know of how the trackers worked: a background learned on the way, what they left out."""
     notes = []
     for each in at_work:
         if getattr(each.tracker, "background_learned_causally", False):
             notes.append(
                 f"{each.name}: no scans of the empty room; the background was learned from the scans as they came."
             )
+        unused = getattr(each.tracker, "unused_sensors", [])
+        if unused:
+            notes.append(f"{each.name}: makes no use of {', '.join(unused)}.")
         discarded = getattr(each.tracker, "discarded", 0)
         if discarded:
             notes.append(f"{each.name}: {discarded} observations came too late or twice and were discarded.")

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import shlex
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
 from trackers.errors import InputError
-from trackers.observations import NS_PER_S
+from trackers.observations import NS_PER_S, Observation
 from trackers.presets import make_tracker
 from trackers.rig import Rig
 from twin.feeding import feed
@@ -33,6 +33,7 @@ from twin.results import (
 )
 from twin.room.outline import room_outline
 from twin.scenario import Scenario
+from twin.scenario.conditions import conditions_of
 from twin.scenario.load import dump_scenario
 from twin.simulation import Simulation
 from twin.streams import stream
@@ -75,9 +76,13 @@ def run_scenario(
     with ExitStack() as stack:
         simulation = stack.enter_context(Simulation(scenario, images=images, on_truth=tell, on_detail=tell_detail))
         scene, rig, warnings = simulation.world.scene, simulation.rig, simulation.warnings
-        if trackers is None and not scenario.trackers and (reason := _unfit(rig, scenario.seed)):
-            names, warnings = [], (*warnings, reason)
         background = list(simulation.background_messages())
+        if (
+            trackers is None
+            and not scenario.trackers
+            and (reason := _unfit(rig, map(simulation.as_read, background), scenario.seed))
+        ):
+            names, warnings = [], (*warnings, reason)
         place = Place(
             rig,
             room_outline(scene.model, simulation.world.data),
@@ -142,7 +147,7 @@ def run_scenario(
             versions=versions(gl),
             sensors=simulation.sensor_costs(),
             command=_command(folder, names, images),
-            notes=(*tracker_notes(fed.at_work), *SIMPLIFICATIONS),
+            notes=(*conditions_of(scenario), *(f"{each}." for each in warnings), *tracker_notes(fed.at_work), *SIMPLIFICATIONS),
         )
         result = write_results(folder, facts, evaluate_trackers(folder, fed.at_work, truth), fed, truth, place)
         metrics = result.metrics
@@ -152,10 +157,10 @@ def run_scenario(
     return RunResult(metrics, files, warnings)
 
 
-def _unfit(rig: Rig, seed: int) -> str:
+def _unfit(rig: Rig, background: Iterable[Observation], seed: int) -> str:
     """Why the default tracker cannot work on this rig, as a warning; empty where it can."""
     try:
-        make_tracker(DEFAULT_TRACKER, rig, [], stream(seed, "tracker", DEFAULT_TRACKER))
+        make_tracker(DEFAULT_TRACKER, rig, list(background), stream(seed, "tracker", DEFAULT_TRACKER))
     except InputError as error:
         return f"recorded without a tracker: none is named, and the default, {DEFAULT_TRACKER}, does not fit: {error}"
     return ""

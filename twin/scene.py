@@ -69,9 +69,9 @@ def build_scene(scenario: Scenario) -> Scene:
     area = np.array(scenario.area, dtype=float) if scenario.area is not None else walkable
     if scenario.area is not None:
         check_polygon(area, f"scenario {scenario.name!r}: area")
-    furniture = furniture_of(room)
+    furniture = furniture_of(room, path.name)
     _check_furniture(scenario, furniture)
-    obstacles = obstacles_of(room)
+    obstacles = obstacles_of(room, path.name)
     source = f"scenario {scenario.name!r}"
     obstacles = within_reach(obstacles, walkable, OBSTACLE_REACH_M)
     routes = _routes(walkable, obstacles, source)
@@ -138,7 +138,9 @@ def _compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
     try:
         return spec.compile()
     except ValueError as error:
-        raise InputError(f"{path}: does not compile ({_first_line(error)}); a valid MJCF room is expected") from error
+        raise InputError(
+            f"{path}: does not compile ({_what_is_wrong(error)}); a valid MJCF room is expected"
+        ) from error
 
 
 def _check_furniture(scenario: Scenario, furniture: Mapping[str, Seat | Bed]) -> None:
@@ -160,8 +162,10 @@ def _check_furniture(scenario: Scenario, furniture: Mapping[str, Seat | Bed]) ->
                 )
 
 
-def _first_line(error: Exception) -> str:
-    return str(error).strip().splitlines()[0].rstrip(".")
+def _what_is_wrong(error: Exception) -> str:
+    """MuJoCo's message and, where it gives them, the element and the line."""
+    what, *where = [line.strip().rstrip(".") for line in str(error).strip().splitlines()]
+    return ", ".join([what, *(line for line in where if line.startswith("Element"))])
 
 
 def _room_spec(path: Path) -> mujoco.MjSpec:
@@ -169,7 +173,7 @@ def _room_spec(path: Path) -> mujoco.MjSpec:
     try:
         return mujoco.MjSpec.from_file(str(path))
     except ValueError as error:
-        raise InputError(f"{path}: is not a room ({_first_line(error)}); a valid MJCF file is expected") from error
+        raise InputError(f"{path}: is not a room ({_what_is_wrong(error)}); a valid MJCF file is expected") from error
 
 
 def _where_one_walks(

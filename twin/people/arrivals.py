@@ -75,11 +75,15 @@ def comes_at(person: Person) -> float:
 def too_late(people: Mapping[str, Person], duration_s: float) -> list[str]:
     """One sentence for each person and action whose time is not before the end of the run at `duration_s` [s]."""
     told = []
+    never = [name for name, person in people.items() if comes_at(person) >= duration_s]
+    if len(never) > 1:
+        told.append(f"people: {len(never)} never come, as the end at {duration_s:g} s is before: {', '.join(never)}")
     for name, person in people.items():
-        if comes_at(person) >= duration_s:
-            told.append(
-                f"people.{name}.arrive_s: {comes_at(person):g} s is after the end at {duration_s:g} s: never comes"
-            )
+        if name in never:
+            if len(never) == 1:
+                told.append(
+                    f"people.{name}.arrive_s: {comes_at(person):g} s is after the end at {duration_s:g} s: never comes"
+                )
             continue
         told += [
             f"people.{name}.script.{place}.at_s: {action.at_s:g} s is after the end at {duration_s:g} s: never done"

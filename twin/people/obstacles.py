@@ -44,7 +44,7 @@ class Obstacle:
     corners: Array
 
 
-def obstacles_of(model: mujoco.MjModel) -> list[Obstacle]:
+def obstacles_of(model: mujoco.MjModel, source: str = "room") -> list[Obstacle]:
     """The footprints of a room's furniture and walls; people attached to the model are left out, as they can move.
 
     Geoms whose top is below `LOW_M`, whose foot is above `HIGH_M`, floors and what nobody sees (alpha 0) are no
@@ -63,7 +63,7 @@ def obstacles_of(model: mujoco.MjModel) -> list[Obstacle]:
         name = model.geom(geom).name or f"geom {geom}"
         if points is None:
             raise InputError(
-                f"room: geom {name!r} is a height field; boxes, planes, round shapes or meshes are expected"
+                f"{source}: geom {name!r} is a height field; boxes, planes, round shapes or meshes are expected"
             )
         is_plane = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE
         level = is_plane and abs(data.geom_xmat[geom, 8]) > 0.99  # a floor's underside, a ceiling

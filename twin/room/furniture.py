@@ -84,10 +84,10 @@ class Bed:
         return self.place[:2] + along_m * ahead + off[:, None] * left
 
 
-def furniture_of(model: mujoco.MjModel) -> dict[str, Seat | Bed]:
+def furniture_of(model: mujoco.MjModel, source: str = "room") -> dict[str, Seat | Bed]:
     """The seats and beds of a room by NAME, in the order of the file; people attached to the model are left out.
 
-    Raises InputError for a site without furniture under it, one that is not level, and a name used twice.
+    Raises InputError, naming `source`, for a site without furniture under it, one that is not level, and a name used twice.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -103,20 +103,21 @@ def furniture_of(model: mujoco.MjModel) -> dict[str, Seat | Bed]:
         geoms = np.flatnonzero(model.geom_bodyid == body)
         if body == 0 or not len(geoms):
             raise InputError(
-                f"room: site {full!r} is in no piece of furniture; a body that holds it with the furniture's geoms is expected"
+                f"{source}: site {full!r} is in no piece of furniture; a <body> that holds it and the geoms of what "
+                "one sits or lies on is expected"
             )
         if turn[2, 2] < _UPRIGHT:
-            raise InputError(f"room: site {full!r} is not level; its z axis is expected to point up")
+            raise InputError(f"{source}: site {full!r} is not level; its z axis is expected to point up")
         if name in found:
             raise InputError(
-                f"room: two places are called {name!r}; a name of its own for each seat and bed is expected"
+                f"{source}: two places are called {name!r}; a name of its own for each seat and bed is expected"
             )
         place = np.array(data.site_xpos[site])
         shapes = [points for geom in geoms if (points := hull_points(model, data, int(geom))) is not None]
         local = [(points - place) @ turn for points in shapes if points[:, 2].min() < place[2] + _LOW_M]
         if not any(_reach(points) >= 0 >= -_reach(points @ _LEFT_AHEAD @ _LEFT_AHEAD) for points in local):
             raise InputError(
-                f"room: site {full!r} is not over its furniture; the middle of a seat or mattress is expected"
+                f"{source}: site {full!r} is not over its furniture; the middle of a seat or mattress is expected"
             )
         yaw = float(np.arctan2(turn[1, 0], turn[0, 0]))
         furniture, members = model.body(body).name or f"body {body}", frozenset(int(geom) for geom in geoms)

@@ -11,8 +11,8 @@ from trackers.errors import InputError
 from twin.console import print_paths
 from twin.suites.baseline import read_baseline, read_results, write_baseline
 from twin.suites.cache import RecordingCache, cache_folder, cache_limit_bytes
-from twin.suites.comparison import Comparison, compare
-from twin.suites.description import load_suite
+from twin.suites.comparison import FEWEST_SEEDS, Comparison, compare
+from twin.suites.description import Suite, load_suite
 from twin.suites.figures import allowed_by_default
 from twin.suites.junit import write_junit
 from twin.suites.page import write_comparison_page, write_page
@@ -42,7 +42,7 @@ def run_and_judge(
     suite, path = load_suite(name)
     suite = suite.with_seed_offset(seed_offset)
     folder = out if out is not None else Path("out") / f"suite-{suite.name}"
-    before = read_baseline(baseline) if baseline is not None and not update_baseline else None
+    before = _baseline_of(suite, baseline, update_baseline)
     cache = RecordingCache(cache_folder(), cache_limit_bytes())
     with suite_progress() as watcher, _told_how_to_go_on():
         run_suite(suite, path, folder, cache, place, changes=changes, resume=resume, watcher=watcher)
@@ -57,10 +57,25 @@ def run_and_judge(
             print_comparison(comparison, results, store, folder, shown=("worse",))
         files = _write(folder, store, results, comparison, before)
         print_paths(files)
+        if comparison is not None and not comparison.changes:
+            raise InputError(
+                f"--baseline {baseline}: nothing could be compared with it; the same scenarios, changes and trackers, and at "
+                f"least {FEWEST_SEEDS} seeds of each, are expected"
+            )
         if baseline is not None and update_baseline and not results.failed:
             write_baseline(baseline, results)
             print_paths({"baseline": baseline})
     return not results.failed and (comparison is None or not comparison.worse)
+
+
+def _baseline_of(suite: Suite, baseline: Path | None, update: bool) -> Results | None:
+    """The results to compare with, None where there are none to be; raises InputError for those of another suite."""
+    if baseline is None or (update and not baseline.exists()):
+        return None
+    before = read_baseline(baseline)
+    if before.suite != suite.name:
+        raise InputError(f"--baseline {baseline}: is of the suite {before.suite!r}; one of {suite.name!r} is expected")
+    return None if update else before
 
 
 @contextmanager
@@ -98,12 +113,15 @@ def compare_results(before: Path, now: Path, out: Path | None) -> bool:
     if now.suffix == ".json":
         comparison = compare(old, new, allowed_by_default, str(before))
         print_comparison(comparison, new, None, now)
+        if out is not None:
+            write_comparison_page(out, comparison, old, new, f"{now} against {before}")
     else:
         with read_store(now) as store:
             comparison = compare(old, new, tolerances_of(store.facts()), str(before))
             print_comparison(comparison, new, store, now)
+            if out is not None:
+                write_comparison_page(out, comparison, old, new, f"{now} against {before}", (store, now))
     if out is not None:
-        write_comparison_page(out, comparison, old, new, f"{now} against {before}")
         print_paths({"page": out})
     return not comparison.worse
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
@@ -33,11 +34,6 @@ def write_page(
 ) -> None:
     """Write the page of a run into its folder; it takes its name when it is whole. Raises InputError as a file does."""
     facts = store.facts()
-    looks = {}
-    for change in comparison.worse if comparison is not None else ():
-        look = look_at(change, results, store, folder)
-        if look is not None:
-            looks[id(change)] = (look.report.relative_to(folder).as_posix(), f"{look.t_s:.1f} s: {look.what}")
     _write(
         path,
         title=f"{results.suite}: a suite",
@@ -45,7 +41,7 @@ def write_page(
         results=results,
         before=before,
         comparison=comparison,
-        looks=looks,
+        looks=_looks(comparison, results, store, folder, path.parent),
         sections=[
             section | {"strip": _strip(section["cases"], facts.get("strips", {}), store, folder)}
             for section in _sections(results, before)
@@ -54,8 +50,28 @@ def write_page(
     )
 
 
-def write_comparison_page(path: Path, comparison: Comparison, before: Results, now: Results, title: str) -> None:
-    """Write a page of two runs; raises InputError as a file does."""
+def _looks(
+    comparison: Comparison | None, results: Results, store: ResultStore, folder: Path, page: Path
+) -> dict[int, tuple[str, str]]:
+    """By change, the link from a page in the folder `page` to the moment in the run in `folder`, and what is there."""
+    looks = {}
+    for change in comparison.worse if comparison is not None else ():
+        look = look_at(change, results, store, folder)
+        if look is not None:
+            link = Path(os.path.relpath(look.report, page)).as_posix()
+            looks[id(change)] = (link, f"{look.t_s:.1f} s: {look.what}")
+    return looks
+
+
+def write_comparison_page(
+    path: Path,
+    comparison: Comparison,
+    before: Results,
+    now: Results,
+    title: str,
+    run: tuple[ResultStore, Path] | None = None,
+) -> None:
+    """Write a page of two runs, linked to the moments of `run` (results and folder); raises InputError as a file does."""
     sections = [section | {"strip": None, "cases": []} for section in _sections(now, before)]
     _write(
         path,
@@ -64,7 +80,7 @@ def write_comparison_page(path: Path, comparison: Comparison, before: Results, n
         results=now,
         before=before,
         comparison=comparison,
-        looks={},
+        looks=_looks(comparison, now, *run, path.parent) if run is not None else {},
         sections=sections,
         seconds=None,
     )

@@ -185,7 +185,10 @@ def open_store(folder: Path, cases: Sequence[Case], facts: Mapping[str, Any], re
     InputError where another process writes there, where there are results and none were to be taken up, and where those
     are of other cases, or of another suite, other changes or other code.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {folder}: cannot be made ({error.strerror}); a folder is expected") from error
     path = folder / FILE
     with _locked(folder):
         exists = path.exists()

@@ -224,9 +224,36 @@ def test_the_gate_passes_then_fails_and_says_where_to_look(
     assert code == 0 and "6 figures got worse" in text
     page = tmp_path / "compare.html"
     code, text, _ = command(monkeypatch, "compare", baseline, str(tmp_path / "c"), "--out", str(page))
-    assert code == 1 and page.is_file()
+    assert code == 1
+    (link, *_) = re.findall(r'href="(c/cases/[^"]+/report.html)"', page.read_text())
+    assert (tmp_path / link).is_file()
     code, text, _ = command(monkeypatch, "compare", str(tmp_path / "c"), str(tmp_path / "b"))
     assert code == 0 and "6 figures got better" in text
+
+
+def test_a_baseline_that_nothing_can_be_compared_with_does_not_pass(
+    suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    baseline = tmp_path / "baseline.json"
+    suite.write_text(SUITE.replace("seeds: 4", "seeds: 2"))
+    common = ["run", str(suite), "--jobs", "1", "--baseline", str(baseline)]
+    assert command(monkeypatch, *common, "--out", str(tmp_path / "a"), "--update-baseline")[0] == 0
+    code, _, error = command(monkeypatch, *common, "--out", str(tmp_path / "b"))
+    assert code and isinstance(error, InputError) and "nothing could be compared with it" in str(error)
+    assert rows(tmp_path / "b", "SELECT status, COUNT(*) FROM cases GROUP BY status") == [("done", N_CASE // 2)]
+    held = baseline.read_bytes()
+    suite.write_text(SUITE.replace("name: made-up", "name: another"))
+    for more in ([], ["--update-baseline"]):
+        code, _, error = command(monkeypatch, *common, "--out", str(tmp_path / "c"), *more)
+        assert code and isinstance(error, InputError)
+        assert "is of the suite 'made-up'; one of 'another' is expected" in str(error)
+    assert baseline.read_bytes() == held and not (tmp_path / "c").exists()
+
+
+def test_results_go_into_a_folder(suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").touch()
+    code, _, error = command(monkeypatch, "run", str(suite), "--jobs", "1", "--out", str(tmp_path / "file"))
+    assert code and isinstance(error, InputError) and "a folder is expected" in str(error)
 
 
 def test_a_case_that_fails_is_exit_1_in_every_report_and_the_rest_is_there(
