@@ -230,7 +230,7 @@ def view(
     out: Annotated[Path | None, typer.Option(help="The picture to write; default: view.png or people.png.")] = None,
 ) -> None:
     """A look inside: the room and every sensor's view at one moment; its people (--people); a video of them (--video)."""
-    from twin.console import print_paths, progress
+    from twin.console import print_paths, print_warnings, progress
     from twin.scenario import load_scenario
     from twin.view import check_choice, write_people, write_video, write_view
 
@@ -249,7 +249,7 @@ def view(
         print_paths({"people": path})
     else:
         path = out or Path("view.png")
-        write_view(loaded, at, path)
+        print_warnings(write_view(loaded, at, path))
         print_paths({"view": path})
 
 

@@ -36,8 +36,10 @@ _NO_DEPTH: RGB = (0, 0, 0)
 _NEAREST_SHARE, _FARTHEST_SHARE = 0.02, 0.98
 
 
-def write_view(scenario: Scenario, t: float, path: Path) -> None:
+def write_view(scenario: Scenario, t: float, path: Path) -> tuple[str, ...]:
     """Write a PNG of the scenario at time t [s]: the room, the plan with all scans and floors, and each sensor's report.
+
+    Returns what can be in the scenario, but is hardly meant, one sentence each.
 
     The truth is drawn in: names over heads, boxes around what a camera sees of each person, places and headings on plans.
     Depth is coloured, near red, far blue, black where there is none. Raises InputError for a time outside the scenario and
@@ -48,7 +50,7 @@ def write_view(scenario: Scenario, t: float, path: Path) -> None:
     check_picture_name(path)
     with Simulation(scenario) as simulation:
         looks = simulation.look(round(t * NS_PER_S))
-        sheet = _Sheet(simulation, t)
+        sheet, warnings = _Sheet(simulation, t), simulation.warnings
         tiles = [
             (f"{scenario.name}, {t:g} s", sheet.room()),
             ("from above: truth, scans, floors", sheet.plan(looks)),
@@ -68,6 +70,7 @@ def write_view(scenario: Scenario, t: float, path: Path) -> None:
     panels = [np.vstack([lettered(label, _TILE_PX[0]), tile]) for label, tile in tiles]
     columns = _COLUMNS_WITH_DEPTH if any(isinstance(look, DepthImage) for look in looks.values()) else _COLUMNS
     write_png(path, tiled(panels, min(columns, len(panels))))
+    return warnings
 
 
 class _Sheet:

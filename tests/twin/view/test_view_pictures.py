@@ -100,7 +100,7 @@ def test_the_sheet_of_people_holds_everybody_and_everything(tmp_path):
 
 def test_a_contact_sheet_shows_every_sensor(tmp_path):
     path = tmp_path / "view.png"
-    write_view(small(), 1.5, path)
+    assert write_view(small(), 1.5, path) == ()
     one_row = read(path)
     camera = {"kind": "fisheye", "rate_hz": 10, "size": [160, 160], "mount": {"xyz": [-2.3, -0.4, 1.5]}, "noise": "off"}
     write_view(small(sensors={"floor": FLOOR, "eye": camera}), 1.5, path)
