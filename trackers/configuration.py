@@ -64,22 +64,47 @@ def validate(model: type[Model], content: Any, source: str) -> Model:
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        raise InputError("\n".join(_lines(error, model, source))) from error
+        raise InputError("\n".join(_lines(error, model, content, source))) from error
 
 
-def _lines(error: ValidationError, model: type[BaseModel], source: str) -> list[str]:
-    lines = []
-    for fault in error.errors():
-        path = ".".join(str(part) for part in fault["loc"])
+def _lines(error: ValidationError, model: type[BaseModel], content: Any, source: str) -> list[str]:
+    lines, faults = [], error.errors()
+    for fault in faults:
+        within = [other for other in faults if other["loc"][: len(fault["loc"])] == fault["loc"]]
+        if fault["type"] == "too_short" and len(within) > 1:
+            continue  # short only of the items that are at fault themselves
+        path = ".".join(_path(fault["loc"], content))
         message = fault["msg"].removeprefix("Value error, ")
         if fault["type"] == "extra_forbidden":
             message = "unknown key" + _valid_keys(model, fault["loc"])
+        elif fault["type"] == "union_tag_invalid":
+            about = fault.get("ctx", {})
+            tag, valid = about["tag"], about["expected_tags"].replace("'", "")
+            path, message = f"{path}.kind", f"{tag!r} is not known; valid are {valid}"
         elif fault["type"] == "tuple_type":
             message = f"a list is expected (got {fault['input']!r})"
         elif fault["type"] != "missing" and not isinstance(fault["input"], dict | BaseModel):
             message += f" (got {fault['input']!r})"
         lines.append(": ".join(part for part in (source, path, message) if part))
-    return lines
+    return list(dict.fromkeys(lines))
+
+
+def _path(location: tuple[int | str, ...], content: Any) -> list[str]:
+    """The path as the file has it: without the steps to one of several models, which pydantic names between the keys."""
+    path = []
+    for place, part in enumerate(location):
+        last = place == len(location) - 1
+        if isinstance(content, dict):
+            if part in content:
+                content = content[part]
+            elif not last or part == content.get("kind"):
+                continue  # the tag of a model, not a key
+        elif isinstance(content, list | tuple) and isinstance(part, int):
+            content = content[part] if part < len(content) else None
+        elif content is not None:
+            continue  # the name of a type
+        path.append(str(part))
+    return path
 
 
 def _valid_keys(model: type[BaseModel], location: tuple[int | str, ...]) -> str:

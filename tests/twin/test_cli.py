@@ -138,7 +138,7 @@ def test_a_second_run_leaves_nothing_of_the_first(tmp_path: Path) -> None:
         (["run", "lab-five-people", "--tracker", "laser-im", *QUICK], ["'laser-im'", "laser-imm"]),
         (["run", "lab-five-people", "--tracker", "no.such:Thing", *QUICK], ["no.such"]),
         (["run", "lab-five-people", "--set", "sensors.waist.kind=sonar"], ["sensors.waist", "sonar", "laser"]),
-        (["run", "lab-five-people", "--set", "sensors.waist.rate_hz=-10"], ["sensors.waist.laser.rate_hz", "-10"]),
+        (["run", "lab-five-people", "--set", "sensors.waist.rate_hz=-10"], ["sensors.waist.rate_hz", "-10"]),
         (["run", "lab-five-people", "--set", "people.white.start=[9, 9]"], ["people.white.start", "outside"]),
         (["run", "lab-five-people", "--set", "sensors.knee.mount.xyz=[0, 4.5, 1]"], ["sensors.knee", "inside"]),
         (["run", "lab-five-people", "--duration", "-1"], ["duration_s"]),

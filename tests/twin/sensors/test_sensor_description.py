@@ -108,7 +108,7 @@ def test_the_optical_frame_is_the_housing_s_seen_otherwise(angles: tuple[float, 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (LASER.replace("10", "-10"), r"sensors.one.laser.rate_hz: .*greater than 0 \(got -10\)"),
+        (LASER.replace("10", "-10"), r"sensors.one.rate_hz: .*greater than 0 \(got -10\)"),
         (
             LASER + "noise: wrose",
             r"noise: no preset of this name; valid are off, default, worse, hokuyo .* \(got 'wrose'\)",
@@ -120,9 +120,9 @@ def test_the_optical_frame_is_the_housing_s_seen_otherwise(angles: tuple[float, 
         (LASER + "resolution_deg: 1\nbeams: 181", "both given"),
         (LASER + "sweep_time_s: 0.2", "sweep_time_s 0.2 is longer than the period"),
         (LASER + "dropout: 1.5", "dropout: .*less than or equal to 1"),
-        (LASER + "size: [3, 3]", "sensors.one.laser.size: unknown key"),
+        (LASER + "size: [3, 3]", "sensors.one.size: unknown key"),
         (LASER + "role: ankle", "role: Input should be 'waist' or 'knee'"),
-        ("kind: radar", "'radar' .*does not match .*'laser', 'fisheye'"),
+        ("kind: radar", "sensors.one.kind: 'radar' is not known; valid are laser, fisheye"),
         (FISHEYE + "lens: fisheye_eye", "lens: no preset of this name; valid are equidistant_185, opencv_test_lens"),
         (FISHEYE + "lens: {width: 9, height: 9, fx: 4, field_of_view_deg: 300}", "less than or equal to 240"),
         (
