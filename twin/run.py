@@ -147,7 +147,12 @@ def run_scenario(
             versions=versions(gl),
             sensors=simulation.sensor_costs(),
             command=_command(folder, names, images),
-            notes=(*conditions_of(scenario), *(f"{each}." for each in warnings), *tracker_notes(fed.at_work), *SIMPLIFICATIONS),
+            notes=(
+                *conditions_of(scenario),
+                *(f"{each}." for each in warnings),
+                *tracker_notes(fed.at_work),
+                *SIMPLIFICATIONS,
+            ),
         )
         result = write_results(folder, facts, evaluate_trackers(folder, fed.at_work, truth), fed, truth, place)
         metrics = result.metrics
