@@ -55,7 +55,7 @@ def test_a_resolved_floor_reads_back_the_same():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("pitch_m: 0", r"one.floor.pitch_m: .*greater than or equal to 0.01 \(got 0\)"),
+        ("pitch_m: 0", r"one.pitch_m: .*greater than or equal to 0.01 \(got 0\)"),
         ("pitch_m: -0.2", "pitch_m: .*greater than or equal to 0.01"),
         ("pitch_m: .nan", "pitch_m"),
         ("rows: 0", "rows: .*greater than 0"),
@@ -68,7 +68,7 @@ def test_a_resolved_floor_reads_back_the_same():
         ("noise: {dead_cells: [[14, 0]]}", r"\[14, 0\] of a grid of 14 rows and 18 columns"),
         ("noise: {stuck_cells: [[0, 0, 300]]}", "stuck at 300; 0 to 255 is valid"),
         ("curve: {threshold_n: 5000}", "threshold_n 5000 must be below saturation_n 1422"),
-        ("beams: 3", "one.floor.beams: unknown key"),
+        ("beams: 3", "one.beams: unknown key"),
     ],
 )
 def test_errors_name_the_field_and_what_would_be_valid(text: str, message: str):
