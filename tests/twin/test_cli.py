@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -181,8 +182,10 @@ def test_an_out_that_cannot_be_written(tmp_path: Path) -> None:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_a_run_that_is_stopped_leaves_no_half_written_file(number: signal.Signals, tmp_path: Path) -> None:
     arguments = ["run", "lab-five-people", "--duration", "600", "--no-images", "--out", str(tmp_path / "out")]
+    # a job in the background is started with interrupts ignored, and would pass that on
+    heeding = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     process = subprocess.Popen(
-        [*TWIN, *arguments], stderr=subprocess.PIPE, text=True, env=os.environ | {"COLUMNS": "80"}
+        [*TWIN, *arguments], stderr=subprocess.PIPE, text=True, env=os.environ | {"COLUMNS": "80"}, preexec_fn=heeding
     )
     deadline = time.monotonic() + 60
     while not list(tmp_path.rglob("*.partial")) and time.monotonic() < deadline:
