@@ -21,12 +21,13 @@ LARGEST_SIDE_PX = 8192
 DEEPEST_M = 65.0
 """What a depth message can say: whole millimetres in 16 bits."""
 
-_CameraNoise = Annotated[
+CameraNoiseByName = Annotated[
     CameraNoise,
     BeforeValidator(
         by_name(CAMERA_NOISE, "parameters like {read_sigma: 2}"), json_schema_input_type=NoiseName | CameraNoise
     ),
 ]
+"""The noise of a camera, by name or by its parameters."""
 _StereoNoise = Annotated[
     StereoNoise,
     BeforeValidator(
@@ -114,7 +115,7 @@ class PinholeDescription(PerspectiveDescription):
     kind: Literal["camera"]
     distortion: Distortion = Distortion()
     motion_blur: MotionBlur | None = None
-    noise: _CameraNoise = CAMERA_NOISE["default"]
+    noise: CameraNoiseByName = CAMERA_NOISE["default"]
 
     @model_validator(mode="after")
     def _renderable(self) -> PinholeDescription:

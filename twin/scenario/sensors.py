@@ -10,11 +10,11 @@ import numpy as np
 from pydantic import BeforeValidator, Field, PositiveInt, model_validator
 
 from trackers.rig import FisheyeIntrinsics, FisheyeSensor, LaserSensor
-from twin.scenario.cameras import PinholeDescription, StereoDescription
+from twin.scenario.cameras import CameraNoiseByName, PinholeDescription, StereoDescription
 from twin.scenario.floor import FloorDescription
 from twin.scenario.mount import Mounted
 from twin.scenario.presets import NoiseName, by_name
-from twin.sensors.camera_noise import CAMERA_NOISE, CameraNoise
+from twin.sensors.camera_noise import CAMERA_NOISE
 from twin.sensors.laser_noise import LASER_NOISE, LaserNoise
 from twin.sensors.lens import LENSES, Lens
 
@@ -30,12 +30,6 @@ _LaserNoise = Annotated[
     BeforeValidator(
         by_name(LASER_NOISE, "parameters like {sigma_m: 0.01}"),
         json_schema_input_type=NoiseName | Literal["hokuyo"] | LaserNoise,
-    ),
-]
-_CameraNoise = Annotated[
-    CameraNoise,
-    BeforeValidator(
-        by_name(CAMERA_NOISE, "parameters like {read_sigma: 2}"), json_schema_input_type=NoiseName | CameraNoise
     ),
 ]
 _Lens = Annotated[
@@ -105,7 +99,7 @@ class FisheyeDescription(Mounted):
     kind: Literal["fisheye"]
     lens: _Lens = LENSES["equidistant_185"]
     size: tuple[PositiveInt, PositiveInt] | None = None
-    noise: _CameraNoise = CAMERA_NOISE["default"]
+    noise: CameraNoiseByName = CAMERA_NOISE["default"]
 
     @model_validator(mode="after")
     def _consistent(self) -> FisheyeDescription:
