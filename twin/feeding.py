@@ -60,8 +60,11 @@ def feed(
     title: str,
     outline: Sequence[Polygon] = (),
     person_names: Mapping[int, str] | None = None,
+    true_rig: Rig | None = None,
 ) -> Iterator[Feed]:
     """Trackers writing `folder/tracks/<name>.csv`, and `folder/preview.mp4` at `video_hz` pictures a second (None: none).
+
+    `true_rig`: where the sensors truly are, to be drawn where `rig`, what trackers are told, has them elsewhere.
 
     The files are there under their names when the block ends well. Raises InputError for an unknown tracker or option.
     """
@@ -78,6 +81,7 @@ def feed(
                     title=title,
                     outline=outline,
                     person_names=person_names,
+                    true_rig=true_rig,
                 )
             )
         yield Feed(at_work, shown)

@@ -115,9 +115,10 @@ def preview(
     title: str,
     outline: Sequence[Polygon] = (),
     person_names: Mapping[int, str] | None = None,
+    true_rig: Rig | None = None,
 ) -> Iterator[Preview]:
-    """A preview video that is there under its name when the block ends well."""
+    """A preview video that is there under its name when the block ends well; see `PreviewWriter`."""
     with PreviewWriter(
-        path, rig, fps=fps, tracker=tracker, title=title, outline=outline, person_names=person_names
+        path, rig, fps=fps, tracker=tracker, title=title, outline=outline, person_names=person_names, true_rig=true_rig
     ) as writer:
         yield Preview(writer, rig)

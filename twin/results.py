@@ -51,6 +51,7 @@ class Place:
     outline: Sequence[Polygon] = ()
     person_names: Mapping[int, str] | None = None
     scans: ScanDensity | None = None
+    true_rig: Rig | None = None  # where the sensors truly are; `rig` is what trackers are told
 
 
 def evaluate_trackers(folder: Path, at_work: Sequence[TrackerAtWork], truth: TruthTable | None) -> list[TrackerResult]:
@@ -84,6 +85,7 @@ def write_results(
         facts,
         results,
         place.rig,
+        true_rig=place.true_rig,
         truth=truth,
         outline=place.outline,
         scans=place.scans,

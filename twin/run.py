@@ -87,6 +87,7 @@ def run_scenario(
             rig,
             room_outline(scene.model, simulation.world.data),
             {number: name for name, number in scene.ids.items()},
+            true_rig=simulation.true_rig,
         )
         fed = stack.enter_context(
             feed(
@@ -100,6 +101,7 @@ def run_scenario(
                 title=f"{scenario.name}, seed {scenario.seed}",
                 outline=place.outline,
                 person_names=place.person_names,
+                true_rig=place.true_rig,
             )
         )
         bag = stack.enter_context(

@@ -100,6 +100,16 @@ def build_scene(scenario: Scenario) -> Scene:
     )
 
 
+def walkable_in(scenario: Scenario) -> NDArray[np.float64]:
+    """The walkable area of the scenario's room, polygon (k, 2) [m, room frame], without building the rest of the scene.
+
+    Raises InputError for a room that reads files outside its folder, does not compile, has no floor or nowhere to walk.
+    """
+    path = models.find("rooms", scenario.room, asked_by=f"scenario {scenario.name!r}: room")
+    spec = _room_spec(path)
+    return _where_one_walks(spec, _compiled(spec, path), path)[1]
+
+
 def populate(scenario: Scenario, scene: Scene) -> Population:
     """The scenario's people as they move, each with a stream of their own."""
     streams = {name: stream(scenario.seed, "person", name) for name in scene.names}

@@ -20,6 +20,7 @@ from twin.recording.messages import Encoded, encode
 from twin.room.mounts import check_mount
 from twin.room.sight import sees_some_of
 from twin.scenario import Scenario
+from twin.scenario.conditions import never_begins
 from twin.scenario.floor import FloorDescription, check_floor
 from twin.scenario.housings import believed_sensor, in_the_room
 from twin.scenario.sensors import CAMERA_KINDS, build_sensor
@@ -244,7 +245,7 @@ class Simulation:
             if not view.is_scanner and not sees_some_of(view, empty, area)
         ]
         close = warning_of(close_calls(self.scenario.people))
-        late = too_late(self.scenario.people, self.scenario.duration_s)
+        late = [*too_late(self.scenario.people, self.scenario.duration_s), *never_begins(self.scenario)]
         told = [*blind, *late, *([f"people: {close}"] if close else [])]
         return tuple(f"scenario {self.scenario.name!r}: {each}" for each in told)
 

@@ -167,7 +167,7 @@ def paint_room(
             cv2.fillPoly(canvas, [corners], colours.structure, cv2.LINE_AA, SHIFT)
         cv2.polylines(canvas, [corners], True, colours.structure_edge, 1, cv2.LINE_AA, SHIFT)
     if rig.area is not None:
-        for start, end in _dashes(view.pixels(np.array(rig.area)), 7.0, 5.0):
+        for start, end in dashes(view.pixels(np.array(rig.area)), 7.0, 5.0):
             cv2.line(
                 canvas,
                 fixed_point(start).tolist(),
@@ -182,7 +182,7 @@ def paint_room(
         cv2.circle(canvas, centre, 5 << SHIFT, colours.sensor, -1, cv2.LINE_AA, SHIFT)
 
 
-def _dashes(
+def dashes(
     corners: NDArray[np.float64], dash_px: float, gap_px: float
 ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """The dashes (start, end) [px] along a closed polygon (k, 2)."""

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from twin.report.palette import RGB
 
 REGULAR, BOLD = 400, 650
+TAG_PX = 14
+"""How high a tag's letters are, where nothing else is asked for."""
 
 
 @cache
@@ -56,7 +58,7 @@ class Tag:
     colour: RGB
 
 
-def write_tags(canvas: NDArray[np.uint8], tags: Sequence[Tag], size_px: int = 14) -> None:
+def write_tags(canvas: NDArray[np.uint8], tags: Sequence[Tag], size_px: int = TAG_PX) -> None:
     """Write tags, kept inside the canvas; one that would cover another moves up until it covers none."""
     height, width = canvas.shape[:2]
     half_height = size_px * 0.72

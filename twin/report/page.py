@@ -77,6 +77,7 @@ def write_report(
     trackers: Sequence[TrackerResult],
     rig: Rig,
     *,
+    true_rig: Rig | None = None,
     truth: TruthTable | None = None,
     outline: Sequence[Polygon] = (),
     scans: ScanDensity | None = None,
@@ -85,8 +86,9 @@ def write_report(
 ) -> None:
     """Write the report to `path`; it takes its name when it is whole.
 
-    `outline`: polygons (k, 2) [m] of walls and furniture; `scans`: what the scanners hit, drawn under the paths (for a
-    recording without a plan of the room); `person_names`: what to call the people of the truth.
+    `true_rig`: where the sensors truly are, for those that `rig` has elsewhere; `outline`: polygons (k, 2) [m] of walls and
+    furniture; `scans`: what the scanners hit, drawn under the paths (for a recording without a plan of the room);
+    `person_names`: what to call the people of the truth.
 
     Raises InputError where the file cannot be written, ValueError for an evaluation without truth.
     """
@@ -101,7 +103,7 @@ def write_report(
         tracker_names=[tracker.name for tracker in trackers],
         groups=grouped_rows(figures),
         sections=[
-            _section(tracker, own, axis, rig, outline, truth, scans, names)
+            _section(tracker, own, axis, rig, true_rig, outline, truth, scans, names)
             for tracker, own in zip(trackers, figures, strict=True)
         ],
         has_truth=truth is not None,
@@ -132,6 +134,7 @@ def _section(
     figures: Mapping[str, Any],
     axis: TimeAxis,
     rig: Rig,
+    true_rig: Rig | None,
     outline: Sequence[Polygon],
     truth: TruthTable | None,
     scans: ScanDensity | None,
@@ -143,7 +146,7 @@ def _section(
     colours = IdentityColours(ids[np.argsort(first, kind="stable")].tolist())
     section: dict[str, Any] = {
         "name": tracker.name,
-        "map": Markup(path_map(rig, outline, truth, tracks, evaluation, scans, colours, names)),
+        "map": Markup(path_map(rig, true_rig, outline, truth, tracks, evaluation, scans, colours, names)),
         "n_tracks": int(ids.size),
         "tiles": [],
         "events": [],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from math import cos, hypot, isnan, sin
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from trackers.observations import FloorFrame, LaserScan
 from trackers.rig import Rig
 from trackers.tracks import Track
+from twin.report.beliefs import beliefs, draw_belief
 from twin.report.birdseye import (
     SHIFT,
     FloorColours,
@@ -34,6 +35,9 @@ DARK_INK: RGB = (10, 12, 16)
 _UNSEEN = FloorColours((24, 28, 36), (33, 38, 48), (58, 64, 76), (104, 112, 126), (112, 122, 138), (240, 240, 240))
 _SEEN = FloorColours((38, 45, 57), (48, 56, 69), (64, 71, 84), (112, 120, 134), (132, 142, 158), (240, 240, 240))
 _PERSON_RADIUS_M = 0.22
+_FAN_LIGHT = 0.08
+"""The share of its colour that a scanner adds to the floor it sees."""
+
 # A scan return as a soft 3 × 3 px dot, the opaque middle last.
 _DOT_X = np.array([-1, 1, -1, 1, 0, -1, 1, 0, 0])
 _DOT_Y = np.array([-1, -1, 1, 1, -1, 0, 0, 1, 0])
@@ -50,26 +54,41 @@ class TruePoses:
 
 
 class FloorPanel:
-    """The room from above with scans, tracks and truth."""
+    """The room from above with scans, tracks and truth.
 
-    def __init__(self, rig: Rig, outline: Sequence[Polygon], width_px: int, height_px: int) -> None:
+    Scans and floors lie where the rig has their sensors, as a tracker takes them. `true`: the rig as it truly is, where
+    that is known; its sensors are drawn, and those believed elsewhere once more, dashed and labelled (`about`: of these
+    alone).
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        outline: Sequence[Polygon],
+        width_px: int,
+        height_px: int,
+        true: Rig | None = None,
+        about: Collection[str] | None = None,
+    ) -> None:
         self.width_px, self.height_px = width_px, height_px
         self._rig, self._outline = rig, outline
+        self._true = true if true is not None else rig
+        self._beliefs = [each for each in beliefs(rig, true) if about is None or each.name in about]
         self._scanners = {name: ScannerOnFloor(laser.room_from_sensor) for name, laser in rig.lasers().items()}
-        self._main = rig.main_sensor if rig.main_sensor in self._scanners else next(iter(self._scanners), None)
         self._view: FloorView | None = None
         self._unseen = self._seen = np.zeros((height_px, width_px, 3), dtype=np.uint8)
         self._mask = np.zeros((height_px, width_px), dtype=np.uint8)
+        self._light = np.zeros_like(self._seen)
 
     def _paint(self, scans: Mapping[str, LaserScan]) -> FloorView:
         """The room as it stays; a robot's bag has no room, so that its first scans say what to show."""
         reach = [self._scanners[name].reach(scan) for name, scan in scans.items()]
-        extent = floor_extent(self._rig, self._outline, *reach)
+        extent = floor_extent(self._true, self._outline, *reach)
         view = FloorView.fit(extent, self.width_px, self.height_px)
         self._unseen, self._seen = self._unseen.copy(), self._seen.copy()
-        paint_room(self._unseen, view, self._rig, self._outline, _UNSEEN)
-        paint_room(self._seen, view, self._rig, self._outline, _SEEN)
-        for floor in self._rig.floors().values():
+        paint_room(self._unseen, view, self._true, self._outline, _UNSEEN)
+        paint_room(self._seen, view, self._true, self._outline, _SEEN)
+        for floor in self._true.floors().values():
             draw_grid(self._unseen, view, floor, _UNSEEN.grid)
             draw_grid(self._seen, view, floor, _SEEN.grid)
         return view
@@ -90,11 +109,7 @@ class FloorPanel:
             self._view = self._paint(scans)
         view = self._view
         panel[:] = self._unseen
-        if self._main is not None and self._main in scans:
-            seen = view.pixels(self._scanners[self._main].free_space(scans[self._main]))
-            self._mask[:] = 0
-            cv2.fillPoly(self._mask, [fixed_point(seen)], 255, cv2.LINE_8, SHIFT)
-            cv2.copyTo(self._seen, self._mask, panel)
+        self._draw_free_space(panel, view, scans, layers)
         for name, frame in (floors or {}).items():
             draw_pressure(panel, view, self._rig.floors()[name], frame)
         if truth is not None:
@@ -104,8 +119,23 @@ class FloorPanel:
         for track in tracks:
             tail = view.pixels(np.array(tails[track.id])[:, 1:])
             _draw_tail(panel, tail, colours[track.id])
-        tags = [_draw_track(panel, view, track, colours[track.id]) for track in tracks]
+        tags = [draw_belief(panel, view, belief, layers, _SEEN.sensor, DARK_INK) for belief in self._beliefs]
+        tags += [_draw_track(panel, view, track, colours[track.id]) for track in tracks]
         write_tags(panel, tags)
+
+    def _draw_free_space(
+        self, panel: NDArray[np.uint8], view: FloorView, scans: Mapping[str, LaserScan], layers: Mapping[str, RGB]
+    ) -> None:
+        """What any scanner sees through is lighter, with a breath of the colour of each that does."""
+        fans = {name: fixed_point(view.pixels(self._scanners[name].free_space(scan))) for name, scan in scans.items()}
+        self._mask[:] = 0
+        for fan in fans.values():
+            cv2.fillPoly(self._mask, [fan], 255, cv2.LINE_8, SHIFT)
+        cv2.copyTo(self._seen, self._mask, panel)
+        for name, fan in fans.items():
+            self._light[:] = 0
+            cv2.fillPoly(self._light, [fan], tuple(_FAN_LIGHT * value for value in layers[name]), cv2.LINE_8, SHIFT)
+            cv2.add(panel, self._light, panel)
 
 
 def _draw_truth(panel: NDArray[np.uint8], view: FloorView, truth: TruePoses, names: Mapping[int, str]) -> None:

@@ -11,6 +11,7 @@ from trackers.observations import NS_PER_S
 from trackers.rig import Rig
 from twin.evaluate.summary import Evaluation
 from twin.recording.tables import TrackTable, TruthTable
+from twin.report.beliefs import beliefs_svg
 from twin.report.birdseye import FloorView, Polygon, floor_extent, room_svg, svg_path
 from twin.report.palette import IdentityColours
 from twin.report.scan_density import ScanDensity
@@ -24,6 +25,7 @@ _LONG_NS = 90 * NS_PER_S  # beyond, paths cover each other and are drawn lighter
 
 def path_map(
     rig: Rig,
+    true_rig: Rig | None,
     outline: Sequence[Polygon],
     truth: TruthTable | None,
     tracks: TrackTable,
@@ -34,14 +36,17 @@ def path_map(
 ) -> str:
     """SVG: the room (or, without a plan, what the scans hit), true paths thin and grey, tracks in their colours.
 
-    A track is solid while confirmed and dashed while it coasts; its id stands where it ends.
+    A track is solid while confirmed and dashed while it coasts; its id stands where it ends. Sensors are drawn where they
+    truly are (`true_rig`), and dashed where trackers believe them (`rig`).
     """
     hits = []
     if scans is not None:
         cells, counts = scans.cells()
         hits.append(cells[counts > _STANDING * counts.max(initial=0)])
-    view = FloorView.fit(floor_extent(rig, outline, *hits, np.column_stack([tracks.x, tracks.y])), _WIDTH_PX)
-    parts = [room_svg(view, rig, outline)]
+    view = FloorView.fit(
+        floor_extent(true_rig or rig, outline, *hits, np.column_stack([tracks.x, tracks.y])), _WIDTH_PX
+    )
+    parts = [room_svg(view, true_rig or rig, outline), beliefs_svg(view, rig, true_rig)]
     if scans is not None:
         parts.append(f'<image href="{scans.png(view)}" width="{view.width_px}" height="{view.height_px}"/>')
     if truth is not None:

@@ -36,7 +36,8 @@ class PreviewWriter:
     picture is shown at its stamp, so that the video plays in real time also where frames are missing; `fps` says how
     often frames usually come. `outline`: polygons (k, 2) [m] of walls and furniture; `person_names`: what to write
     beside a true person instead of the id; `camera`: the one to show (default: all of the rig's, up to nine;
-    none there: the bird's-eye view takes the whole picture).
+    none there: the bird's-eye view takes the whole picture); `true_rig`: where the sensors truly are, for those that
+    `rig`, what trackers are told, has elsewhere.
 
     Raises InputError where the file cannot be written.
     """
@@ -52,6 +53,7 @@ class PreviewWriter:
         outline: Sequence[Polygon] = (),
         person_names: Mapping[int, str] | None = None,
         camera: str | None = None,
+        true_rig: Rig | None = None,
         size: tuple[int, int] = (1280, 640),
         tail_s: float = 2.0,
     ) -> None:
@@ -71,7 +73,7 @@ class PreviewWriter:
         if cameras:
             left = size[1] - _HEADER_PX
             self._camera = CameraGrid(cameras if camera is None else {camera: cameras[camera]}, left)
-        self._floor = FloorPanel(rig, outline, size[0] - left, size[1] - _HEADER_PX - _FOOTER_PX)
+        self._floor = FloorPanel(rig, outline, size[0] - left, size[1] - _HEADER_PX - _FOOTER_PX, true_rig)
         self._tails: dict[int, deque[tuple[int, float, float]]] = {}
         self._tail_ns = round(tail_s * NS_PER_S)
         self._first_ns: int | None = None

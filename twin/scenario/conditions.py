@@ -1,4 +1,4 @@
-"""What a scenario does to its sensors and its light, in words for whoever reads a report."""
+"""What a scenario does to its sensors and its light, in words for whoever reads a report, and what of it comes too late."""
 
 from __future__ import annotations
 
@@ -21,6 +21,21 @@ def conditions_of(scenario: Scenario) -> list[str]:
     if misled:
         told.append(f"Trackers believe another pose, lens or clock than the true one of: {', '.join(misled)}.")
     return told
+
+
+def never_begins(scenario: Scenario) -> list[str]:
+    """One sentence each on faults, changes of the light and sensors whose time is not before the end of the run."""
+    end_s = scenario.duration_s
+    times = [
+        *((f"sensors.{name}.phase_s", sensor.phase_s, "never looks") for name, sensor in scenario.sensors.items()),
+        *((f"faults.{name}.from_s", fault.from_s, "never begins") for name, fault in scenario.faults.items()),
+        *((f"lights.{n}.at_s", change.at_s, "never comes") for n, change in enumerate(scenario.lights)),
+    ]
+    return [
+        f"{field}: {at_s:g} s is not before the end at {end_s:g} s: {never}"
+        for field, at_s, never in times
+        if at_s >= end_s
+    ]
 
 
 def _listed(sensors: str | tuple[str, ...]) -> str:

@@ -7,7 +7,7 @@ from math import radians
 from typing import TYPE_CHECKING, Any
 
 from trackers.configuration import Strict
-from trackers.rig import Pose, RigSensor
+from trackers.rig import Point2, Pose, Rig, RigSensor
 from twin.scenario.floor import FloorDescription
 from twin.scenario.mount import Believed, Mount, Mounted
 
@@ -75,6 +75,16 @@ def believed_sensor(description: AnyDescription, true: RigSensor) -> RigSensor:
         }
         change["intrinsics"] = intrinsics.model_copy(update=lens)
     return true.model_copy(update=change)
+
+
+def rig_told(scenario: Scenario, area: tuple[Point2, ...]) -> Rig:
+    """The rig as trackers are told of it, that of a simulation of the scenario, without building any sensor.
+
+    area: the tracked area, a polygon in the room's frame [m].
+    """
+    hung = {name: in_the_room(scenario, name) for name in scenario.sensors}
+    told = {name: believed_sensor(description, description.rig_sensor(name)) for name, description in hung.items()}
+    return Rig(sensors=told, area=area, room=scenario.room_name)
 
 
 def _believed_pose(description: AnyDescription, believed: Believed) -> Pose:

@@ -12,11 +12,13 @@ from pathlib import Path
 from pydantic import JsonValue
 
 from trackers.errors import InputError
-from trackers.presets import PRESETS, available
+from trackers.presets import PRESETS
 from twin.scenario import Scenario, load_scenario
 from twin.scenario.load import dump_scenario
 from twin.scenario.model import TrackerChoice
-from twin.suites.description import Changes, Suite, SuiteScenario, find_scenario
+from twin.suites.description import Suite, find_scenario
+from twin.suites.fitness import TrackerCheck
+from twin.suites.written import as_texts, variants
 from twin.tracking import file_name
 
 NO_CAMERA = ("laser", "floor")
@@ -43,58 +45,71 @@ class Case:
     tracker_changes: tuple[str, ...]  # 'trackers.NAME=...' for those that the scenario defines
 
 
-def expand(suite: Suite, path: Path, changes: Sequence[str] = ()) -> list[Case]:
+def expand(suite: Suite, path: Path, changes: Sequence[str] = (), *, plug_ins: bool = True) -> list[Case]:
     """The cases, those of one recording one after the other.
 
-    changes: 'path=value' texts for every case, which keeps its id all the same, so that two runs can be compared.
-    Raises InputError, a line a fault, for scenarios, overrides and trackers that cannot be, and for cases given twice.
+    changes: 'path=value' texts for every case, which keeps its id all the same, so that two runs can be compared;
+    plug_ins: whether trackers of the user's own are on this machine, to be looked at too.
+    Raises InputError, a line a fault, for scenarios, overrides and trackers that cannot be, or do not fit the scenario's
+    rig, and for cases given twice. Nothing is simulated for it.
     """
     cases: dict[str, Case] = {}
     faults: dict[str, None] = {}
-    for entry in suite.scenarios:
+    check = TrackerCheck(path, plug_ins=plug_ins)
+    for change in changes:
+        if change.partition("=")[0].strip() == "seed":
+            faults[f"--set {change}: a suite has its seeds under seeds:; --seed N, which adds to each, is expected"] = (
+                None
+            )
+    for number in range(len(suite.scenarios)):
         try:
-            found = list(_of_entry(suite, entry, path, changes))
+            found = list(_of_entry(suite, number, path, changes, check))
         except InputError as error:
-            faults[str(error)] = None
+            faults |= dict.fromkeys(str(error).splitlines())
             continue
         for case in found:
             if case.id in cases:
                 faults[
-                    f"{path}: scenarios: {_title(case)}, seed {case.seed}, {case.tracker} is there twice; a name of its "
-                    "own for each entry is expected"
+                    f"{path}: scenarios.{number}: {_title(case.scenario, case.variant)}, seed {case.seed}, {case.tracker} "
+                    "is there twice; a name of its own for each entry is expected"
                 ] = None
             cases[case.id] = case
+    faults |= dict.fromkeys(check.faults())
     if faults:
         raise InputError("\n".join(faults))
     return list(cases.values())
 
 
-def _of_entry(suite: Suite, entry: SuiteScenario, path: Path, changes: Sequence[str]) -> Iterator[Case]:
-    scenario_path = find_scenario(entry, path)
-    fixed = {**suite.set, **entry.set}
-    if "seed" in fixed or any("seed" in each for each in entry.combinations()):
-        raise InputError(f"{path}: scenarios: {entry.scenario}: seed is set; `seeds:` beside it is expected")
-    for variant in entry.combinations():
-        overrides = _texts({**fixed, **variant})
-        scenario = load_scenario(scenario_path, [*overrides, *changes])
-        trackers = entry.trackers or suite.trackers
-        _check_trackers(trackers, scenario, path)
+def _of_entry(suite: Suite, number: int, path: Path, changes: Sequence[str], check: TrackerCheck) -> Iterator[Case]:
+    entry = suite.scenarios[number]
+    scenario_path = find_scenario(entry, path, number)
+    for variant in variants(suite, number, changes):
+        if "seed" in variant.overrides:
+            raise InputError(f"{path}: {variant.written('seed')}: seed is set; `seeds:` beside it is expected")
+        overrides = as_texts(variant.overrides)
+        told = ", ".join(_short(text) for text in as_texts(variant.own))
+        try:
+            scenario = load_scenario(scenario_path, [*overrides, *changes])
+            label = entry.name or scenario.name
+            check.check(variant, scenario, scenario_path, _title(label, told))
+        except InputError as error:
+            lines = str(error).splitlines()
+            raise InputError("\n".join(f"{path}: scenarios.{number}: {line}" for line in lines)) from error
         for seed in entry.seeds or suite.seeds:
             seeded = scenario.model_copy(update={"seed": seed, "trackers": {}})
             resolved = dump_scenario(seeded)
-            for tracker in trackers:
-                label = entry.name or scenario.name
+            for tracker in variant.trackers:
                 yield Case(
                     id=_case_id(label, overrides, seed, tracker),
                     scenario=label,
-                    variant=", ".join(_short(text) for text in _texts(variant)),
+                    variant=told,
                     overrides=overrides,
                     seed=seed,
                     tracker=tracker,
                     limit_s=entry.limit_s or suite.limit_s,
                     image_based=_uses_images(scenario, tracker),
                     resolved=resolved,
-                    tracker_changes=_texts(
+                    tracker_changes=as_texts(
                         {f"trackers.{name}": _options(choice) for name, choice in scenario.trackers.items()}
                     ),
                 )
@@ -104,35 +119,19 @@ def _options(choice: TrackerChoice) -> JsonValue:
     return choice.model_dump(mode="json", exclude_none=True)
 
 
-def _texts(changes: Changes) -> tuple[str, ...]:
-    """Changes as 'path=value', the value as JSON, which is YAML too."""
-    return tuple(f"{path}={json.dumps(value, ensure_ascii=False)}" for path, value in changes.items())
-
-
 def _short(text: str, longest: int = 60) -> str:
     text = text.replace('"', "")
     return text if len(text) <= longest else text[: longest - 1] + "…"
 
 
-def _title(case: Case) -> str:
-    return f"{case.scenario} ({case.variant})" if case.variant else case.scenario
+def _title(label: str, variant: str) -> str:
+    return f"{label} ({variant})" if variant else label
 
 
 def _case_id(label: str, overrides: tuple[str, ...], seed: int, tracker: str) -> str:
     """A name for files and rows that is the same wherever and whenever the case is run."""
     digest = hashlib.sha256(json.dumps([label, overrides, seed, tracker]).encode()).hexdigest()[:8]
     return f"{label}-{seed}-{re.sub(r'[^A-Za-z0-9._-]', '-', file_name(tracker))}-{digest}"
-
-
-def _check_trackers(names: tuple[str, ...], scenario: Scenario, path: Path) -> None:
-    for name in names:
-        choice = scenario.trackers.get(name)
-        target = (choice.preset if choice is not None else None) or name
-        if target not in available() and ":" not in target:
-            raise InputError(
-                f"{path}: trackers: there is no tracker {target!r}; valid are {', '.join(available())}, module:Class, or "
-                f"one that the scenario {scenario.name} defines"
-            )
 
 
 def _uses_images(scenario: Scenario, name: str) -> bool:

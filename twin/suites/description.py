@@ -9,36 +9,48 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, JsonValue, field_validator, model_validator
 
 from trackers.configuration import Strict, parse_yaml, read_text, validate
-from trackers.errors import InputError
 from twin import models
 from twin.scenario.model import Name
+from twin.suites.expected import list_of, mapping_of, refused, single
 from twin.suites.figures import GATED
 
-Changes = dict[str, JsonValue]
+Changes = Annotated[dict[str, JsonValue], mapping_of("a mapping of fields' paths to values, as in {duration_s: 10},")]
 """Values by the path of the scenario's field, as `--set path=value` would give them."""
+
+_MOST_SEEDS = 100_000
 
 
 def _seeds(value: Any) -> Any:
     """`seeds: 3` is short for the first three."""
     if isinstance(value, int) and not isinstance(value, bool):
+        if not 1 <= value <= _MOST_SEEDS:
+            raise ValueError(f"how many seeds there are from 0 on; 1 to {_MOST_SEEDS} is valid")
         return tuple(range(value))
+    if not isinstance(value, list | tuple) or not value:
+        raise refused(value, "a list of seeds, as in [0, 1, 2], or how many from 0 on, as in 3, is expected")
     return value
 
 
-Seed = Annotated[int, Field(ge=0, lt=2**63)]
-HowMany = Annotated[int, Field(ge=1)]
+Seed = Annotated[int, Field(ge=0, lt=2**63), single("a seed, a whole number from 0 up,")]
+HowMany = Annotated[int, Field(ge=1, le=_MOST_SEEDS)]
 SeedList = Annotated[list[Seed], Field(min_length=1)]
 Seeds = Annotated[
     tuple[Seed, ...], Field(min_length=1), BeforeValidator(_seeds, json_schema_input_type=HowMany | SeedList)
 ]
-Limit = Annotated[float, Field(gt=0, le=86_400)]
+Limit = Annotated[float, Field(gt=0, le=86_400), single("a time above 0, up to 86400 s,")]
+Text = Annotated[str, single("a text")]
+OwnName = Annotated[Name, single("a name of letters, digits, '-' and '_', a letter first,")]
+TrackerName = Annotated[str, single("the name of a tracker, as laser-imm, or module:Class")]
+_TRACKERS = "a list of trackers' names, as in [laser-imm],"
+Amount = Annotated[float, Field(ge=0), single("a number from 0 up")]
+Values = Annotated[list[JsonValue], Field(min_length=1), list_of("a list of values to try, as in [5, 10],")]
 
 
 class Tolerance(Strict):
     """How much worse a figure may get, on the mean over a scenario's seeds: absolute + relative × |baseline|."""
 
-    absolute: float = Field(default=0.0, ge=0)
-    relative: float = Field(default=0.0, ge=0)
+    absolute: Amount = 0.0
+    relative: Amount = 0.0
 
     def allowed(self, baseline: float) -> float:
         """The change that is still tolerated, in the figure's unit."""
@@ -51,16 +63,22 @@ class SuiteScenario(Strict):
     Every combination of the grid's values is run with every one of the variants.
     """
 
-    scenario: str = Field(description="name of a shipped scenario, or path of a YAML file relative to the suite")
-    name: Name | None = Field(default=None, description="what to call it in the results; none: the scenario's own name")
+    scenario: Annotated[str, single("the name of a scenario, or the path of its file,")] = Field(
+        description="name of a shipped scenario, or path of a YAML file relative to the suite"
+    )
+    name: OwnName | None = Field(
+        default=None, description="what to call it in the results; none: the scenario's own name"
+    )
     seeds: Seeds | None = None
-    trackers: tuple[str, ...] | None = Field(default=None, min_length=1)
+    trackers: Annotated[tuple[TrackerName, ...], Field(min_length=1), list_of(_TRACKERS)] | None = None
     limit_s: Limit | None = None
     set: Changes = Field(default_factory=dict, description="changes to every case, by path")
-    grid: dict[str, Annotated[list[JsonValue], Field(min_length=1)]] = Field(
+    grid: Annotated[dict[str, Values], mapping_of("a mapping of paths to lists, as in {duration_s: [5, 10]},")] = Field(
         default_factory=dict, description="values by path, every combination"
     )
-    variants: list[Changes] = Field(default=[{}], min_length=1, description="changes by path, one after the other")
+    variants: Annotated[
+        list[Changes], Field(min_length=1), list_of("a list of mappings, as in [{}, {duration_s: 5}],")
+    ] = Field(default=[{}], description="changes by path, one after the other")
 
     def combinations(self) -> list[Changes]:
         """The overrides of each case, without those of `set`."""
@@ -68,19 +86,31 @@ class SuiteScenario(Strict):
         return [{**grid, **variant} for variant in self.variants for grid in grids]
 
 
+def _entry(value: Any) -> Any:
+    if not isinstance(value, dict | SuiteScenario):
+        name = value if isinstance(value, str) else "lab-five-people"
+        raise ValueError(f"a mapping, as {{scenario: {name}}}, is expected")
+    return value
+
+
 class Suite(Strict):
     """Scenarios × seeds × overrides × trackers, the time limit of a case, and what counts as worse."""
 
-    name: Name
-    description: str = ""
+    name: OwnName
+    description: Text = ""
     seeds: Seeds = (0, 1, 2)
-    trackers: tuple[str, ...] = ()
+    trackers: Annotated[tuple[TrackerName, ...], list_of(_TRACKERS, or_empty=True)] = ()
     limit_s: Limit = Field(default=600.0, description="how long a case may take, recording and tracking [s]")
     set: Changes = Field(default_factory=dict, description="changes to every case of every scenario, by path")
-    scenarios: list[SuiteScenario] = Field(min_length=1)
-    tolerances: dict[str, Tolerance] = Field(
-        default_factory=dict, description="by figure, instead of the default; see twin/suites/figures.py"
-    )
+    scenarios: Annotated[
+        list[Annotated[SuiteScenario, BeforeValidator(_entry)]],
+        Field(min_length=1),
+        list_of("a list of scenarios, as in [{scenario: lab-five-people}],"),
+    ]
+    tolerances: Annotated[
+        dict[str, Annotated[Tolerance, mapping_of("a mapping, as in {absolute: 0.01},")]],
+        mapping_of("a mapping of figures, as in {mota: {absolute: 0.01}},"),
+    ] = Field(default_factory=dict, description="by figure, instead of the default; see twin/suites/figures.py")
 
     @field_validator("tolerances")
     @classmethod
@@ -117,9 +147,6 @@ def load_suite(name: str | Path) -> tuple[Suite, Path]:
     return validate(Suite, content, str(path)), path
 
 
-def find_scenario(entry: SuiteScenario, suite: Path) -> Path:
-    """The scenario's file; raises InputError naming the suite's."""
-    try:
-        return models.find("scenarios", entry.scenario, suite.parent, f"{suite}: scenarios")
-    except InputError as error:
-        raise InputError(str(error)) from None
+def find_scenario(entry: SuiteScenario, suite: Path, number: int) -> Path:
+    """The scenario's file; raises InputError naming the suite's, and the entry by its `number` there."""
+    return models.find("scenarios", entry.scenario, suite.parent, f"{suite}: scenarios.{number}.scenario")

@@ -64,7 +64,8 @@ def run_suite(
     folder with other results, and where the disk is full or the workers are gone; what was done until then is kept.
     """
     watcher = watcher or Watcher()
-    cases = expand(suite, path, changes)
+    # What a scheduler's workers have of the user's own is not known here.
+    cases = expand(suite, path, changes, plug_ins=place is None or place.scheduler is None)
     facts = {
         "suite": suite.name,
         "description": suite.description,

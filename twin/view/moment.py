@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
 from twin.preview import true_poses
+from twin.report.beliefs import beliefs
 from twin.report.lettering import Tag, write_tags
 from twin.report.look_at import picture
 from twin.report.palette import IDENTITY_COLOURS, LAYER_COLOURS, RGB, IdentityColours
@@ -53,7 +54,7 @@ def write_view(scenario: Scenario, t: float, path: Path) -> tuple[str, ...]:
         sheet, warnings = _Sheet(simulation, t), simulation.warnings
         tiles = [
             (f"{scenario.name}, {t:g} s", sheet.room()),
-            ("from above: truth, scans, floors", sheet.plan(looks)),
+            (sheet.plan_label(), sheet.plan(looks)),
         ]
         boxes = simulation.boxes(t)
         for name, look in looks.items():
@@ -102,14 +103,19 @@ class _Sheet:
         write_tags(shown, name_tags(self._world, self._snapshot, stand, _TILE_PX))
         return shown
 
+    def plan_label(self) -> str:
+        """What the plan shows."""
+        what = "from above: truth, scans, floors"
+        return f"{what} as believed (dashed)" if beliefs(self._simulation.rig, self._simulation.true_rig) else what
+
     def plan(self, looks: Mapping[str, Observation]) -> NDArray[np.uint8]:
-        """The plan with the true people, what these scanners see and what these floors feel."""
+        """The plan with the true people, what these scanners see and what these floors feel, as trackers take it."""
         scans = {name: look for name, look in looks.items() if isinstance(look, LaserScan)}
         floors = {name: look for name, look in looks.items() if isinstance(look, FloorFrame)}
         rig = self._simulation.rig
         panel = np.zeros((_TILE_PX[1], _TILE_PX[0], 3), dtype=np.uint8)
         layers = {name: LAYER_COLOURS[place % len(LAYER_COLOURS)] for place, name in enumerate(rig.lasers())}
-        drawn = FloorPanel(rig, self._outline, *_TILE_PX)
+        drawn = FloorPanel(rig, self._outline, *_TILE_PX, true=self._simulation.true_rig, about=looks)
         drawn.draw(panel, scans, layers, [], {}, IdentityColours(), self._poses, self._names, floors)
         return panel
 

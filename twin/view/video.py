@@ -120,10 +120,11 @@ class _Reports:
     def __init__(self, scenario: Scenario, stack: ExitStack) -> None:
         self.newest: dict[str, Observation] = {}
         self.rig: Rig | None = None
+        self.true_rig: Rig | None = None
         self._to_come: Iterator[Observation] = iter(())
         if any(description.kind in ("laser", "floor") for description in scenario.sensors.values()):
             simulation = stack.enter_context(Simulation(scenario, images=False))
-            self.world, self.rig = simulation.world, simulation.rig
+            self.world, self.rig, self.true_rig = simulation.world, simulation.rig, simulation.true_rig
             self._to_come = iter(simulation)
         else:
             self.world = World(scenario)
@@ -144,9 +145,9 @@ class _Reports:
         return {name: each for name, each in self.newest.items() if isinstance(each, FloorFrame)}
 
     def floor(self, name: str) -> FloorSensor:
-        """The grid of a floor."""
-        assert self.rig is not None, "a floor has reported"
-        return self.rig.floors()[name]
+        """The grid of a floor where it truly lies."""
+        assert self.true_rig is not None, "a floor has reported"
+        return self.true_rig.floors()[name]
 
 
 class _Film:
@@ -175,7 +176,7 @@ class _Film:
         self._plan_left = follow is None and self._is_fuller_on_the_right(whereabouts)
         if reports.rig is not None:
             outline = room_outline(snapshot.model, snapshot.data)
-            self._plan = FloorPanel(reports.rig, outline, *_PLAN_PX)
+            self._plan = FloorPanel(reports.rig, outline, *_PLAN_PX, true=reports.true_rig)
 
     def picture(self, t: float) -> NDArray[np.uint8]:
         """The picture at time t [s]; times rise."""

@@ -2,8 +2,29 @@
 
 from __future__ import annotations
 
+import signal
+import sys
+from html import unescape
+from pathlib import Path
+
+import pytest
+
+from twin import Simulation, cli, run_scenario
 from twin.scenario import load_scenario
-from twin.scenario.conditions import conditions_of
+from twin.scenario.conditions import conditions_of, never_begins
+
+TOO_LATE = [
+    "duration_s=2",
+    "people={}",
+    "faults={late: {sensor: waist, kind: dropout, from_s: 2}, now: {sensor: [waist, knee], kind: freeze, from_s: 1.9, to_s: 9}}",
+    "lights=[{at_s: 1, brightness: 0.5}, {at_s: 7.5, brightness: 0}]",
+    "sensors.knee.phase_s=3",
+]
+NEVER = [
+    "sensors.knee.phase_s: 3 s is not before the end at 2 s: never looks",
+    "faults.late.from_s: 2 s is not before the end at 2 s: never begins",
+    "lights.1.at_s: 7.5 s is not before the end at 2 s: never comes",
+]
 
 
 def test_a_scenario_that_does_nothing_to_them_is_passed_over() -> None:
@@ -20,3 +41,30 @@ def test_faults_and_beliefs_are_named_with_their_times() -> None:
 def test_changes_of_the_light_are_named_with_their_times() -> None:
     dim = load_scenario("lab-five-people", ['lights=[{"at_s": 5, "brightness": 0.1, "over_s": 2}]'])
     assert conditions_of(dim) == ["Light: all to 0.1 from 5 s."]
+
+
+def test_what_would_begin_after_the_end_is_told_and_nothing_else() -> None:
+    assert never_begins(load_scenario("lab-five-people", TOO_LATE)) == NEVER
+    assert never_begins(load_scenario("lab-faults")) == []
+
+
+def test_what_would_begin_after_the_end_is_a_warning_of_a_run_its_report_and_a_view(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    warnings = tuple(f"scenario 'lab-five-people': {each}" for each in NEVER)
+    scenario = load_scenario("lab-five-people", TOO_LATE)
+    with Simulation(scenario, images=False) as simulation:
+        assert simulation.warnings == warnings
+    result = run_scenario(scenario, trackers=["laser-imm"], out=tmp_path / "run", video=False, images=False)
+    assert result.warnings == warnings
+    page = unescape((tmp_path / "run" / "report.html").read_text())
+    assert all(each in page for each in warnings)
+    small = [*TOO_LATE, "sensors.fisheye.size=[64, 64]"]
+    sets = [part for change in small for part in ("--set", change)]
+    picture = str(tmp_path / "view.png")
+    monkeypatch.setattr(sys, "argv", ["twin", "view", "lab-five-people", "--at", "1", "--out", picture, *sets])
+    monkeypatch.setattr(signal, "signal", lambda number, handler: None)
+    with pytest.raises(SystemExit):
+        cli.main()
+    said = capsys.readouterr().err
+    assert all(f"twin: warning: {each}" in said for each in warnings)

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 
 from trackers.errors import InputError
 from twin import models
@@ -70,13 +71,16 @@ def test_ids_stay_the_same_whatever_else_is_in_the_suite(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("scenarios: [{scenario: lab}]", r"s.yaml: scenarios: there is no scenario 'lab'; "),
+        ("scenarios: [{scenario: lab}]", r"s.yaml: scenarios.0.scenario: there is no scenario 'lab'; "),
         ("scenarios: [{scenario: lab-five-people, seed: 1}]", r"scenarios.0.seed: unknown key; did you mean 'seeds'"),
-        ("scenarios: []", r"scenarios: List should have at least 1"),
+        ("scenarios: []", r"scenarios: a list of scenarios, as in .* is expected \(got \[\]\)$"),
         ("scenarios: [{scenario: lab-five-people, seeds: 0}]", r"scenarios.0.seeds: "),
         ("scenarios: [{scenario: lab-five-people, trackers: [none]}]", r"there is no tracker 'none'; valid are laser-"),
         ("scenarios: [{scenario: lab-five-people, set: {people.white.shirt: mauve}}]", r"no shirt colour 'mauve'"),
-        ("scenarios: [{scenario: lab-five-people, grid: {seed: [1, 2]}}]", r"seed is set; `seeds:` beside it"),
+        (
+            "scenarios: [{scenario: lab-five-people, grid: {seed: [1, 2]}}]",
+            r"scenarios.0.grid.seed: seed is set; `seeds:` beside it",
+        ),
         ("scenarios: [{scenario: lab-five-people}, {scenario: lab-five-people}]", r"seed 0, laser-imm is there twice"),
         (
             "scenarios: [{scenario: lab-five-people}]\ntolerances: {mata: {absolute: 1}}",
@@ -87,6 +91,64 @@ def test_ids_stay_the_same_whatever_else_is_in_the_suite(tmp_path: Path) -> None
 def test_bad_suites_are_told_with_the_field(tmp_path: Path, text: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         cases_of(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("seeds: [a]", "seeds.0: a seed, a whole number from 0 up, is expected (got 'a')"),
+        ("seeds: [0, -1]", "seeds.1: a seed, a whole number from 0 up, is expected (got -1)"),
+        ("seeds: {}", "seeds: a list of seeds, as in [0, 1, 2], or how many from 0 on, as in 3, is expected (got {})"),
+        ("seeds: 1000000000000", "seeds: how many seeds there are from 0 on; 1 to 100000 is valid (got 1000000000000)"),
+        ("trackers: 3", "trackers: a list of trackers' names, as in [laser-imm], is expected (got 3)"),
+        (
+            "trackers: laser-imm",
+            "trackers: a list of trackers' names, as in [laser-imm], is expected (got 'laser-imm')",
+        ),
+        ("trackers: [[a]]", "trackers.0: the name of a tracker, as laser-imm, or module:Class is expected (got ['a'])"),
+        (
+            "scenarios: lab",
+            "scenarios: a list of scenarios, as in [{scenario: lab-five-people}], is expected (got 'lab')",
+        ),
+        (
+            "scenarios: [plaza-runners]",
+            "scenarios.0: a mapping, as {scenario: plaza-runners}, is expected (got 'plaza-runners')",
+        ),
+        ("limit_s: [1]", "limit_s: a time above 0, up to 86400 s, is expected (got [1])"),
+        ("name: a b", "name: a name of letters, digits, '-' and '_', a letter first, is expected (got 'a b')"),
+        ("tolerances: {mota: 1}", "tolerances.mota: a mapping, as in {absolute: 0.01}, is expected (got 1)"),
+        (
+            "scenarios: [{scenario: lab-five-people, sceanrio: x}]",
+            "scenarios.0.sceanrio: unknown key; did you mean 'scenario'? valid here: grid, limit_s, name, scenario, seeds, "
+            "set, trackers, variants",
+        ),
+        (
+            "scenarios: [{scenario: lab-five-people, seeds: {a: 1}}]",
+            "scenarios.0.seeds: a list of seeds, as in [0, 1, 2], or how many from 0 on, as in 3, is expected (got {'a': 1})",
+        ),
+        (
+            "scenarios: [{scenario: lab-five-people, grid: {duration_s: 5}}]",
+            "scenarios.0.grid.duration_s: a list of values to try, as in [5, 10], is expected (got 5)",
+        ),
+        (
+            "scenarios: [{scenario: lab-five-people, variants: {}}]",
+            "scenarios.0.variants: a list of mappings, as in [{}, {duration_s: 5}], is expected (got {})",
+        ),
+        (
+            "scenarios: [{scenario: lab-five-people, set: [duration_s=5]}]",
+            "scenarios.0.set: a mapping of fields' paths to values, as in {duration_s: 10}, is expected (got ['duration_s=5'])",
+        ),
+    ],
+)
+def test_a_wrong_list_or_mapping_is_told_in_one_sentence_with_what_is_expected(
+    tmp_path: Path, text: str, said: str
+) -> None:
+    content = {"name": "s", "trackers": ["laser-imm"], "scenarios": [{"scenario": "lab-five-people"}]}
+    path = tmp_path / "s.yaml"
+    path.write_text(yaml.safe_dump({**content, **yaml.safe_load(text)}))
+    with pytest.raises(InputError) as told:
+        load_suite(path)
+    assert str(told.value) == f"{path}: {said}"
 
 
 def test_the_code_that_records_is_all_that_is_loaded_to_record_and_no_tracker() -> None:

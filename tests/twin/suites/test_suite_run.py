@@ -131,7 +131,7 @@ def test_a_run_killed_in_the_middle_is_resumed_and_nothing_is_done_twice(suite: 
     while done_before < 3:
         assert process.poll() is None
         time.sleep(0.1)
-        if (folder / "results.sqlite").exists():
+        if (folder / "logs").exists():  # made when the file of results has its tables
             with read_store(folder) as store:
                 done_before = sum(case.status == "done" for case in store.cases())
     with pytest.raises(InputError, match=r"^--out .*: process \d+ on .* is writing there at this moment"):

@@ -108,6 +108,17 @@ def test_a_contact_sheet_shows_every_sensor(tmp_path):
     assert two_rows.shape == (2 * one_row.shape[0], *one_row.shape[1:])
 
 
+def test_a_sheet_s_plan_has_a_floor_where_it_is_and_says_where_it_is_believed(tmp_path):
+    def plan(**believed) -> np.ndarray:
+        write_view(small(people={}, sensors={"floor": FLOOR | believed}), 1.5, tmp_path / "view.png")
+        return read(tmp_path / "view.png")[18 : 18 + 390, 520:1040].astype(int)
+
+    true, misled = plan(), plan(believed={"xyz": [0.6, 0.4, 0]})
+    disc = (true > 235).all(axis=-1)  # at the grid's corner, where its frame is
+    assert 50 < disc.sum() < 120 and (misled[disc] > 225).all()
+    assert ((misled - true) > 100).all(axis=-1).sum() > 300  # the dashed outline and the letters beside it
+
+
 def pictures(path: Path) -> list[np.ndarray]:
     with av.open(str(path)) as container:
         assert container.streams.video[0].codec_context.name == "h264"

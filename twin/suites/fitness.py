@@ -1,0 +1,175 @@
+"""Whether a suite's trackers can be made for its scenarios, found out before any case starts: nothing is simulated."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import logging
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from trackers.errors import InputError
+from trackers.observations import Observation
+from trackers.presets import PRESETS, available, make_tracker
+from trackers.rig import Point2, Rig
+from trackers.tracks import Tracker
+from twin.scenario import Scenario
+from twin.scenario.housings import rig_told
+from twin.scenario.model import TrackerChoice
+from twin.scene import walkable_in
+from twin.streams import stream
+from twin.suites.written import Variant
+
+
+class TrackerCheck:
+    """Makes each tracker once for each rig, with its options and without a background, and keeps what is wrong.
+
+    plug_ins: whether classes of the user's own are on this machine too, as they are not where only a cluster's workers
+    have them. A plug-in that raises anything but an InputError, or one that raises where it has asked for the empty room,
+    is left to its cases: what it would do with the real thing is not known here.
+    """
+
+    def __init__(self, suite: Path, *, plug_ins: bool = True) -> None:
+        self._suite = suite
+        self._plug_ins = plug_ins
+        self._walkable: dict[str, tuple[Point2, ...]] = {}
+        self._made: dict[tuple[str, ...], list[tuple[str, str]]] = {}
+        self._faults: dict[tuple[str, str], dict[str, None]] = {}  # the sentence around its titles: these
+
+    def check(self, variant: Variant, scenario: Scenario, file: Path, title: str) -> None:
+        """Look at every tracker of a variant: its scenario as resolved, the scenario's file, what to call it."""
+        rig = self._rig(scenario)
+        for name, choice in scenario.trackers.items():
+            if name not in variant.trackers and not _known(choice.preset or name):
+                where = _place(variant, file, f"trackers.{name}.preset" if choice.preset else f"trackers.{name}")
+                self._tell(_unknown(where, choice.preset or name, "a preset: beside the options"))
+        for place, name in enumerate(variant.trackers):
+            choice, listed = scenario.trackers.get(name, TrackerChoice()), f"{variant.listed}.{place}"
+            target = choice.preset or name
+            if not _known(target):
+                where = _place(variant, file, f"trackers.{name}.preset") if choice.preset else listed
+                self._tell(_unknown(where, target, f"one that the scenario {scenario.name} defines"))
+            elif target in PRESETS or self._plug_ins:
+                for option, message in self._tried(target, rig, scenario, name):
+                    if option:
+                        self._tell(f"{_place(variant, file, f'trackers.{name}.{option}')}: {message}")
+                    else:
+                        self._tell(f"{listed}: {name!r} cannot work on ", title, f": {message}")
+
+    def faults(self) -> list[str]:
+        """One sentence for each fault so far: the suite's file, the field as it was written, and what would be valid."""
+        told = []
+        for (start, end), titles in self._faults.items():
+            first, *more = titles
+            on = f"{first} and {len(more)} more like it" if more else first
+            told.append(f"{self._suite}: {start}{on}{end}")
+        return told
+
+    def _tell(self, start: str, title: str = "", end: str = "") -> None:
+        self._faults.setdefault((start, end), {})[title] = None
+
+    def _tried(self, target: str, rig: Rig, scenario: Scenario, name: str) -> list[tuple[str, str]]:
+        options = scenario.trackers.get(name, TrackerChoice()).options
+        key = (target, json.dumps(options, sort_keys=True), rig.model_dump_json(), scenario.background)
+        if key not in self._made:
+            self._made[key] = list(_faults(target, rig, scenario, name, options))
+        return self._made[key]
+
+    def _rig(self, scenario: Scenario) -> Rig:
+        """What trackers are told in every run of this scenario; raises InputError for a room that cannot be."""
+        if scenario.room not in self._walkable:
+            self._walkable[scenario.room] = tuple((float(x), float(y)) for x, y in walkable_in(scenario))
+        return rig_told(scenario, scenario.area or self._walkable[scenario.room])
+
+
+def _known(target: str) -> bool:
+    return target in available() or ":" in target
+
+
+def _unknown(where: str, target: str, also: str) -> str:
+    valid = ", ".join(available())
+    return f"{where}: there is no tracker {target!r}; valid are {valid}, module:Class, or {also}"
+
+
+def _place(variant: Variant, file: Path, field: str) -> str:
+    """The field as the user wrote it: in the suite, on the command line, or else in the scenario's file."""
+    return variant.written(field) or f"scenarios.{variant.number}.scenario: {file}: {field}"
+
+
+def _faults(
+    target: str, rig: Rig, scenario: Scenario, name: str, options: Mapping[str, Any]
+) -> Iterator[tuple[str, str]]:
+    """What keeps the tracker from being made: the option's path ("": it is no option's fault), and the message."""
+    background = _EmptyRoom()
+    try:
+        with _silent():
+            tracker = make_tracker(target, rig, background, stream(scenario.seed, "tracker", name), options)
+    except InputError as error:
+        unlike_a_run = background.asked and scenario.background != "none"
+        if target in PRESETS or not unlike_a_run:
+            yield from (_by_option(line, options) for line in str(error).splitlines())
+        return
+    except TypeError as error:
+        if _was_the_call(error):
+            yield from _unfit_call(target, options, error)
+        return
+    except (Exception, SystemExit):  # a plug-in's own fault: its case fails with its traceback, and the rest goes on
+        return
+    if not isinstance(tracker, Tracker):
+        yield "", f"{type(tracker).__name__} has not both update(observation) and tracks(); a tracker has"
+
+
+class _EmptyRoom:
+    """No observations of the empty room, and whether anybody asked for them."""
+
+    def __init__(self) -> None:
+        self.asked = False
+
+    def __iter__(self) -> Iterator[Observation]:
+        self.asked = True
+        return iter(())
+
+
+def _by_option(line: str, options: Mapping[str, Any]) -> tuple[str, str]:
+    """A line of a tracker's error, by the option that it names after whose it is: 'tracker NAME: option.path: message'."""
+    parts = line.split(": ")
+    for place, part in enumerate(parts[:-1]):
+        if part.split(".")[0] in options:
+            return part, ": ".join(parts[place + 1 :])
+    return "", line
+
+
+def _was_the_call(error: TypeError) -> bool:
+    """Whether the class does not take what `make_tracker` hands it, rather than failing with it."""
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    return trace is not None and trace.tb_frame.f_code is make_tracker.__code__
+
+
+def _unfit_call(target: str, options: Mapping[str, Any], error: TypeError) -> Iterator[tuple[str, str]]:
+    """The options that the class does not take; else what Python says of the call."""
+    known = available()
+    module, _, name = (known[target].target if target in known else target).partition(":")
+    takes = list(inspect.signature(getattr(sys.modules[module], name)).parameters.values())[3:]
+    valid = [each.name for each in takes if each.kind in (each.POSITIONAL_OR_KEYWORD, each.KEYWORD_ONLY)]
+    unknown = [option for option in options if option not in valid]
+    if any(each.kind is each.VAR_KEYWORD for each in takes) or not unknown:
+        yield "", f"{error}; a class made as {name}(rig, background, rng, **options) is expected"
+        return
+    for option in unknown:
+        yield option, f"unknown key; valid here: {', '.join(valid) or 'none, as it takes no options'}"
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Without the log of what is true of this check alone: that there is no background."""
+    before = logging.root.manager.disable
+    logging.disable(logging.WARNING)
+    try:
+        yield
+    finally:
+        logging.disable(before)
