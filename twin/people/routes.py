@@ -51,6 +51,7 @@ class Routes:
         self._radius = radius_m
         self._furniture = [each.furniture for each in obstacles]
         self._inner = inner
+        self._inside, self._well_inside = Area(area, TOLERANCE_M), Area(inner, TOLERANCE_M)
         self._wide = _Convex([inflated(each.corners, radius_m) for each in obstacles])
         close_m = min(CLOSE_M, radius_m) * np.cos(np.pi / 12)  # so that corners are no farther off either
         self._close = _Convex([inflated(each.corners, close_m) for each in obstacles])
@@ -114,16 +115,14 @@ class Routes:
 
     def _stands(self, place: Array) -> bool:
         """Whether somebody can stand at a place (2,), be it close to furniture."""
-        return bool(
-            Area(self.area, TOLERANCE_M).contains(place[None])[0] and not self._close.contains(place[None]).any()
-        )
+        return bool(self._inside.contains(place[None])[0] and not self._close.contains(place[None]).any())
 
     def _leg(self, end: Array, others: Array, also: Array | None = None) -> Mask:
         """Which straight ways from an end (2,) to others (n, 2) are free; close to furniture that the end, or the end
         `also`, is close to."""
         ends = end[None] if also is None else np.stack([end, also])
         beside = np.asarray(self._wide.contains(ends).any(axis=0))
-        inner = self._inner if Area(self._inner, TOLERANCE_M).contains(ends).all() else self.area
+        inner = self._inner if self._well_inside.contains(ends).all() else self.area
         return self._sees(np.broadcast_to(end, others.shape), others, self._wide.where(beside, self._close), inner)
 
     @staticmethod
@@ -158,6 +157,8 @@ class _Convex:
 
     def where(self, replaced: Mask, other: _Convex) -> _Convex:
         """These polygons, those in `replaced` (m,) taken from another set of as many."""
+        if not replaced.any():
+            return self
         mixed = _Convex([])
         most = max(self._offset.shape[1], other._offset.shape[1])
         mine, theirs = self._padded(most), other._padded(most)

@@ -9,7 +9,7 @@ import numpy as np
 
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor
-from twin.sensors.rays import cast
+from twin.sensors.fan import Fan
 from twin.sensors.sensor import Reading, State
 from twin.snapshot import Snapshot
 
@@ -52,11 +52,10 @@ class Laser:
         self._sweep_time_s = sweep_time_s
         angles = self._angle_min_rad + self._angle_increment_rad * np.arange(beams)
         in_sensor = np.stack([np.cos(angles), np.sin(angles), np.zeros(beams)], axis=1)  # (n_beam, 3)
-        self.origin_m = rig.room_from_sensor.translation
         # The sensor never moves, so its rays are turned into the room's frame once.
-        self.directions = np.ascontiguousarray(in_sensor @ rig.room_from_sensor.rotation.T)
-        self._normal = rig.room_from_sensor.rotation[:, 2].copy()
-        self._geom = np.empty(beams, dtype=np.int32)
+        pose = rig.room_from_sensor
+        self.origin_m, self.directions = pose.translation, np.ascontiguousarray(in_sensor @ pose.rotation.T)
+        self._fan = Fan(self.origin_m, self.directions, pose.rotation[:, 2].copy(), self._range_max_m)
         self._distance = np.empty(beams)
         self._person = np.empty(beams, dtype=np.int16)
         self._sectors, self.instants_s = self._split_sweep(beams)
@@ -74,7 +73,9 @@ class Laser:
     ) -> tuple[Reading, State]:
         """The ideal scan; `rng` and `state` are not used."""
         for sector, snapshot in zip(self._sectors, snapshots, strict=True):
-            self._cast(sector, snapshot)
+            geom, self._distance[sector] = self._fan.cast(snapshot, sector)
+            # A miss has geom -1 and takes the last geom's person here; it is cleared with the range below.
+            self._person[sector] = snapshot.person_of_geom[geom]
         distance, person = self._distance, self._person
         # A miss is -1.
         silent = (distance < 0) | (distance > self._range_max_m)
@@ -94,14 +95,6 @@ class Laser:
         )
         return Reading(scan, {"person_of_ray": person_of_ray, "range_m": ranges_m}), state
 
-    def _cast(self, sector: slice, snapshot: Snapshot) -> None:
-        """Fill ranges and people for the beams of one sector."""
-        geom = self._geom[sector]
-        directions, distance_m = self.directions[sector], self._distance[sector]
-        cast(snapshot, self.origin_m, directions, geom, distance_m, normal=self._normal, range_max_m=self._range_max_m)
-        # A miss has geom -1 and takes the last geom's person here; `observe` clears it with the range.
-        np.take(snapshot.person_of_geom, geom, out=self._person[sector], mode="wrap")
-
     def rig_sensor(self) -> LaserSensor:
         """What a tracker is told: where the scanner is, its topic and its role."""
         return self._rig
@@ -109,7 +102,7 @@ class Laser:
     @property
     def field_of_view_rad(self) -> float:
         """Angle between the first beam and the last [rad]."""
-        return self._angle_increment_rad * (self._geom.size - 1)
+        return self._angle_increment_rad * (self._distance.size - 1)
 
     @property
     def range_max_m(self) -> float:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from twin.room.geom_hull import hull_points
 from twin.snapshot import RAY_GROUPS
+from twin.truth.pairs import every_pair
 
 Array = NDArray[np.float64]
 
@@ -38,6 +39,8 @@ class BodyOutlines:
         met = RAY_GROUPS[model.geom_group].astype(np.bool_)
         ids = np.unique(person_of_geom[person_of_geom > 0])
         self._geoms = [np.flatnonzero((person_of_geom == id_) & met) for id_ in ids]
+        self._all_geoms = np.concatenate([*self._geoms, np.zeros(0, dtype=np.intp)])
+        self._first = np.cumsum([0, *map(len, self._geoms)])[:-1]  # of each person's geoms among all
         self._place = {int(id_): place for place, id_ in enumerate(ids)}
 
     def nearer(
@@ -47,35 +50,40 @@ class BodyOutlines:
 
         And the gap of each (m,) [m], 0 where outlines overlap. `data` needs kinematics.
         """
-        pairs = np.stack(np.triu_indices(len(ids), k=1), axis=1)
+        pairs = every_pair(len(ids))
         if not len(pairs):
             return pairs, np.zeros(0)
-        boxes = np.array([self._box(data, int(id_)) for id_ in ids])  # (n, 2, 2): low, high
-        apart = np.maximum(boxes[pairs[:, 0], 0] - boxes[pairs[:, 1], 1], boxes[pairs[:, 1], 0] - boxes[pairs[:, 0], 1])
-        pairs = pairs[np.hypot(*np.maximum(apart, 0).T) < limit_m]
+        places = np.array([self._place[id_] for id_ in ids.tolist()], dtype=np.intp)
+        pairs = pairs[_strips(self._boxes_reach(data)[places], pairs).max(axis=1) < limit_m]
         if not len(pairs):
             return pairs, np.zeros(0)
         near, inverse = np.unique(pairs, return_inverse=True)
-        gap = _gaps(self._points(data, [int(id_) for id_ in ids[near]]), inverse.reshape(-1, 2))
+        gap = _gaps(self._points(data, places[near]), inverse.reshape(-1, 2))
         return pairs[gap < limit_m], gap[gap < limit_m]
 
-    def _box(self, data: mujoco.MjData, id_: int) -> Array:
-        """Lowest and highest x, y that a body can reach, by its geoms' bounding spheres, (2, 2)."""
-        geoms = self._geoms[self._place[id_]]
-        middle, radius = data.geom_xpos[geoms, :2], self._model.geom_rbound[geoms, None]
-        return np.stack([(middle - radius).min(axis=0), (middle + radius).max(axis=0)])
+    def _boxes_reach(self, data: mujoco.MjData) -> Array:
+        """How far everybody reaches at most in each coarse direction, by the boxes about their geoms, (n, _COARSE) [m]."""
+        geoms = self._all_geoms
+        sides = data.geom_xmat.reshape(-1, 3, 3)[geoms, :2].swapaxes(1, 2).reshape(-1, 2)  # seen from above
+        along = (sides @ _COARSE_DIRECTIONS.T).reshape(-1, 3, _COARSE)
+        middle, half = self._model.geom_aabb[geoms, :, None].reshape(-1, 2, 3, 1).swapaxes(0, 1)
+        reach = data.geom_xpos[geoms, :2] @ _COARSE_DIRECTIONS.T + (middle * along + half * np.abs(along)).sum(axis=1)
+        return np.maximum.reduceat(reach, self._first, axis=0)
 
-    def _points(self, data: mujoco.MjData, ids: list[int]) -> Array:
-        """Points (n, width, 2) [m] on each body, seen from above."""
+    def _points(self, data: mujoco.MjData, places: NDArray[np.intp]) -> Array:
+        """Points (n, width, 2) [m] on the bodies at these places (n,) among all, seen from above."""
         geom, local = self._kept
-        chosen = [self._place[id_] for id_ in ids]
-        geom, local = geom[chosen], local[chosen]
-        turn = data.geom_xmat.reshape(-1, 3, 3)[geom, :2]  # (n, width, 2, 3)
-        return data.geom_xpos[geom, :2] + np.einsum("nwij,nwj->nwi", turn, local)
+        geom, (x, y, z) = geom[places], local[:, places]
+        turn, middle = data.geom_xmat.T.copy(), data.geom_xpos.T.copy()  # (9, n_geom), (3, n_geom)
+        seen = [
+            middle[row, geom] + (turn[3 * row, geom] * x + turn[3 * row + 2, geom] * z + turn[3 * row + 1, geom] * y)
+            for row in (0, 1)
+        ]
+        return np.stack(seen, axis=-1)
 
     @cached_property
     def _kept(self) -> tuple[NDArray[np.intp], Array]:
-        """For each person the geom (n, width) and place in its frame (n, width, 3) of points; the short are repeated."""
+        """For each person the geom (n, width) and place in its frame (3, n, width) of points; the short are repeated."""
         data = mujoco.MjData(self._model)
         mujoco.mj_kinematics(self._model, data)
         directions = _sphere(_DIRECTIONS)
@@ -94,7 +102,7 @@ class BodyOutlines:
         repeated = [np.arange(width) % len(owners) for owners, _ in rows]
         return (
             np.array([owners[again] for (owners, _), again in zip(rows, repeated, strict=True)], dtype=np.intp),
-            np.array([places[again] for (_, places), again in zip(rows, repeated, strict=True)]),
+            np.stack([places[again].T for (_, places), again in zip(rows, repeated, strict=True)], axis=1),
         )
 
 
@@ -104,24 +112,36 @@ def _gaps(points: Array, pairs: NDArray[np.intp]) -> Array:
     It is the widest strip between them, over all directions of the strip; between two hulls that lie apart its width
     has one maximum, so that a coarse search finds where to look closely.
     """
-    angles = 2 * np.pi * np.arange(_COARSE) / _COARSE
-    reach = _unit(angles) @ points.swapaxes(1, 2)  # (n, _COARSE, k): how far each point lies in each direction
+    reach = _COARSE_DIRECTIONS @ points.swapaxes(1, 2)  # (n, _COARSE, k): how far each point lies in each direction
     outermost = reach.argmax(axis=2)
     corners = np.take_along_axis(points, outermost[..., None], axis=1)  # (n, _COARSE, 2)
     reach = np.take_along_axis(reach, outermost[..., None], axis=2)[..., 0]
-    width = -np.roll(reach, -_COARSE // 2, axis=1)[pairs[:, 1]] - reach[pairs[:, 0]]  # (m, _COARSE)
+    width = _strips(reach, pairs)
     best = width.argmax(axis=1)
     gap = width.max(axis=1)
     apart = np.flatnonzero(gap > _MAY_TOUCH_M)
     step = 2 * np.pi / _COARSE
-    fine = _unit(angles[best[apart], None] + np.linspace(-step, step, _FINE))  # (a, _FINE, 2)
+    fine = _unit(_COARSE_ANGLES[best[apart], None] + np.linspace(-step, step, _FINE))  # (a, _FINE, 2)
     first, second = (corners[pairs[apart, side]].swapaxes(1, 2) for side in (0, 1))  # (a, 2, _COARSE)
     gap[apart] = ((fine @ second).min(axis=2) - (fine @ first).max(axis=2)).max(axis=1)
     return np.maximum(gap, 0.0)
 
 
+def _strips(reach: Array, pairs: NDArray[np.intp]) -> Array:
+    """Width (m, _COARSE) [m] of the strip between two outlines in each coarse direction, negative where they overlap.
+
+    reach (n, _COARSE): how far each outline reaches in each direction [m]; pairs (m, 2) of them.
+    """
+    return -reach[pairs[:, 1]][:, _OPPOSITE] - reach[pairs[:, 0]]
+
+
 def _unit(angles: Array) -> Array:
     return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+
+
+_COARSE_ANGLES = 2 * np.pi * np.arange(_COARSE) / _COARSE
+_COARSE_DIRECTIONS = _unit(_COARSE_ANGLES)
+_OPPOSITE = np.roll(np.arange(_COARSE), _COARSE // 2)  # of each coarse direction
 
 
 def _sphere(count: int) -> Array:

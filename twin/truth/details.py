@@ -13,16 +13,14 @@ from twin.snapshot import Snapshot
 from twin.truth.body_outlines import BodyOutlines
 from twin.truth.boxes import SeesPeople, person_boxes
 from twin.truth.frames import BoxFrame, RayFrame, Situation, TruthDetail, TruthFrame
+from twin.truth.pairs import Pair, ordered_pairs, pairs_within
 from twin.truth.ray_runs import person_runs
 from twin.truth.situations import (
     CORRELATED_M,
     INTERACTION_M,
     Held,
     OpenSituations,
-    Pair,
     joined_pairs,
-    ordered_pairs,
-    pairs_within,
 )
 from twin.truth.visibility import SensorView, first_met
 

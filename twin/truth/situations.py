@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import combinations
 from math import nan
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.truth.frames import Separation, Situation, SituationKind
+from twin.truth.pairs import Pair, pairs_within
 
 if TYPE_CHECKING:
     from twin.recording.tables import TruthTable
@@ -36,8 +38,6 @@ CORRELATED_M = 0.3
 JUMP_M = 0.15
 JUMP_SPACINGS = 2.0
 MAX_GAP_BEAMS = 1
-
-Pair = tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,38 +93,31 @@ def _situation(kind: SituationKind, sensor: str, pair: Pair, one: _Open, end_ns:
     return Situation(kind, *pair, sensor, one.start_ns, end_ns, complete, one.how, one.least_m)
 
 
-def pairs_within(ids: NDArray[np.integer], place_m: NDArray[np.float64], limit_m: float) -> dict[Pair, float]:
-    """Distance [m] of the pairs of people, by ids (n,) at places (n, 2) [m], that are less than `limit_m` apart."""
-    first, second = np.triu_indices(len(ids), k=1)
-    apart = np.hypot(*(place_m[first] - place_m[second]).T)
-    near = np.flatnonzero(apart < limit_m)
-    return dict(zip(ordered_pairs(ids[first[near]], ids[second[near]]), apart[near].tolist(), strict=True))
-
-
-def ordered_pairs(first: NDArray[np.integer], second: NDArray[np.integer]) -> list[Pair]:
-    """Pairs of ids (m,), the smaller first."""
-    return list(zip(np.minimum(first, second).tolist(), np.maximum(first, second).tolist(), strict=True))
-
-
 def joined_pairs(
     range_m: NDArray[np.floating], person_of_ray: NDArray[np.int16], angle_increment_rad: float
 ) -> set[Pair]:
     """Pairs of people with beams in one cluster of an ideal scan: ranges [m] and ids, both (n_beam,)."""
     beams = np.flatnonzero((person_of_ray > 0) & np.isfinite(range_m))
-    if beams.size < 2:
+    person = person_of_ray[beams]
+    following = np.stack([beams[:-1], beams[1:]])
+    changes = person[1:] != person[:-1]
+    # in most scans no cluster goes on from one person to the next
+    if _splits(range_m, following[:, changes], angle_increment_rad).all():
         return set()
-    near, person = range_m[beams].astype(np.float64), person_of_ray[beams]
-    angle = angle_increment_rad * beams
-    step = np.hypot(np.diff(near * np.cos(angle)), np.diff(near * np.sin(angle)))
-    spacing = abs(angle_increment_rad) * np.minimum(near[1:], near[:-1])
-    splits = (step > JUMP_M + JUMP_SPACINGS * spacing) | (np.diff(beams) > MAX_GAP_BEAMS + 1)
-    cluster = np.concatenate([[0], np.cumsum(splits)])
+    cluster = np.concatenate([[0], np.cumsum(_splits(range_m, following, angle_increment_rad))])
     pairs: set[Pair] = set()
-    for number in np.unique(cluster[1:][person[1:] != person[:-1]]):
-        members = np.unique(person[cluster == number])
-        first, second = np.triu_indices(len(members), k=1)
-        pairs.update(ordered_pairs(members[first], members[second]))
+    for number in np.unique(cluster[1:][changes]):
+        pairs.update(combinations(np.unique(person[cluster == number]).tolist(), 2))
     return pairs
+
+
+def _splits(range_m: NDArray[np.floating], beams: NDArray[np.intp], angle_increment_rad: float) -> NDArray[np.bool_]:
+    """Whether a cluster ends between two beams on people that follow one another, (n,) of the pairs `beams` (2, n)."""
+    near, angle = range_m[beams].astype(np.float64), angle_increment_rad * beams
+    across, along = near * np.sin(angle), near * np.cos(angle)
+    step = np.hypot(along[1] - along[0], across[1] - across[0])
+    spacing = abs(angle_increment_rad) * np.minimum(near[1], near[0])
+    return (step > JUMP_M + JUMP_SPACINGS * spacing) | (beams[1] - beams[0] > MAX_GAP_BEAMS + 1)
 
 
 def interactions_of(truth: TruthTable) -> list[Situation]:

@@ -12,7 +12,7 @@ from trackers.rig import RigSensor
 from twin.scenario.cameras import PinholeDescription, StereoDescription
 from twin.scenario.floor import FloorDescription
 from twin.scenario.sensors import FisheyeDescription, LaserDescription, SensorDescription
-from twin.sensors.rays import cast
+from twin.sensors.rays import bounding_radius, cast, passes_spheres
 from twin.snapshot import Snapshot
 
 _PLANE_BAND_M = 0.15
@@ -29,6 +29,11 @@ class SensorView:
     half_field_rad: float  # from the sensor's x axis (scanner) or its optical axis (camera)
     range_max_m: float
     picture: PinholeIntrinsics | None = None  # of a pinhole: its picture's edges bound the view, not an angle
+
+    @property
+    def normal(self) -> NDArray[np.float64] | None:
+        """Normal (3,) of the plane in which a scanner looks; None for a camera."""
+        return self.room_from_sensor_rotation[:, 2] if self.is_scanner else None
 
 
 def sensor_view(sensor: RigSensor, description: SensorDescription) -> SensorView | None:
@@ -85,19 +90,67 @@ def first_met(
     candidate = counted & (off_axis <= view.half_field_rad) & (distance <= view.range_max_m) & (distance > 0)
     if view.picture is not None:
         candidate &= view.picture.project(local)[1]
-    met = np.full(candidate.shape, -1, dtype=np.int16)
-    person = np.broadcast_to(ids[:, None], candidate.shape)[candidate]
-    if person.size:
+    met = np.where(candidate, ids[:, None], np.int16(-1))
+    if candidate.any():
         directions = (local[candidate] / distance[candidate, None]) @ view.room_from_sensor_rotation.T
-        geom = np.empty(person.size, dtype=np.int32)
-        hit_m = np.empty(person.size)
-        normal = view.room_from_sensor_rotation[:, 2] if view.is_scanner else None
-        # what lies beyond all points hides none of them
-        farthest_m = float(distance[candidate].max())
-        cast(
-            snapshot, view.room_from_sensor_xyz, np.ascontiguousarray(directions), geom, hit_m, normal=normal,
-            range_max_m=farthest_m,
-        )  # fmt: skip
-        nothing_before = (hit_m < 0) | (hit_m >= distance[candidate])
-        met[candidate] = np.where(nothing_before, person, snapshot.person_of_geom[geom])
+        met[candidate] = _Rays(view, snapshot, directions, distance[candidate], met[candidate]).first_met()
     return counted, met
+
+
+@dataclass(frozen=True, eq=False)
+class _Rays:
+    """Rays from a sensor to points on bodies.
+
+    Unit directions (n, 3) in the room frame, how far the points are (n,) [m], and the ids (n,) of whom they are on.
+    """
+
+    view: SensorView
+    snapshot: Snapshot
+    directions: NDArray[np.float64]
+    distance_m: NDArray[np.float64]
+    ids: NDArray[np.int16]
+
+    def first_met(self) -> NDArray[np.int16]:
+        """Whom each ray meets first (n,), 0 for the room; who its point is on where it meets nothing before."""
+        # Whatever of that person a ray meets first, it has met them: bodies in nobody else's way need not be cast,
+        in_nobodys_way, body_from_m = self._bystanders()
+        first, first_m = self._cast(in_nobodys_way)
+        # but of a ray that somebody stops, its own person's may come before.
+        unsure = (first != self.ids) & (first_m >= body_from_m)
+        first[unsure] = self._those(unsure)._cast()[0]
+        return first
+
+    def _those(self, which: NDArray[np.bool_]) -> _Rays:
+        return _Rays(self.view, self.snapshot, self.directions[which], self.distance_m[which], self.ids[which])
+
+    def _cast(self, left_out: NDArray[np.bool_] | None = None) -> tuple[NDArray[np.int16], NDArray[np.float64]]:
+        """Whom each meets first but for the geoms left out, (n,), and where, (n,) [m], -1 for nowhere."""
+        geom, hit_m = np.empty(self.ids.size, dtype=np.int32), np.empty(self.ids.size)
+        if self.ids.size:
+            cast(
+                self.snapshot, self.view.room_from_sensor_xyz, self.directions, geom, hit_m, normal=self.view.normal,
+                left_out=left_out, range_max_m=float(self.distance_m.max()),  # nothing beyond all points hides any
+            )  # fmt: skip
+        nothing_before = (hit_m < 0) | (hit_m >= self.distance_m)
+        return np.where(nothing_before, self.ids, self.snapshot.person_of_geom[geom]), hit_m
+
+    def _bystanders(self) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+        """Geoms of people (n_geom,) that no ray to another person can meet, by their bounding spheres.
+
+        And for each ray how near its own person's geoms come to the sensor at most, (n,) [m].
+        """
+        person, normal = self.snapshot.person_of_geom, self.view.normal
+        centre, radius = (
+            self.snapshot.data.geom_xpos - self.view.room_from_sensor_xyz,
+            bounding_radius(self.snapshot.model),
+        )
+        geoms = np.flatnonzero(person > 0)
+        if normal is not None:  # the others are not met at all
+            geoms = geoms[np.abs(centre[geoms] @ normal) <= radius[geoms]]
+        person, centre, radius = person[geoms], centre[geoms], radius[geoms]
+        others = person != self.ids[:, None]  # (n, m)
+        in_nobodys_way = np.zeros(self.snapshot.person_of_geom.shape, dtype=np.bool_)
+        near = passes_spheres(self.directions, self.distance_m, centre, radius)
+        in_nobodys_way[geoms] = ~(near & others).any(axis=0)
+        from_m = np.where(others, np.inf, np.sqrt((centre * centre).sum(axis=1)) - radius)
+        return in_nobodys_way, from_m.min(axis=1, initial=np.inf)

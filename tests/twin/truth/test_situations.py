@@ -9,7 +9,8 @@ import pytest
 
 from twin.recording.tables import truth_table
 from twin.truth.frames import PersonTruth, Situation, TruthFrame
-from twin.truth.situations import Held, OpenSituations, interactions_of, joined_pairs, pairs_within
+from twin.truth.pairs import pairs_within
+from twin.truth.situations import Held, OpenSituations, interactions_of, joined_pairs
 
 STEP = np.deg2rad(0.5)
 
