@@ -142,16 +142,33 @@ class Association:
         return E
 
     def _walkers(self, seen: Seen, unmatched: Index) -> tuple[Array, Index]:
-        """People (p, 2) as their legs show them, and how many legs each shows, (p,); nobody whose trunk is seen."""
+        """People (p, 2) as their legs show them, and how many legs each shows, (p,).
+
+        Nobody whose trunk is seen, and nobody who may as well be one as another of the `unmatched`: better no one's legs
+        than the wrong one's.
+        """
         knee, legs = self.options.knee, seen.legs.position
         _, _, free = take_legs(legs, seen.trunks.position, knee.stride_m, knee.claim_m)
         legs = legs[free]
         # nobody hidden stands inside somebody in sight
         legs = legs[(distances(legs, seen.trunks.position) > knee.under_m).all(axis=1)]
-        hidden = self.people.positions[unmatched[self.people.confirmed[unmatched]]]
-        known, n_leg, free = take_legs(legs, hidden, knee.stride_m, knee.claim_m)
+        hidden = unmatched[self.people.confirmed[unmatched]]
+        known, n_leg, free = take_legs(legs, self.people.positions[hidden], knee.stride_m, knee.claim_m)
         strangers, n_leg_of_strangers = pair_off(legs[free], knee.pair_m)
-        return np.concatenate([known[n_leg > 0], strangers]), np.concatenate([n_leg[n_leg > 0], n_leg_of_strangers])
+        walkers = np.concatenate([known[n_leg > 0], strangers])
+        clear = self._clear(hidden, walkers)
+        return walkers[clear], np.concatenate([n_leg[n_leg > 0], n_leg_of_strangers])[clear]
+
+    def _clear(self, hidden: Index, walkers: Array) -> Mask:
+        """Which walkers (p, 2) one of the hidden explains clearly better than any other does, or none explains, (p,)."""
+        if hidden.size < 2 or len(walkers) == 0:
+            return np.ones(len(walkers), np.bool_)
+        state, farthest = self.people.state.select(hidden), self.options.max_deviations
+        distance = mahalanobis(state.positions, self.imm.innovation_covariance(state), walkers)
+        can_be = validation_region(state.positions, walkers, self.knee_radius_m) & (distance <= farthest)
+        distance[~can_be] = farthest + self.options.knee.clear_by
+        best, second = np.partition(distance, 1, axis=0)[:2]
+        return (second - best >= self.options.knee.clear_by) | (best > farthest)
 
 
 def _others(n: int, taken: Index) -> Index:

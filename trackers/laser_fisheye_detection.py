@@ -101,3 +101,14 @@ class Detector:
         if self._area is None or len(detections) == 0:
             return detections
         return detections.select(self._area.contains(detections.position))
+
+    def missed(self, epoch: Epoch, points: Array) -> Array:
+        """How probably the epoch's scans show nothing of somebody at points (2, ...), (...); nobody is outside the area."""
+        chance = np.ones(points.shape[1:])
+        if self._area is not None:
+            chance[~self._area.contains(points.reshape(2, -1).T).reshape(chance.shape)] = 0
+        for role, name in self._scanners.items():
+            scan = epoch.observations.get(name)
+            if isinstance(scan, LaserScan):
+                chance *= self._layers[role].missed(scan, points)
+        return chance

@@ -14,7 +14,7 @@ to be taken at once.
 
 Ours, not the paper's, each an option: the correction from a cluster's middle to the body's axis, the completion of half
 hidden clusters, the grouping of arms and legs, confirmed tracks associated before tentative ones, the velocity of a new track
-from its first two measurements, and brightness bins for shirts without hue.
+from its first two measurements, brightness bins for shirts without hue, and that beams which go on show where nobody is.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from trackers.area import Area
 from trackers.configuration import validate
 from trackers.epochs import Epoch, EpochGatherer
+from trackers.filters.absence import not_seen
 from trackers.filters.imm import Imm
 from trackers.filters.motion import (
     IMM_MODELS,
@@ -136,10 +137,11 @@ class LaserFisheyeImm:
         self._predict(epoch.t)
         matches = Association(self._people, self._imm, self.options, self._knee_radius_m, epoch.t).matches(seen)
         self._update(matches, epoch.t)
+        hidden = self._miss(epoch)
         self._learn_colours(matches, seen)
         self._confirm(epoch.t)
         self._note_windows(matches, seen)
-        self._end(epoch.t)
+        self._end(epoch.t, hidden)
         self._start(matches, seen, epoch.t)
         return TrackFrame(epoch.ns, tuple(self.tracks()))
 
@@ -148,9 +150,11 @@ class LaserFisheyeImm:
     def _predict(self, t: float) -> None:
         elapsed = 0.0 if self._t is None else t - self._t
         self._t = t
-        # who is gone by now need not be carried over a long gap
-        self._people = self._people.select(self._people.alive(t - self.options.period_s, self.options.management))
-        state, slowdown_s = self._people.state, self.options.management.coast_slowdown_s
+        # nobody counts as hidden from looks that were not made: a long gap ends everybody
+        rules = self.options.management
+        looked = elapsed <= rules.coast_s + self.options.period_s
+        self._people = self._people.select(self._people.alive(t - self.options.period_s, rules, looked))
+        state, slowdown_s = self._people.state, rules.coast_slowdown_s
         if slowdown_s is not None:
             # whoever is out of sight is likelier to stop or turn back than to walk on for all of the coasting time
             unseen = self._people.measured_t < t - elapsed
@@ -168,17 +172,27 @@ class LaserFisheyeImm:
         second = people.n_measured[track] == 1
         if second.any():
             state = state.replaced(track[second], self._from_two(track[second], matches.position[second], t))
-        measured_t, n_measured, measured_at = (
-            people.measured_t.copy(),
-            people.n_measured.copy(),
-            people.measured_at.copy(),
-        )
+        measured_t, n_measured = people.measured_t.copy(), people.n_measured.copy()
+        measured_at = people.measured_at.copy()
         measured_t[track] = t
         n_measured[track] += 1
         measured_at[track] = matches.position
         self._people = replace(
             people, state=state, measured_t=measured_t, n_measured=n_measured, measured_at=measured_at
         )
+
+    def _miss(self, epoch: Epoch) -> Mask:
+        """Whoever was looked for and not seen is likelier where nothing would show them; who may well be there, (n,)."""
+        people = self._people
+        missed = (people.confirmed & (people.measured_t < epoch.t)).nonzero()[0]
+        hidden = np.zeros(len(people), np.bool_)
+        if missed.size == 0:
+            return hidden
+        state, chance = not_seen(people.state.select(missed), lambda points: self._detector.missed(epoch, points))
+        self._people = replace(people, state=people.state.replaced(missed, state))
+        if self._area is not None:  # else there is always somewhere, behind the walls
+            hidden[missed] = chance > self.options.management.hidden_above
+        return hidden
 
     def _from_two(self, track: Index, position: Array, t: float):
         """States of tracks measured for the second time: the velocity between the two, shrunk by its own uncertainty.
@@ -227,8 +241,8 @@ class LaserFisheyeImm:
         self._next_id += new.size
         self._people = replace(people, confirmed=confirmed, id=ids)
 
-    def _end(self, t: float) -> None:
-        kept = self._people.alive(t, self.options.management)
+    def _end(self, t: float, hidden: Mask) -> None:
+        kept = self._people.alive(t, self.options.management, hidden)
         # a prediction that strays out of the area is not yet a person who has left it
         kept &= self._inside() | (self._people.measured_t < t)
         self._people = self._people.select(kept)

@@ -34,6 +34,18 @@ class ManagementOptions(Strict):
         "person: nothing else tells somebody standing from furniture seen now and then [m] (ours)",
     )
     coast_s: float = Field(default=1.5, ge=0, description="a person not measured for this long is gone [s]")
+    coast_hidden_s: float = Field(
+        default=3.0,
+        ge=0,
+        description="a person not measured for this long is gone even where nothing in the rig's area would show them; "
+        "without an area there is only coast_s [s] (ours)",
+    )
+    hidden_above: float = Field(
+        default=0.2,
+        ge=0,
+        le=1,
+        description="one whom the last look would have missed likelier than this counts as out of everybody's sight (ours)",
+    )
     coast_slowdown_s: float | None = Field(
         default=0.6,
         gt=0,
@@ -133,8 +145,12 @@ class People:
             np.concatenate([self.n_look, other.n_look]),
         )
 
-    def alive(self, t: float, options: ManagementOptions) -> Mask:
-        """Which tracks go on: confirmed ones measured within the coasting time, tentative ones measured lately, (n,)."""
-        patience = np.where(self.confirmed, options.coast_s, options.tentative_coast_s)
+    def alive(self, t: float, options: ManagementOptions, hidden: Mask | bool) -> Mask:
+        """Which tracks go on: confirmed ones measured within the coasting time, tentative ones measured lately, (n,).
+
+        hidden: who likely could not be seen, (n,).
+        """
+        coast_s = np.where(hidden, max(options.coast_s, options.coast_hidden_s), options.coast_s)
+        patience = np.where(self.confirmed, coast_s, options.tentative_coast_s)
         # half a microsecond: stamps are decimal, sums of periods are not
         return t - self.measured_t <= patience + 5e-7

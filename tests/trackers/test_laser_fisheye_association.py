@@ -53,6 +53,33 @@ def test_legs_beside_a_trunk_are_those_of_somebody_hidden():
     assert found.trunk[found.track == 1].tolist() == [-1]
 
 
+def of_two_hidden(legs: Detections, **options) -> Matches:
+    """Of two people out of sight since half a second, last seen at (-0.3, 2) and (0.3, 2)."""
+    imm = Imm()
+    places = np.array([[-0.3, 2.0], [0.3, 2.0]])
+    people = People.born(
+        imm.start(places, np.zeros((2, 2)), 0.06, 0.1), places, 0.0, np.zeros((2, 4)), np.zeros(2, np.int64)
+    )
+    people = replace(people, id=np.array([1, 2]), confirmed=np.ones(2, np.bool_), measured_t=np.full(2, T - 0.5))
+    nothing = np.zeros(0, np.bool_)
+    seen = Seen(detections(), legs, None, np.zeros((0, 4)), nothing, nothing)
+    return Association(people, imm, LaserFisheyeImmOptions.model_validate(options), 0.5, T).matches(seen)
+
+
+def test_legs_between_two_hidden_people_are_no_ones_and_nobody_new():
+    found = of_two_hidden(detections((0.02, 2.1)))
+    assert found.track.size == 0
+    assert len(found.new_position) == 0
+
+
+def test_legs_that_one_hidden_person_explains_better_are_that_persons():
+    assert of_two_hidden(detections((0.3, 2.1))).track.tolist() == [1]
+
+
+def test_how_much_better_is_an_option():
+    assert of_two_hidden(detections((0.02, 2.1)), knee={"clear_by": 0}).track.tolist() == [1]
+
+
 def test_how_near_a_piece_is_a_trunks_own_is_an_option():
     found = matched(detections((0.0, 1.5)), detections(*LEGS_OF_THE_FIRST, (0.05, 1.62)), knee={"under_m": 0})
     assert sorted(found.track.tolist()) == [0, 1]

@@ -69,6 +69,43 @@ def test_somebody_hidden_at_both_heights_comes_back_as_who_they_were():
     assert score(walk, frames).switches == 0
 
 
+def test_whoever_stops_out_of_sight_is_looked_for_where_nobody_could_see_them():
+    # walks in behind somebody and stops there at once, unseen; to walk on would be to come into sight
+    walk = straight_walk([(0.0, 1.6), (-1.3, 2.3)], [(0.0, 0.0), (1.2, 0.0)], 24)
+    position = walk.position.copy()
+    position[11:, 1] = position[11, 1]
+    walk = replace(walk, position=position)
+
+    def farthest_off(**waist):
+        frames, _ = tracked(walk, layers=("waist",), waist=waist)
+        coasting = [
+            abs(track.x - position[k, 1, 0])
+            for k, frame in enumerate(frames)
+            for track in frame.tracks
+            if track.y > 2 and track.status == "coasting"
+        ]
+        assert len(coasting) > 8
+        return max(coasting)
+
+    assert farthest_off() < 0.2 < 0.3 < farthest_off(free_space={"detected": 0})
+
+
+def test_whoever_is_hidden_for_longer_than_tracks_coast_is_known_again():
+    # in behind the other, a second and a half there, and back to where they came from
+    walk = straight_walk([(0.0, 0.8), (-1.3, 2.3)], [(0.0, 0.0), (0.8, 0.0)], 45)
+    position = walk.position.copy()
+    position[14:29, 1] = position[14, 1]
+    position[29:, 1] = position[14, 1] - [0.08, 0] * np.arange(16)[:, None]
+    walk = replace(walk, position=position)
+
+    def ids(**management):
+        frames, _ = tracked(walk, layers=("waist",), management=management)
+        return {track.id for frame in frames for track in frame.tracks if track.y > 1.7}
+
+    assert len(ids()) == 1
+    assert len(ids(coast_hidden_s=1.5)) == 2
+
+
 def test_knees_help_where_the_waist_is_hidden_and_never_both_count():
     walk = straight_walk([(0.0, 1.0), (-0.6, 1.9)], [(0.0, 0.0), (0.35, 0.0)], 40)
     with_knees, _ = tracked(walk, name="laser-imm")

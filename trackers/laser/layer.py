@@ -12,6 +12,7 @@ from pydantic import Field
 from trackers.configuration import Strict
 from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground
 from trackers.laser.clusters import ClusterOptions, Clusters, find_clusters, pushed_back
+from trackers.laser.free_space import FreeSpace, FreeSpaceOptions
 from trackers.laser.grouping import trunks
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor
@@ -24,6 +25,7 @@ class LayerOptions(Strict):
 
     cluster: ClusterOptions
     background: BackgroundOptions = BackgroundOptions()
+    free_space: FreeSpaceOptions = FreeSpaceOptions()
     radius_m: float = Field(
         gt=0, description="radius of the circles of the validation region (paper: waist 1.0, knee 0.5) [m]"
     )
@@ -63,6 +65,7 @@ class KneeOptions(LayerOptions):
     """The scanner at knee height: two legs a person."""
 
     cluster: ClusterOptions = ClusterOptions(jump_m=0.08, jump_spacings=1.0, min_samples=2, min_width_m=0.03)
+    free_space: FreeSpaceOptions = FreeSpaceOptions(half_width_m=0.25, hidden_up_to=0.5)
     radius_m: float = Field(default=0.5, gt=0)
     half_depth_m: float = Field(default=0.04, ge=0)
     radius_alone_m: float = Field(
@@ -87,6 +90,11 @@ class KneeOptions(LayerOptions):
         default=0.04,
         ge=0,
         description="added to R where one leg is seen: it is up to half a stride from the middle [m²] (ours)",
+    )
+    clear_by: float = Field(
+        default=1.2,
+        ge=0,
+        description="legs that two people out of sight explain equally well to this difference in N are nobody's (ours)",
     )
     stride_m: float = Field(
         default=0.8, ge=0, description="the legs of one expected person are at most this far apart [m] (ours)"
@@ -133,6 +141,7 @@ class LaserLayer:
     def __init__(self, sensor: LaserSensor, empty_scans: Sequence[LaserScan], options: LayerOptions) -> None:
         self.options = options
         self.learns_background = not empty_scans
+        self._free_space = FreeSpace(sensor, options.free_space)
         self._room_from_scan = sensor.room_from_sensor.rotation[:2, :2].T.copy()
         self._origin_m = sensor.room_from_sensor.translation[:2]
         self._background = (
@@ -163,6 +172,10 @@ class LaserLayer:
             options.arm_reach_m,
         )
         return detections.select(kept)
+
+    def missed(self, scan: LaserScan, points: Array) -> Array:
+        """How probably the scan shows nothing of somebody at room points (2, ...), (...)."""
+        return 1 - self._free_space.seen(scan, points)
 
     def _completed(self, clusters: Clusters) -> Array:
         """Middles (k, 2), shifted across the beam where one side of a body is hidden behind something nearer."""

@@ -1,0 +1,102 @@
+"""What a look without a return says: the target is where it could not be seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from trackers.filters.absence import not_seen
+from trackers.filters.imm import Imm
+from trackers.filters.imm_state import ImmState
+from trackers.filters.motion import KALMAN_MODELS, SPEED
+
+
+def walking_to(x_m_s: float = 1.0, n_coasted: int = 5, models=None) -> ImmState:
+    """One track at the origin half a second after it was last seen, walking along x."""
+    imm = Imm() if models is None else Imm(models)
+    state = imm.start(np.array([[-0.1 * x_m_s * n_coasted, 0.0]]), np.array([[x_m_s, 0.0]]), 0.02, 0.2)
+    return imm.predict_over(state, 0.1 * n_coasted, 0.1)
+
+
+def test_a_look_that_shows_nothing_anywhere_says_nothing():
+    state = walking_to()
+    after, chance = not_seen(state, lambda at: np.ones(at.shape[1:]))
+    np.testing.assert_allclose(after.mean, state.mean, atol=1e-12)
+    np.testing.assert_allclose(after.covariance, state.covariance, atol=1e-12)
+    np.testing.assert_allclose(after.probability, state.probability, atol=1e-12)
+    np.testing.assert_allclose(chance, 1)
+
+
+def test_moments_are_those_of_the_density_times_the_chance_of_a_miss():
+    state = walking_to(models=KALMAN_MODELS)
+    place = stats.multivariate_normal(state.mean[:2, 0, 0], state.covariance[:2, :2, 0, 0])
+    deviation = np.sqrt(state.covariance[0, 0, 0, 0])
+
+    def missed(at):
+        return 1 / (1 + np.exp(3 * (at[0] - at[1] - 0.3 * deviation) / deviation))
+
+    after, chance = not_seen(state, missed)
+    drawn = place.rvs(400_000, random_state=np.random.default_rng(1)).T
+    weight = missed(drawn)
+    assert chance[0] == pytest.approx(weight.mean(), abs=0.01)
+    np.testing.assert_allclose(after.mean[:2, 0, 0], np.average(drawn, axis=1, weights=weight), atol=0.03 * deviation)
+    expected = np.cov(drawn, aweights=weight)
+    np.testing.assert_allclose(after.covariance[:2, :2, 0, 0], expected, atol=0.06 * deviation**2)
+
+
+def test_the_speed_follows_the_position_by_their_covariance():
+    state = walking_to(models=KALMAN_MODELS)
+    after, _ = not_seen(state, lambda at: (at[0] < 0).astype(float))
+    P, moved = state.covariance[..., 0, 0], after.mean[:, 0, 0] - state.mean[:, 0, 0]
+    assert moved[0] < 0
+    assert after.mean[SPEED, 0, 0] < state.mean[SPEED, 0, 0]
+    np.testing.assert_allclose(moved, P[:, :2] @ np.linalg.solve(P[:2, :2], moved[:2]), atol=1e-12)
+
+
+def test_modes_that_put_the_target_where_it_would_be_seen_lose_weight():
+    state = walking_to()
+    spread = state.mean.copy()
+    spread[0, :, 0] = [-1.0, 0.0, 1.0]
+    state = ImmState(spread, state.covariance, state.probability)
+    after, _ = not_seen(state, lambda at: np.where(at[0] < -0.5, 1.0, 0.05))
+    hidden = stats.norm.cdf(-0.5, spread[0, :, 0], np.sqrt(state.covariance[0, 0, :, 0]))
+    expected = state.probability[:, 0] * (hidden + 0.05 * (1 - hidden))
+    np.testing.assert_allclose(after.probability[:, 0], expected / expected.sum(), atol=0.1)
+    assert after.probability[0, 0] > 2 * state.probability[0, 0]
+
+
+def test_a_target_that_would_surely_have_been_seen_stays_where_the_model_has_it():
+    state = walking_to()
+    after, chance = not_seen(state, lambda at: np.zeros(at.shape[1:]))
+    np.testing.assert_allclose(after.mean, state.mean, atol=1e-12)
+    np.testing.assert_allclose(after.covariance, state.covariance, atol=1e-12)
+    assert chance[0] <= 1e-3
+
+
+def test_a_position_known_exactly_stays_finite():
+    state = walking_to()
+    known = ImmState(state.mean, np.zeros_like(state.covariance), state.probability)
+    after, _ = not_seen(known, lambda at: (at[0] < 0).astype(float))
+    for values in (after.mean, after.covariance, after.probability):
+        assert np.isfinite(values).all()
+    np.testing.assert_allclose(after.mean, known.mean, atol=1e-5)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    angle=st.floats(-np.pi, np.pi),
+    edge_m=st.floats(-1.0, 1.0),
+    seen=st.floats(0.0, 0.99),
+    speed_m_s=st.floats(0.1, 3.0),
+    n_coasted=st.integers(1, 15),
+)
+def test_nothing_makes_a_covariance_that_is_none(angle, edge_m, seen, speed_m_s, n_coasted):
+    state = walking_to(speed_m_s, n_coasted)
+    hidden = lambda at: np.where(at[0] * np.cos(angle) + at[1] * np.sin(angle) < edge_m, 1.0, 1 - seen)  # noqa: E731
+    after, chance = not_seen(state, hidden)
+    assert 0 < chance[0] <= 1 + 1e-9
+    assert np.linalg.eigvalsh(after.covariance.T).min() > -1e-9
+    assert after.probability.sum() == pytest.approx(1)

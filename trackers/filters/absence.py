@@ -1,0 +1,58 @@
+"""What it says of a target that a sensor did not see it: it is likelier where it could not be seen.
+
+The density is multiplied by the probability of a miss, p(x | not seen) ∝ p(x) (1 − P_D(x)), and made Gaussian again by its
+moments (W. Koch, "On exploiting 'negative' sensor evidence for target tracking and sensor data fusion", Information Fusion
+8, 2007). P_D depends on the position only; the rest of the state follows by its covariance with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.filters.imm_state import ImmState
+
+Array = NDArray[np.float64]
+
+_STEPS = np.linspace(-2.4, 2.4, 9)
+_Z = np.stack(np.meshgrid(_STEPS, _STEPS)).reshape(2, -1)  # (2, k) places, in standard deviations
+_DENSITY = np.exp(-0.5 * (_Z**2).sum(axis=0))
+_DENSITY /= _DENSITY.sum()
+_PRODUCTS = np.stack([_Z[0] * _Z[0], _Z[0] * _Z[1], _Z[1] * _Z[1]])
+_PRODUCTS /= _DENSITY @ _PRODUCTS[0]  # the grid ends where the density does not
+_LEAST_VARIANCE_M2 = 1e-12
+
+
+def not_seen(state: ImmState, missed: Callable[[Array], Array], least: float = 1e-3) -> tuple[ImmState, Array]:
+    """The n tracks after a look that did not show them, and how probably it would not, (n,).
+
+    missed: the probability that the look does not show a target at positions (2, m, n, k) [m], (m, n, k). A mode that it
+    would have shown (all but surely, to `least`) stays as it is: then it is the model that is wrong.
+    """
+    P = state.covariance  # (5, 5, m, n)
+    # the root L of the position's covariance, L Lᵀ = H P Hᵀ
+    l_xx = np.sqrt(np.maximum(P[0, 0], _LEAST_VARIANCE_M2))
+    l_yx = P[0, 1] / l_xx
+    l_yy = np.sqrt(np.maximum(P[1, 1] - l_yx**2, _LEAST_VARIANCE_M2))
+    x = state.mean[0, ..., None] + l_xx[..., None] * _Z[0]
+    y = state.mean[1, ..., None] + l_yx[..., None] * _Z[0] + l_yy[..., None] * _Z[1]
+    share = _DENSITY * missed(np.stack([x, y]))  # (m, n, k)
+    chance = share.sum(axis=-1)  # (m, n)
+    possible = chance > least
+    share = np.where(possible[..., None], share, _DENSITY) / np.where(possible, chance, 1.0)[..., None]
+    chance = np.where(possible, chance, least)
+    mean_x, mean_y = np.moveaxis(share @ _Z.T, -1, 0)  # in standard deviations
+    xx, xy, yy = np.moveaxis(share @ _PRODUCTS.T, -1, 0)
+    xy = xy - mean_x * mean_y
+    change = np.array([[xx - mean_x**2 - 1, xy], [xy, yy - mean_y**2 - 1]])
+    # what a standard deviation of position does to the state: P Hᵀ L⁻ᵀ
+    by_x = P[0] / l_xx
+    by_y = (P[1] - l_yx * by_x) / l_yy
+    gain = np.stack([by_x, by_y])  # (2, 5, m, n)
+    covariance = P + np.einsum("pamn,pqmn,qbmn->abmn", gain, change, gain)
+    covariance = 0.5 * (covariance + covariance.swapaxes(0, 1))
+    joint = state.probability * chance
+    missed_all = joint.sum(axis=0)
+    return ImmState(state.mean + by_x * mean_x + by_y * mean_y, covariance, joint / missed_all), missed_all

@@ -1,0 +1,61 @@
+"""Where a scan would have shown a body: nobody stands where the beams go on behind."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from trackers.configuration import Strict
+from trackers.observations import LaserScan
+from trackers.rig import LaserSensor
+
+Array = NDArray[np.float64]
+
+_ACROSS = np.array([-1.0, 0.0, 1.0])  # where across a body the beams are asked
+
+
+class FreeSpaceOptions(Strict):
+    """How a body stands in the beams of one layer, and how surely it is seen (ours)."""
+
+    detected: float = Field(
+        default=0.95, ge=0, lt=1, description="how probably a body is seen that nothing hides; 0: absence says nothing"
+    )
+    half_width_m: float = Field(default=0.12, gt=0, description="half the width of the body across the beam [m]")
+    behind_m: float = Field(default=0.1, description="beams that go on this far behind the body's axis missed it [m]")
+    hidden_up_to: float = Field(
+        default=0.0, ge=0, lt=1, description="a body of which no more than this share is in clear beams may be hidden"
+    )
+
+
+class FreeSpace:
+    """A scanner's view of empty places: how probably its scans would have shown a body there.
+
+    A beam without a return (+inf) went on to the end of the range; one without a reading (NaN) says nothing.
+    """
+
+    def __init__(self, sensor: LaserSensor, options: FreeSpaceOptions) -> None:
+        self.options = options
+        self._origin_m = sensor.room_from_sensor.translation[:2].copy()
+        self._scan_from_room = sensor.room_from_sensor.rotation[:2, :2].T.copy()
+
+    def seen(self, scan: LaserScan, points: Array) -> Array:
+        """How probably a body with its axis at room points (2, ...) would have been seen, (...)."""
+        options, count = self.options, scan.ranges_m.size
+        reach_m = np.zeros(count + 2)  # beside the scan nothing is seen
+        np.copyto(reach_m[1:-1], np.minimum(scan.ranges_m, scan.range_max_m), where=~np.isnan(scan.ranges_m))
+        # bearings are taken from the middle beam, so that they wrap around behind it
+        middle = scan.angle_min_rad + 0.5 * (count - 1) * scan.angle_increment_rad
+        cos, sin = np.cos(middle), np.sin(middle)
+        ahead_from_room = np.array([[cos, sin], [-sin, cos]]) @ self._scan_from_room
+        (a, b), (c, d) = ahead_from_room.tolist()
+        off_x, off_y = points[0] - self._origin_m[0], points[1] - self._origin_m[1]
+        x, y = a * off_x + b * off_y, c * off_x + d * off_y
+        distance = np.sqrt(x * x + y * y)
+        half = options.half_width_m / np.maximum(distance, options.half_width_m)
+        bearing = np.arctan2(y, x) + _ACROSS.reshape(-1, *[1] * x.ndim) * half
+        bearing -= 2 * np.pi * np.rint(bearing / (2 * np.pi))
+        beam = np.rint(bearing / scan.angle_increment_rad + (0.5 * (count - 1) + 1))
+        beam = np.minimum(np.maximum(beam, 0), count + 1).astype(np.intp)
+        clear = (reach_m[beam] > distance + options.behind_m).sum(axis=0) / _ACROSS.size
+        return options.detected * np.maximum(clear - options.hidden_up_to, 0) / (1 - options.hidden_up_to)
