@@ -20,9 +20,17 @@ class Area:
         self._slope = self._edge[0] / np.where(self._edge[1] == 0, 1.0, self._edge[1])
         self._length_square = np.maximum((self._edge**2).sum(axis=0), 1e-18)
         self._margin_square = margin_m**2
+        turned = np.array([-self._edge[1], self._edge[0]])
+        to_the_middle = self._start.mean(axis=1)[:, None] - self._start
+        rotation = np.sign((turned * to_the_middle).sum())  # 0: it has no inside
+        self._inward = rotation * turned  # (2, c)
+        self._border = (self._inward * self._start).sum(axis=0)
+        self._convex = rotation != 0 and bool((self._start.T @ self._inward >= self._border - 1e-9).all())
 
     def contains(self, points: Array) -> Mask:
         """Whether points (n, 2) lie in the polygon or within the margin of its border, (n,)."""
+        if self._convex and (points @ self._inward >= self._border).all():  # as most are, most of the time
+            return np.ones(len(points), np.bool_)
         x, y = points[:, :1], points[:, 1:]
         off_x, off_y = x - self._start[0], y - self._start[1]  # (n, c)
         # a ray towards +x crosses an odd number of edges from inside

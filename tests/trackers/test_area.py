@@ -1,6 +1,7 @@
 """Inside a polygon or near it."""
 
 import numpy as np
+import pytest
 
 from trackers.area import Area
 
@@ -23,3 +24,20 @@ def test_a_polygon_with_a_notch_and_either_sense_of_rotation():
 
 def test_no_points():
     assert Area(SQUARE, 0.1).contains(np.empty((0, 2))).shape == (0,)
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+@pytest.mark.parametrize(
+    "corners", [SQUARE, [(0, 0), (3, -1), (4, 2), (1, 3)], [(0, 0), (4, 0), (4, 4), (2, 1), (0, 4)]]
+)
+def test_many_points_at_once_are_the_same_as_one_by_one(corners, turn):
+    area = Area(np.array(corners, float)[::turn], 0.1)
+    points = np.random.default_rng(3).uniform(-2, 5, (500, 2))
+    one_by_one = [bool(area.contains(point[None])[0]) for point in points]
+    assert area.contains(points).tolist() == one_by_one
+    assert 0 < sum(one_by_one) < 500
+
+
+def test_a_polygon_without_an_inside_holds_its_border_only():
+    area = Area(np.array([(0, 0), (1, 0), (2, 0)], float))
+    assert area.contains(np.array([(1.0, 0.0), (1.0, 0.5), (9.0, 0.0)])).tolist() == [True, False, False]

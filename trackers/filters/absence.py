@@ -22,6 +22,8 @@ _DENSITY = np.exp(-0.5 * (_Z**2).sum(axis=0))
 _DENSITY /= _DENSITY.sum()
 _PRODUCTS = np.stack([_Z[0] * _Z[0], _Z[0] * _Z[1], _Z[1] * _Z[1]])
 _PRODUCTS /= _DENSITY @ _PRODUCTS[0]  # the grid ends where the density does not
+_MOMENTS = np.concatenate([np.ones((1, _Z.shape[1])), _Z, _PRODUCTS]).T  # (k, 6)
+_NOTHING_TOLD = np.array([0.0, 0, 1, 0, 1])[:, None, None]
 _LEAST_VARIANCE_M2 = 1e-12
 
 
@@ -38,13 +40,11 @@ def not_seen(state: ImmState, missed: Callable[[Array], Array], least: float = 1
     l_yy = np.sqrt(np.maximum(P[1, 1] - l_yx**2, _LEAST_VARIANCE_M2))
     x = state.mean[0, ..., None] + l_xx[..., None] * _Z[0]
     y = state.mean[1, ..., None] + l_yx[..., None] * _Z[0] + l_yy[..., None] * _Z[1]
-    share = _DENSITY * missed(np.stack([x, y]))  # (m, n, k)
-    chance = share.sum(axis=-1)  # (m, n)
+    moments = ((_DENSITY * missed(np.stack([x, y]))) @ _MOMENTS).transpose(2, 0, 1)  # (6, m, n)
+    chance = moments[0]
     possible = chance > least
-    share = np.where(possible[..., None], share, _DENSITY) / np.where(possible, chance, 1.0)[..., None]
+    mean_x, mean_y, xx, xy, yy = np.where(possible, moments[1:] / np.where(possible, chance, 1.0), _NOTHING_TOLD)
     chance = np.where(possible, chance, least)
-    mean_x, mean_y = np.moveaxis(share @ _Z.T, -1, 0)  # in standard deviations
-    xx, xy, yy = np.moveaxis(share @ _PRODUCTS.T, -1, 0)
     xy = xy - mean_x * mean_y
     change = np.array([[xx - mean_x**2 - 1, xy], [xy, yy - mean_y**2 - 1]])
     # what a standard deviation of position does to the state: P Hᵀ L⁻ᵀ
