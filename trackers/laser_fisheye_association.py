@@ -52,12 +52,13 @@ class Association:
         """Trunks to tracks, then legs to the tracks left over: waist, else knee, never both."""
         everyone = np.arange(len(self.people))
         colour = self._colour_distance(seen)
-        tracks, trunks = self._match(everyone, seen.trunks.position, self.options.waist.radius_m, colour)
+        whole = np.ones(len(seen.trunks), np.bool_)
+        tracks, trunks = self._match(everyone, seen.trunks.position, self.options.waist.radius_m, whole, colour)
         left = _others(len(everyone), tracks)
         walkers, n_leg = self._walkers(seen, left)
         knee, R = self.options.knee, self.options.measurement_variance_m2
         one_legged = n_leg == 1
-        by_legs, legs = self._match(left, walkers, self.knee_radius_m, None)
+        by_legs, legs = self._match(left, walkers, self.knee_radius_m, ~one_legged, None)
         new_trunk = _others(len(seen.trunks), trunks)
         new_walker = _others(len(walkers), legs)
         # a lone leg within a stride of somebody is likelier theirs than somebody new
@@ -75,10 +76,13 @@ class Association:
             new_clearance=np.concatenate([np.full(new_trunk.size, body), clearance]),
         )
 
-    def _match(self, tracks: Index, position: Array, radius_m: float, colour: Array | None) -> tuple[Index, Index]:
+    def _match(
+        self, tracks: Index, position: Array, radius_m: float, whole: Mask, colour: Array | None
+    ) -> tuple[Index, Index]:
         """Pairs (track, measurement) among `tracks` (p,) and measurements (k, 2); confirmed tracks choose first.
 
-        `colour`: E of all tracks (n, k), NaN where unknown.
+        `whole` (k,): what is a person rather than one leg, which may be anything; `colour`: E of all tracks (n, k), NaN
+        where unknown.
         """
         if tracks.size == 0 or len(position) == 0:
             return _NOBODY, _NOBODY
@@ -86,13 +90,15 @@ class Association:
         distance = mahalanobis(state.positions, self.imm.innovation_covariance(state), position)
         allowed = validation_region(state.positions, position, radius_m) & (distance <= self.options.max_deviations)
         confirmed = self.people.confirmed[tracks, None]
-        recognised = self._recognised(tracks, position, radius_m, colour)
+        recognised = self._recognised(tracks, position, radius_m, colour) & whole
         if recognised.any():
             in_sight = confirmed & ~self._hidden(tracks)[:, None]
             recognised &= ~((distance <= self.options.expected_below) & in_sight).any(axis=0)
         if colour is not None:
-            allowed &= ~self._foreign(tracks, colour)
-            distance = distance + self.options.colour_weight * np.nan_to_num(colour[tracks])
+            allowed &= ~self._foreign(tracks, colour, distance)
+            distance = distance + self.options.colour_weight * np.nan_to_num(
+                colour[tracks], nan=self.options.unknown_colour
+            )
         pairs, free = [], np.ones(distance.shape, np.bool_)
         # first whom a prediction explains, then the hidden by what else tells them, then who is not confirmed yet
         for candidates in (allowed & confirmed, recognised, allowed & ~confirmed):
@@ -102,15 +108,17 @@ class Association:
         rows, columns = np.concatenate(pairs, axis=1)
         return tracks[rows], columns
 
-    def _foreign(self, tracks: Index, colour: Array) -> Mask:
-        """Pairs (p, k) in which the shirt is another's: not the track's own, which is known well, or somebody else's.
+    def _foreign(self, tracks: Index, colour: Array, distance: Array) -> Mask:
+        """Pairs (p, k) in which the shirt is another's: not the track's own, and known well, somebody else's, or far off.
 
         A reference from a few looks may be of an arm or of whoever stood before the person.
         """
         E = colour[tracks]
         anothers = (colour <= self.options.recognised_below).any(axis=0)
         known_well = self.people.n_look[tracks] >= self.options.looks_to_know
-        return (self.options.foreign_above < E) & (anothers | known_well[:, None])
+        return (self.options.foreign_above < E) & (
+            anothers | known_well[:, None] | (distance > self.options.expected_below)
+        )
 
     def _recognised(self, tracks: Index, position: Array, radius_m: float, colour: Array | None) -> Mask:
         """Pairs (p, k) of a confirmed track out of sight and somebody whom it can have become meanwhile, by all that tells.
@@ -148,12 +156,14 @@ class Association:
         than the wrong one's.
         """
         knee, legs = self.options.knee, seen.legs.position
-        _, _, free = take_legs(legs, seen.trunks.position, knee.stride_m, knee.claim_m)
+        _, _, free = take_legs(legs, seen.trunks.position, knee.stride_m, knee.claim_m, knee.single_leg_cost_m)
         legs = legs[free]
         # nobody hidden stands inside somebody in sight
         legs = legs[(distances(legs, seen.trunks.position) > knee.under_m).all(axis=1)]
         hidden = unmatched[self.people.confirmed[unmatched]]
-        known, n_leg, free = take_legs(legs, self.people.positions[hidden], knee.stride_m, knee.claim_m)
+        known, n_leg, free = take_legs(
+            legs, self.people.positions[hidden], knee.stride_m, knee.claim_m, knee.single_leg_cost_m
+        )
         strangers, n_leg_of_strangers = pair_off(legs[free], knee.pair_m)
         walkers = np.concatenate([known[n_leg > 0], strangers])
         clear = self._clear(hidden, walkers)

@@ -46,6 +46,11 @@ class LaserFisheyeImmOptions(Strict):
         default=1.5, gt=0, description="standard deviation of a new track's speed [m/s] (ours)"
     )
     colour_weight: float = Field(default=10.0, ge=0, description="w in d = N + w E (inferred; chosen by experiment)")
+    unknown_colour: float = Field(
+        default=0.3,
+        ge=0,
+        description="what counts as E where one of two shirts is not known (ours; else who is unknown wins)",
+    )
     max_deviations: float = Field(default=4.0, gt=0, description="a pair with a greater N is not believed (ours)")
     foreign_above: float = Field(
         default=0.6, ge=0, description="a pair with a greater E is not believed: another's shirt (ours)"
@@ -58,7 +63,8 @@ class LaserFisheyeImmOptions(Strict):
     expected_below: float = Field(
         default=2.0,
         ge=0,
-        description="but not in somebody this near, by N, to where somebody in sight is expected (ours)",
+        description="but not in somebody this near, by N, to where somebody in sight is expected; and only this near may a "
+        "shirt differ from one that is not known well (ours)",
     )
     looks_to_know: int = Field(default=5, ge=0, description="clear looks after which a shirt is known well (ours)")
     reach_m_s: float = Field(default=1.5, ge=0, description="how fast a hidden person may have walked [m/s] (ours)")

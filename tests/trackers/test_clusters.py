@@ -120,7 +120,7 @@ def test_strangers_legs_pair_off_from_the_closest_up():
 def test_expected_people_take_a_full_stride_or_one_leg_but_not_each_others():
     legs = np.array([(-0.33, 0.0), (0.33, 0.0), (1.0, 0.05), (5.0, 5.0)])
     expected = np.array([(0.02, 0.0), (1.1, 0.0), (9.0, 9.0)])
-    position, n_leg, free = take_legs(legs, expected, stride_m=0.8, reach_m=0.4)
+    position, n_leg, free = take_legs(legs, expected, stride_m=0.8, reach_m=0.4, single_cost_m=0.1)
     np.testing.assert_allclose(position[:2], [(0, 0), (1.0, 0.05)])
     np.testing.assert_array_equal(n_leg, [2, 1, 0])
     np.testing.assert_array_equal(free, [False, False, False, True])

@@ -53,6 +53,45 @@ def test_legs_beside_a_trunk_are_those_of_somebody_hidden():
     assert found.trunk[found.track == 1].tolist() == [-1]
 
 
+def test_the_only_one_hidden_is_known_again_by_both_legs_but_not_by_what_may_be_no_leg_at_all():
+    beyond_the_prediction = (1.5, 2.3)
+    one = matched(detections((0.0, 1.5)), detections(*LEGS_OF_THE_FIRST, beyond_the_prediction))
+    assert one.track.tolist() == [0]
+    both = matched(detections((0.0, 1.5)), detections(*LEGS_OF_THE_FIRST, beyond_the_prediction, (1.3, 2.2)))
+    assert sorted(both.track.tolist()) == [0, 1]
+
+
+def by_shirt(unknown_is: float) -> list[int]:
+    """Who gets the trunk between somebody without a reference, who is nearer, and somebody whose shirt it is."""
+    imm = Imm()
+    places = np.array([[0.0, 2.0], [0.5, 2.0]])
+    shirts = np.array([[0.0, 0.0], [0.9, 0.1]])
+    people = People.born(imm.start(places, np.zeros((2, 2)), 0.02, 0.1), places, 0.0, shirts, np.array([0, 9]))
+    people = replace(people, id=np.array([1, 2]), confirmed=np.ones(2, np.bool_), measured_t=np.full(2, T - PERIOD_S))
+    shown = np.ones(1, np.bool_)
+    seen = Seen(detections((0.15, 2.0)), detections(), None, np.array([[0.9, 0.1]]), shown, shown)
+    options = LaserFisheyeImmOptions.model_validate({"unknown_colour": unknown_is})
+    return Association(people, imm, options, 0.5, T).matches(seen).track.tolist()
+
+
+def test_whose_shirt_it_is_comes_before_whose_shirt_nobody_knows():
+    assert by_shirt(unknown_is=0.3) == [1]
+    assert by_shirt(unknown_is=0.0) == [0]
+
+
+@pytest.mark.parametrize(("looks", "at_m", "whose"), [(2, 0.2, [0]), (2, 0.6, []), (9, 0.2, [])])
+def test_another_shirt_is_excused_by_few_looks_and_a_place_as_expected(looks, at_m, whose):
+    imm = Imm()
+    place = np.array([[0.0, 2.0]])
+    people = People.born(
+        imm.start(place, np.zeros((1, 2)), 0.02, 0.1), place, 0.0, np.array([[1.0, 0.0]]), np.array([looks])
+    )
+    people = replace(people, id=np.array([1]), confirmed=np.ones(1, np.bool_), measured_t=np.full(1, T - PERIOD_S))
+    shown = np.ones(1, np.bool_)
+    seen = Seen(detections((at_m, 2.0)), detections(), None, np.array([[0.0, 1.0]]), shown, shown)
+    assert Association(people, imm, LaserFisheyeImmOptions(), 0.5, T).matches(seen).track.tolist() == whose
+
+
 def of_two_hidden(legs: Detections, **options) -> Matches:
     """Of two people out of sight since half a second, last seen at (-0.3, 2) and (0.3, 2)."""
     imm = Imm()

@@ -40,7 +40,7 @@ def trunks(
 
 
 def take_legs(
-    legs: Array, expected: Array, stride_m: float, reach_m: float, single_cost_m: float = 0.1
+    legs: Array, expected: Array, stride_m: float, reach_m: float, single_cost_m: float
 ) -> tuple[Array, NDArray[np.intp], Mask]:
     """Which legs (k, 2) are those of people expected at (n, 2) [m].
 

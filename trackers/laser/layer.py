@@ -91,6 +91,11 @@ class KneeOptions(LayerOptions):
         ge=0,
         description="added to R where one leg is seen: it is up to half a stride from the middle [m²] (ours)",
     )
+    single_leg_cost_m: float = Field(
+        default=0.2,
+        ge=0,
+        description="how much farther off a single leg counts than a pair, when a person's legs are chosen [m] (ours)",
+    )
     clear_by: float = Field(
         default=1.2,
         ge=0,
