@@ -33,6 +33,19 @@ class Matches:
     new_position: Array  # (q, 2) measurements that no track took
     new_trunk: Index  # (q,)
     new_clearance: Array  # (q,) how far from everybody else somebody new must be to be believed [m]
+    colour: Array | None  # (n, k) E of every track and trunk, NaN where unknown; None where nobody's is known
+
+    def like_anothers(self, below: float) -> Mask:
+        """In which pairs (p,) the shirt is like another track's, by an E up to `below`, and no less than like the track's own.
+
+        Then the window is on whoever stands before the person.
+        """
+        if self.colour is None:
+            return np.zeros(self.track.size, np.bool_)
+        E, pair = np.where(np.isnan(self.colour), np.inf, self.colour)[:, self.trunk], np.arange(self.track.size)
+        own = E[self.track, pair]
+        E[self.track, pair] = np.inf
+        return (self.trunk >= 0) & (E.min(axis=0) <= np.minimum(own, below))
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +87,7 @@ class Association:
             new_position=np.concatenate([seen.trunks.position[new_trunk], walkers[new_walker]]),
             new_trunk=np.concatenate([new_trunk, np.full(new_walker.size, -1)]),
             new_clearance=np.concatenate([np.full(new_trunk.size, body), clearance]),
+            colour=colour,
         )
 
     def _match(

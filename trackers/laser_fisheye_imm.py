@@ -210,7 +210,7 @@ class LaserFisheyeImm:
     def _learn_colours(self, matches: Matches, seen: Seen) -> None:
         by_trunk = matches.trunk >= 0
         track, trunk = matches.track[by_trunk], matches.trunk[by_trunk]
-        clear = seen.clear[trunk]
+        clear = seen.clear[trunk] & ~matches.like_anothers(self.options.recognised_below)[by_trunk]
         if not clear.any():
             return
         track, histograms = track[clear], seen.histograms[trunk[clear]]

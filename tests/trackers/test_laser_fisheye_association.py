@@ -122,3 +122,15 @@ def test_how_much_better_is_an_option():
 def test_how_near_a_piece_is_a_trunks_own_is_an_option():
     found = matched(detections((0.0, 1.5)), detections(*LEGS_OF_THE_FIRST, (0.05, 1.62)), knee={"under_m": 0})
     assert sorted(found.track.tolist()) == [0, 1]
+
+
+def test_looks_are_like_anothers_where_they_are_more_so_than_like_ones_own():
+    nowhere, nothing = np.empty((0, 2)), np.empty(0)
+    E = np.array([[0.05, 0.2, np.nan], [0.1, 0.1, 0.2], [0.9, 0.9, 0.9]])
+    found = Matches(
+        track=np.array([0, 2, 1, 0]), position=np.zeros((4, 2)), variance=np.ones(4), trunk=np.array([0, 1, 2, -1]),
+        new_position=nowhere, new_trunk=np.empty(0, np.intp), new_clearance=nothing, colour=E,
+    )  # fmt: skip
+    assert found.like_anothers(0.3).tolist() == [False, True, False, False]
+    assert found.like_anothers(0.05).tolist() == [False, False, False, False]
+    assert replace(found, colour=None).like_anothers(0.3).tolist() == [False] * 4
