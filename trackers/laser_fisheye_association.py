@@ -52,7 +52,8 @@ class Matches:
 class Association:
     """The pairing of one epoch: global nearest neighbour on d = N + w E within the validation regions.
 
-    people: predicted to time t [s]; knee_radius_m: the validation radius of legs.
+    people: predicted to time t [s]; knee_radius_m: the validation radius of legs; sees_waists: whether trunks are looked for,
+    without which legs are all there is to know anybody by.
     """
 
     people: People
@@ -60,6 +61,7 @@ class Association:
     options: LaserFisheyeImmOptions
     knee_radius_m: float
     t: float
+    sees_waists: bool = True
 
     def matches(self, seen: Seen) -> Matches:
         """Trunks to tracks, then legs to the tracks left over: waist, else knee, never both."""
@@ -71,7 +73,7 @@ class Association:
         walkers, n_leg = self._walkers(seen, left)
         knee, R = self.options.knee, self.options.measurement_variance_m2
         one_legged = n_leg == 1
-        by_legs, legs = self._match(left, walkers, self.knee_radius_m, ~one_legged, None)
+        by_legs, legs = self._match(left, walkers, self.knee_radius_m, ~(one_legged & self.sees_waists), None)
         new_trunk = _others(len(seen.trunks), trunks)
         new_walker = _others(len(walkers), legs)
         # a lone leg within a stride of somebody is likelier theirs than somebody new

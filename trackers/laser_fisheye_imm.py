@@ -135,7 +135,8 @@ class LaserFisheyeImm:
     def _work(self, epoch: Epoch) -> TrackFrame:
         seen = self._detector.detect(epoch)
         self._predict(epoch.t)
-        matches = Association(self._people, self._imm, self.options, self._knee_radius_m, epoch.t).matches(seen)
+        waists = self._detector.sees_waists
+        matches = Association(self._people, self._imm, self.options, self._knee_radius_m, epoch.t, waists).matches(seen)
         self._update(matches, epoch.t)
         hidden = self._miss(epoch)
         self._learn_colours(matches, seen)
