@@ -102,26 +102,29 @@ class Association:
         """
         if tracks.size == 0 or len(position) == 0:
             return _NOBODY, _NOBODY
-        state = self.people.state.select(tracks)
+        people = self.people
+        state = people.state if tracks.size == len(people) else people.state.select(tracks)
         distance = mahalanobis(state.positions, self.imm.innovation_covariance(state), position)
         allowed = validation_region(state.positions, position, radius_m) & (distance <= self.options.max_deviations)
-        confirmed = self.people.confirmed[tracks, None]
-        recognised = self._recognised(tracks, position, radius_m, colour) & whole
-        if recognised.any():
-            in_sight = confirmed & ~self._hidden(tracks)[:, None]
-            recognised &= ~((distance <= self.options.expected_below) & in_sight).any(axis=0)
+        confirmed = people.confirmed[tracks]
+        hidden = confirmed & self._hidden(tracks)
+        recognised = None
+        if hidden.any():
+            recognised = self._recognised(tracks, hidden, position, radius_m, colour) & whole
+            in_sight = confirmed & ~hidden
+            recognised &= ~((distance <= self.options.expected_below) & in_sight[:, None]).any(axis=0)
         if colour is not None:
             allowed &= ~self._foreign(tracks, colour, distance)
             distance = distance + self.options.colour_weight * np.nan_to_num(
                 colour[tracks], nan=self.options.unknown_colour
             )
-        pairs, free = [], np.ones(distance.shape, np.bool_)
         # first whom a prediction explains, then the hidden by what else tells them, then who is not confirmed yet
-        for candidates in (allowed & confirmed, recognised, allowed & ~confirmed):
-            rows, columns = global_nearest_neighbour(distance, candidates & free)
-            free[rows] = free[:, columns] = False
-            pairs.append((rows, columns))
-        rows, columns = np.concatenate(pairs, axis=1)
+        rows, columns = global_nearest_neighbour(distance, allowed & confirmed[:, None])
+        for candidates in (recognised, None if confirmed.all() else allowed & ~confirmed[:, None]):
+            if candidates is not None and candidates.any():
+                candidates[rows] = candidates[:, columns] = False
+                more_rows, more_columns = global_nearest_neighbour(distance, candidates)
+                rows, columns = np.concatenate([rows, more_rows]), np.concatenate([columns, more_columns])
         return tracks[rows], columns
 
     def _foreign(self, tracks: Index, colour: Array, distance: Array) -> Mask:
@@ -136,15 +139,12 @@ class Association:
             anothers | known_well[:, None] | (distance > self.options.expected_below)
         )
 
-    def _recognised(self, tracks: Index, position: Array, radius_m: float, colour: Array | None) -> Mask:
-        """Pairs (p, k) of a confirmed track out of sight and somebody whom it can have become meanwhile, by all that tells.
+    def _recognised(self, tracks: Index, hidden: Mask, position: Array, radius_m: float, colour: Array | None) -> Mask:
+        """Pairs (p, k) of a `hidden` track (p,) and somebody whom it can have become meanwhile, by all that tells.
 
         Its prediction says little after a while: what it can have walked since it was seen is asked instead, and what
         shirt it wears. Nothing tells whose legs they are but that only one of the hidden can be there.
         """
-        hidden = self.people.confirmed[tracks] & self._hidden(tracks)
-        if not hidden.any():
-            return np.zeros((tracks.size, len(position)), np.bool_)
         reach_m = radius_m + self.options.reach_m_s * (self.t - self.people.measured_t[tracks])
         can_be = distances(self.people.measured_at[tracks], position) <= reach_m[:, None]
         can_be &= hidden[:, None]
@@ -172,10 +172,14 @@ class Association:
         than the wrong one's.
         """
         knee, legs = self.options.knee, seen.legs.position
-        _, _, free = take_legs(legs, seen.trunks.position, knee.stride_m, knee.claim_m, knee.single_leg_cost_m)
-        legs = legs[free]
         # nobody hidden stands inside somebody in sight
-        legs = legs[(distances(legs, seen.trunks.position) > knee.under_m).all(axis=1)]
+        apart = (distances(legs, seen.trunks.position) > knee.under_m).all(axis=1)
+        if not apart.any():
+            return np.empty((0, 2)), _NOBODY
+        _, _, free = take_legs(legs, seen.trunks.position, knee.stride_m, knee.claim_m, knee.single_leg_cost_m)
+        legs = legs[free & apart]
+        if len(legs) == 0:
+            return legs, _NOBODY
         hidden = unmatched[self.people.confirmed[unmatched]]
         known, n_leg, free = take_legs(
             legs, self.people.positions[hidden], knee.stride_m, knee.claim_m, knee.single_leg_cost_m
@@ -199,6 +203,6 @@ class Association:
 
 def _others(n: int, taken: Index) -> Index:
     """The indices below n that are not `taken`."""
-    free = np.ones(n, np.bool_)
-    free[taken] = False
-    return free.nonzero()[0]
+    is_taken = np.zeros(n, np.bool_)
+    is_taken[taken] = True
+    return (~is_taken).nonzero()[0]

@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -54,6 +53,8 @@ Mask = NDArray[np.bool_]
 
 
 logger = logging.getLogger(__name__)
+
+_ISOTROPIC = np.eye(2)
 
 CITATION = (
     "Z. Bai, K. Takahashi: Identification and Tracking Using Laser and Vision of Maneuvering People "
@@ -162,25 +163,18 @@ class LaserFisheyeImm:
             if unseen.any():
                 state = state.slowed(np.where(unseen, np.exp(-elapsed / slowdown_s), 1.0))
         state = self._imm.predict_over(state, elapsed, self.options.period_s)
-        self._people = replace(self._people, state=state)
+        self._people = self._people.changed(state=state)
 
     # --- update
 
     def _update(self, matches: Matches, t: float) -> None:
         people, track = self._people, matches.track
-        R = matches.variance[:, None, None] * np.eye(2)
+        R = matches.variance[:, None, None] * _ISOTROPIC
         state = self._imm.update(people.state, track, matches.position, R)
         second = people.n_measured[track] == 1
         if second.any():
             state = state.replaced(track[second], self._from_two(track[second], matches.position[second], t))
-        measured_t, n_measured = people.measured_t.copy(), people.n_measured.copy()
-        measured_at = people.measured_at.copy()
-        measured_t[track] = t
-        n_measured[track] += 1
-        measured_at[track] = matches.position
-        self._people = replace(
-            people, state=state, measured_t=measured_t, n_measured=n_measured, measured_at=measured_at
-        )
+        self._people = people.measured(track, matches.position, t, state)
 
     def _miss(self, epoch: Epoch) -> Mask:
         """Whoever was looked for and not seen is likelier where nothing would show them; who may well be there, (n,)."""
@@ -190,7 +184,7 @@ class LaserFisheyeImm:
         if missed.size == 0:
             return hidden
         state, chance = not_seen(people.state.select(missed), lambda points: self._detector.missed(epoch, points))
-        self._people = replace(people, state=people.state.replaced(missed, state))
+        self._people = people.changed(state=people.state.replaced(missed, state))
         if self._area is not None:  # else there is always somewhere, behind the walls
             hidden[missed] = chance > self.options.management.hidden_above
         return hidden
@@ -209,6 +203,8 @@ class LaserFisheyeImm:
         return self._imm.start(position, moved * trust[:, None], R, prior * (1 - trust))
 
     def _learn_colours(self, matches: Matches, seen: Seen) -> None:
+        if seen.windows is None:
+            return
         by_trunk = matches.trunk >= 0
         track, trunk = matches.track[by_trunk], matches.trunk[by_trunk]
         clear = seen.clear[trunk] & ~matches.like_anothers(self.options.recognised_below)[by_trunk]
@@ -220,12 +216,14 @@ class LaserFisheyeImm:
         blended = updated_reference(reference[track], histograms, self.options.histogram.memory)
         reference[track] = np.where(people.has_reference[track, None], blended, histograms)
         n_look[track] += 1
-        self._people = replace(people, reference=reference, n_look=n_look)
+        self._people = people.changed(reference=reference, n_look=n_look)
 
     # --- confirm, end, start
 
     def _confirm(self, t: float) -> None:
         people, rules = self._people, self.options.management
+        if people.confirmed.all():
+            return
         learns = self._detector.learns_background
         measured_for = t - people.born_t + self.options.period_s
         old_enough = measured_for > (rules.confirm_learned_after_s if learns else rules.confirm_after_s) + 5e-7
@@ -240,7 +238,7 @@ class LaserFisheyeImm:
         confirmed[new] = True
         ids[new] = self._next_id + np.arange(new.size)
         self._next_id += new.size
-        self._people = replace(people, confirmed=confirmed, id=ids)
+        self._people = people.changed(confirmed=confirmed, id=ids)
 
     def _end(self, t: float, hidden: Mask) -> None:
         kept = self._people.alive(t, self.options.management, hidden)

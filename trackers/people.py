@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from trackers.configuration import Strict
 from trackers.filters.imm_state import ImmState
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 
@@ -111,6 +113,18 @@ class People:
         """Who has been seen clearly at least once, (n,)."""
         return self.n_look > 0
 
+    def changed(self, **arrays: Any) -> People:
+        """These tracks with some of their arrays exchanged."""
+        return People(**(vars(self) | arrays))
+
+    def measured(self, track: Index, position: Array, t: float, state: ImmState) -> People:
+        """These tracks in `state`, with those at `track` (p,) measured at `position` (p, 2) at time t."""
+        measured_t, n_measured, measured_at = self.measured_t.copy(), self.n_measured.copy(), self.measured_at.copy()
+        measured_t[track] = t
+        n_measured[track] += 1
+        measured_at[track] = position
+        return self.changed(state=state, measured_t=measured_t, n_measured=n_measured, measured_at=measured_at)
+
     def select(self, kept: Mask) -> People:
         """The tracks of a mask (n,)."""
         if kept.all():
@@ -150,7 +164,7 @@ class People:
 
         hidden: who likely could not be seen, (n,).
         """
-        coast_s = np.where(hidden, max(options.coast_s, options.coast_hidden_s), options.coast_s)
-        patience = np.where(self.confirmed, coast_s, options.tentative_coast_s)
         # half a microsecond: stamps are decimal, sums of periods are not
-        return t - self.measured_t <= patience + 5e-7
+        since = t - self.measured_t - 5e-7
+        coast_s = np.where(hidden, max(options.coast_s, options.coast_hidden_s), options.coast_s)
+        return since <= np.where(self.confirmed, coast_s, options.tentative_coast_s)

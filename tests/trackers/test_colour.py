@@ -20,7 +20,7 @@ def detections_at(points, half_width=0.17) -> Detections:
     angle = np.arctan2(points[:, 1], points[:, 0]) - np.pi / 2
     half = half_width / range_m
     return Detections(
-        points, np.zeros(len(points)), np.full(len(points), 2 * half_width), range_m, angle - half, angle + half
+        points, np.zeros(len(points)), np.full(len(points), 2 * half_width), range_m, angle + np.array([-half, half])
     )
 
 

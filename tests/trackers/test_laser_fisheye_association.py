@@ -20,7 +20,7 @@ PERIOD_S, T = 0.1, 1.0
 def detections(*places: tuple[float, float]) -> Detections:
     position = np.array(places, dtype=float).reshape(-1, 2)
     nothing = np.zeros(len(position))
-    return Detections(position, nothing, nothing + 0.1, nothing + 2, nothing, nothing)
+    return Detections(position, nothing, nothing + 0.1, nothing + 2, np.zeros((2, len(position))))
 
 
 def matched(trunks: Detections, legs: Detections, **options) -> Matches:

@@ -6,6 +6,7 @@ All in the scanner's frame (x ahead, y left), samples in order of angle.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,9 +67,8 @@ def find_clusters(scan: LaserScan, foreground: Mask, options: ClusterOptions) ->
     if beams.size == 0:
         return _none()
     increment = abs(scan.angle_increment_rad)
-    bearing = scan.angle_min_rad + scan.angle_increment_rad * beams
     near = ranges[beams]
-    points = np.array([near * np.cos(bearing), near * np.sin(bearing)])  # (2, n)
+    points = near * _directions(scan.angle_min_rad, scan.angle_increment_rad, ranges.size)[:, beams]  # (2, n)
 
     step = points[:, 1:] - points[:, :-1]
     jump = options.jump_m + options.jump_spacings * (increment * np.minimum(near[1:], near[:-1]))
@@ -97,6 +97,13 @@ def find_clusters(scan: LaserScan, foreground: Mask, options: ClusterOptions) ->
         hidden_before=hidden_before,
         hidden_after=hidden_after,
     )
+
+
+@lru_cache(maxsize=16)
+def _directions(angle_min_rad: float, angle_increment_rad: float, n_beam: int) -> Array:
+    """The unit vectors along the beams, (2, n_beam)."""
+    bearing = angle_min_rad + angle_increment_rad * np.arange(n_beam)
+    return np.array([np.cos(bearing), np.sin(bearing)])
 
 
 def pushed_back(middle: Array, depth_m: Array | float) -> Array:

@@ -114,27 +114,27 @@ class Detections:
     variance_m2: Array  # (k,) of the position on each axis, beyond the measurement noise
     width_m: Array  # (k,)
     range_m: Array  # (k,) from the scanner to the middle of the samples
-    first_angle: Array  # (k,) in the scanner's frame [rad]
-    last_angle: Array  # (k,)
+    angle: Array  # (2, k) of the first sample and the last in the scanner's frame [rad]
 
     def __len__(self) -> int:
         return len(self.position)
 
-    def select(self, index: NDArray[np.intp] | NDArray[np.bool_]) -> Detections:
-        """The detections at `index` (integers or a mask)."""
+    def select(self, kept: NDArray[np.bool_]) -> Detections:
+        """The detections of a mask (k,)."""
+        if kept.all():
+            return self
         return Detections(
-            self.position[index],
-            self.variance_m2[index],
-            self.width_m[index],
-            self.range_m[index],
-            self.first_angle[index],
-            self.last_angle[index],
+            self.position[kept],
+            self.variance_m2[kept],
+            self.width_m[kept],
+            self.range_m[kept],
+            self.angle[:, kept],
         )
 
     @classmethod
     def none(cls) -> Detections:
         """No detections."""
-        return cls(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0), np.empty(0), np.empty(0))
+        return cls(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0), np.empty((2, 0)))
 
 
 class LaserLayer:
@@ -163,8 +163,8 @@ class LaserLayer:
             variance_m2=np.where(hidden, options.hidden_variance_m2, 0.0),
             width_m=clusters.width_m,
             range_m=clusters.range_m,
-            first_angle=scan.angle_min_rad + scan.angle_increment_rad * clusters.first_beam.astype(float),
-            last_angle=scan.angle_min_rad + scan.angle_increment_rad * clusters.last_beam.astype(float),
+            angle=scan.angle_min_rad
+            + scan.angle_increment_rad * np.array([clusters.first_beam, clusters.last_beam], float),
         )
         if options.satellite_width_m is None:
             return detections

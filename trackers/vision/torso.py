@@ -70,10 +70,9 @@ class TorsoProjector:
     def windows(self, detections: Detections) -> TorsoWindows:
         """The windows of k detections."""
         options = self.options
-        middle = 0.5 * (detections.first_angle + detections.last_angle)
-        angles = (
-            middle[:, None] + (detections.last_angle - detections.first_angle)[:, None] * self._across
-        )  # (k, columns)
+        first, last = detections.angle
+        middle = 0.5 * (first + last)
+        angles = middle[:, None] + (last - first)[:, None] * self._across  # (k, columns)
         reach = detections.range_m[:, None]
         in_scan = np.stack([reach * np.cos(angles), reach * np.sin(angles)], axis=-1)  # (k, columns, 2)
         on_floor = in_scan @ self._laser_rotation[:2, :2].T + self._laser_translation[:2]
