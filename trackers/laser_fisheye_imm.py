@@ -84,9 +84,8 @@ class LaserFisheyeImm:
         self._knee_radius_m = knee.radius_m if self._detector.sees_waists else knee.radius_alone_m
         main = rig.main_sensor if rig.main_sensor in used else used[0]
         self._gatherer = EpochGatherer(set(used), main, self.options.period_s, self.options.max_wait_s)
-        self._people = self._born(
-            np.empty((0, 2)), 0.0, np.empty((0, self._detector.histogram.size)), np.empty(0, np.int64)
-        )
+        nobody, no_colours = np.empty(0, np.bool_), np.empty((0, self._detector.histogram.size))
+        self._people = self._born(np.empty((0, 2)), 0.0, nobody, no_colours, nobody)
         self._next_id = 1
         self._t: float | None = None
         self._windows: list[tuple[int | None, Array]] = []
@@ -174,7 +173,7 @@ class LaserFisheyeImm:
         second = people.n_measured[track] == 1
         if second.any():
             state = state.replaced(track[second], self._from_two(track[second], matches.position[second], t))
-        self._people = people.measured(track, matches.position, t, state)
+        self._people = people.measured(track, matches.position, t, matches.trunk >= 0, state)
 
     def _miss(self, epoch: Epoch) -> Mask:
         """Whoever was looked for and not seen is likelier where nothing would show them; who may well be there, (n,)."""
@@ -226,8 +225,10 @@ class LaserFisheyeImm:
             return
         learns = self._detector.learns_background
         measured_for = t - people.born_t + self.options.period_s
-        old_enough = measured_for > (rules.confirm_learned_after_s if learns else rules.confirm_after_s) + 5e-7
-        new = ~people.confirmed & old_enough & (people.measured_t == t)
+        after_s = rules.confirm_learned_after_s if learns else rules.confirm_after_s
+        if self._detector.sees_waists:
+            after_s = np.where(people.n_trunk > 0, after_s, max(after_s, rules.confirm_by_legs_after_s))
+        new = ~people.confirmed & (measured_for > after_s + 5e-7) & (people.measured_t == t)
         if learns:
             moved = people.measured_at - people.born_at
             new &= np.hypot(moved[:, 0], moved[:, 1]) >= rules.confirm_moved_m
@@ -265,12 +266,12 @@ class LaserFisheyeImm:
         has_reference = by_trunk.copy()
         has_reference[by_trunk] = seen.clear[trunk[by_trunk]]
         histograms[has_reference] = seen.histograms[trunk[has_reference]]
-        self._people = self._people.joined(self._born(position, t, histograms, has_reference.astype(np.int64)))
+        self._people = self._people.joined(self._born(position, t, by_trunk, histograms, has_reference))
 
-    def _born(self, position: Array, t: float, reference: Array, n_look: NDArray[np.int64]) -> People:
+    def _born(self, position: Array, t: float, by_trunk: Mask, reference: Array, has_reference: Mask) -> People:
         options = self.options
         state = self._imm.start(position, None, options.measurement_variance_m2, options.start_speed_m_s**2)
-        return People.born(state, position, t, reference, n_look)
+        return People.born(state, position, t, by_trunk, reference, has_reference.astype(np.int64))
 
     def _note_windows(self, matches: Matches, seen: Seen) -> None:
         self._windows = []

@@ -29,6 +29,12 @@ class ManagementOptions(Strict):
     confirm_learned_after_s: float = Field(
         default=0.5, ge=0, description="the same where the background is learned as it goes [s] (the paper's)"
     )
+    confirm_by_legs_after_s: float = Field(
+        default=1.0,
+        ge=0,
+        description="the same, where waists are scanned, for whoever has shown no trunk: legs without one are mostly those of "
+        "somebody hidden who is tracked already, elsewhere [s] (ours)",
+    )
     confirm_moved_m: float = Field(
         default=0.15,
         ge=0,
@@ -77,6 +83,7 @@ class People:
     born_t: Array  # (n,) [s]
     measured_t: Array  # (n,) last measured [s]
     n_measured: NDArray[np.int64]  # (n,)
+    n_trunk: NDArray[np.int64]  # (n,) how often by a trunk
     born_at: Array  # (n, 2) first measured position [m]
     measured_at: Array  # (n, 2) last measured position [m]
     confirmed: Mask  # (n,)
@@ -87,8 +94,16 @@ class People:
         return self.id.size
 
     @classmethod
-    def born(cls, state: ImmState, position: Array, t: float, reference: Array, n_look: NDArray[np.int64]) -> People:
-        """Tentative tracks first measured at `position` (n, 2) at time t."""
+    def born(
+        cls,
+        state: ImmState,
+        position: Array,
+        t: float,
+        by_trunk: Mask,
+        reference: Array,
+        n_look: NDArray[np.int64],
+    ) -> People:
+        """Tentative tracks first measured at `position` (n, 2) at time t, some of them by their trunk, (n,)."""
         n = len(state)
         return cls(
             id=np.zeros(n, np.int64),
@@ -96,6 +111,7 @@ class People:
             born_t=np.full(n, t),
             measured_t=np.full(n, t),
             n_measured=np.ones(n, np.int64),
+            n_trunk=by_trunk.astype(np.int64),
             born_at=position,
             measured_at=position,
             confirmed=np.zeros(n, np.bool_),
@@ -117,13 +133,17 @@ class People:
         """These tracks with some of their arrays exchanged."""
         return People(**(vars(self) | arrays))
 
-    def measured(self, track: Index, position: Array, t: float, state: ImmState) -> People:
-        """These tracks in `state`, with those at `track` (p,) measured at `position` (p, 2) at time t."""
-        measured_t, n_measured, measured_at = self.measured_t.copy(), self.n_measured.copy(), self.measured_at.copy()
+    def measured(self, track: Index, position: Array, t: float, by_trunk: Mask, state: ImmState) -> People:
+        """These tracks in `state`, with those at `track` (p,) measured at `position` (p, 2) at time t, by trunks or legs."""
+        measured_t, measured_at = self.measured_t.copy(), self.measured_at.copy()
+        n_measured, n_trunk = self.n_measured.copy(), self.n_trunk.copy()
         measured_t[track] = t
-        n_measured[track] += 1
         measured_at[track] = position
-        return self.changed(state=state, measured_t=measured_t, n_measured=n_measured, measured_at=measured_at)
+        n_measured[track] += 1
+        n_trunk[track] += by_trunk
+        return self.changed(
+            state=state, measured_t=measured_t, measured_at=measured_at, n_measured=n_measured, n_trunk=n_trunk
+        )
 
     def select(self, kept: Mask) -> People:
         """The tracks of a mask (n,)."""
@@ -135,6 +155,7 @@ class People:
             self.born_t[kept],
             self.measured_t[kept],
             self.n_measured[kept],
+            self.n_trunk[kept],
             self.born_at[kept],
             self.measured_at[kept],
             self.confirmed[kept],
@@ -152,6 +173,7 @@ class People:
             np.concatenate([self.born_t, other.born_t]),
             np.concatenate([self.measured_t, other.measured_t]),
             np.concatenate([self.n_measured, other.n_measured]),
+            np.concatenate([self.n_trunk, other.n_trunk]),
             np.concatenate([self.born_at, other.born_at]),
             np.concatenate([self.measured_at, other.measured_at]),
             np.concatenate([self.confirmed, other.confirmed]),

@@ -15,6 +15,7 @@ from trackers.laser_fisheye_options import LaserFisheyeImmOptions
 from trackers.people import People
 
 PERIOD_S, T = 0.1, 1.0
+SEEN = np.ones(2, np.bool_)  # by their trunks
 
 
 def detections(*places: tuple[float, float]) -> Detections:
@@ -28,7 +29,7 @@ def matched(trunks: Detections, legs: Detections, **options) -> Matches:
     imm = Imm()
     places = np.array([[0.0, 1.5], [0.4, 1.9]])
     state = imm.start(places, np.zeros((2, 2)), 0.02, np.full(2, 0.1))
-    people = People.born(state, places, 0.0, np.zeros((2, 4)), np.zeros(2, np.int64))
+    people = People.born(state, places, 0.0, SEEN, np.zeros((2, 4)), np.zeros(2, np.int64))
     people = replace(
         people, id=np.array([1, 2]), confirmed=np.ones(2, np.bool_), measured_t=np.array([T - PERIOD_S, T - 0.5])
     )
@@ -66,7 +67,7 @@ def by_shirt(unknown_is: float) -> list[int]:
     imm = Imm()
     places = np.array([[0.0, 2.0], [0.5, 2.0]])
     shirts = np.array([[0.0, 0.0], [0.9, 0.1]])
-    people = People.born(imm.start(places, np.zeros((2, 2)), 0.02, 0.1), places, 0.0, shirts, np.array([0, 9]))
+    people = People.born(imm.start(places, np.zeros((2, 2)), 0.02, 0.1), places, 0.0, SEEN, shirts, np.array([0, 9]))
     people = replace(people, id=np.array([1, 2]), confirmed=np.ones(2, np.bool_), measured_t=np.full(2, T - PERIOD_S))
     shown = np.ones(1, np.bool_)
     seen = Seen(detections((0.15, 2.0)), detections(), None, np.array([[0.9, 0.1]]), shown, shown)
@@ -84,7 +85,7 @@ def test_another_shirt_is_excused_by_few_looks_and_a_place_as_expected(looks, at
     imm = Imm()
     place = np.array([[0.0, 2.0]])
     people = People.born(
-        imm.start(place, np.zeros((1, 2)), 0.02, 0.1), place, 0.0, np.array([[1.0, 0.0]]), np.array([looks])
+        imm.start(place, np.zeros((1, 2)), 0.02, 0.1), place, 0.0, SEEN[:1], np.array([[1.0, 0.0]]), np.array([looks])
     )
     people = replace(people, id=np.array([1]), confirmed=np.ones(1, np.bool_), measured_t=np.full(1, T - PERIOD_S))
     shown = np.ones(1, np.bool_)
@@ -97,7 +98,7 @@ def of_two_hidden(legs: Detections, **options) -> Matches:
     imm = Imm()
     places = np.array([[-0.3, 2.0], [0.3, 2.0]])
     people = People.born(
-        imm.start(places, np.zeros((2, 2)), 0.06, 0.1), places, 0.0, np.zeros((2, 4)), np.zeros(2, np.int64)
+        imm.start(places, np.zeros((2, 2)), 0.06, 0.1), places, 0.0, SEEN, np.zeros((2, 4)), np.zeros(2, np.int64)
     )
     people = replace(people, id=np.array([1, 2]), confirmed=np.ones(2, np.bool_), measured_t=np.full(2, T - 0.5))
     nothing = np.zeros(0, np.bool_)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic_room import AREA, empty_room, observe, rig, score, straight_walk, wandering
+from synthetic_room import AREA, empty_room, observe, rig, scan, score, straight_walk, wandering
 
 from trackers.errors import InputError
 from trackers.laser.roles import scanners_by_role
@@ -46,6 +46,20 @@ def test_ids_count_from_one_and_nobody_is_shown_before_a_third_of_a_second():
     first = next(frame for frame in frames if frame.tracks)
     assert first.stamp_ns - frames[0].stamp_ns == 0.3 * NS_PER_S  # the fourth scan in a row
     assert {track.id for frame in frames for track in frame.tracks} == {1, 2, 3, 4, 5}
+
+
+@pytest.mark.parametrize(("trunk_from", "believed_at_s"), [(0, 0.3), (6, 0.6), (99, 1.0)])
+def test_legs_without_a_trunk_take_longer_to_be_somebody(trunk_from, believed_at_s):
+    walk = straight_walk([(-1.6, 1.0)], [(0.4, 0.0)], 20)
+    hidden, rng = straight_walk([(9.0, 9.0)], [(0.0, 0.0)], 20), np.random.default_rng(5)
+    given = [
+        scan(hidden if height == "waist" and k < trunk_from else walk, k, height, round((1 + 0.1 * k) * NS_PER_S), rng)
+        for k in range(20)
+        for height in ("waist", "knee")
+    ]
+    frames, _ = tracked(walk, name="laser-imm", observations=given)
+    first = next(frame for frame in frames if frame.tracks)
+    assert first.stamp_ns - frames[0].stamp_ns == pytest.approx(believed_at_s * NS_PER_S)
 
 
 def test_velocities_are_the_walkers():
@@ -318,8 +332,8 @@ def test_wrong_options_are_named(options, message):
 def test_an_image_of_another_size_than_the_rigs_is_refused():
     tracker = LaserFisheyeImm(rig(), BACKGROUND)
     given = observe(CROSSING, 0, images=False)[:2]
-    for scan in given:
-        tracker.update(scan)
+    for each in given:
+        tracker.update(each)
     with pytest.raises(InputError, match="camera.*intrinsics"):
         tracker.update(Image("camera", given[0].stamp_ns, np.zeros((4, 4, 3), np.uint8)))
 
