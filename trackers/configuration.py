@@ -14,6 +14,12 @@ from trackers.errors import InputError
 Model = TypeVar("Model", bound=BaseModel)
 
 
+_SHAPES = {"tuple_type": "a list", "list_type": "a list"} | dict.fromkeys(
+    ("model_type", "model_attributes_type", "dict_type"), "a mapping"
+)
+"""What the file must hold, where pydantic names the Python type."""
+
+
 class Strict(BaseModel):
     """Frozen, typed configuration that refuses unknown keys."""
 
@@ -81,8 +87,8 @@ def _lines(error: ValidationError, model: type[BaseModel], content: Any, source:
             about = fault.get("ctx", {})
             tag, valid = about["tag"], about["expected_tags"].replace("'", "")
             path, message = f"{path}.kind", f"{tag!r} is not known; valid are {valid}"
-        elif fault["type"] == "tuple_type":
-            message = f"a list is expected (got {fault['input']!r})"
+        elif fault["type"] in _SHAPES:
+            message = f"{_SHAPES[fault['type']]} is expected (got {fault['input']!r})"
         elif fault["type"] != "missing" and not isinstance(fault["input"], dict | BaseModel):
             message += f" (got {fault['input']!r})"
         lines.append(": ".join(part for part in (source, path, message) if part))
