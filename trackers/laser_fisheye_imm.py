@@ -151,17 +151,18 @@ class LaserFisheyeImm:
     def _predict(self, t: float) -> None:
         elapsed = 0.0 if self._t is None else t - self._t
         self._t = t
-        # nobody counts as hidden from looks that were not made: a long gap ends everybody
-        rules = self.options.management
-        looked = elapsed <= rules.coast_s + self.options.period_s
-        self._people = self._people.select(self._people.alive(t - self.options.period_s, rules, looked))
+        rules, period_s = self.options.management, self.options.period_s
+        if elapsed > period_s + 5e-7:
+            # nobody counts as hidden from looks that were not made: a long gap ends everybody
+            looked = elapsed <= rules.coast_s + period_s
+            self._people = self._people.select(self._people.alive(t - period_s, rules, looked))
         state, slowdown_s = self._people.state, rules.coast_slowdown_s
         if slowdown_s is not None:
             # whoever is out of sight is likelier to stop or turn back than to walk on for all of the coasting time
             unseen = self._people.measured_t < t - elapsed
             if unseen.any():
                 state = state.slowed(np.where(unseen, np.exp(-elapsed / slowdown_s), 1.0))
-        state = self._imm.predict_over(state, elapsed, self.options.period_s)
+        state = self._imm.predict_over(state, elapsed, period_s)
         self._people = self._people.changed(state=state)
 
     # --- update
