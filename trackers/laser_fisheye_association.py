@@ -201,6 +201,25 @@ class Association:
         return (second - best >= self.options.knee.clear_by) | (best > farthest)
 
 
+def known_again(people: People, new: Index, options: LaserFisheyeImmOptions) -> tuple[Index, Index]:
+    """Who of the `new` tracks that would be confirmed now is somebody known: pairs (confirmed track, new track).
+
+    A track may be astray, on another's legs or on what shows no shirt. If its shirt is seen on somebody new where it can
+    have walked to, more than anybody else's, and was not seen on itself since, then the new one is the same person.
+    """
+    known = (people.confirmed & (people.n_look >= options.looks_to_know)).nonzero()[0]
+    new = new[people.has_reference[new]]
+    if known.size == 0 or new.size == 0:
+        return _NOBODY, _NOBODY
+    E = chi_squared_distance(people.reference[known], people.reference[new])
+    since_s = people.born_t[new] - people.looked_t[known, None]
+    reach_m = options.waist.radius_m + options.reach_m_s * since_s
+    can_be = (since_s > 0) & (distances(people.looked_at[known], people.born_at[new]) <= reach_m)
+    can_be &= (options.recognised_below >= E) & (E.min(axis=0) >= E)
+    rows, columns = global_nearest_neighbour(E, can_be)
+    return known[rows], new[columns]
+
+
 def _others(n: int, taken: Index) -> Index:
     """The indices below n that are not `taken`."""
     is_taken = np.zeros(n, np.bool_)

@@ -38,7 +38,7 @@ from trackers.filters.motion import (
     transition_matrix,
 )
 from trackers.laser.grouping import distances
-from trackers.laser_fisheye_association import Association, Matches
+from trackers.laser_fisheye_association import Association, Matches, known_again
 from trackers.laser_fisheye_detection import Detector, Seen
 from trackers.laser_fisheye_options import LaserFisheyeImmOptions
 from trackers.observations import Observation
@@ -138,11 +138,10 @@ class LaserFisheyeImm:
         waists = self._detector.sees_waists
         matches = Association(self._people, self._imm, self.options, self._knee_radius_m, epoch.t, waists).matches(seen)
         self._update(matches, epoch.t)
-        hidden = self._miss(epoch)
-        self._learn_colours(matches, seen)
-        self._confirm(epoch.t)
+        self._learn_colours(matches, seen, epoch.t)
         self._note_windows(matches, seen)
-        self._end(epoch.t, hidden)
+        self._confirm(epoch.t)
+        self._end(epoch.t, self._miss(epoch))
         self._start(matches, seen, epoch.t)
         return TrackFrame(epoch.ns, tuple(self.tracks()))
 
@@ -202,7 +201,7 @@ class LaserFisheyeImm:
         trust = prior / (prior + measured)
         return self._imm.start(position, moved * trust[:, None], R, prior * (1 - trust))
 
-    def _learn_colours(self, matches: Matches, seen: Seen) -> None:
+    def _learn_colours(self, matches: Matches, seen: Seen, t: float) -> None:
         if seen.windows is None:
             return
         by_trunk = matches.trunk >= 0
@@ -212,11 +211,9 @@ class LaserFisheyeImm:
             return
         track, histograms = track[clear], seen.histograms[trunk[clear]]
         people = self._people
-        reference, n_look = people.reference.copy(), people.n_look.copy()
-        blended = updated_reference(reference[track], histograms, self.options.histogram.memory)
-        reference[track] = np.where(people.has_reference[track, None], blended, histograms)
-        n_look[track] += 1
-        self._people = people.changed(reference=reference, n_look=n_look)
+        blended = updated_reference(people.reference[track], histograms, self.options.histogram.memory)
+        reference = np.where(people.has_reference[track, None], blended, histograms)
+        self._people = people.looked_upon(track, reference, t)
 
     # --- confirm, end, start
 
@@ -235,6 +232,11 @@ class LaserFisheyeImm:
             new &= np.hypot(moved[:, 0], moved[:, 1]) >= rules.confirm_moved_m
         new = new.nonzero()[0]
         if new.size == 0:
+            return
+        again, as_new = known_again(people, new, self.options)
+        if again.size:
+            self._people = people.merged(again, as_new)
+            self._confirm(t)
             return
         confirmed, ids = people.confirmed.copy(), people.id.copy()
         confirmed[new] = True

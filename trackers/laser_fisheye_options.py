@@ -58,7 +58,7 @@ class LaserFisheyeImmOptions(Strict):
     recognised_below: float = Field(
         default=0.3,
         ge=0,
-        description="a hidden person is known again by an E up to this, beyond the prediction's reach (ours)",
+        description="a person hidden or astray is known again by an E up to this, beyond the prediction's reach (ours)",
     )
     expected_below: float = Field(
         default=2.0,

@@ -89,6 +89,8 @@ class People:
     confirmed: Mask  # (n,)
     reference: Array  # (n, bins) colour histogram
     n_look: NDArray[np.int64]  # (n,) how often the reference was learned from; 0: there is none
+    looked_t: Array  # (n,) when last [s]; when first measured where never
+    looked_at: Array  # (n, 2) and where [m]
 
     def __len__(self) -> int:
         return self.id.size
@@ -117,6 +119,8 @@ class People:
             confirmed=np.zeros(n, np.bool_),
             reference=reference,
             n_look=n_look,
+            looked_t=np.full(n, t),
+            looked_at=position,
         )
 
     @property
@@ -145,6 +149,26 @@ class People:
             state=state, measured_t=measured_t, measured_at=measured_at, n_measured=n_measured, n_trunk=n_trunk
         )
 
+    def looked_upon(self, track: Index, reference: Array, t: float) -> People:
+        """These tracks with those at `track` (p,) looked upon at time t, their references (p, bins) as learned by then."""
+        references, n_look = self.reference.copy(), self.n_look.copy()
+        looked_t, looked_at = self.looked_t.copy(), self.looked_at.copy()
+        references[track] = reference
+        n_look[track] += 1
+        looked_t[track] = t
+        looked_at[track] = self.measured_at[track]
+        return self.changed(reference=references, n_look=n_look, looked_t=looked_t, looked_at=looked_at)
+
+    def merged(self, track: Index, other: Index) -> People:
+        """These tracks with those at `track` (p,) gone on as those at `other` (p,), which are no more."""
+        arrays = {name: getattr(self, name).copy() for name in ("measured_t", "measured_at", "looked_t", "looked_at")}
+        for array in arrays.values():
+            array[track] = array[other]
+        kept = np.ones(len(self), np.bool_)
+        kept[other] = False
+        state = self.state.replaced(track, self.state.select(other))
+        return self.changed(state=state, **arrays).select(kept)
+
     def select(self, kept: Mask) -> People:
         """The tracks of a mask (n,)."""
         if kept.all():
@@ -161,6 +185,8 @@ class People:
             self.confirmed[kept],
             self.reference[kept],
             self.n_look[kept],
+            self.looked_t[kept],
+            self.looked_at[kept],
         )
 
     def joined(self, other: People) -> People:
@@ -179,6 +205,8 @@ class People:
             np.concatenate([self.confirmed, other.confirmed]),
             np.concatenate([self.reference, other.reference]),
             np.concatenate([self.n_look, other.n_look]),
+            np.concatenate([self.looked_t, other.looked_t]),
+            np.concatenate([self.looked_at, other.looked_at]),
         )
 
     def alive(self, t: float, options: ManagementOptions, hidden: Mask | bool) -> Mask:

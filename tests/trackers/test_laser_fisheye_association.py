@@ -9,7 +9,7 @@ import pytest
 
 from trackers.filters.imm import Imm
 from trackers.laser.layer import Detections
-from trackers.laser_fisheye_association import Association, Matches
+from trackers.laser_fisheye_association import Association, Matches, known_again
 from trackers.laser_fisheye_detection import Seen
 from trackers.laser_fisheye_options import LaserFisheyeImmOptions
 from trackers.people import People
@@ -135,3 +135,53 @@ def test_looks_are_like_anothers_where_they_are_more_so_than_like_ones_own():
     assert found.like_anothers(0.3).tolist() == [False, True, False, False]
     assert found.like_anothers(0.05).tolist() == [False, False, False, False]
     assert replace(found, colour=None).like_anothers(0.3).tolist() == [False] * 4
+
+
+def found_anew(at: tuple[float, float], shirt: tuple[float, float], looked_t: float = 0.2) -> list[tuple[int, int]]:
+    """Of two people with known shirts, one looked upon at (0, 2) at `looked_t`, one just now, and somebody new since 0.7 s."""
+    imm = Imm()
+    places = np.array([[0.0, 2.0], [0.5, 2.0], at])
+    shirts = np.array([[1.0, 0.0], [0.0, 1.0], shirt])
+    whole = np.ones(3, np.bool_)
+    people = People.born(
+        imm.start(places, np.zeros((3, 2)), 0.02, 0.1), places, 0.0, whole, shirts, np.array([9, 9, 1])
+    )
+    people = people.changed(
+        confirmed=np.array([True, True, False]), born_t=np.array([0, 0, 0.7]), looked_t=np.array([looked_t, T, T])
+    )
+    pairs = known_again(people, np.array([2]), LaserFisheyeImmOptions())
+    return list(zip(*(each.tolist() for each in pairs), strict=True))
+
+
+def test_whoever_wears_the_shirt_of_somebody_astray_is_that_person():
+    assert found_anew((1.5, 2.0), (0.95, 0.05)) == [(0, 2)]
+
+
+@pytest.mark.parametrize(
+    ("at", "shirt", "looked_t"),
+    [
+        ((1.5, 2.0), (0.5, 0.5), 0.2),  # a shirt of neither
+        ((1.5, 2.0), (0.0, 1.0), 0.2),  # of somebody who was seen in it since
+        ((1.5, 2.0), (0.95, 0.05), 0.8),
+        ((3.0, 2.0), (0.95, 0.05), 0.2),  # farther than anybody walks
+    ],
+)
+def test_whoever_may_be_somebody_else_is_somebody_new(at, shirt, looked_t):
+    assert found_anew(at, shirt, looked_t) == []
+
+
+def test_a_merged_track_goes_on_where_the_other_was_under_its_own_number_and_shirt():
+    imm = Imm()
+    places = np.array([[0.0, 2.0], [0.5, 2.0], [1.5, 2.0]])
+    shirts = np.array([[1.0, 0.0], [0.0, 1.0], [0.9, 0.1]])
+    whole = np.ones(3, np.bool_)
+    people = People.born(
+        imm.start(places, np.zeros((3, 2)), 0.02, 0.1), places, 0.0, whole, shirts, np.array([9, 9, 1])
+    )
+    people = people.changed(id=np.array([1, 2, 0]), measured_t=np.array([0.3, 0.9, T]))
+    merged = people.merged(np.array([0]), np.array([2]))
+    assert merged.id.tolist() == [1, 2]
+    np.testing.assert_allclose(merged.positions, places[[2, 1]])
+    assert merged.measured_t.tolist() == [T, 0.9]
+    assert merged.reference.tolist() == shirts[:2].tolist()
+    assert people.measured_t.tolist() == [0.3, 0.9, T]

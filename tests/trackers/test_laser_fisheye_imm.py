@@ -120,6 +120,28 @@ def test_whoever_is_hidden_for_longer_than_tracks_coast_is_known_again():
     assert len(ids(coast_hidden_s=1.5)) == 2
 
 
+def test_whoever_is_found_anew_while_their_track_is_on_anothers_legs_keeps_their_number():
+    # from one scan to the next their trunk is a metre further on, and somebody's legs are where they stood
+    before, after = (straight_walk([(x, 1.6)], [(0.0, 0.0)], 24) for x in (-0.6, 0.5))
+    seen, legs = observe(before, 3), observe(before, 4)
+    moved = {(o.sensor, o.stamp_ns): o for o in observe(after, 5)}
+    change_ns = round(2.2 * NS_PER_S)
+    given = [
+        o if o.stamp_ns < change_ns else leg if o.sensor == "knee" else moved[o.sensor, o.stamp_ns]
+        for o, leg in zip(seen, legs, strict=True)
+    ]
+
+    def ids(**options):
+        frames, _ = tracked(after, observations=given, **options)
+        return [{track.id: track.x for track in frame.tracks} for frame in frames]
+
+    shown = ids()
+    assert set().union(*shown) == {1}
+    assert shown[12][1] == pytest.approx(-0.6, abs=0.15)  # still on the legs
+    assert shown[-1][1] == pytest.approx(0.5, abs=0.15)
+    assert set().union(*ids(recognised_below=0)) == {1, 2}
+
+
 def test_knees_help_where_the_waist_is_hidden_and_never_both_count():
     walk = straight_walk([(0.0, 1.0), (-0.6, 1.9)], [(0.0, 0.0), (0.35, 0.0)], 40)
     with_knees, _ = tracked(walk, name="laser-imm")
