@@ -36,16 +36,17 @@ class Matches:
     colour: Array | None  # (n, k) E of every track and trunk, NaN where unknown; None where nobody's is known
 
     def like_anothers(self, below: float) -> Mask:
-        """In which pairs (p,) the shirt is like another track's, by an E up to `below`, and no less than like the track's own.
+        """In which pairs (p,) the shirt is like another track's, by an E up to `below`, and not like the track's own.
 
-        Then the window is on whoever stands before the person.
+        Then the window is on whoever stands before the person. (Where the light fails all shirts grow alike, but none
+        grows unlike itself from one look to the next.)
         """
         if self.colour is None:
             return np.zeros(self.track.size, np.bool_)
         E, pair = np.where(np.isnan(self.colour), np.inf, self.colour)[:, self.trunk], np.arange(self.track.size)
         own = E[self.track, pair]
         E[self.track, pair] = np.inf
-        return (self.trunk >= 0) & (E.min(axis=0) <= np.minimum(own, below))
+        return (self.trunk >= 0) & (E.min(axis=0) <= below) & (own > below)
 
 
 @dataclass(frozen=True, eq=False)

@@ -125,7 +125,7 @@ def test_how_near_a_piece_is_a_trunks_own_is_an_option():
     assert sorted(found.track.tolist()) == [0, 1]
 
 
-def test_looks_are_like_anothers_where_they_are_more_so_than_like_ones_own():
+def test_looks_are_like_anothers_where_they_are_not_like_ones_own():
     nowhere, nothing = np.empty((0, 2)), np.empty(0)
     E = np.array([[0.05, 0.2, np.nan], [0.1, 0.1, 0.2], [0.9, 0.9, 0.9]])
     found = Matches(
@@ -134,6 +134,8 @@ def test_looks_are_like_anothers_where_they_are_more_so_than_like_ones_own():
     )  # fmt: skip
     assert found.like_anothers(0.3).tolist() == [False, True, False, False]
     assert found.like_anothers(0.05).tolist() == [False, False, False, False]
+    dim = replace(found, colour=np.minimum(E, 0.25))  # all are alike, as where the light fails
+    assert dim.like_anothers(0.3).tolist() == [False] * 4
     assert replace(found, colour=None).like_anothers(0.3).tolist() == [False] * 4
 
 
