@@ -208,17 +208,31 @@ def known_again(people: People, new: Index, options: LaserFisheyeImmOptions) -> 
     A track may be astray, on another's legs or on what shows no shirt. If its shirt is seen on somebody new where it can
     have walked to, more than anybody else's, and was not seen on itself since, then the new one is the same person.
     """
-    known = (people.confirmed & (people.n_look >= options.looks_to_know)).nonzero()[0]
-    new = new[people.has_reference[new]]
+    known, new = _known(people, options), new[people.has_reference[new]]
     if known.size == 0 or new.size == 0:
         return _NOBODY, _NOBODY
     E = chi_squared_distance(people.reference[known], people.reference[new])
-    since_s = people.born_t[new] - people.looked_t[known, None]
-    reach_m = options.waist.radius_m + options.reach_m_s * since_s
-    can_be = (since_s > 0) & (distances(people.looked_at[known], people.born_at[new]) <= reach_m)
-    can_be &= (options.recognised_below >= E) & (E.min(axis=0) >= E)
+    can_be = _can_be(people, known, new, options) & (options.recognised_below >= E) & (E.min(axis=0) >= E)
     rows, columns = global_nearest_neighbour(E, can_be)
     return known[rows], new[columns]
+
+
+def may_be_known(people: People, options: LaserFisheyeImmOptions) -> Mask:
+    """Which tracks began where somebody known can have come unseen, (n,)."""
+    can_be = _can_be(people, _known(people, options), np.arange(len(people)), options)
+    return np.count_nonzero(can_be, axis=0) > 0
+
+
+def _known(people: People, options: LaserFisheyeImmOptions) -> Index:
+    """Whose shirts are known well."""
+    return (people.confirmed & (people.n_look >= options.looks_to_know)).nonzero()[0]
+
+
+def _can_be(people: People, known: Index, new: Index, options: LaserFisheyeImmOptions) -> Mask:
+    """Which of the `new` (k,) began where the `known` (p,) can have walked to since their shirts were last seen, (p, k)."""
+    since_s = people.born_t[new] - people.looked_t[known, None]
+    reach_m = options.waist.radius_m + options.reach_m_s * since_s
+    return (since_s > 0) & (distances(people.looked_at[known], people.born_at[new]) <= reach_m)
 
 
 def _others(n: int, taken: Index) -> Index:

@@ -38,7 +38,7 @@ from trackers.filters.motion import (
     transition_matrix,
 )
 from trackers.laser.grouping import distances
-from trackers.laser_fisheye_association import Association, Matches, known_again
+from trackers.laser_fisheye_association import Association, Matches, known_again, may_be_known
 from trackers.laser_fisheye_detection import Detector, Seen
 from trackers.laser_fisheye_options import LaserFisheyeImmOptions
 from trackers.observations import Observation
@@ -140,7 +140,7 @@ class LaserFisheyeImm:
         self._update(matches, epoch.t)
         self._learn_colours(matches, seen, epoch.t)
         self._note_windows(matches, seen)
-        self._confirm(epoch.t)
+        self._confirm(seen, epoch.t)
         self._end(epoch.t, self._miss(epoch))
         self._start(matches, seen, epoch.t)
         return TrackFrame(epoch.ns, tuple(self.tracks()))
@@ -168,11 +168,14 @@ class LaserFisheyeImm:
 
     def _update(self, matches: Matches, t: float) -> None:
         people, track = self._people, matches.track
-        R = matches.variance[:, None, None] * _ISOTROPIC
-        state = self._imm.update(people.state, track, matches.position, R)
+        state = self._imm.update(people.state, track, matches.position, matches.variance[:, None, None] * _ISOTROPIC)
         second = people.n_measured[track] == 1
         if second.any():
-            state = state.replaced(track[second], self._from_two(track[second], matches.position[second], t))
+            fresh, now_at = track[second], matches.position[second]
+            elapsed_s = t - people.born_t[fresh]
+            R, speed_variance = self.options.measurement_variance_m2, self.options.start_speed_m_s**2
+            moving = self._imm.start_from_two(people.born_at[fresh], now_at, elapsed_s, R, speed_variance)
+            state = state.replaced(fresh, moving)
         self._people = people.measured(track, matches.position, t, matches.trunk >= 0, state)
 
     def _miss(self, epoch: Epoch) -> Mask:
@@ -187,19 +190,6 @@ class LaserFisheyeImm:
         if self._area is not None:  # else there is always somewhere, behind the walls
             hidden[missed] = chance > self.options.management.hidden_above
         return hidden
-
-    def _from_two(self, track: Index, position: Array, t: float):
-        """States of tracks measured for the second time: the velocity between the two, shrunk by its own uncertainty.
-
-        A filter over heading and speed cannot find the heading of somebody it believes at rest.
-        """
-        R, prior = self.options.measurement_variance_m2, self.options.start_speed_m_s**2
-        elapsed = t - self._people.born_t[track]
-        moved = (position - self._people.born_at[track]) / elapsed[:, None]
-        # one elapsed time a batch: tracks started at different times differ, so the variances are per track
-        measured = 2 * R / elapsed**2
-        trust = prior / (prior + measured)
-        return self._imm.start(position, moved * trust[:, None], R, prior * (1 - trust))
 
     def _learn_colours(self, matches: Matches, seen: Seen, t: float) -> None:
         if seen.windows is None:
@@ -217,7 +207,7 @@ class LaserFisheyeImm:
 
     # --- confirm, end, start
 
-    def _confirm(self, t: float) -> None:
+    def _confirm(self, seen: Seen, t: float) -> None:
         people, rules = self._people, self.options.management
         if people.confirmed.all():
             return
@@ -225,7 +215,10 @@ class LaserFisheyeImm:
         measured_for = t - people.born_t + self.options.period_s
         after_s = rules.confirm_learned_after_s if learns else rules.confirm_after_s
         if self._detector.sees_waists:
-            after_s = np.where(people.n_trunk > 0, after_s, max(after_s, rules.confirm_by_legs_after_s))
+            unsure = ~people.shown_trunk
+            if seen.windows is not None:
+                unsure |= (people.n_look < rules.confirm_looks) & may_be_known(people, self.options)
+            after_s = np.where(unsure, max(after_s, rules.confirm_unsure_after_s), after_s)
         new = ~people.confirmed & (measured_for > after_s + 5e-7) & (people.measured_t == t)
         if learns:
             moved = people.measured_at - people.born_at
@@ -234,15 +227,12 @@ class LaserFisheyeImm:
         if new.size == 0:
             return
         again, as_new = known_again(people, new, self.options)
-        if again.size:
-            self._people = people.merged(again, as_new)
-            self._confirm(t)
-            return
+        unknown = np.setdiff1d(new, as_new)
         confirmed, ids = people.confirmed.copy(), people.id.copy()
-        confirmed[new] = True
-        ids[new] = self._next_id + np.arange(new.size)
-        self._next_id += new.size
-        self._people = people.changed(confirmed=confirmed, id=ids)
+        confirmed[unknown] = True
+        ids[unknown] = self._next_id + np.arange(unknown.size)
+        self._next_id += unknown.size
+        self._people = people.changed(confirmed=confirmed, id=ids).merged(again, as_new)
 
     def _end(self, t: float, hidden: Mask) -> None:
         kept = self._people.alive(t, self.options.management, hidden)

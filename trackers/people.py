@@ -29,11 +29,15 @@ class ManagementOptions(Strict):
     confirm_learned_after_s: float = Field(
         default=0.5, ge=0, description="the same where the background is learned as it goes [s] (the paper's)"
     )
-    confirm_by_legs_after_s: float = Field(
+    confirm_unsure_after_s: float = Field(
         default=1.0,
         ge=0,
-        description="the same, where waists are scanned, for whoever has shown no trunk: legs without one are mostly those of "
-        "somebody hidden who is tracked already, elsewhere [s] (ours)",
+        description="the same for whoever may be somebody known who is out of sight: where waists are scanned, who has shown "
+        "no trunk; where a camera looks as well, who has shown too little of a shirt where somebody known can have come [s] "
+        "(ours)",
+    )
+    confirm_looks: int = Field(
+        default=3, ge=0, description="less than this many clear looks is too little of a shirt (ours)"
     )
     confirm_moved_m: float = Field(
         default=0.15,
@@ -83,7 +87,7 @@ class People:
     born_t: Array  # (n,) [s]
     measured_t: Array  # (n,) last measured [s]
     n_measured: NDArray[np.int64]  # (n,)
-    n_trunk: NDArray[np.int64]  # (n,) how often by a trunk
+    shown_trunk: Mask  # (n,) whether ever by a trunk
     born_at: Array  # (n, 2) first measured position [m]
     measured_at: Array  # (n, 2) last measured position [m]
     confirmed: Mask  # (n,)
@@ -113,7 +117,7 @@ class People:
             born_t=np.full(n, t),
             measured_t=np.full(n, t),
             n_measured=np.ones(n, np.int64),
-            n_trunk=by_trunk.astype(np.int64),
+            shown_trunk=by_trunk,
             born_at=position,
             measured_at=position,
             confirmed=np.zeros(n, np.bool_),
@@ -140,13 +144,17 @@ class People:
     def measured(self, track: Index, position: Array, t: float, by_trunk: Mask, state: ImmState) -> People:
         """These tracks in `state`, with those at `track` (p,) measured at `position` (p, 2) at time t, by trunks or legs."""
         measured_t, measured_at = self.measured_t.copy(), self.measured_at.copy()
-        n_measured, n_trunk = self.n_measured.copy(), self.n_trunk.copy()
+        n_measured, shown_trunk = self.n_measured.copy(), self.shown_trunk.copy()
         measured_t[track] = t
         measured_at[track] = position
         n_measured[track] += 1
-        n_trunk[track] += by_trunk
+        shown_trunk[track] |= by_trunk
         return self.changed(
-            state=state, measured_t=measured_t, measured_at=measured_at, n_measured=n_measured, n_trunk=n_trunk
+            state=state,
+            measured_t=measured_t,
+            measured_at=measured_at,
+            n_measured=n_measured,
+            shown_trunk=shown_trunk,
         )
 
     def looked_upon(self, track: Index, reference: Array, t: float) -> People:
@@ -173,41 +181,20 @@ class People:
         """The tracks of a mask (n,)."""
         if kept.all():
             return self
-        return People(
-            self.id[kept],
-            self.state.select(kept),
-            self.born_t[kept],
-            self.measured_t[kept],
-            self.n_measured[kept],
-            self.n_trunk[kept],
-            self.born_at[kept],
-            self.measured_at[kept],
-            self.confirmed[kept],
-            self.reference[kept],
-            self.n_look[kept],
-            self.looked_t[kept],
-            self.looked_at[kept],
-        )
+        state = self.state.select(kept)
+        return self.changed(state=state, **{name: array[kept] for name, array in self._arrays().items()})
 
     def joined(self, other: People) -> People:
         """These tracks followed by `other`."""
         if len(other) == 0:
             return self
-        return People(
-            np.concatenate([self.id, other.id]),
-            self.state.joined(other.state),
-            np.concatenate([self.born_t, other.born_t]),
-            np.concatenate([self.measured_t, other.measured_t]),
-            np.concatenate([self.n_measured, other.n_measured]),
-            np.concatenate([self.n_trunk, other.n_trunk]),
-            np.concatenate([self.born_at, other.born_at]),
-            np.concatenate([self.measured_at, other.measured_at]),
-            np.concatenate([self.confirmed, other.confirmed]),
-            np.concatenate([self.reference, other.reference]),
-            np.concatenate([self.n_look, other.n_look]),
-            np.concatenate([self.looked_t, other.looked_t]),
-            np.concatenate([self.looked_at, other.looked_at]),
-        )
+        others = other._arrays()
+        arrays = {name: np.concatenate([array, others[name]]) for name, array in self._arrays().items()}
+        return self.changed(state=self.state.joined(other.state), **arrays)
+
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        """Everything but the state, a row a track."""
+        return {name: value for name, value in vars(self).items() if name != "state"}
 
     def alive(self, t: float, options: ManagementOptions, hidden: Mask | bool) -> Mask:
         """Which tracks go on: confirmed ones measured within the coasting time, tentative ones measured lately, (n,).

@@ -7,7 +7,7 @@ from trackers.errors import InputError
 from trackers.filters.imm import Imm
 from trackers.filters.imm_state import ImmState
 from trackers.filters.kalman import kalman
-from trackers.filters.motion import HEADING, IMM_MODELS, linearise, transition_matrix
+from trackers.filters.motion import HEADING, IMM_MODELS, SPEED, linearise, transition_matrix
 
 PERIOD_S = 0.1
 
@@ -246,6 +246,20 @@ def test_an_own_noise_for_each_measurement():
     same, _ = imm.estimate(imm.update(state, np.arange(2), z))
     assert mean[0] == pytest.approx(same[0])
     assert 0 < mean[1, 0] < 0.2 * mean[0, 0] / 0.2
+
+
+def test_two_points_start_a_track_on_its_way():
+    # one walks for 0.1 s, one for 2 s, one stands
+    first, second = np.zeros((3, 2)), np.array([[0.1, 0.0], [0.0, -2.0], [0.0, 0.0]])
+    elapsed_s, R, prior = np.array([0.1, 2.0, 1.0]), 0.01, 2.0
+    state = Imm().start_from_two(first, second, elapsed_s, R, prior)
+    # the conditional mean of a speed expected to be 0 ± √prior, measured with the noise of two points
+    variance = 1 / (1 / prior + elapsed_s**2 / (2 * R))
+    measured_m_s = np.array([1.0, 1.0, 0.0])
+    assert state.mean[SPEED, 0] == pytest.approx(measured_m_s * variance * elapsed_s**2 / (2 * R))
+    assert state.covariance[SPEED, SPEED, 0] == pytest.approx(variance)
+    assert state.mean[HEADING, 0, :2] == pytest.approx([0.0, -np.pi / 2])
+    assert state.mean[:2, 0].T == pytest.approx(second)
 
 
 def test_imm_beats_the_single_model_on_a_maneuvering_walk():

@@ -142,6 +142,26 @@ def test_whoever_is_found_anew_while_their_track_is_on_anothers_legs_keeps_their
     assert set().union(*ids(recognised_below=0)) == {1, 2}
 
 
+@pytest.mark.parametrize(
+    ("gone", "looks", "believed_after_s"),
+    [(True, 3, 1.0), (True, 0, 0.3), (False, 3, 0.3)],
+    ids=("", "not asked", "seen"),
+)
+def test_whoever_shows_little_of_a_shirt_where_somebody_hidden_can_have_come_takes_longer(
+    gone, looks, believed_after_s
+):
+    # one with a broad front, looked upon; then somebody else seen from the side, too narrow to be looked upon
+    far, slow = (9.0, 9.0), 0.001
+    alone = straight_walk([(-0.6, 2.0), far], [(0.0, -slow), (slow, 0.0)], 30)
+    after = straight_walk([far if gone else (-0.6, 2.0), (0.3, 1.8)], [(0.0, -slow), (slow, 0.0)], 30)
+    change_ns = round(2.2 * NS_PER_S)
+    given = [o for o in observe(alone, 3) if o.stamp_ns < change_ns]
+    given += [o for o in observe(after, 5) if o.stamp_ns >= change_ns]
+    frames, _ = tracked(after, observations=given, torso={"learn_width_m": 0.3}, management={"confirm_looks": looks})
+    believed = next(frame.stamp_ns for frame in frames if any(track.x > 0 for track in frame.tracks))
+    assert (believed - change_ns) / NS_PER_S == pytest.approx(believed_after_s, abs=0.01)
+
+
 def test_knees_help_where_the_waist_is_hidden_and_never_both_count():
     walk = straight_walk([(0.0, 1.0), (-0.6, 1.9)], [(0.0, 0.0), (0.35, 0.0)], 40)
     with_knees, _ = tracked(walk, name="laser-imm")

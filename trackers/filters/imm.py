@@ -112,6 +112,19 @@ class Imm:
             np.full((self.n_mode, n), 1 / self.n_mode),
         )
 
+    def start_from_two(
+        self, first: Array, second: Array, elapsed_s: Array, position_variance_m2: float, speed_variance: float
+    ) -> ImmState:
+        """Tracks measured at `first`, then `elapsed_s` (n,) later at `second` (n, 2) [m]: two-point initiation.
+
+        A filter over heading and speed cannot find the heading of somebody it believes at rest. The velocity between the
+        two (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 5.5.3)
+        is shrunk by its own uncertainty beside `speed_variance` [m²/s²], what speeds are expected before looking.
+        """
+        trust = speed_variance / (speed_variance + 2 * position_variance_m2 / elapsed_s**2)
+        velocity = (second - first) / elapsed_s[:, None] * trust[:, None]
+        return self.start(second, velocity, position_variance_m2, speed_variance * (1 - trust))
+
     def predict(self, state: ImmState, period_s: float) -> ImmState:
         """Mix the modes and move each on by one step of `period_s` [s]; the probabilities become the predicted ones (c̄)."""
         if not (np.isfinite(period_s) and period_s >= 0):
