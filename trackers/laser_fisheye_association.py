@@ -177,14 +177,13 @@ class Association:
         apart = (distances(legs, seen.trunks.position) > knee.under_m).all(axis=1)
         if not apart.any():
             return np.empty((0, 2)), _NOBODY
-        _, _, free = take_legs(legs, seen.trunks.position, knee.stride_m, knee.claim_m, knee.single_leg_cost_m)
+        rules = knee.stride_m, knee.claim_m, knee.single_leg_cost_m, knee.wide_above_m, knee.wide_cost
+        _, _, free = take_legs(legs, seen.trunks.position, *rules)
         legs = legs[free & apart]
         if len(legs) == 0:
             return legs, _NOBODY
         hidden = unmatched[self.people.confirmed[unmatched]]
-        known, n_leg, free = take_legs(
-            legs, self.people.positions[hidden], knee.stride_m, knee.claim_m, knee.single_leg_cost_m
-        )
+        known, n_leg, free = take_legs(legs, self.people.positions[hidden], *rules)
         strangers, n_leg_of_strangers = pair_off(legs[free], knee.pair_m)
         walkers = np.concatenate([known[n_leg > 0], strangers])
         clear = self._clear(hidden, walkers)

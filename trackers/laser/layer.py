@@ -96,6 +96,15 @@ class KneeOptions(LayerOptions):
         ge=0,
         description="how much farther off a single leg counts than a pair, when a person's legs are chosen [m] (ours)",
     )
+    wide_cost: float = Field(
+        default=0.5,
+        ge=0,
+        description="and how much farther off a pair counts for every metre that its legs are farther apart than "
+        "`wide_above_m` (ours)",
+    )
+    wide_above_m: float = Field(
+        default=0.25, ge=0, description="legs less far apart are as close as standing people's [m] (ours)"
+    )
     clear_by: float = Field(
         default=1.2,
         ge=0,
