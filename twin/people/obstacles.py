@@ -75,7 +75,8 @@ def obstacles_of(model: mujoco.MjModel, source: str = "room") -> list[Obstacle]:
             loose.add(name)
         found.setdefault(furniture, []).append(_few_corners(_hull(points[:, :2])))
     obstacles = [Obstacle(name, corners) for name, shapes in found.items() for corners in _merged(shapes)]
-    return [each for each in obstacles if not (each.furniture in loose and _is_covered(each, obstacles))]
+    covered = _covered(obstacles)
+    return [each for each, hidden in zip(obstacles, covered, strict=True) if not (each.furniture in loose and hidden)]
 
 
 def within_reach(obstacles: Sequence[Obstacle], area: Array, reach_m: float) -> list[Obstacle]:
@@ -141,15 +142,20 @@ def inflated(corners: Array, margin_m: float, sides: int = 12) -> Array:
     return _hull((corners[:, None] + disc).reshape(-1, 2))
 
 
-def _is_covered(one: Obstacle, obstacles: list[Obstacle]) -> bool:
-    """Whether a larger footprint, or an equal one that comes first, holds all of this one."""
-    for other in obstacles:
-        if other is one:
-            continue
-        larger = polygon_area(other.corners) - polygon_area(one.corners)
-        if Area(other.corners, _THIN_M).contains(one.corners).all() and larger > 0:
-            return True
-    return False
+def _covered(obstacles: list[Obstacle]) -> list[bool]:
+    """Which footprints a larger one holds all of."""
+    if not obstacles:
+        return []
+    low = np.array([each.corners.min(axis=0) for each in obstacles])
+    high = np.array([each.corners.max(axis=0) for each in obstacles])
+    size = np.array([polygon_area(each.corners) for each in obstacles])
+    # only where the boxes about them allow it: rooms have dozens of footprints, and few hold another
+    may_hold = (low[:, None] - _THIN_M <= low).all(axis=2) & (high[:, None] + _THIN_M >= high).all(axis=2)
+    may_hold &= size[:, None] > size
+    return [
+        any(Area(obstacles[other].corners, _THIN_M).contains(one.corners).all() for other in holders.nonzero()[0])
+        for one, holders in zip(obstacles, may_hold.T, strict=True)
+    ]
 
 
 def _few_corners(corners: Array) -> Array:
