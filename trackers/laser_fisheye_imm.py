@@ -14,7 +14,8 @@ to be taken at once.
 
 Ours, not the paper's, each an option: the correction from a cluster's middle to the body's axis, the completion of half
 hidden clusters, the grouping of arms and legs, confirmed tracks associated before tentative ones, the velocity of a new track
-from its first two measurements, brightness bins for shirts without hue, and that beams which go on show where nobody is.
+from its first two measurements, brightness bins for shirts without hue, that beams which go on show where nobody is, and
+that whoever may be somebody known who is out of sight is believed later, or known again by the shirt.
 """
 
 from __future__ import annotations
