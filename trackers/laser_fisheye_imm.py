@@ -46,7 +46,6 @@ from trackers.observations import Observation
 from trackers.people import People
 from trackers.rig import Rig
 from trackers.tracks import Track, TrackFrame
-from trackers.vision.histogram import updated_reference
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -195,16 +194,19 @@ class LaserFisheyeImm:
     def _learn_colours(self, matches: Matches, seen: Seen, t: float) -> None:
         if seen.windows is None:
             return
-        by_trunk = matches.trunk >= 0
-        track, trunk = matches.track[by_trunk], matches.trunk[by_trunk]
-        clear = seen.clear[trunk] & ~matches.like_anothers(self.options.recognised_below)[by_trunk]
-        if not clear.any():
+        looked = (matches.trunk >= 0).nonzero()[0]
+        looked = looked[seen.clear[matches.trunk[looked]]]
+        if looked.size == 0:
             return
-        track, histograms = track[clear], seen.histograms[trunk[clear]]
-        people = self._people
-        blended = updated_reference(people.reference[track], histograms, self.options.histogram.memory)
-        reference = np.where(people.has_reference[track, None], blended, histograms)
-        self._people = people.looked_upon(track, reference, t)
+        options = self.options
+        self._people = self._people.looked_upon(
+            matches.track[looked],
+            seen.histograms[matches.trunk[looked]],
+            matches.like_anothers(options.recognised_below)[looked],
+            options.looks_to_know,
+            options.histogram.memory,
+            t,
+        )
 
     # --- confirm, end, start
 

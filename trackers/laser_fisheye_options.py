@@ -66,7 +66,12 @@ class LaserFisheyeImmOptions(Strict):
         description="but not in somebody this near, by N, to where somebody in sight is expected; and only this near may a "
         "shirt differ from one that is not known well (ours)",
     )
-    looks_to_know: int = Field(default=5, ge=0, description="clear looks after which a shirt is known well (ours)")
+    looks_to_know: int = Field(
+        default=5,
+        ge=0,
+        description="clear looks after which a shirt is known well; nor do more in a row come from somebody else who passes "
+        "by, like whom they look (ours)",
+    )
     reach_m_s: float = Field(default=1.5, ge=0, description="how fast a hidden person may have walked [m/s] (ours)")
     period_s: float = Field(
         default=0.1, gt=0, description="scan period that the variances are for; longer gaps are cut into such steps [s]"

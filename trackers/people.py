@@ -11,6 +11,7 @@ from pydantic import Field
 
 from trackers.configuration import Strict
 from trackers.filters.imm_state import ImmState
+from trackers.vision.histogram import updated_reference
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -93,6 +94,9 @@ class People:
     confirmed: Mask  # (n,)
     reference: Array  # (n, bins) colour histogram
     n_look: NDArray[np.int64]  # (n,) how often the reference was learned from; 0: there is none
+    n_refused: NDArray[
+        np.int64
+    ]  # (n,) how many looks in a row it was not learned from, as they may be of somebody else
     looked_t: Array  # (n,) when last [s]; when first measured where never
     looked_at: Array  # (n, 2) and where [m]
 
@@ -123,6 +127,7 @@ class People:
             confirmed=np.zeros(n, np.bool_),
             reference=reference,
             n_look=n_look,
+            n_refused=np.zeros(n, np.int64),
             looked_t=np.full(n, t),
             looked_at=position,
         )
@@ -157,15 +162,29 @@ class People:
             shown_trunk=shown_trunk,
         )
 
-    def looked_upon(self, track: Index, reference: Array, t: float) -> People:
-        """These tracks with those at `track` (p,) looked upon at time t, their references (p, bins) as learned by then."""
-        references, n_look = self.reference.copy(), self.n_look.copy()
+    def looked_upon(
+        self, track: Index, histogram: Array, doubtful: Mask, patience: int, memory: float, t: float
+    ) -> People:
+        """These tracks after clear looks upon those at `track` (p,) at time t, which showed histograms (p, bins).
+
+        A `doubtful` look (p,), which may be of somebody else, teaches nothing; but after `patience` of them in a row it is the
+        shirt that looks otherwise now, or the light. memory: the share of the old reference that is kept.
+        """
+        refused = doubtful & (self.n_refused[track] < patience)
+        n_refused = self.n_refused.copy()
+        n_refused[track] = np.where(refused, n_refused[track] + 1, 0)
+        if refused.any():
+            track, histogram = track[~refused], histogram[~refused]
+        reference, n_look = self.reference.copy(), self.n_look.copy()
         looked_t, looked_at = self.looked_t.copy(), self.looked_at.copy()
-        references[track] = reference
+        blended = updated_reference(reference[track], histogram, memory)
+        reference[track] = np.where(self.has_reference[track, None], blended, histogram)
         n_look[track] += 1
         looked_t[track] = t
         looked_at[track] = self.measured_at[track]
-        return self.changed(reference=references, n_look=n_look, looked_t=looked_t, looked_at=looked_at)
+        return self.changed(
+            reference=reference, n_look=n_look, n_refused=n_refused, looked_t=looked_t, looked_at=looked_at
+        )
 
     def merged(self, track: Index, other: Index) -> People:
         """These tracks with those at `track` (p,) gone on as those at `other` (p,), which are no more."""

@@ -187,3 +187,25 @@ def test_a_merged_track_goes_on_where_the_other_was_under_its_own_number_and_shi
     assert merged.measured_t.tolist() == [T, 0.9]
     assert merged.reference.tolist() == shirts[:2].tolist()
     assert people.measured_t.tolist() == [0.3, 0.9, T]
+
+
+def test_doubtful_looks_teach_nothing_but_some_in_a_row_do():
+    imm, places, shirts = Imm(), np.array([[0.0, 2.0], [0.5, 2.0]]), np.array([[1.0, 0.0], [0.0, 0.0]])
+    people = People.born(imm.start(places), places, 0.0, np.ones(2, np.bool_), shirts, np.array([9, 0]))
+    both, other = np.arange(2), np.array([[0.0, 1.0], [0.0, 1.0]])
+
+    def looked_upon(people, k, doubtful=True):
+        return people.looked_upon(both, other, np.array([doubtful, doubtful]), 5, 0.4, 0.1 * k)
+
+    for k in range(1, 6):
+        people = looked_upon(people, k)
+        assert people.reference.tolist() == shirts.tolist()
+        assert people.n_look.tolist() == [9, 0]
+        assert people.looked_t.tolist() == [0.0, 0.0]
+    changed = looked_upon(people, 6)
+    np.testing.assert_allclose(changed.reference, [[0.4, 0.6], [0.0, 1.0]])  # blended, and the first that there is
+    assert changed.n_look.tolist() == [10, 1]
+    assert changed.looked_t.tolist() == pytest.approx([0.6, 0.6])
+    # in a row: one that is believed between them, and it takes as many again
+    again = looked_upon(looked_upon(people, 6, doubtful=False), 7)
+    np.testing.assert_allclose(again.reference, [[0.4, 0.6], [0.0, 1.0]])
