@@ -94,9 +94,7 @@ class People:
     confirmed: Mask  # (n,)
     reference: Array  # (n, bins) colour histogram
     n_look: NDArray[np.int64]  # (n,) how often the reference was learned from; 0: there is none
-    n_refused: NDArray[
-        np.int64
-    ]  # (n,) how many looks in a row it was not learned from, as they may be of somebody else
+    n_refused: NDArray[np.int64]  # (n,) how many looks in a row it was not learned from, as doubtful
     looked_t: Array  # (n,) when last [s]; when first measured where never
     looked_at: Array  # (n, 2) and where [m]
 
