@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import signal
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -12,6 +11,7 @@ from typing import Annotated
 import typer
 
 from twin.environment.command import environment
+from twin.interruption import heed_interrupts
 from twin.reproduce.command import reproduce
 from twin.suites.command import app as suites
 
@@ -263,7 +263,7 @@ def main() -> None:
     os.environ.pop("MUJOCO_GL", None)
     # A tracker of the user's own is found where they are, as with `python -m twin`.
     sys.path.append(os.getcwd())
-    signal.signal(signal.SIGTERM, _stop)
+    heed_interrupts()
     try:
         code = app(standalone_mode=False)
         if code == EXIT_INTERRUPTED:  # typer's word for Ctrl-C
@@ -282,11 +282,6 @@ def main() -> None:
         if hasattr(error, "format_message") and hasattr(error, "exit_code"):  # a usage error of click's
             _fail(error.format_message())  # pyright: ignore[reportAttributeAccessIssue]
         _our_fault()
-
-
-def _stop(number: int, frame: object) -> None:
-    """A kill ends a run as Ctrl-C does: what is half-written is removed."""
-    raise KeyboardInterrupt
 
 
 def _fail(message: str) -> None:

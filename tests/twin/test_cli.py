@@ -202,6 +202,26 @@ def test_a_run_that_is_stopped_leaves_no_half_written_file(number: signal.Signal
         assert not list(tmp_path.rglob("*.partial"))
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("where", ["import module_with_a_stop", "exec(stop)"])
+def test_a_stop_within_an_import_or_an_exec_ends_the_command_with_its_exit_code(
+    number: signal.Signals, where: str, tmp_path: Path
+) -> None:
+    stop = f"import os, time\nos.kill(os.getpid(), {number:d})\ntime.sleep(0.01)\n"
+    (tmp_path / "module_with_a_stop.py").write_text(f"{stop}print('imported to its end', flush=True)\n")
+    code = (
+        f"import time, twin.check\nstop = {stop!r}\n"
+        f"def check_machine():\n    {where}\n    time.sleep(30)\n"
+        "twin.check.check_machine = check_machine\nfrom twin.cli import main\nmain()"
+    )
+    (tmp_path / "as_a_module.py").write_text(code)  # where `-m` runs it, Python looks at what passed through an `exec`
+    done = subprocess.run(
+        [sys.executable, "-m", "as_a_module", "check"], capture_output=True, text=True, check=False, cwd=tmp_path
+    )
+    assert done.returncode == 130 and done.stderr.strip().startswith("twin: interrupted;")
+    assert done.stdout == ("imported to its end\n" if "import" in where else "")
+
+
 def test_a_full_disk_is_said_in_one_sentence(tmp_path: Path) -> None:
     """The disk is a file size limit here: past it every write fails, as on a full disk."""
     code = (

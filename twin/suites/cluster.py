@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib.util import find_spec
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 from trackers.errors import InputError
 
@@ -62,12 +62,20 @@ class Cluster:
         if self.local is not None and n_there < self.n_worker:
             self.local.scale(len(self.local.worker_spec) + self.n_worker - n_there)
 
-    def workers(self) -> dict[str, bool]:
+    def workers(self) -> dict[str, bool] | None:
         """The workers that are there and have the resources, by address: whether they take work.
 
-        One that does not, being short of memory, say, may still be at work.
+        One that does not, being short of memory, say, may still be at work. None where the scheduler does not answer just
+        now; raises InputError where the client has given it up.
         """
-        known = self.client.scheduler_info(n_workers=-1)["workers"]
+        if self.client.status in ("closing", "closed"):
+            raise InputError("the Dask scheduler is gone; a running one is expected, and --resume then does the rest")
+        scheduler: Any = self.client.scheduler
+        try:
+            # Not `scheduler_info()`: it answers from what the client's own thread now and then overwrites with no workers.
+            known = cast("Any", self.client.sync(scheduler.identity, n_workers=-1))["workers"]
+        except OSError:
+            return None
         return {
             address: worker.get("status", "running") == "running"
             for address, worker in sorted(known.items())

@@ -59,7 +59,8 @@ def run_on(
     """Run the tasks on the cluster's workers; `function` is one that a worker can import.
 
     logs: folder for a log an attempt, which the workers must see too (None: no logs). Raises OutOfSpaceError where a disk is
-    full, InputError where no worker is left or comes; what the listener raises comes through. What runs then is cancelled.
+    full, InputError where no worker is left or comes, or the scheduler is gone; what the listener raises comes through. What
+    runs then is cancelled.
     """
     _Run(cluster, TaskQueue(tasks, listener), function, logs).to_the_end()
 
@@ -72,7 +73,7 @@ class _Run:
         self._logs = logs
         self._running: dict[str, _Running] = {}  # by the worker's address
         self._finished: queue.SimpleQueue[Future] = queue.SimpleQueue()
-        self._workers = dict.fromkeys(cluster.workers(), True)  # by address, whether it takes work
+        self._workers = dict.fromkeys(cluster.workers() or {}, True)  # by address, whether it takes work
         self._known_since_s = dict.fromkeys(self._workers, float("-inf"))
         self._all_there_s = time.monotonic()
         self._set_aside: set[str] = set()
@@ -103,6 +104,8 @@ class _Run:
             return
         self._polled_s = now_s
         there = self._cluster.workers()
+        if there is None:
+            return
         self._known_since_s = {address: self._known_since_s.get(address, now_s) for address in there}
         self._workers = {
             address: ready and now_s - self._known_since_s[address] >= _SETTLED_S for address, ready in there.items()

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from dask import config
+from distributed import LocalCluster
 from synthetic_cases import do, work_of
 
 from trackers.errors import InputError
@@ -187,6 +189,24 @@ def test_a_scheduler_elsewhere_is_used_and_its_workers_with_the_resources_alone(
         assert len(record.by_id()) == 4
     with open_cluster(scheduler=address, resources={"GPU": 1.0}) as choosy:
         assert choosy.workers() == {}
+
+
+def test_workers_at_work_are_never_taken_for_gone(cluster: Cluster) -> None:
+    """Dask's client keeps a note of the scheduler, refreshed in its own thread without the workers."""
+    address = cluster.client.scheduler.address
+    with config.set({"distributed.client.scheduler-info-interval": "1ms"}), open_cluster(scheduler=address) as busy:
+        assert {len(busy.workers() or {}) for _ in range(500)} == {2}
+
+
+def test_a_scheduler_that_is_gone_is_told_in_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("twin.suites.cluster._CONNECT_S", 0.5)
+    with (
+        LocalCluster(n_workers=1, processes=False, dashboard_address="127.0.0.1:0") as theirs,
+        open_cluster(scheduler=theirs.scheduler_address) as elsewhere,
+    ):
+        left = Listener(ended=lambda end: theirs.close())
+        with pytest.raises(InputError, match=r"^the Dask scheduler is gone; .*--resume"):
+            run_on(elsewhere, [Task(str(k), work_of("sleep", s=0.6), 60) for k in range(6)], do, left)
 
 
 def test_bad_places_are_told_in_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
