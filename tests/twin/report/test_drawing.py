@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import laboratory, room
 from hypothesis import given
 from hypothesis import strategies as st
+from staged_run import laboratory, room
 
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor, Pose, Rig

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Staged, stage
+from staged_run import Staged, stage
 
 from trackers.errors import InputError
 from trackers.rig import LaserSensor, Rig

@@ -10,8 +10,8 @@ import av
 import cv2
 import numpy as np
 import pytest
-from conftest import PERIOD_NS, Staged
 from numpy.typing import NDArray
+from staged_run import PERIOD_NS, Staged
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, Image
