@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import importlib
 import pkgutil
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import trackers
+import twin
 
 ROOT = Path(__file__).parents[1]
 PYTHON_FILES = sorted([*(ROOT / "trackers").rglob("*.py"), *(ROOT / "twin").rglob("*.py")])
@@ -51,3 +53,14 @@ def test_the_command_line_loads_nothing_heavy_before_it_is_asked() -> None:
     code = f"import sys, twin.cli\nprint([name for name in {heavy!r} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_what_editors_see_of_the_twin_is_what_it_loads() -> None:
+    tree = ast.parse((ROOT / "twin" / "__init__.py").read_text(encoding="utf-8"))
+    (seen,) = (node for node in tree.body if isinstance(node, ast.If))
+    homes = {alias.name: node.module for node in seen.body if isinstance(node, ast.ImportFrom) for alias in node.names}
+    assert sorted(homes) == dir(twin)
+    for name, module in homes.items():
+        assert module is not None and getattr(twin, name) is getattr(importlib.import_module(module), name)
+    with pytest.raises(AttributeError, match=r"has no attribute 'simulate'; it has .*load_scenario"):
+        twin.simulate  # noqa: B018

@@ -9,7 +9,25 @@ What stands here is loaded when it is first used, so that importing `twin` costs
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # what editors and type checkers see; a test holds it against the table below
+    from trackers.errors import InputError as InputError
+    from trackers.presets import make_tracker as make_tracker
+    from trackers.tracks import track_frames as track_frames
+    from twin.evaluate import evaluate_tracks as evaluate_tracks, evaluate_with_details as evaluate_with_details
+    from twin.recording.reader import Recording as Recording
+    from twin.recording.tables import (
+        read_tracks as read_tracks,
+        read_truth as read_truth,
+        track_table as track_table,
+        truth_table as truth_table,
+    )
+    from twin.run import run_scenario as run_scenario
+    from twin.scenario import Scenario as Scenario, load_scenario as load_scenario
+    from twin.simulation import Simulation as Simulation
+    from twin.streams import stream as stream
+    from twin.track import track_recording as track_recording
 
 _HOMES = {
     "InputError": "trackers.errors",
@@ -29,8 +47,6 @@ _HOMES = {
     "stream": "twin.streams",
     "track_recording": "twin.track",
 }
-
-__all__ = list(_HOMES)
 
 
 def __getattr__(name: str) -> Any:

@@ -16,6 +16,8 @@ import pytest
 
 TWIN = [sys.executable, "-m", "twin"]
 QUICK = ["--duration", "0.5", "--no-images", "--no-video"]
+HEEDING = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+"""A job in the background is started with interrupts ignored, and would pass that on to what it starts."""
 
 
 def twin(*arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
@@ -182,10 +184,8 @@ def test_an_out_that_cannot_be_written(tmp_path: Path) -> None:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_a_run_that_is_stopped_leaves_no_half_written_file(number: signal.Signals, tmp_path: Path) -> None:
     arguments = ["run", "lab-five-people", "--duration", "600", "--no-images", "--out", str(tmp_path / "out")]
-    # a job in the background is started with interrupts ignored, and would pass that on
-    heeding = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     process = subprocess.Popen(
-        [*TWIN, *arguments], stderr=subprocess.PIPE, text=True, env=os.environ | {"COLUMNS": "80"}, preexec_fn=heeding
+        [*TWIN, *arguments], stderr=subprocess.PIPE, text=True, env=os.environ | {"COLUMNS": "80"}, preexec_fn=HEEDING
     )
     deadline = time.monotonic() + 60
     while not list(tmp_path.rglob("*.partial")) and time.monotonic() < deadline:
@@ -216,7 +216,12 @@ def test_a_stop_within_an_import_or_an_exec_ends_the_command_with_its_exit_code(
     )
     (tmp_path / "as_a_module.py").write_text(code)  # where `-m` runs it, Python looks at what passed through an `exec`
     done = subprocess.run(
-        [sys.executable, "-m", "as_a_module", "check"], capture_output=True, text=True, check=False, cwd=tmp_path
+        [sys.executable, "-m", "as_a_module", "check"],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=tmp_path,
+        preexec_fn=HEEDING,
     )
     assert done.returncode == 130 and done.stderr.strip().startswith("twin: interrupted;")
     assert done.stdout == ("imported to its end\n" if "import" in where else "")

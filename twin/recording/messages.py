@@ -13,11 +13,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
-from rosbags.typesys.stores.ros2_humble import builtin_interfaces__msg__Time as Time
-from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__CompressedImage as CompressedImage
-from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__Image as RawImageMessage
-from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__LaserScan as LaserScanMessage
-from rosbags.typesys.stores.ros2_humble import std_msgs__msg__Header as Header
+from rosbags.typesys.stores.ros2_humble import (
+    builtin_interfaces__msg__Time as Time,
+    sensor_msgs__msg__CompressedImage as CompressedImage,
+    sensor_msgs__msg__Image as RawImageMessage,
+    sensor_msgs__msg__LaserScan as LaserScanMessage,
+    std_msgs__msg__Header as Header,
+)
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation

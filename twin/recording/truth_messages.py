@@ -9,18 +9,20 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.typesys.stores.ros2_humble import builtin_interfaces__msg__Duration as Duration
-from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Point as Point
-from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Pose as PoseMessage
-from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Quaternion as Quaternion
-from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Vector3 as Vector3
-from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__CompressedImage as CompressedImage
-from rosbags.typesys.stores.ros2_humble import std_msgs__msg__ColorRGBA as Color
-from rosbags.typesys.stores.ros2_humble import std_msgs__msg__Header as Header
-from rosbags.typesys.stores.ros2_humble import std_msgs__msg__String as String
-from rosbags.typesys.stores.ros2_humble import visualization_msgs__msg__Marker as Marker
-from rosbags.typesys.stores.ros2_humble import visualization_msgs__msg__MarkerArray as MarkerArray
-from rosbags.typesys.stores.ros2_humble import visualization_msgs__msg__MeshFile as MeshFile
+from rosbags.typesys.stores.ros2_humble import (
+    builtin_interfaces__msg__Duration as Duration,
+    geometry_msgs__msg__Point as Point,
+    geometry_msgs__msg__Pose as PoseMessage,
+    geometry_msgs__msg__Quaternion as Quaternion,
+    geometry_msgs__msg__Vector3 as Vector3,
+    sensor_msgs__msg__CompressedImage as CompressedImage,
+    std_msgs__msg__ColorRGBA as Color,
+    std_msgs__msg__Header as Header,
+    std_msgs__msg__String as String,
+    visualization_msgs__msg__Marker as Marker,
+    visualization_msgs__msg__MarkerArray as MarkerArray,
+    visualization_msgs__msg__MeshFile as MeshFile,
+)
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S

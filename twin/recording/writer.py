@@ -22,15 +22,17 @@ from rosbags.interfaces import (
     QosTime,
 )
 from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Quaternion as Quaternion
-from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Transform as Transform
-from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__TransformStamped as TransformStamped
-from rosbags.typesys.stores.ros2_humble import geometry_msgs__msg__Vector3 as Vector3
-from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__CameraInfo as CameraInfo
-from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__RegionOfInterest as RegionOfInterest
-from rosbags.typesys.stores.ros2_humble import std_msgs__msg__Header as Header
-from rosbags.typesys.stores.ros2_humble import std_msgs__msg__String as String
-from rosbags.typesys.stores.ros2_humble import tf2_msgs__msg__TFMessage as TFMessage
+from rosbags.typesys.stores.ros2_humble import (
+    geometry_msgs__msg__Quaternion as Quaternion,
+    geometry_msgs__msg__Transform as Transform,
+    geometry_msgs__msg__TransformStamped as TransformStamped,
+    geometry_msgs__msg__Vector3 as Vector3,
+    sensor_msgs__msg__CameraInfo as CameraInfo,
+    sensor_msgs__msg__RegionOfInterest as RegionOfInterest,
+    std_msgs__msg__Header as Header,
+    std_msgs__msg__String as String,
+    tf2_msgs__msg__TFMessage as TFMessage,
+)
 from scipy.spatial.transform import Rotation
 
 from trackers.errors import InputError

@@ -6,8 +6,7 @@ from math import pi
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from trackers.errors import InputError
 from trackers.tracks import Track, TrackFrame

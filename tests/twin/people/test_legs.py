@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from twin.people.appearance import appearance_of
 from twin.people.body import JOINT_PLACE, LEG, person_spec

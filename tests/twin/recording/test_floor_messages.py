@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from recorded import MS, a_scan, assert_same, write_ros2_bag
 from rosbags.highlevel import AnyReader
-from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__Image as RawImage
-from rosbags.typesys.stores.ros2_humble import std_msgs__msg__Header as Header
+from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__Image as RawImage, std_msgs__msg__Header as Header
 
 from trackers.errors import InputError
 from trackers.floor.force_curve import ForceCurve

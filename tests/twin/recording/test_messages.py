@@ -7,13 +7,14 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
 from recorded import a_scan, an_image, assert_same
-from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__CompressedImage as CompressedImage
-from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__Image as RawImage
-from rosbags.typesys.stores.ros2_humble import std_msgs__msg__Header as Header
+from rosbags.typesys.stores.ros2_humble import (
+    sensor_msgs__msg__CompressedImage as CompressedImage,
+    sensor_msgs__msg__Image as RawImage,
+    std_msgs__msg__Header as Header,
+)
 
 from trackers.errors import InputError
 from trackers.observations import Image, LaserScan

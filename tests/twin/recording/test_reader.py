@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from recorded import MS, RIG, a_scan, a_truth, an_image, assert_same, scan_messages, write_ros2_bag
 from rosbags.rosbag2 import StoragePlugin
-from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__Image as RawImage
-from rosbags.typesys.stores.ros2_humble import std_msgs__msg__Header as Header
-from rosbags.typesys.stores.ros2_humble import std_msgs__msg__String as String
+from rosbags.typesys.stores.ros2_humble import (
+    sensor_msgs__msg__Image as RawImage,
+    std_msgs__msg__Header as Header,
+    std_msgs__msg__String as String,
+)
 
 from trackers.errors import InputError
 from trackers.observations import Image, LaserScan

@@ -8,8 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 from footfalls import soles, somewhere, standing, walking
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from twin.people.feet import Feet, FootShapes
 from twin.sensors.floor_plate import FloorPlate, Pressed

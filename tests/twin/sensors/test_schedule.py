@@ -8,8 +8,7 @@ from typing import cast
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor

@@ -20,8 +20,7 @@ from synthetic_cases import result_of
 from typer.testing import CliRunner
 
 from trackers.errors import InputError
-from twin.suites import run as suite_run
-from twin.suites import store as suite_store
+from twin.suites import run as suite_run, store as suite_store
 from twin.suites.cache import RecordingCache
 from twin.suites.command import app
 from twin.suites.description import load_suite
