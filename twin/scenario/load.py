@@ -28,7 +28,8 @@ class ScenarioFile(Scenario):
 def load_scenario(name: str | Path, overrides: Sequence[str] = ()) -> Scenario:
     """The scenario of this name (shipped) or path, with overrides like 'sensors.waist.rate_hz=20' applied.
 
-    `extends: NAME` starts from another scenario: mappings merge, everything else replaces, null removes an entry.
+    `extends: NAME` starts from another scenario: mappings merge, everything else replaces, null removes an entry (among a
+    tracker's options it is a value: some may be none).
     A room or parent given by path is relative to the file that names it. Raises InputError, every fault on one line.
     """
     path = models.find("scenarios", str(name))
@@ -37,7 +38,7 @@ def load_scenario(name: str | Path, overrides: Sequence[str] = ()) -> Scenario:
     _resolve_room(content, Path(), "--set room")
     _resolve_pedestrians(content, Path())
     source = str(path) if not overrides else f"{path} with --set {' --set '.join(overrides)}"
-    content = _without_null(content)
+    content = _without_removed(content)
     _bring_pedestrians(content, source)
     return validate(Scenario, content, source)
 
@@ -105,6 +106,14 @@ def _merge(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
         else:  # a thing of another kind has other fields
             merged[key] = value
     return merged
+
+
+def _without_removed(content: dict[str, Any]) -> dict[str, Any]:
+    """The content without entries that are null; options of trackers are the trackers' to read."""
+    kept = _without_null(content)
+    if isinstance(trackers := content.get("trackers"), dict):
+        kept["trackers"] = {name: choice for name, choice in trackers.items() if choice is not None}
+    return kept
 
 
 def _without_null(content: Any) -> Any:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import PurePath
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, JsonValue, model_validator
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, model_serializer, model_validator
 
 from trackers.configuration import Strict
 from trackers.rig import Point2
@@ -36,6 +36,11 @@ class TrackerChoice(BaseModel):
     def options(self) -> dict[str, JsonValue]:
         """The options changed, by name."""
         return dict(self.__pydantic_extra__ or {})
+
+    @model_serializer
+    def _written(self) -> dict[str, JsonValue]:
+        """As a file holds it; an option that is none stays, whatever else is left out."""
+        return ({} if self.preset is None else {"preset": self.preset}) | self.options
 
 
 class TruthOptions(Strict):
