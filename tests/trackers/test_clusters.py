@@ -26,6 +26,17 @@ def discs(centres, radius=0.06, wall=4.0, n=361) -> LaserScan:
     return scan(np.minimum(ranges.min(axis=1), wall))
 
 
+def ellipse(centre, half_extents, yaw, wall=4.0, n=361) -> LaserScan:
+    """An ellipse in the scanner's frame before a wall all around: a circle once its plane is turned and stretched."""
+    angles = -np.pi / 2 + INCREMENT * np.arange(n)
+    turn = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]]) / np.asarray(half_extents)[:, None]
+    rays, origin = np.stack([np.cos(angles), np.sin(angles)], 1) @ turn.T, -turn @ np.asarray(centre, float)
+    square, along = (rays**2).sum(1), rays @ origin
+    root = along**2 - square * (origin @ origin - 1)
+    near = np.where(root >= 0, (-along - np.sqrt(np.maximum(root, 0))) / square, np.inf)
+    return scan(np.minimum(near, wall))
+
+
 def clusters_of(given: LaserScan, **options):
     return find_clusters(given, given.ranges_m < 3.9, ClusterOptions(**options))
 
@@ -141,8 +152,21 @@ def layer(options, room_from_sensor=Pose()) -> LaserLayer:
 
 def test_a_layer_answers_in_the_room_frame_with_the_axis_of_the_body():
     pose = Pose(xyz=(1.0, -2.0, 0.95), rpy=(0.0, 0.0, np.pi / 2))
-    found = layer(WaistOptions(half_depth_m=0.15 * np.pi / 4), pose).detect(discs([(2.0, 0.5)], radius=0.15))
+    found = layer(WaistOptions(half_depth_m=0.15 * np.pi / 4, side_half_depth_m=None), pose).detect(
+        discs([(2.0, 0.5)], radius=0.15)
+    )
     np.testing.assert_allclose(found.position, [(1.0 - 0.5, -2.0 + 2.0)], atol=0.02)
+
+
+def test_the_axis_of_a_body_is_found_from_every_side():
+    centre, options = (2.0, 0.3), WaistOptions(half_depth_m=0.14 * np.pi / 4, side_half_depth_m=0.22 * np.pi / 4)
+    for degrees in range(0, 180, 15):
+        given = ellipse(centre, (0.14, 0.22), np.deg2rad(degrees))
+        (found,) = layer(options).detect(given).position
+        (as_from_the_front,) = layer(options.model_copy(update={"side_half_depth_m": None})).detect(given).position
+        assert np.hypot(*(found - centre)) < 0.02
+        off = np.hypot(*(as_from_the_front - centre))
+        assert off > 0.055 if degrees == 90 else off < 0.075
 
 
 def test_a_half_hidden_body_is_completed_behind_what_hides_it():

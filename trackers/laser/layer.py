@@ -32,6 +32,11 @@ class LayerOptions(Strict):
     half_depth_m: float = Field(
         ge=0, description="from a cluster's middle back to the body's axis, along the beam [m] (ours)"
     )
+    side_half_depth_m: float | None = Field(
+        default=None,
+        ge=0,
+        description="the same where a body is seen from its side, as its width tells; null: as from the front [m] (ours)",
+    )
     body_width_m: float | None = Field(
         default=None,
         gt=0,
@@ -57,6 +62,7 @@ class WaistOptions(LayerOptions):
     cluster: ClusterOptions = ClusterOptions(jump_m=0.08, min_width_m=0.06, split_width_m=0.65)
     radius_m: float = Field(default=1.0, gt=0)
     half_depth_m: float = Field(default=0.11, ge=0)
+    side_half_depth_m: float | None = Field(default=0.168, ge=0)
     body_width_m: float | None = Field(default=0.3, gt=0)
     satellite_width_m: float | None = Field(default=0.16, gt=0)
 
@@ -166,9 +172,9 @@ class LaserLayer:
         """What the scan shows in front of the room: trunks without their arms, or single legs."""
         clusters = find_clusters(scan, self._background.foreground(scan), self.options.cluster)
         options, hidden = self.options, clusters.hidden_before | clusters.hidden_after
-        axis = pushed_back(self._completed(clusters), options.half_depth_m)
+        middle = self._completed(clusters)
         detections = Detections(
-            position=self._in_room(axis),
+            position=self._in_room(pushed_back(middle, self._half_depth_m(clusters.width_m, hidden))),
             variance_m2=np.where(hidden, options.hidden_variance_m2, 0.0),
             width_m=clusters.width_m,
             range_m=clusters.range_m,
@@ -178,7 +184,7 @@ class LaserLayer:
         if options.satellite_width_m is None:
             return detections
         kept = trunks(
-            detections.position,
+            pushed_back(middle, options.half_depth_m),  # arms are narrow from every side
             detections.width_m,
             hidden,
             options.satellite_width_m,
@@ -186,6 +192,20 @@ class LaserLayer:
             options.arm_reach_m,
         )
         return detections.select(kept)
+
+    def _half_depth_m(self, width_m: Array, hidden: NDArray[np.bool_]) -> Array | float:
+        """How far behind the middle of what is seen of them the axes of bodies seen so wide (k,) lie (k,).
+
+        A trunk is about an ellipse. Its half extents across the beam, p, and along it, q, keep p² + q² the same as it turns,
+        and the middle of what a scanner sees of it lies π/4 q before its axis. Where a part is `hidden` the width tells
+        nothing: half way between front and side.
+        """
+        front, side = self.options.half_depth_m, self.options.side_half_depth_m
+        if side is None:
+            return front
+        across = np.pi / 8 * width_m
+        turned = np.sqrt(np.clip(front**2 + side**2 - across**2, min(front, side) ** 2, max(front, side) ** 2))
+        return np.where(hidden, (front + side) / 2, turned)
 
     def missed(self, scan: LaserScan, points: Array) -> Array:
         """How probably the scan shows nothing of somebody at room points (2, ...), (...)."""
