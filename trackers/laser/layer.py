@@ -204,7 +204,8 @@ class LaserLayer:
         if side is None:
             return front
         across = np.pi / 8 * width_m
-        turned = np.sqrt(np.clip(front**2 + side**2 - across**2, min(front, side) ** 2, max(front, side) ** 2))
+        square = np.maximum(front**2 + side**2 - across**2, min(front, side) ** 2)
+        turned = np.minimum(np.sqrt(square), max(front, side))
         return np.where(hidden, (front + side) / 2, turned)
 
     def missed(self, scan: LaserScan, points: Array) -> Array:
