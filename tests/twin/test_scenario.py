@@ -81,7 +81,7 @@ def test_missing_scenario_lists_what_is_shipped() -> None:
 
 
 def test_extends_merges_and_null_removes(tmp_path: Path) -> None:
-    write(tmp_path, SMALL)
+    write(tmp_path, SMALL + "description: ann alone\n")
     child = write(
         tmp_path,
         "extends: small.yaml\nname: child\npeople: {ann: null, bob: {start: [1, 2], script: {kind: stand}}}\n",
@@ -90,6 +90,7 @@ def test_extends_merges_and_null_removes(tmp_path: Path) -> None:
     scenario = load_scenario(child)
     assert list(scenario.people) == ["bob"]
     assert scenario.duration_s == 1.0
+    assert scenario.description == ""  # the parent's tells of the parent
 
 
 def test_null_among_a_trackers_options_is_a_value(tmp_path: Path) -> None:

@@ -58,7 +58,8 @@ def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:
     if found.resolve() in (path.resolve(), *children):
         raise InputError(f"{path}: extends: {parent!r} extends itself in the end; a chain without a circle is expected")
     base = _read(found, (path.resolve(), *children))
-    base.pop("name", None)
+    for own in ("name", "description"):  # they tell of the other scenario
+        base.pop(own, None)
     return _merge(base, content)
 
 
