@@ -59,7 +59,7 @@ def test_what_editors_see_of_the_twin_is_what_it_loads() -> None:
     tree = ast.parse((ROOT / "twin" / "__init__.py").read_text(encoding="utf-8"))
     (seen,) = (node for node in tree.body if isinstance(node, ast.If))
     homes = {alias.name: node.module for node in seen.body if isinstance(node, ast.ImportFrom) for alias in node.names}
-    assert sorted(homes) == dir(twin)
+    assert sorted(homes) == dir(twin) == sorted(twin.__all__)
     for name, module in homes.items():
         assert module is not None and getattr(twin, name) is getattr(importlib.import_module(module), name)
     with pytest.raises(AttributeError, match=r"has no attribute 'simulate'; it has .*load_scenario"):

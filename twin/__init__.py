@@ -48,6 +48,8 @@ _HOMES = {
     "track_recording": "twin.track",
 }
 
+__all__ = list(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]
+
 
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
