@@ -179,6 +179,15 @@ def test_a_half_hidden_body_is_completed_behind_what_hides_it():
     assert errors[1] < 0.6 * errors[0]
 
 
+def test_the_width_of_a_half_hidden_body_tells_nothing_of_its_depth():
+    given = discs([(1.0, 0.0), (2.0, 0.3)], radius=0.15)
+    by_width = layer(WaistOptions(half_depth_m=0.1, side_half_depth_m=0.2)).detect(given)
+    half_way = layer(WaistOptions(half_depth_m=0.15, side_half_depth_m=None)).detect(given)
+    near, far = np.argsort(by_width.range_m)
+    np.testing.assert_allclose(by_width.position[far], half_way.position[far], rtol=0, atol=1e-12)
+    assert np.hypot(*(by_width.position[near] - half_way.position[near])) > 0.02
+
+
 def test_a_knee_layer_shows_single_legs():
     found = layer(KneeOptions()).detect(discs([(1.5, -0.1), (1.6, 0.12)], radius=0.06))
     np.testing.assert_allclose(found.position, [(1.5, -0.1), (1.6, 0.12)], atol=0.02)
