@@ -34,7 +34,7 @@ class Preset:
 
 
 _BAI = "Bai, Takahashi: Identification and Tracking Using Laser and Vision of Maneuvering People"
-_LASER_FISHEYE = "trackers.laser_fisheye_imm:LaserFisheyeImm"
+_LASER_FISHEYE = "trackers.laser_fisheye_imm.tracker:LaserFisheyeImm"
 
 PRESETS: Mapping[str, Preset] = {
     "laser-fisheye-imm": Preset(

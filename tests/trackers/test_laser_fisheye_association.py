@@ -9,9 +9,9 @@ import pytest
 
 from trackers.filters.imm import Imm
 from trackers.laser.layer import Detections
-from trackers.laser_fisheye_association import Association, Matches, known_again
-from trackers.laser_fisheye_detection import Seen
-from trackers.laser_fisheye_options import LaserFisheyeImmOptions
+from trackers.laser_fisheye_imm.association import Association, Matches, known_again
+from trackers.laser_fisheye_imm.detection import Seen
+from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.people import People
 
 PERIOD_S, T = 0.1, 1.0

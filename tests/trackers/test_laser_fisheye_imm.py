@@ -9,7 +9,7 @@ from synthetic_room import AREA, empty_room, observe, rig, scan, score, straight
 
 from trackers.errors import InputError
 from trackers.laser.roles import scanners_by_role
-from trackers.laser_fisheye_imm import LaserFisheyeImm
+from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm
 from trackers.observations import NS_PER_S, Image, LaserScan
 from trackers.presets import make_tracker
 from trackers.rig import LaserSensor, Pose, Rig

@@ -9,7 +9,7 @@ from synthetic_room import rig
 
 import trackers.presets
 from trackers.errors import InputError
-from trackers.laser_fisheye_imm import LaserFisheyeImm
+from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm
 from trackers.presets import PRESETS, available, make_tracker
 
 
@@ -67,7 +67,7 @@ def test_a_class_of_ones_own_by_module_and_name(tmp_path, monkeypatch):
 
 def test_installed_entry_points_are_found_and_do_not_replace_presets(monkeypatch):
     points = [
-        EntryPoint("lab-tracker", "trackers.laser_fisheye_imm:LaserFisheyeImm", "roomtwin.trackers"),
+        EntryPoint("lab-tracker", "trackers.laser_fisheye_imm.tracker:LaserFisheyeImm", "roomtwin.trackers"),
         EntryPoint("laser-imm", "somewhere:Else", "roomtwin.trackers"),
     ]
     monkeypatch.setattr(trackers.presets, "entry_points", lambda group: points if group == "roomtwin.trackers" else [])

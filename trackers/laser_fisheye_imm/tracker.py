@@ -39,9 +39,9 @@ from trackers.filters.motion import (
     transition_matrix,
 )
 from trackers.laser.grouping import distances
-from trackers.laser_fisheye_association import Association, Matches, known_again, may_be_known
-from trackers.laser_fisheye_detection import Detector, Seen
-from trackers.laser_fisheye_options import LaserFisheyeImmOptions
+from trackers.laser_fisheye_imm.association import Association, Matches, known_again, may_be_known
+from trackers.laser_fisheye_imm.detection import Detector, Seen
+from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.observations import Observation
 from trackers.people import People
 from trackers.rig import Rig

@@ -14,7 +14,7 @@ from trackers.epochs import Epoch
 from trackers.errors import InputError
 from trackers.laser.layer import Detections, LaserLayer
 from trackers.laser.roles import Role, scanners_by_role
-from trackers.laser_fisheye_options import LaserFisheyeImmOptions
+from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.observations import Image, LaserScan, Observation
 from trackers.rig import Rig, StereoSensor
 from trackers.vision.histogram import ColourHistogram

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from trackers.filters.gating import global_nearest_neighbour, mahalanobis, validation_region
 from trackers.filters.imm import Imm
 from trackers.laser.grouping import distances, pair_off, take_legs
-from trackers.laser_fisheye_detection import Seen
-from trackers.laser_fisheye_options import LaserFisheyeImmOptions
+from trackers.laser_fisheye_imm.detection import Seen
+from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.people import People
 from trackers.vision.histogram import chi_squared_distance
 
