@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import difflib
 import types
+from collections.abc import Mapping
 from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
 import yaml
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from trackers.errors import InputError
 
@@ -21,9 +22,31 @@ _SHAPES = {"tuple_type": "a list", "list_type": "a list"} | dict.fromkeys(
 
 
 class Strict(BaseModel):
-    """Frozen, typed configuration that refuses unknown keys."""
+    """Frozen, typed configuration that refuses unknown keys.
+
+    Where the default of a field is a model, a mapping given for it is laid over that very default, so that changing one
+    nested value leaves its siblings as the owner has them. A field with a validator of its own, a preset's name say, takes
+    the mapping as it stands.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _over_the_owners_defaults(cls, content: Any) -> Any:
+        return content if not isinstance(content, dict) else content | _nested(cls, content, {})
+
+
+def _nested(model: type[BaseModel], given: dict[Any, Any], owner: Mapping[str, Any]) -> dict[str, Any]:
+    """The mappings among `given` that stand for nested models, laid over the owner's values for them, else the defaults."""
+    whole = {}
+    for name, info in model.model_fields.items():
+        change, default = given.get(name), owner.get(name, info.default)
+        of_one_model = [each for each in _unwrap(info.annotation) if each is not type(None)] == [type(default)]
+        if isinstance(change, dict) and isinstance(default, BaseModel) and of_one_model and not info.metadata:
+            held = dict(default)
+            whole[name] = held | change | _nested(type(default), change, held)
+    return whole
 
 
 class _UniqueKeyLoader(yaml.SafeLoader):

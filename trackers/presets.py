@@ -12,6 +12,7 @@ from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any
 
 from trackers.errors import InputError
+from trackers.merging import laid_over
 
 if TYPE_CHECKING:
     import numpy as np
@@ -83,8 +84,8 @@ def make_tracker(
 ) -> Tracker:
     """The tracker called `name` (a preset, an entry point or `module:Class`) on a rig, ready to be fed.
 
-    background: observations of the empty room; rng: the tracker's own generator; options: laid over the preset's.
-    Raises InputError for a name, module, class or option that does not exist, naming the valid ones.
+    background: observations of the empty room; rng: the tracker's own generator; options: laid over the preset's,
+    at every depth. Raises InputError for a name, module, class or option that does not exist, naming the valid ones.
     """
     known = available()
     if name in known:
@@ -96,7 +97,7 @@ def make_tracker(
             f"tracker {name!r} is unknown; valid ones are {', '.join(known)}, or a class of yours as module:Class"
         )
     maker = _load(preset.target, name)
-    return maker(rig, background, rng, **{**preset.options, **(options or {})})
+    return maker(rig, background, rng, **laid_over(preset.options, options or {}))
 
 
 def _load(target: str, name: str) -> Any:

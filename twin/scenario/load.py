@@ -12,6 +12,7 @@ from pydantic import Field
 
 from trackers.configuration import parse_yaml, read_text, validate
 from trackers.errors import InputError
+from trackers.merging import laid_over
 from twin import models
 from twin.scenario.model import Scenario
 from twin.scenario.pedestrians import Pedestrians, people_from
@@ -60,7 +61,7 @@ def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:
     base = _read(found, (path.resolve(), *children))
     for own in ("name", "description"):  # they tell of the other scenario
         base.pop(own, None)
-    return _merge(base, content)
+    return laid_over(base, content)
 
 
 def _resolve_room(content: dict[str, Any], folder: Path, asked_by: str) -> None:
@@ -96,17 +97,6 @@ def _bring_pedestrians(content: dict[str, Any], source: str) -> None:
                 f"{source}: pedestrians.prefix: {twice[0]!r} is one of the people already; another prefix is expected"
             )
         content["people"] = own | people
-
-
-def _merge(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
-    merged = dict(base)
-    for key, value in change.items():
-        held = merged.get(key)
-        if isinstance(value, dict) and isinstance(held, dict) and value.get("kind") in (None, held.get("kind")):
-            merged[key] = _merge(held, value)
-        else:  # a thing of another kind has other fields
-            merged[key] = value
-    return merged
 
 
 def _without_removed(content: dict[str, Any]) -> dict[str, Any]:

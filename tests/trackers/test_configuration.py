@@ -1,0 +1,113 @@
+"""Options: what setting one of them changes, and what stays."""
+
+from __future__ import annotations
+
+from functools import cache, partial
+from math import isfinite
+from types import NoneType, UnionType
+from typing import Annotated, Any, get_args
+
+import pytest
+from hypothesis import given, settings, strategies as st
+from pydantic import BaseModel, Field, ValidationError
+from synthetic_room import rig
+
+import trackers.presets
+from trackers.configuration import Strict, validate
+from trackers.merging import laid_over
+from trackers.presets import PRESETS, Preset, make_tracker
+
+Path = tuple[str, ...]
+
+
+def leaves(model: BaseModel, above: Path = ()) -> dict[Path, Any]:
+    """Every option that is not a mapping of options itself, by its path."""
+    found = {}
+    for name, value in model:
+        found |= leaves(value, (*above, name)) if isinstance(value, BaseModel) else {(*above, name): value}
+    return found
+
+
+@cache
+def options_of(preset: str) -> Any:
+    return make_tracker(preset, rig()).options  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def nested(path: Path, value: Any) -> dict[str, Any]:
+    for name in reversed(path):
+        value = {name: value}
+    return value
+
+
+def valid_values(options: BaseModel, path: Path) -> st.SearchStrategy[Any]:
+    """What the leaf's type and bounds, and its siblings, allow."""
+    for name in path[:-1]:
+        options = getattr(options, name)
+    info = type(options).model_fields[path[-1]]
+    members = get_args(info.annotation) if isinstance(info.annotation, UnionType) else (info.annotation,)
+    kinds = [each if each is NoneType else Annotated[each, Field(), *info.metadata] for each in members]
+    return st.one_of(*map(st.from_type, kinds)).filter(_is_finite).filter(partial(_fits, options, path[-1]))
+
+
+def _is_finite(value: Any) -> bool:
+    return all(map(_is_finite, value)) if isinstance(value, tuple) else not isinstance(value, float) or isfinite(value)
+
+
+def _fits(siblings: BaseModel, name: str, value: Any) -> bool:
+    try:
+        type(siblings).model_validate(dict(siblings) | {name: value})
+    except ValidationError:
+        return False
+    return True
+
+
+EVERY_OPTION = [(preset, path) for preset in PRESETS for path in leaves(options_of(preset))]
+
+
+@settings(max_examples=400, deadline=None)
+@given(st.data())
+def test_setting_one_option_of_a_preset_changes_that_one_alone(data: st.DataObject) -> None:
+    preset, path = data.draw(st.sampled_from(EVERY_OPTION))
+    before = options_of(preset)
+    value = data.draw(valid_values(before, path))
+    given_options = laid_over(PRESETS[preset].options, nested(path, value))
+    after = leaves(validate(type(before), given_options, "options"))
+    assert after == leaves(before) | {path: value}
+
+
+@pytest.mark.parametrize("path", sorted({path for _, path in EVERY_OPTION if len(path) > 1}), ids=".".join)
+def test_a_nested_option_set_to_what_it_is_changes_nothing(path: Path) -> None:
+    before = options_of("laser-fisheye-imm")
+    again = validate(type(before), nested(path, leaves(before)[path]), "options")
+    assert again == before
+
+
+def test_a_tracker_gets_the_siblings_of_what_is_set_as_its_preset_has_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    target = PRESETS["laser-imm"].target
+    narrow = Preset(target, "", options={"camera": False, "knee": {"radius_m": 0.6, "cluster": {"min_width_m": 0.02}}})
+    monkeypatch.setattr(trackers.presets, "PRESETS", {"narrow": narrow})
+    knee = make_tracker("narrow", rig(), options={"knee": {"cluster": {"min_samples": 5}}}).options.knee
+    assert (knee.cluster.min_samples, knee.cluster.jump_m, knee.cluster.min_width_m) == (5, 0.08, 0.02)
+    assert knee.radius_m == 0.6
+
+
+class _Inner(Strict):
+    first: int = 1
+    second: int = 2
+
+
+class _Middle(Strict):
+    inner: _Inner = _Inner(first=10)
+    beside: int = 0
+
+
+class _Outer(Strict):
+    middle: _Middle = _Middle(inner=_Inner(first=100), beside=5)
+    maybe: _Inner | None = _Inner(second=20)
+
+
+def test_the_outermost_owner_s_defaults_count() -> None:
+    changed = validate(_Outer, {"middle": {"inner": {"second": 3}}, "maybe": {"first": 7}}, "options")
+    assert changed.middle == _Middle(inner=_Inner(first=100, second=3), beside=5)
+    assert changed.maybe == _Inner(first=7, second=20)
+    assert validate(_Outer, {"maybe": None}, "options").maybe is None
