@@ -6,6 +6,7 @@ Stamps are integer nanoseconds as in a bag (`stamp_ns`); `t` is the same in seco
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,9 @@ class LaserScan:
 
     `ranges_m` follows ROS REP 117: a finite value is a return, +inf no return within range, NaN an invalid reading.
     `sweep_time_s` is the time from the first beam (taken at the stamp) to the last; 0 for an instantaneous scan.
+    `range_max_m` may be infinite, as some drivers have it: the scanner names no limit.
+
+    Raises InputError for ranges that are no row, and for beams or limits that no scanner has.
     """
 
     sensor: str
@@ -35,6 +39,25 @@ class LaserScan:
     def __post_init__(self) -> None:
         if self.ranges_m.ndim != 1:
             raise InputError(f"scan of {self.sensor!r}: ranges have shape {self.ranges_m.shape}; one row is expected")
+        if not 0 <= self.range_min_m < self.range_max_m:
+            raise InputError(
+                f"scan of {self.sensor!r}: range_min is {self.range_min_m:g} m and range_max {self.range_max_m:g} m; "
+                f"0 <= range_min < range_max is expected"
+            )
+        if not isfinite(self.angle_min_rad):
+            raise InputError(
+                f"scan of {self.sensor!r}: angle_min is {self.angle_min_rad:g} rad; the bearing of the first beam, "
+                "a finite number, is expected"
+            )
+        if not isfinite(self.angle_increment_rad) or self.angle_increment_rad == 0:
+            raise InputError(
+                f"scan of {self.sensor!r}: angle_increment is {self.angle_increment_rad:g} rad; the angle from beam to "
+                "beam, a finite number other than 0, is expected"
+            )
+        if not isfinite(self.sweep_time_s):
+            raise InputError(
+                f"scan of {self.sensor!r}: sweeps for {self.sweep_time_s:g} s; a finite time_increment is expected"
+            )
 
     @property
     def t(self) -> float:

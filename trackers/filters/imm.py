@@ -146,6 +146,8 @@ class Imm:
         """Predict over `elapsed_s` in equal steps of about `period_s`, the period that Q and the transition matrix are for."""
         if not (np.isfinite(elapsed_s) and elapsed_s >= 0):
             raise InputError(f"prediction over {elapsed_s!r} s; a finite time of 0 s or more is expected")
+        if len(state) == 0:  # a clock may jump by years where nobody is tracked
+            return state
         n_step = max(1, round(elapsed_s / period_s))
         for _ in range(n_step):
             state = self.predict(state, elapsed_s / n_step)

@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _RENORMALISE_ABOVE = 1e9
+_MOST_CELLS = 25_000_000
+"""Of the table of what was learned, beams times bins; it takes 16 bytes each."""
 
 
 class BackgroundOptions(Strict):
@@ -37,7 +39,13 @@ class BackgroundOptions(Strict):
     quantile: float = Field(
         default=0.05, ge=0, le=1, description="the room's range in a beam: this quantile of the empty scans"
     )
-    bin_m: float = Field(default=0.1, gt=0, description="width of a range bin while learning [m]")
+    bin_m: float = Field(default=0.1, ge=0.01, description="width of a range bin while learning [m]")
+    farthest_m: float = Field(
+        default=100.0,
+        gt=0,
+        le=1000,
+        description="ranges from here on share one bin while learning: some drivers give a limit of 1e6 m or none [m]",
+    )
     memory_s: float = Field(default=60.0, gt=0, description="time constant with which what was learned fades [s]")
     initial_s: float = Field(default=1.0, gt=0, description="how long the first reading of a beam counts as seen [s]")
     static_share: float = Field(
@@ -70,7 +78,7 @@ class Background(Protocol):
 def returns(scan: LaserScan) -> tuple[Array, Mask, Mask]:
     """Ranges (n_beam,) [m], which of them are returns, and which beams met nothing."""
     ranges = scan.ranges_m.astype(float)
-    hit = (ranges >= scan.range_min_m) & (ranges <= scan.range_max_m)  # NaN is neither
+    hit = (ranges >= scan.range_min_m) & (ranges <= scan.range_max_m) & (ranges < np.inf)  # NaN is none of these
     return ranges, hit, (ranges > -np.inf) & ~hit
 
 
@@ -123,6 +131,7 @@ class LearnedBackground:
     def __init__(self, options: BackgroundOptions | None = None) -> None:
         self._options = options or BackgroundOptions()
         self._first: LaserScan | None = None
+        self._farthest_m = 0.0
         self._seen = np.empty((0, 0))  # (n_beam, n_bin + 4): seconds seen, times the weight of the scan; see `_column`
         self._flickered = np.empty((0, 0))  # like `_seen`, with the first `flicker_s` of every stay but the first only
         self._total = np.empty(0)  # (n_beam,)
@@ -137,7 +146,9 @@ class LearnedBackground:
         ranges, hit, missed = returns(scan)
         if self._first is None:
             self._first = scan
-            n_bin = int(np.ceil(scan.range_max_m / self._options.bin_m)) + 1
+            self._farthest_m = min(scan.range_max_m, self._options.farthest_m)
+            n_bin = int(np.ceil(self._farthest_m / self._options.bin_m)) + 1
+            _check_size(scan, n_bin)
             self._seen = np.zeros((ranges.size, n_bin + 4))
             self._flickered = np.zeros_like(self._seen)
             self._total = np.zeros(ranges.size)
@@ -153,7 +164,7 @@ class LearnedBackground:
     def _column(self, ranges: Array, hit: Mask, missed: Mask) -> NDArray[np.intp]:
         """Column of `_seen` for each beam: 1 + bin, so that each bin has neighbours; the last but one for nothing met."""
         column = np.ones(ranges.size, np.intp)
-        column[hit] = (ranges[hit] / self._options.bin_m).astype(np.intp) + 1
+        column[hit] = (np.minimum(ranges[hit], self._farthest_m) / self._options.bin_m).astype(np.intp) + 1
         column[missed] = self._seen.shape[1] - 2
         return column
 
@@ -203,6 +214,15 @@ class LearnedBackground:
 def _around(table: Array, beams: NDArray[np.intp], column: NDArray[np.intp]) -> Array:
     """The table's entries at a column and its two neighbours, summed, for each of `beams`."""
     return table[beams, column - 1] + table[beams, column] + table[beams, column + 1]
+
+
+def _check_size(scan: LaserScan, n_bin: int) -> None:
+    if scan.ranges_m.size * n_bin > _MOST_CELLS:
+        raise InputError(
+            f"scan of {scan.sensor!r}: {scan.ranges_m.size} beams of {n_bin} range bins are more than the "
+            f"{_MOST_CELLS} cells a background is learned in; fewer beams, wider bins (background.bin_m) or a nearer "
+            "background.farthest_m are expected"
+        )
 
 
 def _check_same_beams(scan: LaserScan, first: LaserScan) -> None:

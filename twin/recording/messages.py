@@ -148,11 +148,6 @@ def _scan(
     range_max_m: float,
     time_increment_s: float,
 ) -> LaserScan:
-    if not 0 <= range_min_m < range_max_m:
-        raise InputError(
-            f"scan of {sensor!r}: range_min is {range_min_m:g} m and range_max {range_max_m:g} m; "
-            f"0 <= range_min < range_max is expected"
-        )
     ranges_m[(ranges_m < range_min_m) | (ranges_m <= 0)] = np.nan
     ranges_m[ranges_m >= range_max_m] = np.inf
     sweep_time_s = time_increment_s * max(ranges_m.size - 1, 0)
