@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trackers.errors import InputError
-from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground
+from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground, returns
 from trackers.observations import NS_PER_S, LaserScan
 
 N_BEAM = 60
@@ -152,3 +152,36 @@ class TestLearned:
         t = fed(background, 150.0, WALL_M, 0.0)
         assert not background.foreground(scan(t)).any()
         assert background.foreground(scan(t + 0.1, with_object(slice(3, 5), 2.0)))[3:5].all()
+
+
+class TestWithoutALimit:
+    """Some drivers write 1e6 m or infinity where a scanner names no limit."""
+
+    @pytest.mark.parametrize("range_max_m", [1e6, np.inf])
+    def test_a_room_is_learned_as_with_one(self, range_max_m):
+        limited, unlimited = LearnedBackground(), LearnedBackground()
+        for k in range(30):
+            ranges = with_object(slice(10 + k, 14 + k), 2.0)
+            ranges[50] = np.inf
+            expected = limited.foreground(scan(0.1 * k, ranges))
+            found = unlimited.foreground(scan(0.1 * k, ranges, range_max_m=range_max_m))
+            np.testing.assert_array_equal(found, expected)
+        assert expected.any()
+
+    def test_what_is_farther_than_people_are_followed_is_learned_too(self):
+        background = LearnedBackground()
+        for k in range(30):
+            background.foreground(scan(0.1 * k, 5000.0, range_max_m=1e6))
+        found = background.foreground(scan(3.0, with_object(slice(10, 14), 2.0, 5000.0), range_max_m=1e6))
+        np.testing.assert_array_equal(np.flatnonzero(found), [10, 11, 12, 13])
+
+    def test_nothing_met_is_no_return(self):
+        background = KnownBackground([scan(0, range_max_m=np.inf)])
+        assert not background.foreground(scan(1, np.inf, range_max_m=np.inf)).any()
+        ranges, hit, missed = returns(scan(1, np.inf, range_max_m=np.inf))
+        assert missed.all()
+        assert not hit.any()
+
+    def test_beams_without_number_are_refused(self):
+        with pytest.raises(InputError, match=r"300000 beams of 1001 range bins.*farthest_m"):
+            LearnedBackground().foreground(scan(0, ranges_m=np.ones(300_000, np.float32), range_max_m=np.inf))

@@ -262,6 +262,14 @@ def test_a_gap_longer_than_the_coasting_time_ends_everybody_a_shorter_one_nobody
     assert {track.id for frame in short for track in frame.tracks} == {1, 2}
     long = tracked(walk, observations=shifted(2.0))[0]
     assert {track.id for frame in long for track in frame.tracks} == {1, 2, 3, 4}
+    # a robot's clock that is set, and one that started at 1970: as any long gap, and as soon done
+    for jump_s in (30 * 86_400, 1_700_000_000):
+        jumped = tracked(walk, observations=shifted(jump_s))[0]
+        assert len(jumped) == len(long)
+        for frame, expected in zip(jumped, long, strict=True):
+            assert [(track.id, track.status) for track in frame.tracks] == [(t.id, t.status) for t in expected.tracks]
+            for track, other in zip(frame.tracks, expected.tracks, strict=True):
+                assert (track.x, track.y) == pytest.approx((other.x, other.y), abs=1e-3)
 
 
 def test_people_outside_the_area_are_not_tracked():

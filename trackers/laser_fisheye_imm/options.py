@@ -74,7 +74,9 @@ class LaserFisheyeImmOptions(Strict):
     )
     reach_m_s: float = Field(default=1.5, ge=0, description="how fast a hidden person may have walked [m/s] (ours)")
     period_s: float = Field(
-        default=0.1, gt=0, description="scan period that the variances are for; longer gaps are cut into such steps [s]"
+        default=0.1,
+        ge=0.001,
+        description="scan period that the variances are for; longer gaps are cut into such steps [s]",
     )
     max_wait_s: float = Field(
         default=0.15, ge=0, description="how long a moment waits for a sensor that has not reported [s]"

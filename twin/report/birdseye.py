@@ -22,6 +22,7 @@ Polygon = NDArray[np.float64]  # (k, 2) corners on the floor [m], room frame
 
 SHIFT = 4  # cv2 draws at 1/16 pixel
 _SHELL_M2 = 4.0
+_FARTHEST_M = 1000.0  # where the drawing of a scanner's free space ends that names no limit
 
 
 @dataclass(frozen=True)
@@ -110,9 +111,9 @@ class ScannerOnFloor:
     def free_space(self, scan: LaserScan) -> Polygon:
         """The polygon (n + 1, 2) [m] of floor that a scan saw through, from the scanner to each return.
 
-        A beam without return reaches to the scanner's range limit; an invalid one (NaN) sees nothing.
+        A beam without return reaches to the scanner's range limit (at most 1 km); an invalid one (NaN) sees nothing.
         """
-        ranges = np.nan_to_num(scan.ranges_m.astype(float), nan=0.0, posinf=scan.range_max_m)
+        ranges = np.nan_to_num(scan.ranges_m.astype(float), nan=0.0, posinf=min(scan.range_max_m, _FARTHEST_M))
         return np.concatenate([self._origin[None], self._ends(ranges, scan.angles_rad)])
 
     def reach(self, scan: LaserScan) -> Polygon:

@@ -29,7 +29,7 @@ scans = st.builds(
     stamp_ns=st.integers(-(10**9), 2**31 * 10**9 - 1),
     ranges_m=arrays(np.float32, st.integers(2, 40), elements=st.floats(width=32)),
     angle_min_rad=finite,
-    angle_increment_rad=finite,
+    angle_increment_rad=st.floats(1e-6, 10) | st.floats(-10, -1e-6),
     range_min_m=st.floats(0, 1),
     range_max_m=st.floats(2, 100),
     sweep_time_s=st.floats(0, 1),
@@ -138,6 +138,33 @@ def test_a_lossless_png_comes_through():
 def test_images_that_cannot_be_used(message, complaint):
     with pytest.raises(InputError, match=complaint):
         from_message(message, "camera")
+
+
+@pytest.mark.parametrize(
+    ("changes", "complaint"),
+    [
+        ({"angle_increment": 0.0}, "angle_increment is 0 rad.*other than 0"),
+        ({"angle_increment": np.nan}, "angle_increment is nan rad"),
+        ({"angle_min": np.inf}, "angle_min is inf rad"),
+        ({"angle_min": np.nan}, "angle_min is nan rad"),
+        ({"range_min": np.nan}, "range_min is nan m"),
+        ({"range_max": np.nan}, "range_max nan m"),
+        ({"time_increment": np.inf}, "finite time_increment"),
+    ],
+)
+def test_a_scan_whose_beams_are_nowhere_is_refused_in_one_sentence(changes, complaint):
+    message = TYPESTORE.deserialize_cdr(encode(a_scan(0)).data, LASER_SCAN)
+    with pytest.raises(InputError, match=complaint) as caught:
+        from_message(replace(message, **changes), "waist")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("range_max", [1e6, np.inf])
+def test_a_scanner_that_names_no_limit_is_read(range_max):
+    message = TYPESTORE.deserialize_cdr(encode(a_scan(0)).data, LASER_SCAN)
+    scan = from_message(replace(message, range_max=range_max), "waist")
+    assert isinstance(scan, LaserScan)
+    np.testing.assert_array_equal(scan.ranges_m, a_scan(0).ranges_m)
 
 
 def test_a_scan_without_a_range_of_ranges_is_refused():
