@@ -22,13 +22,15 @@ class PinholeIntrinsics(Strict):
     `plumb_bob`. Pixel centres are integers: the picture covers u from −½ to width − ½.
     """
 
-    width: PositiveInt
-    height: PositiveInt
-    fx: float = Field(gt=0, allow_inf_nan=False)
-    fy: float = Field(gt=0, allow_inf_nan=False)
-    cx: FiniteFloat
-    cy: FiniteFloat
-    distortion: tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    width: PositiveInt = Field(description="width of the picture [px]")
+    height: PositiveInt = Field(description="height of the picture [px]")
+    fx: float = Field(gt=0, allow_inf_nan=False, description="focal length along a row [px]")
+    fy: float = Field(gt=0, allow_inf_nan=False, description="focal length along a column [px]")
+    cx: FiniteFloat = Field(description="column of the principal point, pixel centres are integers [px]")
+    cy: FiniteFloat = Field(description="row of the principal point, pixel centres are integers [px]")
+    distortion: tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat] = Field(
+        default=(0.0, 0.0, 0.0, 0.0, 0.0), description="Brown–Conrady coefficients k1, k2, p1, p2, k3; all 0: none"
+    )
 
     @property
     def is_distorted(self) -> bool:

@@ -31,8 +31,12 @@ _IMAGE, _DEPTH = "image/compressed", "depth/compressed"
 class Pose(Strict):
     """A rigid transform: `xyz` [m], then `rpy` roll, pitch, yaw [rad] about the fixed x, y, z axes (as in URDF)."""
 
-    xyz: Point3 = (0.0, 0.0, 0.0)
-    rpy: Point3 = (0.0, 0.0, 0.0)
+    xyz: Point3 = Field(
+        default=(0.0, 0.0, 0.0), description="origin of the sensor's frame in the room frame: x, y, z [m]"
+    )
+    rpy: Point3 = Field(
+        default=(0.0, 0.0, 0.0), description="roll, pitch, yaw about the room's fixed x, y, z, in this order [rad]"
+    )
 
     @property
     def rotation(self) -> NDArray[np.float64]:
@@ -59,14 +63,18 @@ class FisheyeIntrinsics(Strict):
     `equidistant` model.
     """
 
-    width: PositiveInt
-    height: PositiveInt
-    fx: float = Field(gt=0)
-    fy: float = Field(gt=0)
-    cx: FiniteFloat
-    cy: FiniteFloat
-    k: tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat] = (0.0, 0.0, 0.0, 0.0)
-    field_of_view_rad: float = Field(gt=0, lt=2 * np.pi)
+    width: PositiveInt = Field(description="width of the picture [px]")
+    height: PositiveInt = Field(description="height of the picture [px]")
+    fx: float = Field(gt=0, description="focal length along a row [px]")
+    fy: float = Field(gt=0, description="focal length along a column [px]")
+    cx: FiniteFloat = Field(description="column of the principal point, pixel centres are integers [px]")
+    cy: FiniteFloat = Field(description="row of the principal point, pixel centres are integers [px]")
+    k: tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat] = Field(
+        default=(0.0, 0.0, 0.0, 0.0), description="coefficients k1 to k4 of θ³, θ⁵, θ⁷, θ⁹; all 0: equidistant"
+    )
+    field_of_view_rad: float = Field(
+        gt=0, lt=2 * np.pi, description="full angle over which the lens forms an image [rad]"
+    )
 
     def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Pixel coordinates (..., 2) of points (..., 3) [m] in the camera frame (x right, y down, z ahead).
@@ -90,31 +98,44 @@ class LaserSensor(Strict):
     `time_offset_s` is added to the stamps of its messages when they are read, to bring them on the rig's clock.
     """
 
-    kind: Literal["laser"] = "laser"
-    topic: str
-    room_from_sensor: Pose = Pose()
-    role: Literal["waist", "knee"] | None = None
-    time_offset_s: FiniteFloat = 0.0
+    kind: Literal["laser"] = Field(default="laser", description="the kind of sensor: a planar laser scanner")
+    topic: str = Field(description="topic of its scans (LaserScan)")
+    room_from_sensor: Pose = Field(default=Pose(), description="pose in the room of its frame: x ahead, y left, z up")
+    role: Literal["waist", "knee"] | None = Field(
+        default=None,
+        description="the layer that trackers use it for; none: waist from a height of 0.7 m on, knee below",
+    )
+    time_offset_s: FiniteFloat = Field(
+        default=0.0, description="what is added to its stamps to bring them on the rig's clock [s]"
+    )
 
 
 class FisheyeSensor(Strict):
     """A fisheye camera on the rig; `room_from_sensor` takes its optical frame (x right, y down, z ahead)."""
 
-    kind: Literal["fisheye"] = "fisheye"
-    topic: str
-    room_from_sensor: Pose = Pose()
-    intrinsics: FisheyeIntrinsics
-    time_offset_s: FiniteFloat = 0.0
+    kind: Literal["fisheye"] = Field(default="fisheye", description="the kind of sensor: a fisheye camera")
+    topic: str = Field(description="topic of its pictures (CompressedImage)")
+    room_from_sensor: Pose = Field(
+        default=Pose(), description="pose in the room of its optical frame: x right, y down, z ahead"
+    )
+    intrinsics: FisheyeIntrinsics = Field(description="how its lens projects")
+    time_offset_s: FiniteFloat = Field(
+        default=0.0, description="what is added to its stamps to bring them on the rig's clock [s]"
+    )
 
 
 class PinholeSensor(Strict):
     """A pinhole camera on the rig; `room_from_sensor` takes its optical frame (x right, y down, z ahead)."""
 
-    kind: Literal["camera"] = "camera"
-    topic: str
-    room_from_sensor: Pose = Pose()
-    intrinsics: PinholeIntrinsics
-    time_offset_s: FiniteFloat = 0.0
+    kind: Literal["camera"] = Field(default="camera", description="the kind of sensor: a pinhole camera")
+    topic: str = Field(description="topic of its pictures (CompressedImage)")
+    room_from_sensor: Pose = Field(
+        default=Pose(), description="pose in the room of its optical frame: x right, y down, z ahead"
+    )
+    intrinsics: PinholeIntrinsics = Field(description="how it projects")
+    time_offset_s: FiniteFloat = Field(
+        default=0.0, description="what is added to its stamps to bring them on the rig's clock [s]"
+    )
 
 
 class StereoSensor(Strict):
@@ -126,14 +147,25 @@ class StereoSensor(Strict):
     '/NAME/depth/compressed' for '/NAME/image/compressed'.
     """
 
-    kind: Literal["stereo"] = "stereo"
-    topic: str
-    depth_topic: str = ""
-    room_from_sensor: Pose = Pose()
-    intrinsics: PinholeIntrinsics
-    baseline_m: float | None = Field(default=None, gt=0, allow_inf_nan=False)
-    mode: DepthMode | None = None
-    time_offset_s: FiniteFloat = 0.0
+    kind: Literal["stereo"] = Field(
+        default="stereo", description="the kind of sensor: a stereo camera, colour and depth"
+    )
+    topic: str = Field(description="topic of its colour pictures (CompressedImage)")
+    depth_topic: str = Field(
+        default="",
+        description="topic of its depth pictures (16-bit PNG, mm); empty: beside that of the colour pictures",
+    )
+    room_from_sensor: Pose = Field(
+        default=Pose(), description="pose in the room of the left view's optical frame: x right, y down, z ahead"
+    )
+    intrinsics: PinholeIntrinsics = Field(description="how it projects, colour and depth alike")
+    baseline_m: float | None = Field(
+        default=None, gt=0, allow_inf_nan=False, description="how far apart the two views are [m]; none: unknown"
+    )
+    mode: DepthMode | None = Field(default=None, description="how the twin made depth; none: a real device's own way")
+    time_offset_s: FiniteFloat = Field(
+        default=0.0, description="what is added to its stamps to bring them on the rig's clock [s]"
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -165,14 +197,19 @@ class FloorSensor(Strict):
     the columns), y from row to row, z up.
     """
 
-    kind: Literal["floor"] = "floor"
-    topic: str
-    room_from_sensor: Pose = Pose()
-    rows: PositiveInt
-    columns: PositiveInt
-    pitch_m: float = Field(gt=0, allow_inf_nan=False)
-    curve: ForceCurve = ForceCurve()
-    time_offset_s: FiniteFloat = 0.0
+    kind: Literal["floor"] = Field(default="floor", description="the kind of sensor: a pressure floor")
+    topic: str = Field(description="topic of its frames (Image, mono8, a pixel an element)")
+    room_from_sensor: Pose = Field(
+        default=Pose(),
+        description="pose in the room of its grid: origin at the outer corner of element (0, 0), x along a row, z up",
+    )
+    rows: PositiveInt = Field(description="number of rows, which follow each other along the grid's y")
+    columns: PositiveInt = Field(description="number of elements in a row, along the grid's x")
+    pitch_m: float = Field(gt=0, allow_inf_nan=False, description="side of an element [m]")
+    curve: ForceCurve = Field(default=ForceCurve(), description="what an element reads under a load")
+    time_offset_s: FiniteFloat = Field(
+        default=0.0, description="what is added to its stamps to bring them on the rig's clock [s]"
+    )
 
     def load_n(self, values: NDArray[np.uint8]) -> NDArray[np.float64]:
         """The load on each element [N] that a frame's values (rows, columns) speak of, by the force curve."""
@@ -206,9 +243,11 @@ class Rig(Strict):
     `room` names the room they are in, so that the environment of another is refused (None: not said).
     """
 
-    sensors: dict[str, RigSensor]
-    area: tuple[Point2, ...] | None = None
-    room: str | None = None
+    sensors: dict[str, RigSensor] = Field(description="every sensor, by name")
+    area: tuple[Point2, ...] | None = Field(
+        default=None, description="tracked area, polygon of [x, y] in the room frame [m]; none: everywhere"
+    )
+    room: str | None = Field(default=None, description="name of the room the sensors are in; none: not said")
 
     @model_validator(mode="after")
     def _area_is_a_polygon(self) -> Rig:

@@ -27,10 +27,16 @@ class ForceCurve(Strict):
     the step of a walking adult.
     """
 
-    half_scale_n: float = Field(default=200.0, gt=0, allow_inf_nan=False)
-    exponent: float = Field(default=0.9, gt=0, le=2)
-    threshold_n: float = Field(default=5.0, ge=0, allow_inf_nan=False)
-    saturation_n: float = Field(default=1422.0, gt=0, allow_inf_nan=False)
+    half_scale_n: float = Field(
+        default=200.0, gt=0, allow_inf_nan=False, description="load at which an element reads half of 255 [N]"
+    )
+    exponent: float = Field(default=0.9, gt=0, le=2, description="power of the load with which the conductance grows")
+    threshold_n: float = Field(
+        default=5.0, ge=0, allow_inf_nan=False, description="load below which an element reads 0 [N]"
+    )
+    saturation_n: float = Field(
+        default=1422.0, gt=0, allow_inf_nan=False, description="load above which an element reads no more [N]"
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> ForceCurve:

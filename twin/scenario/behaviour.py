@@ -40,15 +40,20 @@ Target = PersonName | Point3 | Point2
 class Condition(Strict):
     """Something to wait for: `near` somebody or a place within `within_m`, or `person` doing (`does`) an action."""
 
-    near: Target | None = None
-    within_m: float | None = Field(default=None, gt=0, le=1000)
-    person: PersonName | None = None
+    near: Target | None = Field(
+        default=None,
+        description="somebody by name, or a place [x, y] or [x, y, z] in the room frame [m]; needs `within_m`",
+    )
+    within_m: float | None = Field(
+        default=None, gt=0, le=1000, description="how close to `near` the person must be [m]"
+    )
+    person: PersonName | None = Field(default=None, description="name of the person who is watched; needs `does`")
     does: (
         Literal[
             "wander", "stand", "walk", "run", "turn", "sit", "lie", "bend", "reach", "follow", "meet", "path", "leave",
         ]
         | None
-    ) = None  # fmt: skip
+    ) = Field(default=None, description="the action that `person` must be doing")  # fmt: skip
 
     @model_validator(mode="after")
     def _one_of_two(self) -> Condition:
@@ -82,7 +87,7 @@ class Wander(_Lasting):
     probability `stop_share` for a time uniform in `stop_s`, and otherwise turns at once.
     """
 
-    kind: Literal["wander"] = "wander"
+    kind: Literal["wander"] = Field(default="wander", description="the action: walk about at random")
     speed_m_s: tuple[WalkSpeed, WalkSpeed] = Field(
         default=(0.6, 1.3), description="slowest and fastest walking speed [m/s]"
     )
@@ -101,7 +106,7 @@ class Wander(_Lasting):
 class Stand(_Lasting):
     """Stand still where one is (whoever sits or lies stands up); the others walk around."""
 
-    kind: Literal["stand"] = "stand"
+    kind: Literal["stand"] = Field(default="stand", description="the action: stand still")
 
 
 class Walk(_Action):
@@ -110,29 +115,33 @@ class Walk(_Action):
     `face`: somebody or a place to keep facing meanwhile: so people step backwards and sideways (slowly).
     """
 
-    kind: Literal["walk"] = "walk"
+    kind: Literal["walk"] = Field(default="walk", description="the action: walk through waypoints")
     waypoints: tuple[Point2, ...] = Field(min_length=1, description="places in the room frame [m], in order")
-    speed_m_s: WalkSpeed = 1.2
-    repeat: bool = False
-    face: Target | None = None
+    speed_m_s: WalkSpeed = Field(default=1.2, description="walking speed [m/s]")
+    repeat: bool = Field(default=False, description="whether to begin again after the last waypoint, over and over")
+    face: Target | None = Field(
+        default=None, description="somebody by name, or a place [x, y] [m], to keep facing; none: the way ahead"
+    )
 
 
 class Run(_Action):
     """Run through waypoints, around furniture and people, then stop; with `repeat`, over and over."""
 
-    kind: Literal["run"] = "run"
+    kind: Literal["run"] = Field(default="run", description="the action: run through waypoints")
     waypoints: tuple[Point2, ...] = Field(min_length=1, description="places in the room frame [m], in order")
-    speed_m_s: RunSpeed = 3.0
-    repeat: bool = False
+    speed_m_s: RunSpeed = Field(default=3.0, description="running speed [m/s]")
+    repeat: bool = Field(default=False, description="whether to begin again after the last waypoint, over and over")
 
 
 class Turn(_Action):
     """Turn on the spot: to a heading, by an angle, or towards somebody or a place; exactly one of the three."""
 
-    kind: Literal["turn"] = "turn"
+    kind: Literal["turn"] = Field(default="turn", description="the action: turn on the spot")
     to_deg: FiniteFloat | None = Field(default=None, description="heading, counter-clockwise from x [deg]")
     by_deg: FiniteFloat | None = Field(default=None, description="positive: to the left [deg]")
-    towards: Target | None = None
+    towards: Target | None = Field(
+        default=None, description="somebody by name, or a place [x, y] in the room frame [m], to turn to"
+    )
 
     @model_validator(mode="after")
     def _one(self) -> Turn:
@@ -144,23 +153,25 @@ class Turn(_Action):
 class Sit(_Lasting):
     """Walk to a seat of the room and sit down; the person stands up when the time is over."""
 
-    kind: Literal["sit"] = "sit"
+    kind: Literal["sit"] = Field(default="sit", description="the action: sit down on a seat")
     seat: str = Field(description="NAME of a site seat_NAME of the room")
 
 
 class Lie(_Lasting):
     """Walk to a bed of the room, sit on its edge and lie down; the person gets up when the time is over."""
 
-    kind: Literal["lie"] = "lie"
+    kind: Literal["lie"] = Field(default="lie", description="the action: lie down on a bed")
     bed: str = Field(description="NAME of a site bed_NAME of the room")
 
 
 class Bend(_Action):
     """Bend forward by an angle of the trunk, stay so for `for_s`, and straighten up."""
 
-    kind: Literal["bend"] = "bend"
-    angle_deg: float = Field(default=60.0, gt=0, le=100)
-    for_s: Seconds = 1.0
+    kind: Literal["bend"] = Field(default="bend", description="the action: bend forward")
+    angle_deg: float = Field(
+        default=60.0, gt=0, le=100, description="how far the trunk bends forward from upright [deg]"
+    )
+    for_s: Seconds = Field(default=1.0, description="how long the person stays bent [s]")
 
 
 class Reach(_Action):
@@ -170,10 +181,12 @@ class Reach(_Action):
     straight: a point inside or close behind something is reached through it.
     """
 
-    kind: Literal["reach"] = "reach"
-    point: Point3
-    hand: Literal["left", "right", "auto"] = "auto"
-    for_s: Seconds = 1.0
+    kind: Literal["reach"] = Field(default="reach", description="the action: stretch a hand out to a point")
+    point: Point3 = Field(description="what the hand goes to, [x, y, z] in the room frame [m]")
+    hand: Literal["left", "right", "auto"] = Field(
+        default="auto", description="the hand that reaches; auto: the one on the point's side"
+    )
+    for_s: Seconds = Field(default=1.0, description="how long the hand is held there [s]")
 
 
 class Look(_Action):
@@ -183,11 +196,18 @@ class Look(_Action):
     next look).
     """
 
-    kind: Literal["look"] = "look"
-    at: Target | None = None
-    yaw_deg: float | None = Field(default=None, ge=-90, le=90)
-    pitch_deg: float = Field(default=0.0, ge=-40, le=40)
-    for_s: Seconds | None = None
+    kind: Literal["look"] = Field(default="look", description="the action: turn the head, while the script goes on")
+    at: Target | None = Field(
+        default=None, description="somebody by name, or a place [x, y] or [x, y, z] in the room frame [m], to look at"
+    )
+    yaw_deg: float | None = Field(
+        default=None,
+        ge=-90,
+        le=90,
+        description="how far the head is turned, positive to the left [deg]; neither this nor `at`: look about freely",
+    )
+    pitch_deg: float = Field(default=0.0, ge=-40, le=40, description="how far the head is bowed, positive down [deg]")
+    for_s: Seconds | None = Field(default=None, description="how long [s]; none: until the next look")
 
     @model_validator(mode="after")
     def _one(self) -> Look:
@@ -199,20 +219,20 @@ class Look(_Action):
 class Follow(_Lasting):
     """Walk after somebody at a distance, as they go."""
 
-    kind: Literal["follow"] = "follow"
-    person: PersonName
-    distance_m: float = Field(default=1.2, ge=0.8, le=20)
+    kind: Literal["follow"] = Field(default="follow", description="the action: walk after somebody")
+    person: PersonName = Field(description="name of the person who is followed")
+    distance_m: float = Field(default=1.2, ge=0.8, le=20, description="how far behind the follower keeps [m]")
     speed_m_s: WalkSpeed = Field(default=1.8, description="the fastest that the follower walks [m/s]")
 
 
 class Meet(_Action):
     """Walk up to somebody, stand face to face for `for_s`, and part: go on with the script."""
 
-    kind: Literal["meet"] = "meet"
-    person: PersonName
-    distance_m: float = Field(default=0.9, ge=0.7, le=5)
-    speed_m_s: WalkSpeed = 1.2
-    for_s: Seconds = 3.0
+    kind: Literal["meet"] = Field(default="meet", description="the action: walk up to somebody and stand face to face")
+    person: PersonName = Field(description="name of the person who is met")
+    distance_m: float = Field(default=0.9, ge=0.7, le=5, description="how far apart the two stand [m]")
+    speed_m_s: WalkSpeed = Field(default=1.2, description="walking speed on the way there [m/s]")
+    for_s: Seconds = Field(default=3.0, description="how long they stand face to face [s]")
 
 
 class Path(_Action):
@@ -221,8 +241,11 @@ class Path(_Action):
     Before t = 0 the person has walked already. Given as `points`, or read from `file` (see `Pedestrians`).
     """
 
-    kind: Literal["path"] = "path"
-    points: tuple[tuple[FiniteFloat, FiniteFloat, FiniteFloat], ...] = Field(min_length=2)
+    kind: Literal["path"] = Field(default="path", description="the action: keep a recorded path")
+    points: tuple[tuple[FiniteFloat, FiniteFloat, FiniteFloat], ...] = Field(
+        min_length=2,
+        description="rows [t, x, y] in order of time: t since the start [s], x and y in the room frame [m]",
+    )
 
     @model_validator(mode="after")
     def _walkable(self) -> Path:
@@ -244,9 +267,9 @@ class Path(_Action):
 class Leave(_Action):
     """Walk to a place, at a door say, and be gone from there on."""
 
-    kind: Literal["leave"] = "leave"
-    to: Point2
-    speed_m_s: WalkSpeed = 1.2
+    kind: Literal["leave"] = Field(default="leave", description="the action: walk to a place and be gone")
+    to: Point2 = Field(description="the place to leave at, [x, y] in the room frame [m]")
+    speed_m_s: WalkSpeed = Field(default=1.2, description="walking speed [m/s]")
 
 
 Action = Annotated[

@@ -40,18 +40,25 @@ _StereoNoise = Annotated[
 class Distortion(Strict):
     """Brown–Conrady coefficients, as OpenCV and ROS (`plumb_bob`) name them; all 0: none."""
 
-    k1: FiniteFloat = 0.0
-    k2: FiniteFloat = 0.0
-    p1: FiniteFloat = 0.0
-    p2: FiniteFloat = 0.0
-    k3: FiniteFloat = 0.0
+    k1: FiniteFloat = Field(
+        default=0.0, description="radial coefficient of r², r the tangent of the angle from the axis"
+    )
+    k2: FiniteFloat = Field(default=0.0, description="radial coefficient of r⁴")
+    p1: FiniteFloat = Field(default=0.0, description="first tangential coefficient")
+    p2: FiniteFloat = Field(default=0.0, description="second tangential coefficient")
+    k3: FiniteFloat = Field(default=0.0, description="radial coefficient of r⁶")
 
 
 class MotionBlur(Strict):
     """How long the shutter is open [s], from the stamp on, and at how many instants, evenly spaced, light is gathered."""
 
-    exposure_s: float = Field(gt=0, le=0.25)
-    instants: int = Field(default=5, ge=2, le=64)
+    exposure_s: float = Field(gt=0, le=0.25, description="how long the shutter is open, from the stamp on [s]")
+    instants: int = Field(
+        default=5,
+        ge=2,
+        le=64,
+        description="number of instants, evenly spaced over the exposure, at which light is gathered",
+    )
 
 
 class PerspectiveDescription(Mounted):
@@ -65,15 +72,41 @@ class PerspectiveDescription(Mounted):
     beside those of the noise.
     """
 
-    size: tuple[PositiveInt, PositiveInt] = (640, 480)
-    field_of_view_deg: float | None = Field(default=None, gt=0, lt=180)
-    vertical_field_of_view_deg: float | None = Field(default=None, gt=0, lt=180)
-    fx: float | None = Field(default=None, gt=0, allow_inf_nan=False)
-    fy: float | None = Field(default=None, gt=0, allow_inf_nan=False)
-    cx: FiniteFloat | None = None
-    cy: FiniteFloat | None = None
-    exposure: float = Field(default=1.0, gt=0, le=10)
-    white_balance: WhiteBalance = (1.0, 1.0, 1.0)
+    size: tuple[PositiveInt, PositiveInt] = Field(
+        default=(640, 480), description="width and height of the picture [px]"
+    )
+    field_of_view_deg: float | None = Field(
+        default=None,
+        gt=0,
+        lt=180,
+        description="horizontal field of view, edge to edge, of the undistorted picture [deg]; none: given otherwise",
+    )
+    vertical_field_of_view_deg: float | None = Field(
+        default=None,
+        gt=0,
+        lt=180,
+        description="vertical field of view, edge to edge, of the undistorted picture [deg]; none: given otherwise",
+    )
+    fx: float | None = Field(
+        default=None, gt=0, allow_inf_nan=False, description="focal length along a row [px]; none: given otherwise"
+    )
+    fy: float | None = Field(
+        default=None, gt=0, allow_inf_nan=False, description="focal length along a column [px]; none: fx"
+    )
+    cx: FiniteFloat | None = Field(
+        default=None,
+        description="column of the principal point, pixel centres are integers [px]; none: the middle of the picture",
+    )
+    cy: FiniteFloat | None = Field(
+        default=None,
+        description="row of the principal point, pixel centres are integers [px]; none: the middle of the picture",
+    )
+    exposure: float = Field(
+        default=1.0, gt=0, le=10, description="factor on the light that the sensor gathers, beside that of the noise"
+    )
+    white_balance: WhiteBalance = Field(
+        default=(1.0, 1.0, 1.0), description="factors on red, green and blue, beside those of the noise"
+    )
 
     @model_validator(mode="after")
     def _one_focal_length(self) -> PerspectiveDescription:
@@ -112,10 +145,14 @@ class PerspectiveDescription(Mounted):
 class PinholeDescription(PerspectiveDescription):
     """A pinhole camera, with Brown–Conrady `distortion` and, where asked for, `motion_blur`."""
 
-    kind: Literal["camera"]
-    distortion: Distortion = Distortion()
-    motion_blur: MotionBlur | None = None
-    noise: CameraNoiseByName = CAMERA_NOISE["default"]
+    kind: Literal["camera"] = Field(description="the kind of sensor: a pinhole camera")
+    distortion: Distortion = Field(default=Distortion(), description="distortion of the lens, Brown–Conrady")
+    motion_blur: MotionBlur | None = Field(
+        default=None, description="how long the shutter is open; none: pictures are instants"
+    )
+    noise: CameraNoiseByName = Field(
+        default=CAMERA_NOISE["default"], description="noise of the image sensor: off, default, worse, or its parameters"
+    )
 
     @model_validator(mode="after")
     def _renderable(self) -> PinholeDescription:
@@ -157,14 +194,24 @@ class StereoDescription(PerspectiveDescription):
     view's; the right one hangs `baseline_m` to the right. Depth outside `range_min_m` to `range_max_m` is not reported.
     """
 
-    kind: Literal["stereo"]
-    size: tuple[PositiveInt, PositiveInt] = (320, 240)
-    baseline_m: float = Field(default=0.12, le=2)
-    mode: DepthMode = "matched"
-    range_min_m: float = Field(default=0.5, gt=0)
-    range_max_m: float = Field(default=10.0, gt=0, le=DEEPEST_M)
-    matching: Matching = Matching()
-    noise: _StereoNoise = STEREO_NOISE["default"]
+    kind: Literal["stereo"] = Field(description="the kind of sensor: a stereo camera, colour and depth")
+    size: tuple[PositiveInt, PositiveInt] = Field(
+        default=(320, 240), description="width and height of the picture [px]"
+    )
+    baseline_m: float = Field(
+        default=0.12, le=2, description="how far the right view is to the right of the left one [m]"
+    )
+    mode: DepthMode = Field(
+        default="matched",
+        description="how depth is made: two noisy pictures matched, the true depth, or that with noise on its disparity",
+    )
+    range_min_m: float = Field(default=0.5, gt=0, description="nearest depth that is reported [m]")
+    range_max_m: float = Field(default=10.0, gt=0, le=DEEPEST_M, description="farthest depth that is reported [m]")
+    matching: Matching = Field(default=Matching(), description="settings of the matcher, in mode 'matched'")
+    noise: _StereoNoise = Field(
+        default=STEREO_NOISE["default"],
+        description="noise of both pictures and of the disparity: off, default, worse, or its parameters",
+    )
 
     @model_validator(mode="after")
     def _sees_depth(self) -> StereoDescription:

@@ -33,9 +33,16 @@ class _Fault(Strict):
     fits: ClassVar[tuple[str, ...]] = _EVERY_KIND
     """The kinds of sensor that can have it."""
 
-    sensor: Sensors
-    from_s: float = Field(default=0.0, ge=0, le=86_400)
-    to_s: float | None = Field(default=None, gt=0, le=86_400)
+    sensor: Sensors = Field(description="name of the sensor at fault, or a list of names")
+    from_s: float = Field(
+        default=0.0, ge=0, le=86_400, description="first time since the start at which the fault is there [s]"
+    )
+    to_s: float | None = Field(
+        default=None,
+        gt=0,
+        le=86_400,
+        description="time since the start from which the fault is gone again [s]; none: it stays to the end",
+    )
 
     @model_validator(mode="after")
     def _ends_after_it_begins(self) -> _Fault:
@@ -61,14 +68,19 @@ class _Fault(Strict):
 class Dropout(_Fault):
     """Observations are lost on the way with this probability, each by itself; 1: the sensor is silent."""
 
-    kind: Literal["dropout"]
-    probability: float = Field(default=1.0, gt=0, le=1)
+    kind: Literal["dropout"] = Field(description="the fault: observations are lost")
+    probability: float = Field(
+        default=1.0,
+        gt=0,
+        le=1,
+        description="probability that an observation is lost, each by itself; 1: the sensor is silent",
+    )
 
 
 class Freeze(_Fault):
     """The values of the last observation before the fault come again and again, under new stamps."""
 
-    kind: Literal["freeze"]
+    kind: Literal["freeze"] = Field(description="the fault: the last values come again and again")
 
 
 class Delay(_Fault):
@@ -77,9 +89,11 @@ class Delay(_Fault):
     Their stamps stay. Later ones may overtake the last delayed ones, as on a network.
     """
 
-    kind: Literal["delay"]
-    delay_s: float = Field(default=0.0, ge=0, le=60)
-    jitter_s: float = Field(default=0.0, ge=0, le=60)
+    kind: Literal["delay"] = Field(description="the fault: observations arrive late")
+    delay_s: float = Field(default=0.0, ge=0, le=60, description="how much later than usual observations arrive [s]")
+    jitter_s: float = Field(
+        default=0.0, ge=0, le=60, description="longest further delay, drawn evenly from 0 up for each observation [s]"
+    )
 
     @model_validator(mode="after")
     def _delays(self) -> Delay:
@@ -96,9 +110,16 @@ class Clock(_Fault):
     there, which a tracker has to bear. Several faults of one clock add up.
     """
 
-    kind: Literal["clock"]
-    offset_s: float = Field(default=0.0, ge=-3600, le=3600)
-    drift_ppm: float = Field(default=0.0, ge=-100_000, le=100_000)
+    kind: Literal["clock"] = Field(description="the fault: the clock that stamps is wrong")
+    offset_s: float = Field(
+        default=0.0, ge=-3600, le=3600, description="how far the clock is off, stamp minus true time [s]"
+    )
+    drift_ppm: float = Field(
+        default=0.0,
+        ge=-100_000,
+        le=100_000,
+        description="how fast the clock gains from `from_s` on [microseconds a second]",
+    )
 
     @model_validator(mode="after")
     def _is_off(self) -> Clock:
@@ -121,14 +142,31 @@ class Occlusion(_Fault):
 
     fits: ClassVar[tuple[str, ...]] = _CAMERAS
 
-    kind: Literal["occlusion"]
-    at: tuple[Share, Share] = (0.5, 0.5)
-    size: float = Field(default=0.4, gt=0, le=5)
-    look: Literal["cover", "smear"] = "cover"
-    opacity: float = Field(default=1.0, gt=0, le=1)
-    softness: float = Field(default=0.4, gt=0, le=1)
-    irregularity: float = Field(default=0.2, ge=0, le=0.5)
-    rgb: tuple[Byte, Byte, Byte] = (24, 20, 18)
+    kind: Literal["occlusion"] = Field(description="the fault: something is on or right before the lens")
+    at: tuple[Share, Share] = Field(
+        default=(0.5, 0.5),
+        description="middle of what covers the picture, in shares of its width (from the left) and height (from above)",
+    )
+    size: float = Field(
+        default=0.4, gt=0, le=5, description="diameter of what covers the picture, in shares of the picture's height"
+    )
+    look: Literal["cover", "smear"] = Field(
+        default="cover",
+        description="cover hides what is behind (a hand, dirt), smear blurs it (grease, a drop of water)",
+    )
+    opacity: float = Field(default=1.0, gt=0, le=1, description="how much is hidden in the middle, 0 to 1")
+    softness: float = Field(
+        default=0.4, gt=0, le=1, description="share of the radius over which the edge fades, 0 to 1"
+    )
+    irregularity: float = Field(
+        default=0.2,
+        ge=0,
+        le=0.5,
+        description="how far the outline leaves the circle, in shares of the radius; drawn once",
+    )
+    rgb: tuple[Byte, Byte, Byte] = Field(
+        default=(24, 20, 18), description="colour of a cover: red, green, blue, 0 to 255 each"
+    )
 
 
 class BlockedSector(_Fault):
@@ -140,9 +178,13 @@ class BlockedSector(_Fault):
 
     fits: ClassVar[tuple[str, ...]] = ("laser",)
 
-    kind: Literal["blocked_sector"]
-    bearings_deg: tuple[FiniteFloat, FiniteFloat]
-    at_m: PositiveFloat = 0.1
+    kind: Literal["blocked_sector"] = Field(
+        description="the fault: something before a scanner's window blocks a sector"
+    )
+    bearings_deg: tuple[FiniteFloat, FiniteFloat] = Field(
+        description="first and last bearing of the sector, counter-clockwise, 0 straight ahead [deg]"
+    )
+    at_m: PositiveFloat = Field(default=0.1, description="distance of what blocks from the scanner's middle [m]")
 
     @model_validator(mode="after")
     def _in_order(self) -> BlockedSector:
@@ -167,11 +209,18 @@ class DeadBeams(_Fault):
 
     fits: ClassVar[tuple[str, ...]] = ("laser",)
 
-    kind: Literal["dead_beams"]
-    beams: tuple[tuple[NonNegativeInt] | tuple[NonNegativeInt, NonNegativeInt], ...] = ()
-    bearings_deg: tuple[FiniteFloat, FiniteFloat] | None = None
-    share: Share = 0.0
-    reads: Literal["invalid", "no_return"] = "invalid"
+    kind: Literal["dead_beams"] = Field(description="the fault: beams of a scanner report nothing")
+    beams: tuple[tuple[NonNegativeInt] | tuple[NonNegativeInt, NonNegativeInt], ...] = Field(
+        default=(), description="dead beams as ranges [first, last] or single [number], counted from 0"
+    )
+    bearings_deg: tuple[FiniteFloat, FiniteFloat] | None = Field(
+        default=None,
+        description="first and last bearing between which beams are dead, 0 straight ahead [deg]; none: no such sector",
+    )
+    share: Share = Field(default=0.0, description="share of the other beams that are dead, 0 to 1; drawn once")
+    reads: Literal["invalid", "no_return"] = Field(
+        default="invalid", description="what a dead beam reads: invalid is NaN, no_return is +inf"
+    )
 
     @model_validator(mode="after")
     def _names_some(self) -> DeadBeams:
@@ -201,12 +250,16 @@ class DeadCells(_Fault):
 
     fits: ClassVar[tuple[str, ...]] = ("floor",)
 
-    kind: Literal["dead_cells"]
-    cells: tuple[tuple[NonNegativeInt, NonNegativeInt], ...] = ()
-    rows: tuple[NonNegativeInt, ...] = ()
-    columns: tuple[NonNegativeInt, ...] = ()
-    share: Share = 0.0
-    reads: Byte = 0
+    kind: Literal["dead_cells"] = Field(description="the fault: elements of a pressure floor always read the same")
+    cells: tuple[tuple[NonNegativeInt, NonNegativeInt], ...] = Field(
+        default=(), description="dead elements as [row, column], counted from 0"
+    )
+    rows: tuple[NonNegativeInt, ...] = Field(default=(), description="rows that are dead as a whole, counted from 0")
+    columns: tuple[NonNegativeInt, ...] = Field(
+        default=(), description="columns that are dead as a whole, counted from 0"
+    )
+    share: Share = Field(default=0.0, description="share of the other elements that are dead, 0 to 1; drawn once")
+    reads: Byte = Field(default=0, description="the 8-bit value that a dead element reads, 0 to 255")
 
     @model_validator(mode="after")
     def _names_some(self) -> DeadCells:

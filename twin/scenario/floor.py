@@ -36,8 +36,10 @@ class FloorMount(Strict):
     Rows run along the room's x, turned by yaw about z; rows follow each other along y, turned likewise.
     """
 
-    xyz: Point3 = (0.0, 0.0, 0.0)
-    yaw_deg: FiniteFloat = 0.0
+    xyz: Point3 = Field(
+        default=(0.0, 0.0, 0.0), description="outer corner of element (0, 0) in the room frame: x, y and z = 0 [m]"
+    )
+    yaw_deg: FiniteFloat = Field(default=0.0, description="turn of the grid about z, counter-clockwise [deg]")
 
     @model_validator(mode="after")
     def _on_the_floor(self) -> FloorMount:
@@ -59,15 +61,20 @@ class FloorDescription(Timing):
     18 along x by 14 along y (ours).
     """
 
-    kind: Literal["floor"]
-    mount: FloorMount = FloorMount()
-    rows: PositiveInt = 14
-    columns: PositiveInt = 18
-    pitch_m: float = Field(default=0.2, ge=0.01, le=2)
-    rate_hz: float = Field(default=10.0, gt=0, le=1000)
-    curve: ForceCurve = ForceCurve()
-    noise: _FloorElectronics = FLOOR_ELECTRONICS["default"]
-    believed: Believed | None = None
+    kind: Literal["floor"] = Field(description="the kind of sensor: a pressure floor")
+    mount: FloorMount = Field(default=FloorMount(), description="where the grid lies and how it is turned")
+    rows: PositiveInt = Field(default=14, description="number of rows, which follow each other along y")
+    columns: PositiveInt = Field(default=18, description="number of elements in a row, along x")
+    pitch_m: float = Field(default=0.2, ge=0.01, le=2, description="side of an element [m]")
+    rate_hz: float = Field(default=10.0, gt=0, le=1000, description="frames a second [Hz]")
+    curve: ForceCurve = Field(default=ForceCurve(), description="what an element reads under a load")
+    noise: _FloorElectronics = Field(
+        default=FLOOR_ELECTRONICS["default"],
+        description="errors of cover, resistors and electronics: off, default, worse, or their parameters",
+    )
+    believed: Believed | None = Field(
+        default=None, description="what trackers believe of the floor where that is not the truth; none: the truth"
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> FloorDescription:

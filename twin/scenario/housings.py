@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from math import radians
 from typing import TYPE_CHECKING, Any
 
+from pydantic import Field
+
 from trackers.configuration import Strict
 from trackers.rig import Point2, Pose, Rig, RigSensor
 from twin.scenario.floor import FloorDescription
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
 class Housing(Strict):
     """A body that carries sensors: those whose `housing` it is have their mounts in its frame, x ahead, y left, z up."""
 
-    mount: Mount
+    mount: Mount = Field(description="where the housing is in the room and how it is turned")
 
 
 def check_on_housing(description: Any, housings: Mapping[str, Housing]) -> None:

@@ -16,8 +16,8 @@ class Flicker(Strict):
     A lamp on 50 Hz mains flickers at 100 Hz: what a camera makes of it is a slow beat, as its pictures are instants.
     """
 
-    hz: float = Field(gt=0, le=1000)
-    depth: float = Field(gt=0, le=1)
+    hz: float = Field(gt=0, le=1000, description="swings of the brightness a second [Hz]")
+    depth: float = Field(gt=0, le=1, description="share of the brightness that is missing where it is least, 0 to 1")
 
 
 class LightChange(Strict):
@@ -28,11 +28,19 @@ class LightChange(Strict):
     and back; both of what the room's lights add, emission (a lit screen, a lamp's own glow) stays as it is.
     """
 
-    at_s: FiniteFloat
-    name: str = Field(default=EVERY_LIGHT, min_length=1)
-    brightness: float = Field(default=1.0, ge=0, le=10)
-    over_s: float = Field(default=0.0, ge=0, le=86_400)
-    flicker: Flicker | None = None
+    at_s: FiniteFloat = Field(description="time since the start at which the light begins to change [s]")
+    name: str = Field(
+        default=EVERY_LIGHT,
+        min_length=1,
+        description="name of a light of the room's MJCF file; 'all': every light of the room",
+    )
+    brightness: float = Field(
+        default=1.0, ge=0, le=10, description="what the light's brightness goes to, times the room's own; 0: off"
+    )
+    over_s: float = Field(default=0.0, ge=0, le=86_400, description="how long the change takes [s]; 0: at once")
+    flicker: Flicker | None = Field(
+        default=None, description="how the light flickers from then on, until its next change; none: it does not"
+    )
 
     @field_validator("at_s")
     @classmethod

@@ -21,9 +21,11 @@ from twin.scenario.pedestrians import Pedestrians, people_from
 class ScenarioFile(Scenario):
     """A scenario as a file may hold it, for editors: what is resolved on loading stands beside the rest."""
 
-    name: str = ""
+    name: str = Field(default="", description="name of the scenario; it becomes the name of a folder")
     extends: str | None = Field(default=None, description="the scenario, by name or path, that this one starts from")
-    pedestrians: Pedestrians | None = None
+    pedestrians: Pedestrians | None = Field(
+        default=None, description="recorded pedestrians who come as people, from a file; none: nobody"
+    )
 
 
 def load_scenario(name: str | Path, overrides: Sequence[str] = ()) -> Scenario:

@@ -30,7 +30,9 @@ class TrackerChoice(BaseModel):
     model_config = ConfigDict(extra="allow", frozen=True)
     __pydantic_extra__: dict[str, JsonValue] = Field(init=False)  # pyright: ignore[reportIncompatibleVariableOverride]
 
-    preset: str | None = None
+    preset: str | None = Field(
+        default=None, description="name of a preset, whose options the other entries change; none: the entry's own name"
+    )
 
     @property
     def options(self) -> dict[str, JsonValue]:
@@ -50,21 +52,23 @@ class TruthOptions(Strict):
         default=2.0,
         ge=0,
         le=1000,
-        description="pictures a second of each camera in which people's boxes are told; 0: none",
+        description="pictures a second of each camera in which people's boxes are told [Hz]; 0: none",
     )
 
 
 class Scenario(Strict):
     """A room, the people in it, the sensors on its walls, and for how long they are watched."""
 
-    name: Name
-    description: str = ""
+    name: Name = Field(description="name of the scenario; it becomes the name of a folder")
+    description: str = Field(default="", description="what the scenario is about, for readers")
     room: str = Field(description="name of a shipped room, or path of an MJCF file relative to the scenario")
     area: tuple[Point2, ...] | None = Field(
         default=None, description="tracked area, polygon in the room frame [m]; none: the room's walkable area"
     )
-    duration_s: float = Field(gt=0, le=86_400)
-    seed: int = Field(default=0, ge=0, lt=2**63)
+    duration_s: float = Field(gt=0, le=86_400, description="length of the run [s]")
+    seed: int = Field(
+        default=0, ge=0, lt=2**63, description="what all randomness comes from; the same seed gives the same bits"
+    )
     background: Literal["captured", "none"] = Field(
         default="captured", description="whether each sensor's view of the empty room is recorded before people enter"
     )
@@ -72,16 +76,18 @@ class Scenario(Strict):
         default=10, ge=1, le=1000, description="observations a sensor takes of the empty room"
     )
     lights: tuple[LightChange, ...] = Field(default=(), description="how the room's light changes during the run")
-    people: dict[Name, Person]
-    sensors: dict[Name, SensorDescription]
+    people: dict[Name, Person] = Field(description="who is in the room, by name")
+    sensors: dict[Name, SensorDescription] = Field(description="what watches the room, by name")
     housings: dict[Name, Housing] = Field(
-        default_factory=dict, description="bodies that carry several sensors, which name theirs"
+        default={}, description="bodies that carry several sensors, which name theirs"
     )
     faults: dict[Name, FaultDescription] = Field(
-        default_factory=dict, description="what goes wrong with which sensor, and from when to when"
+        default={}, description="what goes wrong with which sensor, and from when to when"
     )
-    trackers: dict[Name, TrackerChoice] = Field(default_factory=dict)
-    truth: TruthOptions = TruthOptions()
+    trackers: dict[Name, TrackerChoice] = Field(
+        default={}, description="trackers with changed options, by the name to call them by"
+    )
+    truth: TruthOptions = Field(default=TruthOptions(), description="what is kept of the truth")
 
     @property
     def room_name(self) -> str:

@@ -6,7 +6,7 @@ from math import asin, atan2, cos, degrees, radians
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import FiniteFloat, model_validator
+from pydantic import Field, FiniteFloat, model_validator
 
 from trackers.configuration import Strict
 from trackers.rig import Point3, Pose
@@ -27,10 +27,14 @@ class Mount(Strict):
     in the housing's frame instead of the room's.
     """
 
-    xyz: Point3
-    yaw_deg: FiniteFloat = 0.0
-    pitch_deg: FiniteFloat = 0.0
-    roll_deg: FiniteFloat = 0.0
+    xyz: Point3 = Field(description="place in the room frame, or in that of the housing it hangs on: x, y, z [m]")
+    yaw_deg: FiniteFloat = Field(
+        default=0.0, description="turn about z, first; counter-clockwise, 90 looks along the room's y [deg]"
+    )
+    pitch_deg: FiniteFloat = Field(default=0.0, description="turn about the new y, second; positive looks down [deg]")
+    roll_deg: FiniteFloat = Field(
+        default=0.0, description="turn about the new x, last; positive dips the right side [deg]"
+    )
 
     def room_from_housing(self) -> Pose:
         """The pose of the frame x ahead, y left, z up."""
@@ -70,11 +74,24 @@ class Believed(Strict):
     carries holds what is believed. A pressure floor's belief is level: no z, no roll, no pitch.
     """
 
-    xyz: Point3 = (0.0, 0.0, 0.0)
-    rpy_deg: Point3 = (0.0, 0.0, 0.0)
-    focal_scale: FiniteFloat = 1.0
-    principal_px: tuple[FiniteFloat, FiniteFloat] = (0.0, 0.0)
-    time_offset_s: FiniteFloat = 0.0
+    xyz: Point3 = Field(
+        default=(0.0, 0.0, 0.0),
+        description="how far off the sensor is believed to be, believed minus true, along the room's x, y, z [m]",
+    )
+    rpy_deg: Point3 = Field(
+        default=(0.0, 0.0, 0.0),
+        description="how it is believed to be turned: roll, pitch, yaw about its own x, y, z, believed minus true [deg]",
+    )
+    focal_scale: FiniteFloat = Field(
+        default=1.0, description="believed focal length over the true one, of cameras only"
+    )
+    principal_px: tuple[FiniteFloat, FiniteFloat] = Field(
+        default=(0.0, 0.0),
+        description="believed principal point off the true one, right and down, of cameras only [px]",
+    )
+    time_offset_s: FiniteFloat = Field(
+        default=0.0, description="what trackers are told to add to the sensor's stamps [s]"
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> Believed:
@@ -108,6 +125,10 @@ class Mounted(Timing):
     `believed`: what trackers believe of it, where that is not the truth.
     """
 
-    mount: Mount
-    housing: str | None = None
-    believed: Believed | None = None
+    mount: Mount = Field(description="where the sensor hangs and how it is turned")
+    housing: str | None = Field(
+        default=None, description="name of the housing that carries the sensor; none: it hangs in the room"
+    )
+    believed: Believed | None = Field(
+        default=None, description="what trackers believe of the sensor where that is not the truth; none: the truth"
+    )

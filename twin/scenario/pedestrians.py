@@ -33,13 +33,32 @@ class Pedestrians(Strict):
     comes, or only `ids`.
     """
 
-    file: str
-    frame_rate_hz: float | None = Field(default=None, gt=0, le=1000)
-    start_s: float = Field(default=0.0, ge=0)
-    shift_m: Point2 = (0.0, 0.0)
-    turn_deg: FiniteFloat = 0.0
-    ids: tuple[int, ...] | None = None
-    prefix: str = Field(default="walker-", pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")
+    file: str = Field(
+        description="path of the file, relative to the scenario: rows of frame, id, x, z, y ..., or a table t,id,x,y [s, m]"
+    )
+    frame_rate_hz: float | None = Field(
+        default=None,
+        gt=0,
+        le=1000,
+        description="frames a second, for a file that counts frames [Hz]; none: the file holds seconds",
+    )
+    start_s: float = Field(
+        default=0.0, ge=0, description="how long after the file's first moment the scenario begins [s]"
+    )
+    shift_m: Point2 = Field(
+        default=(0.0, 0.0), description="moves the paths into the room frame, after `turn_deg`: x, y [m]"
+    )
+    turn_deg: FiniteFloat = Field(
+        default=0.0, description="turns the paths about the file's origin, counter-clockwise [deg]"
+    )
+    ids: tuple[int, ...] | None = Field(
+        default=None, description="numbers of the people to take; none: everybody who is there during the run"
+    )
+    prefix: str = Field(
+        default="walker-",
+        pattern=r"^[A-Za-z][A-Za-z0-9_-]*$",
+        description="what a person's name begins with, before the number in the file",
+    )
 
 
 def people_from(pedestrians: Pedestrians, duration_s: float, source: str) -> dict[str, dict[str, Any]]:

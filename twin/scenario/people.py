@@ -44,30 +44,57 @@ class Person(Strict):
     build: float | None = Field(default=None, ge=0.8, le=1.35, description="breadth of the body, 1 is the average")
     child: bool | None = Field(default=None, description="proportions of a child; by default below 1.40 m")
     mass_kg: float | None = Field(default=None, ge=8, le=250, description="mass; by default from height and build [kg]")
-    shirt: Annotated[str, _colour_of("shirt")] | None = None
-    shirt_pattern: Annotated[str, _one_of("shirt_pattern")] | None = None
+    shirt: Annotated[str, _colour_of("shirt")] | None = Field(
+        default=None, description="colour of the shirt: a name of the wardrobe or '#rrggbb'"
+    )
+    shirt_pattern: Annotated[str, _one_of("shirt_pattern")] | None = Field(
+        default=None, description="pattern of the shirt: plain, striped, checked or printed"
+    )
     shirt_second: Annotated[str, _colour_of("shirt_second")] | None = Field(
         default=None, description="the other colour of a pattern"
     )
-    sleeves: Literal["short", "long"] | None = None
-    trousers: Annotated[str, _colour_of("trousers")] | None = None
-    skirt: Annotated[str, _colour_or_none_of("skirt")] | None = None
-    coat: Annotated[str, _colour_or_none_of("coat")] | None = None
-    shoes: Annotated[str, _colour_of("shoes")] | None = None
-    skin: Annotated[str, _colour_of("skin")] | None = None
-    hair: Annotated[str, _colour_of("hair")] | None = None
-    hair_style: Annotated[str, _one_of("hair_style")] | None = None
-    beard: bool | None = None
-    cap: Annotated[str, _colour_or_none_of("cap")] | None = None
-    glasses: bool | None = None
-    bag: Annotated[str, _one_of("bag")] | None = None
-    bag_colour: Annotated[str, _colour_of("bag_colour")] | None = None
+    sleeves: Literal["short", "long"] | None = Field(default=None, description="length of the sleeves")
+    trousers: Annotated[str, _colour_of("trousers")] | None = Field(
+        default=None,
+        description="colour of the trousers, or of the leggings under a skirt: a name of the wardrobe or '#rrggbb'",
+    )
+    skirt: Annotated[str, _colour_or_none_of("skirt")] | None = Field(
+        default=None, description="colour of the skirt: a name of the wardrobe or '#rrggbb'; 'none': no skirt"
+    )
+    coat: Annotated[str, _colour_or_none_of("coat")] | None = Field(
+        default=None, description="colour of the coat: a name of the wardrobe or '#rrggbb'; 'none': no coat"
+    )
+    shoes: Annotated[str, _colour_of("shoes")] | None = Field(
+        default=None, description="colour of the shoes: a name of the wardrobe or '#rrggbb'"
+    )
+    skin: Annotated[str, _colour_of("skin")] | None = Field(
+        default=None, description="colour of the skin: a name of the wardrobe or '#rrggbb'"
+    )
+    hair: Annotated[str, _colour_of("hair")] | None = Field(
+        default=None, description="colour of the hair: a name of the wardrobe or '#rrggbb'"
+    )
+    hair_style: Annotated[str, _one_of("hair_style")] | None = Field(
+        default=None, description="style of the hair: short, long, bun, bald, ponytail, bob, afro, curly or cropped"
+    )
+    beard: bool | None = Field(default=None, description="whether the person wears a beard")
+    cap: Annotated[str, _colour_or_none_of("cap")] | None = Field(
+        default=None, description="colour of the cap: a name of the wardrobe or '#rrggbb'; 'none': no cap"
+    )
+    glasses: bool | None = Field(default=None, description="whether the person wears glasses")
+    bag: Annotated[str, _one_of("bag")] | None = Field(
+        default=None, description="what the person carries: none, backpack, shoulder or handbag"
+    )
+    bag_colour: Annotated[str, _colour_of("bag_colour")] | None = Field(
+        default=None, description="colour of the bag: a name of the wardrobe or '#rrggbb'"
+    )
     start: Point2 | None = Field(default=None, description="ground point at t = 0, room frame [m]")
     heading_deg: FiniteFloat | None = Field(
         default=None, description="where the person faces at t = 0, counter-clockwise from x [deg]"
     )
     arrive_s: Seconds = Field(default=0.0, description="when the person comes into being at `start` [s]")
-    script: Script = (Wander(),)
+    script: Script = Field(
+        default=(Wander(),), description="what the person does: one action, or a list of them, done one after another"
+    )
 
     @model_validator(mode="after")
     def _can_be_done(self) -> Person:

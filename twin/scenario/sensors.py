@@ -48,15 +48,27 @@ class LaserDescription(Mounted):
     first beam to the last (0: all at once).
     """
 
-    kind: Literal["laser"]
-    role: Literal["waist", "knee"] | None = None
-    field_of_view_deg: float = Field(default=180.0, gt=0, le=360)
-    resolution_deg: float | None = Field(default=None, gt=0)
-    beams: int | None = Field(default=None, ge=2, le=100_000)
-    range_min_m: float = Field(default=0.05, ge=0)
-    range_max_m: float = Field(default=8.0, gt=0, le=1000)
-    sweep_time_s: float = Field(default=0.0, ge=0, le=0.5)
-    noise: _LaserNoise = LASER_NOISE["default"]
+    kind: Literal["laser"] = Field(description="the kind of sensor: a planar laser scanner")
+    role: Literal["waist", "knee"] | None = Field(
+        default=None,
+        description="the layer that trackers use the scanner for; none: waist from a height of 0.7 m on, knee below",
+    )
+    field_of_view_deg: float = Field(
+        default=180.0, gt=0, le=360, description="angle from the first beam to the last, centred ahead [deg]"
+    )
+    resolution_deg: float | None = Field(
+        default=None, gt=0, description="angle between two beams [deg]; none: by the number of beams, or 0.5"
+    )
+    beams: int | None = Field(default=None, ge=2, le=100_000, description="number of beams; none: by the resolution")
+    range_min_m: float = Field(default=0.05, ge=0, description="shortest range; what is nearer reads NaN [m]")
+    range_max_m: float = Field(default=8.0, gt=0, le=1000, description="longest range; what is farther reads +inf [m]")
+    sweep_time_s: float = Field(
+        default=0.0, ge=0, le=0.5, description="time from the first beam to the last [s]; 0: all at once"
+    )
+    noise: _LaserNoise = Field(
+        default=LASER_NOISE["default"],
+        description="errors of the scanner: off, default, worse, hokuyo, or their parameters",
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> LaserDescription:
@@ -96,10 +108,14 @@ class FisheyeDescription(Mounted):
     The mount's x axis is the optical axis.
     """
 
-    kind: Literal["fisheye"]
-    lens: _Lens = LENSES["equidistant_185"]
-    size: tuple[PositiveInt, PositiveInt] | None = None
-    noise: CameraNoiseByName = CAMERA_NOISE["default"]
+    kind: Literal["fisheye"] = Field(description="the kind of sensor: a fisheye camera")
+    lens: _Lens = Field(default=LENSES["equidistant_185"], description="the lens: a name, or a calibration")
+    size: tuple[PositiveInt, PositiveInt] | None = Field(
+        default=None, description="width and height of the picture [px]; none: the lens's own"
+    )
+    noise: CameraNoiseByName = Field(
+        default=CAMERA_NOISE["default"], description="noise of the image sensor: off, default, worse, or its parameters"
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> FisheyeDescription:

@@ -44,10 +44,18 @@ class CameraNoise(Strict):
     sign, truncated at 6 σ; no fixed pattern, no demosaicking, no gamma, no motion blur.
     """
 
-    read_sigma: float = Field(default=0.0, ge=0, le=10)
-    shot: float = Field(default=0.0, ge=0, le=1)
-    exposure_gain: float = Field(default=1.0, gt=0, le=10)
-    white_balance: WhiteBalance = (1.0, 1.0, 1.0)
+    read_sigma: float = Field(
+        default=0.0, ge=0, le=10, description="standard deviation of the read noise [grey values of 255]"
+    )
+    shot: float = Field(
+        default=0.0, ge=0, le=1, description="variance of the shot noise over the grey value [grey values]"
+    )
+    exposure_gain: float = Field(
+        default=1.0, gt=0, le=10, description="factor on the ideal grey values, before the noise"
+    )
+    white_balance: WhiteBalance = Field(
+        default=(1.0, 1.0, 1.0), description="factors on red, green and blue, after the noise"
+    )
 
     @property
     def is_off(self) -> bool:
@@ -117,7 +125,9 @@ class StereoNoise(CameraNoise):
     error of the disparity is what matching noisy pictures makes of it.
     """
 
-    disparity_sigma_px: float = Field(default=0.0, ge=0, le=20)
+    disparity_sigma_px: float = Field(
+        default=0.0, ge=0, le=20, description="standard deviation of the disparity in mode 'disparity-noise' [px]"
+    )
 
 
 STEREO_NOISE = {

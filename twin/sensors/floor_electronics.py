@@ -52,14 +52,31 @@ class FloorElectronics(Strict):
     integration guide: 15 to 25 % between batches. The rest is ours.
     """
 
-    crosstalk: float = Field(default=0.0, ge=0, le=0.8)
-    gain_sigma: float = Field(default=0.0, ge=0, le=0.5)
-    hysteresis: float = Field(default=0.0, ge=0, le=0.5)
-    read_sigma: float = Field(default=0.0, ge=0, le=50)
-    dead: float = Field(default=0.0, ge=0, le=1)
-    stuck: float = Field(default=0.0, ge=0, le=1)
-    dead_cells: tuple[Cell, ...] = ()
-    stuck_cells: tuple[tuple[NonNegativeInt, NonNegativeInt, int], ...] = ()
+    crosstalk: float = Field(
+        default=0.0, ge=0, le=0.8, description="share of an element's load that goes to its four neighbours, 0 to 0.8"
+    )
+    gain_sigma: float = Field(
+        default=0.0,
+        ge=0,
+        le=0.5,
+        description="spread of the resistors: standard deviation of the factor on an element's load",
+    )
+    hysteresis: float = Field(
+        default=0.0, ge=0, le=0.5, description="share by which a resistor shows more than the load while the load falls"
+    )
+    read_sigma: float = Field(
+        default=0.0, ge=0, le=50, description="standard deviation of the read noise [steps of 255]"
+    )
+    dead: float = Field(default=0.0, ge=0, le=1, description="probability that an element reads 0 at all times, 0 to 1")
+    stuck: float = Field(
+        default=0.0, ge=0, le=1, description="probability that an element reads the same value at all times, 0 to 1"
+    )
+    dead_cells: tuple[Cell, ...] = Field(
+        default=(), description="elements that read 0, as [row, column], counted from 0"
+    )
+    stuck_cells: tuple[tuple[NonNegativeInt, NonNegativeInt, int], ...] = Field(
+        default=(), description="elements that read the same, as [row, column, value 0 to 255]"
+    )
 
     @property
     def is_off(self) -> bool:

@@ -26,13 +26,29 @@ class LaserNoise(Strict):
     Simplified: errors are independent from beam to beam and scan to scan; no dependence on colour or incidence angle.
     """
 
-    sigma_m: float = Field(default=0.0, ge=0, le=1)
-    sigma_per_m: float = Field(default=0.0, ge=0, le=0.1)
-    quantisation_m: float = Field(default=0.0, ge=0, le=1)
-    dropout: float = Field(default=0.0, ge=0, le=1)
-    mixed_pixel: float = Field(default=0.0, ge=0, le=1)
-    divergence_deg: float = Field(default=0.86, gt=0, le=10)
-    edge_m: float = Field(default=0.1, gt=0, le=10)
+    sigma_m: float = Field(default=0.0, ge=0, le=1, description="standard deviation of a range [m]")
+    sigma_per_m: float = Field(
+        default=0.0, ge=0, le=0.1, description="what is added to it for each metre of range [m/m]"
+    )
+    quantisation_m: float = Field(
+        default=0.0, ge=0, le=1, description="step of which ranges are multiples [m]; 0: none"
+    )
+    dropout: float = Field(
+        default=0.0, ge=0, le=1, description="probability that a beam gets no echo and reads +inf, 0 to 1"
+    )
+    mixed_pixel: float = Field(
+        default=0.0,
+        ge=0,
+        le=1,
+        description="probability that a beam over an edge reports the mean of both surfaces, 0 to 1",
+    )
+    divergence_deg: float = Field(default=0.86, gt=0, le=10, description="width of a beam [deg]")
+    edge_m: float = Field(
+        default=0.1,
+        gt=0,
+        le=10,
+        description="difference of neighbouring ranges from which on there is an edge between them [m]",
+    )
 
     @property
     def is_off(self) -> bool:

@@ -22,14 +22,26 @@ class Lens(Strict):
     Outside `field_of_view_deg`, the full angle, pixels are black.
     """
 
-    width: PositiveInt = Field(le=8192)
-    height: PositiveInt = Field(le=8192)
-    fx: float = Field(gt=0)
-    fy: float | None = Field(default=None, gt=0)
-    cx: FiniteFloat | None = None
-    cy: FiniteFloat | None = None
-    k: tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat] = (0.0, 0.0, 0.0, 0.0)
-    field_of_view_deg: float = Field(gt=0, le=MAX_FIELD_OF_VIEW_DEG)
+    width: PositiveInt = Field(le=8192, description="width of the picture that was calibrated [px]")
+    height: PositiveInt = Field(le=8192, description="height of the picture that was calibrated [px]")
+    fx: float = Field(gt=0, description="focal length along a row [px]")
+    fy: float | None = Field(default=None, gt=0, description="focal length along a column [px]; none: fx")
+    cx: FiniteFloat | None = Field(
+        default=None,
+        description="column of the principal point, pixel centres are integers [px]; none: the middle of the picture",
+    )
+    cy: FiniteFloat | None = Field(
+        default=None,
+        description="row of the principal point, pixel centres are integers [px]; none: the middle of the picture",
+    )
+    k: tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat] = Field(
+        default=(0.0, 0.0, 0.0, 0.0), description="coefficients k1 to k4 of θ³, θ⁵, θ⁷, θ⁹; all 0: equidistant"
+    )
+    field_of_view_deg: float = Field(
+        gt=0,
+        le=MAX_FIELD_OF_VIEW_DEG,
+        description="full angle over which the lens forms an image; outside it pixels are black [deg]",
+    )
 
     def intrinsics(self, size: tuple[int, int] | None = None) -> FisheyeIntrinsics:
         """The intrinsics at this picture size (width, height) [px], or the lens's own.

@@ -24,11 +24,22 @@ class Timing(Strict):
     probability `dropout`.
     """
 
-    rate_hz: float = Field(gt=0, le=1000)
-    phase_s: float = Field(default=0.0, ge=0, le=3600)
-    delay_s: float = Field(default=0.0, ge=0, le=60)
-    jitter_s: float = Field(default=0.0, ge=0, le=60)
-    dropout: float = Field(default=0.0, ge=0, le=1)
+    rate_hz: float = Field(gt=0, le=1000, description="looks a second [Hz]")
+    phase_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=3600,
+        description="time of the first look since the start; later ones follow every 1 / rate_hz [s]",
+    )
+    delay_s: float = Field(
+        default=0.0, ge=0, le=60, description="how long after its last instant an observation arrives [s]"
+    )
+    jitter_s: float = Field(
+        default=0.0, ge=0, le=60, description="longest further delay, drawn evenly from 0 up for each observation [s]"
+    )
+    dropout: float = Field(
+        default=0.0, ge=0, le=1, description="probability that an observation is lost on the way, 0 to 1"
+    )
 
 
 class MessageFaults(Protocol):

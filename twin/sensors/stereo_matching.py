@@ -26,14 +26,35 @@ class Matching(Strict):
     least `speckle_px` pixels; elsewhere is a hole.
     """
 
-    block_px: int = Field(default=5, ge=1, le=21)
-    smooth: float = Field(default=8.0, gt=0, le=1000)
-    jump: float = Field(default=32.0, gt=0, le=1000)
-    unique_percent: int = Field(default=8, ge=0, le=50)
-    left_right_px: int = Field(default=1, ge=0, le=16)
-    speckle_px: int = Field(default=60, ge=0, le=10_000)
-    speckle_range_px: int = Field(default=2, ge=1, le=16)
-    paths: Literal["3-way", "5-way", "8-way"] = "5-way"
+    block_px: int = Field(
+        default=5, ge=1, le=21, description="side of the blocks that are compared, an odd number [px]"
+    )
+    smooth: float = Field(
+        default=8.0,
+        gt=0,
+        le=1000,
+        description="cost of a step of one pixel of disparity between neighbours, times block_px²",
+    )
+    jump: float = Field(
+        default=32.0,
+        gt=0,
+        le=1000,
+        description="cost of a larger step of disparity between neighbours, times block_px²; above `smooth`",
+    )
+    unique_percent: int = Field(default=8, ge=0, le=50, description="how far the next best match must cost more [%]")
+    left_right_px: int = Field(
+        default=1, ge=0, le=16, description="largest difference between matching from the left and from the right [px]"
+    )
+    speckle_px: int = Field(
+        default=60,
+        ge=0,
+        le=10_000,
+        description="number of pixels in the smallest patch of like disparities that stands [px]",
+    )
+    speckle_range_px: int = Field(default=2, ge=1, le=16, description="largest step of disparity within a patch [px]")
+    paths: Literal["3-way", "5-way", "8-way"] = Field(
+        default="5-way", description="directions along which costs are summed: 3-way is the fastest, 8-way the densest"
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> Matching:

@@ -49,8 +49,8 @@ Values = Annotated[list[JsonValue], Field(min_length=1), list_of("a list of valu
 class Tolerance(Strict):
     """How much worse a figure may get, on the mean over a scenario's seeds: absolute + relative × |baseline|."""
 
-    absolute: Amount = 0.0
-    relative: Amount = 0.0
+    absolute: Amount = Field(default=0.0, description="how much worse the figure may get, in its own unit")
+    relative: Amount = Field(default=0.0, description="what is added to that, as a share of the baseline's figure")
 
     def allowed(self, baseline: float) -> float:
         """The change that is still tolerated, in the figure's unit."""
@@ -69,12 +69,16 @@ class SuiteScenario(Strict):
     name: OwnName | None = Field(
         default=None, description="what to call it in the results; none: the scenario's own name"
     )
-    seeds: Seeds | None = None
-    trackers: Annotated[tuple[TrackerName, ...], Field(min_length=1), list_of(_TRACKERS)] | None = None
-    limit_s: Limit | None = None
-    set: Changes = Field(default_factory=dict, description="changes to every case, by path")
+    seeds: Seeds | None = Field(default=None, description="a list of seeds, or how many from 0 on; none: the suite's")
+    trackers: Annotated[tuple[TrackerName, ...], Field(min_length=1), list_of(_TRACKERS)] | None = Field(
+        default=None, description="names of trackers to run; none: the suite's"
+    )
+    limit_s: Limit | None = Field(
+        default=None, description="how long a case may take, recording and tracking [s]; none: the suite's"
+    )
+    set: Changes = Field(default={}, description="changes to every case, by path")
     grid: Annotated[dict[str, Values], mapping_of("a mapping of paths to lists, as in {duration_s: [5, 10]},")] = Field(
-        default_factory=dict, description="values by path, every combination"
+        default={}, description="values by path, every combination"
     )
     variants: Annotated[
         list[Changes], Field(min_length=1), list_of("a list of mappings, as in [{}, {duration_s: 5}],")
@@ -96,21 +100,23 @@ def _entry(value: Any) -> Any:
 class Suite(Strict):
     """Scenarios × seeds × overrides × trackers, the time limit of a case, and what counts as worse."""
 
-    name: OwnName
-    description: Text = ""
-    seeds: Seeds = (0, 1, 2)
-    trackers: Annotated[tuple[TrackerName, ...], list_of(_TRACKERS, or_empty=True)] = ()
+    name: OwnName = Field(description="name of the suite; it becomes the name of a folder")
+    description: Text = Field(default="", description="what the suite is for, for readers")
+    seeds: Seeds = Field(default=(0, 1, 2), description="a list of seeds, or how many from 0 on")
+    trackers: Annotated[tuple[TrackerName, ...], list_of(_TRACKERS, or_empty=True)] = Field(
+        default=(), description="names of trackers to run on every scenario that names none"
+    )
     limit_s: Limit = Field(default=600.0, description="how long a case may take, recording and tracking [s]")
-    set: Changes = Field(default_factory=dict, description="changes to every case of every scenario, by path")
+    set: Changes = Field(default={}, description="changes to every case of every scenario, by path")
     scenarios: Annotated[
         list[Annotated[SuiteScenario, BeforeValidator(_entry)]],
         Field(min_length=1),
         list_of("a list of scenarios, as in [{scenario: lab-five-people}],"),
-    ]
+    ] = Field(description="what is run: scenarios with their own seeds, trackers and changes")
     tolerances: Annotated[
         dict[str, Annotated[Tolerance, mapping_of("a mapping, as in {absolute: 0.01},")]],
         mapping_of("a mapping of figures, as in {mota: {absolute: 0.01}},"),
-    ] = Field(default_factory=dict, description="by figure, instead of the default; see twin/suites/figures.py")
+    ] = Field(default={}, description="by figure, instead of the default; see twin/suites/figures.py")
 
     @field_validator("tolerances")
     @classmethod
