@@ -7,9 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from trackers.check import check_tracker
+from trackers.presets import make_tracker
 from trackers.rig import Rig
+from twin.run import run_scenario
 from twin.scenario import load_scenario
 from twin.simulation import Simulation
+from twin.track import track_recording
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 
@@ -19,10 +23,35 @@ def blocks(language: str) -> list[str]:
 
 
 def test_the_python_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    (example,) = blocks("python")
+    example, _ = blocks("python")
     assert len([line for line in example.splitlines() if line.strip()]) <= 10
     exec(compile(example, "README.md", "exec"), {})
     assert "'mota'" in capsys.readouterr().out
+
+
+def test_the_tracker_keeps_the_contract_and_runs_on_the_lab_with_jitter(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, example = blocks("python")
+    (tmp_path / "tracker_of_the_readme.py").write_text(example)
+    monkeypatch.syspath_prepend(tmp_path)
+    (command,) = re.findall(r"`twin run (\S+) --tracker my_lab.tracker:Mine --set (\S+)`", README)
+    scenario = load_scenario(command[0], [command[1], "sensors.knee.jitter_s=0.2", "duration_s=3"])
+    name = "tracker_of_the_readme:Mine"
+
+    with Simulation(scenario, images=False) as simulation:
+        rig, room, observations = simulation.rig, simulation.background(), list(simulation)
+    stamps = [each.stamp_ns for each in observations if each.sensor == rig.main_sensor]
+    assert stamps != sorted(stamps)
+    assert check_tracker(lambda *given: make_tracker(name, *given), rig, observations, room) == []
+
+    run = run_scenario(scenario, trackers=[name], out=tmp_path / "run", video=False, images=False)
+    assert run.metrics is not None
+    figures = run.metrics["trackers"][name]
+    assert figures["mota"] > 0.2  # it finds people, and numbers them anew in every scan
+    again = track_recording(run.files["recording"], trackers=[name], out=tmp_path / "again", video=False)
+    assert again.files[f"tracks {name}"].read_bytes() == run.files[f"tracks {name}"].read_bytes()
+    assert "observations came too late" not in run.files["report"].read_text()
 
 
 def test_the_scenario_loads_and_starts(tmp_path: Path) -> None:

@@ -28,7 +28,8 @@ def check_tracker(
     observations: in order of arrival; some seconds with people in them tell the most. Checked: the two calls; the same
     input gives the same tracks; inputs are left alone; stamps rise; ids are whole numbers, from 1 up, once a frame; x and y
     are numbers, and the rest numbers or NaN; a status is one of the two; and the tracker lives through scans that show
-    nothing or no readings, a gap of 3 s, an observation that comes twice, one that comes late, and no observations.
+    nothing or no readings, a gap of 3 s, an observation that comes twice, one that comes late, and no observations. Doubles
+    and what is late are held back from all but a tracker with `takes_any_order`, as wherever trackers are fed.
     """
     violations: list[str] = []
 

@@ -8,6 +8,7 @@ from math import nan
 from typing import Literal, Protocol, runtime_checkable
 
 from trackers.observations import Observation
+from trackers.order import StampOrder
 from trackers.rig import Rig
 
 Status = Literal["confirmed", "coasting"]
@@ -44,7 +45,7 @@ class TrackFrame:
 
 @runtime_checkable
 class Tracker(Protocol):
-    """Takes observations in order of arrival and reports tracks.
+    """Takes observations in order of their stamps, each once, and reports tracks.
 
     Built as `Class(rig, background, rng, **options)`: the rig, the observations of the empty room (may be none: then
     the tracker learns the background as it goes), a `numpy.random.Generator` of its own.
@@ -52,6 +53,9 @@ class Tracker(Protocol):
     `update` may return the frames that the observation completed, oldest first (a tracker that waits for several
     sensors of one moment completes a frame late), or None: then `tracks()` is read after each observation of
     the rig's main sensor. A tracker that holds frames back has `finish()`, which returns the rest.
+
+    Who feeds a tracker holds observations back into order (`trackers.order`). One with `takes_any_order = True` gets them
+    as they arrive, late ones and doubles among them, and counts what it drops in `discarded`.
     """
 
     def update(self, observation: Observation) -> list[TrackFrame] | None: ...
@@ -59,24 +63,44 @@ class Tracker(Protocol):
     def tracks(self) -> list[Track]: ...
 
 
+class FedTracker:
+    """A tracker and what stands between it and the observations: their order, and the reading of its frames."""
+
+    def __init__(self, tracker: Tracker, rig: Rig) -> None:
+        self.tracker = tracker
+        self._main_sensor = rig.main_sensor
+        self._order = None if getattr(tracker, "takes_any_order", False) else StampOrder()
+
+    @property
+    def discarded(self) -> int:
+        """Observations dropped so far because they came too late or twice."""
+        held_back = self._order.discarded if self._order is not None else 0
+        return held_back + getattr(self.tracker, "discarded", 0)
+
+    def update(self, observation: Observation) -> list[TrackFrame]:
+        """Take one observation in order of arrival; the frames that are complete with it, oldest first."""
+        return self._frames([observation] if self._order is None else self._order.add(observation))
+
+    def finish(self) -> list[TrackFrame]:
+        """The frames still to come when the observations have ended."""
+        frames = self._frames([] if self._order is None else self._order.finish())
+        finish = getattr(self.tracker, "finish", None)
+        return frames + (finish() if finish is not None else [])
+
+    def _frames(self, observations: Iterable[Observation]) -> list[TrackFrame]:
+        completed: list[TrackFrame] = []
+        for observation in observations:
+            frames = self.tracker.update(observation)
+            if frames is not None:
+                completed += frames
+            elif observation.sensor == self._main_sensor:
+                completed.append(TrackFrame(observation.stamp_ns, tuple(self.tracker.tracks())))
+        return completed
+
+
 def track_frames(tracker: Tracker, rig: Rig, observations: Iterable[Observation]) -> Iterator[TrackFrame]:
-    """Feed observations to a tracker and yield its frames as they are completed."""
+    """Feed observations, in order of arrival, to a tracker and yield its frames as they are completed."""
+    fed = FedTracker(tracker, rig)
     for observation in observations:
-        yield from update_frames(tracker, rig, observation)
-    yield from finish_frames(tracker)
-
-
-def update_frames(tracker: Tracker, rig: Rig, observation: Observation) -> list[TrackFrame]:
-    """The frames that one observation completes."""
-    frames = tracker.update(observation)
-    if frames is not None:
-        return frames
-    if observation.sensor != rig.main_sensor:
-        return []
-    return [TrackFrame(observation.stamp_ns, tuple(tracker.tracks()))]
-
-
-def finish_frames(tracker: Tracker) -> list[TrackFrame]:
-    """The frames that a tracker still held back when the observations ended."""
-    finish = getattr(tracker, "finish", None)
-    return finish() if finish is not None else []
+        yield from fed.update(observation)
+    yield from fed.finish()

@@ -106,9 +106,8 @@ def tracker_notes(at_work: Sequence[TrackerAtWork]) -> list[str]:
         unused = getattr(each.tracker, "unused_sensors", [])
         if unused:
             notes.append(f"{each.name}: makes no use of {', '.join(unused)}.")
-        discarded = getattr(each.tracker, "discarded", 0)
-        if discarded:
-            notes.append(f"{each.name}: {discarded} observations came too late or twice and were discarded.")
+        if each.discarded:
+            notes.append(f"{each.name}: {each.discarded} observations came too late or twice and were discarded.")
     return notes
 
 

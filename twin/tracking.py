@@ -14,7 +14,7 @@ from trackers.errors import InputError
 from trackers.observations import Observation
 from trackers.presets import available, make_tracker
 from trackers.rig import Rig
-from trackers.tracks import Tracker, TrackFrame, finish_frames, update_frames
+from trackers.tracks import FedTracker, Tracker, TrackFrame
 from twin.recording.tables import TrackWriter, track_writer
 from twin.scenario.model import TrackerChoice
 from twin.streams import stream
@@ -26,21 +26,26 @@ class TrackerAtWork:
     def __init__(self, name: str, tracker: Any, rig: Rig, writer: TrackWriter) -> None:
         self.name = name
         self.tracker = tracker
-        self._rig = rig
+        self._fed = FedTracker(tracker, rig)
         self._writer = writer
         self._pending_ms = 0.0
         self._frame_ms: list[float] = []
 
+    @property
+    def discarded(self) -> int:
+        """Observations dropped so far because they came too late or twice."""
+        return self._fed.discarded
+
     def update(self, observation: Observation) -> list[TrackFrame]:
         """The frames that this observation completes, written and timed."""
         start = time.perf_counter()
-        frames = update_frames(self.tracker, self._rig, observation)
+        frames = self._fed.update(observation)
         return self._keep(frames, 1e3 * (time.perf_counter() - start))
 
     def finish(self) -> list[TrackFrame]:
         """The frames the tracker still held back."""
         start = time.perf_counter()
-        frames = finish_frames(self.tracker)
+        frames = self._fed.finish()
         return self._keep(frames, 1e3 * (time.perf_counter() - start))
 
     def _keep(self, frames: list[TrackFrame], spent_ms: float) -> list[TrackFrame]:

@@ -72,6 +72,8 @@ class LaserFisheyeImm:
     Raises InputError for an unknown or wrong option, and for a rig without a laser scanner to use.
     """
 
+    takes_any_order = True  # the gatherer waits for what comes late, and drops what comes twice
+
     def __init__(
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
     ) -> None:
