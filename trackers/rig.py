@@ -22,6 +22,11 @@ from trackers.pinhole import PinholeIntrinsics
 Point2 = tuple[FiniteFloat, FiniteFloat]
 Point3 = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 
+Role = Literal["waist", "knee"]
+
+WAIST_FROM_M = 0.7
+"""A scanner without a role mounted at least this high [m] is taken for a waist scanner."""
+
 DepthMode = Literal["matched", "ideal", "disparity-noise"]
 """How the twin makes depth: two pictures matched; the true depth; the true depth with noise on its disparity."""
 
@@ -101,13 +106,18 @@ class LaserSensor(Strict):
     kind: Literal["laser"] = Field(default="laser", description="the kind of sensor: a planar laser scanner")
     topic: str = Field(description="topic of its scans (LaserScan)")
     room_from_sensor: Pose = Field(default=Pose(), description="pose in the room of its frame: x ahead, y left, z up")
-    role: Literal["waist", "knee"] | None = Field(
+    role: Role | None = Field(
         default=None,
         description="the layer that trackers use it for; none: waist from a height of 0.7 m on, knee below",
     )
     time_offset_s: FiniteFloat = Field(
         default=0.0, description="what is added to its stamps to bring them on the rig's clock [s]"
     )
+
+    @property
+    def layer(self) -> Role:
+        """Its role, stated or by its height."""
+        return self.role or ("waist" if self.room_from_sensor.xyz[2] >= WAIST_FROM_M else "knee")
 
 
 class FisheyeSensor(Strict):
@@ -248,11 +258,22 @@ class Rig(Strict):
         default=None, description="tracked area, polygon of [x, y] in the room frame [m]; none: everywhere"
     )
     room: str | None = Field(default=None, description="name of the room the sensors are in; none: not said")
+    main: str | None = Field(
+        default=None,
+        description="name of the sensor at whose stamps trackers report; none: a waist scanner before a knee scanner, a "
+        "fisheye, a camera, a stereo camera, a floor, the first by name",
+    )
 
     @model_validator(mode="after")
     def _area_is_a_polygon(self) -> Rig:
         if self.area is not None and len(self.area) < 3:
             raise ValueError(f"area has {len(self.area)} corners; a polygon needs at least 3")
+        return self
+
+    @model_validator(mode="after")
+    def _main_is_there(self) -> Rig:
+        if self.main is not None and self.main not in self.sensors:
+            raise ValueError(f"main is {self.main!r}, which is no sensor; valid are {', '.join(self.sensors)}")
         return self
 
     def lasers(self) -> dict[str, LaserSensor]:
@@ -269,17 +290,20 @@ class Rig(Strict):
 
     @property
     def main_sensor(self) -> str:
-        """The sensor at whose stamps a tracker is judged: the waist scanner, else the first scanner or sensor.
+        """The sensor at whose stamps trackers report: `main`, else by what the sensors are, whatever their order.
 
-        Raises InputError for a rig without sensors.
+        A waist scanner comes before a knee scanner, a fisheye, a camera, a stereo camera and a floor; among several alike the
+        first by name. Raises InputError for a rig without sensors.
         """
-        lasers = self.lasers()
-        for name, laser in lasers.items():
-            if laser.role == "waist":
-                return name
-        for name in (*lasers, *self.sensors):
-            return name
-        raise InputError("the rig has no sensors; at least one under 'sensors:' is needed")
+        if not self.sensors:
+            raise InputError("the rig has no sensors; at least one under 'sensors:' is needed")
+        if self.main is not None:
+            return self.main
+        ranks = ("waist", "knee", "fisheye", "camera", "stereo", "floor")
+        parts = {
+            name: each.layer if isinstance(each, LaserSensor) else each.kind for name, each in self.sensors.items()
+        }
+        return min(parts, key=lambda name: (ranks.index(parts[name]), name))
 
     def dump_yaml(self) -> str:
         """The rig as the text of a `rig.yaml`."""

@@ -98,9 +98,10 @@ class Simulation:
         }
         area = tuple((float(x), float(y)) for x, y in self.world.scene.area)
         true = {name: sensor.rig_sensor() for name, sensor in self._sensors.items()}
-        self.true_rig = Rig(sensors=true, area=area, room=scenario.room_name)
+        main = scenario.main_sensor if scenario.main_sensor in true else None  # a camera, where images are left out
+        self.true_rig = Rig(sensors=true, area=area, room=scenario.room_name, main=main)
         believed = {name: believed_sensor(self._descriptions[name], sensor) for name, sensor in true.items()}
-        self.rig = Rig(sensors=believed, area=area, room=scenario.room_name)
+        self.rig = Rig(sensors=believed, area=area, room=scenario.room_name, main=main)
         self._check_mounts()
         self._on_truth = on_truth
         self.views = {

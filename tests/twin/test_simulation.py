@@ -10,6 +10,8 @@ import pytest
 from trackers.errors import InputError
 from trackers.observations import LaserScan, Observation
 from twin.scenario import Scenario, load_scenario
+from twin.scenario.housings import rig_told
+from twin.scenario.load import dump_scenario
 from twin.simulation import Simulation
 from twin.truth.frames import TruthFrame
 
@@ -139,3 +141,21 @@ def test_people_in_each_other_are_refused() -> None:
     overlapping = ["people.white.start=[0, 1.5]", "people.black.start=[0.2, 1.5]"]
     with pytest.raises(InputError, match=r"people\.black\.start: \[0\.2, 1\.5\] is 0\.20 m from 'white'"):
         Simulation(scenario(*overlapping), images=False)
+
+
+def test_the_main_sensor_that_a_scenario_states_is_the_rigs() -> None:
+    stated = load_scenario("lab-five-people", [*SHORT, "main_sensor=knee"])
+    with Simulation(stated, images=False) as simulation:
+        assert simulation.rig.main_sensor == simulation.true_rig.main_sensor == "knee"
+        assert rig_told(stated, simulation.rig.area or ()).main_sensor == "knee"
+    with Simulation(load_scenario("lab-five-people", [*SHORT, "main_sensor=fisheye"]), images=False) as simulation:
+        assert simulation.rig.main_sensor == "waist"  # the camera is left out
+
+
+def test_what_no_scenario_states_is_not_written_into_recordings() -> None:
+    plain = scenario()
+    assert "main_sensor" not in dump_scenario(plain)
+    with Simulation(plain, images=False) as simulation:
+        assert "main:" not in simulation.rig.dump_yaml()
+    with pytest.raises(InputError, match="main_sensor: 'wrist' is no sensor; valid are waist, knee, fisheye"):
+        scenario("main_sensor=wrist")

@@ -3,15 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
 
 from trackers.errors import InputError
-from trackers.rig import LaserSensor, Rig
-
-Role = Literal["waist", "knee"]
-
-WAIST_FROM_M = 0.7
-"""A scanner without a role mounted at least this high [m] is taken for a waist scanner."""
+from trackers.rig import LaserSensor, Rig, Role
 
 
 def scanners_by_role(rig: Rig, wanted: Sequence[Role]) -> dict[Role, str]:
@@ -25,7 +19,7 @@ def scanners_by_role(rig: Rig, wanted: Sequence[Role]) -> dict[Role, str]:
     found: dict[Role, str] = {}
     stated_first = sorted(lasers.items(), key=lambda item: item[1].role is None)  # a stable sort
     for name, laser in stated_first:
-        role = laser.role or _role_by_height(laser, wanted)
+        role = _role(laser, wanted)
         if role in wanted:
             found.setdefault(role, name)
     if not found:
@@ -39,8 +33,6 @@ def scanners_by_role(rig: Rig, wanted: Sequence[Role]) -> dict[Role, str]:
     return {role: found[role] for role in ("waist", "knee") if role in found}
 
 
-def _role_by_height(laser: LaserSensor, wanted: Sequence[Role]) -> Role:
-    height_m = laser.room_from_sensor.xyz[2]
-    if height_m == 0:
-        return "knee" if "knee" in wanted else "waist"
-    return "waist" if height_m >= WAIST_FROM_M else "knee"
+def _role(laser: LaserSensor, wanted: Sequence[Role]) -> Role:
+    unknown = laser.role is None and laser.room_from_sensor.xyz[2] == 0
+    return "waist" if unknown and "knee" not in wanted else laser.layer

@@ -1,4 +1,4 @@
-"""What one epoch shows of people, before any tracking: trunks with their colours, single legs; nothing is remembered here
+"""What one moment shows of people, before any tracking: trunks with their colours, single legs; nothing is remembered here
 but backgrounds."""
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.area import Area
-from trackers.epochs import Epoch
 from trackers.errors import InputError
 from trackers.laser.layer import Detections, LaserLayer
 from trackers.laser.roles import Role, scanners_by_role
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.observations import Image, LaserScan, Observation
 from trackers.rig import Rig, StereoSensor
+from trackers.tracking.moments import Moment
 from trackers.vision.histogram import ColourHistogram
 from trackers.vision.torso import TorsoProjector, TorsoWindows
 
@@ -26,7 +26,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What one epoch shows: trunks with their colours, single legs."""
+    """What one moment shows: trunks with their colours, single legs."""
 
     trunks: Detections
     legs: Detections
@@ -77,10 +77,10 @@ class Detector:
         """Whether a scanner came without scans of the empty room."""
         return any(layer.learns_background for layer in self._layers.values())
 
-    def detect(self, epoch: Epoch) -> Seen:
-        """What the epoch shows in the area. Raises InputError for an image of another size than the rig's."""
-        trunks, legs = self._scanned(epoch, "waist"), self._scanned(epoch, "knee")
-        image = None if self._camera is None else epoch.observations.get(self._camera)
+    def detect(self, moment: Moment) -> Seen:
+        """What the moment shows in the area. Raises InputError for an image of another size than the rig's."""
+        trunks, legs = self._scanned(moment, "waist"), self._scanned(moment, "knee")
+        image = None if self._camera is None else moment.observations.get(self._camera)
         if self._projector is None or not isinstance(image, Image):
             nothing = np.zeros(len(trunks), np.bool_)
             return Seen(trunks, legs, None, np.zeros((len(trunks), self.histogram.size)), nothing, nothing)
@@ -93,8 +93,8 @@ class Detector:
         histograms = self.histogram.of_windows(image.rgb, windows.pixels, windows.inside)
         return Seen(trunks, legs, windows, histograms, windows.usable, windows.clear)
 
-    def _scanned(self, epoch: Epoch, role: Role) -> Detections:
-        scan = epoch.observations.get(self._scanners.get(role, ""))
+    def _scanned(self, moment: Moment, role: Role) -> Detections:
+        scan = moment.observations.get(self._scanners.get(role, ""))
         if not isinstance(scan, LaserScan):
             return Detections.none()
         detections = self._layers[role].detect(scan)
@@ -102,13 +102,13 @@ class Detector:
             return detections
         return detections.select(self._area.contains(detections.position))
 
-    def missed(self, epoch: Epoch, points: Array) -> Array:
-        """How probably the epoch's scans show nothing of somebody at points (2, ...), (...); nobody is outside the area."""
+    def missed(self, moment: Moment, points: Array) -> Array:
+        """How probably the moment's scans show nothing of somebody at points (2, ...), (...); nobody is outside the area."""
         chance = np.ones(points.shape[1:])
         if self._area is not None:
             chance[~self._area.contains(points.reshape(2, -1).T).reshape(chance.shape)] = 0
         for role, name in self._scanners.items():
-            scan = epoch.observations.get(name)
+            scan = moment.observations.get(name)
             if isinstance(scan, LaserScan):
                 chance *= self._layers[role].missed(scan, points)
         return chance

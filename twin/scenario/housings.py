@@ -86,7 +86,7 @@ def rig_told(scenario: Scenario, area: tuple[Point2, ...]) -> Rig:
     """
     hung = {name: in_the_room(scenario, name) for name in scenario.sensors}
     told = {name: believed_sensor(description, description.rig_sensor(name)) for name, description in hung.items()}
-    return Rig(sensors=told, area=area, room=scenario.room_name)
+    return Rig(sensors=told, area=area, room=scenario.room_name, main=scenario.main_sensor)
 
 
 def _believed_pose(description: AnyDescription, believed: Believed) -> Pose:

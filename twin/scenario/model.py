@@ -78,6 +78,10 @@ class Scenario(Strict):
     lights: tuple[LightChange, ...] = Field(default=(), description="how the room's light changes during the run")
     people: dict[Name, Person] = Field(description="who is in the room, by name")
     sensors: dict[Name, SensorDescription] = Field(description="what watches the room, by name")
+    main_sensor: Name | None = Field(
+        default=None,
+        description="name of the sensor at whose stamps trackers report, written into the rig; none: the rig's rule",
+    )
     housings: dict[Name, Housing] = Field(
         default={}, description="bodies that carry several sensors, which name theirs"
     )
@@ -100,6 +104,8 @@ class Scenario(Strict):
             raise ValueError(f"area has {len(self.area)} corners; a polygon needs at least 3")
         if not self.sensors:
             raise ValueError("sensors is empty; a scenario needs at least one sensor")
+        if self.main_sensor is not None and self.main_sensor not in self.sensors:
+            raise ValueError(f"main_sensor: {self.main_sensor!r} is no sensor; valid are {', '.join(self.sensors)}")
         for name, person in self.people.items():
             self._check_companions(name, person)
         for name, sensor in self.sensors.items():

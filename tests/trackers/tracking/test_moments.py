@@ -1,0 +1,238 @@
+"""Gathering the observations of one moment, by declaration."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from trackers.observations import NS_PER_S, FloorFrame, Image, LaserScan, Observation
+from trackers.tracking.moments import Moment, MomentGatherer, MomentRules
+
+TWO_LAYERS = MomentRules(opens=("waist", "knee"), joins=("camera",))
+CAMERAS = ("camera_1", "camera_2", "camera_3", "camera_4")
+
+
+def seen(sensor: str, t: float) -> Observation:
+    ns = round(t * NS_PER_S)
+    if sensor.startswith("camera"):
+        return Image(sensor, ns, np.zeros((2, 2, 3), np.uint8))
+    if sensor == "floor":
+        return FloorFrame(sensor, ns, np.zeros((2, 2), np.uint8))
+    return LaserScan(sensor, ns, np.ones(3, np.float32), 0.0, 0.1, 0.1, 9.0)
+
+
+def left(gather: MomentGatherer, *arrivals: tuple[str, float]) -> list[Moment]:
+    return [moment for sensor, t in arrivals for moment in gather.add(seen(sensor, t))]
+
+
+def fed(gather: MomentGatherer, *arrivals: tuple[str, float]) -> list[tuple[float, str]]:
+    """Moments as (t, sensors) in the order in which they leave."""
+    return [told(moment) for moment in left(gather, *arrivals)]
+
+
+def told(moment: Moment) -> tuple[float, str]:
+    return round(moment.t, 6), "".join(sorted(name[0] for name in moment.observations))
+
+
+def test_a_moment_leaves_when_its_last_sensor_reports():
+    gather = MomentGatherer(TWO_LAYERS)
+    assert fed(gather, ("waist", 1.0), ("knee", 1.01)) == []
+    assert fed(gather, ("camera", 1.04)) == [(1.0, "ckw")]
+
+
+def test_sensors_may_come_in_any_order_and_the_first_openers_stamp_counts():
+    gather = MomentGatherer(TWO_LAYERS)
+    assert fed(gather, ("camera", 1.03), ("knee", 1.02), ("waist", 1.0)) == [(1.0, "ckw")]
+
+
+def test_a_silent_sensor_costs_the_waiting_time_and_no_more():
+    gather = MomentGatherer(TWO_LAYERS)
+    arrivals = [(name, round(0.1 * k, 3)) for k in range(20) for name in ("waist", "knee")]
+    assert fed(gather, *arrivals) == [(round(0.1 * k, 3), "kw") for k in range(18)]
+    assert [round(moment.t, 3) for moment in gather.finish()] == [1.8, 1.9]
+    assert gather.discarded == 0
+
+
+def test_late_and_double_observations_are_dropped_and_counted():
+    gather = MomentGatherer(MomentRules(opens=("waist", "knee")))
+    assert fed(gather, ("waist", 1.0), ("waist", 1.0)) == []  # twice while it waits
+    assert fed(gather, ("knee", 1.0), ("knee", 1.0), ("waist", 0.9), ("waist", 1.0)) == [(1.0, "kw")]
+    assert gather.discarded == 4
+    assert fed(gather, ("waist", 1.1), ("knee", 1.1)) == [(1.1, "kw")]
+
+
+def test_what_belonged_to_a_moment_that_left_without_it_does_not_open_another():
+    gather = MomentGatherer(MomentRules(opens=("waist", "knee")))
+    assert fed(gather, ("waist", 1.0), ("waist", 1.1), ("waist", 1.2)) == [(1.0, "w")]
+    assert fed(gather, ("knee", 1.02)) == []
+    assert gather.discarded == 1
+
+
+def test_moments_leave_in_order_even_if_a_later_one_is_whole_first():
+    gather = MomentGatherer(MomentRules(opens=("waist", "knee")))
+    assert fed(gather, ("waist", 1.0), ("waist", 1.1), ("knee", 1.1), ("knee", 1.0)) == [(1.0, "kw"), (1.1, "kw")]
+
+
+def test_what_joins_no_moment_is_dropped_in_the_end():
+    gather = MomentGatherer(TWO_LAYERS)
+    assert fed(gather, *[("camera", 0.1 * k) for k in range(50)]) == []
+    assert gather.discarded == 48  # the last two may still find their scan
+    assert gather.finish() == []
+    assert gather.discarded == 50
+
+
+@pytest.mark.parametrize(("main", "t"), [(None, 0.98), ("knee", 0.98), ("waist", 1.0), ("camera", 1.03)])
+def test_a_moment_takes_the_stamp_of_the_sensor_that_is_stated(main, t):
+    rules = MomentRules(opens=("knee", "waist"), joins=("camera",), main=main)
+    for order in (("knee", "waist", "camera"), ("camera", "waist", "knee")):
+        stamps = {"knee": 0.98, "waist": 1.0, "camera": 1.03}
+        (moment,) = left(MomentGatherer(rules), *((name, stamps[name]) for name in order))
+        assert moment.ns == round(t * NS_PER_S)
+        assert {name: each.t for name, each in moment.observations.items()} == stamps
+
+
+def test_a_fast_scanner_opens_a_moment_for_every_scan():
+    gather = MomentGatherer(MomentRules(opens=("waist",)))
+    moments = fed(gather, *[("waist", 0.025 * k) for k in range(8)])
+    assert [t for t, _ in moments] == [pytest.approx(0.025 * k) for k in range(8)]
+
+
+def test_sensors_that_are_not_named_are_ignored():
+    gather = MomentGatherer(MomentRules(opens=("waist",)))
+    assert fed(gather, ("knee", 1.0)) == []
+    assert gather.discarded == 0
+
+
+def test_three_scanners_half_a_period_apart_are_of_one_moment_each_time():
+    gather = MomentGatherer(MomentRules(opens=("a", "b", "c"), max_wait_s=0.1))
+    arrivals = sorted(
+        (round(0.04 * k + phase, 3), name)
+        for k in range(25)
+        for name, phase in zip("abc", (0, 0.02, 0.01), strict=True)
+    )
+    moments = [*left(gather, *((name, t) for t, name in arrivals)), *gather.finish()]
+    assert all(later.ns - earlier.ns == 0.04 * NS_PER_S for earlier, later in pairwise(moments[2:]))
+    assert all(sorted(moment.observations) == ["a", "b", "c"] for moment in moments[2:-1])
+    assert gather.discarded == 0
+
+
+def test_scanners_faster_than_declared_that_miss_scans_never_make_two_moments_of_one_stamp():
+    rng = np.random.default_rng(4)
+    gather = MomentGatherer(MomentRules(opens=("west", "east")))
+    arrivals = [
+        (name, round(0.04 * k, 3)) for k in range(100) for name in ("west", "east") if k < 4 or rng.random() > 0.2
+    ]
+    moments = [*left(gather, *arrivals), *gather.finish()]
+    assert sum(len(moment.observations) for moment in moments) == len(arrivals)
+    assert all(earlier.ns < later.ns for earlier, later in pairwise(moments))
+    assert all(each.stamp_ns == moment.ns for moment in moments[4:] for each in moment.observations.values())
+
+
+def test_cameras_alone_make_a_moment_of_four_pictures():
+    gather = MomentGatherer(MomentRules(opens=CAMERAS, period_s=0.05))
+    arrivals = [(name, round(0.05 * k, 3)) for k in range(10) for name in CAMERAS]
+    assert fed(gather, *arrivals) == [(round(0.05 * k, 3), "cccc") for k in range(10)]
+
+
+def test_a_floor_alone_makes_a_moment_of_each_frame():
+    gather = MomentGatherer(MomentRules(opens=("floor",)))
+    assert fed(gather, *[("floor", 0.1 * k) for k in range(5)]) == [(round(0.1 * k, 6), "f") for k in range(5)]
+
+
+PERIOD_S = 1 / 4.5
+PHASES = dict(zip(CAMERAS, (0.0, 0.2, 0.45, 0.7), strict=True))
+STAGGERED = sorted((PERIOD_S * (k + phase), name) for k in range(12) for name, phase in PHASES.items())
+
+
+def test_pictures_taken_one_after_another_join_the_nearest_moment_with_their_own_stamps():
+    rules = MomentRules(opens=CAMERAS[:1], joins=CAMERAS[1:], period_s=PERIOD_S, max_wait_s=PERIOD_S)
+    gather = MomentGatherer(rules)
+    moments = left(gather, *((name, t) for t, name in STAGGERED))
+    assert [moment.ns for moment in moments[:9]] == [round(PERIOD_S * k * NS_PER_S) for k in range(9)]
+    for moment in moments[2:9]:
+        off_s = {name: each.t - moment.t for name, each in moment.observations.items()}
+        expected = {name: PERIOD_S * (phase - (phase > 0.5)) for name, phase in PHASES.items()}
+        assert off_s == pytest.approx(expected, abs=1e-8)
+    assert gather.discarded == 0
+
+
+def test_pictures_may_each_be_a_moment_of_their_own_those_of_one_stamp_together():
+    rules = MomentRules(opens=CAMERAS, within_s=0.0, max_wait_s=0.06)
+    gather = MomentGatherer(rules)
+    moments = [*left(gather, *((name, t) for t, name in STAGGERED)), *gather.finish()]
+    assert [(moment.t, *moment.observations) for moment in moments] == [
+        (pytest.approx(t, abs=1e-8), name) for t, name in STAGGERED
+    ]
+    gather = MomentGatherer(rules)
+    at_once = [(name, 0.2 * k) for k in range(5) for name in CAMERAS]
+    assert fed(gather, *at_once) == [(round(0.2 * k, 6), "cccc") for k in range(5)]
+
+
+BESIDE_A_FLOOR = MomentRules(opens=CAMERAS[:2], held=("floor",), period_s=0.05)
+
+
+def test_a_slower_floor_is_held_the_newest_that_is_not_after_the_moment():
+    gather = MomentGatherer(BESIDE_A_FLOOR)
+    arrivals = [
+        (name, round(0.05 * k, 3))
+        for k in range(10)
+        for name in ("floor", *CAMERAS[:2])
+        if name != "floor" or k % 2 == 0
+    ]
+    moments = left(gather, *arrivals)
+    assert [moment.t for moment in moments] == [pytest.approx(0.05 * k) for k in range(10)]
+    assert [moment.held["floor"].t for moment in moments] == [pytest.approx(0.1 * (k // 2)) for k in range(10)]
+    assert not any("floor" in moment.observations for moment in moments)
+
+
+def test_newest_is_by_stamp_not_by_arrival_and_late_or_double_values_are_counted():
+    gather = MomentGatherer(BESIDE_A_FLOOR)
+    both = [("camera_1", 1.0), ("camera_2", 1.0)]
+    (moment,) = left(gather, ("floor", 0.95), ("floor", 0.9), ("floor", 0.95), ("floor", 1.02), *both)
+    assert moment.held["floor"].t == 0.95  # the one at 1.02 is of a later moment
+    assert gather.discarded == 1
+    (moment,) = left(gather, ("floor", 0.94), ("floor", 0.95), ("camera_1", 1.05), ("camera_2", 1.05))
+    assert moment.held["floor"].t == 1.02
+    assert gather.discarded == 3
+
+
+def test_a_floor_that_has_not_spoken_yet_holds_nobody_up():
+    gather = MomentGatherer(BESIDE_A_FLOOR)
+    (moment,) = left(gather, ("camera_1", 1.0), ("camera_2", 1.0))
+    assert moment.held == {}
+
+
+def test_an_awaited_floor_is_waited_for_and_no_longer_than_said():
+    rules = replace(BESIDE_A_FLOOR, awaited=(*CAMERAS[:2], "floor"), max_wait_s=0.08)
+    gather = MomentGatherer(rules)
+    both = [("camera_1", 1.0), ("camera_2", 1.0)]
+    assert left(gather, ("floor", 0.9), *both) == []
+    (moment,) = left(gather, ("floor", 1.0))
+    assert moment.held["floor"].t == 1.0
+    assert left(gather, ("camera_1", 1.05), ("camera_2", 1.05)) == []
+    assert left(gather, ("camera_1", 1.1), ("camera_2", 1.1)) == []
+    (moment,) = left(gather, ("camera_1", 1.15))
+    assert (moment.t, moment.held["floor"].t) == (1.05, 1.0)
+
+
+def test_values_are_held_in_bounded_memory_while_no_moment_opens():
+    gather = MomentGatherer(BESIDE_A_FLOOR)
+    left(gather, *[("floor", 0.1 * k) for k in range(1000)])
+    assert len(gather._held["floor"]) <= 3
+    (moment,) = left(gather, ("camera_1", 99.95), ("camera_2", 99.95))
+    assert moment.held["floor"].t == pytest.approx(99.9)
+
+
+@pytest.mark.parametrize(
+    ("rules", "complaint"),
+    [
+        ({"opens": ()}, "no sensor opens"),
+        ({"opens": ("a",), "joins": ("a",)}, "twice"),
+        ({"opens": ("a",), "held": ("b",), "main": "b"}, "main is 'b'"),
+        ({"opens": ("a",), "awaited": ("a", "c")}, "awaited are c"),
+    ],
+)
+def test_a_declaration_that_makes_no_sense_is_refused(rules, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        MomentRules(**rules)

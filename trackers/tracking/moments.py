@@ -1,0 +1,222 @@
+"""Moments: what several sensors report at about the same time, gathered by declaration before a tracker works it.
+
+A tracker declares (`MomentRules`) which sensors open a moment, which join the nearest one, of which the newest value is held,
+and what is awaited how long. A pair of scanners and a camera: the scanners open, the camera joins. Cameras beside a slower
+pressure floor: the cameras open, the floor is held. Cameras alone, or a floor alone: they open. Cameras that look one after
+another, each picture at its own stamp: all open, `within_s=0`.
+
+A moment is whole when every awaited sensor has reported, and is given up waiting for when an observation at least
+`max_wait_s` newer has arrived; moments leave in order of time. So a silent sensor delays a tracker by little more than
+`max_wait_s`, never for ever. What comes too late (its moment has left) or twice is dropped and counted.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from statistics import median_low
+
+from trackers.observations import NS_PER_S, Observation
+
+_GAPS = 9
+"""How many of a sensor's last gaps between observations tell its period."""
+
+
+@dataclass(frozen=True)
+class MomentRules:
+    """How moments are made of observations; sensors that are not named here are ignored.
+
+    opens: sensors whose observations open a moment, or join one of each other's. joins: those that join the nearest moment
+    and never open one. held: those whose newest value not after the moment is handed out with it, again and again where they
+    are slower. main: the sensor whose stamp a moment takes, else that of the first of `opens` that it holds (None: that one).
+    awaited: the sensors waited for (None: all that open or join); a held one is awaited until its value is of the moment or
+    newer. within_s: how far from a moment an observation may be to join it (None: half of `period_s`, and half of the period
+    at which the fastest opener is seen to report, where that is less).
+
+    Raises ValueError where nothing opens, a sensor is named twice, or the main or an awaited one is not named at all.
+    """
+
+    opens: tuple[str, ...]
+    joins: tuple[str, ...] = ()
+    held: tuple[str, ...] = ()
+    main: str | None = None
+    awaited: tuple[str, ...] | None = None
+    period_s: float = 0.1
+    within_s: float | None = None
+    max_wait_s: float = 0.15
+
+    def __post_init__(self) -> None:
+        named = (*self.opens, *self.joins, *self.held)
+        if not self.opens:
+            raise ValueError("no sensor opens a moment; at least one in 'opens' is needed")
+        if len(set(named)) < len(named):
+            raise ValueError(f"a sensor stands twice among {', '.join(named)}; each has one part")
+        if self.main is not None and self.main not in (*self.opens, *self.joins):
+            raise ValueError(f"main is {self.main!r}, which neither opens nor joins")
+        if unknown := set(self.awaited or ()) - set(named):
+            raise ValueError(f"awaited are {', '.join(sorted(unknown))}, which neither open, join nor are held")
+
+
+@dataclass
+class Moment:
+    """The observations of one moment, by sensor, each with its own stamp.
+
+    ns: the moment [ns], see `MomentRules.main`. held: the newest values not after it of the sensors that are held; their own
+    stamps say how old they are.
+    """
+
+    ns: int
+    observations: dict[str, Observation] = field(default_factory=dict)
+    held: dict[str, Observation] = field(default_factory=dict)
+
+    @property
+    def t(self) -> float:
+        """The moment [s]."""
+        return self.ns / NS_PER_S
+
+
+class MomentGatherer:
+    """Takes observations in order of arrival, hands back moments in order of time.
+
+    Stamps are on one clock: whoever decodes messages adds the rig's time offsets.
+    """
+
+    def __init__(self, rules: MomentRules) -> None:
+        self._rules = rules
+        self._awaited = (*rules.opens, *rules.joins) if rules.awaited is None else rules.awaited
+        self._stamped_by = rules.opens if rules.main is None else (rules.main, *rules.opens)
+        self._max_wait_ns = round(rules.max_wait_s * NS_PER_S)
+        self._within_ns = round((0.5 * rules.period_s if rules.within_s is None else rules.within_s) * NS_PER_S)
+        self._last_ns: dict[str, int] = {}
+        self._gaps_ns: dict[str, deque[int]] = {name: deque(maxlen=_GAPS) for name in rules.opens}
+        self._pending: list[Moment] = []
+        self._waiting: list[Observation] = []  # those that join, while no moment is open for them
+        self._held: dict[str, list[Observation]] = {name: [] for name in rules.held}  # by stamp
+        self._left: Moment | None = None
+        self.discarded = 0
+        """How many observations came too late, twice, or found no moment to join."""
+
+    def add(self, observation: Observation) -> list[Moment]:
+        """The moments that are ready now that `observation` has arrived, oldest first."""
+        rules, sensor, ns = self._rules, observation.sensor, observation.stamp_ns
+        if sensor in rules.held:
+            self._hold(observation)
+        elif sensor not in rules.opens and sensor not in rules.joins:
+            return []
+        elif self._came_too_late(sensor, ns) or self._has(sensor, ns):
+            self.discarded += 1
+            return []
+        elif sensor in rules.opens:
+            self._learn_period(sensor, ns)
+            moment = self._nearest(ns, without=sensor)
+            if moment is None:
+                moment = Moment(ns)
+                self._pending.append(moment)
+            self._put(moment, observation)
+        else:
+            self._waiting.append(observation)
+        self._join()
+        return self._ready(ns)
+
+    def finish(self) -> list[Moment]:
+        """The moments still waiting, oldest first; what found no moment to join is dropped."""
+        moments, self._pending = self._pending, []
+        for moment in moments:
+            self._leave(moment)
+        self.discarded += len(self._waiting)
+        self._waiting = []
+        return moments
+
+    def _learn_period(self, sensor: str, ns: int) -> None:
+        """Where sensors report faster than declared, moments are nearer to one another."""
+        if self._rules.within_s is not None:
+            return
+        gap_ns = ns - self._last_ns.get(sensor, ns)
+        self._last_ns[sensor] = ns
+        if gap_ns > 0:
+            self._gaps_ns[sensor].append(gap_ns)
+            seen_ns = [median_low(gaps) for gaps in self._gaps_ns.values() if gaps]
+            self._within_ns = min(round(self._rules.period_s * NS_PER_S), *seen_ns) // 2
+
+    def _came_too_late(self, sensor: str, ns: int) -> bool:
+        if self._left is None:
+            return False
+        if ns <= self._left.ns:
+            return True
+        # it belonged to a moment that has left without it
+        return sensor not in self._left.observations and ns - self._left.ns <= self._within_ns
+
+    def _has(self, sensor: str, ns: int) -> bool:
+        """Whether an observation of that sensor and stamp is already waiting."""
+        waiting = [moment.observations[sensor] for moment in self._pending if sensor in moment.observations]
+        waiting += [other for other in self._waiting if other.sensor == sensor]
+        return any(other.stamp_ns == ns for other in waiting)
+
+    def _nearest(self, ns: int, without: str) -> Moment | None:
+        """The pending moment nearest to `ns`, near enough to join, that lacks the sensor."""
+        near = [
+            (abs(moment.ns - ns), moment.ns, place)
+            for place, moment in enumerate(self._pending)
+            if without not in moment.observations and abs(moment.ns - ns) <= self._within_ns
+        ]
+        return self._pending[min(near)[2]] if near else None
+
+    def _put(self, moment: Moment, observation: Observation) -> None:
+        moment.observations[observation.sensor] = observation
+        stamped_by = next(name for name in (*self._stamped_by, observation.sensor) if name in moment.observations)
+        moment.ns = moment.observations[stamped_by].stamp_ns
+        self._pending.sort(key=lambda pending: pending.ns)
+
+    def _join(self) -> None:
+        waiting, self._waiting = self._waiting, []
+        for observation in waiting:
+            moment = self._nearest(observation.stamp_ns, without=observation.sensor)
+            if moment is None:
+                self._waiting.append(observation)
+            else:
+                self._put(moment, observation)
+
+    def _hold(self, observation: Observation) -> None:
+        values, ns = self._held[observation.sensor], observation.stamp_ns
+        handed_out = self._left.held.get(observation.sensor) if self._left is not None else None
+        if any(value.stamp_ns == ns for value in values) or (handed_out is not None and ns <= handed_out.stamp_ns):
+            self.discarded += 1
+            return
+        values.append(observation)
+        values.sort(key=lambda value: value.stamp_ns)
+
+    def _ready(self, newest_ns: int) -> list[Moment]:
+        ready = []
+        while self._pending:
+            head = self._pending[0]
+            if newest_ns - head.ns < self._max_wait_ns and any(self._lacks(head, name) for name in self._awaited):
+                break
+            ready.append(self._pending.pop(0))
+            self._leave(head)
+        # a moment that these could join may open until then
+        oldest_ns = newest_ns - max(self._max_wait_ns, self._within_ns + 1)
+        kept = [observation for observation in self._waiting if observation.stamp_ns > oldest_ns]
+        self.discarded += len(self._waiting) - len(kept)
+        self._waiting = kept
+        self._forget_held_before(min([oldest_ns, *(moment.ns for moment in self._pending[:1])]))
+        return ready
+
+    def _lacks(self, moment: Moment, sensor: str) -> bool:
+        """Whether an awaited sensor has not yet said of the moment what it can say."""
+        if sensor in self._held:
+            return not self._held[sensor] or self._held[sensor][-1].stamp_ns < moment.ns
+        return sensor not in moment.observations
+
+    def _leave(self, moment: Moment) -> None:
+        """Hand the moment the values that are held, as it leaves."""
+        self._forget_held_before(moment.ns)
+        moment.held = {
+            name: values[0] for name, values in self._held.items() if values and values[0].stamp_ns <= moment.ns
+        }
+        self._left = moment
+
+    def _forget_held_before(self, ns: int) -> None:
+        """Keep of every sensor that is held the newest value up to `ns`, and the later ones."""
+        for name, values in self._held.items():
+            n_before = sum(value.stamp_ns <= ns for value in values)
+            self._held[name] = values[max(n_before - 1, 0) :]
