@@ -12,9 +12,17 @@ from trackers.laser.layer import Detections
 from trackers.laser_fisheye_imm.association import Association, Matches, known_again
 from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
-from trackers.people import People
+from trackers.laser_fisheye_imm.people import People
+from trackers.observations import NS_PER_S
 
-PERIOD_S, T = 0.1, 1.0
+PERIOD_S, NOW = 0.1, NS_PER_S
+
+
+def ago(*seconds: float) -> np.ndarray:
+    """Stamps so long before now [ns]."""
+    return np.array([NOW - round(each * NS_PER_S) for each in seconds])
+
+
 SEEN = np.ones(2, np.bool_)  # by their trunks
 
 
@@ -24,18 +32,22 @@ def detections(*places: tuple[float, float]) -> Detections:
     return Detections(position, nothing, nothing + 0.1, nothing + 2, np.zeros((2, len(position))))
 
 
+def followed(people: People, measured_ns: np.ndarray) -> People:
+    """All confirmed, last measured at these stamps."""
+    roster = people.roster.confirm(np.arange(len(people)), 1)
+    return people.changed(roster=roster.changed(measured_ns=measured_ns))
+
+
 def matched(trunks: Detections, legs: Detections, **options) -> Matches:
     """Of one person in sight at (0, 1.5) and one last seen half a second ago at (0.4, 1.9), both confirmed."""
     imm = Imm()
     places = np.array([[0.0, 1.5], [0.4, 1.9]])
     state = imm.start(places, np.zeros((2, 2)), 0.02, np.full(2, 0.1))
-    people = People.born(state, places, 0.0, SEEN, np.zeros((2, 4)), np.zeros(2, np.int64))
-    people = replace(
-        people, id=np.array([1, 2]), confirmed=np.ones(2, np.bool_), measured_t=np.array([T - PERIOD_S, T - 0.5])
-    )
+    people = People.started(state, places, 0, SEEN, np.zeros((2, 4)), np.zeros(2, np.int64))
+    people = followed(people, ago(PERIOD_S, 0.5))
     count = len(trunks)
     seen = Seen(trunks, legs, None, np.zeros((count, 4)), np.zeros(count, np.bool_), np.zeros(count, np.bool_))
-    return Association(people, imm, LaserFisheyeImmOptions.model_validate(options), 0.5, T).matches(seen)
+    return Association(people, imm, LaserFisheyeImmOptions.model_validate(options), 0.5, NOW).matches(seen)
 
 
 LEGS_OF_THE_FIRST = ((-0.1, 1.45), (0.12, 1.5))
@@ -67,12 +79,12 @@ def by_shirt(unknown_is: float) -> list[int]:
     imm = Imm()
     places = np.array([[0.0, 2.0], [0.5, 2.0]])
     shirts = np.array([[0.0, 0.0], [0.9, 0.1]])
-    people = People.born(imm.start(places, np.zeros((2, 2)), 0.02, 0.1), places, 0.0, SEEN, shirts, np.array([0, 9]))
-    people = replace(people, id=np.array([1, 2]), confirmed=np.ones(2, np.bool_), measured_t=np.full(2, T - PERIOD_S))
+    people = People.started(imm.start(places, np.zeros((2, 2)), 0.02, 0.1), places, 0, SEEN, shirts, np.array([0, 9]))
+    people = followed(people, ago(PERIOD_S, PERIOD_S))
     shown = np.ones(1, np.bool_)
     seen = Seen(detections((0.15, 2.0)), detections(), None, np.array([[0.9, 0.1]]), shown, shown)
     options = LaserFisheyeImmOptions.model_validate({"unknown_colour": unknown_is})
-    return Association(people, imm, options, 0.5, T).matches(seen).track.tolist()
+    return Association(people, imm, options, 0.5, NOW).matches(seen).track.tolist()
 
 
 def test_whose_shirt_it_is_comes_before_whose_shirt_nobody_knows():
@@ -84,26 +96,26 @@ def test_whose_shirt_it_is_comes_before_whose_shirt_nobody_knows():
 def test_another_shirt_is_excused_by_few_looks_and_a_place_as_expected(looks, at_m, whose):
     imm = Imm()
     place = np.array([[0.0, 2.0]])
-    people = People.born(
-        imm.start(place, np.zeros((1, 2)), 0.02, 0.1), place, 0.0, SEEN[:1], np.array([[1.0, 0.0]]), np.array([looks])
+    people = People.started(
+        imm.start(place, np.zeros((1, 2)), 0.02, 0.1), place, 0, SEEN[:1], np.array([[1.0, 0.0]]), np.array([looks])
     )
-    people = replace(people, id=np.array([1]), confirmed=np.ones(1, np.bool_), measured_t=np.full(1, T - PERIOD_S))
+    people = followed(people, ago(PERIOD_S))
     shown = np.ones(1, np.bool_)
     seen = Seen(detections((at_m, 2.0)), detections(), None, np.array([[0.0, 1.0]]), shown, shown)
-    assert Association(people, imm, LaserFisheyeImmOptions(), 0.5, T).matches(seen).track.tolist() == whose
+    assert Association(people, imm, LaserFisheyeImmOptions(), 0.5, NOW).matches(seen).track.tolist() == whose
 
 
 def of_two_hidden(legs: Detections, **options) -> Matches:
     """Of two people out of sight since half a second, last seen at (-0.3, 2) and (0.3, 2)."""
     imm = Imm()
     places = np.array([[-0.3, 2.0], [0.3, 2.0]])
-    people = People.born(
-        imm.start(places, np.zeros((2, 2)), 0.06, 0.1), places, 0.0, SEEN, np.zeros((2, 4)), np.zeros(2, np.int64)
+    people = People.started(
+        imm.start(places, np.zeros((2, 2)), 0.06, 0.1), places, 0, SEEN, np.zeros((2, 4)), np.zeros(2, np.int64)
     )
-    people = replace(people, id=np.array([1, 2]), confirmed=np.ones(2, np.bool_), measured_t=np.full(2, T - 0.5))
+    people = followed(people, ago(0.5, 0.5))
     nothing = np.zeros(0, np.bool_)
     seen = Seen(detections(), legs, None, np.zeros((0, 4)), nothing, nothing)
-    return Association(people, imm, LaserFisheyeImmOptions.model_validate(options), 0.5, T).matches(seen)
+    return Association(people, imm, LaserFisheyeImmOptions.model_validate(options), 0.5, NOW).matches(seen)
 
 
 def test_legs_between_two_hidden_people_are_no_ones_and_nobody_new():
@@ -145,12 +157,12 @@ def found_anew(at: tuple[float, float], shirt: tuple[float, float], looked_t: fl
     places = np.array([[0.0, 2.0], [0.5, 2.0], at])
     shirts = np.array([[1.0, 0.0], [0.0, 1.0], shirt])
     whole = np.ones(3, np.bool_)
-    people = People.born(
-        imm.start(places, np.zeros((3, 2)), 0.02, 0.1), places, 0.0, whole, shirts, np.array([9, 9, 1])
+    people = People.started(
+        imm.start(places, np.zeros((3, 2)), 0.02, 0.1), places, 0, whole, shirts, np.array([9, 9, 1])
     )
-    people = people.changed(
-        confirmed=np.array([True, True, False]), born_t=np.array([0, 0, 0.7]), looked_t=np.array([looked_t, T, T])
-    )
+    roster = people.roster.confirm(np.arange(2), 1).changed(born_ns=np.array([0, 0, round(0.7 * NS_PER_S)]))
+    looked_ns = np.array([round(looked_t * NS_PER_S), NOW, NOW])
+    people = people.changed(roster=roster, clothes=people.clothes.changed(looked_ns=looked_ns))
     pairs = known_again(people, np.array([2]), LaserFisheyeImmOptions())
     return list(zip(*(each.tolist() for each in pairs), strict=True))
 
@@ -177,35 +189,14 @@ def test_a_merged_track_goes_on_where_the_other_was_under_its_own_number_and_shi
     places = np.array([[0.0, 2.0], [0.5, 2.0], [1.5, 2.0]])
     shirts = np.array([[1.0, 0.0], [0.0, 1.0], [0.9, 0.1]])
     whole = np.ones(3, np.bool_)
-    people = People.born(
-        imm.start(places, np.zeros((3, 2)), 0.02, 0.1), places, 0.0, whole, shirts, np.array([9, 9, 1])
+    people = People.started(
+        imm.start(places, np.zeros((3, 2)), 0.02, 0.1), places, 0, whole, shirts, np.array([9, 9, 1])
     )
-    people = people.changed(id=np.array([1, 2, 0]), measured_t=np.array([0.3, 0.9, T]))
+    measured_ns = ago(0.7, 0.1, 0)
+    people = people.changed(roster=people.roster.confirm(np.arange(2), 1).changed(measured_ns=measured_ns))
     merged = people.merged(np.array([0]), np.array([2]))
-    assert merged.id.tolist() == [1, 2]
+    assert merged.roster.id.tolist() == [1, 2]
     np.testing.assert_allclose(merged.positions, places[[2, 1]])
-    assert merged.measured_t.tolist() == [T, 0.9]
-    assert merged.reference.tolist() == shirts[:2].tolist()
-    assert people.measured_t.tolist() == [0.3, 0.9, T]
-
-
-def test_doubtful_looks_teach_nothing_but_some_in_a_row_do():
-    imm, places, shirts = Imm(), np.array([[0.0, 2.0], [0.5, 2.0]]), np.array([[1.0, 0.0], [0.0, 0.0]])
-    people = People.born(imm.start(places), places, 0.0, np.ones(2, np.bool_), shirts, np.array([9, 0]))
-    both, other = np.arange(2), np.array([[0.0, 1.0], [0.0, 1.0]])
-
-    def looked_upon(people, k, doubtful=True):
-        return people.looked_upon(both, other, np.array([doubtful, doubtful]), 5, 0.4, 0.1 * k)
-
-    for k in range(1, 6):
-        people = looked_upon(people, k)
-        assert people.reference.tolist() == shirts.tolist()
-        assert people.n_look.tolist() == [9, 0]
-        assert people.looked_t.tolist() == [0.0, 0.0]
-    changed = looked_upon(people, 6)
-    np.testing.assert_allclose(changed.reference, [[0.4, 0.6], [0.0, 1.0]])  # blended, and the first that there is
-    assert changed.n_look.tolist() == [10, 1]
-    assert changed.looked_t.tolist() == pytest.approx([0.6, 0.6])
-    # in a row: one that is believed between them, and it takes as many again
-    again = looked_upon(looked_upon(people, 6, doubtful=False), 7)
-    np.testing.assert_allclose(again.reference, [[0.4, 0.6], [0.0, 1.0]])
+    assert merged.roster.measured_ns.tolist() == ago(0, 0.1).tolist()
+    assert merged.clothes.reference.tolist() == shirts[:2].tolist()
+    assert people.roster.measured_ns.tolist() == measured_ns.tolist()

@@ -11,6 +11,12 @@ Mask = NDArray[np.bool_]
 Index = NDArray[np.intp]
 
 
+def distances(first: Array, second: Array) -> Array:
+    """Distance between each of `first` (n, 2) and each of `second` (k, 2), (n, k) [m]."""
+    difference = first[:, None] - second[None]
+    return np.hypot(difference[..., 0], difference[..., 1])
+
+
 def validation_region(predicted: Array, position: Array, radius_m: float) -> Mask:
     """Whether each measurement lies in each track's validation region, (n, k): the union of circles around its modes.
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.filters.motion import HEADING, SPEED, STATE_SIZE, TURN_RATE, nearest_turn
+from trackers.filters.rows import Selection
 
 Array = NDArray[np.float64]
-Selection = NDArray[np.intp] | NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.filters.resampling import resample, scheme_of
+from trackers.filters.rows import Rows, Selection
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -38,7 +39,7 @@ LogLikelihood = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
-class LogWeights:
+class LogWeights(Rows):
     """Weights of n sets of p particles as logarithms, normalised: no likelihood is too small for them.
 
     Made by `uniform`, `of` and `updated`; every row is a distribution, always.
@@ -160,6 +161,20 @@ class Cloud:
 
     def __len__(self) -> int:
         return self.state.shape[1]
+
+    def select(self, index: Selection) -> Cloud:
+        """The sets at `index` (integers or a mask)."""
+        return Cloud(self.state[:, index], self.weights.select(index))
+
+    def joined(self, other: Cloud) -> Cloud:
+        """These sets followed by `other`, of as many particles each."""
+        return Cloud(np.concatenate([self.state, other.state], axis=1), self.weights.joined(other.weights))
+
+    def replaced(self, index: Selection, other: Cloud) -> Cloud:
+        """These sets with those at `index` exchanged for `other`."""
+        state = self.state.copy()
+        state[:, index] = other.state
+        return Cloud(state, self.weights.replaced(index, other.weights))
 
     def expectation(self, values: Array) -> Array:
         """Weighted mean over each set of values (..., n, p) that belong to the particles, (..., n)."""

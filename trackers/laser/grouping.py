@@ -5,15 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.filters.gating import distances
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Index = NDArray[np.intp]
-
-
-def distances(first: Array, second: Array) -> Array:
-    """Distance between each of `first` (n, 2) and each of `second` (k, 2), (n, k) [m]."""
-    difference = first[:, None] - second[None]
-    return np.hypot(difference[..., 0], difference[..., 1])
 
 
 def trunks(

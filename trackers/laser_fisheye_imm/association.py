@@ -7,12 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.filters.gating import global_nearest_neighbour, mahalanobis, validation_region
+from trackers.filters.gating import distances, global_nearest_neighbour, mahalanobis, validation_region
 from trackers.filters.imm import Imm
-from trackers.laser.grouping import distances, pair_off, take_legs
+from trackers.laser.grouping import pair_off, take_legs
 from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
-from trackers.people import People
+from trackers.laser_fisheye_imm.people import People
+from trackers.observations import NS_PER_S
+from trackers.tracking.association import Stage, associate, left_over
+from trackers.tracking.lifecycle import nanoseconds
 from trackers.vision.histogram import chi_squared_distance
 
 Array = NDArray[np.float64]
@@ -53,7 +56,7 @@ class Matches:
 class Association:
     """The pairing of one moment: global nearest neighbour on d = N + w E within the validation regions.
 
-    people: predicted to time t [s]; knee_radius_m: the validation radius of legs; sees_waists: whether trunks are looked for,
+    people: predicted to stamp ns; knee_radius_m: the validation radius of legs; sees_waists: whether trunks are looked for,
     without which legs are all there is to know anybody by.
     """
 
@@ -61,22 +64,22 @@ class Association:
     imm: Imm
     options: LaserFisheyeImmOptions
     knee_radius_m: float
-    t: float
+    ns: int
     sees_waists: bool = True
 
     def matches(self, seen: Seen) -> Matches:
         """Trunks to tracks, then legs to the tracks left over: waist, else knee, never both."""
         everyone = np.arange(len(self.people))
-        colour = self._colour_distance(seen)
+        colour = self.people.clothes.distance(seen.histograms, seen.comparable)
         whole = np.ones(len(seen.trunks), np.bool_)
         tracks, trunks = self._match(everyone, seen.trunks.position, self.options.waist.radius_m, whole, colour)
-        left = _others(len(everyone), tracks)
+        left = left_over(len(everyone), tracks)
         walkers, n_leg = self._walkers(seen, left)
         knee, R = self.options.knee, self.options.measurement_variance_m2
         one_legged = n_leg == 1
         by_legs, legs = self._match(left, walkers, self.knee_radius_m, ~(one_legged & self.sees_waists), None)
-        new_trunk = _others(len(seen.trunks), trunks)
-        new_walker = _others(len(walkers), legs)
+        new_trunk = left_over(len(seen.trunks), trunks)
+        new_walker = left_over(len(walkers), legs)
         # a lone leg within a stride of somebody is likelier theirs than somebody new
         body = self.options.management.body_radius_m
         clearance = np.where(one_legged[new_walker], max(body, knee.stride_m), body)
@@ -106,26 +109,22 @@ class Association:
         people = self.people
         state = people.state if tracks.size == len(people) else people.state.select(tracks)
         distance = mahalanobis(state.positions, self.imm.innovation_covariance(state), position)
-        allowed = validation_region(state.positions, position, radius_m) & (distance <= self.options.max_deviations)
+        out_of_gate = ~validation_region(state.positions, position, radius_m) | (distance > self.options.max_deviations)
         confirmed = people.confirmed[tracks]
         hidden = confirmed & self._hidden(tracks)
-        recognised = None
+        terms, vetoes = [distance], [out_of_gate]
+        if colour is not None:
+            terms.append(self.options.colour_weight * np.nan_to_num(colour[tracks], nan=self.options.unknown_colour))
+            vetoes.append(self._foreign(tracks, colour, distance))
+        # first whom a prediction explains, then the occluded by what else tells them, then who is tentative
+        stages = [Stage(confirmed, terms, vetoes)]
         if hidden.any():
             recognised = self._recognised(tracks, hidden, position, radius_m, colour) & whole
             in_sight = confirmed & ~hidden
-            recognised &= ~((distance <= self.options.expected_below) & in_sight[:, None]).any(axis=0)
-        if colour is not None:
-            allowed &= ~self._foreign(tracks, colour, distance)
-            distance = distance + self.options.colour_weight * np.nan_to_num(
-                colour[tracks], nan=self.options.unknown_colour
-            )
-        # first whom a prediction explains, then the hidden by what else tells them, then who is not confirmed yet
-        rows, columns = global_nearest_neighbour(distance, allowed & confirmed[:, None])
-        for candidates in (recognised, None if confirmed.all() else allowed & ~confirmed[:, None]):
-            if candidates is not None and candidates.any():
-                candidates[rows] = candidates[:, columns] = False
-                more_rows, more_columns = global_nearest_neighbour(distance, candidates)
-                rows, columns = np.concatenate([rows, more_rows]), np.concatenate([columns, more_columns])
+            explained = ((distance <= self.options.expected_below) & in_sight[:, None]).any(axis=0)
+            stages.append(Stage(hidden, terms, [~recognised | explained]))
+        stages.append(Stage(~confirmed, terms, vetoes))
+        rows, columns = associate(stages)
         return tracks[rows], columns
 
     def _foreign(self, tracks: Index, colour: Array, distance: Array) -> Mask:
@@ -135,7 +134,7 @@ class Association:
         """
         E = colour[tracks]
         anothers = (colour <= self.options.recognised_below).any(axis=0)
-        known_well = self.people.n_look[tracks] >= self.options.looks_to_know
+        known_well = self.people.clothes.n_look[tracks] >= self.options.looks_to_know
         return (self.options.foreign_above < E) & (
             anothers | known_well[:, None] | (distance > self.options.expected_below)
         )
@@ -146,7 +145,8 @@ class Association:
         Its prediction says little after a while: what it can have walked since it was seen is asked instead, and what
         shirt it wears. Nothing tells whose legs they are but that only one of the hidden can be there.
         """
-        reach_m = radius_m + self.options.reach_m_s * (self.t - self.people.measured_t[tracks])
+        unseen_s = (self.ns - self.people.roster.measured_ns[tracks]) / NS_PER_S
+        reach_m = radius_m + self.options.reach_m_s * unseen_s
         can_be = distances(self.people.measured_at[tracks], position) <= reach_m[:, None]
         can_be &= hidden[:, None]
         if colour is not None:
@@ -155,16 +155,7 @@ class Association:
 
     def _hidden(self, tracks: Index) -> Mask:
         """Which of `tracks` (p,) were not measured at the last scan either."""
-        return self.t - self.people.measured_t[tracks] > 1.5 * self.options.period_s
-
-    def _colour_distance(self, seen: Seen) -> Array | None:
-        """E for every track and trunk, (n, k), NaN where either has no colours; None where nobody has."""
-        known, shown = self.people.has_reference, seen.comparable
-        if not known.any() or not shown.any():
-            return None
-        E = np.full((known.size, shown.size), np.nan)
-        E[np.ix_(known, shown)] = chi_squared_distance(self.people.reference[known], seen.histograms[shown])
-        return E
+        return self.ns - self.people.roster.measured_ns[tracks] > nanoseconds(1.5 * self.options.period_s)
 
     def _walkers(self, seen: Seen, unmatched: Index) -> tuple[Array, Index]:
         """People (p, 2) as their legs show them, and how many legs each shows, (p,).
@@ -207,10 +198,10 @@ def known_again(people: People, new: Index, options: LaserFisheyeImmOptions) -> 
     A track may be astray, on another's legs or on what shows no shirt. If its shirt is seen on somebody new where it can
     have walked to, more than anybody else's, and was not seen on itself since, then the new one is the same person.
     """
-    known, new = _known(people, options), new[people.has_reference[new]]
+    known, new = _known(people, options), new[people.clothes.known[new]]
     if known.size == 0 or new.size == 0:
         return _NOBODY, _NOBODY
-    E = chi_squared_distance(people.reference[known], people.reference[new])
+    E = chi_squared_distance(people.clothes.reference[known], people.clothes.reference[new])
     can_be = _can_be(people, known, new, options) & (options.recognised_below >= E) & (E.min(axis=0) >= E)
     rows, columns = global_nearest_neighbour(E, can_be)
     return known[rows], new[columns]
@@ -224,18 +215,11 @@ def may_be_known(people: People, options: LaserFisheyeImmOptions) -> Mask:
 
 def _known(people: People, options: LaserFisheyeImmOptions) -> Index:
     """Whose shirts are known well."""
-    return (people.confirmed & (people.n_look >= options.looks_to_know)).nonzero()[0]
+    return (people.confirmed & (people.clothes.n_look >= options.looks_to_know)).nonzero()[0]
 
 
 def _can_be(people: People, known: Index, new: Index, options: LaserFisheyeImmOptions) -> Mask:
     """Which of the `new` (k,) began where the `known` (p,) can have walked to since their shirts were last seen, (p, k)."""
-    since_s = people.born_t[new] - people.looked_t[known, None]
+    since_s = (people.roster.born_ns[new] - people.clothes.looked_ns[known, None]) / NS_PER_S
     reach_m = options.waist.radius_m + options.reach_m_s * since_s
-    return (since_s > 0) & (distances(people.looked_at[known], people.born_at[new]) <= reach_m)
-
-
-def _others(n: int, taken: Index) -> Index:
-    """The indices below n that are not `taken`."""
-    is_taken = np.zeros(n, np.bool_)
-    is_taken[taken] = True
-    return (~is_taken).nonzero()[0]
+    return (since_s > 0) & (distances(people.clothes.looked_at[known], people.born_at[new]) <= reach_m)

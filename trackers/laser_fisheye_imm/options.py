@@ -15,9 +15,69 @@ from trackers.filters.motion import (
 )
 from trackers.laser.layer import KneeOptions, WaistOptions
 from trackers.laser.roles import Role
-from trackers.people import ManagementOptions
 from trackers.vision.histogram import HistogramOptions
 from trackers.vision.torso import TorsoOptions
+
+
+class ManagementOptions(Strict):
+    """When a track is believed, and when it is given up."""
+
+    confirm_after_s: float = Field(
+        default=0.3,
+        ge=0,
+        description="where the empty room is known, a tentative track measured for longer, each scan standing for its period, "
+        "is a person [s] (ours; the paper: 0.5 s)",
+    )
+    confirm_learned_after_s: float = Field(
+        default=0.5, ge=0, description="the same where the background is learned as it goes [s] (the paper's)"
+    )
+    confirm_unsure_after_s: float = Field(
+        default=1.0,
+        ge=0,
+        description="the same for whoever may be somebody known who is out of sight: where waists are scanned, who has shown "
+        "no trunk; where a camera looks as well, who has shown too little of a shirt where somebody known can have come [s] "
+        "(ours)",
+    )
+    confirm_looks: int = Field(
+        default=3, ge=0, description="less than this many clear looks is too little of a shirt (ours)"
+    )
+    confirm_moved_m: float = Field(
+        default=0.15,
+        ge=0,
+        description="where the background is learned as it goes, only who has come this far from where first measured is a "
+        "person: nothing else tells somebody standing from furniture seen now and then [m] (ours)",
+    )
+    coast_s: float = Field(default=1.5, ge=0, description="a person not measured for this long is gone [s]")
+    coast_hidden_s: float = Field(
+        default=3.0,
+        ge=0,
+        description="a person not measured for this long is gone even where nothing in the rig's area would show them; "
+        "without an area there is only coast_s [s] (ours)",
+    )
+    hidden_above: float = Field(
+        default=0.2,
+        ge=0,
+        le=1,
+        description="one whom the last look would have missed likelier than this counts as out of everybody's sight (ours)",
+    )
+    coast_slowdown_s: float | None = Field(
+        default=0.6,
+        gt=0,
+        description="a coasting person's speed fades with this time constant; none: it stays [s] (ours)",
+    )
+    tentative_coast_s: float = Field(
+        default=0.15,
+        ge=0,
+        description="a tentative track not measured for longer was a false alarm [s] (ours: one scan may miss)",
+    )
+    body_radius_m: float = Field(
+        default=0.45,
+        ge=0,
+        description="nothing new starts this near to a person already tracked or just measured [m] (ours)",
+    )
+    area_margin_m: float = Field(
+        default=0.3, ge=0, description="how far outside the rig's area people are still followed [m]"
+    )
 
 
 class LaserFisheyeImmOptions(Strict):

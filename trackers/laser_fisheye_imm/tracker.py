@@ -9,7 +9,7 @@ What comes twice or too late, time that goes back among it, is dropped and count
 clusters, are worked like any other; a long gap ends everybody. Where the background is learned as it goes, somebody who has
 not moved yet is nobody.
 
-Simplified: the sensors of one moment are taken to look at one moment (they differ by up to half a scan period), and a scan
+Simplified: the sensors of one moment are taken to look at one time (they differ by up to half a scan period), and a scan
 to be taken at once.
 
 Ours, not the paper's, each an option: the correction from a cluster's middle to the body's axis, the completion of half
@@ -37,13 +37,13 @@ from trackers.filters.motion import (
     MotionModel,
     transition_matrix,
 )
-from trackers.laser.grouping import distances
 from trackers.laser_fisheye_imm.association import Association, Matches, known_again, may_be_known
 from trackers.laser_fisheye_imm.detection import Detector, Seen
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
-from trackers.observations import Observation
-from trackers.people import People
+from trackers.laser_fisheye_imm.people import People
+from trackers.observations import NS_PER_S, Observation
 from trackers.rig import Rig
+from trackers.tracking.lifecycle import clear_of, coasting_within, measured_for_longer, measured_now
 from trackers.tracking.moments import Moment, MomentGatherer, MomentRules
 from trackers.tracks import Track, TrackFrame
 
@@ -95,9 +95,9 @@ class LaserFisheyeImm:
             )
         )
         nobody, no_colours = np.empty(0, np.bool_), np.empty((0, self._detector.histogram.size))
-        self._people = self._born(np.empty((0, 2)), 0.0, nobody, no_colours, nobody)
+        self._people = self._born(np.empty((0, 2)), 0, nobody, no_colours, nobody)
         self._next_id = 1
-        self._t: float | None = None
+        self._ns: int | None = None
         self._windows: list[tuple[int | None, Array]] = []
         if self.background_learned_causally:
             logger.warning("no scans of the empty room: the background is learned from the scans as they come")
@@ -128,14 +128,17 @@ class LaserFisheyeImm:
     def tracks(self) -> list[Track]:
         """Everyone confirmed in the area, as of the last frame, by id."""
         people = self._people
-        measured = people.measured_t == self._t  # in the area, or the track would have ended
+        if self._ns is None:
+            return []
+        roster = people.roster
+        measured = measured_now(roster, self._ns)  # in the area, or the track would have ended
         shown = (people.confirmed if measured.all() else people.confirmed & (measured | self._inside())).nonzero()[0]
-        shown = shown[people.id[shown].argsort()]
+        shown = shown[roster.id[shown].argsort()]
         x, y, heading, speed, _ = people.state.mode_average[:, shown]
-        columns = people.id[shown], x, y, speed * np.cos(heading), speed * np.sin(heading), people.measured_t[shown]
+        columns = roster.id[shown], x, y, speed * np.cos(heading), speed * np.sin(heading), measured[shown]
         return [
-            Track(id=number, x=x, y=y, vx=vx, vy=vy, status="confirmed" if measured_t == self._t else "coasting")
-            for number, x, y, vx, vy, measured_t in zip(*(column.tolist() for column in columns), strict=True)
+            Track(id=number, x=x, y=y, vx=vx, vy=vy, status="confirmed" if is_measured else "coasting")
+            for number, x, y, vx, vy, is_measured in zip(*(column.tolist() for column in columns), strict=True)
         ]
 
     def torso_windows(self) -> list[tuple[int | None, Array]]:
@@ -144,97 +147,98 @@ class LaserFisheyeImm:
 
     def _work(self, moment: Moment) -> TrackFrame:
         seen = self._detector.detect(moment)
-        self._predict(moment.t)
+        self._predict(moment.ns)
         waists = self._detector.sees_waists
-        matches = Association(self._people, self._imm, self.options, self._knee_radius_m, moment.t, waists).matches(
+        matches = Association(self._people, self._imm, self.options, self._knee_radius_m, moment.ns, waists).matches(
             seen
         )
-        self._update(matches, moment.t)
-        self._learn_colours(matches, seen, moment.t)
+        self._update(matches, moment.ns)
+        self._learn_colours(matches, seen, moment.ns)
         self._note_windows(matches, seen)
-        self._confirm(seen, moment.t)
-        self._end(moment.t, self._miss(moment))
-        self._start(matches, seen, moment.t)
+        self._confirm(seen, moment.ns)
+        self._end(moment.ns, self._miss(moment))
+        self._start(matches, seen, moment.ns)
         return TrackFrame(moment.ns, tuple(self.tracks()))
 
     # --- predict
 
-    def _predict(self, t: float) -> None:
-        elapsed = 0.0 if self._t is None else t - self._t
-        self._t = t
-        rules, period_s = self.options.management, self.options.period_s
-        if elapsed > period_s + 5e-7:
+    def _predict(self, ns: int) -> None:
+        last_ns = ns if self._ns is None else self._ns
+        self._ns = ns
+        rules, period_s, elapsed_s = self.options.management, self.options.period_s, (ns - last_ns) / NS_PER_S
+        period_ns = round(period_s * NS_PER_S)
+        if ns - last_ns > period_ns:
             # nobody counts as hidden from looks that were not made: a long gap ends everybody
-            looked = elapsed <= rules.coast_s + period_s
-            self._people = self._people.select(self._people.alive(t - period_s, rules, looked))
+            looked = elapsed_s <= rules.coast_s + period_s
+            self._people = self._people.select(self._alive(ns - period_ns, looked))
         state, slowdown_s = self._people.state, rules.coast_slowdown_s
         if slowdown_s is not None:
             # whoever is out of sight is likelier to stop or turn back than to walk on for all of the coasting time
-            unseen = self._people.measured_t < t - elapsed
+            unseen = self._people.roster.measured_ns < last_ns
             if unseen.any():
-                state = state.slowed(np.where(unseen, np.exp(-elapsed / slowdown_s), 1.0))
-        state = self._imm.predict_over(state, elapsed, period_s)
-        self._people = self._people.changed(state=state)
+                state = state.slowed(np.where(unseen, np.exp(-elapsed_s / slowdown_s), 1.0))
+        self._people = self._people.in_state(self._imm.predict_over(state, elapsed_s, period_s))
 
     # --- update
 
-    def _update(self, matches: Matches, t: float) -> None:
+    def _update(self, matches: Matches, ns: int) -> None:
         people, track = self._people, matches.track
         state = self._imm.update(people.state, track, matches.position, matches.variance[:, None, None] * _ISOTROPIC)
-        second = people.n_measured[track] == 1
+        second = people.roster.n_measured[track] == 1
         if second.any():
             fresh, now_at = track[second], matches.position[second]
-            elapsed_s = t - people.born_t[fresh]
+            elapsed_s = (ns - people.roster.born_ns[fresh]) / NS_PER_S
             R, speed_variance = self.options.measurement_variance_m2, self.options.start_speed_m_s**2
             moving = self._imm.start_from_two(people.born_at[fresh], now_at, elapsed_s, R, speed_variance)
             state = state.replaced(fresh, moving)
-        self._people = people.measured(track, matches.position, t, matches.trunk >= 0, state)
+        self._people = people.measured(track, matches.position, ns, matches.trunk >= 0, state)
 
     def _miss(self, moment: Moment) -> Mask:
         """Whoever was looked for and not seen is likelier where nothing would show them; who may well be there, (n,)."""
         people = self._people
-        missed = (people.confirmed & (people.measured_t < moment.t)).nonzero()[0]
+        missed = (people.confirmed & ~measured_now(people.roster, moment.ns)).nonzero()[0]
         hidden = np.zeros(len(people), np.bool_)
         if missed.size == 0:
             return hidden
         state, chance = not_seen(people.state.select(missed), lambda points: self._detector.missed(moment, points))
-        self._people = people.changed(state=people.state.replaced(missed, state))
+        self._people = people.in_state(people.state.replaced(missed, state))
         if self._area is not None:  # else there is always somewhere, behind the walls
             hidden[missed] = chance > self.options.management.hidden_above
         return hidden
 
-    def _learn_colours(self, matches: Matches, seen: Seen, t: float) -> None:
+    def _learn_colours(self, matches: Matches, seen: Seen, ns: int) -> None:
         if seen.windows is None:
             return
         looked = (matches.trunk >= 0).nonzero()[0]
         looked = looked[seen.clear[matches.trunk[looked]]]
         if looked.size == 0:
             return
-        options = self.options
-        self._people = self._people.looked_upon(
-            matches.track[looked],
+        options, track = self.options, matches.track[looked]
+        clothes = self._people.clothes.learned(
+            track,
             seen.histograms[matches.trunk[looked]],
             matches.like_anothers(options.recognised_below)[looked],
             options.looks_to_know,
             options.histogram.memory,
-            t,
+            ns,
+            self._people.measured_at[track],
         )
+        self._people = self._people.changed(clothes=clothes)
 
     # --- confirm, end, start
 
-    def _confirm(self, seen: Seen, t: float) -> None:
+    def _confirm(self, seen: Seen, ns: int) -> None:
         people, rules = self._people, self.options.management
         if people.confirmed.all():
             return
         learns = self._detector.learns_background
-        measured_for = t - people.born_t + self.options.period_s
         after_s = rules.confirm_learned_after_s if learns else rules.confirm_after_s
         if self._detector.sees_waists:
             unsure = ~people.shown_trunk
             if seen.windows is not None:
-                unsure |= (people.n_look < rules.confirm_looks) & may_be_known(people, self.options)
+                unsure |= (people.clothes.n_look < rules.confirm_looks) & may_be_known(people, self.options)
             after_s = np.where(unsure, max(after_s, rules.confirm_unsure_after_s), after_s)
-        new = ~people.confirmed & (measured_for > after_s + 5e-7) & (people.measured_t == t)
+        new = measured_for_longer(people.roster, ns, after_s, self.options.period_s)
         if learns:
             moved = people.measured_at - people.born_at
             new &= np.hypot(moved[:, 0], moved[:, 1]) >= rules.confirm_moved_m
@@ -243,17 +247,21 @@ class LaserFisheyeImm:
             return
         again, as_new = known_again(people, new, self.options)
         unknown = np.setdiff1d(new, as_new)
-        confirmed, ids = people.confirmed.copy(), people.id.copy()
-        confirmed[unknown] = True
-        ids[unknown] = self._next_id + np.arange(unknown.size)
+        roster = people.roster.confirm(unknown, self._next_id)
         self._next_id += unknown.size
-        self._people = people.changed(confirmed=confirmed, id=ids).merged(again, as_new)
+        self._people = people.changed(roster=roster).merged(again, as_new)
 
-    def _end(self, t: float, hidden: Mask) -> None:
-        kept = self._people.alive(t, self.options.management, hidden)
+    def _end(self, ns: int, hidden: Mask) -> None:
+        kept = self._alive(ns, hidden)
         # a prediction that strays out of the area is not yet a person who has left it
-        kept &= self._inside() | (self._people.measured_t < t)
+        kept &= self._inside() | ~measured_now(self._people.roster, ns)
         self._people = self._people.select(kept)
+
+    def _alive(self, ns: int, hidden: Mask | bool) -> Mask:
+        """Who is followed on, (n,): for longer who likely could not be seen (`hidden`, (n,))."""
+        rules = self.options.management
+        coast_s = np.where(hidden, max(rules.coast_s, rules.coast_hidden_s), rules.coast_s)
+        return coasting_within(self._people.roster, ns, coast_s, rules.tentative_coast_s)
 
     def _inside(self) -> Mask:
         """Which tracks are in the area or its margin, (n,)."""
@@ -261,32 +269,32 @@ class LaserFisheyeImm:
             return np.ones(len(self._people), np.bool_)
         return self._area.contains(self._people.positions)
 
-    def _start(self, matches: Matches, seen: Seen, t: float) -> None:
+    def _start(self, matches: Matches, seen: Seen, ns: int) -> None:
         position, trunk = matches.new_position, matches.new_trunk
         if len(position) == 0:
             return
         bodies = np.concatenate([self._people.positions, matches.position])
-        if len(bodies):
-            free = distances(position, bodies).min(axis=1) > matches.new_clearance
-            position, trunk = position[free], trunk[free]
+        free = clear_of(position, bodies, matches.new_clearance)
+        position, trunk = position[free], trunk[free]
         histograms = np.zeros((len(position), self._detector.histogram.size))
         by_trunk = trunk >= 0
         has_reference = by_trunk.copy()
         has_reference[by_trunk] = seen.clear[trunk[by_trunk]]
         histograms[has_reference] = seen.histograms[trunk[has_reference]]
-        self._people = self._people.joined(self._born(position, t, by_trunk, histograms, has_reference))
+        self._people = self._people.joined(self._born(position, ns, by_trunk, histograms, has_reference))
 
-    def _born(self, position: Array, t: float, by_trunk: Mask, reference: Array, has_reference: Mask) -> People:
+    def _born(self, position: Array, ns: int, by_trunk: Mask, reference: Array, has_reference: Mask) -> People:
         options = self.options
         state = self._imm.start(position, None, options.measurement_variance_m2, options.start_speed_m_s**2)
-        return People.born(state, position, t, by_trunk, reference, has_reference.astype(np.int64))
+        return People.started(state, position, ns, by_trunk, reference, has_reference.astype(np.int64))
 
     def _note_windows(self, matches: Matches, seen: Seen) -> None:
         self._windows = []
         if seen.windows is None:
             return
         owner = {
-            int(trunk): int(self._people.id[track]) for track, trunk in zip(matches.track, matches.trunk, strict=True)
+            int(trunk): int(self._people.roster.id[track])
+            for track, trunk in zip(matches.track, matches.trunk, strict=True)
         }
         self._windows = [
             (owner.get(int(trunk)) or None, seen.windows.outline(int(trunk)))

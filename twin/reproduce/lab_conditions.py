@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.people import ManagementOptions
+from trackers.laser_fisheye_imm.options import ManagementOptions
 from twin.evaluate import Evaluation
 from twin.recording.tables import TrackTable, TruthTable
 from twin.suites.cases import Case

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from trackers.people import ManagementOptions
+from trackers.laser_fisheye_imm.options import ManagementOptions
 from twin.reproduce.intervals import Interval
 from twin.reproduce.lab_claims import claims
 from twin.reproduce.lab_conditions import COAST_S, COLUMNS, FULL, IMM, KALMAN, SENSOR_SETS, Condition, LabRuns

@@ -1,0 +1,74 @@
+"""One row a target: dataclasses of arrays that are chosen from, joined and overwritten as one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Selection = NDArray[np.intp] | NDArray[np.bool_]
+
+
+class Batched(Protocol):
+    """Any batch of n targets: what `Rows`, `ImmState`, `Cloud` and `LogWeights` can all do."""
+
+    def __len__(self) -> int: ...
+
+    def select(self, index: Selection) -> Self:
+        """The targets at `index` (integers or a mask)."""
+        ...
+
+    def joined(self, other: Self) -> Self:
+        """These targets followed by `other`."""
+        ...
+
+    def replaced(self, index: Selection, other: Self) -> Self:
+        """These targets with those at `index` exchanged for `other`."""
+        ...
+
+
+class Rows:
+    """Base of a frozen dataclass whose fields are arrays (n, ...), or batches of n themselves (`Batched`)."""
+
+    def __len__(self) -> int:
+        return len(next(iter(vars(self).values())))
+
+    def changed(self, **fields: Any) -> Self:
+        """These targets with some of their fields exchanged (`dataclasses.replace` without its checks, which cost more)."""
+        return type(self)(**(vars(self) | fields))
+
+    def select(self, index: Selection) -> Self:
+        """The targets at `index` (integers or a mask)."""
+        if index.dtype == np.bool_ and index.all():
+            return self
+        return self._field_by_field(lambda rows: rows[index], lambda batch: batch.select(index))
+
+    def joined(self, other: Self) -> Self:
+        """These targets followed by `other`."""
+        if len(other) == 0:
+            return self
+        return self._field_by_field(
+            lambda rows, more: np.concatenate([rows, more]), lambda batch, more: batch.joined(more), other
+        )
+
+    def replaced(self, index: Selection, other: Self) -> Self:
+        """These targets with those at `index` exchanged for `other`."""
+        return self._field_by_field(
+            lambda rows, new: written(rows, index, new), lambda batch, new: batch.replaced(index, new), other
+        )
+
+    def _field_by_field(self, of_array: Callable[..., Any], of_batch: Callable[..., Any], *others: Self) -> Self:
+        fields = {}
+        for name, field in vars(self).items():
+            change = of_array if isinstance(field, np.ndarray) else of_batch
+            fields[name] = change(field, *(getattr(other, name) for other in others))
+        return type(self)(**fields)
+
+
+def written(array: NDArray[Any], index: Selection, values: Any) -> NDArray[Any]:
+    """A copy of an array (n, ...) with `values` at `index`."""
+    copy = array.copy()
+    copy[index] = values
+    return copy

@@ -1,0 +1,68 @@
+"""What tracks look like: a reference histogram each, learned from clear looks, and when to doubt a look."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.filters.rows import Rows, written
+from trackers.vision.histogram import chi_squared_distance, updated_reference
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Appearance(Rows):
+    """The appearance memory of n tracks."""
+
+    reference: Array  # (n, bins) colour histogram
+    n_look: NDArray[np.int64]  # (n,) how often the reference was learned from; 0: there is none
+    n_refused: NDArray[np.int64]  # (n,) how many looks in a row it was not learned from, as doubtful
+    looked_ns: NDArray[np.int64]  # (n,) stamp of the last look learned from; of the track's start where there is none
+    looked_at: Array  # (n, 2) and where the person was [m]
+
+    @classmethod
+    def started(cls, reference: Array, n_look: NDArray[np.int64], ns: int, position: Array) -> Self:
+        """Of tracks that start at stamp ns at `position` (n, 2) [m], with a first look (n_look 1) or none (0)."""
+        n = len(reference)
+        return cls(reference, n_look, np.zeros(n, np.int64), np.full(n, ns), position)
+
+    @property
+    def known(self) -> Mask:
+        """Who has been seen clearly at least once, (n,)."""
+        return self.n_look > 0
+
+    def learned(
+        self, track: Index, histogram: Array, doubtful: Mask, patience: int, memory: float, ns: int, position: Array
+    ) -> Self:
+        """After clear looks upon those at `track` (p,) at stamp ns and `position` (p, 2), which showed histograms (p, bins).
+
+        A `doubtful` look (p,), which may be of somebody else, teaches nothing; but after `patience` of them in a row it is
+        the clothes that look otherwise now, or the light. memory: the share of the old reference that is kept.
+        """
+        refused = doubtful & (self.n_refused[track] < patience)
+        n_refused = written(self.n_refused, track, np.where(refused, self.n_refused[track] + 1, 0))
+        if refused.any():
+            track, histogram, position = track[~refused], histogram[~refused], position[~refused]
+        blended = updated_reference(self.reference[track], histogram, memory)
+        return type(self)(
+            reference=written(self.reference, track, np.where(self.known[track, None], blended, histogram)),
+            n_look=written(self.n_look, track, self.n_look[track] + 1),
+            n_refused=n_refused,
+            looked_ns=written(self.looked_ns, track, ns),
+            looked_at=written(self.looked_at, track, position),
+        )
+
+    def distance(self, histograms: Array, comparable: Mask) -> Array | None:
+        """χ² distance of every track and each of k looks, (n, k) in [0, 1], NaN where either has no colours; None: all are."""
+        known = self.known
+        if not known.any() or not comparable.any():
+            return None
+        distance = np.full((known.size, comparable.size), np.nan)
+        distance[np.ix_(known, comparable)] = chi_squared_distance(self.reference[known], histograms[comparable])
+        return distance

@@ -1,0 +1,52 @@
+"""Association as stages: in each, some tracks and the measurements still free are paired one to one at least total cost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.filters.gating import global_nearest_neighbour
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """Which tracks take part, what a pair costs, and what forbids it.
+
+    tracks: (n,); terms: costs (n, k), added up; vetoes: (n, k), a pair that any of them marks is forbidden.
+    """
+
+    tracks: Mask
+    terms: Sequence[Array]
+    vetoes: Sequence[Mask] = ()
+
+
+def associate(stages: Sequence[Stage]) -> tuple[Index, Index]:
+    """Pairs (tracks, measurements) by the global nearest neighbour of each stage in turn, as many in each as can be.
+
+    Whoever is paired in one stage takes no part in the next. Pairs come in the order of their stages.
+    """
+    rows, columns = np.empty(0, np.intp), np.empty(0, np.intp)
+    for stage in stages:
+        if not stage.tracks.any():
+            continue
+        allowed = np.repeat(stage.tracks[:, None], stage.terms[0].shape[1], axis=1)
+        for veto in stage.vetoes:
+            allowed &= ~veto
+        allowed[rows] = allowed[:, columns] = False
+        more_rows, more_columns = global_nearest_neighbour(sum(stage.terms[1:], start=stage.terms[0]), allowed)
+        rows, columns = np.concatenate([rows, more_rows]), np.concatenate([columns, more_columns])
+    return rows, columns
+
+
+def left_over(n: int, taken: Index) -> Index:
+    """The indices below n that are not `taken`."""
+    is_taken = np.zeros(n, np.bool_)
+    is_taken[taken] = True
+    return (~is_taken).nonzero()[0]

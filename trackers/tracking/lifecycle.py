@@ -1,0 +1,53 @@
+"""When a track is confirmed, coasts, ends and starts: named rules, each a function from the roster to a mask.
+
+Times are integer nanoseconds, as stamps are, so that a rule holds or does not whatever floating-point arithmetic does.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.filters.gating import distances
+from trackers.observations import NS_PER_S
+from trackers.tracking.roster import Roster
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+def nanoseconds(seconds: Array | float) -> NDArray[np.int64]:
+    """Seconds as whole nanoseconds, of the same shape."""
+    return np.rint(np.asarray(seconds) * NS_PER_S).astype(np.int64)
+
+
+def measured_now(roster: Roster, ns: int) -> Mask:
+    """Whoever was measured at stamp ns, (n,); confirmed ones who were not are coasting."""
+    return roster.measured_ns == ns
+
+
+def measured_for_longer(roster: Roster, ns: int, after_s: Array | float, period_s: float) -> Mask:
+    """Confirmation by time: tentative tracks, measured at ns, for longer than `after_s` (a number or (n,)), (n,).
+
+    Each measurement stands for one scan period, so that a track first measured at this stamp was measured for `period_s`.
+    """
+    measured_for_ns = ns - roster.born_ns + nanoseconds(period_s)
+    return ~roster.confirmed & measured_now(roster, ns) & (measured_for_ns > nanoseconds(after_s))
+
+
+def measured_often(roster: Roster, ns: int, at_least: int) -> Mask:
+    """Confirmation by count: tentative tracks, measured at ns, `at_least` times in all, (n,)."""
+    return ~roster.confirmed & measured_now(roster, ns) & (roster.n_measured >= at_least)
+
+
+def coasting_within(roster: Roster, ns: int, confirmed_s: Array | float, tentative_s: float) -> Mask:
+    """Who goes on: last measured no longer ago than `confirmed_s` (a number or (n,)), tentative ones `tentative_s`, (n,)."""
+    allowed_s = np.where(roster.confirmed, confirmed_s, tentative_s)
+    return ns - roster.measured_ns <= nanoseconds(allowed_s)
+
+
+def clear_of(position: Array, bodies: Array, clearance_m: Array | float) -> Mask:
+    """Where somebody new may start, (k,): measurements (k, 2) farther than `clearance_m` (or (k,)) from every body (p, 2)."""
+    if len(bodies) == 0:
+        return np.ones(len(position), np.bool_)
+    return distances(position, bodies).min(axis=1) > clearance_m

@@ -1,0 +1,56 @@
+"""Who is tracked: identities and the times that the rules of a track's life go by, around any batch of states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Generic, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.filters.rows import Batched, Rows, Selection, written
+
+State = TypeVar("State", bound=Batched)
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Roster(Rows, Generic[State]):
+    """n tracks, oldest first; tentative ones among them until they are confirmed.
+
+    `state` is what a filter knows of them: `ImmState`, `Cloud`, or any other batch of n (`trackers.filters.rows.Batched`).
+    """
+
+    id: NDArray[np.int64]  # (n,) 0 while tentative
+    state: State
+    born_ns: NDArray[np.int64]  # (n,) stamp of the first measurement
+    measured_ns: NDArray[np.int64]  # (n,) stamp of the last one
+    n_measured: NDArray[np.int64]  # (n,)
+    confirmed: Mask  # (n,)
+
+    @classmethod
+    def started(cls, state: State, ns: int) -> Self:
+        """Tentative tracks in `state`, first measured at stamp ns."""
+        n = len(state)
+        return cls(
+            id=np.zeros(n, np.int64),
+            state=state,
+            born_ns=np.full(n, ns),
+            measured_ns=np.full(n, ns),
+            n_measured=np.ones(n, np.int64),
+            confirmed=np.zeros(n, np.bool_),
+        )
+
+    def __len__(self) -> int:
+        return self.id.size
+
+    def measured(self, track: Index, ns: int, state: State) -> Self:
+        """These tracks in `state`, with those at `track` (p,) measured at stamp ns."""
+        n_measured = written(self.n_measured, track, self.n_measured[track] + 1)
+        return self.changed(state=state, measured_ns=written(self.measured_ns, track, ns), n_measured=n_measured)
+
+    def confirm(self, track: Selection, first_id: int) -> Self:
+        """These tracks with those at `track` (p,) confirmed, numbered from `first_id` on."""
+        ids = first_id + np.arange(self.id[track].size)
+        return self.changed(id=written(self.id, track, ids), confirmed=written(self.confirmed, track, True))
