@@ -5,22 +5,25 @@ Written by users as `rig.yaml`, resolved from a scenario's sensors by the twin, 
 
 from __future__ import annotations
 
+from collections.abc import Hashable
+from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
 from pydantic import Field, FiniteFloat, PositiveInt, model_validator
-from scipy.spatial.transform import Rotation
 
+from trackers.cameras.fisheye import FisheyeIntrinsics
+from trackers.cameras.pinhole import PinholeIntrinsics
+from trackers.cameras.placed import PlacedCamera
 from trackers.configuration import Strict, parse_yaml, read_text, validate
 from trackers.errors import InputError
 from trackers.floor.force_curve import ForceCurve
-from trackers.pinhole import PinholeIntrinsics
+from trackers.pose import Pose
 
 Point2 = tuple[FiniteFloat, FiniteFloat]
-Point3 = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 
 Role = Literal["waist", "knee"]
 
@@ -31,70 +34,6 @@ DepthMode = Literal["matched", "ideal", "disparity-noise"]
 """How the twin makes depth: two pictures matched; the true depth; the true depth with noise on its disparity."""
 
 _IMAGE, _DEPTH = "image/compressed", "depth/compressed"
-
-
-class Pose(Strict):
-    """A rigid transform: `xyz` [m], then `rpy` roll, pitch, yaw [rad] about the fixed x, y, z axes (as in URDF)."""
-
-    xyz: Point3 = Field(
-        default=(0.0, 0.0, 0.0), description="origin of the sensor's frame in the room frame: x, y, z [m]"
-    )
-    rpy: Point3 = Field(
-        default=(0.0, 0.0, 0.0), description="roll, pitch, yaw about the room's fixed x, y, z, in this order [rad]"
-    )
-
-    @property
-    def rotation(self) -> NDArray[np.float64]:
-        """Rotation matrix, (3, 3)."""
-        return Rotation.from_euler("xyz", self.rpy).as_matrix()
-
-    @property
-    def translation(self) -> NDArray[np.float64]:
-        """Translation [m], (3,)."""
-        return np.array(self.xyz)
-
-    @classmethod
-    def from_matrix(cls, rotation: NDArray[np.float64], xyz: Point3) -> Pose:
-        """The pose with this rotation matrix (3, 3) and origin [m]."""
-        roll, pitch, yaw = Rotation.from_matrix(rotation).as_euler("xyz")
-        return cls(xyz=xyz, rpy=(float(roll), float(pitch), float(yaw)))
-
-
-class FisheyeIntrinsics(Strict):
-    """Kannala–Brandt fisheye: r(θ) = θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸), u = fx r cos φ + cx, v = fy r sin φ + cy.
-
-    θ is the angle from the optical axis; with all k = 0 the lens is equidistant. `field_of_view_rad` is the full
-    angle over which the lens forms an image (outside it pixels are black). This is OpenCV's `fisheye` and ROS's
-    `equidistant` model.
-    """
-
-    width: PositiveInt = Field(description="width of the picture [px]")
-    height: PositiveInt = Field(description="height of the picture [px]")
-    fx: float = Field(gt=0, description="focal length along a row [px]")
-    fy: float = Field(gt=0, description="focal length along a column [px]")
-    cx: FiniteFloat = Field(description="column of the principal point, pixel centres are integers [px]")
-    cy: FiniteFloat = Field(description="row of the principal point, pixel centres are integers [px]")
-    k: tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat] = Field(
-        default=(0.0, 0.0, 0.0, 0.0), description="coefficients k1 to k4 of θ³, θ⁵, θ⁷, θ⁹; all 0: equidistant"
-    )
-    field_of_view_rad: float = Field(
-        gt=0, lt=2 * np.pi, description="full angle over which the lens forms an image [rad]"
-    )
-
-    def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Pixel coordinates (..., 2) of points (..., 3) [m] in the camera frame (x right, y down, z ahead).
-
-        Also returns whether each point lies inside the field of view, (...,).
-        """
-        x, y, z = points[..., 0], points[..., 1], points[..., 2]
-        rho = np.hypot(x, y)
-        theta = np.arctan2(rho, z)
-        square = theta * theta
-        k1, k2, k3, k4 = self.k
-        radius = theta * (1 + square * (k1 + square * (k2 + square * (k3 + square * k4))))
-        scale = np.divide(radius, rho, out=np.zeros_like(radius), where=rho > 0)
-        pixels = np.stack([self.fx * scale * x + self.cx, self.fy * scale * y + self.cy], axis=-1)
-        return pixels, theta <= self.field_of_view_rad / 2
 
 
 class LaserSensor(Strict):
@@ -196,8 +135,7 @@ class StereoSensor(Strict):
 
     def points(self, depth_m: NDArray[np.floating]) -> NDArray[np.float64]:
         """The point (height, width, 3) [m] in the room that each pixel of a depth picture shows; NaN where it is 0."""
-        pose = self.room_from_sensor
-        return self.intrinsics.points(depth_m) @ pose.rotation.T + pose.translation
+        return placed_camera(self).points(depth_m)
 
 
 class FloorSensor(Strict):
@@ -241,6 +179,17 @@ class FloorSensor(Strict):
 
 CameraSensor = FisheyeSensor | PinholeSensor | StereoSensor
 """Whatever takes pictures."""
+
+
+def placed_camera(sensor: CameraSensor) -> PlacedCamera:
+    """The camera in the room; the same one for equal sensors, so that what it works out once is worked out once."""
+    return _placed_camera(cast("Hashable", sensor))  # which pydantic makes of frozen models, unknown to type checkers
+
+
+@lru_cache(maxsize=64)
+def _placed_camera(sensor: Any) -> PlacedCamera:
+    return PlacedCamera(sensor.intrinsics, sensor.room_from_sensor)
+
 
 RigSensor = Annotated[
     LaserSensor | FisheyeSensor | PinholeSensor | StereoSensor | FloorSensor, Field(discriminator="kind")

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from trackers.cameras import FisheyeIntrinsics
 from trackers.observations import NS_PER_S, Image, LaserScan, Observation
-from trackers.rig import FisheyeIntrinsics, FisheyeSensor, LaserSensor, Pose, Rig
+from trackers.rig import FisheyeSensor, LaserSensor, Pose, Rig
 from trackers.tracks import TrackFrame
 
 Array = NDArray[np.float64]

@@ -4,10 +4,9 @@ from itertools import permutations
 
 import pytest
 
+from trackers.cameras import FisheyeIntrinsics, PinholeIntrinsics
 from trackers.errors import InputError
-from trackers.pinhole import PinholeIntrinsics
 from trackers.rig import (
-    FisheyeIntrinsics,
     FisheyeSensor,
     FloorSensor,
     LaserSensor,

@@ -15,7 +15,7 @@ from pydantic import Field, PositiveInt
 
 from trackers.configuration import Strict
 from trackers.laser.layer import Detections
-from trackers.rig import FisheyeSensor, LaserSensor, PinholeSensor
+from trackers.rig import FisheyeSensor, LaserSensor, PinholeSensor, placed_camera
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -59,11 +59,9 @@ class TorsoProjector:
 
     def __init__(self, laser: LaserSensor, camera: FisheyeSensor | PinholeSensor, options: TorsoOptions) -> None:
         self.options = options
-        self._intrinsics = camera.intrinsics
+        self._camera = placed_camera(camera)
         self._laser_rotation = laser.room_from_sensor.rotation
         self._laser_translation = laser.room_from_sensor.translation
-        self._camera_rotation = camera.room_from_sensor.rotation
-        self._camera_translation = camera.room_from_sensor.translation
         self._heights = np.linspace(options.high_m, options.low_m, options.rows)
         self._across = np.linspace(-0.5, 0.5, options.columns) * options.kept_width
 
@@ -79,12 +77,7 @@ class TorsoProjector:
         points = np.empty((len(detections), options.rows, options.columns, 3))
         points[..., :2] = on_floor[:, None]
         points[..., 2] = self._heights[None, :, None]
-        in_camera = (points - self._camera_translation) @ self._camera_rotation
-        pixels, in_view = self._intrinsics.project(in_camera)
-        u, v = pixels[..., 0], pixels[..., 1]
-        # pixel (i, j) covers [j − ½, j + ½) × [i − ½, i + ½)
-        inside = in_view & (u >= -0.5) & (v >= -0.5)
-        inside &= (u < self._intrinsics.width - 0.5) & (v < self._intrinsics.height - 0.5)
+        pixels, inside = self._camera.project(points)
         usable = (inside.mean(axis=(1, 2)) >= options.min_inside) & (detections.width_m >= options.min_width_m)
         clear = usable & (detections.width_m >= options.learn_width_m)
         clear &= _largest_overlap(pixels) <= options.max_overlap

@@ -35,10 +35,10 @@ from rosbags.typesys.stores.ros2_humble import (
 )
 from scipy.spatial.transform import Rotation
 
+from trackers.cameras import FisheyeIntrinsics, PinholeIntrinsics
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, Observation
-from trackers.pinhole import PinholeIntrinsics
-from trackers.rig import CameraSensor, FisheyeIntrinsics, Pose, Rig, StereoSensor
+from trackers.rig import CameraSensor, Pose, Rig, StereoSensor
 from twin.recording import topics
 from twin.recording.details import DETAIL_TOPICS, encode_detail
 from twin.recording.feet import encode_feet

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.observations import DepthImage, Image
-from trackers.pinhole import PinholeIntrinsics
-from trackers.rig import CameraSensor
+from trackers.rig import CameraSensor, placed_camera
 from trackers.tracks import Track
 from twin.report.birdseye import SHIFT, fixed_point
 from twin.report.lettering import write, write_tags
@@ -63,9 +62,8 @@ class CameraPanel:
         self._scale = min(side_px / intrinsics.width, side_px / intrinsics.height)
         self._size = (round(intrinsics.width * self._scale), round(intrinsics.height * self._scale))
         self._offset = np.array([(side_px - self._size[0]) // 2, (side_px - self._size[1]) // 2])
-        self._intrinsics = intrinsics
-        self._camera_from_room = sensor.room_from_sensor.rotation.T
-        self._camera_xyz = sensor.room_from_sensor.translation
+        self._camera = placed_camera(sensor)
+        self._last_px = np.array([intrinsics.width, intrinsics.height]) - 0.5
         self._shown: Image | DepthImage | None = None
         self._view = np.full((side_px, side_px, 3), BACKDROP, dtype=np.uint8)
         write(self._view, "no image yet", side_px / 2, side_px / 2, QUIET, 16, align="centre")
@@ -104,7 +102,7 @@ class CameraPanel:
     def _torso_windows(self, tracks: Sequence[Track]) -> list[tuple[Track, NDArray[np.float64]]]:
         """The outlines (24, 2) [px] of upright windows that face the camera, of the tracks in view, farthest first."""
         at = np.array([(track.x, track.y) for track in tracks]).reshape(-1, 2)
-        away = at - self._camera_xyz[:2]
+        away = at - self._camera.eye_m[:2]
         distance = np.hypot(away[:, 0], away[:, 1])
         across = (
             np.stack([-away[:, 1], away[:, 0]], axis=-1) * (TORSO_WIDTH_M / 2 / np.maximum(distance, 1e-6))[:, None]
@@ -112,14 +110,10 @@ class CameraPanel:
         floor = at[:, None] + _WINDOW_ACROSS[:, None] * across[:, None]  # (n, 24, 2)
         height = np.broadcast_to(_WINDOW_HEIGHT_M[:, None], (*floor.shape[:2], 1))
         room = np.concatenate([floor, height], axis=-1)
-        pixels, visible = self._intrinsics.project((room - self._camera_xyz) @ self._camera_from_room.T)
-        drawn = np.all(visible, axis=1)
-        if isinstance(self._intrinsics, PinholeIntrinsics):
-            # A window that the picture's edge cuts is drawn as far as it goes.
-            drawn = np.any(visible, axis=1) & np.all(np.isfinite(pixels), axis=(1, 2))
-            last = np.array([self._intrinsics.width, self._intrinsics.height]) - 0.5
-            pixels = np.clip(pixels, -0.5, last)
-        pixels = pixels * self._scale + self._offset
+        pixels, visible = self._camera.project(room)
+        # A window that the picture's edge cuts is drawn as far as it goes.
+        drawn = np.any(visible, axis=1) & np.all(np.isfinite(pixels), axis=(1, 2))
+        pixels = np.clip(pixels, -0.5, self._last_px) * self._scale + self._offset
         return [(tracks[i], pixels[i]) for i in np.argsort(-distance, kind="stable") if drawn[i]]
 
 

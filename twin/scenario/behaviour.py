@@ -14,7 +14,8 @@ from typing import Annotated, Literal
 from pydantic import Field, FiniteFloat, StringConstraints, model_validator
 
 from trackers.configuration import Strict
-from trackers.rig import Point2, Point3
+from trackers.pose import Point3
+from trackers.rig import Point2
 
 TOP_WALK_M_S = 2.5
 """The fastest that somebody is sent walking [m/s]; from about 2.2 m/s on people run."""

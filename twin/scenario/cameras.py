@@ -8,13 +8,13 @@ from typing import Annotated, Literal, TypeVar
 import numpy as np
 from pydantic import BeforeValidator, Field, FiniteFloat, PositiveInt, model_validator
 
+from trackers.cameras import PinholeIntrinsics
 from trackers.configuration import Strict
-from trackers.pinhole import PinholeIntrinsics
 from trackers.rig import DepthMode, PinholeSensor, StereoSensor
 from twin.scenario.mount import Mounted
 from twin.scenario.presets import NoiseName, by_name
 from twin.sensors.camera_noise import CAMERA_NOISE, STEREO_NOISE, CameraNoise, StereoNoise, WhiteBalance
-from twin.sensors.pinhole_lens import check_pinhole
+from twin.sensors.lens import check_pinhole
 from twin.sensors.stereo_matching import Matching
 
 LARGEST_SIDE_PX = 8192

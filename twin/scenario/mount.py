@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field, FiniteFloat, model_validator
 
 from trackers.configuration import Strict
-from trackers.rig import Point3, Pose
+from trackers.pose import Point3, Pose
 from twin.sensors.schedule import Timing
 
 _HOUSING_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, PositiveInt, model_validator
 
-from trackers.rig import FisheyeIntrinsics, FisheyeSensor, LaserSensor
+from trackers.cameras import FisheyeIntrinsics
+from trackers.rig import FisheyeSensor, LaserSensor
 from twin.scenario.cameras import CameraNoiseByName, PinholeDescription, StereoDescription
 from twin.scenario.floor import FloorDescription
 from twin.scenario.mount import Mounted

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from trackers.observations import Image
 from trackers.rig import FisheyeSensor
 from twin.sensors.fisheye_faces import build_face_table
-from twin.sensors.lens import check_lens
+from twin.sensors.lens import check_fisheye
 from twin.sensors.person_pixels import PersonPixels
 from twin.sensors.render import OffscreenRenderer
 from twin.sensors.sensor import Reading, State
@@ -42,7 +42,7 @@ class Fisheye:
         *,
         oversampling: float = OVERSAMPLING,
     ) -> None:
-        check_lens(rig.intrinsics)
+        check_fisheye(rig.intrinsics)
         self.name = name
         self._rig = rig
         self._renderer = renderer

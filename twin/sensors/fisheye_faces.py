@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.cameras import FisheyeIntrinsics
 from trackers.errors import InputError
-from trackers.rig import FisheyeIntrinsics
-from twin.sensors.lens import radius_of_angle, viewing_directions
 from twin.sensors.render import View
 
 MARGIN_PX = 2.0
@@ -45,9 +44,9 @@ def build_face_table(lens: FisheyeIntrinsics, room_from_camera: NDArray[np.float
     """The faces for a camera with this rotation (3, 3) and, for each pixel, its place in them.
 
     A face has `oversampling` pixels per radian at its middle for each that the picture has at most along its radius.
-    Needs a lens that `check_lens` accepts; raises InputError where no pixel lies in its field.
+    Needs a lens that `check_fisheye` accepts; raises InputError where no pixel lies in its field.
     """
-    directions = viewing_directions(lens)
+    directions = lens.pixel_rays()
     density = oversampling * _pixels_per_radian(lens)  # [px] per unit of tangent
     face_of_pixel = _nearest_face(directions)
     if (face_of_pixel < 0).all():
@@ -88,7 +87,7 @@ def build_face_table(lens: FisheyeIntrinsics, room_from_camera: NDArray[np.float
 
 def _pixels_per_radian(lens: FisheyeIntrinsics) -> float:
     """The picture's finest scale along a radius [px/rad]."""
-    slope = radius_of_angle(lens).deriv()(np.linspace(0, lens.field_of_view_rad / 2, 1000))
+    slope = lens.radius_of_angle.deriv()(np.linspace(0, lens.field_of_view_rad / 2, 1000))
     return float(max(lens.fx, lens.fy) * slope.max())
 
 

@@ -1,18 +1,19 @@
-"""Fisheye lenses: calibrations by name, and the way back from a pixel to the direction it sees."""
+"""Lenses that can be rendered, and fisheye calibrations by name."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 from pydantic import Field, FiniteFloat, PositiveInt
 
+from trackers.cameras import FisheyeIntrinsics, PinholeIntrinsics
 from trackers.configuration import Strict
 from trackers.errors import InputError
-from trackers.rig import FisheyeIntrinsics
 
 MAX_FIELD_OF_VIEW_DEG = 240.0
-"""The widest lens that can be rendered: beyond it the side faces, seen at a slant, would grow without bound."""
+"""The widest fisheye that can be rendered: beyond it the side faces, seen at a slant, would grow without bound."""
+
+MAX_TANGENT = 8.0
+"""The farthest a pinhole's picture may reach from its axis (tangent of the angle): 166° across."""
 
 
 class Lens(Strict):
@@ -64,7 +65,7 @@ class Lens(Strict):
             k=self.k,
             field_of_view_rad=float(np.deg2rad(self.field_of_view_deg)),
         )
-        check_lens(intrinsics)
+        check_fisheye(intrinsics)
         return intrinsics
 
 
@@ -86,53 +87,36 @@ LENSES = {
 """Lenses by name."""
 
 
-def radius_of_angle(lens: FisheyeIntrinsics) -> Polynomial:
-    """r(θ), the distance from the principal point as a fraction of the focal length, θ in radians."""
-    k1, k2, k3, k4 = lens.k
-    return Polynomial([0, 1, 0, k1, 0, k2, 0, k3, 0, k4])
-
-
-def check_lens(lens: FisheyeIntrinsics) -> None:
-    """Raise InputError if the field of view is too wide to render, or r(θ) stops growing inside it."""
+def check_fisheye(lens: FisheyeIntrinsics) -> None:
+    """Raise InputError if a fisheye's field of view is too wide to render, or r(θ) stops growing inside it."""
     field_deg = float(np.rad2deg(lens.field_of_view_rad))
     if field_deg > MAX_FIELD_OF_VIEW_DEG * (1 + 1e-12):
         raise InputError(f"lens: field of view {field_deg:g}° is too wide; at most {MAX_FIELD_OF_VIEW_DEG:g}° is valid")
-    roots = radius_of_angle(lens).deriv().trim().roots()
-    turns = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0)]
-    if turns.size and turns.min() <= lens.field_of_view_rad / 2:
+    fold_deg = float(np.rad2deg(lens.fold_angle_rad))
+    if lens.fold_angle_rad <= lens.field_of_view_rad / 2:
         raise InputError(
-            f"lens: with k = {list(lens.k)} the picture folds back {np.rad2deg(turns.min()):.1f}° from the axis; "
-            f"a field of view below {np.rad2deg(2 * turns.min()):.1f}° is valid, not {field_deg:g}°"
+            f"lens: with k = {list(lens.k)} the picture folds back {fold_deg:.1f}° from the axis; "
+            f"a field of view below {2 * fold_deg:.1f}° is valid, not {field_deg:g}°"
         )
 
 
-def angle_of_radius(lens: FisheyeIntrinsics, radius: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Angle from the optical axis [rad] at which r(θ) takes each value; NaN outside the field of view.
-
-    Needs a lens that `check_lens` accepts.
-    """
-    r_of_theta = radius_of_angle(lens)
-    slope = r_of_theta.deriv()
-    grid = np.linspace(0, lens.field_of_view_rad / 2, 4096)
-    at_grid = r_of_theta(grid)
-    inside = radius <= at_grid[-1]
-    wanted = np.where(inside, radius, at_grid[-1])
-    theta = np.interp(wanted, at_grid, grid)
-    for _ in range(3):  # Newton's method, begun within 4e-4 rad
-        theta = theta - (r_of_theta(theta) - wanted) / slope(theta)
-    return np.where(inside, theta, np.nan)
-
-
-def viewing_directions(lens: FisheyeIntrinsics) -> NDArray[np.float64]:
-    """Unit vectors that the pixels' centres see, in the camera frame (x right, y down, z ahead), (height, width, 3).
-
-    NaN outside the field of view.
-    """
-    x, y = np.meshgrid((np.arange(lens.width) - lens.cx) / lens.fx, (np.arange(lens.height) - lens.cy) / lens.fy)
-    radius = np.hypot(x, y)
-    theta = angle_of_radius(lens, radius)
-    across = np.ones_like(radius)
-    np.divide(np.sin(theta), radius, out=across, where=radius > 0)
-    directions = np.empty((lens.height, lens.width, 3))
-    directions[..., 0], directions[..., 1], directions[..., 2] = across * x, across * y, np.cos(theta)
-    return directions
+def check_pinhole(lens: PinholeIntrinsics) -> None:
+    """Raise InputError if the edge of a pinhole's picture lies where the distortion has folded back, or too far from the axis."""
+    columns, rows = np.linspace(-0.5, lens.width - 0.5, 65), np.linspace(-0.5, lens.height - 0.5, 65)
+    edge = np.concatenate(
+        [
+            *(np.stack([columns, np.full(65, row)], axis=-1) for row in rows[[0, -1]]),
+            *(np.stack([np.full(65, column), rows], axis=-1) for column in columns[[0, -1]]),
+        ]
+    )
+    reach = np.abs(lens.unproject(edge)[:, :2])
+    if np.isnan(reach).any():
+        raise InputError(
+            f"distortion {list(lens.distortion)} (k1, k2, p1, p2, k3) folds back inside the "
+            f"{lens.width} x {lens.height} picture, so that its edge sees nothing; one that grows up to the edge is valid"
+        )
+    if reach.max() > MAX_TANGENT:
+        raise InputError(
+            f"the picture reaches {np.rad2deg(np.arctan(reach.max())):.1f}° from the camera's axis; "
+            f"at most {np.rad2deg(np.arctan(MAX_TANGENT)):.1f}° is valid, a fisheye sees farther"
+        )

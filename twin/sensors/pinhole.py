@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from trackers.observations import Image
 from trackers.rig import PinholeSensor
-from twin.sensors.pinhole_lens import check_pinhole
+from twin.sensors.lens import check_pinhole
 from twin.sensors.pinhole_view import PinholeView, pinhole_view
 from twin.sensors.render import OffscreenRenderer
 from twin.sensors.sensor import Reading, State

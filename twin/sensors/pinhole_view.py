@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.cameras import PinholeIntrinsics
 from trackers.errors import InputError
-from trackers.pinhole import PinholeIntrinsics
 from trackers.rig import Pose
 from twin.sensors.person_pixels import PersonPixels
 from twin.sensors.render import OffscreenRenderer, View

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.pinhole import PinholeIntrinsics
+from trackers.cameras import Intrinsics
 from trackers.rig import RigSensor
 from twin.scenario.cameras import PinholeDescription, StereoDescription
 from twin.scenario.floor import FloorDescription
@@ -25,10 +25,13 @@ class SensorView:
 
     room_from_sensor_xyz: NDArray[np.float64]  # (3,) [m]
     room_from_sensor_rotation: NDArray[np.float64]  # (3, 3)
-    is_scanner: bool
-    half_field_rad: float  # from the sensor's x axis (scanner) or its optical axis (camera)
+    sees: float | Intrinsics  # a scanner's half field from its x axis [rad]; what a camera's picture shows
     range_max_m: float
-    picture: PinholeIntrinsics | None = None  # of a pinhole: its picture's edges bound the view, not an angle
+
+    @property
+    def is_scanner(self) -> bool:
+        """Whether it looks in one plane only."""
+        return not isinstance(self.sees, Intrinsics)
 
     @property
     def normal(self) -> NDArray[np.float64] | None:
@@ -44,13 +47,10 @@ def sensor_view(sensor: RigSensor, description: SensorDescription) -> SensorView
             return None
         case LaserDescription():
             half = np.deg2rad(description.field_of_view_deg) / 2
-            return SensorView(pose.translation, pose.rotation, True, half, description.range_max_m)
-        case FisheyeDescription():
-            half = description.intrinsics().field_of_view_rad / 2
-            return SensorView(pose.translation, pose.rotation, False, half, np.inf)
-        case PinholeDescription() | StereoDescription():
+            return SensorView(pose.translation, pose.rotation, half, description.range_max_m)
+        case FisheyeDescription() | PinholeDescription() | StereoDescription():
             # How far its depth reaches says nothing of how far its picture does.
-            return SensorView(pose.translation, pose.rotation, False, np.pi / 2, np.inf, description.intrinsics())
+            return SensorView(pose.translation, pose.rotation, description.intrinsics(), np.inf)
 
 
 def visible_share(
@@ -79,17 +79,15 @@ def first_met(
     it, 0 for the room, and -1 where no ray goes: points that do not count, or lie out of the sensor's field or range.
     """
     local = (points - view.room_from_sensor_xyz) @ view.room_from_sensor_rotation  # (n, k, 3)
-    if view.is_scanner:
+    if isinstance(view.sees, Intrinsics):
+        counted = np.ones(local.shape[:2], dtype=bool)
+        in_field = view.sees.project(local)[1]
+    else:
         counted = np.abs(local[..., 2]) <= _PLANE_BAND_M
         local = local * np.array([1.0, 1.0, 0.0])
-        off_axis = np.abs(np.arctan2(local[..., 1], local[..., 0]))
-    else:
-        counted = np.ones(local.shape[:2], dtype=bool)
-        off_axis = np.arctan2(np.hypot(local[..., 0], local[..., 1]), local[..., 2])
+        in_field = np.abs(np.arctan2(local[..., 1], local[..., 0])) <= view.sees
     distance = np.linalg.norm(local, axis=-1)
-    candidate = counted & (off_axis <= view.half_field_rad) & (distance <= view.range_max_m) & (distance > 0)
-    if view.picture is not None:
-        candidate &= view.picture.project(local)[1]
+    candidate = counted & in_field & (distance <= view.range_max_m) & (distance > 0)
     met = np.where(candidate, ids[:, None], np.int16(-1))
     if candidate.any():
         directions = (local[candidate] / distance[candidate, None]) @ view.room_from_sensor_rotation.T

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 from rosbags.rosbag2 import StoragePlugin, Writer
 
+from trackers.cameras import FisheyeIntrinsics
 from trackers.observations import Image, LaserScan, Observation
-from trackers.rig import FisheyeIntrinsics, FisheyeSensor, LaserSensor, Pose, Rig
+from trackers.rig import FisheyeSensor, LaserSensor, Pose, Rig
 from twin.recording.messages import TYPESTORE, encode
 from twin.recording.tables import PersonTruth, TruthFrame
 

@@ -18,9 +18,9 @@ from rosbags.typesys.stores.ros2_humble import (
     std_msgs__msg__Header as Header,
 )
 
+from trackers.cameras import PinholeIntrinsics
 from trackers.errors import InputError
 from trackers.observations import DepthImage, Image, LaserScan
-from trackers.pinhole import PinholeIntrinsics
 from trackers.rig import LaserSensor, PinholeSensor, Rig, StereoSensor
 from twin.recording.bag import open_bag
 from twin.recording.depth_pairs import DepthPairs

@@ -15,9 +15,10 @@ from rosbags.typesys.stores.ros2_humble import (
     std_msgs__msg__String as String,
 )
 
+from trackers.cameras import FisheyeIntrinsics
 from trackers.errors import InputError
 from trackers.observations import Image, LaserScan
-from trackers.rig import FisheyeIntrinsics, FisheyeSensor, LaserSensor, Rig
+from trackers.rig import FisheyeSensor, LaserSensor, Rig
 from twin.recording.messages import RAW_IMAGE, STRING, encode, time_message
 from twin.recording.reader import Recording
 from twin.recording.writer import BagWriter

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.cameras import FisheyeIntrinsics
 from trackers.observations import NS_PER_S, Image, LaserScan
-from trackers.rig import FisheyeIntrinsics, FisheyeSensor, LaserSensor, Pose, Rig
+from trackers.rig import FisheyeSensor, LaserSensor, Pose, Rig
 from trackers.tracks import Track, TrackFrame
 from twin.recording.tables import PersonTruth, TrackTable, TruthFrame, TruthTable, track_table, truth_table
 

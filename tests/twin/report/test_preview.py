@@ -13,9 +13,9 @@ import pytest
 from numpy.typing import NDArray
 from staged_run import PERIOD_NS, Staged
 
+from trackers.cameras import PinholeIntrinsics
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, Image
-from trackers.pinhole import PinholeIntrinsics
 from trackers.rig import LaserSensor, PinholeSensor, Rig
 from trackers.tracks import Track
 from twin.report.palette import IDENTITY_COLOURS

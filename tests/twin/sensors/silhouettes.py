@@ -9,10 +9,9 @@ from contourpy import contour_generator
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from trackers.rig import FisheyeIntrinsics
+from trackers.cameras import FisheyeIntrinsics
 from twin.scenario.sensors import FisheyeDescription
 from twin.sensors.fisheye import Fisheye
-from twin.sensors.lens import angle_of_radius
 from twin.sensors.render import RendererOnDemand
 from twin.snapshot import RAY_GROUPS
 
@@ -43,7 +42,7 @@ def unlit(world: CapsuleWorld) -> CapsuleWorld:
 
 def lens_angle(lens: FisheyeIntrinsics, pixels: NDArray) -> NDArray[np.float64]:
     """Angle from the axis [rad] of places (n, 2) in the picture; NaN outside the field."""
-    return angle_of_radius(lens, np.hypot((pixels[:, 0] - lens.cx) / lens.fx, (pixels[:, 1] - lens.cy) / lens.fy))
+    return lens.angle_of_radius(np.hypot((pixels[:, 0] - lens.cx) / lens.fx, (pixels[:, 1] - lens.cy) / lens.fy))
 
 
 class SilhouetteRays:

@@ -9,7 +9,6 @@ from capsule_room import ROOM, CapsuleWorld, capsule_model
 from silhouettes import description, picture, silhouette_displacements, unlit
 
 from twin.sensors.fisheye import Fisheye
-from twin.sensors.lens import viewing_directions
 from twin.sensors.render import RendererOnDemand
 
 
@@ -77,7 +76,7 @@ def test_a_uniform_room_is_uniform_to_the_rim():
     world = unlit(CapsuleWorld(capsule_model({})))
     world.model.geom_rgba[:] = [0.5, 0.25, 0.75, 1]
     rgb = picture(world, description())
-    seen = np.isfinite(viewing_directions(description().intrinsics())[..., 0])
+    seen = np.isfinite(description().intrinsics().pixel_rays()[..., 0])
     assert (rgb[~seen] == 0).all()
     room = rgb[seen].astype(int)
     assert np.ptp(room, axis=0).max() <= 1
@@ -95,7 +94,7 @@ def test_no_step_in_brightness_where_faces_meet(headlight: str):
     lens = straight.intrinsics()
     first_pose = straight.rig_sensor("camera").room_from_sensor
     second_pose = rolled.rig_sensor("camera").room_from_sensor
-    directions = viewing_directions(lens)
+    directions = lens.pixel_rays()
     theta = np.arctan2(np.hypot(directions[..., 0], directions[..., 1]), directions[..., 2])
     places, _ = lens.project(directions @ first_pose.rotation.T @ second_pose.rotation)
     same = cv2.remap(second, places.astype(np.float32), None, cv2.INTER_LINEAR)

@@ -4,10 +4,10 @@ import cv2
 import numpy as np
 import pytest
 
+from trackers.cameras import FisheyeIntrinsics
 from trackers.errors import InputError
-from trackers.rig import FisheyeIntrinsics
 from twin.sensors.fisheye_faces import MARGIN_PX, build_face_table
-from twin.sensors.lens import LENSES, Lens, angle_of_radius, check_lens, radius_of_angle, viewing_directions
+from twin.sensors.lens import LENSES, Lens, check_fisheye
 
 CAMERAS = {
     "equidistant": LENSES["equidistant_185"].intrinsics(),
@@ -24,7 +24,7 @@ def lens(request: pytest.FixtureRequest) -> FisheyeIntrinsics:
 
 
 def test_directions_project_back_to_their_pixels(lens: FisheyeIntrinsics):
-    directions = viewing_directions(lens)
+    directions = lens.pixel_rays()
     seen = np.isfinite(directions[..., 0])
     assert seen.any()
     np.testing.assert_allclose(np.linalg.norm(directions[seen], axis=-1), 1, rtol=1e-12)
@@ -35,10 +35,10 @@ def test_directions_project_back_to_their_pixels(lens: FisheyeIntrinsics):
 
 
 def test_pixels_without_a_direction_lie_outside_the_field(lens: FisheyeIntrinsics):
-    blind = ~np.isfinite(viewing_directions(lens)[..., 0])
+    blind = ~np.isfinite(lens.pixel_rays()[..., 0])
     row, column = np.nonzero(blind)
     radius = np.hypot((column - lens.cx) / lens.fx, (row - lens.cy) / lens.fy)
-    assert (radius > radius_of_angle(lens)(lens.field_of_view_rad / 2)).all()
+    assert (radius > lens.radius_of_angle(lens.field_of_view_rad / 2)).all()
 
 
 def test_the_model_is_opencv_s():
@@ -64,19 +64,19 @@ def test_scaling_keeps_what_a_pixel_s_place_sees():
 
 def test_a_lens_that_folds_back_is_refused():
     opencv = LENSES["opencv_test_lens"]
-    check_lens(opencv.intrinsics())
+    check_fisheye(opencv.intrinsics())
     with pytest.raises(InputError, match=r"folds back 93\.\d° from the axis; a field of view below 186\.\d° is valid"):
         opencv.model_copy(update={"field_of_view_deg": 200.0}).intrinsics()
     barely = FisheyeIntrinsics(width=9, height=9, fx=9, fy=9, cx=4, cy=4, k=(-1 / 3, 0, 0, 0), field_of_view_rad=1.999)
-    check_lens(barely)  # dr/dθ = 1 - θ² reaches 0 at 1 rad
+    check_fisheye(barely)  # dr/dθ = 1 - θ² reaches 0 at 1 rad
     with pytest.raises(InputError, match="folds back"):
-        check_lens(barely.model_copy(update={"field_of_view_rad": 2.001}))
+        check_fisheye(barely.model_copy(update={"field_of_view_rad": 2.001}))
 
 
 def test_too_wide_a_lens_is_refused():
     wide = FisheyeIntrinsics(width=9, height=9, fx=2, fy=2, cx=4, cy=4, field_of_view_rad=5.0)
     with pytest.raises(InputError, match="at most 240°"):
-        check_lens(wide)
+        check_fisheye(wide)
 
 
 def test_a_picture_outside_the_field_is_refused():
@@ -88,7 +88,7 @@ def test_a_picture_outside_the_field_is_refused():
 def test_radius_is_inverted_to_the_last_digits():
     lens = LENSES["opencv_test_lens"].intrinsics()
     theta = np.linspace(0, np.pi / 2 * 0.9999, 1000)
-    np.testing.assert_allclose(angle_of_radius(lens, radius_of_angle(lens)(theta)), theta, atol=1e-12)
+    np.testing.assert_allclose(lens.angle_of_radius(lens.radius_of_angle(theta)), theta, atol=1e-12)
 
 
 def test_bilinear_taps_stay_inside_their_face(lens: FisheyeIntrinsics):
@@ -103,7 +103,7 @@ def test_bilinear_taps_stay_inside_their_face(lens: FisheyeIntrinsics):
         assert not (inside & inside_any).any()
         inside_any |= inside
     np.testing.assert_array_equal(inside_any, seen)
-    np.testing.assert_array_equal(seen, np.isfinite(viewing_directions(lens)[..., 0]))
+    np.testing.assert_array_equal(seen, np.isfinite(lens.pixel_rays()[..., 0]))
 
 
 def test_only_the_needed_part_of_the_sides_is_drawn():

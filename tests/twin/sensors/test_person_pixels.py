@@ -14,7 +14,6 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from silhouettes import RING
 
 from twin.scenario.sensors import FisheyeDescription, SensorDescription, build_sensor
-from twin.sensors.lens import viewing_directions
 from twin.sensors.render import RendererOnDemand
 from twin.snapshot import RAY_GROUPS
 from twin.truth.boxes import SeesPeople, person_boxes
@@ -42,7 +41,7 @@ def describe(content: dict[str, Any]) -> Any:
 def ids_by_rays(world: CapsuleWorld, camera: Any) -> NDArray[np.int16]:
     """The id that the ray through each pixel's centre meets, -1 outside the field: the oracle."""
     lens = camera.intrinsics()
-    directions = viewing_directions(lens) if isinstance(camera, FisheyeDescription) else lens.directions()
+    directions = lens.pixel_rays() if isinstance(camera, FisheyeDescription) else lens.directions()
     inside = np.isfinite(directions[..., 2])
     pose = camera.rig_sensor("camera").room_from_sensor
     rays = directions[inside] / np.linalg.norm(directions[inside], axis=1, keepdims=True) @ pose.rotation.T

@@ -12,7 +12,7 @@ import pytest
 from capsule_room import ROOM, CapsuleWorld, capsule_model
 from numpy.typing import NDArray
 
-from trackers.rig import FisheyeIntrinsics
+from trackers.cameras import FisheyeIntrinsics
 from twin.sensors.fisheye_faces import FaceTable, build_face_table
 from twin.sensors.lens import Lens
 from twin.sensors.render import INSTALL_EGL, OffscreenRenderer, RendererOnDemand

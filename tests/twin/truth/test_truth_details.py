@@ -13,7 +13,6 @@ from trackers.rig import FisheyeSensor
 from twin.recording.situations import situation_table
 from twin.recording.tables import truth_table
 from twin.scenario import Scenario, load_scenario
-from twin.sensors.lens import radius_of_angle
 from twin.simulation import Simulation
 from twin.truth.boxes import SeesPeople
 from twin.truth.frames import BoxFrame, RayFrame, Situation, TruthDetail, TruthFrame
@@ -199,7 +198,7 @@ def test_boxes_hold_the_points_that_rays_reach():
                     continue
                 local = (data.site_xpos[scene.point_site[place]] - pose.translation) @ pose.rotation
                 across = np.hypot(local[:, 0], local[:, 1])
-                radius = radius_of_angle(lens)(np.arctan2(across, local[:, 2]))
+                radius = lens.radius_of_angle(np.arctan2(across, local[:, 2]))
                 u = lens.cx + lens.fx * radius * local[:, 0] / across
                 v = lens.cy + lens.fy * radius * local[:, 1] / across
                 assert (u > box.left - 0.5).all() and (u < box.left + box.width - 0.5).all()

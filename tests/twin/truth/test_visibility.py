@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from trackers.cameras import FisheyeIntrinsics
 from twin.scenario import load_scenario
 from twin.sensors.rays import cast
 from twin.simulation import Simulation
@@ -56,7 +57,27 @@ def test_ones_own_body_comes_before_what_is_inside_it(other_m: float, whom: int,
     mujoco.mj_kinematics(model, data)
     snapshot = Snapshot(0.0, model, data, np.array([1, 2], dtype=np.int16))
     turn = np.eye(3) if is_scanner else np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    view = SensorView(np.array([0.0, 0.0, 1.0]), turn, is_scanner, np.pi / 4, 8.0)
+    lens = FisheyeIntrinsics(width=64, height=64, fx=40, fy=40, cx=31.5, cy=31.5, field_of_view_rad=np.pi / 2)
+    view = SensorView(np.array([0.0, 0.0, 1.0]), turn, np.pi / 4 if is_scanner else lens, 8.0)
     counted, met = first_met(view, snapshot, np.array([[[2.3, 0.0, 1.0]]]), np.array([1], dtype=np.int16))
     assert counted.all()
     assert met.tolist() == [[whom]]
+
+
+def test_a_fisheye_does_not_see_what_its_picture_cuts_off():
+    """A lens whose field of view is wider than its picture is high: what lies above the picture's edge is not in it."""
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><geom type="sphere" pos="0 0 2" size="0.1"/></worldbody></mujoco>'
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    snapshot = Snapshot(0.0, model, data, np.array([1], dtype=np.int16))
+    places = np.array([[[0.0, np.tan(angle) * 2.0, 2.0]] for angle in (0.0, 0.35, 0.55)])
+    view = SensorView(
+        np.zeros(3),
+        np.eye(3),
+        FisheyeIntrinsics(width=200, height=80, fx=80, fy=80, cx=99.5, cy=39.5, field_of_view_rad=2.0),
+        np.inf,
+    )
+    _, met = first_met(view, snapshot, places, np.array([1, 1, 1], dtype=np.int16))
+    assert met[:, 0].tolist() == [1, 1, -1]  # the picture ends 0.5 rad above its middle, the field of view 1 rad

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from trackers.pinhole import PinholeIntrinsics
+from trackers.cameras import PinholeIntrinsics
 from trackers.rig import Pose, Rig, StereoSensor
 
 DISTORTIONS = {
@@ -66,17 +66,6 @@ def test_what_lies_behind_has_no_pixel():
     pixels, seen = lens().project(np.array([[0.1, 0.1, -2.0], [0.0, 0.0, 0.0]]))
     assert not seen.any()
     assert np.isnan(pixels).all()
-
-
-def test_depth_makes_points_that_project_to_their_pixels():
-    camera = lens("barrel")
-    depth_m = np.full((480, 640), 2.5, dtype=np.float32)
-    depth_m[0, 0] = 0
-    cloud = camera.points(depth_m)
-    assert np.isnan(cloud[0, 0]).all()
-    pixels, _ = camera.project(cloud[100:200, 100:200])
-    np.testing.assert_allclose(pixels[..., 0], np.broadcast_to(np.arange(100, 200), (100, 100)), atol=1e-6)
-    np.testing.assert_allclose(cloud[5:, 5:, 2], 2.5)
 
 
 def test_a_stereo_cameras_points_lie_in_the_room():

@@ -2,32 +2,28 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
-from pydantic import Field, FiniteFloat, PositiveInt
+from pydantic import Field, FiniteFloat
 
-from trackers.configuration import Strict
+from trackers.cameras.intrinsics import Intrinsics, first_turn
 
 _NEWTON_STEPS = 30
 _CONVERGED = 1e-9
 """How near [tangent of the angle] a direction must come back to its pixel to count as found."""
 
 
-class PinholeIntrinsics(Strict):
+class PinholeIntrinsics(Intrinsics):
     """A pinhole camera: u = fx x″ + cx, v = fy y″ + cy, of the direction (x, y, 1) bent by the lens to (x″, y″).
 
     With r² = x² + y² and d = 1 + k1 r² + k2 r⁴ + k3 r⁶: x″ = x d + 2 p1 x y + p2 (r² + 2 x²), y″ = y d + p1 (r² + 2 y²) +
     2 p2 x y (Brown 1966, Conrady 1919). `distortion` is (k1, k2, p1, p2, k3), the order of OpenCV and of ROS's
-    `plumb_bob`. Pixel centres are integers: the picture covers u from −½ to width − ½.
+    `plumb_bob`.
     """
 
-    width: PositiveInt = Field(description="width of the picture [px]")
-    height: PositiveInt = Field(description="height of the picture [px]")
-    fx: float = Field(gt=0, allow_inf_nan=False, description="focal length along a row [px]")
-    fy: float = Field(gt=0, allow_inf_nan=False, description="focal length along a column [px]")
-    cx: FiniteFloat = Field(description="column of the principal point, pixel centres are integers [px]")
-    cy: FiniteFloat = Field(description="row of the principal point, pixel centres are integers [px]")
     distortion: tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat] = Field(
         default=(0.0, 0.0, 0.0, 0.0, 0.0), description="Brown–Conrady coefficients k1, k2, p1, p2, k3; all 0: none"
     )
@@ -38,23 +34,15 @@ class PinholeIntrinsics(Strict):
         return any(self.distortion)
 
     @property
-    def matrix(self) -> NDArray[np.float64]:
-        """The camera matrix, (3, 3)."""
-        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
-
-    @property
     def fold_radius(self) -> float:
         """The tangent of the angle from the axis at which the radial polynomial stops growing; inf: never."""
-        k1, k2, _, _, k3 = self.distortion
-        roots = Polynomial([0, 1, 0, k1, 0, k2, 0, k3]).deriv().trim().roots()
-        turns = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0)]
-        return float(turns.min()) if turns.size else np.inf
+        return _fold_radius(self.distortion)
 
     def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Pixel coordinates (..., 2) of points (..., 3) [m] in the camera frame (x right, y down, z ahead).
+        """Pixel coordinates (..., 2) of points (..., 3) [m] in the camera frame, and whether the picture shows each, (...,).
 
-        Also returns whether each point lies in the picture, (...,): ahead, and within its edges. Pixels of points
-        that do not lie ahead are NaN.
+        It shows what lies ahead, before the lens folds back, within the picture's edges. Pixels of points that do not
+        lie ahead are NaN.
         """
         z = points[..., 2]
         ahead = z > 0
@@ -62,8 +50,7 @@ class PinholeIntrinsics(Strict):
         x, y = points[..., 0] / depth, points[..., 1] / depth
         bent_x, bent_y = self._bend(x, y)
         pixels = np.stack([self.fx * bent_x + self.cx, self.fy * bent_y + self.cy], axis=-1)
-        u, v = pixels[..., 0], pixels[..., 1]
-        seen = ahead & (u >= -0.5) & (u < self.width - 0.5) & (v >= -0.5) & (v < self.height - 0.5)
+        seen = ahead & self.contains(pixels)
         if self.is_distorted:
             seen &= np.hypot(x, y) < self.fold_radius
         return pixels, seen
@@ -80,15 +67,14 @@ class PinholeIntrinsics(Strict):
             x, y = self._straighten(bent_x, bent_y)
         return np.stack([x, y, np.ones_like(x)], axis=-1)
 
+    def rays(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Unit vectors (..., 3) that pixel coordinates (..., 2) see, in the camera frame; NaN without light."""
+        directions = self.unproject(pixels)
+        return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+
     def directions(self) -> NDArray[np.float64]:
         """The directions (height, width, 3) with z = 1 that the pixels' centres see."""
-        u, v = np.meshgrid(np.arange(self.width, dtype=float), np.arange(self.height, dtype=float))
-        return self.unproject(np.stack([u, v], axis=-1))
-
-    def points(self, depth_m: NDArray[np.floating]) -> NDArray[np.float64]:
-        """The point (height, width, 3) [m] that each pixel of a depth picture shows, camera frame; NaN where it is 0."""
-        depth = np.where(depth_m > 0, depth_m, np.nan)
-        return self.directions() * depth[..., None]
+        return self.unproject(self.pixel_centres())
 
     def _bend(self, x: NDArray, y: NDArray) -> tuple[NDArray, NDArray]:
         k1, k2, p1, p2, k3 = self.distortion
@@ -123,6 +109,13 @@ class PinholeIntrinsics(Strict):
         at_x, at_y = self._bend(x, y)
         found = np.hypot(bent_x - at_x, bent_y - at_y) < _CONVERGED
         return np.where(found, x, np.nan), np.where(found, y, np.nan)
+
+
+@lru_cache(maxsize=64)
+def _fold_radius(distortion: tuple[float, float, float, float, float]) -> float:
+    """Where the radial polynomial stops growing; asked for at every projection, and slow to find."""
+    k1, k2, _, _, k3 = distortion
+    return first_turn(Polynomial([0, 1, 0, k1, 0, k2, 0, k3]))
 
 
 def _keep_within(x: NDArray, y: NDArray, radius: float) -> None:

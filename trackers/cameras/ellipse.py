@@ -1,0 +1,148 @@
+"""Ellipsoids, heads and bodies, as the ellipses that a camera sees of them.
+
+A pinhole without distortion sees an ellipsoid as an ellipse exactly: with centre m and shape S in the camera frame (its
+surface is (x − m)ᵀ S⁻¹ (x − m) = 1) the dual of its outline's conic is C* = m mᵀ − S (Hartley and Zisserman, Multiple View
+Geometry, 8.3, with the camera [I | 0]). A lens that bends has no ellipse for an outline. What it gets here is the ellipse
+with the mean and the second moments of eight points of the outline, each projected through the lens. That is good while the lens
+bends little over the width of the ellipsoid: for a head 1 m away to 2 % of its longer semi-axis, farther off to less.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trackers.cameras.intrinsics import Intrinsics
+from trackers.cameras.pinhole import PinholeIntrinsics
+
+Array = NDArray[np.float64]
+
+_ON_OUTLINE = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Ellipsoids:
+    """Solid ellipsoids by their centres (n, 3) [m] and shapes (n, 3, 3) [m²]: (x − centre)ᵀ shape⁻¹ (x − centre) = 1."""
+
+    centre: Array
+    shape: Array
+
+    @classmethod
+    def upright(cls, centre_m: ArrayLike, semi_axes_m: ArrayLike, yaw_rad: ArrayLike = 0.0) -> Ellipsoids:
+        """Ellipsoids at these centres (n, 3) of semi-axes (3,) or (n, 3): ahead, to the left, up; turned by yaw (n,).
+
+        Yaw is about the vertical, counter-clockwise from the room's x axis.
+        """
+        centre = np.asarray(centre_m, dtype=float)
+        ahead, aside, up = np.moveaxis(np.broadcast_to(np.square(np.asarray(semi_axes_m, float)), centre.shape), -1, 0)
+        cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
+        shape = np.zeros((*centre.shape, 3))
+        shape[:, 0, 0] = ahead * cosine**2 + aside * sine**2
+        shape[:, 1, 1] = ahead * sine**2 + aside * cosine**2
+        shape[:, 0, 1] = shape[:, 1, 0] = (ahead - aside) * cosine * sine
+        shape[:, 2, 2] = up
+        return cls(centre, shape)
+
+    def seen_from(self, eye_m: Array, room_from_camera: Array) -> Ellipsoids:
+        """The same in the frame of a camera with this place (3,) [m] and rotation (3, 3)."""
+        centre = (self.centre - eye_m) @ room_from_camera
+        return Ellipsoids(centre, room_from_camera.T @ self.shape @ room_from_camera)
+
+
+@dataclass(frozen=True, eq=False)
+class Ellipses:
+    """Ellipses by their centres (n, 2) [px] and shapes (n, 2, 2) [px²]: (q − centre)ᵀ shape⁻¹ (q − centre) = 1.
+
+    NaN where the camera sees no ellipse: it is in the ellipsoid or too near to it, or has not all of it ahead.
+    """
+
+    centre: Array
+    shape: Array
+
+    def __len__(self) -> int:
+        """How many they are."""
+        return len(self.centre)
+
+    def points(self, of_unit_disc: Array) -> Array:
+        """Where points (m, 2) of the unit disc come to lie in each, (n, m, 2) [px]; its rim on the ellipses.
+
+        The disc's y axis runs down the picture: points keep their order and spread evenly if they did in the disc.
+        """
+        (xx, xy), (_, yy) = np.moveaxis(self.shape, 0, -1)
+        across = np.sqrt(xx)  # Cholesky, written out: a batch of 2 × 2
+        slant = xy / across
+        down = np.sqrt(yy - slant**2)
+        x, y = of_unit_disc.T
+        u = self.centre[:, :1] + across[:, None] * x
+        v = self.centre[:, 1:] + slant[:, None] * x + down[:, None] * y
+        return np.stack([u, v], axis=-1)
+
+    def outline(self, count: int = 32) -> Array:
+        """Points around each, (n, count, 2) [px]."""
+        return self.points(_circle(count))
+
+    def half_size(self) -> Array:
+        """Half the width and height of each one's upright box, (n, 2) [px]."""
+        return np.sqrt(np.diagonal(self.shape, axis1=1, axis2=2))
+
+    def semi_axes(self) -> Array:
+        """The longer and the shorter semi-axis of each, (n, 2) [px]."""
+        (xx, xy), (_, yy) = np.moveaxis(self.shape, 0, -1)
+        middle, off = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
+        return np.sqrt(np.stack([middle + off, middle - off], axis=-1))
+
+
+def outline_ellipses(intrinsics: Intrinsics, solids: Ellipsoids) -> Ellipses:
+    """What a camera sees of ellipsoids in its own frame, one ellipse each (see the module for how exact)."""
+    if not isinstance(intrinsics, PinholeIntrinsics):
+        towards = _looking_at(solids.centre)  # a fisheye has no plane that all it sees lies before
+        turned = Ellipsoids(
+            np.einsum("nij,nj->ni", towards, solids.centre), towards @ solids.shape @ np.swapaxes(towards, 1, 2)
+        )
+        return _fitted(intrinsics, _on_plane(turned), towards)
+    ideal = _on_plane(solids)
+    if intrinsics.is_distorted:
+        return _fitted(intrinsics, ideal, None)
+    focal = np.array([intrinsics.fx, intrinsics.fy])
+    centre = ideal.centre * focal + (intrinsics.cx, intrinsics.cy)
+    return Ellipses(centre, ideal.shape * np.outer(focal, focal))
+
+
+def _on_plane(solids: Ellipsoids) -> Ellipses:
+    """The outlines on the plane z = 1, NaN where a solid is not wholly before the plane z = 0."""
+    m, S = solids.centre, solids.shape
+    scale = m[:, 2] ** 2 - S[:, 2, 2]
+    scale = np.where((m[:, 2] > 0) & (scale > 0), scale, np.nan)[:, None]
+    centre = (m[:, :2] * m[:, 2:] - S[:, :2, 2]) / scale
+    dual = (m[:, :2, None] * m[:, None, :2] - S[:, :2, :2]) / scale[..., None]
+    return Ellipses(centre, centre[:, :, None] * centre[:, None, :] - dual)
+
+
+def _fitted(intrinsics: Intrinsics, ideal: Ellipses, towards: Array | None) -> Ellipses:
+    """Ellipses with the mean and second moments of projected points; of the plane z = 1, turned `towards` (n, 3, 3)."""
+    on_plane = ideal.outline(_ON_OUTLINE)
+    directions = np.concatenate([on_plane, np.ones((*on_plane.shape[:2], 1))], axis=-1)
+    if towards is not None:
+        directions = directions @ towards
+    pixels, _ = intrinsics.project(directions)
+    centre = pixels.mean(axis=1)
+    off = pixels - centre[:, None]
+    return Ellipses(centre, 2 / _ON_OUTLINE * np.swapaxes(off, 1, 2) @ off)
+
+
+def _looking_at(places: Array) -> Array:
+    """Rotations (n, 3, 3) that take the frame to one whose z axis points at each place (n, 3)."""
+    ahead = places / np.linalg.norm(places, axis=1, keepdims=True)
+    # across to whichever axis is farther off
+    aside = np.where(np.abs(ahead[:, 1:2]) < 0.7, (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
+    right = np.cross(aside, ahead)
+    right /= np.linalg.norm(right, axis=1, keepdims=True)
+    return np.stack([right, np.cross(ahead, right), ahead], axis=1)
+
+
+def _circle(count: int) -> Array:
+    """Points around the unit circle, (count, 2)."""
+    angle = 2 * np.pi * np.arange(count) / count
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)

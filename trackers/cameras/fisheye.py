@@ -1,0 +1,80 @@
+"""The fisheye camera (Kannala–Brandt): from points to pixels and back."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+from pydantic import Field, FiniteFloat
+
+from trackers.cameras.intrinsics import Intrinsics, first_turn
+
+_GRID = 4096
+_NEWTON_STEPS = 3
+
+
+class FisheyeIntrinsics(Intrinsics):
+    """Kannala–Brandt fisheye: r(θ) = θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸), u = fx r cos φ + cx, v = fy r sin φ + cy.
+
+    θ is the angle from the optical axis; with all k = 0 the lens is equidistant. `field_of_view_rad` is the full
+    angle over which the lens forms an image (outside it pixels are black). This is OpenCV's `fisheye` and ROS's
+    `equidistant` model.
+    """
+
+    k: tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat] = Field(
+        default=(0.0, 0.0, 0.0, 0.0), description="coefficients k1 to k4 of θ³, θ⁵, θ⁷, θ⁹; all 0: equidistant"
+    )
+    field_of_view_rad: float = Field(
+        gt=0, lt=2 * np.pi, description="full angle over which the lens forms an image [rad]"
+    )
+
+    @property
+    def radius_of_angle(self) -> Polynomial:
+        """r(θ), the distance from the principal point as a fraction of the focal length, θ in radians."""
+        k1, k2, k3, k4 = self.k
+        return Polynomial([0, 1, 0, k1, 0, k2, 0, k3, 0, k4])
+
+    @property
+    def fold_angle_rad(self) -> float:
+        """The angle from the axis at which r(θ) stops growing [rad]; inf: never."""
+        return first_turn(self.radius_of_angle)
+
+    def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Pixel coordinates (..., 2) of points (..., 3) [m] in the camera frame, and whether the picture shows each, (...,).
+
+        It shows what lies in the field of view, within the picture's edges.
+        """
+        x, y, z = points[..., 0], points[..., 1], points[..., 2]
+        rho = np.hypot(x, y)
+        theta = np.arctan2(rho, z)
+        square = theta * theta
+        k1, k2, k3, k4 = self.k
+        radius = theta * (1 + square * (k1 + square * (k2 + square * (k3 + square * k4))))
+        scale = np.divide(radius, rho, out=np.zeros_like(radius), where=rho > 0)
+        pixels = np.stack([self.fx * scale * x + self.cx, self.fy * scale * y + self.cy], axis=-1)
+        return pixels, (theta <= self.field_of_view_rad / 2) & self.contains(pixels)
+
+    def angle_of_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Angle from the optical axis [rad] at which r(θ) takes each value; NaN outside the field of view.
+
+        Needs a lens whose r(θ) grows over all its field of view.
+        """
+        r_of_theta = self.radius_of_angle
+        slope = r_of_theta.deriv()
+        grid = np.linspace(0, self.field_of_view_rad / 2, _GRID)
+        at_grid = r_of_theta(grid)
+        inside = radius <= at_grid[-1]
+        wanted = np.where(inside, radius, at_grid[-1])
+        theta = np.interp(wanted, at_grid, grid)
+        for _ in range(_NEWTON_STEPS):  # Newton's method, begun within 4e-4 rad
+            theta = theta - (r_of_theta(theta) - wanted) / slope(theta)
+        return np.where(inside, theta, np.nan)
+
+    def rays(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Unit vectors (..., 3) that pixel coordinates (..., 2) see, in the camera frame; NaN outside the field of view."""
+        x, y = (pixels[..., 0] - self.cx) / self.fx, (pixels[..., 1] - self.cy) / self.fy
+        radius = np.hypot(x, y)
+        theta = self.angle_of_radius(radius)
+        across = np.ones_like(radius)
+        np.divide(np.sin(theta), radius, out=across, where=radius > 0)
+        return np.stack([across * x, across * y, np.cos(theta)], axis=-1)

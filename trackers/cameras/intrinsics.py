@@ -1,0 +1,74 @@
+"""What every calibrated camera has: a picture with edges, a way from points to pixels, and one back to rays."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+from pydantic import Field, FiniteFloat, PositiveInt
+
+from trackers.configuration import Strict
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_NOTHING = 1e-15
+"""A leading coefficient this small bends no picture, and its roots are too large for a float."""
+
+
+class Intrinsics(Strict):
+    """A picture's size [px], and the focal lengths and principal point [px] of the lens that makes it.
+
+    The camera frame is the optical one: x right, y down, z ahead. Pixel centres are integers: the picture covers u from
+    −½ to width − ½ and v from −½ to height − ½. `project` and `rays` mean the same for every kind of lens.
+    """
+
+    width: PositiveInt = Field(description="width of the picture [px]")
+    height: PositiveInt = Field(description="height of the picture [px]")
+    fx: float = Field(gt=0, allow_inf_nan=False, description="focal length along a row [px]")
+    fy: float = Field(gt=0, allow_inf_nan=False, description="focal length along a column [px]")
+    cx: FiniteFloat = Field(description="column of the principal point, pixel centres are integers [px]")
+    cy: FiniteFloat = Field(description="row of the principal point, pixel centres are integers [px]")
+
+    @abstractmethod
+    def project(self, points: Array) -> tuple[Array, Mask]:
+        """Pixel coordinates (..., 2) of points (..., 3) [m] in the camera frame, and whether the picture shows each, (...,).
+
+        It shows a point whose light the lens takes, within the picture's edges. Pixels of other points are where the
+        lens's formula puts them, NaN where it has no place for them: behind a pinhole.
+        """
+
+    @abstractmethod
+    def rays(self, pixels: Array) -> Array:
+        """Unit vectors (..., 3) that pixel coordinates (..., 2) see, in the camera frame; the way back of `project`.
+
+        NaN where the lens sends no light to a place.
+        """
+
+    @property
+    def matrix(self) -> Array:
+        """The camera matrix, (3, 3)."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+    def contains(self, pixels: Array) -> Mask:
+        """Whether pixel coordinates (..., 2) lie within the picture's edges, (...,); NaN does not."""
+        u, v = pixels[..., 0], pixels[..., 1]
+        return (u >= -0.5) & (u < self.width - 0.5) & (v >= -0.5) & (v < self.height - 0.5)
+
+    def pixel_centres(self) -> Array:
+        """The coordinates (height, width, 2) of the pixels' centres."""
+        u, v = np.meshgrid(np.arange(self.width, dtype=float), np.arange(self.height, dtype=float))
+        return np.stack([u, v], axis=-1)
+
+    def pixel_rays(self) -> Array:
+        """The unit vectors (height, width, 3) that the pixels' centres see, in the camera frame; NaN without light."""
+        return self.rays(self.pixel_centres())
+
+
+def first_turn(growth: Polynomial) -> float:
+    """Where above 0 a polynomial first stops growing; inf: nowhere. Beyond it a lens folds its picture back."""
+    roots = growth.deriv().trim(_NOTHING).roots()
+    turns = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0)]
+    return float(turns.min()) if turns.size else np.inf
