@@ -1,13 +1,13 @@
-"""Typed, frozen configuration read from YAML, and errors that say what would have been valid."""
+"""Typed, frozen configuration, and errors that say what would have been valid."""
 
 from __future__ import annotations
 
 import difflib
 import types
+from collections import Counter
 from collections.abc import Mapping
 from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
-import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from trackers.errors import InputError
@@ -19,6 +19,12 @@ _SHAPES = {"tuple_type": "a list", "list_type": "a list"} | dict.fromkeys(
     ("model_type", "model_attributes_type", "dict_type"), "a mapping"
 )
 """What the file must hold, where pydantic names the Python type."""
+
+
+_MOST_LINES = 50
+"""Of a file with more faults than these the rest is counted."""
+_MOST_SHOWN = 200
+"""Characters of a value that an error tells."""
 
 
 class Strict(BaseModel):
@@ -49,45 +55,6 @@ def _nested(model: type[BaseModel], given: dict[Any, Any], owner: Mapping[str, A
     return whole
 
 
-class _UniqueKeyLoader(yaml.SafeLoader):
-    """Safe YAML that refuses a key given twice, which plain YAML would silently overwrite."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        seen = set()
-        for key_node, _ in node.value:
-            key = self.construct_object(key_node, deep=True)
-            if key in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"the key {key!r} stands twice in one mapping", key_node.start_mark
-                )
-            seen.add(key)
-        return super().construct_mapping(node, deep)
-
-
-def parse_yaml(text: str, source: str, expected: str) -> dict[str, Any]:
-    """The mapping in a YAML text; raises InputError naming the source, the line and what is expected."""
-    try:
-        content = yaml.load(text, _UniqueKeyLoader)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f"{source}, line {mark.line + 1}" if mark is not None else source
-        problem = getattr(error, "problem", None) or str(error).splitlines()[0]
-        raise InputError(f"{where}: not valid YAML ({problem}); {expected} is expected") from error
-    if not isinstance(content, dict):
-        raise InputError(f"{source}: holds {type(content).__name__}, not a mapping; {expected} is expected")
-    return content
-
-
-def read_text(source: Any, expected: str) -> str:
-    """The text of a file; raises InputError naming the file and what is expected of it."""
-    try:
-        return source.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{source}: is not a text file; {expected} is expected") from error
-    except OSError as error:
-        raise InputError(f"{source}: cannot be read ({error.strerror}); {expected} is expected") from error
-
-
 def validate(model: type[Model], content: Any, source: str) -> Model:
     """The content as this model; raises InputError with one line for every fault: source, path, fault, value."""
     try:
@@ -98,9 +65,9 @@ def validate(model: type[Model], content: Any, source: str) -> Model:
 
 def _lines(error: ValidationError, model: type[BaseModel], content: Any, source: str) -> list[str]:
     lines, faults = [], error.errors()
+    within = Counter(fault["loc"][:depth] for fault in faults for depth in range(len(fault["loc"]) + 1))
     for fault in faults:
-        within = [other for other in faults if other["loc"][: len(fault["loc"])] == fault["loc"]]
-        if fault["type"] == "too_short" and len(within) > 1:
+        if fault["type"] == "too_short" and within[fault["loc"]] > 1:
             continue  # short only of the items that are at fault themselves
         path = ".".join(_path(fault["loc"], content))
         message = fault["msg"].removeprefix("Value error, ")
@@ -109,13 +76,21 @@ def _lines(error: ValidationError, model: type[BaseModel], content: Any, source:
         elif fault["type"] == "union_tag_invalid":
             about = fault.get("ctx", {})
             tag, valid = about["tag"], about["expected_tags"].replace("'", "")
-            path, message = f"{path}.kind", f"{tag!r} is not known; valid are {valid}"
+            path, message = f"{path}.kind", f"{_shown(tag)} is not known; valid are {valid}"
         elif fault["type"] in _SHAPES:
-            message = f"{_SHAPES[fault['type']]} is expected (got {fault['input']!r})"
+            message = f"{_SHAPES[fault['type']]} is expected (got {_shown(fault['input'])})"
         elif fault["type"] != "missing" and not isinstance(fault["input"], dict | BaseModel):
-            message += f" (got {fault['input']!r})"
+            message += f" (got {_shown(fault['input'])})"
         lines.append(": ".join(part for part in (source, path, message) if part))
-    return list(dict.fromkeys(lines))
+    told = list(dict.fromkeys(lines))
+    more = [f"{source}: and {len(told) - _MOST_LINES} faults more"] if len(told) > _MOST_LINES else []
+    return told[:_MOST_LINES] + more
+
+
+def _shown(value: Any) -> str:
+    """A value as an error tells it: cut where nobody would read on."""
+    text = repr(value)
+    return text if len(text) <= _MOST_SHOWN else f"{text[:_MOST_SHOWN]}..."
 
 
 def _path(location: tuple[int | str, ...], content: Any) -> list[str]:
@@ -146,6 +121,19 @@ def _valid_keys(model: type[BaseModel], location: tuple[int | str, ...]) -> str:
         return ""
     close = difflib.get_close_matches(str(location[-1]), keys, n=1)
     return (f"; did you mean {close[0]!r}?" if close else ";") + f" valid here: {', '.join(keys)}"
+
+
+def keys_of(model: type[BaseModel], path: tuple[str, ...], kind: Any = None) -> frozenset[str] | None:
+    """The keys that the mapping at a path below a model may have; None where it may have any (names of people, say).
+
+    kind: which of several models the mapping is of, where it says so under `kind`.
+    """
+    models: list[Any] = [model]
+    for part in path:
+        models = [inner for each in models for inner in _inner(each, part)]
+    models = [each for each in models if _is_model(each)]
+    of_kind = [each for each in models if kind in get_args(getattr(each.model_fields.get("kind"), "annotation", None))]
+    return frozenset(name for each in of_kind or models for name in each.model_fields) if models else None
 
 
 def _is_model(kind: Any) -> bool:

@@ -18,10 +18,12 @@ from pydantic import Field, FiniteFloat, PositiveInt, model_validator
 from trackers.cameras.fisheye import FisheyeIntrinsics
 from trackers.cameras.pinhole import PinholeIntrinsics
 from trackers.cameras.placed import PlacedCamera
-from trackers.configuration import Strict, parse_yaml, read_text, validate
+from trackers.configuration import Strict, validate
 from trackers.errors import InputError
 from trackers.floor.force_curve import ForceCurve
+from trackers.plain_data import parse_yaml
 from trackers.pose import Pose
+from trackers.text_file import read_text
 
 Point2 = tuple[FiniteFloat, FiniteFloat]
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import sys
+from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated
 
@@ -139,17 +142,20 @@ def evaluate(
     truth: Annotated[Path, typer.Argument(help="truth.csv")],
     tracks: Annotated[Path, typer.Argument(help="A tracks table.")],
     gate: Annotated[float, typer.Option(metavar="M", help="A track matches a person within this distance [m].")] = 0.5,
+    no_limits: Annotated[bool, typer.Option("--no-limits", help="Read tables of more than 256 MiB too.")] = False,
 ) -> None:
     """Metrics from two tables, as JSON."""
     import json
 
     from trackers.errors import InputError
     from twin.evaluate import evaluate_tracks
-    from twin.recording.tables import read_tracks, read_truth
+    from twin.recording.tables import MOST_TABLE_BYTES, read_tracks, read_truth
 
     if not 0 < gate < float("inf"):
         raise InputError(f"--gate {gate}: is not a distance; a number of metres above 0 is expected")
-    typer.echo(json.dumps(evaluate_tracks(read_truth(truth), read_tracks(tracks), gate_m=gate), indent=2))
+    most_bytes = None if no_limits else MOST_TABLE_BYTES
+    tables = read_truth(truth, most_bytes), read_tracks(tracks, most_bytes)
+    typer.echo(json.dumps(evaluate_tracks(*tables, gate_m=gate), indent=2))
 
 
 @app.command(name="list", epilog="Example: twin list")
@@ -265,6 +271,7 @@ def main() -> None:
     sys.path.append(os.getcwd())
     heed_interrupts()
     try:
+        _check_none_is_empty(sys.argv[1:])
         code = app(standalone_mode=False)
         if code == EXIT_INTERRUPTED:  # typer's word for Ctrl-C
             sys.stderr.write("twin: interrupted; no file was left half-written under its final name\n")
@@ -275,6 +282,8 @@ def main() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(EXIT_DONE)
     except OSError as error:
+        if error.errno in (errno.ENAMETOOLONG, errno.ELOOP):
+            _fail(f"{error.filename}: {error.strerror}; the path of a file or folder is expected")
         if error.errno not in (errno.ENOSPC, errno.EACCES, errno.EROFS, errno.EDQUOT, errno.ENOTDIR, errno.EISDIR):
             _our_fault()
         _fail(f"{error.filename or 'output'}: {error.strerror}; a folder that can be written, with space, is expected")
@@ -282,6 +291,16 @@ def main() -> None:
         if hasattr(error, "format_message") and hasattr(error, "exit_code"):  # a usage error of click's
             _fail(error.format_message())  # pyright: ignore[reportAttributeAccessIssue]
         _our_fault()
+
+
+def _check_none_is_empty(arguments: Sequence[str]) -> None:
+    """Raise InputError for an empty argument: an empty path would mean the current folder."""
+    from trackers.errors import InputError
+
+    for before, argument in pairwise(["", *arguments]):
+        if argument == "" or re.fullmatch("--[a-z-]+=", argument):
+            named = argument.removesuffix("=") or (before if before.startswith("-") else f"after {before or 'twin'!r}")
+            raise InputError(f"{named}: an argument is empty; a name, path or value is expected")
 
 
 def _fail(message: str) -> None:

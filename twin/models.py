@@ -25,10 +25,10 @@ def find(folder: str, name: str, relative_to: Path | None = None, asked_by: str 
     """
     suffix = _SUFFIX[folder]
     shipped = MODELS / folder / f"{name}{suffix}"
-    if "/" not in name and shipped.is_file():
+    if "/" not in name and _is_file(shipped):
         return shipped
     path = (relative_to or Path()) / name
-    if path.is_file():
+    if _is_file(path):
         return path
     valid = names(folder)
     close = difflib.get_close_matches(name, valid, n=1)
@@ -37,6 +37,14 @@ def find(folder: str, name: str, relative_to: Path | None = None, asked_by: str 
     raise InputError(
         f"{start}there is no {folder[:-1]} {name!r}; {hint}valid are {', '.join(valid)} or the path of a {suffix} file"
     )
+
+
+def _is_file(path: Path) -> bool:
+    """Whether there is a file of this path; one that no file can have (too long, a NUL in it) names none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
 
 
 SENSOR_KINDS = {

@@ -12,9 +12,10 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field
 
-from trackers.configuration import Strict, parse_yaml, validate
+from trackers.configuration import Strict, validate
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, LaserScan, Observation
+from trackers.plain_data import parse_yaml
 from twin.feeding import feed
 from twin.recording.details import DETAIL_FILES
 from twin.recording.reader import Recording

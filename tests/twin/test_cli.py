@@ -303,3 +303,35 @@ def test_another_gl_of_the_users_does_not_matter() -> None:
         [*TWIN, "check"], capture_output=True, text=True, check=False, env=os.environ | {"MUJOCO_GL": "osmesa"}
     )
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("run", "lab-five-people", "--out", ""),
+        ("run", "lab-five-people", "--out="),
+        ("suite", "run", "smoke", "--out", ""),
+        ("view", ""),
+    ],
+)
+def test_an_empty_argument_is_one_sentence_and_nothing_is_written(tmp_path: Path, arguments: tuple[str, ...]) -> None:
+    refused(twin(*arguments, cwd=tmp_path), "an argument is empty; a name, path or value is expected")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("track", "a" * 300),
+        ("run", "lab-five-people", *QUICK, "--out", "a" * 300),
+        ("suite", "show", "a" * 300),
+        ("suite", "compare", "a" * 300, "a" * 300),
+        ("evaluate", "a" * 300, "a" * 300),
+        ("evaluate", "/dev/zero", "/dev/zero"),
+        ("suite", "run", "smoke", "--baseline", "/dev/zero"),
+    ],
+)
+def test_a_path_that_names_no_file_is_one_sentence(tmp_path: Path, arguments: tuple[str, ...]) -> None:
+    done = twin(*arguments, cwd=tmp_path)
+    refused(done, "is expected")
+    assert len(done.stderr.strip().splitlines()) == 1

@@ -94,8 +94,10 @@ def test_extends_merges_and_null_removes(tmp_path: Path) -> None:
 
 
 def test_null_among_a_trackers_options_is_a_value(tmp_path: Path) -> None:
-    mine = "trackers: {mine: {preset: laser-imm, waist: {body_width_m: null}, own: null}, other: null}\n"
-    scenario = load_scenario(write(tmp_path, SMALL + mine), ["trackers.mine.waist.satellite_width_m=null"])
+    mine = "trackers: {mine: {preset: laser-imm, waist: {body_width_m: null}, own: null}, other: {preset: laser-imm}}\n"
+    scenario = load_scenario(
+        write(tmp_path, SMALL + mine), ["trackers.mine.waist.satellite_width_m=null", "trackers.other=null"]
+    )
     again = load_scenario(write(tmp_path, dump_scenario(scenario), "again.yaml"))
     for each in (scenario, again):
         assert list(each.trackers) == ["mine"] and each.trackers["mine"].preset == "laser-imm"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
+from trackers.text_file import read_text
 
 _MAX_INT64 = int(np.iinfo(np.int64).max)
 _MAX_STAMP_S = Decimal(_MAX_INT64 // NS_PER_S)
@@ -119,24 +121,22 @@ class CsvColumns:
         return [known[text] for text in cells]
 
 
-def read_csv_columns(path: Path, required: Sequence[str], what: str) -> CsvColumns:
-    """Read a CSV file with a header; `what` names the kind of table in errors.
+def read_csv_columns(path: Path, required: Sequence[str], what: str, most_bytes: int | None = None) -> CsvColumns:
+    """Read a CSV file with a header, of no more than `most_bytes`; `what` names the kind of table in errors.
 
     Raises InputError for a file that cannot be read, is no CSV, lacks a required column, names one twice or has a row
     of another length than the header.
     """
+    text = read_text(path, f"a {what}", most_bytes).removeprefix("\ufeff")
     try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            reader = csv.reader(stream, strict=True)
-            header = next(reader, None)
-            rows, lines = [], []
-            for row in reader:
-                if row:
-                    rows.append(row)
-                    lines.append(reader.line_num)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); a {what} is expected") from error
-    except (UnicodeDecodeError, csv.Error) as error:
+        reader = csv.reader(io.StringIO(text), strict=True)
+        header = next(reader, None)
+        rows, lines = [], []
+        for row in reader:
+            if row:
+                rows.append(row)
+                lines.append(reader.line_num)
+    except csv.Error as error:
         raise InputError(f"{path}: is not a CSV file in UTF-8 ({error}); a {what} is expected") from error
     expected = ",".join(required)
     if header is None:

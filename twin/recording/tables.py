@@ -31,6 +31,9 @@ _TRACK_NUMBERS = ("x", "y", "z", "vx", "vy", "head_x", "head_y", "head_z", "head
 TRUTH_COLUMNS = ("t", "id", *_TRUTH_NUMBERS, "in_area")
 TRACK_COLUMNS = ("t", "id", *_TRACK_NUMBERS, "status")
 STATUSES = ("confirmed", "coasting")
+MOST_TABLE_BYTES = 256 * 1024 * 1024
+"""A table larger than this takes gigabytes to read: somebody must have meant it."""
+
 _VISIBLE = "visible_"
 _truth_numbers = attrgetter(*_TRUTH_NUMBERS)
 _track_numbers = attrgetter(*_TRACK_NUMBERS)
@@ -142,13 +145,13 @@ def track_writer(path: Path) -> Iterator[TrackWriter]:
         yield TrackWriter(stream)
 
 
-def read_truth(path: Path) -> TruthTable:
-    """Read a `truth.csv`; cells other than t, id, x, y and in_area may be empty.
+def read_truth(path: Path, most_bytes: int | None = None) -> TruthTable:
+    """Read a `truth.csv` of no more than `most_bytes` (None: any size).
 
-    Columns visible_<sensor> are kept by sensor, others that the contract does not name are passed over. Raises
-    InputError naming file, line, column and value.
+    Cells other than t, id, x, y and in_area may be empty. Columns visible_<sensor> are kept by sensor, others that the
+    contract does not name are passed over. Raises InputError naming file, line, column and value.
     """
-    columns = read_csv_columns(path, TRUTH_COLUMNS, "truth table")
+    columns = read_csv_columns(path, TRUTH_COLUMNS, "truth table", most_bytes)
     frame_stamps, rows, stamps, ids = _index(columns, TRUTH_COLUMNS[1:])
     visible = {}
     for name in columns.cells:
@@ -162,12 +165,13 @@ def read_truth(path: Path) -> TruthTable:
     return TruthTable(str(path), frame_stamps, stamps, ids, **numbers, in_area=in_area, visible=visible)
 
 
-def read_tracks(path: Path) -> TrackTable:
-    """Read a `tracks/<tracker>.csv`; cells other than t, id, x, y and status may be empty.
+def read_tracks(path: Path, most_bytes: int | None = None) -> TrackTable:
+    """Read a `tracks/<tracker>.csv` of no more than `most_bytes` (None: any size).
 
-    Columns that the contract does not name are passed over. Raises InputError naming file, line, column and value.
+    Cells other than t, id, x, y and status may be empty. Columns that the contract
+    does not name are passed over. Raises InputError naming file, line, column and value.
     """
-    columns = read_csv_columns(path, TRACK_COLUMNS, "tracks table")
+    columns = read_csv_columns(path, TRACK_COLUMNS, "tracks table", most_bytes)
     frame_stamps, rows, stamps, ids = _index(columns, TRACK_COLUMNS[1:])
     numbers = {name: rows.numbers(name, may_be_empty=name not in ("x", "y")) for name in _TRACK_NUMBERS}
     return TrackTable(str(path), frame_stamps, stamps, ids, **numbers, status=rows.words("status", STATUSES))

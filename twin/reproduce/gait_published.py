@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
+from trackers.text_file import read_text
 
 Array = NDArray[np.float64]
 
@@ -68,13 +69,7 @@ def read_subject(folder: Path) -> Subject:
     Raises InputError where the file is missing or holds no table of forces.
     """
     path = folder / SUBJECT_FILE
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"--data {folder}: {SUBJECT_FILE} cannot be read there ({type(error).__name__}); a folder that holds "
-            "OpenSim's gait2354 recording is expected"
-        ) from error
+    lines = read_text(path, "in the folder of --data OpenSim's gait2354 recording").splitlines()
     head = next((number for number, line in enumerate(lines) if line.strip() == "endheader"), None)
     names = lines[head + 1].split() if head is not None and head + 1 < len(lines) else []
     missing = [name for name in _COLUMNS if name not in names]

@@ -27,7 +27,7 @@ JUMP_M_S = 12.0
 NEAREST_M = 0.7
 """People who walk come no closer to each other than about this [m]."""
 
-PersonName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]
+PersonName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=100)]
 """The name of a person: it becomes a column and a label, so letters, digits, '-' and '_' only."""
 
 WalkSpeed = Annotated[float, Field(gt=0, le=TOP_WALK_M_S)]

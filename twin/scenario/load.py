@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
@@ -10,12 +11,18 @@ from typing import Any
 import yaml
 from pydantic import Field
 
-from trackers.configuration import parse_yaml, read_text, validate
+from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.merging import laid_over
+from trackers.plain_data import DEEPEST, parse_yaml, parse_yaml_value
+from trackers.text_file import read_text
 from twin import models
 from twin.scenario.model import Scenario
 from twin.scenario.pedestrians import Pedestrians, people_from
+from twin.scenario.removal import check_removals
+
+_MOST_SHOWN = 200
+"""Characters of an override that an error tells."""
 
 
 class ScenarioFile(Scenario):
@@ -40,7 +47,7 @@ def load_scenario(name: str | Path, overrides: Sequence[str] = ()) -> Scenario:
     content = apply_overrides(content, overrides)
     _resolve_room(content, Path(), "--set room")
     _resolve_pedestrians(content, Path())
-    source = str(path) if not overrides else f"{path} with --set {' --set '.join(overrides)}"
+    source = str(path) if not overrides else f"{path} with {' '.join(map(_said, overrides))}"
     content = _without_removed(content)
     _bring_pedestrians(content, source)
     return validate(Scenario, content, source)
@@ -54,6 +61,7 @@ def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:
     _resolve_pedestrians(content, path.parent)
     parent = content.pop("extends", None)
     if parent is None:
+        check_removals(ScenarioFile, {}, content, str(path))
         return content
     if not isinstance(parent, str):
         raise InputError(f"{path}: extends: {parent!r} is not a name; the name or path of one scenario is expected")
@@ -63,6 +71,7 @@ def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:
     base = _read(found, (path.resolve(), *children))
     for own in ("name", "description"):  # they tell of the other scenario
         base.pop(own, None)
+    check_removals(ScenarioFile, base, content, str(path))
     return laid_over(base, content)
 
 
@@ -79,7 +88,10 @@ def _resolve_pedestrians(content: dict[str, Any], folder: Path) -> None:
     """Make the path of a file of paths absolute: it is relative to the file that names it."""
     pedestrians = content.get("pedestrians")
     if isinstance(pedestrians, dict) and isinstance(pedestrians.get("file"), str):
-        pedestrians["file"] = str((folder / pedestrians["file"]).resolve())
+        path = folder / pedestrians["file"]
+        with suppress(ValueError):  # a NUL in it: reading it says so
+            path = path.resolve()
+        pedestrians["file"] = str(path)
 
 
 def _bring_pedestrians(content: dict[str, Any], source: str) -> None:
@@ -123,20 +135,22 @@ def apply_overrides(content: dict[str, Any], overrides: Sequence[str]) -> dict[s
     return changed
 
 
+def _said(override: str) -> str:
+    """An override as an error tells it: cut where nobody would read on."""
+    return f"--set {override}" if len(override) <= _MOST_SHOWN else f"--set {override[:_MOST_SHOWN]}..."
+
+
 def _apply(content: dict[str, Any], override: str) -> None:
     """Set one 'path.to.field=value' in place; the value is YAML."""
     path, equals, text = override.partition("=")
     parts = path.strip().split(".")
     if not equals or not all(parts):
         raise InputError(
-            f"--set {override}: is not of the form path.to.field=value, for example sensors.waist.rate_hz=20"
+            f"{_said(override)}: is not of the form path.to.field=value, for example sensors.waist.rate_hz=20"
         )
-    try:
-        value = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise InputError(
-            f"--set {override}: the value {text!r} is not YAML; a number, word, [list] or {{map}} is"
-        ) from error
+    if len(parts) > DEEPEST:
+        raise InputError(f"--set: a path of {len(parts)} steps leads nowhere; at most {DEEPEST} are expected")
+    value = parse_yaml_value(text, _said(override))
     here: Any = content
     for depth, part in enumerate(parts[:-1]):
         if isinstance(here, list):
@@ -147,17 +161,18 @@ def _apply(content: dict[str, Any], override: str) -> None:
             here = here[part]
         else:
             raise InputError(
-                f"--set {override}: {'.'.join(parts[:depth])} is a value, not a mapping; it has no {part!r}"
+                f"{_said(override)}: {'.'.join(parts[:depth])} is a value, not a mapping; it has no {part!r}"
             )
     if isinstance(here, list):
         here[_index(here, parts[-1], override)] = value
     else:
+        check_removals(ScenarioFile, here, {parts[-1]: value}, _said(override), tuple(parts[:-1]))
         here[parts[-1]] = value
 
 
 def _index(items: list[Any], part: str, override: str) -> int:
-    if not part.isdecimal() or int(part) >= len(items):
-        raise InputError(f"--set {override}: {part!r} is not one of the list's places 0 to {len(items) - 1}")
+    if not part.isdecimal() or len(part) > 9 or int(part) >= len(items):
+        raise InputError(f"{_said(override)}: {part!r} is not one of the list's places 0 to {len(items) - 1}")
     return int(part)
 
 

@@ -10,9 +10,10 @@ from typing import Any
 
 from pydantic import Field, FiniteFloat
 
-from trackers.configuration import Strict, read_text
+from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.rig import Point2
+from trackers.text_file import read_text
 from twin.scenario.behaviour import JUMP_M_S
 
 _HEADER = ["t", "id", "x", "y"]

@@ -9,8 +9,10 @@ from typing import Any
 
 from pydantic import Field
 
-from trackers.configuration import Strict, read_text, validate
+from trackers.configuration import Strict, validate
 from trackers.errors import InputError
+from trackers.plain_data import parse_json
+from trackers.text_file import read_text
 from twin.recording.whole_file import whole_file
 from twin.suites.figures import GATED
 from twin.suites.results import Group, GroupKey, Results
@@ -37,10 +39,7 @@ class _Baseline(Strict):
 
 def read_baseline(path: Path) -> Results:
     """The results in a baseline; raises InputError where it is none."""
-    try:
-        content = json.loads(read_text(path, _EXPECTED))
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path}, line {error.lineno}: is not JSON ({error.msg}); {_EXPECTED} is expected") from error
+    content = parse_json(read_text(path, _EXPECTED), str(path), _EXPECTED)
     held = validate(_Baseline, content, str(path))
     return Results(
         suite=held.suite,

@@ -8,7 +8,9 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, JsonValue, field_validator, model_validator
 
-from trackers.configuration import Strict, parse_yaml, read_text, validate
+from trackers.configuration import Strict, validate
+from trackers.plain_data import parse_yaml
+from trackers.text_file import read_text
 from twin import models
 from twin.scenario.model import Name
 from twin.suites.expected import list_of, mapping_of, refused, single

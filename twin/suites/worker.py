@@ -12,9 +12,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from trackers.configuration import parse_yaml, validate
+from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
+from trackers.plain_data import parse_yaml
 from twin.evaluate import evaluate_with_details
 from twin.evaluate.summary import Evaluation
 from twin.recording.tables import read_tracks, read_truth

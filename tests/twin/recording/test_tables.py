@@ -254,7 +254,7 @@ class TestBadFiles:
     def test_no_text(self, tmp_path, read, header, row):
         path = tmp_path / "table.csv"
         path.write_bytes(b"\x89PNG\xff\xfe\x00")
-        assert "is not a CSV file" in fault_of(read, path)
+        assert "is not a text file in UTF-8" in fault_of(read, path)
 
     @pytest.mark.parametrize("column", ["t", "id", "x", "y", "head_z", "vy"])
     def test_missing_column(self, tmp_path, read, header, row, column):

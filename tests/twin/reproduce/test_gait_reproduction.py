@@ -141,7 +141,7 @@ def test_steps_are_as_long_as_the_speed_and_the_cadence_say():
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (None, "cannot be read there"),
+        (None, r"cannot be read \(No such file or directory\); in the folder of --data"),
         ("no header\n1 2\n", "has no column time"),
         ("endheader\ntime ground_force_vy\n0 1\n", "has no column 1_ground_force_vy"),
         ("endheader\ntime ground_force_vy 1_ground_force_vy\n0 1 x\n", "is not a table of numbers"),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from trackers.configuration import parse_yaml
+from trackers.plain_data import parse_yaml
 from trackers.presets import PRESETS
 from twin import models
 from twin.scenario import Scenario

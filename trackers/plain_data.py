@@ -1,0 +1,173 @@
+"""YAML and JSON from users: only plain data comes out, and only as much as can be dealt with.
+
+Mappings with text or numbers as keys, lists, texts, numbers, booleans and nothing else. What makes other readers hang,
+run out of memory or stack, or raise all kinds of exceptions is one sentence here: aliases that grow without end or hold
+themselves, deep nesting, numbers of thousands of digits, keys that are lists, tags of other types.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import yaml
+from yaml.composer import Composer, ComposerError
+from yaml.constructor import ConstructorError, SafeConstructor
+from yaml.cyaml import CParser
+from yaml.events import AliasEvent
+from yaml.nodes import MappingNode, Node, ScalarNode
+from yaml.resolver import BaseResolver, Resolver
+
+from trackers.errors import InputError
+
+DEEPEST = 64
+"""Mappings and lists within each other."""
+MOST_VALUES = 1_000_000
+"""Keys, values, lists and mappings of one text, those that an alias repeats counted each time."""
+LONGEST_NUMBER = 64
+"""Characters of a number."""
+
+_TAG = "tag:yaml.org,2002:"
+_NUMBERS = (f"{_TAG}int", f"{_TAG}float")
+_SCALARS = (*_NUMBERS, f"{_TAG}str", f"{_TAG}bool", f"{_TAG}null")
+_PLAIN = (*_SCALARS, f"{_TAG}seq", f"{_TAG}map")
+
+
+class _PlainResolver(Resolver):
+    """YAML's own types of plain words, but a date stays the text that it is."""
+
+
+_PlainResolver.yaml_implicit_resolvers = {
+    first: [(tag, pattern) for tag, pattern in resolvers if tag != f"{_TAG}timestamp"]
+    for first, resolvers in Resolver.yaml_implicit_resolvers.items()
+}
+
+
+class _Loader(Composer, SafeConstructor, _PlainResolver, CParser):
+    """Events by libyaml, the rest in Python, where depth and size are counted before anything is made of them."""
+
+    def __init__(self, stream: str) -> None:
+        CParser.__init__(self, stream)
+        Composer.__init__(self)
+        SafeConstructor.__init__(self)
+        BaseResolver.__init__(self)
+        self._depth = 0
+        self._n_value = 0
+        self._n_within: dict[Node, int] = {}  # of the anchored nodes that are whole
+
+    def compose_node(self, parent: Node | None, index: Any) -> Node | None:
+        """The node of the next events."""
+        event = self.peek_event()
+        if isinstance(event, AliasEvent):
+            node = super().compose_node(parent, index)
+            assert node is not None
+            if node not in self._n_within:
+                raise ComposerError(None, None, f"*{event.anchor} stands within what it names", event.start_mark)
+            self._count(self._n_within[node], event)
+            return node
+        if self._depth == DEEPEST:
+            raise ComposerError(None, None, f"more than {DEEPEST} lists and mappings in each other", event.start_mark)
+        if event.anchor in self.anchors:
+            raise ComposerError(None, None, f"&{event.anchor} names two things", event.start_mark)
+        self._depth += 1
+        before = self._n_value
+        self._count(1, event)
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        if node is not None and event.anchor is not None:
+            self._n_within[node] = self._n_value - before
+        return node
+
+    def _count(self, n: int, event: Any) -> None:
+        self._n_value += n
+        if self._n_value > MOST_VALUES:
+            raise ComposerError(
+                None, None, f"more than {MOST_VALUES} values, those that aliases repeat included", event.start_mark
+            )
+
+    def construct_object(self, node: Node, deep: bool = False) -> Any:
+        """The plain value of a node."""
+        if node.tag not in _PLAIN:
+            kind = node.tag.removeprefix(_TAG)
+            what = "a merge '<<'" if kind == "merge" else f"the tag {kind!r}"
+            raise ConstructorError(None, None, f"{what} is none of plain data", node.start_mark)
+        if not isinstance(node, ScalarNode):
+            return super().construct_object(node, deep)
+        if node.tag in _NUMBERS and len(node.value) > LONGEST_NUMBER:
+            raise ConstructorError(
+                None, None, f"a number of {len(node.value)} characters; at most {LONGEST_NUMBER}", node.start_mark
+            )
+        try:
+            return super().construct_object(node, deep)
+        except (ValueError, LookupError, TypeError, AttributeError, OverflowError) as error:
+            kind = node.tag.removeprefix(_TAG)
+            raise ConstructorError(None, None, f"{node.value!r} is no {kind}", node.start_mark) from error
+
+    def construct_mapping(self, node: MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """The mapping; a key given twice, which plain YAML would silently overwrite, is refused."""
+        seen = set()
+        for key_node, _ in node.value if isinstance(node, MappingNode) else ():
+            if not isinstance(key_node, ScalarNode):
+                raise ConstructorError(None, None, "a key is a list or mapping, not a word", key_node.start_mark)
+            key = self.construct_object(key_node, deep=True)
+            if key in seen:
+                raise ConstructorError(None, None, f"the key {key!r} stands twice in one mapping", key_node.start_mark)
+            seen.add(key)
+        return super().construct_mapping(node, deep)
+
+
+def parse_yaml(text: str, source: str, expected: str) -> dict[str, Any]:
+    """The mapping in a YAML text; raises InputError naming the source, the line and what is `expected`."""
+    content = _loaded(text, source, expected, tells_line=True)
+    if not isinstance(content, dict):
+        raise InputError(f"{source}: holds {type(content).__name__}, not a mapping; {expected} is expected")
+    return content
+
+
+def parse_yaml_value(text: str, source: str) -> Any:
+    """Whatever a YAML text holds; `source` opens the sentence of the InputError for one that is none."""
+    return _loaded(text, source, "a number, word, [list] or {map}", tells_line=False)
+
+
+def _loaded(text: str, source: str, expected: str, *, tells_line: bool) -> Any:
+    try:
+        return _load(text)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f"{source}, line {mark.line + 1}" if mark is not None and tells_line else source
+        problem = getattr(error, "problem", None) or str(error).splitlines()[0]
+        raise InputError(f"{where}: not valid YAML ({problem}); {expected} is expected") from error
+    except UnicodeEncodeError as error:  # an argument whose bytes are no UTF-8
+        raise InputError(f"{source!r}: not valid YAML (it is not UTF-8); {expected} is expected") from error
+
+
+def _load(text: str) -> Any:
+    loader = _Loader(text)
+    try:
+        return loader.get_single_data()
+    finally:
+        loader.dispose()
+
+
+def parse_json(text: str, source: str, expected: str) -> Any:
+    """What a JSON text holds; raises InputError naming the source, the line where known, and what is `expected`."""
+
+    def refuse(constant: str) -> None:
+        raise InputError(f"{source}: is not JSON ({constant} is no number in it); {expected} is expected")
+
+    try:
+        content = json.loads(text, parse_constant=refuse)
+        json.dumps(content, ensure_ascii=False).encode("utf-8")  # half a surrogate pair can be written nowhere
+    except json.JSONDecodeError as error:
+        raise InputError(f"{source}, line {error.lineno}: is not JSON ({error.msg}); {expected} is expected") from error
+    except RecursionError as error:
+        raise InputError(
+            f"{source}: is not JSON that can be read (nested too deeply); {expected} is expected"
+        ) from error
+    except UnicodeEncodeError as error:
+        raise InputError(f"{source}: is not JSON (half a surrogate pair in a text); {expected} is expected") from error
+    except InputError:
+        raise
+    except ValueError as error:  # Python's own limit of an integer's digits
+        raise InputError(f"{source}: is not JSON that can be read ({error}); {expected} is expected") from error
+    return content

@@ -1,0 +1,37 @@
+"""Text files from users: read whole, up to a size, or refused in one sentence."""
+
+from __future__ import annotations
+
+import io
+import stat
+from pathlib import Path
+
+from trackers.errors import InputError
+
+MOST_TEXT_BYTES = 64 * 1024 * 1024
+"""A file of text larger than this is none that somebody wrote for us: it is refused unread."""
+
+
+def read_text(source: Path, expected: str, most_bytes: int | None = MOST_TEXT_BYTES) -> str:
+    """The text of a file in UTF-8; raises InputError naming the file and what is `expected` of it.
+
+    No more than `most_bytes` are ever held (None: all of it). A device, which may never end, is refused.
+    """
+    try:
+        mode = source.stat().st_mode
+        if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
+            raise InputError(f"{source}: is a device, not a file; {expected} is expected")
+        with source.open("rb") as stream:
+            content = stream.read() if most_bytes is None else stream.read(most_bytes + 1)
+    except InputError:
+        raise
+    except OSError as error:
+        raise InputError(f"{source}: cannot be read ({error.strerror}); {expected} is expected") from error
+    except ValueError as error:  # a NUL in the path
+        raise InputError(f"{str(source)!r}: is no path of a file ({error}); {expected} is expected") from error
+    if most_bytes is not None and len(content) > most_bytes:
+        raise InputError(f"{source}: holds more than {most_bytes / 2**20:g} MiB; {expected} is expected")
+    try:
+        return io.TextIOWrapper(io.BytesIO(content), encoding="utf-8").read()
+    except UnicodeDecodeError as error:
+        raise InputError(f"{source}: is not a text file in UTF-8; {expected} is expected") from error
