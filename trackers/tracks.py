@@ -55,7 +55,8 @@ class Tracker(Protocol):
     the rig's main sensor. A tracker that holds frames back has `finish()`, which returns the rest.
 
     Who feeds a tracker holds observations back into order (`trackers.order`). One with `takes_any_order = True` gets them
-    as they arrive, late ones and doubles among them, and counts what it drops in `discarded`.
+    as they arrive, late ones and doubles among them, and counts what it drops in `discarded`. One that leaves sensors of the rig
+    alone may name them in `unused_sensors`: whoever starts a run is told.
     """
 
     def update(self, observation: Observation) -> list[TrackFrame] | None: ...

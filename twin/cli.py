@@ -66,16 +66,21 @@ def run(
     no_images: NoImages = False,
 ) -> None:
     """Simulate, record, track, evaluate and report."""
-    from twin.console import print_metrics, print_paths, print_warnings, progress
+    from twin.console import print_metrics, print_paths, print_warning, progress
     from twin.run import run_scenario
     from twin.scenario import load_scenario
 
     loaded = load_scenario(scenario, _overrides(set_, seed, duration))
     with progress() as report:
         result = run_scenario(
-            loaded, trackers=tracker, out=out, video=not no_video, images=not no_images, on_progress=report
+            loaded,
+            trackers=tracker,
+            out=out,
+            video=not no_video,
+            images=not no_images,
+            on_progress=report,
+            on_warning=print_warning,
         )
-    print_warnings(result.warnings)
     if result.metrics is not None:
         print_metrics(result.metrics)
     print_paths(result.files)
@@ -92,16 +97,21 @@ def render(
     no_images: NoImages = False,
 ) -> None:
     """Simulate and record only."""
-    from twin.console import print_paths, print_warnings, progress
+    from twin.console import print_paths, print_warning, progress
     from twin.run import run_scenario
     from twin.scenario import load_scenario
 
     loaded = load_scenario(scenario, _overrides(set_, seed, duration))
     with progress() as report:
         result = run_scenario(
-            loaded, trackers=[], out=out, video=not no_video, images=not no_images, on_progress=report
+            loaded,
+            trackers=[],
+            out=out,
+            video=not no_video,
+            images=not no_images,
+            on_progress=report,
+            on_warning=print_warning,
         )
-    print_warnings(result.warnings)
     print_paths(result.files)
 
 
@@ -118,7 +128,7 @@ def track(
     no_video: NoVideo = False,
 ) -> None:
     """Track a recording: the twin's or a robot's."""
-    from twin.console import print_metrics, print_paths, progress
+    from twin.console import print_metrics, print_paths, print_warning, progress
     from twin.track import track_recording
 
     with progress() as report:
@@ -131,6 +141,7 @@ def track(
             out=out,
             video=not no_video,
             on_progress=report,
+            on_warning=print_warning,
         )
     if result.metrics is not None:
         print_metrics(result.metrics)

@@ -74,7 +74,12 @@ def print_metrics(metrics: Mapping[str, Any]) -> None:
 def print_warnings(warnings: Iterable[str]) -> None:
     """What a user should know before they trust a result, on stderr."""
     for warning in warnings:
-        sys.stderr.write(f"twin: warning: {warning}\n")
+        print_warning(warning)
+
+
+def print_warning(warning: str) -> None:
+    """One thing a user should know before they trust a result, on stderr."""
+    sys.stderr.write(f"twin: warning: {warning}\n")
 
 
 def print_paths(files: Mapping[str, Path]) -> None:

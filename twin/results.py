@@ -20,11 +20,15 @@ from twin.recording.whole_file import whole_file
 from twin.report.birdseye import Polygon
 from twin.report.page import RunFacts, Still, TrackerResult, write_report
 from twin.report.scan_density import ScanDensity
+from twin.scenario.faults import Fault
 from twin.sensors.render import GlInfo
 from twin.tracking import TrackerAtWork, file_name
 
 OnProgress = Callable[[str, float, float], None]
 """Called with what is being done, how much of it is done, and how much there is (in the same unit)."""
+
+OnWarning = Callable[[str], None]
+"""Called with each thing a user should know before they trust a result, as soon as it is known."""
 
 SIMPLIFICATIONS = (
     "People are kinematic: the standing foot is planted and the body follows it, but no forces act on it.",
@@ -95,17 +99,28 @@ def write_results(
     return RunResult(metrics, files)
 
 
-def tracker_notes(at_work: Sequence[TrackerAtWork]) -> list[str]:
-    """What a reader must know of how the trackers worked: a background learned on the way, what they left out."""
-    notes = []
+def left_alone(at_work: Sequence[TrackerAtWork], faults: Mapping[str, Fault]) -> list[str]:
+    """Which sensors each tracker makes no use of, and which of them a fault is of, which then shows in no track."""
+    told = []
+    for each in at_work:
+        unused = getattr(each.tracker, "unused_sensors", [])
+        if not unused:
+            continue
+        names = {sensor: [name for name, fault in faults.items() if sensor in fault.sensor] for sensor in unused}
+        faulty = [f"{sensor} ({', '.join(of)})" for sensor, of in names.items() if of]
+        among = f"; among them with a fault, which shows in no track: {', '.join(faulty)}" if faulty else ""
+        told.append(f"{each.name}: makes no use of {', '.join(unused)}{among}")
+    return told
+
+
+def tracker_notes(at_work: Sequence[TrackerAtWork], faults: Mapping[str, Fault]) -> list[str]:
+    """What a reader must know of how the trackers worked: what they left alone or dropped, a background learned on the way."""
+    notes = [f"{told}." for told in left_alone(at_work, faults)]
     for each in at_work:
         if getattr(each.tracker, "background_learned_causally", False):
             notes.append(
                 f"{each.name}: no scans of the empty room; the background was learned from the scans as they came."
             )
-        unused = getattr(each.tracker, "unused_sensors", [])
-        if unused:
-            notes.append(f"{each.name}: makes no use of {', '.join(unused)}.")
         if each.discarded:
             notes.append(f"{each.name}: {each.discarded} observations came too late or twice and were discarded.")
     return notes

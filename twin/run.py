@@ -22,10 +22,12 @@ from twin.report.page import RunFacts
 from twin.results import (
     SIMPLIFICATIONS,
     OnProgress,
+    OnWarning,
     Place,
     RunResult,
     check_folder,
     evaluate_trackers,
+    left_alone,
     note_made,
     tracker_notes,
     versions,
@@ -51,6 +53,7 @@ def run_scenario(
     video: bool = True,
     images: bool = True,
     on_progress: OnProgress = lambda what, done, total: None,
+    on_warning: OnWarning = lambda warning: None,
 ) -> RunResult:
     """Simulate, record, track, evaluate and report into `out` (default out/<scenario>-<seed>).
 
@@ -104,6 +107,9 @@ def run_scenario(
                 true_rig=place.true_rig,
             )
         )
+        told = (*warnings, *left_alone(fed.at_work, scenario.faults))
+        for warning in told:
+            on_warning(warning)
         bag = stack.enter_context(
             BagWriter(folder / "recording.mcap", rig, scenario_yaml=resolved, names=place.person_names)
         )
@@ -152,7 +158,7 @@ def run_scenario(
             notes=(
                 *conditions_of(scenario),
                 *(f"{each}." for each in warnings),
-                *tracker_notes(fed.at_work),
+                *tracker_notes(fed.at_work, scenario.faults),
                 *SIMPLIFICATIONS,
             ),
         )
@@ -161,7 +167,7 @@ def run_scenario(
         files |= result.files
         on_progress("evaluating and reporting", 1, 1)
     note_made(folder, list(files.values()))
-    return RunResult(metrics, files, warnings)
+    return RunResult(metrics, files, told)
 
 
 def _unfit(rig: Rig, background: Iterable[Observation], seed: int) -> str:

@@ -6,6 +6,7 @@ import shlex
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import islice, pairwise
 from pathlib import Path
 
@@ -26,10 +27,12 @@ from twin.report.scan_density import ScanDensity
 from twin.results import (
     SIMPLIFICATIONS,
     OnProgress,
+    OnWarning,
     Place,
     RunResult,
     check_folder,
     evaluate_trackers,
+    left_alone,
     note_made,
     tracker_notes,
     versions,
@@ -55,6 +58,7 @@ def track_recording(
     out: Path | None = None,
     video: bool = True,
     on_progress: OnProgress = lambda what, done, total: None,
+    on_warning: OnWarning = lambda warning: None,
 ) -> RunResult:
     """Track a recording into `out`: tracks, report, and metrics where the bag holds truth.
 
@@ -74,6 +78,7 @@ def track_recording(
     truth = truth_table(truth_frames, str(recording)) if truth_frames else None
     person_names = {number: name for number, name in enumerate(scenario.people, start=1)} if scenario else None
     outline = _outline(scenario)
+    faults = scenario.faults if scenario is not None else {}
     place = Place(bag.rig, outline, person_names, None if outline else ScanDensity(bag.rig))
 
     with feed(
@@ -88,6 +93,9 @@ def track_recording(
         outline=outline,
         person_names=person_names,
     ) as fed:
+        warnings = left_alone(fed.at_work, faults)
+        for warning in warnings:
+            on_warning(warning)
         untold = deque(truth_frames)
         start = time.perf_counter()
         for observation in _counted(bag.observations(), bag.observation_count, on_progress):
@@ -108,7 +116,7 @@ def track_recording(
         realtime_factor=duration_s / spent_s,
         versions=versions(None),
         command=_command(recording, names, rig_path, changes, seed),
-        notes=(*tracker_notes(fed.at_work), *(SIMPLIFICATIONS if bag.is_twin else ())),
+        notes=(*tracker_notes(fed.at_work, faults), *(SIMPLIFICATIONS if bag.is_twin else ())),
     )
     result = write_results(folder, facts, evaluate_trackers(folder, fed.at_work, truth), fed, truth, place)
     note_made(
@@ -116,7 +124,7 @@ def track_recording(
         list(result.files.values()),
         kept=("recording.mcap", "truth.csv", "truth_feet.csv", *DETAIL_FILES, "scenario.yaml"),
     )
-    return result
+    return replace(result, warnings=tuple(warnings))
 
 
 def _default_folder(recording: Path, bag: Recording) -> Path:

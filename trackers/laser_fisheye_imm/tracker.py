@@ -104,8 +104,8 @@ class LaserFisheyeImm:
 
     @property
     def unused_sensors(self) -> list[str]:
-        """The rig's scanners and cameras that are left alone: a second one of a role, a camera without a waist scanner."""
-        return [name for name in (*self._rig.lasers(), *self._rig.cameras()) if name not in self._detector.sensors]
+        """The rig's sensors that are left alone: a second scanner of a role, a camera without a waist scanner, a floor."""
+        return [name for name in self._rig.sensors if name not in self._detector.sensors]
 
     @property
     def background_learned_causally(self) -> bool:
