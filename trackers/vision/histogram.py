@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from typing import Literal
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
 from trackers.configuration import Strict
+from trackers.vision.colour_bins import HueAndGreyBins
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,9 @@ class ColourHistogram:
 
     def __init__(self, options: HistogramOptions | None = None) -> None:
         self.options = options or HistogramOptions()
-        self.size = self.options.hue_bins + self.options.grey_bins
+        of = self.options
+        self._bins = HueAndGreyBins(of.hue_bins, of.grey_bins, of.grey_below, of.coloured_above)
+        self.size = self._bins.size
         self._hue_kernel = _gaussian_kernel(self.options.smoothing_deg * self.options.hue_bins / 360)
 
     def of_windows(self, rgb: NDArray[np.uint8], pixels: Array, inside: NDArray[np.bool_]) -> Array:
@@ -68,28 +70,20 @@ class ColourHistogram:
     def of_pixels(self, rgb: NDArray[np.uint8], inside: NDArray[np.bool_]) -> Array:
         """Histograms (k, size) of k sets of n pixels (k, n, 3), those `inside` (k, n) counted."""
         options = self.options
-        k = len(rgb)
-        hsv = cv2.cvtColor(np.ascontiguousarray(rgb, np.float32) / np.float32(255), cv2.COLOR_RGB2HSV)
-        hue, saturation, value = hsv[..., 0], hsv[..., 1], hsv[..., 2]
-        hue_bin = (hue * (options.hue_bins / 360)).astype(np.intp) % options.hue_bins
-        row = np.arange(k)[:, None] * self.size
-        if options.grey_bins:
-            chroma = saturation * value
-            coloured = np.clip((chroma - options.grey_below) / (options.coloured_above - options.grey_below), 0, 1)
-            grey_bin = np.minimum((value * options.grey_bins).astype(np.intp), options.grey_bins - 1)
-            bins = np.stack([row + hue_bin, row + options.hue_bins + grey_bin])
-            weights = np.stack([coloured * inside, (1 - coloured) * inside])
-        else:
-            bins, weights = row + hue_bin, inside.astype(float)
-        counts: Array = np.bincount(bins.ravel(), weights.ravel(), k * self.size).astype(float).reshape(k, self.size)
+        counts = self._bins.samples(rgb).histograms(inside)
         if options.smoothing_deg > 0:
             hue_counts, grey_counts = counts[:, : options.hue_bins], counts[:, options.hue_bins :]
             counts = np.concatenate(
                 [_smoothed(hue_counts, self._hue_kernel, "wrap"), _smoothed(grey_counts, _GREY_KERNEL, "constant")],
                 axis=1,
             )
-        total = counts.sum(axis=1, keepdims=True)
-        return np.divide(counts, total, out=np.zeros_like(counts), where=total > 0)
+        return normalised(counts)
+
+
+def normalised(counts: Array) -> Array:
+    """Histograms (k, b) whose bins sum to 1; one that holds nothing stays all-zero."""
+    total = counts.sum(axis=1, keepdims=True)
+    return np.divide(counts, total, out=np.zeros_like(counts), where=total > 0)
 
 
 def chi_squared_distance(references: Array, histograms: Array) -> Array:
@@ -97,6 +91,16 @@ def chi_squared_distance(references: Array, histograms: Array) -> Array:
     difference = references[:, None] - histograms[None]
     total = references[:, None] + histograms[None]
     return 0.5 * np.divide(difference**2, total, out=np.zeros_like(total), where=total > 0).sum(axis=-1)
+
+
+def bhattacharyya_distance(references: Array, histograms: Array) -> Array:
+    """D = √(1 − Σ √(p q)) between each reference (n, b) and each histogram (k, b), (n, k), in [0, 1].
+
+    After Comaniciu, Ramesh and Meer (2003) and Pérez et al. (2002), whose likelihood is ∝ exp(−λ D²). An all-zero
+    histogram is as far as can be, 1, from everything.
+    """
+    alike = np.sqrt(references) @ np.sqrt(histograms).T
+    return np.sqrt(np.maximum(1 - alike, 0.0))  # of equal ones rounding leaves 1 ± 1e-16
 
 
 def updated_reference(reference: Array, histogram: Array, memory: float) -> Array:

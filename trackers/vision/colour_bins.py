@@ -1,0 +1,176 @@
+"""Which colour bin each pixel of a picture counts in, found once, and histograms of many windows gathered from it.
+
+A window's histogram is a count of its pixels' bins. So a picture is binned once, and hundreds of windows, one for each
+hypothesis of a particle filter say, cost a look-up and a count each, whatever the number of colours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import prod
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field, NonNegativeInt, PositiveInt
+
+from trackers.configuration import Strict
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_FULL = 255
+_HALF_TURNS = 180
+"""OpenCV's 8-bit hue counts in steps of two degrees."""
+
+
+@dataclass(frozen=True, eq=False)
+class BinnedSamples:
+    """The bins (planes, k, n) of k sets of n pixels, `size` where a pixel counts in none, and how much it counts there.
+
+    With several planes a pixel counts in several bins. `weight` (planes, k, n); None: 1 each.
+    """
+
+    number: NDArray[np.integer]
+    weight: NDArray[np.floating] | None
+    size: int
+
+    def histograms(self, inside: Mask | None = None) -> Array:
+        """How much of each set falls in each bin, (k, size); of the pixels `inside` (k, n) alone where given."""
+        k = self.number.shape[1]
+        number = self.number if inside is None else np.where(inside, self.number, self.size)
+        row = (self.size + 1) * np.arange(k)[:, None]  # one bin more, for what counts in none
+        weight = None if self.weight is None else self.weight.ravel()
+        counts = np.bincount(np.add(number, row, dtype=np.intp).ravel(), weight, k * (self.size + 1))
+        return counts.reshape(k, self.size + 1)[:, : self.size].astype(float)
+
+
+@dataclass(frozen=True, eq=False)
+class BinnedPicture:
+    """The bin (planes, height, width) of each pixel, `size` where it counts in none, and how much it counts there.
+
+    `weight` (planes, height, width); None: 1 each.
+    """
+
+    number: NDArray[np.integer]
+    weight: NDArray[np.floating] | None
+    size: int
+
+    def where(self, mask: Mask) -> BinnedPicture:
+        """The same with only the pixels of a mask (height, width) counting: a person's foreground, say."""
+        return BinnedPicture(np.where(mask, self.number, self.number.dtype.type(self.size)), self.weight, self.size)
+
+    def at(self, pixels: Array) -> BinnedSamples:
+        """The samples at k sets of pixel coordinates (k, ..., 2) [px]; those outside the picture, or NaN, count in none."""
+        pixels = pixels.reshape(len(pixels), prod(pixels.shape[1:-1]), 2)
+        column, row = self._within(pixels[..., 0], 1), self._within(pixels[..., 1], 0)
+        return self._gathered(row * (self.number.shape[2] + 2) + column)
+
+    def windows(self, centres: ArrayLike, sizes: ArrayLike, samples: tuple[int, int]) -> BinnedSamples:
+        """The samples of k upright windows about centres (k, 2) [px], of these widths and heights (2,) or (k, 2) [px].
+
+        `samples` (columns, rows) are taken of each, evenly: as many as the window has pixels, or fewer. What lies outside the
+        picture counts in none, and nothing of a window whose centre is NaN does.
+        """
+        centres, sizes = np.asarray(centres, dtype=float), np.asarray(sizes, dtype=float)
+        sizes = np.broadcast_to(sizes, centres.shape)
+        across, down = ((np.arange(count) + 0.5) / count - 0.5 for count in samples)
+        column = self._within(centres[:, :1] + sizes[:, :1] * across, 1)
+        row = self._within(centres[:, 1:] + sizes[:, 1:] * down, 0) * (self.number.shape[2] + 2)
+        # People are taller than wide, and numpy is fastest along long rows: column by column.
+        return self._gathered((column[:, :, None] + row[:, None, :]).reshape(len(centres), samples[0] * samples[1]))
+
+    def _within(self, coordinates: Array, axis: int) -> NDArray[np.intp]:
+        """The index in the bordered picture of the pixels that coordinates fall in; the border's beyond the edges."""
+        place = np.floor(coordinates + 1.5)  # pixel i covers [i − ½, i + ½), and the border comes first
+        return np.clip(np.nan_to_num(place, copy=False, nan=0.0), 0, self.number.shape[1 + axis] + 1).astype(np.intp)
+
+    def _gathered(self, index: NDArray[np.intp]) -> BinnedSamples:
+        number, weight = self._bordered
+        taken = number.take(index, axis=1, mode="clip")  # nothing to clip, but numpy does not look twice
+        return BinnedSamples(taken, None if weight is None else weight.take(index, axis=1, mode="clip"), self.size)
+
+    @cached_property
+    def _bordered(self) -> tuple[NDArray[np.integer], NDArray[np.floating] | None]:
+        """Bins and weights with a border of one pixel that counts in none, (planes, (height + 2) (width + 2))."""
+        around = ((0, 0), (1, 1), (1, 1))
+        number = np.pad(self.number, around, constant_values=self.size).reshape(len(self.number), -1)
+        weight = None if self.weight is None else np.pad(self.weight, around).reshape(len(self.weight), -1)
+        return number, weight
+
+
+class HueSaturationValueBins(Strict):
+    """Bins of hue and saturation for pixels that have a colour, and of value alone for the rest.
+
+    The defaults are the 110 bins of Pérez et al. (Color-based probabilistic tracking, ECCV 2002): 10 × 10 for pixels more
+    saturated than 0.1 and lighter than 0.07, 10 of value. `value=0` leaves the rest out: hue and saturation alone, for the
+    colour of skin. Worked out on OpenCV's 8-bit HSV.
+    """
+
+    hue: PositiveInt = Field(default=10, le=_HALF_TURNS, description="bins of hue")
+    saturation: PositiveInt = Field(default=10, le=_FULL + 1, description="bins of saturation")
+    value: NonNegativeInt = Field(
+        default=10, le=_FULL + 1, description="bins of value for pixels without colour; 0: these count in none"
+    )
+    saturation_above: float = Field(default=0.1, ge=0, lt=1, description="a pixel with colour is more saturated")
+    value_above: float = Field(default=0.07, ge=0, lt=1, description="a pixel with colour is lighter")
+
+    @property
+    def size(self) -> int:
+        """How many bins there are: hue × saturation in rows of hue, then value."""
+        return self.hue * self.saturation + self.value
+
+    def picture(self, rgb: NDArray[np.uint8]) -> BinnedPicture:
+        """The bins of a picture (height, width, 3)."""
+        hsv = cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV)
+        step = np.arange(_FULL + 1)
+        per_channel = (
+            np.minimum(step * self.hue // _HALF_TURNS, self.hue - 1),
+            step * self.saturation // (_FULL + 1),
+            step * self.value // (_FULL + 1),
+        )
+        hue, saturation, value = cv2.split(cv2.LUT(hsv, np.stack(per_channel, axis=-1).astype(np.uint8)[None]))
+        kind = np.uint8 if self.size <= _FULL else np.uint16
+        coloured = hue.astype(kind) * kind(self.saturation) + saturation
+        grey = value + kind(self.hue * self.saturation) if self.value else kind(self.size)
+        has_colour = (hsv[..., 1] > _FULL * self.saturation_above) & (hsv[..., 2] > _FULL * self.value_above)
+        return BinnedPicture(np.where(has_colour, coloured, grey)[None], None, self.size)
+
+
+@dataclass(frozen=True)
+class HueAndGreyBins:
+    """Bins of hue in which a pixel counts by how coloured it is, and of brightness in which the rest of it counts.
+
+    Chroma is saturation × value: up to `grey_below` a pixel has no hue, from `coloured_above` on it has nothing else. With
+    `grey` 0 there is hue alone, whatever the chroma.
+    """
+
+    hue: int
+    grey: int
+    grey_below: float
+    coloured_above: float
+
+    @property
+    def size(self) -> int:
+        """How many bins there are: hue, then brightness."""
+        return self.hue + self.grey
+
+    def samples(self, rgb: NDArray[np.uint8]) -> BinnedSamples:
+        """The bins of k sets of n pixels (k, n, 3)."""
+        return BinnedSamples(*self._binned(rgb), self.size)
+
+    def picture(self, rgb: NDArray[np.uint8]) -> BinnedPicture:
+        """The bins of a picture (height, width, 3)."""
+        return BinnedPicture(*self._binned(rgb), self.size)
+
+    def _binned(self, rgb: NDArray[np.uint8]) -> tuple[NDArray[np.intp], NDArray[np.float32] | None]:
+        hsv = cv2.cvtColor(np.ascontiguousarray(rgb, np.float32) / np.float32(_FULL), cv2.COLOR_RGB2HSV)
+        hue, saturation, value = hsv[..., 0], hsv[..., 1], hsv[..., 2]
+        hue_bin = (hue * (self.hue / 360)).astype(np.intp) % self.hue
+        if not self.grey:
+            return hue_bin[None], None
+        chroma = saturation * value
+        coloured = np.clip((chroma - self.grey_below) / (self.coloured_above - self.grey_below), 0, 1)
+        grey_bin = np.minimum((value * self.grey).astype(np.intp), self.grey - 1)
+        return np.stack([hue_bin, self.hue + grey_bin]), np.stack([coloured, 1 - coloured])
