@@ -12,6 +12,7 @@ from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any
 
 from trackers.errors import InputError
+from trackers.laser_fisheye_imm.rules import PAPER
 from trackers.merging import laid_over
 
 if TYPE_CHECKING:
@@ -60,6 +61,9 @@ PRESETS: Mapping[str, Preset] = {
         "the waist scanner and the camera alone, Kalman filter",
         _BAI,
         {"filter": "kalman", "layers": ("waist",)},
+    ),
+    "laser-fisheye-imm-paper": Preset(
+        _LASER_FISHEYE, "the full system with every rule that is ours and not the paper's switched off", _BAI, PAPER
     ),
 }
 

@@ -32,12 +32,17 @@ _MOST_CELLS = 25_000_000
 class BackgroundOptions(Strict):
     """How far in front of the room a sample must lie, and how the room is learned where no empty scans are given."""
 
-    margin_m: float = Field(default=0.12, gt=0, description="a sample this much nearer than the room is foreground [m]")
+    margin_m: float = Field(
+        default=0.12, gt=0, description="how much nearer than the room a sample must be to be foreground [m]"
+    )
     spread_factor: float = Field(
-        default=4.0, ge=0, description="the margin is at least this many standard deviations of the beam"
+        default=4.0, ge=0, description="least margin, in standard deviations of the beam's range in the empty room"
     )
     quantile: float = Field(
-        default=0.05, ge=0, le=1, description="the room's range in a beam: this quantile of the empty scans"
+        default=0.05,
+        ge=0,
+        le=1,
+        description="quantile of a beam's ranges in the empty scans that is taken for the room",
     )
     bin_m: float = Field(default=0.1, ge=0.01, description="width of a range bin while learning [m]")
     farthest_m: float = Field(
@@ -52,20 +57,22 @@ class BackgroundOptions(Strict):
         default=0.5,
         gt=0,
         lt=1,
-        description="a range is the room if it fills this share of the time the beam got that far",
+        description="share of the time a range must be measured, of that in which the beam got so far, to be the room",
     )
     flicker_share: float = Field(
         default=0.3,
         gt=0,
         lt=1,
-        description="or if it fills this share, counting only the first `flicker_s` of every stay but the first",
+        description="the same share for a range that flickers: of every stay but the first only `flicker_s` count",
     )
-    flicker_s: float = Field(default=1.0, gt=0, description="a longer stay in a beam is no flicker [s]")
+    flicker_s: float = Field(
+        default=1.0, gt=0, description="longest stay of a range in a beam that is taken for flicker [s]"
+    )
     open_share: float = Field(
         default=0.1,
         gt=0,
         lt=1,
-        description="only samples in front of what was seen for this share of the time are foreground",
+        description="share of the time that something farther must have been measured in a beam for a sample to be foreground",
     )
 
 

@@ -23,19 +23,29 @@ Mask = NDArray[np.bool_]
 class ClusterOptions(Strict):
     """How samples become clusters at one height."""
 
-    jump_m: float = Field(default=0.15, gt=0, description="neighbouring samples farther apart than this are split [m]")
-    jump_spacings: float = Field(default=2.0, ge=0, description="plus this many spacings of the beams at their range")
+    jump_m: float = Field(
+        default=0.15, gt=0, description="distance between neighbouring samples above which a cluster is split [m]"
+    )
+    jump_spacings: float = Field(
+        default=2.0, ge=0, description="added to `jump_m`: this many spacings of the beams at the samples' range"
+    )
     max_gap_beams: NonNegativeInt = Field(
         default=1, description="beams that may look past a cluster without splitting it"
     )
-    min_samples: PositiveInt = Field(default=3, description="fewer samples are no cluster")
+    min_samples: PositiveInt = Field(default=3, description="least samples of a cluster")
     min_width_m: float = Field(
-        default=0.04, ge=0, description="nor fewer than a thing this wide returns at its range [m]"
+        default=0.04,
+        ge=0,
+        description="least width of a cluster, as the number of beams that a thing so wide returns at its range [m]",
     )
     split_width_m: float | None = Field(
-        default=None, gt=0, description="a cluster wider than this is taken for several people side by side [m] (ours)"
+        default=None,
+        gt=0,
+        description="width above which a cluster is split into several people side by side [m]; null: never (ours)",
     )
-    person_width_m: float = Field(default=0.45, gt=0, description="room one of several people side by side takes [m]")
+    person_width_m: float = Field(
+        default=0.45, gt=0, description="width of each of several people side by side in one cluster [m] (ours)"
+    )
 
 
 @dataclass(frozen=True, eq=False)

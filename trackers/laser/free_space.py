@@ -19,12 +19,20 @@ class FreeSpaceOptions(Strict):
     """How a body stands in the beams of one layer, and how surely it is seen (ours)."""
 
     detected: float = Field(
-        default=0.95, ge=0, lt=1, description="how probably a body is seen that nothing hides; 0: absence says nothing"
+        default=0.95,
+        ge=0,
+        lt=1,
+        description="detection probability of a body that nothing occludes; 0: no negative evidence (ours)",
     )
-    half_width_m: float = Field(default=0.12, gt=0, description="half the width of the body across the beam [m]")
-    behind_m: float = Field(default=0.1, description="beams that go on this far behind the body's axis missed it [m]")
+    half_width_m: float = Field(default=0.12, gt=0, description="half the width of a body across the beams [m] (ours)")
+    behind_m: float = Field(
+        default=0.1, description="how far behind a body's axis a beam must go on to have passed it [m] (ours)"
+    )
     hidden_up_to: float = Field(
-        default=0.0, ge=0, lt=1, description="a body of which no more than this share is in clear beams may be hidden"
+        default=0.0,
+        ge=0,
+        lt=1,
+        description="share of a body's width in clear beams up to which it may still be occluded (ours)",
     )
 
 

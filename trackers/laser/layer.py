@@ -23,101 +23,128 @@ Array = NDArray[np.float64]
 class LayerOptions(Strict):
     """What a scanner at one height sees of a person, and how far from a prediction it is believed."""
 
-    cluster: ClusterOptions
-    background: BackgroundOptions = BackgroundOptions()
-    free_space: FreeSpaceOptions = FreeSpaceOptions()
+    cluster: ClusterOptions = Field(description="how samples become clusters")
+    background: BackgroundOptions = Field(default=BackgroundOptions(), description="what of a scan is the room")
+    free_space: FreeSpaceOptions = Field(
+        default=FreeSpaceOptions(), description="negative evidence of beams that go on"
+    )
     radius_m: float = Field(
-        gt=0, description="radius of the circles of the validation region (paper: waist 1.0, knee 0.5) [m]"
+        gt=0, description="radius of the validation region's circles [m] (Bai and Takahashi: waist 1.0, knee 0.5)"
     )
     half_depth_m: float = Field(
-        ge=0, description="from a cluster's middle back to the body's axis, along the beam [m] (ours)"
+        ge=0,
+        description="how far the body's axis lies behind a cluster's middle, along the beam [m]; 0: not at all (ours)",
     )
     side_half_depth_m: float | None = Field(
         default=None,
         ge=0,
-        description="the same where a body is seen from its side, as its width tells; null: as from the front [m] (ours)",
+        description="how far the axis lies behind the middle of a body seen from its side, which its width tells [m]; "
+        "null: as from the front (ours)",
     )
     body_width_m: float | None = Field(
         default=None,
         gt=0,
-        description="a narrower cluster that goes on behind something nearer is completed to this width [m] (ours)",
+        description="width to which a narrower, partly occluded cluster is completed [m]; null: it is not (ours)",
     )
     hidden_variance_m2: float = Field(
         default=0.02,
         ge=0,
-        description="added to R where one side is hidden: the body may go on farther than completed [m²] (ours)",
+        description="measurement variance added for a partly occluded cluster [m²] (ours)",
     )
     satellite_width_m: float | None = Field(
-        default=None, gt=0, description="a cluster narrower than this beside a wider one is its arm [m] (ours)"
+        default=None,
+        gt=0,
+        description="width below which a cluster beside a wider one is its arm [m]; null: arms are people (ours)",
     )
     satellite_reach_m: float = Field(
-        default=0.38, gt=0, description="how far from its trunk's axis a half hidden piece may be [m] (ours)"
+        default=0.38, gt=0, description="how far from its trunk's axis a partly occluded arm may be [m] (ours)"
     )
-    arm_reach_m: float = Field(default=0.7, gt=0, description="how far from its trunk's axis an arm may be [m] (ours)")
+    arm_reach_m: float = Field(
+        default=0.7, gt=0, description="how far from its trunk's axis an arm in full view may be [m] (ours)"
+    )
+
+
+def _told(field: str) -> str | None:
+    """What a field of every layer means, for layers with a default of their own."""
+    return LayerOptions.model_fields[field].description
 
 
 class WaistOptions(LayerOptions):
     """The scanner at waist height: one trunk a person, arms beside it."""
 
-    cluster: ClusterOptions = ClusterOptions(jump_m=0.08, min_width_m=0.06, split_width_m=0.65)
-    radius_m: float = Field(default=1.0, gt=0)
-    half_depth_m: float = Field(default=0.11, ge=0)
-    side_half_depth_m: float | None = Field(default=0.168, ge=0)
-    body_width_m: float | None = Field(default=0.3, gt=0)
-    satellite_width_m: float | None = Field(default=0.16, gt=0)
+    cluster: ClusterOptions = Field(
+        default=ClusterOptions(jump_m=0.08, min_width_m=0.06, split_width_m=0.65), description=_told("cluster")
+    )
+    radius_m: float = Field(default=1.0, gt=0, description=_told("radius_m"))
+    half_depth_m: float = Field(default=0.11, ge=0, description=_told("half_depth_m"))
+    side_half_depth_m: float | None = Field(default=0.168, ge=0, description=_told("side_half_depth_m"))
+    body_width_m: float | None = Field(default=0.3, gt=0, description=_told("body_width_m"))
+    satellite_width_m: float | None = Field(default=0.16, gt=0, description=_told("satellite_width_m"))
 
 
 class KneeOptions(LayerOptions):
     """The scanner at knee height: two legs a person."""
 
-    cluster: ClusterOptions = ClusterOptions(jump_m=0.08, jump_spacings=1.0, min_samples=2, min_width_m=0.03)
-    free_space: FreeSpaceOptions = FreeSpaceOptions(half_width_m=0.25, hidden_up_to=0.5)
-    radius_m: float = Field(default=0.5, gt=0)
-    half_depth_m: float = Field(default=0.04, ge=0)
+    cluster: ClusterOptions = Field(
+        default=ClusterOptions(jump_m=0.08, jump_spacings=1.0, min_samples=2, min_width_m=0.03),
+        description=_told("cluster"),
+    )
+    free_space: FreeSpaceOptions = Field(
+        default=FreeSpaceOptions(half_width_m=0.25, hidden_up_to=0.5), description=_told("free_space")
+    )
+    radius_m: float = Field(default=0.5, gt=0, description=_told("radius_m"))
+    half_depth_m: float = Field(default=0.04, ge=0, description=_told("half_depth_m"))
     radius_alone_m: float = Field(
         default=0.7,
         gt=0,
-        description="the radius where no waist scanner is used and a leg may be half a stride off [m] (ours)",
+        description="radius of the validation region's circles without a waist scanner, where a single leg may be half a "
+        "stride from the body [m] (ours)",
     )
     claim_m: float = Field(
         default=0.4,
         ge=0,
-        description="legs whose middle is this near to a trunk or a prediction may be that person's [m] (ours)",
+        description="how far the middle of two legs may be from a trunk or a prediction to belong to it [m] (ours)",
     )
     under_m: float = Field(
         default=0.25,
         ge=0,
-        description="more legs than two this near to a trunk are its own too: a leg in two pieces, a hem, a bag [m] (ours)",
+        description="how far from a trunk further legs still belong to it, such as a leg in two pieces, a hem or a bag "
+        "[m]; 0: none do (ours)",
     )
     pair_m: float = Field(
-        default=0.5, ge=0, description="two legs this near, where nobody is expected, are one person [m] (ours)"
+        default=0.5,
+        ge=0,
+        description="distance below which two legs that no track claims are one person [m]; 0: each leg is a person "
+        "(ours)",
     )
     single_leg_variance_m2: float = Field(
         default=0.04,
         ge=0,
-        description="added to R where one leg is seen: it is up to half a stride from the middle [m²] (ours)",
+        description="measurement variance added for a single leg, which is up to half a stride from the body [m²] (ours)",
     )
     single_leg_cost_m: float = Field(
         default=0.2,
         ge=0,
-        description="how much farther off a single leg counts than a pair, when a person's legs are chosen [m] (ours)",
+        description="cost of taking a single leg rather than a pair, when a person's legs are chosen [m] (ours)",
     )
     wide_cost: float = Field(
         default=0.5,
         ge=0,
-        description="and how much farther off a pair counts for every metre that its legs are farther apart than "
-        "`wide_above_m` (ours)",
+        description="cost of a pair of legs for every metre that they are farther apart than `wide_above_m`; 0: none "
+        "(ours)",
     )
     wide_above_m: float = Field(
-        default=0.25, ge=0, description="legs less far apart are as close as standing people's [m] (ours)"
+        default=0.25, ge=0, description="distance between the legs of somebody who stands [m] (ours)"
     )
     clear_by: float = Field(
         default=1.2,
         ge=0,
-        description="legs that two people out of sight explain equally well to this difference in N are nobody's (ours)",
+        description="least difference in N between the two occluded tracks that explain legs best, below which the legs "
+        "are "
+        "ambiguous and belong to neither; 0: the better track takes them (ours)",
     )
     stride_m: float = Field(
-        default=0.8, ge=0, description="the legs of one expected person are at most this far apart [m] (ours)"
+        default=0.8, ge=0, description="longest distance between the two legs of a tracked person [m] (ours)"
     )
 
 

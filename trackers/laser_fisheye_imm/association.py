@@ -109,16 +109,20 @@ class Association:
         people = self.people
         state = people.state if tracks.size == len(people) else people.state.select(tracks)
         distance = mahalanobis(state.positions, self.imm.innovation_covariance(state), position)
-        out_of_gate = ~validation_region(state.positions, position, radius_m) | (distance > self.options.max_deviations)
+        out_of_gate = ~validation_region(state.positions, position, radius_m)
+        if self.options.max_deviations is not None:
+            out_of_gate |= distance > self.options.max_deviations
         confirmed = people.confirmed[tracks]
-        hidden = confirmed & self._hidden(tracks)
+        if not self.options.confirmed_first:
+            confirmed = np.ones_like(confirmed)
+        hidden = people.confirmed[tracks] & self._hidden(tracks)
         terms, vetoes = [distance], [out_of_gate]
         if colour is not None:
             terms.append(self.options.colour_weight * np.nan_to_num(colour[tracks], nan=self.options.unknown_colour))
             vetoes.append(self._foreign(tracks, colour, distance))
         # first whom a prediction explains, then the occluded by what else tells them, then who is tentative
         stages = [Stage(confirmed, terms, vetoes)]
-        if hidden.any():
+        if hidden.any() and self.options.reach_m_s is not None:
             recognised = self._recognised(tracks, hidden, position, radius_m, colour) & whole
             in_sight = confirmed & ~hidden
             explained = ((distance <= self.options.expected_below) & in_sight[:, None]).any(axis=0)
@@ -146,7 +150,7 @@ class Association:
         shirt it wears. Nothing tells whose legs they are but that only one of the hidden can be there.
         """
         unseen_s = (self.ns - self.people.roster.measured_ns[tracks]) / NS_PER_S
-        reach_m = radius_m + self.options.reach_m_s * unseen_s
+        reach_m = radius_m + (self.options.reach_m_s or 0.0) * unseen_s
         can_be = distances(self.people.measured_at[tracks], position) <= reach_m[:, None]
         can_be &= hidden[:, None]
         if colour is not None:
@@ -184,12 +188,12 @@ class Association:
         """Which walkers (p, 2) one of the hidden explains clearly better than any other does, or none explains, (p,)."""
         if hidden.size < 2 or len(walkers) == 0:
             return np.ones(len(walkers), np.bool_)
-        state, farthest = self.people.state.select(hidden), self.options.max_deviations
+        state, farthest = self.people.state.select(hidden), self.options.max_deviations or np.inf
         distance = mahalanobis(state.positions, self.imm.innovation_covariance(state), walkers)
         can_be = validation_region(state.positions, walkers, self.knee_radius_m) & (distance <= farthest)
-        distance[~can_be] = farthest + self.options.knee.clear_by
+        distance[~can_be] = np.inf
         best, second = np.partition(distance, 1, axis=0)[:2]
-        return (second - best >= self.options.knee.clear_by) | (best > farthest)
+        return second >= best + self.options.knee.clear_by
 
 
 def known_again(people: People, new: Index, options: LaserFisheyeImmOptions) -> tuple[Index, Index]:
@@ -199,7 +203,7 @@ def known_again(people: People, new: Index, options: LaserFisheyeImmOptions) -> 
     have walked to, more than anybody else's, and was not seen on itself since, then the new one is the same person.
     """
     known, new = _known(people, options), new[people.clothes.known[new]]
-    if known.size == 0 or new.size == 0:
+    if options.reach_m_s is None or known.size == 0 or new.size == 0:
         return _NOBODY, _NOBODY
     E = chi_squared_distance(people.clothes.reference[known], people.clothes.reference[new])
     can_be = _can_be(people, known, new, options) & (options.recognised_below >= E) & (E.min(axis=0) >= E)
@@ -221,5 +225,5 @@ def _known(people: People, options: LaserFisheyeImmOptions) -> Index:
 def _can_be(people: People, known: Index, new: Index, options: LaserFisheyeImmOptions) -> Mask:
     """Which of the `new` (k,) began where the `known` (p,) can have walked to since their shirts were last seen, (p, k)."""
     since_s = (people.roster.born_ns[new] - people.clothes.looked_ns[known, None]) / NS_PER_S
-    reach_m = options.waist.radius_m + options.reach_m_s * since_s
+    reach_m = options.waist.radius_m + (options.reach_m_s or 0.0) * since_s
     return (since_s > 0) & (distances(people.clothes.looked_at[known], people.born_at[new]) <= reach_m)

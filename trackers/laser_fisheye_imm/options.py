@@ -20,129 +20,170 @@ from trackers.vision.torso import TorsoOptions
 
 
 class ManagementOptions(Strict):
-    """When a track is believed, and when it is given up."""
+    """When a tentative track is confirmed, how long a track coasts, and where a new one may start."""
 
     confirm_after_s: float = Field(
         default=0.3,
         ge=0,
-        description="where the empty room is known, a tentative track measured for longer, each scan standing for its period, "
-        "is a person [s] (ours; the paper: 0.5 s)",
+        description="a tentative track measured for longer than this is confirmed, each scan standing for its period [s];"
+        " "
+        "used where the background is known (ours; the paper: 0.5 s)",
     )
     confirm_learned_after_s: float = Field(
-        default=0.5, ge=0, description="the same where the background is learned as it goes [s] (the paper's)"
+        default=0.5,
+        ge=0,
+        description="the time to confirm a tentative track where the background is learned from the scans [s] (the "
+        "paper's)",
     )
     confirm_unsure_after_s: float = Field(
         default=1.0,
         ge=0,
-        description="the same for whoever may be somebody known who is out of sight: where waists are scanned, who has shown "
-        "no trunk; where a camera looks as well, who has shown too little of a shirt where somebody known can have come [s] "
-        "(ours)",
+        description="the time to confirm a tentative track that may be an occluded person: in a rig with a waist scanner "
+        "one "
+        "without a trunk; with a camera as well one with fewer clear looks than `confirm_looks` where a known person can have "
+        "come unseen [s]; 0: as any other (ours)",
     )
     confirm_looks: int = Field(
-        default=3, ge=0, description="less than this many clear looks is too little of a shirt (ours)"
+        default=3, ge=0, description="clear looks at a torso after which a tentative track's appearance is known (ours)"
     )
     confirm_moved_m: float = Field(
         default=0.15,
         ge=0,
-        description="where the background is learned as it goes, only who has come this far from where first measured is a "
-        "person: nothing else tells somebody standing from furniture seen now and then [m] (ours)",
+        description="where the background is learned, a tentative track is confirmed only this far from where it started,"
+        " "
+        "since a person who stands still looks like furniture [m]; 0: anywhere (ours)",
     )
-    coast_s: float = Field(default=1.5, ge=0, description="a person not measured for this long is gone [s]")
+    coast_s: float = Field(default=1.5, ge=0, description="a confirmed track not measured for longer ends [s]")
     coast_hidden_s: float = Field(
         default=3.0,
         ge=0,
-        description="a person not measured for this long is gone even where nothing in the rig's area would show them; "
-        "without an area there is only coast_s [s] (ours)",
+        description="an occluded track not measured for longer ends: one that no scan would have shown, in a rig with an "
+        "area [s]; `coast_s` or less: no difference (ours)",
     )
     hidden_above: float = Field(
         default=0.2,
         ge=0,
         le=1,
-        description="one whom the last look would have missed likelier than this counts as out of everybody's sight (ours)",
+        description="probability of a missed detection at the last moment above which a track counts as occluded (ours)",
     )
     coast_slowdown_s: float | None = Field(
         default=0.6,
         gt=0,
-        description="a coasting person's speed fades with this time constant; none: it stays [s] (ours)",
+        description="time constant with which the speed of a coasting track fades [s]; null: constant speed (ours)",
     )
     tentative_coast_s: float = Field(
         default=0.15,
         ge=0,
-        description="a tentative track not measured for longer was a false alarm [s] (ours: one scan may miss)",
+        description="a tentative track not measured for longer was clutter and ends [s]; 0: at the first scan that misses"
+        " "
+        "it, as in the paper (ours)",
     )
     body_radius_m: float = Field(
         default=0.45,
         ge=0,
-        description="nothing new starts this near to a person already tracked or just measured [m] (ours)",
+        description="no track starts nearer than this to a track or a measurement of one [m]; 0: anywhere (ours)",
     )
     area_margin_m: float = Field(
-        default=0.3, ge=0, description="how far outside the rig's area people are still followed [m]"
+        default=0.3, ge=0, description="how far outside the rig's area people are still tracked [m]"
     )
 
 
 class LaserFisheyeImmOptions(Strict):
-    """Every constant of the paper, and what we added to it."""
+    """Every constant of the paper, and what we added to it; `trackers.laser_fisheye_imm.rules` switches ours off."""
 
     filter: Literal["imm", "kalman"] = Field(
-        default="imm", description="three models, or the single-model baseline (model 3)"
+        default="imm", description="interacting multiple models, or the paper's baseline of the sudden-turn model alone"
     )
-    layers: tuple[Role, ...] = Field(default=("waist", "knee"), min_length=1, description="which scanners to use")
-    camera: bool = Field(default=True, description="whether to use the fisheye camera, where there is one")
+    layers: tuple[Role, ...] = Field(
+        default=("waist", "knee"), min_length=1, description="roles of the scanners to use, where the rig has them"
+    )
+    camera: bool = Field(default=True, description="whether to use the camera, where the rig has one")
     imm_variances: tuple[tuple[float, float], ...] = Field(
         default=tuple((model.acceleration_variance, model.turn_acceleration_variance) for model in IMM_MODELS),
         min_length=len(IMM_MODELS),
         max_length=len(IMM_MODELS),
-        description="diagonals of Q1, Q2, Q3 [m²/s⁴, rad²/s⁴]",
+        description="process noise: diagonals of Q1, Q2, Q3 [m²/s⁴, rad²/s⁴]",
     )
     kalman_variances: tuple[float, float] = Field(
         default=(KALMAN_MODELS[0].acceleration_variance, KALMAN_MODELS[0].turn_acceleration_variance),
-        description="diagonal of Q of the single model [m²/s⁴, rad²/s⁴]",
+        description="process noise of the single model: diagonal of Q [m²/s⁴, rad²/s⁴]",
     )
     mode_stays: float = Field(
         default=MODE_STAYS, gt=0, le=1, description="probability that a mode stays from one scan to the next"
     )
-    measurement_variance_m2: float = Field(default=MEASUREMENT_VARIANCE_M2, gt=0, description="diagonal of R [m²]")
-    start_speed_m_s: float = Field(
-        default=1.5, gt=0, description="standard deviation of a new track's speed [m/s] (ours)"
+    measurement_variance_m2: float = Field(
+        default=MEASUREMENT_VARIANCE_M2, gt=0, description="measurement noise: diagonal of R [m²]"
     )
-    colour_weight: float = Field(default=10.0, ge=0, description="w in d = N + w E (inferred; chosen by experiment)")
+    start_speed_m_s: float = Field(
+        default=1.5, gt=0, description="standard deviation of a new track's speed [m/s] (the paper does not say)"
+    )
+    two_point_start: bool = Field(
+        default=True,
+        description="whether a track takes its velocity from its first two measurements; else it starts at rest (ours)",
+    )
+    confirmed_first: bool = Field(
+        default=True,
+        description="whether confirmed tracks are associated before tentative ones; else all at once (ours)",
+    )
+    colour_weight: float = Field(
+        default=10.0, ge=0, description="weight w of the appearance in the distance d = N + w E (inferred)"
+    )
     unknown_colour: float = Field(
         default=0.3,
         ge=0,
-        description="what counts as E where one of two shirts is not known (ours; else who is unknown wins)",
+        description="E where a track or a measurement has no histogram; 0: as if they were alike (ours)",
     )
-    max_deviations: float = Field(default=4.0, gt=0, description="a pair with a greater N is not believed (ours)")
+    max_deviations: float | None = Field(
+        default=4.0,
+        gt=0,
+        description="gate on N, the Mahalanobis distance; null: the validation region alone gates (ours)",
+    )
     foreign_above: float = Field(
-        default=0.6, ge=0, description="a pair with a greater E is not believed: another's shirt (ours)"
+        default=0.6,
+        ge=0,
+        description="gate on E: a pair above it is forbidden where the look is another track's or the track is known "
+        "well; "
+        "1: no such gate (ours)",
     )
     recognised_below: float = Field(
         default=0.3,
         ge=0,
-        description="a person hidden or astray is known again by an E up to this, beyond the prediction's reach (ours)",
+        description="E up to which two looks are taken for the same person in re-identification (ours)",
     )
     expected_below: float = Field(
         default=2.0,
         ge=0,
-        description="but not in somebody this near, by N, to where somebody in sight is expected; and only this near may a "
-        "shirt differ from one that is not known well (ours)",
+        description="N up to which a track in sight explains a measurement, so that no occluded track is re-identified in"
+        " it "
+        "and a track known little may look different (ours)",
     )
     looks_to_know: int = Field(
+        default=5, ge=0, description="clear looks at a torso after which a track's appearance is known well (ours)"
+    )
+    doubt_looks: int = Field(
         default=5,
         ge=0,
-        description="clear looks after which a shirt is known well; nor do more in a row come from somebody else who passes "
-        "by, like whom they look (ours)",
+        description="how many clear looks in a row that resemble another track more than their own are not learned from; "
+        "0: every clear look is learned from, as in the paper (ours)",
     )
-    reach_m_s: float = Field(default=1.5, ge=0, description="how fast a hidden person may have walked [m/s] (ours)")
+    reach_m_s: float | None = Field(
+        default=1.5,
+        ge=0,
+        description="speed at which an occluded person may have walked while unseen, beyond which there is no "
+        "re-identification [m/s]; null: no re-identification (ours)",
+    )
     period_s: float = Field(
         default=0.1,
         ge=0.001,
-        description="scan period that the variances are for; longer gaps are cut into such steps [s]",
+        description="scan period that the process noise is for; longer gaps are predicted in such steps [s]",
     )
     max_wait_s: float = Field(
         default=0.15, ge=0, description="how long a moment waits for a sensor that has not reported [s]"
     )
-    waist: WaistOptions = WaistOptions()
-    knee: KneeOptions = KneeOptions()
-    torso: TorsoOptions = TorsoOptions()
-    histogram: HistogramOptions = HistogramOptions()
-    management: ManagementOptions = ManagementOptions()
+    waist: WaistOptions = Field(default=WaistOptions(), description="scanners at waist height")
+    knee: KneeOptions = Field(default=KneeOptions(), description="scanners at knee height")
+    torso: TorsoOptions = Field(default=TorsoOptions(), description="torso windows in the camera's picture")
+    histogram: HistogramOptions = Field(default=HistogramOptions(), description="colour histograms of torsos")
+    management: ManagementOptions = Field(
+        default=ManagementOptions(), description="when tracks are confirmed, coast, end and start"
+    )

@@ -185,7 +185,7 @@ class LaserFisheyeImm:
         people, track = self._people, matches.track
         state = self._imm.update(people.state, track, matches.position, matches.variance[:, None, None] * _ISOTROPIC)
         second = people.roster.n_measured[track] == 1
-        if second.any():
+        if self.options.two_point_start and second.any():
             fresh, now_at = track[second], matches.position[second]
             elapsed_s = (ns - people.roster.born_ns[fresh]) / NS_PER_S
             R, speed_variance = self.options.measurement_variance_m2, self.options.start_speed_m_s**2
@@ -218,7 +218,7 @@ class LaserFisheyeImm:
             track,
             seen.histograms[matches.trunk[looked]],
             matches.like_anothers(options.recognised_below)[looked],
-            options.looks_to_know,
+            options.doubt_looks,
             options.histogram.memory,
             ns,
             self._people.measured_at[track],

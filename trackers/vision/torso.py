@@ -24,18 +24,27 @@ Mask = NDArray[np.bool_]
 class TorsoOptions(Strict):
     """Where the window stands on a person, and how finely it is sampled."""
 
-    low_m: float = Field(default=1.0, gt=0, description="lower edge above the floor [m]")
-    high_m: float = Field(default=1.35, gt=0, description="upper edge above the floor [m]")
-    kept_width: float = Field(default=0.7, gt=0, le=1, description="share of the cluster's width, about its middle")
-    rows: PositiveInt = Field(default=24, description="samples from top to bottom")
-    columns: PositiveInt = Field(default=24, description="samples from side to side")
-    min_width_m: float = Field(default=0.06, ge=0, description="a narrower cluster gets no window [m]")
-    learn_width_m: float = Field(
-        default=0.15, ge=0, description="a window of a narrower cluster is not learned from [m]"
+    low_m: float = Field(default=1.0, gt=0, description="lower edge of the window above the floor [m]")
+    high_m: float = Field(default=1.35, gt=0, description="upper edge of the window above the floor [m]")
+    kept_width: float = Field(
+        default=0.7, gt=0, le=1, description="width of the window as a share of the cluster's, about its middle"
     )
-    min_inside: float = Field(default=0.8, gt=0, le=1, description="share of the samples that the image must show")
+    rows: PositiveInt = Field(default=24, description="samples of a window from top to bottom")
+    columns: PositiveInt = Field(default=24, description="samples of a window from side to side")
+    min_width_m: float = Field(default=0.06, ge=0, description="least width of a cluster that gets a window [m]")
+    learn_width_m: float = Field(
+        default=0.15,
+        ge=0,
+        description="least width of a cluster whose window is learned from [m]; 0: every window (ours)",
+    )
+    min_inside: float = Field(
+        default=0.8, gt=0, le=1, description="least share of a window's samples that the picture must show"
+    )
     max_overlap: float = Field(
-        default=0.2, ge=0, le=1, description="a window overlapped more by another is not learned from"
+        default=0.2,
+        ge=0,
+        le=1,
+        description="share of a window that another may cover before it is not learned from; 1: every window is (ours)",
     )
 
 

@@ -1,0 +1,58 @@
+"""What is ours and not the paper's in `laser-fisheye-imm`, rule by rule, and the options that switch each off.
+
+`PAPER` switches all of them off: the preset `laser-fisheye-imm-paper`. The suite `ablation` switches off one at a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from trackers.merging import laid_over
+
+RULES: Mapping[str, Mapping[str, Any]] = {
+    "body-depth": {"waist": {"half_depth_m": 0.0, "side_half_depth_m": None}, "knee": {"half_depth_m": 0.0}},
+    "completed-clusters": {
+        "waist": {"body_width_m": None, "hidden_variance_m2": 0.0},
+        "knee": {"hidden_variance_m2": 0.0},
+    },
+    "arms": {"waist": {"satellite_width_m": None}},
+    "side-by-side": {"waist": {"cluster": {"split_width_m": None}}},
+    "leg-pairs": {"knee": {"pair_m": 0.0}},
+    "legs-under-trunks": {"knee": {"under_m": 0.0}},
+    "single-legs": {"knee": {"single_leg_variance_m2": 0.0, "single_leg_cost_m": 0.0}},
+    "wide-legs": {"knee": {"wide_cost": 0.0}},
+    "ambiguous-legs": {"knee": {"clear_by": 0.0}},
+    "knees-alone": {"knee": {"radius_alone_m": 0.5}},
+    "negative-evidence": {"waist": {"free_space": {"detected": 0.0}}, "knee": {"free_space": {"detected": 0.0}}},
+    "brightness-bins": {"histogram": {"grey_bins": 0}},
+    "smoothed-hue": {"histogram": {"smoothing_deg": 0.0}},
+    "clear-looks": {"torso": {"learn_width_m": 0.0, "max_overlap": 1.0}},
+    "doubtful-looks": {"doubt_looks": 0},
+    "unknown-colour": {"unknown_colour": 0.0},
+    "deviation-gate": {"max_deviations": None},
+    "appearance-gate": {"foreign_above": 1.0},
+    "re-identification": {"reach_m_s": None},
+    "two-point-start": {"two_point_start": False},
+    "confirmed-first": {"confirmed_first": False},
+    "early-confirmation": {"management": {"confirm_after_s": 0.5}},
+    "unsure-confirmation": {"management": {"confirm_unsure_after_s": 0.0}},
+    "moved-confirmation": {"management": {"confirm_moved_m": 0.0}},
+    "occluded-coasting": {"management": {"coast_hidden_s": 0.0}},
+    "slowing-down": {"management": {"coast_slowdown_s": None}},
+    "tentative-coasting": {"management": {"tentative_coast_s": 0.0}},
+    "body-spacing": {"management": {"body_radius_m": 0.0}},
+}
+"""Rule → the options without it."""
+
+
+def without(*rules: str) -> dict[str, Any]:
+    """The options that switch off these rules. Raises KeyError for a rule that there is not."""
+    options: dict[str, Any] = {}
+    for rule in rules:
+        options = laid_over(options, RULES[rule])
+    return options
+
+
+PAPER: Mapping[str, Any] = without(*RULES)
+"""The options of `laser-fisheye-imm-paper`."""
