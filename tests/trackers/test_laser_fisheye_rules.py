@@ -10,7 +10,7 @@ from trackers.laser_fisheye_imm.rules import PAPER, RULES, without
 from trackers.merging import laid_over
 from twin.suites.description import load_suite
 
-VAGUE = ("somebody", "believed", "whoever", "who ", "the same ", "and how", "or if")
+VAGUE = ("somebody", "believed", "whoever", "who ", "the same where", "the same for", "and how", "or if")
 
 
 def leaves(model: type[BaseModel], path: str = ""):

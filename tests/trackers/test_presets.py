@@ -14,13 +14,14 @@ from trackers.presets import PRESETS, available, make_tracker
 
 
 def test_the_variants_of_table_i_are_there_with_paper_and_description():
-    assert list(PRESETS) == [
+    assert list(PRESETS)[:7] == [
         "laser-fisheye-imm",
         "laser-imm",
         "waist-fisheye-imm",
         "laser-fisheye-kalman",
         "laser-kalman",
         "waist-fisheye-kalman",
+        "laser-fisheye-imm-paper",
     ]
     assert all(preset.citation and preset.description for preset in PRESETS.values())
     descriptions = [preset.description for preset in PRESETS.values()]

@@ -134,7 +134,7 @@ class KneeOptions(LayerOptions):
         "(ours)",
     )
     wide_above_m: float = Field(
-        default=0.25, ge=0, description="distance between the legs of somebody who stands [m] (ours)"
+        default=0.25, ge=0, description="distance between the legs of a standing person [m] (ours)"
     )
     clear_by: float = Field(
         default=1.2,

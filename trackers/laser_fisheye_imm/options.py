@@ -51,7 +51,7 @@ class ManagementOptions(Strict):
         ge=0,
         description="where the background is learned, a tentative track is confirmed only this far from where it started,"
         " "
-        "since a person who stands still looks like furniture [m]; 0: anywhere (ours)",
+        "since a standing person looks like furniture [m]; 0: anywhere (ours)",
     )
     coast_s: float = Field(default=1.5, ge=0, description="a confirmed track not measured for longer ends [s]")
     coast_hidden_s: float = Field(
