@@ -245,9 +245,9 @@ class Simulation:
             for name, view in self.views.items()
             if not view.is_scanner and not sees_some_of(view, empty, area)
         ]
-        close = warning_of(close_calls(self.scenario.people))
+        close = warning_of(close_calls(self.scenario.people, self.scenario.duration_s))
         late = [*too_late(self.scenario.people, self.scenario.duration_s), *never_begins(self.scenario)]
-        told = [*blind, *late, *([f"people: {close}"] if close else [])]
+        told = [*self.scenario.warnings, *blind, *late, *([f"people: {close}"] if close else [])]
         return tuple(f"scenario {self.scenario.name!r}: {each}" for each in told)
 
     def _check_mounts(self) -> None:

@@ -100,7 +100,7 @@ def recorded_paths() -> Iterator[Figure]:
     for file, rate_hz in (("eth.txt", 15.0), ("zara01.txt", 25.0)):
         pedestrians = Pedestrians(file=str(_DATA / file), frame_rate_hz=rate_hz)
         seconds = 1e5
-        people = people_from(pedestrians, seconds, "benchmark")
+        people, _ = people_from(pedestrians, seconds, "benchmark")
         last = max(person["script"][0]["points"][-1][0] for person in people.values())
         scanner = {"low": {"kind": "laser", "rate_hz": 10, "mount": {"xyz": [0, 0, 0.4]}}}
         scenario = _scenario(people, scanner, duration_s=last)

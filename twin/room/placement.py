@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from math import ceil, hypot
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,8 @@ from twin.scenario.people import Person
 Array = NDArray[np.float64]
 
 _LOOKS_EVERY_S = 0.05
+_LOOKS_EVERY_M = 0.05
+_MOST_LOOKS = 100_000
 CLEARANCE_M = 0.5
 """Least distance between the middles of two people at the start: below it their bodies overlap [m]."""
 
@@ -148,16 +151,28 @@ def _check_path(points: Array, walkable: Array, routes: Routes, field: str) -> N
 
     What lies before the start is nobody's way.
     """
-    t = np.arange(max(points[0, 0], 0.0), points[-1, 0], _LOOKS_EVERY_S)
-    t = np.unique(np.concatenate([t, points[points[:, 0] >= 0, 0]]))
-    places = curve_through(points)(t)
-    wrong = ~Area(walkable, TOLERANCE_M).contains(places)
-    for number in np.flatnonzero(wrong)[:1]:
+    area = Area(walkable, TOLERANCE_M)
+    curve = curve_through(points)
+    leaves = np.flatnonzero((points[:, 0] >= 0) & ~area.contains(points[:, 1:]))[:1]
+    t = _times_along(points[: leaves[0] + 1] if leaves.size else points)
+    places = curve(t)
+    for number in np.flatnonzero(~area.contains(places))[:1]:
         _check_point(walkable, places[number], _moment(points, float(t[number]), field))
     if len(routes.obstacles):
         inside = Footprints(routes.obstacles).gaps(planar(places))[1].min(axis=1) <= 0
         for number in np.flatnonzero(inside)[:1]:
             check_free(places[number], routes, _moment(points, float(t[number]), field), 0.0)
+
+
+def _times_along(points: Array) -> Array:
+    """When to look at a path (k, 3) t, x, y from t = 0 on: the rows, and between two as often as time and way ask for."""
+    looks = []
+    for (t, x, y), (t2, x2, y2) in pairwise(points):
+        if t2 > 0:
+            # between two rows a monotone cubic is at most three times as fast as the straight line
+            steps = min((t2 - t) / _LOOKS_EVERY_S, 3 * hypot(x2 - x, y2 - y) / _LOOKS_EVERY_M)
+            looks.append(np.linspace(max(t, 0.0), t2, min(max(1, ceil(steps)), _MOST_LOOKS), endpoint=False))
+    return np.concatenate([*looks, points[-1:, 0]])
 
 
 def _moment(points: Array, t: float, field: str) -> str:

@@ -102,7 +102,10 @@ def _bring_pedestrians(content: dict[str, Any], source: str) -> None:
     duration_s = content.get("duration_s")
     if not isinstance(duration_s, int | float) or not duration_s > 0:
         return  # the scenario's own check says so
-    people = people_from(pedestrians, duration_s, source)
+    people, warnings = people_from(pedestrians, duration_s, source)
+    told = content.get("warnings", [])
+    if warnings:
+        content["warnings"] = [*(told if isinstance(told, list) else [told]), *warnings]
     own = content.setdefault("people", {})
     if isinstance(own, dict):
         twice = sorted(own.keys() & people.keys())

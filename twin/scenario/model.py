@@ -92,6 +92,9 @@ class Scenario(Strict):
         default={}, description="trackers with changed options, by the name to call them by"
     )
     truth: TruthOptions = Field(default=TruthOptions(), description="what is kept of the truth")
+    warnings: tuple[str, ...] = Field(
+        default=(), description="what to tell with every run of the scenario", exclude_if=lambda told: not told
+    )
 
     @property
     def room_name(self) -> str:

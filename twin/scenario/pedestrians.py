@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from math import cos, isfinite, radians, sin
+from math import cos, hypot, isfinite, radians, sin
 from pathlib import Path as FilePath
 from statistics import median
 from typing import Any
@@ -17,6 +17,10 @@ from trackers.text_file import read_text
 from twin.scenario.behaviour import JUMP_M_S
 
 _HEADER = ["t", "id", "x", "y"]
+_SLOWEST_S = 10.0
+"""Rows further apart than this say nothing of how somebody walked."""
+_FURTHEST_M = 1e6
+_HIGHEST_NUMBER = 2**53
 _GAP = 3.0
 """A hole in a path longer than this many of the file's usual intervals is an error of the recording."""
 
@@ -39,7 +43,7 @@ class Pedestrians(Strict):
     )
     frame_rate_hz: float | None = Field(
         default=None,
-        gt=0,
+        ge=0.01,
         le=1000,
         description="frames a second, for a file that counts frames [Hz]; none: the file holds seconds",
     )
@@ -62,20 +66,36 @@ class Pedestrians(Strict):
     )
 
 
-def people_from(pedestrians: Pedestrians, duration_s: float, source: str) -> dict[str, dict[str, Any]]:
-    """The people as entries of a scenario's `people:`, by name, in the order of their numbers.
+def people_from(
+    pedestrians: Pedestrians, duration_s: float, source: str
+) -> tuple[dict[str, dict[str, Any]], list[str]]:
+    """The people as entries of a scenario's `people:`, by name, in the order of their numbers; and what to warn of.
 
-    Raises InputError naming file, line and value for what is no path: gaps, repeated stamps, jumps, NaN, nobody there.
+    Somebody with a single row has no path: they are left out, with a warning. Raises InputError naming file, line and
+    value for what is no path: gaps, repeated stamps, jumps, NaN, nobody there.
     """
     path = FilePath(pedestrians.file)
     paths = _read(path, pedestrians.frame_rate_hz, f"{source}: pedestrians.frame_rate_hz")
+    seen_once = [number for number, rows in paths.items() if len(rows) < 2]
+    for number in seen_once:
+        del paths[number]
+    if not paths:
+        raise InputError(f"{path}: nobody has more than one row; paths of two rows at least are expected")
     usual_s = median(after[0] - row[0] for rows in paths.values() for row, after in pairwise(rows))
+    if usual_s > _SLOWEST_S:
+        raise InputError(
+            f"{path}: rows of a person come every {usual_s:g} s, too rarely for a path; at most {_SLOWEST_S:g} s between "
+            "rows, and the recording's own frame_rate_hz where it counts frames, are expected"
+        )
     first_s = min(rows[0][0] for rows in paths.values()) + pedestrians.start_s
     for number in pedestrians.ids or ():
         if number not in paths:
-            raise InputError(
-                f"{source}: pedestrians.ids: {path} holds nobody of number {number}; one of {_some(sorted(paths))} is expected"
+            what = (
+                f"has one row of number {number}, no path"
+                if number in seen_once
+                else f"holds nobody of number {number}"
             )
+            raise InputError(f"{source}: pedestrians.ids: {path} {what}; one of {_some(sorted(paths))} is expected")
     people = {}
     angle = radians(pedestrians.turn_deg)
     for number in sorted(paths if pedestrians.ids is None else set(pedestrians.ids)):
@@ -105,11 +125,20 @@ def people_from(pedestrians: Pedestrians, duration_s: float, source: str) -> dic
             f"{source}: pedestrians.start_s: nobody of {path} is there from {pedestrians.start_s:g} s on for "
             f"{duration_s:g} s; a moment from 0 to {last:g} s at which somebody walks is expected"
         )
-    return people
+    return people, _warnings(path, seen_once if pedestrians.ids is None else [])
+
+
+def _warnings(path: FilePath, seen_once: list[int]) -> list[str]:
+    if not seen_once:
+        return []
+    who = f"person {seen_once[0]} has" if len(seen_once) == 1 else f"people {_some(sorted(seen_once))} have"
+    return [
+        f"pedestrians: {who} one row in {path.name}, which is no path, and {'is' if len(seen_once) == 1 else 'are'} left out"
+    ]
 
 
 def _read(path: FilePath, frame_rate_hz: float | None, rate_field: str) -> dict[int, list[Row]]:
-    """The rows of each person in order of time; every one has two at least."""
+    """The rows of each person in order of time."""
     text = read_text(path, "a file of paths (rows of 'frame id x z y' or a table t,id,x,y)")
     lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
     is_table = bool(lines) and "," in lines[0][1]
@@ -133,10 +162,12 @@ def _read(path: FilePath, frame_rate_hz: float | None, rate_field: str) -> dict[
             layout = "t,id,x,y" if is_table else "frame id x z y"
             raise InputError(f"{where}: has {len(cells)} columns; {layout} is expected")
         t, who, x, y = (_number(cells[column], where) for column in columns)
-        if who != int(who) or who < 0:
+        if who != int(who) or not 0 <= who <= _HIGHEST_NUMBER:
             raise InputError(
                 f"{where}: {cells[columns[1]]!r} is no person's number; a whole number from 0 on is expected"
             )
+        if max(abs(x), abs(y)) > _FURTHEST_M:
+            raise InputError(f"{where}: [{x:g}, {y:g}] is out of the world; at most {_FURTHEST_M:g} m are expected")
         rows = paths.setdefault(int(who), {})
         if t * times in rows:
             raise InputError(f"{where}: person {int(who)} stands there twice at {cells[0].strip()}; once is expected")
@@ -148,10 +179,8 @@ def _read(path: FilePath, frame_rate_hz: float | None, rate_field: str) -> dict[
 
 def _ordered(rows: dict[float, Row], where: str) -> list[Row]:
     ordered = [rows[t] for t in sorted(rows)]
-    if len(ordered) < 2:
-        raise InputError(f"{where}: has one row; a path of two at least is expected")
     for (t, x, y), (t2, x2, y2) in pairwise(ordered):
-        speed = ((x2 - x) ** 2 + (y2 - y) ** 2) ** 0.5 / (t2 - t)
+        speed = hypot(x2 - x, y2 - y) / (t2 - t)
         if speed > JUMP_M_S:
             raise InputError(
                 f"{where}: jumps from [{x:g}, {y:g}] to [{x2:g}, {y2:g}] at {t2:g} s of the file, {speed:.1f} m/s; "

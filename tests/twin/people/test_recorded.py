@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 
 from trackers.configuration import validate
 from trackers.errors import InputError
-from twin.people.recorded import BODIES_NEED_M, close_calls, curve_through, warning_of
+from twin.people.recorded import BODIES_NEED_M, RecordedPaths, close_calls, curve_through, warning_of
 from twin.scenario import Scenario
 from twin.scenario.behaviour import Path
 from twin.scenario.pedestrians import Pedestrians, people_from
@@ -92,6 +93,33 @@ def test_paths_that_come_closer_than_bodies_do_are_told() -> None:
     assert warning_of([]) == ""
 
 
+def test_a_path_with_a_long_gap_is_kept_in_no_more_memory_than_a_short_one() -> None:
+    points = [(0, 0, 0), (1, 0.5, 0), (1e6, 3, 0), (1e6 + 1, 3, 0.5)]
+    content = scenario({"anna": keeps(points), "ben": keeps([(0, 0.1, 0), (1e8, 0, 1)])}, 1.0)
+    tracemalloc.start()
+    try:
+        world = World(content)
+        (_, _) = world.truth(0, {}).people
+        assert len(close_calls(content.people, content.duration_s)) == 1
+        assert tracemalloc.get_traced_memory()[1] < 100e6
+    finally:
+        tracemalloc.stop()
+
+
+def test_places_do_not_depend_on_which_moments_were_asked_for_before() -> None:
+    paths = {
+        0: validate(Path, {"points": [(-3, 0, 0), (4, 1, 2), (30, 5, 5)]}, "test"),
+        1: validate(Path, {"points": [(20, 1, 0), (21, 1, 1), (22.01, 2, 1)]}, "test"),
+    }
+    recorded = RecordedPaths(paths, 0.025)
+    in_order = [recorded.at(tick) for tick in range(1400)]
+    for tick in (1399, 3, 700, 801, 800, 0, 399, 400):
+        np.testing.assert_array_equal(RecordedPaths(paths, 0.025).at(tick), in_order[tick])
+    np.testing.assert_allclose(in_order[0][0][1], 1)
+    np.testing.assert_allclose(in_order[-1][0], [5 + 5j, 2 + 1j])
+    assert recorded.there(800).tolist() == [True, True] and recorded.there(900).tolist() == [True, False]
+
+
 @pytest.mark.parametrize(
     ("points", "said"),
     [
@@ -120,7 +148,7 @@ def test_paths_through_furniture_teach() -> None:
 @pytest.mark.parametrize(("file", "rate_hz", "start_s"), [("eth.txt", 15.0, 300.0), ("zara01.txt", 25.0, 60.0)])
 def test_a_part_of_a_real_recording_is_walked(file: str, rate_hz: float, start_s: float) -> None:
     seconds = 15.0
-    people = people_from(Pedestrians(file=str(DATA / file), frame_rate_hz=rate_hz, start_s=start_s), seconds, "test")
+    people, _ = people_from(Pedestrians(file=str(DATA / file), frame_rate_hz=rate_hz, start_s=start_s), seconds, "test")
     content = scenario(people, seconds)
     world = World(content)
     names = {number: name for name, number in world.scene.ids.items()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from trackers.errors import InputError
 from twin.scenario import load_scenario
 from twin.scenario.load import dump_scenario
+from twin.simulation import Simulation
 
 DATA = Path(__file__).parents[4] / "shared" / "data" / "trajectories"
 
@@ -92,13 +94,16 @@ def test_whoever_is_gone_before_the_start_does_not_come(tmp_path: Path) -> None:
         ("0 1 0 0 0\n4 1 a 0 0\n", "'a' is not a finite number"),
         ("0 1 0 0\n", "has 4 columns; frame id x z y is expected"),
         ("0 1.5 0 0 0\n4 1.5 0 0 0\n", "is no person's number"),
-        ("0 1 0 0 0\n", "has one row"),
+        ("0 1 0 0 0\n", "nobody has more than one row"),
+        ("0 1 0 0 0\n10000000 1 0.4 0 0\n", "rows of a person come every 1e+06 s, too rarely for a path"),
+        ("0 1 0 0 0\n4 1 1e200 0 0\n", "line 2: [1e+200, 0] is out of the world"),
+        ("0 1e300 0 0 0\n4 1e300 0 0 0\n", "is no person's number"),
         ("", "holds no rows"),
         ("t,who,x,y\n0,1,0,0\n", "header is 't,who,x,y'"),
     ],
 )
 def test_a_file_that_is_no_paths_teaches(tmp_path: Path, paths: str, said: str) -> None:
-    with pytest.raises(InputError, match=said.replace(".", r"\.")) as refused:
+    with pytest.raises(InputError, match=re.escape(said)) as refused:
         load(tmp_path, paths)
     assert "\n" not in str(refused.value)
     assert "is expected" in str(refused.value) or "are expected" in str(refused.value)
@@ -108,6 +113,9 @@ def test_a_file_that_is_no_paths_teaches(tmp_path: Path, paths: str, said: str) 
     ("overrides", "said"),
     [
         (["pedestrians.frame_rate_hz=null"], "frame_rate_hz: is missing"),
+        (["pedestrians.frame_rate_hz=1.5e-5"], "frame_rate_hz: Input should be greater than or equal to 0.01"),
+        (["pedestrians.frame_rate_hz=0.1"], "come every 40 s, too rarely .* frame_rate_hz"),
+        (["pedestrians.file=/dev/zero"], "/dev/zero: is a device, not a file"),
         (["pedestrians.ids=[7]"], "holds nobody of number 7; one of 1, 2 is expected"),
         (["pedestrians.start_s=60"], "nobody of"),
         (["pedestrians.file=/nowhere.txt"], "cannot be read"),
@@ -118,6 +126,19 @@ def test_a_file_that_is_no_paths_teaches(tmp_path: Path, paths: str, said: str) 
 def test_a_wrong_description_teaches(tmp_path: Path, overrides: list[str], said: str) -> None:
     with pytest.raises(InputError, match=said):
         load(tmp_path, FRAMES, *overrides)
+
+
+def test_somebody_with_one_row_is_left_out_with_a_warning(tmp_path: Path) -> None:
+    said = "pedestrians: person 9 has one row in paths.txt, which is no path, and is left out"
+    scenario = load(tmp_path, FRAMES + "4 9 0 0 0\n")
+    assert list(scenario.people) == ["walker-1", "walker-2"] and scenario.warnings == (said,)
+    (tmp_path / "again.yaml").write_text(dump_scenario(scenario))
+    assert load_scenario(tmp_path / "again.yaml") == scenario
+    with Simulation(scenario, images=False) as simulation:
+        assert f"scenario 'crowd': {said}" in simulation.warnings
+    assert load(tmp_path, FRAMES).warnings == () and "warnings" not in dump_scenario(load(tmp_path, FRAMES))
+    with pytest.raises(InputError, match="has one row of number 9, no path; one of 1, 2 is expected"):
+        load(tmp_path, FRAMES + "4 9 0 0 0\n", "pedestrians.ids=[9]")
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="the recordings of pedestrians are not here")
