@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.filters.imm_state import ImmState
+from trackers.filters.particle import Cloud
 
 Array = NDArray[np.float64]
 
@@ -56,3 +57,15 @@ def not_seen(state: ImmState, missed: Callable[[Array], Array], least: float = 1
     joint = state.probability * chance
     missed_all = joint.sum(axis=0)
     return ImmState(state.mean + by_x * mean_x + by_y * mean_y, covariance, joint / missed_all), missed_all
+
+
+def cloud_not_seen(cloud: Cloud, missed: Callable[[Array], Array]) -> tuple[Cloud, Array]:
+    """The n sets of particles after a look that did not show their targets, and how probably it would not, (n,).
+
+    missed: the probability that the look does not show a target at positions (2, n, p) [m], the first two components of the
+    state, (n, p). A set of which it would have shown every particle keeps its weights, and is marked `lost`.
+    """
+    chance = missed(cloud.state[:2])
+    with np.errstate(divide="ignore"):  # a particle in full view has no weight left
+        weights = cloud.weights.updated(np.log(chance))
+    return Cloud(cloud.state, weights), np.exp(weights.log_mean)

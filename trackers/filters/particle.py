@@ -34,6 +34,8 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Move = Callable[[Array, np.random.Generator], Array]
 """State (components, n, p) and randomness → state one step later, same shape."""
+Propose = Callable[["Cloud", np.random.Generator], tuple[Array, Array | None]]
+"""Cloud and randomness → state one step later (components, n, p), and the log of each weight's correction, (n, p) or none."""
 LogLikelihood = Callable[[Array], Array]
 """State (components, n, p) → log-likelihood of the measurement at each particle, (n, p), up to a constant a set."""
 
@@ -202,12 +204,24 @@ class ParticleFilter:
 
         A set that is not measured among others that are is coasted by log-likelihoods of 0.
         """
+        return self.step_proposed(cloud, lambda before, rng: (move(before.state, rng), None), log_likelihood, rng)
+
+    def step_proposed(
+        self,
+        cloud: Cloud,
+        propose: Propose,
+        log_likelihood: LogLikelihood | None,
+        rng: np.random.Generator,
+    ) -> Cloud:
+        """The same with particles drawn from a proposal (`trackers.filters.proposal`), which corrects their weights."""
         cloud = self.resampled(cloud, rng)
-        state = move(cloud.state, rng)
+        state, correction = propose(cloud, rng)
         if state.shape != cloud.state.shape:
             raise ValueError(f"move made {state.shape} of particles of shape {cloud.state.shape}")
         _check_finite(state)
-        weights = cloud.weights if log_likelihood is None else cloud.weights.updated(log_likelihood(state))
+        weights = cloud.weights if correction is None else cloud.weights.updated(correction)
+        if log_likelihood is not None:
+            weights = weights.updated(log_likelihood(state))
         return Cloud(state, weights)
 
     def resampled(self, cloud: Cloud, rng: np.random.Generator) -> Cloud:

@@ -1,0 +1,33 @@
+"""A likelihood in stages, cheap ones first: a particle that one stage makes impossible costs the next nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.filters.particle import LogLikelihood
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+LikelihoodStage = Callable[[Array, Index], Array]
+"""Surviving particles (components, k) and the set each belongs to (k,) → their log-likelihood, (k,); −∞ drops one."""
+
+
+def staged(stages: Sequence[LikelihoodStage]) -> LogLikelihood:
+    """The sum of the stages' log-likelihoods, each asked only about the particles that those before have left."""
+
+    def log_likelihood(state: Array) -> Array:
+        components, n, p = state.shape
+        particles, of_set = state.reshape(components, n * p), np.repeat(np.arange(n), p)
+        total = np.zeros(n * p)
+        alive = np.arange(n * p)
+        for stage in stages:
+            if alive.size == 0:
+                break
+            total[alive] += stage(particles[:, alive], of_set[alive])
+            alive = alive[~np.isneginf(total[alive])]
+        return total.reshape(n, p)
+
+    return log_likelihood
