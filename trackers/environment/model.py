@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from trackers.area import Area
-from trackers.environment.grid import FREE, OCCUPIED, UNKNOWN, Grid
-from trackers.environment.sight import leaps_between, sees
+from trackers.environment.grid import FREE, OCCUPIED, UNKNOWN, Grid, Index
+from trackers.environment.sight import first_met, leaps_between, sees
 from trackers.errors import InputError
 
 Array = NDArray[np.float64]
@@ -140,6 +140,30 @@ class Environment:
             raise ValueError(f"origin {origin}: one place (3,) and finite points are expected")
         return sees(self._leaps, self.grid, origin, points)
 
+    def range_along(self, origins: ArrayLike, directions: ArrayLike) -> Array:
+        """How far (n,) [m] it is from one origin (3,) or from each of (n, 3) to the first thing met along directions (n, 3).
+
+        Directions may be of any length. inf where nothing is met before the grid ends: through a door, say. Unknown space
+        is passed, and what is within 1.5 voxels of an origin does not count. The range is that of the mean of the points
+        that the scanner met in the first occupied voxel; a ray that only clips a voxel's corner may miss it. Raises
+        ValueError for places and directions that are not finite, and for a direction of length 0.
+        """
+        origins, directions = np.asarray(origins, dtype=float), _points(directions)
+        length = np.sqrt((directions**2).sum(axis=1))
+        if origins.shape not in ((3,), directions.shape) or not np.isfinite(origins).all():
+            raise ValueError(
+                f"origins have shape {origins.shape}; one finite place (3,), or one for each direction, is expected"
+            )
+        if not (np.isfinite(length) & (length > 0)).all():
+            raise ValueError("directions hold NaN, infinity or a length of 0; ones that point somewhere are expected")
+        way = directions / length[:, None]
+        voxel = first_met(self._leaps, self.grid, origins, np.ascontiguousarray(way.T))
+        met = np.flatnonzero(voxel >= 0)
+        points = self.surface_m[np.searchsorted(self._occupied, voxel[met])]
+        ranges = np.full(len(way), np.inf)
+        ranges[met] = ((points - np.broadcast_to(origins, way.shape)[met]) * way[met]).sum(axis=1)
+        return ranges
+
     def agreement(self, points: ArrayLike, within_m: float = 0.15) -> float:
         """Share of measured points (n, 3) [m], of a scan of the empty room say, that lie at a known surface.
 
@@ -184,6 +208,11 @@ class Environment:
                 f"{source}: the scanner saw {seen:.0%} of the rig's area; {_KNOWN_SHARE:.0%} or more, of the room that the "
                 "rig is in, is expected"
             )
+
+    @cached_property
+    def _occupied(self) -> Index:
+        """Flat indices (m,) of the occupied voxels, ascending: of the same order as their points."""
+        return np.flatnonzero(self.state == OCCUPIED)
 
     @property
     def _distance(self) -> NDArray[np.float32]:

@@ -11,6 +11,8 @@ Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 _ENDS_VOXELS = 1.5
+"""What is this near to a line's end does not count: cameras hang on walls, heads come close to things."""
+
 _STEP_VOXELS = 0.75
 _ROUNDS, _LEAPS = 3, 8
 """Lines still under way are sorted out after so many leaps, so many times; then the rest is looked at voxel by voxel."""
@@ -27,38 +29,55 @@ def leaps_between(steps: Array) -> Single:
 
 
 def sees(leaps: NDArray[np.float32], grid: Grid, origin: Array, points: Array) -> NDArray[np.bool_]:
-    """Whether no occupied voxel lies between the origin (3,) and each point (n, 3) [m], the ends apart, (n,).
-
-    Lines leap as far as `leaps`, of the grid's shape (`leaps_between`), allows (Hart 1996, Sphere tracing). One that comes to
-    an occupied voxel leaps no further, one at its end stays there; so nothing has to be sorted out at every leap.
-    """
-    start = (origin - grid.origin_m) / grid.voxel_m  # all lengths in voxels
-    way = np.ascontiguousarray((points - origin).T) / grid.voxel_m  # (3, n)
+    """Whether no occupied voxel lies between the origin (3,) and each point (n, 3) [m], the ends apart, (n,)."""
+    way = np.ascontiguousarray((points - origin).T)
     length = np.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
-    way /= np.maximum(length, 1e-9)
-    enters, leaves = _within(start, way, grid)
-    first = np.maximum(enters, _ENDS_VOXELS)
-    end = np.minimum(leaves, length - _ENDS_VOXELS)
-    clear = np.ones(len(points), dtype=bool)
-    line = np.flatnonzero(first < end)
-    at, end = first[line].astype(np.float32), end[line].astype(np.float32)
-    way, start = way[:, line].astype(np.float32), start.astype(np.float32)
+    way /= np.maximum(length, 1e-9 * grid.voxel_m)
+    return first_met(leaps, grid, origin, way, length / grid.voxel_m - _ENDS_VOXELS) < 0
+
+
+def first_met(
+    leaps: NDArray[np.float32], grid: Grid, origin: Array, way: Array, end: Array | float = np.inf
+) -> NDArray[np.int32]:
+    """The flat index of the first occupied voxel that each line comes to, (n,); −1 where there is none up to the `end`.
+
+    Lines go from origins (3,) or (n, 3) [m] along unit vectors `way` (3, n), each up to its `end` (n,) in voxels, and begin
+    _ENDS_VOXELS away. They leap as far as `leaps`, of the grid's shape (`leaps_between`), allows (Hart 1996, Sphere tracing).
+    One that comes to an occupied voxel leaps no further, one at its end stays there; so nothing has to be sorted out at every
+    leap.
+    """
+    from_voxel = ((origin - grid.origin_m) / grid.voxel_m).T.reshape(3, -1)
+    enters, leaves = _within(from_voxel, way, grid)
+    first, last = np.maximum(enters, _ENDS_VOXELS), np.minimum(leaves, end)
+    voxel = np.full(way.shape[1], -1, dtype=np.int32)
+    line = np.flatnonzero(first < last)
+    at, stop = first[line].astype(np.float32), last[line].astype(np.float32)
+    along, start = way[:, line].astype(np.float32), from_voxel.astype(np.float32)
+    start = start if start.shape[1] == 1 else start[:, line]
     table = leaps.ravel()
     for _ in range(_ROUNDS):
         leap = np.zeros(len(at), dtype=np.float32)
         for _ in range(_LEAPS):
-            leap = table.take(_flat(start, way, at, grid))
+            leap = table.take(_flat(start, along, at, grid))
             at += leap
-            np.minimum(at, end, out=at)
-        clear[line[leap == 0]] = False
-        on = (leap > 0) & (at < end)
-        line, at, end, way = line[on], at[on], end[on], way[:, on]
+            np.minimum(at, stop, out=at)
+        stopped = leap == 0
+        voxel[line[stopped]] = _flat(_of(start, stopped), along[:, stopped], at[stopped], grid)
+        on = ~stopped & (at < stop)
+        line, at, stop, along, start = line[on], at[on], stop[on], along[:, on], _of(start, on)
         if not len(line):
-            return clear
-    steps = np.arange(0, float((end - at).max()) + _STEP_VOXELS, _STEP_VOXELS, dtype=np.float32)
-    places = np.minimum(at[:, None] + steps, end[:, None])
-    clear[line] = (table.take(_flat(start, way[:, :, None], places, grid)) > 0).all(axis=1)
-    return clear
+            return voxel
+    steps = np.arange(0, float((stop - at).max()) + _STEP_VOXELS, _STEP_VOXELS, dtype=np.float32)
+    places = np.minimum(at[:, None] + steps, stop[:, None])
+    passed = _flat(start[:, :, None], along[:, :, None], places, grid)
+    stops = table.take(passed) == 0
+    voxel[line] = np.where(stops.any(axis=1), passed[np.arange(len(line)), stops.argmax(axis=1)], -1)
+    return voxel
+
+
+def _of(start: Single, lines: NDArray[np.bool_]) -> Single:
+    """Where these lines start, (3, n), or (3, 1) for all from one place."""
+    return start if start.shape[1] == 1 else start[:, lines]
 
 
 def _flat(start: Single, way: Single, at: Single, grid: Grid) -> NDArray[np.int32]:
@@ -74,6 +93,6 @@ def _flat(start: Single, way: Single, at: Single, grid: Grid) -> NDArray[np.int3
 def _within(start: Array, way: Array, grid: Grid) -> tuple[Array, Array]:
     """Where each line (3, n) enters and leaves the grid, in voxels from the start; it enters after it leaves if it misses."""
     across = 1 / np.where(np.abs(way) < 1e-12, 1e-12, way)
-    one, other = -start[:, None] * across, (np.array(grid.shape) - start)[:, None] * across
+    one, other = -start * across, (np.array(grid.shape)[:, None] - start) * across
     margin = 1e-2  # single precision rounds: stay inside
     return np.minimum(one, other).max(axis=0) + margin, np.maximum(one, other).min(axis=0) - margin
