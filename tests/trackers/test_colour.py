@@ -19,9 +19,8 @@ def detections_at(points, half_width=0.17) -> Detections:
     range_m = np.hypot(points[:, 0], points[:, 1])
     angle = np.arctan2(points[:, 1], points[:, 0]) - np.pi / 2
     half = half_width / range_m
-    return Detections(
-        points, np.zeros(len(points)), np.full(len(points), 2 * half_width), range_m, angle + np.array([-half, half])
-    )
+    width_m, scanner = np.full(len(points), 2 * half_width), np.ones((len(points), 1), np.bool_)
+    return Detections(points, np.zeros(len(points)), width_m, range_m, angle + np.array([-half, half]), scanner)
 
 
 def projector(**options) -> TorsoProjector:

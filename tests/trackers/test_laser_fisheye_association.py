@@ -29,7 +29,8 @@ SEEN = np.ones(2, np.bool_)  # by their trunks
 def detections(*places: tuple[float, float]) -> Detections:
     position = np.array(places, dtype=float).reshape(-1, 2)
     nothing = np.zeros(len(position))
-    return Detections(position, nothing, nothing + 0.1, nothing + 2, np.zeros((2, len(position))))
+    scanner = np.ones((len(position), 1), np.bool_)
+    return Detections(position, nothing, nothing + 0.1, nothing + 2, np.zeros((2, len(position))), scanner)
 
 
 def followed(people: People, measured_ns: np.ndarray) -> People:

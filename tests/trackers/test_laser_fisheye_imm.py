@@ -360,8 +360,8 @@ def test_a_single_scanner_is_taken_for_what_its_height_says():
         return Rig(sensors={"scan": LaserSensor(topic="/scan", room_from_sensor=pose)})
 
     for height_m, role in ((0.0, "knee"), (0.3, "knee"), (0.9, "waist")):
-        assert scanners_by_role(alone(height_m), ("waist", "knee")) == {role: "scan"}
-    assert scanners_by_role(alone(0.0), ("waist",)) == {"waist": "scan"}
+        assert scanners_by_role(alone(height_m), ("waist", "knee")) == {role: ("scan",)}
+    assert scanners_by_role(alone(0.0), ("waist",)) == {"waist": ("scan",)}
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +62,11 @@ class LayerOptions(Strict):
     arm_reach_m: float = Field(
         default=0.7, gt=0, description="how far from its trunk's axis an arm in full view may be [m] (ours)"
     )
+    fuse_m: float = Field(
+        default=0.35,
+        ge=0,
+        description="gate within which clusters of two scanners of this role are one body's or one leg's [m]; 0: never (ours)",
+    )
 
 
 def _told(field: str) -> str | None:
@@ -94,6 +99,7 @@ class KneeOptions(LayerOptions):
     )
     radius_m: float = Field(default=0.5, gt=0, description=_told("radius_m"))
     half_depth_m: float = Field(default=0.04, ge=0, description=_told("half_depth_m"))
+    fuse_m: float = Field(default=0.2, ge=0, description=_told("fuse_m"))
     radius_alone_m: float = Field(
         default=0.7,
         gt=0,
@@ -150,13 +156,14 @@ class KneeOptions(LayerOptions):
 
 @dataclass(frozen=True, eq=False)
 class Detections:
-    """k things that one scan shows in front of the room; positions are in the room frame."""
+    """k things that the scans of one moment show in front of the room; positions are in the room frame."""
 
     position: Array  # (k, 2) of the body's or leg's axis [m]
     variance_m2: Array  # (k,) of the position on each axis, beyond the measurement noise
     width_m: Array  # (k,)
-    range_m: Array  # (k,) from the scanner to the middle of the samples
-    angle: Array  # (2, k) of the first sample and the last in the scanner's frame [rad]
+    range_m: Array  # (k,) from the first scanner that sees it to the middle of the samples
+    angle: Array  # (2, k) of the first sample and the last in that scanner's frame [rad]
+    scanner: NDArray[np.bool_]  # (k, s) which of s scanners see it
 
     def __len__(self) -> int:
         return len(self.position)
@@ -171,12 +178,33 @@ class Detections:
             self.width_m[kept],
             self.range_m[kept],
             self.angle[:, kept],
+            self.scanner[kept],
         )
 
+    def joined(self, other: Detections) -> Detections:
+        """These followed by `other`."""
+        if len(other) == 0:
+            return self
+        return Detections(
+            np.concatenate([self.position, other.position]),
+            np.concatenate([self.variance_m2, other.variance_m2]),
+            np.concatenate([self.width_m, other.width_m]),
+            np.concatenate([self.range_m, other.range_m]),
+            np.concatenate([self.angle, other.angle], axis=1),
+            np.concatenate([self.scanner, other.scanner]),
+        )
+
+    def of_scanner(self, column: int, n_scanner: int) -> Detections:
+        """The same as seen by one of several scanners."""
+        scanner = np.zeros((len(self), n_scanner), np.bool_)
+        scanner[:, column] = True
+        return replace(self, scanner=scanner)
+
     @classmethod
-    def none(cls) -> Detections:
+    def none(cls, n_scanner: int = 1) -> Detections:
         """No detections."""
-        return cls(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0), np.empty((2, 0)))
+        nothing, by_nobody = np.empty(0), np.empty((0, n_scanner), np.bool_)
+        return cls(np.empty((0, 2)), nothing, nothing, nothing, np.empty((2, 0)), by_nobody)
 
 
 class LaserLayer:
@@ -207,6 +235,7 @@ class LaserLayer:
             range_m=clusters.range_m,
             angle=scan.angle_min_rad
             + scan.angle_increment_rad * np.array([clusters.first_beam, clusters.last_beam], float),
+            scanner=np.ones((len(clusters), 1), np.bool_),
         )
         if options.satellite_width_m is None:
             return detections

@@ -1,4 +1,4 @@
-"""Which scanner of a rig looks at waists and which at knees."""
+"""Which scanners of a rig look at waists and which at knees."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from trackers.errors import InputError
 from trackers.rig import LaserSensor, Rig, Role
 
 
-def scanners_by_role(rig: Rig, wanted: Sequence[Role]) -> dict[Role, str]:
-    """The name of the scanner for each of the `wanted` roles that the rig can fill, one a role, waist first.
+def scanners_by_role(rig: Rig, wanted: Sequence[Role]) -> dict[Role, tuple[str, ...]]:
+    """The names of the scanners for each of the `wanted` roles that the rig can fill, waist first.
 
     A scanner's own `role` counts; one without is a waist scanner from 0.7 m up and a knee scanner below; at exactly 0 its
-    height is unknown, and it is taken for a knee scanner where one is wanted. Of several with one role the first counts.
+    height is unknown, and it is taken for a knee scanner where one is wanted. Several of one role come in order of their
+    names, but the rig's main sensor first.
     Raises InputError where no wanted role can be filled.
     """
     lasers = rig.lasers()
-    found: dict[Role, str] = {}
-    stated_first = sorted(lasers.items(), key=lambda item: item[1].role is None)  # a stable sort
-    for name, laser in stated_first:
-        role = _role(laser, wanted)
+    found: dict[Role, tuple[str, ...]] = {}
+    for name in sorted(lasers, key=lambda name: (name != rig.main_sensor, name)):
+        role = _role(lasers[name], wanted)
         if role in wanted:
-            found.setdefault(role, name)
+            found[role] = (*found.get(role, ()), name)
     if not found:
         there = ", ".join(
             f"{name} ({laser.role or f'at {laser.room_from_sensor.xyz[2]} m'})" for name, laser in lasers.items()

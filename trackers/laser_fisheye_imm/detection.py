@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from trackers.area import Area
 from trackers.errors import InputError
-from trackers.laser.layer import Detections, LaserLayer
+from trackers.laser.group import ScannerGroup
+from trackers.laser.layer import Detections
 from trackers.laser.roles import Role, scanners_by_role
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
-from trackers.observations import Image, LaserScan, Observation
-from trackers.rig import Rig, StereoSensor
+from trackers.observations import Image, Observation
+from trackers.rig import FisheyeSensor, Rig, StereoSensor
 from trackers.tracking.moments import Moment
 from trackers.vision.histogram import ColourHistogram
 from trackers.vision.torso import TorsoProjector, TorsoWindows
@@ -45,37 +46,39 @@ class Detector:
     def __init__(
         self, rig: Rig, empty_room: Sequence[Observation], options: LaserFisheyeImmOptions, area: Area | None
     ) -> None:
-        self._scanners = scanners_by_role(rig, options.layers)
-        self._layers: dict[Role, LaserLayer] = {}
-        for role, name in self._scanners.items():
-            scans = [item for item in empty_room if isinstance(item, LaserScan) and item.sensor == name]
-            self._layers[role] = LaserLayer(
-                rig.lasers()[name], scans, options.waist if role == "waist" else options.knee
-            )
+        names, lasers = scanners_by_role(rig, options.layers), rig.lasers()
         self._area = area
         self.histogram = ColourHistogram(options.histogram)
         cameras = {name: each for name, each in rig.cameras().items() if not isinstance(each, StereoSensor)}
-        self._camera = next(iter(cameras), None) if options.camera and self.sees_waists else None
-        self._projector = None
-        if self._camera is not None:
-            waist = rig.lasers()[self._scanners["waist"]]
-            self._projector = TorsoProjector(waist, cameras[self._camera], options.torso)
-            self._intrinsics = cameras[self._camera].intrinsics
+        self._camera = self._projector = None
+        if options.camera and "waist" in names and cameras:
+            self._camera = min(cameras, key=lambda name: (not isinstance(cameras[name], FisheyeSensor), name))
+            camera = cameras[self._camera]
+            # a torso window stands between the bearings at which the camera's own scanner saw somebody
+            names["waist"] = _nearest_first(names["waist"], rig, camera.room_from_sensor.translation)
+            self._projector = TorsoProjector(lasers[names["waist"][0]], camera, options.torso)
+            self._intrinsics = camera.intrinsics
+        self._groups: dict[Role, ScannerGroup] = {
+            role: ScannerGroup({name: lasers[name] for name in names[role]}, empty_room, layer)
+            for role, layer in (("waist", options.waist), ("knee", options.knee))
+            if role in names
+        }
 
     @property
     def sees_waists(self) -> bool:
         """Whether there is a scanner at waist height; a camera is of use only beside one."""
-        return "waist" in self._scanners
+        return "waist" in self._groups
 
     @property
     def sensors(self) -> list[str]:
         """The sensors used: scanners, waist first, then the camera."""
-        return [*self._scanners.values(), *([self._camera] if self._camera else [])]
+        scanners = [name for group in self._groups.values() for name in group.names]
+        return [*scanners, *([self._camera] if self._camera else [])]
 
     @property
     def learns_background(self) -> bool:
         """Whether a scanner came without scans of the empty room."""
-        return any(layer.learns_background for layer in self._layers.values())
+        return any(group.learns_background for group in self._groups.values())
 
     def detect(self, moment: Moment) -> Seen:
         """What the moment shows in the area. Raises InputError for an image of another size than the rig's."""
@@ -89,15 +92,18 @@ class Detector:
             raise InputError(
                 f"image of {image.sensor!r} has shape {image.rgb.shape}; the rig's intrinsics say {expected}"
             )
-        windows = self._projector.windows(trunks)
+        own = trunks.select(trunks.scanner[:, 0])  # they come first; the others have no window
+        windows = self._projector.windows(own)
         histograms = self.histogram.of_windows(image.rgb, windows.pixels, windows.inside)
-        return Seen(trunks, legs, windows, histograms, windows.usable, windows.clear)
+        without = len(trunks) - len(own)
+        if without:
+            histograms = np.concatenate([histograms, np.zeros((without, self.histogram.size))])
+        usable, clear = (np.pad(each, (0, without)) for each in (windows.usable, windows.clear))
+        return Seen(trunks, legs, windows, histograms, usable, clear)
 
     def _scanned(self, moment: Moment, role: Role) -> Detections:
-        scan = moment.observations.get(self._scanners.get(role, ""))
-        if not isinstance(scan, LaserScan):
-            return Detections.none()
-        detections = self._layers[role].detect(scan)
+        group = self._groups.get(role)
+        detections = Detections.none() if group is None else group.detect(moment.observations)
         if self._area is None or len(detections) == 0:
             return detections
         return detections.select(self._area.contains(detections.position))
@@ -107,8 +113,12 @@ class Detector:
         chance = np.ones(points.shape[1:])
         if self._area is not None:
             chance[~self._area.contains(points.reshape(2, -1).T).reshape(chance.shape)] = 0
-        for role, name in self._scanners.items():
-            scan = moment.observations.get(name)
-            if isinstance(scan, LaserScan):
-                chance *= self._layers[role].missed(scan, points)
+        for group in self._groups.values():
+            chance *= group.missed(moment.observations, points)
         return chance
+
+
+def _nearest_first(names: tuple[str, ...], rig: Rig, place: Array) -> tuple[str, ...]:
+    """Scanners by their distance from a place (3,) [m], those equally far as they were."""
+    lasers = rig.lasers()
+    return tuple(sorted(names, key=lambda name: np.linalg.norm(lasers[name].room_from_sensor.translation - place)))

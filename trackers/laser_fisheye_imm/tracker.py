@@ -104,7 +104,7 @@ class LaserFisheyeImm:
 
     @property
     def unused_sensors(self) -> list[str]:
-        """The rig's sensors that are left alone: a second scanner of a role, a camera without a waist scanner, a floor."""
+        """The rig's sensors that are left alone: a scanner of no wanted role, a camera without a waist scanner, a floor."""
         return [name for name in self._rig.sensors if name not in self._detector.sensors]
 
     @property
