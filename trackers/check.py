@@ -5,14 +5,15 @@ from __future__ import annotations
 import copy
 import itertools
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from math import isinf, isnan
 from typing import Any, get_args
 
 import numpy as np
 
-from trackers.observations import NS_PER_S, LaserScan, Observation
+from trackers.observations import Observation
 from trackers.rig import Rig
+from trackers.spoiling import SPOILINGS
 from trackers.tracks import Status, Track, Tracker, TrackFrame, track_frames
 
 Make = Callable[[Rig, Iterable[Observation], np.random.Generator], Tracker]
@@ -27,9 +28,9 @@ def check_tracker(
 
     observations: in order of arrival; some seconds with people in them tell the most. Checked: the two calls; the same
     input gives the same tracks; inputs are left alone; stamps rise; ids are whole numbers, from 1 up, once a frame; x and y
-    are numbers, and the rest numbers or NaN; a status is one of the two; and the tracker lives through scans that show
-    nothing or no readings, a gap of 3 s, an observation that comes twice, one that comes late, and no observations. Doubles
-    and what is late are held back from all but a tracker with `takes_any_order`, as wherever trackers are fed.
+    are numbers, and the rest numbers or NaN; a status is one of the two; and the tracker lives through everything of
+    `trackers.spoiling`: observations that are late, doubled, missing or of a sensor that fails. Doubles and what is late
+    are held back from all but a tracker with `takes_any_order`, as wherever trackers are fed.
     """
     violations: list[str] = []
 
@@ -56,12 +57,10 @@ def check_tracker(
         violations.append("plain run: nobody was ever tracked; a recording with people is needed to check the rest")
     if repr(frames_of("second run", given)) != repr(first):
         violations.append("second run: other tracks from the same observations and the same generator")
-    frames_of("no observations", [])
-    frames_of("scans that meet nothing", _with_ranges(given, np.inf))
-    frames_of("scans without a reading", _with_ranges(given, np.nan))
-    frames_of("a gap of 3 s", _with_gap(given, 3.0))
-    frames_of("every observation twice", [item for item in given for _ in range(2)])
-    frames_of("an observation that comes a second late", _with_late(given))
+    for what, spoil in SPOILINGS.items():
+        spoiled = spoil(given)
+        if not given or spoiled is not given:
+            frames_of(what, spoiled)
     return violations
 
 
@@ -97,30 +96,3 @@ def _arrays(observation: Observation) -> list[np.ndarray]:
 
 def _same(first: list[np.ndarray], second: list[np.ndarray]) -> bool:
     return all(one.tobytes() == other.tobytes() for one, other in zip(first, second, strict=True))
-
-
-def _with_ranges(observations: Sequence[Observation], value: float) -> list[Observation]:
-    """The middle third of the scans shows `value` in every beam."""
-    n = len(observations)
-    return [
-        replace(item, ranges_m=np.full_like(item.ranges_m, value))
-        if isinstance(item, LaserScan) and n // 3 <= index < 2 * n // 3
-        else item
-        for index, item in enumerate(observations)
-    ]
-
-
-def _with_gap(observations: Sequence[Observation], gap_s: float) -> list[Observation]:
-    half = len(observations) // 2
-    later = [replace(item, stamp_ns=item.stamp_ns + round(gap_s * NS_PER_S)) for item in observations[half:]]
-    return [*observations[:half], *later]
-
-
-def _with_late(observations: Sequence[Observation]) -> list[Observation]:
-    """The observation at a third of the recording arrives after those of the next second."""
-    if not observations:
-        return []
-    fed = list(observations)
-    late = fed.pop(len(fed) // 3)
-    place = next((i for i, item in enumerate(fed) if item.stamp_ns >= late.stamp_ns + NS_PER_S), len(fed))
-    return [*fed[:place], late, *fed[place:]]

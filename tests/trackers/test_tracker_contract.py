@@ -1,11 +1,16 @@
 """What every tracker promises, over every preset; and that check_tracker sees it broken."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from synthetic_room import empty_room, observe, rig, straight_walk
 
 from trackers.check import check_tracker
+from trackers.observations import NS_PER_S, DepthImage, FloorFrame
 from trackers.presets import PRESETS, make_tracker
+from trackers.rig import FloorSensor, Rig, StereoSensor
+from trackers.spoiling import SPOILINGS
 from trackers.tracks import Track, TrackFrame, track_frames
 
 RIG = rig()
@@ -100,3 +105,74 @@ def test_check_tracker_names_what_is_broken(kind, complaint):
 
 def test_a_tracker_that_reports_at_each_scan_keeps_the_contract():
     assert check_tracker(Stub, RIG, OBSERVATIONS, BACKGROUND) == []
+
+
+RIG_OF_ALL = Rig(
+    sensors={
+        "waist": RIG.sensors["waist"],
+        "depth": StereoSensor.model_validate(
+            {
+                "kind": "stereo",
+                "topic": "/depth/image/compressed",
+                "depth_topic": "/depth/depth/compressed",
+                "intrinsics": {"width": 8, "height": 6, "fx": 8, "fy": 8, "cx": 3.5, "cy": 2.5},
+                "baseline_m": 0.1,
+            }
+        ),
+        "floor": FloorSensor.model_validate(
+            {"kind": "floor", "topic": "/floor", "rows": 4, "columns": 5, "pitch_m": 0.2}
+        ),
+    }
+)
+
+
+def of_all_kinds(n: int) -> list:
+    """Scans of an empty room, depth pictures and floor frames that differ from moment to moment."""
+    rng = np.random.default_rng(1)
+    given: list = []
+    for k in range(n):
+        ns = round(0.1 * k * NS_PER_S)
+        given += [
+            replace(BACKGROUND[0], sensor="waist", stamp_ns=ns),
+            DepthImage(
+                "depth", ns, rng.integers(1, 255, (6, 8, 3), np.uint8), rng.uniform(1, 3, (6, 8)).astype(np.float32)
+            ),
+            FloorFrame("floor", ns, rng.integers(1, 99, (4, 5), np.uint8)),
+        ]
+    return given
+
+
+@pytest.mark.parametrize(
+    ("chokes", "complaint"),
+    [
+        (lambda item: isinstance(item, DepthImage) and not item.rgb.any(), "black pictures"),
+        (lambda item: isinstance(item, DepthImage) and (item.rgb == 255).all(), "white pictures"),
+        (lambda item: isinstance(item, DepthImage) and not item.depth_m.any(), "pictures without depth"),
+        (
+            lambda item: isinstance(item, DepthImage) and (item.depth_m < 0.01).all() and item.depth_m.any(),
+            "a depth of 1 mm",
+        ),
+        (lambda item: isinstance(item, FloorFrame) and not item.values.any(), "a floor that feels nothing"),
+        (lambda item: isinstance(item, FloorFrame) and (item.values == 255).all(), "a saturated floor"),
+        (lambda item: isinstance(item, FloorFrame) and item.values[0, 0] == 200, "a stuck element"),
+    ],
+)
+def test_check_tracker_spoils_pictures_depth_and_floors(chokes, complaint):
+    def update(self, observation):
+        if chokes(observation):
+            raise ZeroDivisionError("choked")
+        return Stub.update(self, observation)
+
+    kind = broken(update=update)
+    violations = check_tracker(lambda on, room, rng: kind(on, room, rng), RIG_OF_ALL, of_all_kinds(12))
+    assert any(complaint in violation and "choked" in violation for violation in violations), violations
+
+
+def test_a_sensor_that_falls_silent_is_silent_and_one_that_freezes_repeats_itself():
+    given = of_all_kinds(9)
+    silent = SPOILINGS["a sensor that falls silent"](given)
+    assert [item.sensor for item in silent].count("waist") == 3
+    frozen = SPOILINGS["sensors that freeze"](given)
+    assert [item.stamp_ns for item in frozen] == [item.stamp_ns for item in given]
+    floors = [item.values.tobytes() for item in frozen if isinstance(item, FloorFrame)]
+    assert len(set(floors[:4])) == 4 and len(set(floors[4:])) == 1
