@@ -172,6 +172,17 @@ class FloorSensor(Strict):
         local = np.stack([x, y], axis=-1) * self.pitch_m
         return local @ self.room_from_sensor.rotation[:2, :2].T + self.room_from_sensor.translation[:2]
 
+    def cell_at(self, places: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+        """The element under each place (n, 2) [m] of the room, as its index along rows and columns (0 off the grid).
+
+        And which places are on the grid, (n,). The way back of `centres`.
+        """
+        pose = self.room_from_sensor
+        across, along = ((places - pose.translation[:2]) @ np.linalg.inv(pose.rotation[:2, :2]).T / self.pitch_m).T
+        inside = (across >= 0) & (across < self.columns) & (along >= 0) & (along < self.rows)
+        column, row = (np.where(inside, each, 0.0).astype(np.intp) for each in (across, along))
+        return row * self.columns + column, inside
+
     @property
     def corners(self) -> NDArray[np.float64]:
         """The grid's corners in the room, counter-clockwise from the origin, (4, 2) [m]."""
