@@ -24,9 +24,12 @@ class Feed:
     def __init__(self, at_work: Sequence[TrackerAtWork], shown: Preview | None) -> None:
         self.at_work = at_work
         self.shown = shown
+        self.heard: set[str] = set()
+        """The sensors that have reported something."""
 
     def observe(self, observation: Observation) -> None:
         """Feed one observation."""
+        self.heard.add(observation.sensor)
         if self.shown is not None:
             self.shown.observe(observation)
             if not self.at_work:

@@ -14,6 +14,7 @@ from trackers.rig import Rig
 from trackers.tracks import TrackFrame
 from twin.report.birdseye import Polygon
 from twin.report.preview import PreviewWriter, TruePoses
+from twin.silence import Silence
 from twin.truth.frames import TruthFrame
 
 _HELD_OBSERVATIONS = 32
@@ -31,6 +32,7 @@ class Preview:
         self._writer = writer
         self._main = rig.main_sensor
         self._observations: dict[str, deque[Observation]] = {}
+        self._silence = Silence(rig.sensors)
         self._truths: dict[int, TruthFrame] = {}
         self._waiting: deque[TrackFrame] = deque()
         self._next_still_s = 1.0
@@ -42,6 +44,7 @@ class Preview:
         """Keep an observation for the frames to come; those of earlier moments are drawn first."""
         while self._waiting and self._waiting[0].stamp_ns < observation.stamp_ns:
             self._draw(self._waiting.popleft())
+        self._silence.hear(observation)
         held = self._observations.setdefault(observation.sensor, deque(maxlen=_HELD_OBSERVATIONS))
         held.append(observation)
 
@@ -64,17 +67,19 @@ class Preview:
         if frame.stamp_ns <= self._last_ns:
             return
         self._last_ns = frame.stamp_ns
+        silent = self._silence.silent()
         newest = {
             name: max(
                 (each for each in held if each.stamp_ns <= frame.stamp_ns), key=lambda each: each.stamp_ns, default=None
             )
             for name, held in self._observations.items()
+            if name not in silent
         }
         images = {name: each for name, each in newest.items() if isinstance(each, Image | DepthImage)}
         scans = {name: each for name, each in newest.items() if isinstance(each, LaserScan)}
         floors = {name: each for name, each in newest.items() if isinstance(each, FloorFrame)}
         truth = true_poses(self._truth_at(frame.stamp_ns))
-        self._writer.frame(frame.stamp_ns, images, scans, frame.tracks, truth, floors)
+        self._writer.frame(frame.stamp_ns, images, scans, frame.tracks, truth, floors, silent)
         t = frame.stamp_ns / 1e9
         if t >= self._next_still_s and len(self.stills) < _MOST_STILLS:
             self.stills.append((t, self._writer.still()))

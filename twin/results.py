@@ -94,6 +94,7 @@ def write_results(
         outline=place.outline,
         scans=place.scans,
         person_names=place.person_names,
+        silent=[name for name in place.rig.sensors if name not in feed.heard],
         stills=[Still(jpeg, f"{results[0].name} at {t:.1f} s") for t, jpeg in stills],
     )
     return RunResult(metrics, files)

@@ -175,9 +175,12 @@ class Simulation:
         return replace(observation, stamp_ns=observation.stamp_ns + offset_ns) if offset_ns else observation
 
     def look(self, stamp_ns: int) -> dict[str, Observation]:
-        """What each sensor would report at one stamp, by name, outside its schedule."""
+        """What each sensor would report at one stamp, by name, outside its schedule; nothing of one that is silent then."""
         looks = {}
         for name, timed in self._sensors.items():
+            faults = self.scenario.faults
+            if self._descriptions[name].dropout == 1 or MessageFaultsOf(name, faults, 0).mute(stamp_ns):
+                continue
             rng = stream(self.scenario.seed, "look", name)
             snapshots = (self.world.snapshot(stamp_ns / NS_PER_S + offset) for offset in timed.instants_s)
             reading, _ = timed.sensor.observe(stamp_ns, snapshots, None, rng)

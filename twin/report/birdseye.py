@@ -5,7 +5,7 @@ Used by the preview video (pixels, OpenCV) and by the report (SVG), so that both
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from html import escape
 from math import ceil
@@ -213,8 +213,11 @@ def _is_shell(polygon: Polygon, rig: Rig) -> bool:
 # ------------------------------------------------------------------------------------------------- SVG
 
 
-def room_svg(view: FloorView, rig: Rig, outline: Sequence[Polygon]) -> str:
-    """The same room as SVG elements (classes `floor grid axis structure shell area sensor`, coloured by the page)."""
+def room_svg(view: FloorView, rig: Rig, outline: Sequence[Polygon], silent: Collection[str] = ()) -> str:
+    """The same room as SVG elements (classes `floor grid axis structure shell area sensor silent`, coloured by the page).
+
+    `silent`: the sensors that reported nothing.
+    """
     x_lines, y_lines = view.metre_lines()
     parts = [f'<rect class="floor" width="{view.width_px}" height="{view.height_px}"/>']
     x_px = view.pixels(np.stack([x_lines, np.zeros_like(x_lines)], axis=-1))[:, 0]
@@ -239,7 +242,11 @@ def room_svg(view: FloorView, rig: Rig, outline: Sequence[Polygon]) -> str:
     )
     for name, sensor in rig.sensors.items():
         x, y = view.pixels(sensor.room_from_sensor.translation[:2])
-        parts.append(f'<circle class="sensor" cx="{x:.1f}" cy="{y:.1f}" r="5"><title>{escape(name)}</title></circle>')
+        kind, text = ("sensor silent", f"{name}: silent") if name in silent else ("sensor", name)
+        parts.append(f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="5"><title>{escape(text)}</title></circle>')
+    for row, name in enumerate(name for name in rig.sensors if name in silent):
+        x, y = view.pixels(rig.sensors[name].room_from_sensor.translation[:2])
+        parts.append(f'<text class="axis" x="{x + 10:.1f}" y="{y + 18 + 13 * row:.1f}">{escape(name)}: silent</text>')
     return "".join(parts)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from math import ceil, sqrt
 
 import cv2
@@ -13,12 +13,15 @@ from trackers.observations import DepthImage, Image
 from trackers.rig import CameraSensor, placed_camera
 from trackers.tracks import Track
 from twin.report.birdseye import SHIFT, fixed_point
-from twin.report.lettering import write, write_tags
+from twin.report.lettering import Tag, write, write_tags
 from twin.report.palette import IdentityColours
-from twin.report.panels import BACKDROP, DARK_INK, QUIET, dashed_loop, track_tag
+from twin.report.panels import BACKDROP, DARK_INK, INK, QUIET, SILENT_FILL, dashed_loop, track_tag
 
 TORSO_LOW_M, TORSO_HIGH_M, TORSO_WIDTH_M = 1.0, 1.4, 0.45
 """The torso window drawn around a track, for the eye: a person 1.7 m tall; heights above the floor, width across."""
+
+_SILENT_LIGHT = 0.35
+"""The share of its light that is left of the last picture of a camera that reports no more."""
 
 MOST_CAMERAS = 9
 """More would be stamps."""
@@ -33,7 +36,7 @@ class CameraGrid:
         self._across = ceil(sqrt(len(shown)))
         side = side_px // self._across
         self._panels = {
-            name: CameraPanel(camera, side, name if len(shown) > 1 else "") for name, camera in shown.items()
+            name: CameraPanel(camera, side, name, labelled=len(shown) > 1) for name, camera in shown.items()
         }
 
     def draw(
@@ -42,23 +45,24 @@ class CameraGrid:
         images: Mapping[str, Image | DepthImage],
         tracks: Sequence[Track],
         colours: IdentityColours,
+        silent: Collection[str] = (),
     ) -> None:
-        """Draw each camera's newest image (none: the one before) and the tracks on it."""
+        """Draw each camera's newest image (none: the one before; dimmed where it is silent) and the tracks on it."""
         panel[:] = BACKDROP
         for place, (name, each) in enumerate(self._panels.items()):
             row, column = divmod(place, self._across)
             side = each.side_px
             tile = panel[row * side : (row + 1) * side, column * side : (column + 1) * side]
-            each.draw(tile, images.get(name), tracks, colours)
+            each.draw(tile, images.get(name), tracks, colours, silent=name in silent)
 
 
 class CameraPanel:
     """One camera's image in a square, with a torso window and an id on each track."""
 
-    def __init__(self, sensor: CameraSensor, side_px: int, name: str = "") -> None:
+    def __init__(self, sensor: CameraSensor, side_px: int, name: str, *, labelled: bool) -> None:
         intrinsics = sensor.intrinsics
         self.side_px = side_px
-        self._name = name
+        self._sensor_name, self._labelled = name, labelled
         self._scale = min(side_px / intrinsics.width, side_px / intrinsics.height)
         self._size = (round(intrinsics.width * self._scale), round(intrinsics.height * self._scale))
         self._offset = np.array([(side_px - self._size[0]) // 2, (side_px - self._size[1]) // 2])
@@ -74,8 +78,9 @@ class CameraPanel:
         image: Image | DepthImage | None,
         tracks: Sequence[Track],
         colours: IdentityColours,
+        silent: bool = False,
     ) -> None:
-        """Draw the newest image (None: the one before) and the tracks on it."""
+        """Draw the newest image (None: the one before; dimmed where it is `silent`) and the tracks on it."""
         x, y = self._offset
         width, height = self._size
         if image is not None and image is not self._shown:
@@ -83,10 +88,13 @@ class CameraPanel:
             self._view[y : y + height, x : x + width] = cv2.resize(
                 image.rgb, self._size, interpolation=cv2.INTER_LINEAR
             )
-            if self._name:
-                write(self._view, self._name, x + 6, max(int(y) - 8, 16), QUIET, 13)
+            if self._labelled:
+                write(self._view, self._sensor_name, x + 6, max(int(y) - 8, 16), QUIET, 13)
         panel[:] = self._view
         tags = []
+        if silent:
+            panel[:] = (_SILENT_LIGHT * panel).astype(np.uint8)
+            tags.append(Tag(f"{self._sensor_name} silent", self.side_px / 2, y + height - 14.0, SILENT_FILL, INK))
         for track, window in self._torso_windows(tracks):
             colour = colours[track.id]
             if track.status == "confirmed":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
@@ -83,12 +83,13 @@ def write_report(
     scans: ScanDensity | None = None,
     person_names: Mapping[int, str] | None = None,
     stills: Sequence[Still] = (),
+    silent: Collection[str] = (),
 ) -> None:
     """Write the report to `path`; it takes its name when it is whole.
 
     `true_rig`: where the sensors truly are, for those that `rig` has elsewhere; `outline`: polygons (k, 2) [m] of walls and
     furniture; `scans`: what the scanners hit, drawn under the paths (for a recording without a plan of the room);
-    `person_names`: what to call the people of the truth.
+    `person_names`: what to call the people of the truth; `silent`: the sensors that reported nothing at all.
 
     Raises InputError where the file cannot be written, ValueError for an evaluation without truth.
     """
@@ -103,7 +104,7 @@ def write_report(
         tracker_names=[tracker.name for tracker in trackers],
         groups=grouped_rows(figures),
         sections=[
-            _section(tracker, own, axis, rig, true_rig, outline, truth, scans, names)
+            _section(tracker, own, axis, rig, true_rig, outline, truth, scans, names, silent)
             for tracker, own in zip(trackers, figures, strict=True)
         ],
         has_truth=truth is not None,
@@ -139,6 +140,7 @@ def _section(
     truth: TruthTable | None,
     scans: ScanDensity | None,
     names: Mapping[int, str],
+    silent: Collection[str],
 ) -> dict[str, Any]:
     """What the page shows of one tracker."""
     tracks, evaluation = tracker.tracks, tracker.evaluation
@@ -146,7 +148,7 @@ def _section(
     colours = IdentityColours(ids[np.argsort(first, kind="stable")].tolist())
     section: dict[str, Any] = {
         "name": tracker.name,
-        "map": Markup(path_map(rig, true_rig, outline, truth, tracks, evaluation, scans, colours, names)),
+        "map": Markup(path_map(rig, true_rig, outline, truth, tracks, evaluation, scans, colours, names, silent)),
         "n_tracks": int(ids.size),
         "tiles": [],
         "events": [],

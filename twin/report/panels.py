@@ -34,6 +34,8 @@ QUIET: RGB = (140, 148, 160)
 DARK_INK: RGB = (10, 12, 16)
 _UNSEEN = FloorColours((24, 28, 36), (33, 38, 48), (58, 64, 76), (104, 112, 126), (112, 122, 138), (240, 240, 240))
 _SEEN = FloorColours((38, 45, 57), (48, 56, 69), (64, 71, 84), (112, 120, 134), (132, 142, 158), (240, 240, 240))
+SILENT_FILL: RGB = (96, 34, 34)
+"""Behind the label of a sensor that reports no more."""
 _PERSON_RADIUS_M = 0.22
 _FAN_LIGHT = 0.08
 """The share of its colour that a scanner adds to the floor it sees."""
@@ -104,7 +106,9 @@ class FloorPanel:
         truth: TruePoses | None,
         names: Mapping[int, str],
         floors: Mapping[str, FloorFrame] | None = None,
+        silent: Collection[str] = (),
     ) -> None:
+        """Draw a moment on `panel`; `scans`, `floors`: of the sensors that see now; `silent`: those that report no more."""
         if self._view is None:
             self._view = self._paint(scans)
         view = self._view
@@ -120,8 +124,13 @@ class FloorPanel:
             tail = view.pixels(np.array(tails[track.id])[:, 1:])
             _draw_tail(panel, tail, colours[track.id])
         tags = [draw_belief(panel, view, belief, layers, _SEEN.sensor, DARK_INK) for belief in self._beliefs]
+        tags += [self._silent_tag(view, name) for name in sorted(silent)]
         tags += [_draw_track(panel, view, track, colours[track.id]) for track in tracks]
         write_tags(panel, tags)
+
+    def _silent_tag(self, view: FloorView, name: str) -> Tag:
+        x, y = view.pixels(self._true.sensors[name].room_from_sensor.translation[:2])
+        return Tag(f"{name} silent", float(x), float(y) + 18, SILENT_FILL, INK)
 
     def _draw_free_space(
         self, panel: NDArray[np.uint8], view: FloorView, scans: Mapping[str, LaserScan], layers: Mapping[str, RGB]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from html import escape
 
 import numpy as np
@@ -33,11 +33,12 @@ def path_map(
     scans: ScanDensity | None,
     colours: IdentityColours,
     names: Mapping[int, str],
+    silent: Collection[str] = (),
 ) -> str:
     """SVG: the room (or, without a plan, what the scans hit), true paths thin and grey, tracks in their colours.
 
     A track is solid while confirmed and dashed while it coasts; its id stands where it ends. Sensors are drawn where they
-    truly are (`true_rig`), and dashed where trackers believe them (`rig`).
+    truly are (`true_rig`), and dashed where trackers believe them (`rig`); those that reported nothing are hollow.
     """
     hits = []
     if scans is not None:
@@ -46,7 +47,7 @@ def path_map(
     view = FloorView.fit(
         floor_extent(true_rig or rig, outline, *hits, np.column_stack([tracks.x, tracks.y])), _WIDTH_PX
     )
-    parts = [room_svg(view, true_rig or rig, outline), beliefs_svg(view, rig, true_rig)]
+    parts = [room_svg(view, true_rig or rig, outline, silent), beliefs_svg(view, rig, true_rig)]
     if scans is not None:
         parts.append(f'<image href="{scans.png(view)}" width="{view.width_px}" height="{view.height_px}"/>')
     if truth is not None:

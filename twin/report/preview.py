@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -103,11 +103,12 @@ class PreviewWriter:
         tracks: Sequence[Track],
         truth: TruePoses | None = None,
         floors: Mapping[str, FloorFrame] | None = None,
+        silent: Collection[str] = (),
     ) -> None:
         """Draw and encode one moment; stamps must rise.
 
         `images`: the newest picture of each camera (none: the one before is shown on); `scans`, `floors`: the newest of each
-        scanner and pressure floor.
+        scanner and pressure floor; `silent`: the sensors that have stopped reporting, which are labelled so.
         Raises InputError where the disk is full.
         """
         if self._first_ns is None:
@@ -125,9 +126,11 @@ class PreviewWriter:
         if self._camera is not None:
             left = self._camera.side_px
             panel = self._canvas[_HEADER_PX:, :left]
-            self._camera.draw(panel, images, tracks, self._colours)
+            self._camera.draw(panel, images, tracks, self._colours, silent)
         panel = self._canvas[_HEADER_PX : height - _FOOTER_PX, left:]
-        self._floor.draw(panel, scans, self._layers, tracks, self._tails, self._colours, truth, self._names, floors)
+        self._floor.draw(
+            panel, scans, self._layers, tracks, self._tails, self._colours, truth, self._names, floors, silent
+        )
         clock = self._canvas[6 : _HEADER_PX - 6, width - 130 :]
         clock[:] = BACKDROP
         write(

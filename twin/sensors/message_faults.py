@@ -36,6 +36,10 @@ class MessageFaultsOf:
             for name, fault in self._dropouts.items()
         )
 
+    def mute(self, stamp_ns: int) -> bool:
+        """Whether every observation of this time is lost."""
+        return any(fault.probability == 1 and fault.holds(stamp_ns) for fault in self._dropouts.values())
+
     def silent(self, stamp_ns: int) -> bool:
         """Whether nothing arrives from here on, so that nothing need be measured."""
         return self._silent_from_ns is not None and stamp_ns >= self._silent_from_ns

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
+from trackers.rig import CameraSensor
 from twin.preview import true_poses
 from twin.report.beliefs import beliefs
 from twin.report.lettering import Tag, write_tags
@@ -34,6 +35,7 @@ _COLUMNS, _COLUMNS_WITH_DEPTH = 3, 4
 
 _FINER = 2
 _NO_DEPTH: RGB = (0, 0, 0)
+_NO_PICTURE = np.zeros((3, 4, 3), dtype=np.uint8)
 _NEAREST_SHARE, _FARTHEST_SHARE = 0.02, 0.98
 
 
@@ -54,12 +56,16 @@ def write_view(scenario: Scenario, t: float, path: Path) -> tuple[str, ...]:
         sheet, warnings = _Sheet(simulation, t), simulation.warnings
         tiles = [
             (f"{scenario.name}, {t:g} s", sheet.room()),
-            (sheet.plan_label(), sheet.plan(looks)),
+            (sheet.plan_label(), sheet.plan(looks, simulation.rig.sensors.keys() - looks.keys())),
         ]
         boxes = simulation.boxes(t)
-        for name, look in looks.items():
-            what = f"{name}: {scenario.sensors[name].kind}"
+        for name, sensor in simulation.rig.sensors.items():
+            what, look = f"{name}: {sensor.kind}", looks.get(name)
             match look:
+                case None if isinstance(sensor, CameraSensor):
+                    tiles.append((f"{what}, silent", sheet.camera(_NO_PICTURE, ())))
+                case None:
+                    tiles.append((f"{what}, silent", sheet.plan({}, [name])))
                 case Image():
                     tiles.append((what, sheet.camera(look.rgb, boxes.get(name, ()))))
                 case DepthImage():
@@ -108,15 +114,18 @@ class _Sheet:
         what = "from above: truth, scans, floors"
         return f"{what} as believed (dashed)" if beliefs(self._simulation.rig, self._simulation.true_rig) else what
 
-    def plan(self, looks: Mapping[str, Observation]) -> NDArray[np.uint8]:
-        """The plan with the true people, what these scanners see and what these floors feel, as trackers take it."""
+    def plan(self, looks: Mapping[str, Observation], silent: Collection[str] = ()) -> NDArray[np.uint8]:
+        """The plan with the true people, what these scanners see and what these floors feel, as trackers take it.
+
+        `silent`: sensors that report nothing, which are labelled so.
+        """
         scans = {name: look for name, look in looks.items() if isinstance(look, LaserScan)}
         floors = {name: look for name, look in looks.items() if isinstance(look, FloorFrame)}
         rig = self._simulation.rig
         panel = np.zeros((_TILE_PX[1], _TILE_PX[0], 3), dtype=np.uint8)
         layers = {name: LAYER_COLOURS[place % len(LAYER_COLOURS)] for place, name in enumerate(rig.lasers())}
-        drawn = FloorPanel(rig, self._outline, *_TILE_PX, true=self._simulation.true_rig, about=looks)
-        drawn.draw(panel, scans, layers, [], {}, IdentityColours(), self._poses, self._names, floors)
+        drawn = FloorPanel(rig, self._outline, *_TILE_PX, true=self._simulation.true_rig, about=[*looks, *silent])
+        drawn.draw(panel, scans, layers, [], {}, IdentityColours(), self._poses, self._names, floors, silent)
         return panel
 
     def camera(self, rgb: NDArray[np.uint8], boxes: Sequence[Box]) -> NDArray[np.uint8]:

@@ -24,6 +24,7 @@ from twin.room.outline import room_outline
 from twin.scenario import Scenario
 from twin.scene import Scene, populate
 from twin.sensors.render import Mark, OffscreenRenderer
+from twin.silence import Silence
 from twin.simulation import Simulation
 from twin.snapshot import Snapshot
 from twin.view.camera_man import CameraMan
@@ -119,6 +120,7 @@ class _Reports:
 
     def __init__(self, scenario: Scenario, stack: ExitStack) -> None:
         self.newest: dict[str, Observation] = {}
+        self.silent: frozenset[str] = frozenset()
         self.rig: Rig | None = None
         self.true_rig: Rig | None = None
         self._to_come: Iterator[Observation] = iter(())
@@ -129,20 +131,26 @@ class _Reports:
         else:
             self.world = World(scenario)
         self._next = next(self._to_come, None)
+        self._silence = Silence(self.rig.sensors if self.rig is not None else ())
 
     def until(self, t: float) -> None:
         """Take the reports up to time t [s]."""
         while self._next is not None and self._next.stamp_ns <= t * NS_PER_S:
+            self._silence.hear(self._next)
             self.newest[self._next.sensor] = self._next
             self._next = next(self._to_come, None)
+        self.silent = self._silence.silent(round(t * NS_PER_S))
 
     def scans(self) -> dict[str, LaserScan]:
-        """The newest scan of each scanner."""
-        return {name: each for name, each in self.newest.items() if isinstance(each, LaserScan)}
+        """The newest scan of each scanner that is not silent."""
+        return {name: each for name, each in self._heard() if isinstance(each, LaserScan)}
 
     def floors(self) -> dict[str, FloorFrame]:
-        """The newest frame of each floor."""
-        return {name: each for name, each in self.newest.items() if isinstance(each, FloorFrame)}
+        """The newest frame of each floor that is not silent."""
+        return {name: each for name, each in self._heard() if isinstance(each, FloorFrame)}
+
+    def _heard(self) -> list[tuple[str, Observation]]:
+        return [(name, each) for name, each in self.newest.items() if name not in self.silent]
 
     def floor(self, name: str) -> FloorSensor:
         """The grid of a floor where it truly lies."""
@@ -228,7 +236,9 @@ class _Film:
         poses = true_poses(self._world.truth(round(t * NS_PER_S), {}))
         layers = dict(zip(self._reports.rig.lasers(), LAYER_COLOURS * 4, strict=False))
         scans, floors = self._reports.scans(), self._reports.floors()
-        self._plan.draw(panel, scans, layers, [], {}, IdentityColours(), poses, self._names, floors)
+        self._plan.draw(
+            panel, scans, layers, [], {}, IdentityColours(), poses, self._names, floors, self._reports.silent
+        )
         left = _EDGE_PX if self._plan_left else _SIZE_PX[0] - _EDGE_PX - width
         shown[_EDGE_PX : _EDGE_PX + height, left : left + width] = panel
 
