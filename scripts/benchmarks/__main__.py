@@ -26,6 +26,7 @@ from benchmarks import (
     truth,
 )
 from benchmarks.figure import Figure
+from benchmarks.fuzz import run as fuzz
 
 BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
     "start-up": start_up.measure,
@@ -58,6 +59,7 @@ BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
     "labelled-legs": recorded_legs.measure,
     "real-time": runs.real_time,
     "memory": runs.memory,
+    "fuzz": fuzz.measure,
 }
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 import pytest
 from box_room import box_room_cloud
@@ -126,6 +128,39 @@ def test_a_cut_file(path):
 def test_a_file_that_was_tampered_with(path, changes, message):
     with pytest.raises(InputError, match=message):
         load_environment(rewritten(path, **changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"surface_m": np.zeros((4, 3), np.float32)}, r"surface_m has 4 points and state \d+ occupied voxels"),
+        ({"top_m": np.zeros((2, 2), np.float32)}, r"top_m has shape \(2, 2\); .* as state's columns, is expected"),
+        ({"floor_m": np.nan}, "floor_m holds nan; finite numbers are expected"),
+        ({"ceiling_m": np.inf}, "ceiling_m holds inf"),
+        ({"walls_m": np.full((1, 2, 2), "x")}, "walls_m holds <U1; numbers are expected"),
+        ({"state": np.full((3, 3, 3), 9, np.uint8)}, "state is no grid of voxels"),
+    ],
+)
+def test_arrays_that_do_not_fit_together_are_refused_though_the_fingerprint_is_theirs(
+    environment, path, changes, message
+):
+    save_environment(type(environment)(**{**vars_of(environment), **changes}), path)
+    with pytest.raises(InputError, match=message):
+        load_environment(path)
+
+
+def test_a_file_that_is_damaged_anywhere_is_refused_or_whole(path):
+    content = path.read_bytes()
+    for at in (*range(0, 200, 5), *range(200, len(content), len(content) // 30)):
+        path.write_bytes(content[:at] + bytes([content[at] ^ 0x10]) + content[at + 1 :])
+        with contextlib.suppress(InputError):
+            load_environment(path)
+
+
+def test_an_archive_that_unpacks_without_end_is_refused(path, monkeypatch):
+    monkeypatch.setattr("trackers.environment.file._LARGEST_BYTES", 1000)
+    with pytest.raises(InputError, match=r"unpacks to \d+ bytes; at most 1000"):
+        load_environment(path)
 
 
 def test_no_pickles_are_read(tmp_path):

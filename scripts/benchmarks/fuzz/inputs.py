@@ -28,7 +28,7 @@ from twin.suites.worker import CaseResult, CaseWork
 SMALL = """\
 name: small
 room: lab
-duration_s: 1.5
+duration_s: 1
 area: [[-2.0, 0.6], [2.0, 0.6], [2.0, 2.8], [-2.0, 2.8]]
 people:
   ann: {height_m: 1.68, shirt: pink, script: {kind: wander}}

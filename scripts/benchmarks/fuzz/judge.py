@@ -23,6 +23,8 @@ MOST_MIB = 2048.0
 _BY_THE_CLOCK_S = 40.0
 _GRACE_S = 5.0
 _MUTANTS_A_CHILD = 150
+_SCRIPTS = str(Path(__file__).parents[2])
+_ENVIRONMENT = {"PYTHONDONTWRITEBYTECODE": "1", "OPENBLAS_NUM_THREADS": "1", "COLUMNS": "200"}
 _EXIT_CODES = (0, 1, 2)
 
 
@@ -55,7 +57,8 @@ class Verdict:
 class Judge:
     """Runs mutants one after the other in a child process, a new one now and then and after every fault."""
 
-    def __init__(self) -> None:
+    def __init__(self, longest_s: float = LONGEST_S) -> None:
+        self._longest_s = longest_s
         self._home = tempfile.TemporaryDirectory(prefix="fuzz-home-")
         self._child: subprocess.Popen[str] | None = None
         self._judged = 0
@@ -80,7 +83,7 @@ class Judge:
             "may_write": [str(path) for path in (*mutant.may_write, Path(self._home.name))],
             "environment": mutant.environment,
             "log": str(Path(self._home.name) / "said.txt"),
-            "limit_s": LONGEST_S,
+            "limit_s": self._longest_s,
             "clock_limit_s": _BY_THE_CLOCK_S,
             "limit_mib": MOST_MIB,
         }
@@ -107,12 +110,13 @@ class Judge:
             self._end()
         if self._child is None:
             home = {name: self._home.name for name in ("HOME", "TMPDIR", "XDG_CACHE_HOME", "MPLCONFIGDIR")}
+            found = os.pathsep.join([_SCRIPTS, *filter(None, [os.environ.get("PYTHONPATH")])])
             self._child = subprocess.Popen(
                 [sys.executable, "-m", "benchmarks.fuzz.child"],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 text=True,
-                env=os.environ | home | {"PYTHONDONTWRITEBYTECODE": "1", "OPENBLAS_NUM_THREADS": "1", "COLUMNS": "200"},
+                env=os.environ | home | _ENVIRONMENT | {"PYTHONPATH": found},
             )
             self._judged = 0
         self._judged += 1
@@ -128,7 +132,7 @@ class Judge:
 def _verdict(answer: dict[str, Any]) -> Verdict:
     faults = []
     code, said = answer["exit_code"], answer["said"]
-    if answer["timed_out"] or answer["spent_s"] > LONGEST_S:
+    if answer["timed_out"]:
         faults.append(f"hangs: stopped after {answer['spent_s']:.1f} s of its own")
     elif code not in _EXIT_CODES:
         faults.append(f"exit code {code}")
