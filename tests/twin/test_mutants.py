@@ -11,7 +11,8 @@ from benchmarks.fuzz.judge import Judge, Mutant
 from benchmarks.fuzz.kinds import KINDS
 from benchmarks.fuzz.run import judge_mutants
 
-MUTANTS = 20
+MUTANTS = dict.fromkeys(KINDS, 40) | dict.fromkeys(("scenarios", "rooms", "pedestrians", "suites", "bags", "rigs"), 12)
+del MUTANTS["settings"], MUTANTS["stores"]
 
 
 @pytest.fixture(scope="module")
@@ -25,9 +26,9 @@ def judge() -> Iterator[Judge]:
         yield judge
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", MUTANTS)
 def test_bad_input_is_refused_in_a_sentence_and_does_no_harm(kind, inputs, judge, tmp_path):
-    tally = judge_mutants(kind, range(MUTANTS), inputs, judge, tmp_path)
+    tally = judge_mutants(kind, range(MUTANTS[kind]), inputs, judge, tmp_path)
     assert not tally.faults, "\n".join(
         f"{kind} {seed}: {verdict.fault}: {verdict.said[-2000:]}" for seed, verdict in tally.faults.items()
     )
@@ -46,7 +47,7 @@ class Removes(Bad):
     def act(self): os.remove("scenario.yaml")
 
 class Takes(Bad):
-    def act(self): self.memory = [bytearray(200 << 20) for _ in range(20)]
+    def act(self): self.memory = bytearray(3 << 30)
 
 class Dies(Bad):
     def act(self): os.abort()
