@@ -22,13 +22,15 @@ from trackers.configuration import Strict, validate
 from trackers.errors import InputError
 from trackers.floor.force_curve import ForceCurve
 from trackers.plain_data import parse_yaml
-from trackers.pose import Pose
+from trackers.pose import Coordinate, Pose
 from trackers.text_file import read_text
 
-Point2 = tuple[FiniteFloat, FiniteFloat]
+Point2 = tuple[Coordinate, Coordinate]
 
 Role = Literal["waist", "knee"]
 
+MOST_TILT_DEG = 45.0
+"""A scanner tilted further than this scans no layer of the people, neither waists nor knees."""
 WAIST_FROM_M = 0.7
 """A scanner without a role mounted at least this high [m] is taken for a waist scanner."""
 
@@ -36,6 +38,21 @@ DepthMode = Literal["matched", "ideal", "disparity-noise"]
 """How the twin makes depth: two pictures matched; the true depth; the true depth with noise on its disparity."""
 
 _IMAGE, _DEPTH = "image/compressed", "depth/compressed"
+
+
+def check_layer(role: Role, room_from_sensor: Pose) -> None:
+    """Raise ValueError for a scanner that cannot scan the layer of its role: below the floor (z = 0), or tilted."""
+    height_m = room_from_sensor.xyz[2]
+    if height_m < 0:
+        raise ValueError(
+            f"role: a {role} scanner {-height_m:g} m below the floor (z = 0) scans nobody; z from 0 on is valid"
+        )
+    tilt_deg = float(np.degrees(np.arccos(min(1.0, abs(room_from_sensor.rotation[2, 2])))))
+    if tilt_deg > MOST_TILT_DEG:
+        raise ValueError(
+            f"role: a {role} scanner scans level, and this one is tilted by {tilt_deg:.4g}°; at most {MOST_TILT_DEG:g}°, "
+            "or no role, is valid"
+        )
 
 
 class LaserSensor(Strict):
@@ -54,6 +71,12 @@ class LaserSensor(Strict):
     time_offset_s: FiniteFloat = Field(
         default=0.0, description="what is added to its stamps to bring them on the rig's clock [s]"
     )
+
+    @model_validator(mode="after")
+    def _layer_is_level(self) -> LaserSensor:
+        if self.role is not None:
+            check_layer(self.role, self.room_from_sensor)
+        return self
 
     @property
     def layer(self) -> Role:

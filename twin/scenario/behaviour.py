@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 from pydantic import Field, FiniteFloat, StringConstraints, model_validator
 
 from trackers.configuration import Strict
-from trackers.pose import Point3
+from trackers.pose import Coordinate, Point3
 from trackers.rig import Point2
 
 TOP_WALK_M_S = 2.5
@@ -36,6 +36,10 @@ Share = Annotated[float, Field(ge=0, le=1)]
 Seconds = Annotated[float, Field(ge=0, le=86_400)]
 Target = PersonName | Point3 | Point2
 """Somebody by name, or a place in the room frame: [x, y] on the floor or [x, y, z] [m]."""
+
+
+_Moment = Annotated[float, Field(ge=-1e9, le=1e9, allow_inf_nan=False)]
+"""A time of a recording [s], which may have begun years before the scenario."""
 
 
 class Condition(Strict):
@@ -243,7 +247,7 @@ class Path(_Action):
     """
 
     kind: Literal["path"] = Field(default="path", description="the action: keep a recorded path")
-    points: tuple[tuple[FiniteFloat, FiniteFloat, FiniteFloat], ...] = Field(
+    points: tuple[tuple[_Moment, Coordinate, Coordinate], ...] = Field(
         min_length=2,
         description="rows [t, x, y] in order of time: t since the start [s], x and y in the room frame [m]",
     )

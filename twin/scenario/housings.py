@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from trackers.configuration import Strict
-from trackers.rig import Point2, Pose, Rig, RigSensor
+from trackers.rig import Point2, Pose, Rig, RigSensor, check_layer
 from twin.scenario.floor import FloorDescription
 from twin.scenario.mount import Believed, Mount, Mounted
 
@@ -38,6 +38,21 @@ def in_the_room(scenario: Scenario, name: str) -> AnyDescription:
         return description
     mount = scenario.housings[description.housing].mount.carrying(description.mount)
     return description.model_copy(update={"mount": mount, "housing": None})
+
+
+def check_place(scenario: Scenario, name: str) -> None:
+    """Raise ValueError where a sensor hangs below the floor, or where its role cannot be: truly, or as it is believed."""
+    description = in_the_room(scenario, name)
+    if isinstance(description, FloorDescription):
+        return
+    z = description.mount.xyz[2]
+    if z < 0:
+        raise ValueError(f"mount.xyz: hangs {-z:g} m below the floor of the room; z from 0 on is expected")
+    role = getattr(description, "role", None)
+    if role is not None:
+        check_layer(role, description.mount.room_from_housing())
+        if description.believed is not None and description.believed.changes_pose:
+            check_layer(role, description.believed.mount(description.mount).room_from_housing())
 
 
 def check_believed(description: Any) -> None:

@@ -12,7 +12,7 @@ from trackers.configuration import Strict
 from trackers.rig import Point2
 from twin.scenario.behaviour import PersonName, companions
 from twin.scenario.faults import FaultDescription, check_fault
-from twin.scenario.housings import Housing, check_believed, check_on_housing
+from twin.scenario.housings import Housing, check_believed, check_on_housing, check_place
 from twin.scenario.lights import LightChange
 from twin.scenario.people import Person
 from twin.scenario.sensors import SensorDescription
@@ -114,6 +114,7 @@ class Scenario(Strict):
         for name, sensor in self.sensors.items():
             _under(f"sensors.{name}.", lambda sensor=sensor: check_on_housing(sensor, self.housings))
             _under(f"sensors.{name}.", lambda sensor=sensor: check_believed(sensor))
+            _under(f"sensors.{name}.", lambda name=name: check_place(self, name))
         for name, fault in self.faults.items():
             _under(f"faults.{name}.", lambda fault=fault: check_fault(fault, self.sensors))
         return self

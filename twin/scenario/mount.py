@@ -15,6 +15,9 @@ from twin.sensors.schedule import Timing
 _HOUSING_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """A camera's optical frame (x right, y down, z ahead) in that of its housing (x ahead, y left, z up)."""
 
+_MOST_OFF_M = 1000.0
+"""A sensor is believed no further off than this [m]."""
+
 _UPRIGHT = 1e-9
 """Below this cosine of the pitch, yaw and roll turn about the same axis: all of it is taken as yaw."""
 
@@ -97,6 +100,8 @@ class Believed(Strict):
     def _consistent(self) -> Believed:
         if not 0.1 <= self.focal_scale <= 10:
             raise ValueError(f"focal_scale {self.focal_scale:g} is no scale of a focal length; 0.1 to 10 is valid")
+        if max(map(abs, self.xyz)) > _MOST_OFF_M:
+            raise ValueError(f"xyz {list(self.xyz)} is too far off; -{_MOST_OFF_M:g} to {_MOST_OFF_M:g} m is valid")
         if abs(self.time_offset_s) > 3600:
             raise ValueError(f"time_offset_s {self.time_offset_s:g} is too large; -3600 to 3600 s is valid")
         return self

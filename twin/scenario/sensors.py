@@ -45,8 +45,8 @@ _Lens = Annotated[
 class LaserDescription(Mounted):
     """A planar scanner: `field_of_view_deg` from the first beam to the last, centred ahead, beams evenly spaced.
 
-    Give the spacing `resolution_deg` or the number of `beams` (neither: 0.5°). `sweep_time_s` is the time from the
-    first beam to the last (0: all at once).
+    Give the spacing `resolution_deg` or the number of `beams` (neither: 0.5°, or as near as divides the field of view).
+    `sweep_time_s` is the time from the first beam to the last (0: all at once).
     """
 
     kind: Literal["laser"] = Field(description="the kind of sensor: a planar laser scanner")
@@ -84,7 +84,7 @@ class LaserDescription(Mounted):
             if self.beams is not None:
                 raise ValueError("resolution_deg and beams are both given; one of them is enough")
             steps = self.field_of_view_deg / self.resolution_deg
-            if abs(steps - round(steps)) > 1e-6 * steps or not 1 <= round(steps) < 100_000:
+            if not 0.5 < steps < 100_000 or abs(steps - round(steps)) > 1e-6 * steps:
                 raise ValueError(
                     f"resolution_deg {self.resolution_deg:g} does not divide field_of_view_deg "
                     f"{self.field_of_view_deg:g}; a whole number of steps (at most 99999) is valid"
@@ -96,7 +96,7 @@ class LaserDescription(Mounted):
         """Number of beams."""
         if self.beams is not None:
             return self.beams
-        return round(self.field_of_view_deg / (self.resolution_deg or 0.5)) + 1
+        return max(1, round(self.field_of_view_deg / (self.resolution_deg or 0.5))) + 1
 
     def rig_sensor(self, name: str) -> LaserSensor:
         """What a tracker is told of it."""

@@ -24,7 +24,7 @@ class Timing(Strict):
     probability `dropout`.
     """
 
-    rate_hz: float = Field(gt=0, le=1000, description="looks a second [Hz]")
+    rate_hz: float = Field(ge=0.001, le=1000, description="looks a second [Hz]")
     phase_s: float = Field(
         default=0.0,
         ge=0,

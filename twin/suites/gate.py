@@ -57,11 +57,8 @@ def run_and_judge(
             print_comparison(comparison, results, store, folder, shown=("worse",))
         files = _write(folder, store, results, comparison, before)
         print_paths(files)
-        if comparison is not None and not comparison.changes:
-            raise InputError(
-                f"--baseline {baseline}: nothing could be compared with it; the same scenarios, changes and trackers, and at "
-                f"least {FEWEST_SEEDS} seeds of each, are expected"
-            )
+        if comparison is not None:
+            _check_compared(comparison, f"--baseline {baseline}")
         if baseline is not None and update_baseline and not results.failed:
             write_baseline(baseline, results)
             print_paths({"baseline": baseline})
@@ -103,6 +100,15 @@ def show_results(folder: Path) -> None:
         print_paths({"results": store.path, "report": page})
 
 
+def _check_compared(comparison: Comparison, what: str) -> None:
+    """Raise InputError where not one figure could be compared: that nothing is worse would say nothing."""
+    if not comparison.changes:
+        raise InputError(
+            f"{what}: nothing could be compared; the same scenarios, changes and trackers, and at least "
+            f"{FEWEST_SEEDS} seeds of each, are expected in both"
+        )
+
+
 def compare_results(before: Path, now: Path, out: Path | None) -> bool:
     """Print what is worse and better in `now`, write a page where asked; whether nothing is worse."""
     old, new = read_results(before), read_results(now)
@@ -112,12 +118,14 @@ def compare_results(before: Path, now: Path, out: Path | None) -> bool:
         )
     if now.suffix == ".json":
         comparison = compare(old, new, allowed_by_default, str(before))
+        _check_compared(comparison, f"{now} against {before}")
         print_comparison(comparison, new, None, now)
         if out is not None:
             write_comparison_page(out, comparison, old, new, f"{now} against {before}")
     else:
         with read_store(now) as store:
             comparison = compare(old, new, tolerances_of(store.facts()), str(before))
+            _check_compared(comparison, f"{now} against {before}")
             print_comparison(comparison, new, store, now)
             if out is not None:
                 write_comparison_page(out, comparison, old, new, f"{now} against {before}", (store, now))

@@ -108,7 +108,7 @@ def test_the_optical_frame_is_the_housing_s_seen_otherwise(angles: tuple[float, 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (LASER.replace("10", "-10"), r"sensors.one.rate_hz: .*greater than 0 \(got -10\)"),
+        (LASER.replace("10", "-10"), r"sensors.one.rate_hz: .*greater than or equal to 0.001 \(got -10\)"),
         (
             LASER + "noise: wrose",
             r"noise: no preset of this name; valid are off, default, worse, hokuyo .* \(got 'wrose'\)",

@@ -238,8 +238,14 @@ def test_a_baseline_that_nothing_can_be_compared_with_does_not_pass(
     common = ["run", str(suite), "--jobs", "1", "--baseline", str(baseline)]
     assert command(monkeypatch, *common, "--out", str(tmp_path / "a"), "--update-baseline")[0] == 0
     code, _, error = command(monkeypatch, *common, "--out", str(tmp_path / "b"))
-    assert code and isinstance(error, InputError) and "nothing could be compared with it" in str(error)
+    assert code and isinstance(error, InputError) and "nothing could be compared; the same scenarios" in str(error)
     assert rows(tmp_path / "b", "SELECT status, COUNT(*) FROM cases GROUP BY status") == [("done", N_CASE // 2)]
+    for now in (baseline, tmp_path / "b"):
+        code, text, error = command(
+            monkeypatch, "compare", str(tmp_path / "a"), str(now), "--out", str(tmp_path / "no.html")
+        )
+        assert code and isinstance(error, InputError) and "nothing could be compared" in str(error)
+        assert "nothing got worse" not in text and not (tmp_path / "no.html").exists()
     held = baseline.read_bytes()
     suite.write_text(SUITE.replace("name: made-up", "name: another"))
     for more in ([], ["--update-baseline"]):
