@@ -1,1 +1,1 @@
-"""What an image says about people before any tracking: torso windows and colour histograms."""
+"""What an image says about people before any tracking: foreground masks, torso windows and colour histograms."""

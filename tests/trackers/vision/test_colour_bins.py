@@ -27,10 +27,11 @@ def by_opencv(rgb: np.ndarray, bins: HueSaturationValueBins, mask: np.ndarray | 
     coloured = (hsv[..., 1] > 255 * bins.saturation_above) & (hsv[..., 2] > 255 * bins.value_above)
     counted = np.ones(coloured.shape, bool) if mask is None else mask
     in_colour, in_grey = ((each & counted).astype(np.uint8) for each in (coloured, ~coloured))
-    size, limits = [bins.hue, bins.saturation], [0, 180, 0, 256]
+    size = [bins.hue, bins.saturation]
+    limits = [-1e-3, 180 - 1e-3, -1e-3, 256 - 1e-3]  # or OpenCV rounds levels that lie on an edge down
     parts = [cv2.calcHist([hsv], [0, 1], in_colour, size, limits)]
     if bins.value:
-        parts.append(cv2.calcHist([hsv], [2], in_grey, [bins.value], [0, 256]))
+        parts.append(cv2.calcHist([hsv], [2], in_grey, [bins.value], limits[2:]))
     return np.concatenate([part.ravel() for part in parts])
 
 

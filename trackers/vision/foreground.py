@@ -1,0 +1,199 @@
+"""Which pixels of a camera show what is not the empty room: HSV difference, shadows left out, small regions removed.
+
+A pixel has changed where its value, saturation or hue differ from the background's by more than a threshold; saturation
+and hue only count where there is light enough, and hue where there is colour, to know them. A changed pixel that is darker
+than the background by a factor within bounds while its hue and saturation stayed is a cast shadow (Cucchiara et al. 2003,
+Detecting moving objects, ghosts, and shadows in video streams, eq. 6; compared with others by Prati et al. 2003). What is
+left is eroded, dilated, and rid of small regions. A grey shirt before a lighter grey wall passes for a shadow: where the
+lights throw none, `shadows: false` keeps it.
+
+Without pictures of the empty room the background is learned as pictures come, each channel drifting towards what is seen (the
+approximate median of McFarlane and Schofield 1995). Whoever stands still from the start is background until they leave, and
+then their place is foreground until it has drifted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, NonNegativeInt, model_validator
+
+from trackers.cameras.intrinsics import Intrinsics
+from trackers.configuration import Strict
+from trackers.errors import InputError
+from trackers.observations import DepthImage, Image
+
+Mask = NDArray[np.bool_]
+Bytes = NDArray[np.uint8]
+
+_FULL = 255
+_HALF_TURNS = 180
+"""OpenCV's 8-bit hue counts in steps of two degrees."""
+_MOST_PICTURES = 25
+"""So many of the empty room are enough for a median."""
+_LONGEST_DRIFT_S = 1.0
+"""However long no picture came, the background drifts by no more than this long's worth at one."""
+
+
+class ForegroundOptions(Strict):
+    """How far a pixel is from the empty room's before it is foreground, and what regions are too small to be somebody."""
+
+    value_change: float = Field(
+        default=0.1, gt=0, lt=1, description="difference of value from which a pixel has changed"
+    )
+    saturation_change: float = Field(
+        default=0.2, gt=0, le=1, description="difference of saturation from which a pixel has changed"
+    )
+    hue_change_deg: float = Field(
+        default=20.0, gt=0, le=180, description="difference of hue from which a pixel has changed [°]"
+    )
+    colour_from_value: float = Field(
+        default=0.25, ge=0, lt=1, description="value from which saturation counts: noise makes colours of the dark"
+    )
+    hue_from_saturation: float = Field(default=0.2, ge=0, lt=1, description="saturation from which hue counts")
+    shadows: bool = Field(default=True, description="whether what may be a cast shadow is left out")
+    shadow_darkest: float = Field(
+        default=0.5, gt=0, lt=1, description="share of the background's value down to which it may be a shadow (α)"
+    )
+    shadow_lightest: float = Field(
+        default=0.95, gt=0, le=1, description="share of the background's value up to which it may be a shadow (β)"
+    )
+    shadow_saturation: float = Field(
+        default=0.1, ge=0, le=1, description="how much a shadow changes saturation at most (τ_S)"
+    )
+    shadow_hue_deg: float = Field(
+        default=15.0, ge=0, le=180, description="how much a shadow changes hue at most [°] (τ_H)"
+    )
+    erode_px: NonNegativeInt = Field(default=1, le=20, description="radius by which regions are eroded [px]")
+    dilate_px: NonNegativeInt = Field(default=2, le=20, description="radius by which they are dilated after it [px]")
+    least_area_px: NonNegativeInt = Field(default=60, description="a smaller region is removed [px]")
+    learned_levels_per_s: float = Field(
+        default=12.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="how fast a learned background drifts to what is seen [8-bit levels/s]",
+    )
+
+    @model_validator(mode="after")
+    def _shadow_bounds_in_order(self) -> ForegroundOptions:
+        if self.shadow_darkest >= self.shadow_lightest:
+            raise ValueError(f"shadow_darkest must be less than shadow_lightest = {self.shadow_lightest}")
+        return self
+
+
+class Foreground:
+    """The foreground masks of one camera, its background given by pictures of the empty room or learned as pictures come.
+
+    intrinsics: those of the camera, for the size of its pictures. Raises InputError for an empty-room picture of another
+    size.
+    """
+
+    def __init__(
+        self,
+        intrinsics: Intrinsics,
+        empty_room: Sequence[Image | DepthImage] = (),
+        options: ForegroundOptions = ForegroundOptions(),
+    ) -> None:
+        self.options = options
+        self._shape = (intrinsics.height, intrinsics.width, 3)
+        self.learns_background = not empty_room
+        self._levels: NDArray[np.float32] | None = None  # of the learned background, RGB
+        self._t: float | None = None
+        self._background: _Background | None = None
+        if empty_room:
+            shown = [self._checked(image) for image in empty_room]
+            every = -(-len(shown) // _MOST_PICTURES)
+            median = np.median(np.stack(shown[::every]), axis=0)
+            self._background = _Background.of(np.rint(median).astype(np.uint8), options)
+
+    def mask(self, image: Image | DepthImage) -> Mask:
+        """Where a picture shows what is not the empty room, (height, width).
+
+        A learned background is that of the pictures before it; of the first, nothing is foreground. Raises InputError for
+        a picture of another size than the camera's.
+        """
+        rgb = self._checked(image)
+        background = self._learned(rgb, image.t) if self._background is None else self._background
+        return self._cleaned(background.differs(rgb, self.options))
+
+    def _checked(self, image: Image | DepthImage) -> Bytes:
+        if image.rgb.shape != self._shape:
+            raise InputError(
+                f"image of {image.sensor!r} has shape {image.rgb.shape}; the rig's intrinsics say {self._shape}"
+            )
+        return image.rgb
+
+    def _learned(self, rgb: Bytes, t: float) -> _Background:
+        """The background before this picture, which it learns from; one that is no newer than another teaches nothing."""
+        if self._levels is None or self._t is None:
+            self._levels, self._t = rgb.astype(np.float32), t
+        background = _Background.of(np.rint(self._levels).astype(np.uint8), self.options)
+        if t > self._t:
+            step = np.float32(self.options.learned_levels_per_s * min(t - self._t, _LONGEST_DRIFT_S))
+            self._levels += np.clip(rgb - self._levels, -step, step)
+            self._t = t
+        return background
+
+    def _cleaned(self, changed: Mask) -> Mask:
+        options = self.options
+        mask = changed.view(np.uint8)
+        mask = cv2.dilate(cv2.erode(mask, _disc(options.erode_px)), _disc(options.dilate_px))
+        if options.least_area_px <= 1:
+            return mask.astype(np.bool_)
+        _, label, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8, ltype=cv2.CV_32S)
+        kept = stats[:, cv2.CC_STAT_AREA] >= options.least_area_px
+        kept[0] = False  # what is not foreground
+        return kept[np.asarray(label, np.int32)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Background:
+    """The empty room in 8-bit HSV, each (height, width), and between which values something is a shadow on it."""
+
+    hue: Bytes
+    saturation: Bytes
+    value: Bytes
+    darkest: Bytes
+    lightest: Bytes
+
+    @classmethod
+    def of(cls, rgb: Bytes, options: ForegroundOptions) -> _Background:
+        hue, saturation, value = _hsv(rgb)
+        level = np.arange(_FULL + 1)
+        darkest, lightest = np.ceil(level * options.shadow_darkest), np.floor(level * options.shadow_lightest)
+        return cls(hue, saturation, value, *(each.astype(np.uint8)[value] for each in (darkest, lightest)))
+
+    def differs(self, rgb: Bytes, options: ForegroundOptions) -> Mask:
+        """Where a picture has changed and no shadow explains it, (height, width)."""
+        hue, saturation, value = _hsv(rgb)
+        hue_off = cv2.absdiff(hue, self.hue)
+        hue_off = np.minimum(hue_off, _HALF_TURNS - hue_off)
+        saturation_off, value_off = cv2.absdiff(saturation, self.saturation), cv2.absdiff(value, self.value)
+        lit = np.minimum(value, self.value) > _FULL * options.colour_from_value
+        hued = lit & (np.minimum(saturation, self.saturation) > _FULL * options.hue_from_saturation)
+        changed = value_off > _FULL * options.value_change
+        changed |= lit & (saturation_off > _FULL * options.saturation_change)
+        changed |= hued & (hue_off > options.hue_change_deg / 2)
+        if not options.shadows:
+            return changed
+        shadow = (value >= self.darkest) & (value <= self.lightest)
+        shadow &= ~lit | (saturation_off <= _FULL * options.shadow_saturation)
+        shadow &= ~hued | (hue_off <= options.shadow_hue_deg / 2)
+        return changed & ~shadow
+
+
+def _hsv(rgb: Bytes) -> tuple[Bytes, Bytes, Bytes]:
+    """Hue in steps of two degrees, saturation and value of a picture, each (height, width)."""
+    hue, saturation, value = (
+        np.asarray(channel, np.uint8) for channel in cv2.split(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV))
+    )
+    return hue, saturation, value
+
+
+def _disc(radius_px: int) -> Bytes:
+    side = 2 * radius_px + 1
+    return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)).astype(np.uint8)
