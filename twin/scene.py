@@ -24,6 +24,7 @@ from twin.people.routes import Routes
 from twin.room.files import room_files
 from twin.room.floor import check_floor_under, floor_hull, floor_of
 from twin.room.furniture import Bed, Seat, furniture_of
+from twin.room.geom_hull import check_extent
 from twin.room.placement import check_placement, check_polygon, check_seat
 from twin.room.walkable import walkable_area
 from twin.scenario import Scenario
@@ -192,6 +193,7 @@ def _where_one_walks(
     """The pieces (k, 2) of the room's floor and its walkable area (k, 2) [m], the room's own or from its geometry."""
     data = mujoco.MjData(room)
     mujoco.mj_kinematics(room, data)
+    check_extent(room, data, str(path))
     floor = floor_of(room, data, str(path))
     walkable = _own_walkable_area(spec, path)
     if walkable is None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from html import escape
-from math import ceil
+from math import ceil, floor, log10
 
 import cv2
 import numpy as np
@@ -69,7 +69,8 @@ class FloorView:
 
     def metre_lines(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Where whole metres (every 1, 2, 5, 10 ... m, at least 36 px apart) cross the x and the y axis [m]."""
-        step = next(s for s in (1, 2, 5, 10, 20, 50, 100, 1000) if s * self.scale >= 36 or s == 1000)
+        power = 10 ** max(0, floor(log10(36 / self.scale)))
+        step = next(s * power for s in (1, 2, 5, 10, 20) if s * power * self.scale >= 36)
         x_max, y_min = self.x_min_m + self.width_px / self.scale, self.y_max_m - self.height_px / self.scale
         return (
             np.arange(ceil(self.x_min_m / step) * step, x_max, step, dtype=float),

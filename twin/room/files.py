@@ -34,21 +34,27 @@ def room_files(room: Path) -> dict[Path, bytes]:
     texturedir or assetdir, without its folders under strippath: each place at which there is a file counts. Files that are
     missing are left out; MuJoCo tells of them.
 
-    Raises InputError for what is not plain, well-formed XML, and for a file outside the room's folder, be it by '..', an
-    absolute path, a folder of the compiler or a symbolic link.
+    Raises InputError for what is not plain, well-formed XML, for a file outside the room's folder, be it by '..', an
+    absolute path, a folder of the compiler or a symbolic link, and for one that comes back to itself.
     """
     found: dict[Path, bytes] = {}
     parts: dict[tuple[Path, Path], _Part] = {}
-    waiting = [(room, room.parent)]
+    waiting: list[tuple[Path, Path, tuple[Path, ...]]] = [(room, room.parent, ())]
     while waiting:
-        part, model_folder = waiting.pop()
+        part, model_folder, through = waiting.pop()
+        if part.resolve() in through:
+            raise InputError(
+                f"{room}: {part.name} is read by itself, through {' and '.join(each.name for each in through)}, and so "
+                "without end; files that do not come back to themselves are expected"
+            )
         if (part, model_folder) in parts:
             continue
         found[part] = part.read_bytes()
         parts[part, model_folder] = read = _Part(part, model_folder, _parsed(found[part], part, room))
         for element in _MJCF:
             for candidate in _places(read, element, room, ()):
-                waiting.append((candidate, model_folder if element == "include" else candidate.parent))
+                folder = model_folder if element == "include" else candidate.parent
+                waiting.append((candidate, folder, (*through, part.resolve())))
     for part in parts.values():
         of_model = [each.root for each in parts.values() if each.model_folder == part.model_folder]
         for place in _places(part, None, room, of_model):

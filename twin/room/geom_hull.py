@@ -6,10 +6,14 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.errors import InputError
+
 Array = NDArray[np.float64]
 
 PLANE_M = 0.05
 """How thick a wall that is a plane is taken to be, on its far side [m]."""
+FARTHEST_M = 10_000.0
+"""No thing of a room is farther from its origin [m]."""
 ENDLESS_M = 50.0
 """Half the side of a plane without an end [m]."""
 _SIDES = 24  # of the polygon that stands for a circle
@@ -43,6 +47,19 @@ def hull_points(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Array 
         case _:
             return None
     return local @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+
+
+def check_extent(model: mujoco.MjModel, data: mujoco.MjData, source: str) -> None:
+    """Raise InputError, naming `source`, for a geom that reaches farther than `FARTHEST_M`. `data` needs kinematics."""
+    size_m = np.where(
+        model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE, model.geom_size[:, :2].max(axis=1), model.geom_rbound
+    )
+    reach_m = np.abs(data.geom_xpos).max(axis=1) + size_m
+    for geom in np.flatnonzero(~(reach_m <= FARTHEST_M))[:1].tolist():
+        name = model.geom(geom).name or f"geom {geom}"
+        raise InputError(
+            f"{source}: {name!r} reaches {reach_m[geom]:.3g} m from the room's origin; at most {FARTHEST_M:g} m is expected"
+        )
 
 
 def _cube(x: list[float], y: list[float], z: list[float]) -> Array:

@@ -23,6 +23,15 @@ def test_view_shows_the_extent_centred_at_one_scale() -> None:
     )
 
 
+@pytest.mark.parametrize("side_m", [3.0, 40.0, 1e4, 1e7, 3e38])
+def test_metre_lines_are_few_however_large_the_floor(side_m: float) -> None:
+    view = FloorView.fit(np.array([[-side_m, 0.0], [side_m, side_m]]), 1000)
+    for lines in view.metre_lines():
+        assert 2 <= len(lines) <= 1000 / 36 + 1
+        step_m = lines[1] - lines[0]
+        assert min(abs(step_m / 10.0 ** np.floor(np.log10(step_m * 1.01)) - each) for each in (1, 2, 5)) < 1e-9
+
+
 def test_extent_without_room_ignores_a_stray_return() -> None:
     rig = Rig(sensors={"scan": LaserSensor(topic="/scan")})
     points = np.concatenate([np.random.default_rng(0).uniform(-3, 3, (500, 2)), [[80.0, 80.0]]])

@@ -288,3 +288,18 @@ def test_wanderers_stay_in_an_area_from_geometry(tmp_path: Path) -> None:
         places += list(np.stack([truth.x, truth.y], axis=-1))
     assert area.contains(np.array(places)).all()
     assert area.contains(np.array([[-1.5, 0.0], [1.5, 0.0]])).all()  # on both sides of the gap
+
+
+def test_a_room_attached_to_itself_is_refused_before_it_is_read_without_end(tmp_path: Path) -> None:
+    room = '<mujoco><asset><model name="m" file="{}"/></asset><worldbody>' + SHELL + "</worldbody></mujoco>"
+    with pytest.raises(InputError, match=r"mine.xml: mine.xml is read by itself, through mine.xml"):
+        build_scene(scenario_of(tmp_path, room.format("mine.xml")))
+    write(tmp_path / "rooms" / "other.xml", room.format("mine.xml"))
+    with pytest.raises(InputError, match=r"mine.xml is read by itself, through mine.xml and other.xml"):
+        build_scene(scenario_of(tmp_path, room.format("other.xml")))
+
+
+@pytest.mark.parametrize("geom", ['size="1e200 1 1"', 'size="1 1 1" pos="0 1e9 0"'])
+def test_a_thing_without_measure_is_named(tmp_path: Path, geom: str) -> None:
+    with pytest.raises(InputError, match=r"mine.xml: 'moon' reaches .* m from the room's origin; at most 10000 m"):
+        scene_of(tmp_path, f'<geom name="moon" type="box" {geom}/>')
