@@ -126,6 +126,9 @@ def track(
     seed: Seed = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; default: out/<recording's name>.")] = None,
     no_video: NoVideo = False,
+    bag: Annotated[
+        Path | None, typer.Option(metavar="FILE.mcap", help="Write a copy of the recording with the tracks in it.")
+    ] = None,
 ) -> None:
     """Track a recording: the twin's or a robot's."""
     from twin.console import print_metrics, print_paths, print_warning, progress
@@ -140,6 +143,7 @@ def track(
             seed=seed,
             out=out,
             video=not no_video,
+            bag_copy=bag,
             on_progress=report,
             on_warning=print_warning,
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -24,6 +24,8 @@ class Feed:
     def __init__(self, at_work: Sequence[TrackerAtWork], shown: Preview | None) -> None:
         self.at_work = at_work
         self.shown = shown
+        self.on_frame: Callable[[str, TrackFrame], object] | None = None
+        """Called with each tracker's name and frame, if set."""
         self.heard: set[str] = set()
         """The sensors that have reported something."""
 
@@ -45,6 +47,9 @@ class Feed:
             self.shown.finish()
 
     def _show(self, place: int, frames: list[TrackFrame]) -> None:
+        if self.on_frame is not None:
+            for frame in frames:
+                self.on_frame(self.at_work[place].name, frame)
         if place == 0 and self.shown is not None:
             for frame in frames:
                 self.shown.draw(frame)

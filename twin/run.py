@@ -16,6 +16,7 @@ from twin.feeding import feed
 from twin.recording.details import DETAIL_FILES, detail_writer
 from twin.recording.feet import feet_writer
 from twin.recording.tables import read_truth, truth_writer
+from twin.recording.track_messages import TrackTopics
 from twin.recording.whole_file import whole_file
 from twin.recording.writer import BagWriter
 from twin.report.page import RunFacts
@@ -113,6 +114,7 @@ def run_scenario(
         bag = stack.enter_context(
             BagWriter(folder / "recording.mcap", rig, scenario_yaml=resolved, names=place.person_names)
         )
+        fed.on_frame = TrackTopics(bag, names).write
         table = stack.enter_context(truth_writer(folder / "truth.csv", list(simulation.views)))
         feet = stack.enter_context(feet_writer(folder / "truth_feet.csv", list(rig.floors())))
         listeners += [table.write, feet.write, bag.truth]

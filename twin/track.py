@@ -17,10 +17,12 @@ from trackers.configuration import Strict, validate
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.plain_data import parse_yaml
+from trackers.tracks import TrackFrame
 from twin.feeding import feed
 from twin.recording.details import DETAIL_FILES
 from twin.recording.reader import Recording
 from twin.recording.tables import truth_table
+from twin.recording.track_messages import check_copy, copy_with_tracks
 from twin.report.birdseye import Polygon
 from twin.report.page import RunFacts
 from twin.report.scan_density import ScanDensity
@@ -57,6 +59,7 @@ def track_recording(
     seed: int | None = None,
     out: Path | None = None,
     video: bool = True,
+    bag_copy: Path | None = None,
     on_progress: OnProgress = lambda what, done, total: None,
     on_warning: OnWarning = lambda warning: None,
 ) -> RunResult:
@@ -64,7 +67,8 @@ def track_recording(
 
     The default folder is out/<its name>, for the twin's out/<its run>-tracked. `changes`: overrides like
     'trackers.NAME.field=value'; `seed`: of trackers that draw at random (default: that of the run that wrote the bag,
-    else 0). Raises InputError for bad input, before anything is written.
+    else 0); `bag_copy`: where to write a copy of the recording that holds the
+    tracks too. Raises InputError for bad input, before anything is written.
     """
     bag = Recording(recording, rig_path)
     scenario = _scenario_of(bag)
@@ -73,6 +77,8 @@ def track_recording(
     title = scenario.name if scenario is not None else recording.stem
     folder = out if out is not None else _default_folder(recording, bag)
     names = list(trackers)
+    if bag_copy is not None:
+        check_copy(recording, bag_copy)
     check_folder(folder, [*(f"tracks/{file_name(name)}.csv" for name in names), "report.html", *_BESIDES])
     truth_frames = list(bag.truth())
     truth = truth_table(truth_frames, str(recording)) if truth_frames else None
@@ -93,6 +99,9 @@ def track_recording(
         outline=outline,
         person_names=person_names,
     ) as fed:
+        frames: list[tuple[str, TrackFrame]] = []
+        if bag_copy is not None:
+            fed.on_frame = lambda name, frame: frames.append((name, frame))
         warnings = left_alone(fed.at_work, faults)
         for warning in warnings:
             on_warning(warning)
@@ -124,7 +133,11 @@ def track_recording(
         list(result.files.values()),
         kept=("recording.mcap", "truth.csv", "truth_feet.csv", *DETAIL_FILES, "scenario.yaml"),
     )
-    return replace(result, warnings=tuple(warnings))
+    files = result.files
+    if bag_copy is not None:
+        copy_with_tracks(recording, bag_copy, names, frames, bag.start_ns)
+        files = files | {"bag": bag_copy}
+    return replace(result, files=files, warnings=tuple(warnings))
 
 
 def _default_folder(recording: Path, bag: Recording) -> Path:

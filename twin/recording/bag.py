@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 import sys
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import Any
 
 import apsw  # what rosbags reads sqlite3 bags with; named here for its error only
 from rosbags import rosbag1, rosbag2
+from rosbags.interfaces import Connection
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
@@ -94,6 +95,20 @@ class Bag:
             for connection, log_time_ns, data in self._reader.messages(connections):
                 message = self._deserialize(data, connection.msgtype)
                 yield normal_topic(connection.topic), log_time_ns, message
+
+    @property
+    def connections(self) -> list[Connection]:
+        """What the bag holds messages of: topics with their types, one entry for each publisher."""
+        return list(self._reader.connections)
+
+    def raw_messages(self, connections: Sequence[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
+        """Connection, log time [ns] and message as it stands in the bag, in order of log time.
+
+        Raises InputError where the bag is damaged.
+        """
+        if connections:
+            with _bag_errors(self._path):
+                yield from self._reader.messages(connections)
 
 
 @contextmanager

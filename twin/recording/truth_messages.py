@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from math import isnan, nan
 from typing import Any
 
@@ -26,6 +27,7 @@ from rosbags.typesys.stores.ros2_humble import (
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
+from trackers.tracks import Track
 from twin.recording.messages import STRING, TYPESTORE, time_message
 from twin.recording.tables import TRUTH_COLUMNS, PersonTruth, TruthFrame
 from twin.recording.topics import ROOM_FRAME
@@ -42,15 +44,29 @@ _SLOTS = 7  # a person: middle of the cylinder x, y, z and its height; the name'
 _COLORS = ((0.12, 0.47, 0.71), (1.0, 0.5, 0.05), (0.17, 0.63, 0.17), (0.84, 0.15, 0.16), (0.58, 0.4, 0.74))
 
 
+@dataclass(frozen=True)
+class MarkerStyle:
+    """How people are drawn: the namespaces of cylinders and labels, the cylinder's width [m], what stands before an id."""
+
+    bodies: str
+    labels: str
+    width_m: float
+    opacity: float
+    id_prefix: str = ""
+
+
+TRUTH_STYLE = MarkerStyle("people", "names", width_m=0.45, opacity=0.4)
+
+
 def encode_people(frame: TruthFrame) -> memoryview:
     """A `std_msgs/String` (CDR) with a JSON list: one object a person, the columns of truth.csv, null where unknown."""
     t = frame.stamp_ns / NS_PER_S
     people = []
     for person in frame.people:
         columns: dict[str, float | int | None] = {"t": t, "id": person.id}
-        columns |= {name: _null_if_nan(getattr(person, name)) for name in _NUMBERS}
+        columns |= {name: null_if_nan(getattr(person, name)) for name in _NUMBERS}
         columns["in_area"] = int(person.in_area)
-        columns |= {_VISIBLE + sensor: _null_if_nan(share) for sensor, share in person.visible.items()}
+        columns |= {_VISIBLE + sensor: null_if_nan(share) for sensor, share in person.visible.items()}
         people.append(columns)
     return TYPESTORE.serialize_cdr(String(json.dumps(people, allow_nan=False)), STRING)
 
@@ -79,37 +95,43 @@ def decode_people(text: str, stamp_ns: int) -> TruthFrame:
 
 
 class PeopleMarkers:
-    """Draws truth as a `visualization_msgs/MarkerArray`: a cylinder and a name for each person, in the room frame.
+    """Draws truth, or tracks, as a `visualization_msgs/MarkerArray`: a cylinder and a name for each person, in the room frame.
 
     Serializing ten markers field by field costs more than a laser scan. Only stamps, places and heights change from
     frame to frame, so the message is serialized once for the people present, and those numbers are written into it.
     """
 
-    def __init__(self, names: Mapping[int, str]) -> None:
+    def __init__(self, names: Mapping[int, str], style: MarkerStyle = TRUTH_STYLE) -> None:
         self._names = names
+        self._style = style
         self._shown: tuple[int, ...] = ()
+        self._faint: frozenset[int] = frozenset()
         self._template = b""
         self._seconds_at = self._doubles_at = np.zeros(0, dtype=np.intp)
 
-    def encode(self, frame: TruthFrame) -> bytes:
-        """The markers (CDR) at a stamp; people drawn before and not in this frame are taken away."""
-        ids = tuple(person.id for person in frame.people)
-        if ids == self._shown and self._template:
+    def encode(self, stamp_ns: int, people: Sequence[PersonTruth | Track], faint: Collection[int] = ()) -> bytes:
+        """The markers (CDR) at a stamp; people drawn before and not among these are taken away.
+
+        `faint`: the ids to draw with half the opacity.
+        """
+        ids, faint = tuple(person.id for person in people), frozenset(faint)
+        if ids == self._shown and faint == self._faint and self._template:
             message = self._template
         else:
             gone = [id_ for id_ in self._shown if id_ not in ids]
+            self._faint = faint
             message = self._layout(ids, gone)
             # The next frame must not delete again.
             self._template = message if not gone else b""
             self._shown = ids
         buffer = np.frombuffer(bytearray(message), dtype=np.uint8)
         words, doubles = _words_and_doubles(buffer)
-        doubles[self._doubles_at] = [value for person in frame.people for value in self._place(person)]
-        words[self._seconds_at], words[self._seconds_at + 1] = divmod(frame.stamp_ns, NS_PER_S)
+        doubles[self._doubles_at] = [value for person in people for value in self._place(person)]
+        words[self._seconds_at], words[self._seconds_at + 1] = divmod(stamp_ns, NS_PER_S)
         return buffer.tobytes()
 
     @staticmethod
-    def _place(person: PersonTruth) -> tuple[float, ...]:
+    def _place(person: PersonTruth | Track) -> tuple[float, ...]:
         unknown = isnan(person.head_z)
         height = _UNKNOWN_HEIGHT_M if unknown else person.head_z + _HEAD_TOP_M
         name_x, name_y = (person.x, person.y) if unknown else (person.head_x, person.head_y)
@@ -121,8 +143,8 @@ class PeopleMarkers:
         for id_ in ids:
             markers += [self._cylinder(id_), self._name(id_)]
         for id_ in gone:
-            markers += [_marker("people", id_, Marker.CYLINDER, action=Marker.DELETE)]
-            markers += [_marker("names", id_, Marker.TEXT_VIEW_FACING, action=Marker.DELETE)]
+            markers += [_marker(self._style.bodies, id_, Marker.CYLINDER, action=Marker.DELETE)]
+            markers += [_marker(self._style.labels, id_, Marker.TEXT_VIEW_FACING, action=Marker.DELETE)]
         message = bytes(TYPESTORE.serialize_cdr(MarkerArray(markers), MARKER_ARRAY, little_endian=True))
         words, doubles = _words_and_doubles(np.frombuffer(message, dtype=np.uint8))
         self._doubles_at = np.flatnonzero(doubles == _MARK)
@@ -131,15 +153,17 @@ class PeopleMarkers:
             raise RuntimeError("the places of stamps and positions in a MarkerArray were not found")
         return message
 
-    @staticmethod
-    def _cylinder(id_: int) -> Marker:
-        color = Color(*_COLORS[id_ % len(_COLORS)], 0.4)
-        return _marker("people", id_, Marker.CYLINDER, Vector3(0.45, 0.45, _MARK), color)
+    def _cylinder(self, id_: int) -> Marker:
+        style = self._style
+        color = Color(*_COLORS[id_ % len(_COLORS)], style.opacity / (2 if id_ in self._faint else 1))
+        return _marker(style.bodies, id_, Marker.CYLINDER, Vector3(style.width_m, style.width_m, _MARK), color)
 
     def _name(self, id_: int) -> Marker:
-        text = self._names.get(id_, str(id_))
+        text = self._names.get(id_, f"{self._style.id_prefix}{id_}")
         # Of a text's scale only z, the height of its letters, counts.
-        return _marker("names", id_, Marker.TEXT_VIEW_FACING, Vector3(0.0, 0.0, 0.2), Color(1.0, 1.0, 1.0, 1.0), text)
+        return _marker(
+            self._style.labels, id_, Marker.TEXT_VIEW_FACING, Vector3(0.0, 0.0, 0.2), Color(1.0, 1.0, 1.0, 1.0), text
+        )
 
 
 # Values that no place, size, colour or string of ours can hold.
@@ -187,7 +211,8 @@ def _marker(
     )
 
 
-def _null_if_nan(value: float) -> float | None:
+def null_if_nan(value: float) -> float | None:
+    """A number as JSON holds it."""
     return None if isnan(value) else float(value)
 
 

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import struct
-import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
+from typing import Self
 
 import numpy as np
 from rosbags.interfaces import (
-    Connection,
     Qos,
     QosDurability,
     QosHistory,
@@ -21,7 +16,6 @@ from rosbags.interfaces import (
     QosReliability,
     QosTime,
 )
-from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys.stores.ros2_humble import (
     geometry_msgs__msg__Quaternion as Quaternion,
     geometry_msgs__msg__Transform as Transform,
@@ -36,12 +30,12 @@ from rosbags.typesys.stores.ros2_humble import (
 from scipy.spatial.transform import Rotation
 
 from trackers.cameras import FisheyeIntrinsics, PinholeIntrinsics
-from trackers.errors import InputError
 from trackers.observations import NS_PER_S, Observation
 from trackers.rig import CameraSensor, Pose, Rig, StereoSensor
 from twin.recording import topics
 from twin.recording.details import DETAIL_TOPICS, encode_detail
 from twin.recording.feet import encode_feet
+from twin.recording.mcap_file import McapFile
 from twin.recording.messages import (
     COMPRESSED_IMAGE,
     LASER_SCAN,
@@ -68,12 +62,10 @@ _MSGTYPES = {
 _FOREVER = QosTime(9223372036, 854775807)  # ROS's RMW_DURATION_INFINITE
 
 
-class BagWriter:
+class BagWriter(McapFile):
     """A context manager that writes observations, backgrounds and truth to `path` (a `.mcap`) as they come.
 
-    The bag grows in a hidden folder beside `path` and takes its name when the block ends well; an exception, Ctrl-C
-    included, removes it and leaves an older file of that name untouched. Memory holds one chunk (1 MiB) and an
-    index entry for each chunk and message type, whatever the duration.
+    Memory holds one chunk (1 MiB) and an index entry for each chunk and message type, whatever the duration.
 
     What holds for the whole bag (the rig, the scenario, `/tf_static`, the backgrounds) is logged at time 0, an
     observation when it arrives, truth at its stamp. All methods raise InputError where the disk is full or cannot be
@@ -93,50 +85,24 @@ class BagWriter:
         Messages are written with their own stamps: a reader adds the rig's time offsets. Raises ValueError for a path
         without `.mcap`.
         """
-        if path.suffix != ".mcap":
-            raise ValueError(f"{path}: a recording's name ends with .mcap")
-        self._path = path
+        super().__init__(path)
         self._rig = rig
         self._scenario_yaml = scenario_yaml
         self._markers = PeopleMarkers(names or {})
-        self._connections: dict[str, Connection] = {}
         self._camera_infos = {
             name: bytearray(TYPESTORE.serialize_cdr(_camera_info(name, camera.intrinsics), CAMERA_INFO))
             for name, camera in rig.cameras().items()
         }
         self._last_arrival_ns = 0
-        self._folder: Path | None = None
-        self._writer: Writer | None = None
 
-    def __enter__(self) -> BagWriter:
+    def __enter__(self) -> Self:
+        super().__enter__()
         try:
-            with self._disk_errors():
-                self._path.parent.mkdir(parents=True, exist_ok=True)
-                if self._path.is_dir():
-                    raise InputError(f"{self._path}: is a folder; the name of a file to write is expected")
-                self._folder = Path(
-                    tempfile.mkdtemp(prefix=f".{self._path.name}.", suffix=".partial", dir=self._path.parent)
-                )
-                # Version 8 of the metadata is the newest that every maintained ROS 2 distribution reads.
-                self._writer = Writer(self._folder / self._path.stem, version=8, storage_plugin=StoragePlugin.MCAP)
-                self._writer.open()
             self._write_head()
         except BaseException:
-            self._discard()
+            self.discard()
             raise
         return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        try:
-            if kind is None:
-                assert self._writer is not None
-                with self._disk_errors():
-                    self._writer.close()
-                    os.replace(self._writer.path / f"{self._path.stem}.mcap", self._path)
-        finally:
-            self._discard()
 
     def observation(self, encoded: Encoded, arrival_ns: int) -> None:
         """Write an observation that arrives (stamp and delay) at this time [ns] since the start.
@@ -152,52 +118,52 @@ class BagWriter:
         sensor = encoded.observation.sensor
         if sensor in self._camera_infos:
             # image_proc and Foxglove pair an image with the camera_info of its stamp.
-            self._write(
+            self.write(
                 topics.sensor_topic(sensor, topics.CAMERA_INFO), arrival_ns, self._camera_info_at(encoded.observation)
             )
-        self._write(self._rig.sensors[sensor].topic, arrival_ns, encoded.data)
+        self.write(self._rig.sensors[sensor].topic, arrival_ns, encoded.data)
         for part in encoded.more:
-            self._write(self._topic(sensor, part.topic_suffix), arrival_ns, part.data)
+            self.write(self._topic(sensor, part.topic_suffix), arrival_ns, part.data)
 
     def background(self, encoded: Encoded) -> None:
         """Write an observation of the empty room."""
         for part in (encoded, *encoded.more):
-            self._write(topics.background_topic(encoded.observation.sensor, part.topic_suffix), 0, part.data)
+            self.write(topics.background_topic(encoded.observation.sensor, part.topic_suffix), 0, part.data)
 
     def truth(self, frame: TruthFrame) -> None:
         """Write the truth at a stamp, for programs and for the eye."""
-        self._write(topics.TRUTH_PEOPLE, frame.stamp_ns, encode_people(frame))
-        self._write(topics.TRUTH_FEET, frame.stamp_ns, encode_feet(frame))
-        self._write(topics.TRUTH_MARKERS, frame.stamp_ns, self._markers.encode(frame))
+        self.write(topics.TRUTH_PEOPLE, frame.stamp_ns, encode_people(frame))
+        self.write(topics.TRUTH_FEET, frame.stamp_ns, encode_feet(frame))
+        self.write(topics.TRUTH_MARKERS, frame.stamp_ns, self._markers.encode(frame.stamp_ns, frame.people))
 
     def detail(self, detail: TruthDetail) -> None:
         """Write what is true of a picture, a scan or a situation."""
-        self._write(*encode_detail(detail))
+        self.write(*encode_detail(detail))
 
     def _write_head(self) -> None:
         latched = ((topics.RIG, STRING), (topics.SCENARIO, STRING), (topics.TF_STATIC, TF_MESSAGE))
         for topic, msgtype in latched:
-            self._connect(topic, msgtype, _latched(depth=1))
+            self.connect(topic, msgtype, _latched(depth=1))
         for name, sensor in self._rig.sensors.items():
             msgtype = _MSGTYPES[sensor.kind]
-            self._connect(sensor.topic, msgtype)
+            self.connect(sensor.topic, msgtype)
             background = topics.background_topic(name, topics.SUFFIXES[sensor.kind])
-            self._connect(background, msgtype, _latched(depth=1000))
+            self.connect(background, msgtype, _latched(depth=1000))
             if isinstance(sensor, StereoSensor):
-                self._connect(sensor.depth_topic, COMPRESSED_IMAGE)
-                self._connect(topics.background_topic(name, topics.DEPTH), COMPRESSED_IMAGE, _latched(depth=1000))
+                self.connect(sensor.depth_topic, COMPRESSED_IMAGE)
+                self.connect(topics.background_topic(name, topics.DEPTH), COMPRESSED_IMAGE, _latched(depth=1000))
             if isinstance(sensor, CameraSensor):
-                self._connect(topics.sensor_topic(name, topics.CAMERA_INFO), CAMERA_INFO)
-        self._connect(topics.TRUTH_PEOPLE, STRING)
-        self._connect(topics.TRUTH_FEET, STRING)
-        self._connect(topics.TRUTH_MARKERS, MARKER_ARRAY)
+                self.connect(topics.sensor_topic(name, topics.CAMERA_INFO), CAMERA_INFO)
+        self.connect(topics.TRUTH_PEOPLE, STRING)
+        self.connect(topics.TRUTH_FEET, STRING)
+        self.connect(topics.TRUTH_MARKERS, MARKER_ARRAY)
         for topic in DETAIL_TOPICS:
-            self._connect(topic, STRING)
-        self._write(topics.RIG, 0, TYPESTORE.serialize_cdr(String(self._rig.dump_yaml()), STRING))
+            self.connect(topic, STRING)
+        self.write(topics.RIG, 0, TYPESTORE.serialize_cdr(String(self._rig.dump_yaml()), STRING))
         if self._scenario_yaml is not None:
-            self._write(topics.SCENARIO, 0, TYPESTORE.serialize_cdr(String(self._scenario_yaml), STRING))
+            self.write(topics.SCENARIO, 0, TYPESTORE.serialize_cdr(String(self._scenario_yaml), STRING))
         transforms = [_transform(name, sensor.room_from_sensor) for name, sensor in self._rig.sensors.items()]
-        self._write(topics.TF_STATIC, 0, TYPESTORE.serialize_cdr(TFMessage(transforms), TF_MESSAGE))
+        self.write(topics.TF_STATIC, 0, TYPESTORE.serialize_cdr(TFMessage(transforms), TF_MESSAGE))
 
     def _topic(self, sensor: str, suffix: str) -> str:
         """Where a further message of an observation goes."""
@@ -205,42 +171,11 @@ class BagWriter:
         is_depth = isinstance(on_rig, StereoSensor) and suffix == topics.DEPTH
         return on_rig.depth_topic if is_depth else topics.sensor_topic(sensor, suffix)
 
-    def _connect(self, topic: str, msgtype: str, qos: tuple[Qos, ...] = ()) -> None:
-        assert self._writer is not None
-        self._connections[topic] = self._writer.add_connection(
-            topic, msgtype, typestore=TYPESTORE, offered_qos_profiles=qos
-        )
-
-    def _write(self, topic: str, log_time_ns: int, data: bytes | memoryview) -> None:
-        assert self._writer is not None, "a BagWriter is used in a with block"
-        with self._disk_errors():
-            self._writer.write(self._connections[topic], log_time_ns, data)
-
     def _camera_info_at(self, observation: Observation) -> bytes:
         message = self._camera_infos[observation.sensor]
         # The header comes first in the message, and its stamp first in the header, after CDR's four bytes.
         struct.pack_into("<iI", message, 4, *divmod(observation.stamp_ns, NS_PER_S))
         return bytes(message)
-
-    @contextmanager
-    def _disk_errors(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            raise InputError(
-                f"{self._path}: cannot be written ({error.strerror}); a writable place with free space is needed"
-            ) from error
-
-    def _discard(self) -> None:
-        """Remove what is left of the temporary folder."""
-        if self._writer is not None:
-            # What a full disk kept from being written makes closing fail again, and is not wanted any more.
-            with suppress(OSError):
-                self._writer.abort()
-            self._writer = None
-        if self._folder is not None:
-            shutil.rmtree(self._folder)
-            self._folder = None
 
 
 def _latched(depth: int) -> tuple[Qos, ...]:

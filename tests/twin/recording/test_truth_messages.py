@@ -47,7 +47,7 @@ def test_other_strings_are_refused(text):
 
 
 def drawn(markers: PeopleMarkers, frame: TruthFrame) -> list:
-    return TYPESTORE.deserialize_cdr(markers.encode(frame), MARKER_ARRAY).markers
+    return TYPESTORE.deserialize_cdr(markers.encode(frame.stamp_ns, frame.people), MARKER_ARRAY).markers
 
 
 def test_a_cylinder_and_a_name_a_person():

@@ -1,0 +1,107 @@
+"""Tracks as messages: the columns of `tracks/*.csv` as JSON for programs, cylinders and ids for the eye."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from rosbags.typesys.stores.ros2_humble import std_msgs__msg__String as String
+
+from trackers.errors import InputError
+from trackers.observations import NS_PER_S
+from trackers.tracks import Track, TrackFrame
+from twin.recording.bag import open_bag
+from twin.recording.mcap_file import McapFile
+from twin.recording.messages import STRING, TYPESTORE
+from twin.recording.tables import TRACK_COLUMNS
+from twin.recording.truth_messages import MARKER_ARRAY, MarkerStyle, PeopleMarkers, null_if_nan
+
+_NUMBERS = TRACK_COLUMNS[2:-1]  # between t, id and status
+_STYLE = MarkerStyle("tracks", "ids", width_m=0.3, opacity=0.8, id_prefix="#")  # within the truth's cylinders
+
+
+def track_topics(trackers: Sequence[str]) -> dict[str, str]:
+    """The topic of each tracker's tracks: `/tracks/laser_imm` (ROS allows letters, digits and underscores); markers below."""
+    found: dict[str, str] = {}
+    for name in trackers:
+        topic = "/tracks/" + re.sub(r"\W|^(?=\d)", "_", name, flags=re.ASCII)
+        while topic in found.values():
+            topic += "_"
+        found[name] = topic
+    return found
+
+
+def markers_topic(topic: str) -> str:
+    """Where the markers of a topic of tracks go."""
+    return f"{topic}/markers"
+
+
+def encode_tracks(frame: TrackFrame) -> memoryview:
+    """A `std_msgs/String` (CDR) with a JSON list: one object a track, the columns of the table, null where not estimated."""
+    rows = [_row(frame.stamp_ns, track) for track in frame.tracks]
+    return TYPESTORE.serialize_cdr(String(json.dumps(rows, allow_nan=False)), STRING)
+
+
+def _row(stamp_ns: int, track: Track) -> dict[str, float | int | str | None]:
+    numbers = {name: null_if_nan(getattr(track, name)) for name in _NUMBERS}
+    return {"t": stamp_ns / NS_PER_S, "id": track.id, **numbers, "status": track.status}
+
+
+class TrackTopics:
+    """Writes the tracks of several trackers into an open bag, each frame logged at its stamp."""
+
+    def __init__(self, bag: McapFile, trackers: Sequence[str], start_ns: int = 0) -> None:
+        """`start_ns` is added to stamps, for a bag whose clock does not start at 0."""
+        self._bag = bag
+        self._start_ns = start_ns
+        self._topics = track_topics(trackers)
+        self._markers = {name: PeopleMarkers({}, _STYLE) for name in trackers}
+        for topic in self._topics.values():
+            bag.connect(topic, STRING)
+            bag.connect(markers_topic(topic), MARKER_ARRAY)
+
+    def write(self, tracker: str, frame: TrackFrame) -> None:
+        """Write one frame of a tracker, for programs and for the eye."""
+        stamp_ns, topic = frame.stamp_ns + self._start_ns, self._topics[tracker]
+        log_time_ns = max(stamp_ns, 0)  # a clock that is behind the start; a log has no time before 0
+        self._bag.write(topic, log_time_ns, encode_tracks(frame))
+        coasting = frozenset(track.id for track in frame.tracks if track.status == "coasting")
+        markers = self._markers[tracker].encode(stamp_ns, frame.tracks, coasting)
+        self._bag.write(markers_topic(topic), log_time_ns, markers)
+
+
+def copy_with_tracks(
+    source: Path,
+    target: Path,
+    trackers: Sequence[str],
+    frames: Iterable[tuple[str, TrackFrame]],
+    start_ns: int,
+) -> None:
+    """Copy a ROS 2 bag, every message as it is, to `target` (a `.mcap`) with these frames by tracker's name.
+
+    Tracks of the same trackers that the bag already holds are left out. Raises InputError for a ROS 1 bag, a damaged one,
+    and a target that cannot be written.
+    """
+    own = [each for topic in track_topics(trackers).values() for each in (topic, markers_topic(topic))]
+    with open_bag(source) as original, McapFile(target) as bag:
+        connections = [each for each in original.connections if each.topic not in own]
+        copies = {each.id: bag.connect_as(each) for each in connections}
+        tracks = TrackTopics(bag, trackers, start_ns)
+        for connection, log_time_ns, data in original.raw_messages(connections):
+            bag.write_on(copies[connection.id], log_time_ns, data)
+        for tracker, frame in frames:
+            tracks.write(tracker, frame)
+
+
+def check_copy(source: Path, target: Path) -> None:
+    """Raise InputError where tracks cannot be added to a copy of `source` under this name."""
+    if target.suffix != ".mcap":
+        raise InputError(f"--bag {target}: is not the name of a recording; a name ending in .mcap is expected")
+    if target.exists() and (not target.is_file() or target.resolve() == source.resolve()):
+        raise InputError(f"--bag {target}: is the recording itself or a folder; the name of another file is expected")
+    if source.suffix == ".bag" and source.is_file():
+        raise InputError(
+            f"--bag {target}: {source} is a ROS 1 bag; a ROS 2 bag is expected, which rosbags-convert makes of it"
+        )
