@@ -51,7 +51,7 @@ class PenetrationCheck:
 
     def __init__(self, model: mujoco.MjModel, person_of_geom: NDArray[np.int16]) -> None:
         """`person_of_geom` (n_geom,): id of the person a geom belongs to, 0 for the room."""
-        self._model = model
+        self.model = model
         self._owner = person_of_geom
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
@@ -80,7 +80,7 @@ class PenetrationCheck:
             person, other = int(self._owner[first]), int(self._owner[second])
             if not other and allowed is not None and second in allowed.get(person, ()):
                 continue
-            depth = -float(mujoco.mj_geomDistance(self._model, data, first, second, 0.0, None))
+            depth = -float(mujoco.mj_geomDistance(self.model, data, first, second, 0.0, None))
             if depth <= least_m:
                 continue
             if 0 < other < person:
@@ -98,20 +98,20 @@ class PenetrationCheck:
         for first, second in np.argwhere(pairs):
             yield int(body[first]), int(body[second])
         things = self._things
-        touches = _apart(place, data.geom_xpos[things]) < reach[:, None] + self._model.geom_rbound[things]
+        touches = _apart(place, data.geom_xpos[things]) < reach[:, None] + self.model.geom_rbound[things]
         for first, second in np.argwhere(touches):
             yield int(body[first]), int(things[second])
         for wall in self._walls:
             turn = data.geom_xmat[wall].reshape(3, 3)
             offset = (place - data.geom_xpos[wall]) @ turn
-            size = self._model.geom_size[wall, :2]
+            size = self.model.geom_size[wall, :2]
             beside = (np.abs(offset[:, :2]) < np.where(size > 0, size, np.inf)).all(axis=1)
             # what lies behind as a whole is in the next room, not in the wall
             for first in np.flatnonzero(beside & (np.abs(offset[:, 2]) < reach)):
                 yield int(body[first]), int(wall)
 
     def _name(self, geom: int) -> str:
-        return self._model.geom(geom).name or f"geom {geom}"
+        return self.model.geom(geom).name or f"geom {geom}"
 
 
 def penetrations(snapshot: Snapshot, allowed: Allowed | None = None, least_m: float = TOLERANCE_M) -> list[Penetration]:
@@ -163,7 +163,7 @@ def count_penetrations(
     check: PenetrationCheck | None = None
     for t in times:
         snapshot = world.snapshot(t)
-        if check is None:
+        if check is None or check.model is not snapshot.model:
             check = PenetrationCheck(snapshot.model, snapshot.person_of_geom)
         count.add(check.at(snapshot, allowed(t) if allowed is not None else None, least_m))
     return count

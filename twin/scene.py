@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from twin import models
+from twin.bodies import Bodies, compiled, what_is_wrong
 from twin.people.appearance import Appearance, appearance_of
-from twin.people.body import NQ_PERSON, person_spec
+from twin.people.casts import casts_of
 from twin.people.crowd import OBSTACLE_REACH_M
 from twin.people.feet import FootShapes
 from twin.people.ground import Ground
@@ -37,13 +38,15 @@ _BEFORE_SEAT_M = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A compiled model and the maps from its elements to people.
+    """A room, its people, and the bodies of those of them who have one.
 
     `ids` gives each person's id (1, 2, ... in the order listed); arrays over people are in the order of `names`
     (sorted), so that listing people in another order changes ids and nothing else.
     """
 
-    model: mujoco.MjModel
+    room: mujoco.MjSpec
+    """The room without anybody."""
+    room_file: Path
     area: NDArray[np.float64]  # (k, 2) tracked area, polygon in the room frame [m]
     walkable: NDArray[np.float64]  # (k, 2) where a body's middle may go, as the room says or from its geometry
     floor: NDArray[np.float64]  # (k, 2) hull of the room's floor, polygon in the room frame [m]
@@ -51,21 +54,35 @@ class Scene:
     names: tuple[str, ...]
     appearances: dict[str, Appearance]
     ids: dict[str, int]
-    person_of_geom: NDArray[np.int16]  # (n_geom,) id of the person a geom belongs to, 0 for the room
-    qpos_address: NDArray[np.intp]  # (n_people, nq_person)
-    head_site: NDArray[np.intp]  # (n_people,)
-    point_site: NDArray[np.intp]  # (n_people, n_point) the fixed points on each body
+    bodies: Bodies
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The room and the bodies, compiled."""
+        return self.bodies.model
+
+    @property
+    def person_of_geom(self) -> NDArray[np.int16]:
+        """The id of the person a geom belongs to, 0 for the room, (n_geom,)."""
+        return self.bodies.person_of_geom
+
+    def with_bodies(self, names: Collection[str]) -> Scene:
+        """The same room and people, of whom these have bodies."""
+        looks = {name: self.appearances[name] for name in names}
+        bodies = Bodies.in_room(self.room, self.room_file, self.names, self.ids, looks)
+        bodies.model.stat.extent = self.model.stat.extent  # near and far planes stay, in a room that fixes none
+        return replace(self, bodies=bodies)
 
 
 def build_scene(scenario: Scenario) -> Scene:
-    """Compile the scenario's room with its people in it.
+    """Compile the scenario's room with the people in it who have bodies at first (`twin.people.casts`).
 
     Raises InputError where the room reads files outside its folder, does not compile, has no floor or nowhere to walk, or
     the area or a person does not fit into it.
     """
     path = models.find("rooms", scenario.room, asked_by=f"scenario {scenario.name!r}: room")
     spec = _room_spec(path)
-    room = _compiled(spec, path)
+    room = compiled(spec, path)
     floor, walkable = _where_one_walks(spec, room, path)
     area = np.array(scenario.area, dtype=float) if scenario.area is not None else walkable
     if scenario.area is not None:
@@ -81,12 +98,11 @@ def build_scene(scenario: Scenario) -> Scene:
     ground = Ground(area, walkable, obstacles, routes, furniture, source)
     names = tuple(sorted(scenario.people))
     appearances = {name: appearance_of(scenario.people[name], stream(scenario.seed, "looks", name)) for name in names}
-    for name, appearance in appearances.items():
-        spec.attach(person_spec(appearance), prefix=f"{name}/", frame=spec.worldbody.add_frame())
-    model = _compiled(spec, path)
     ids = {name: number for number, name in enumerate(scenario.people, start=1)}
+    looks = {name: appearances[name] for name in casts_of(scenario.people)[0].names}
     return Scene(
-        model=model,
+        room=spec,
+        room_file=path,
         area=area,
         walkable=walkable,
         floor=floor_hull(floor),
@@ -94,10 +110,7 @@ def build_scene(scenario: Scenario) -> Scene:
         names=names,
         appearances=appearances,
         ids=ids,
-        person_of_geom=_person_of_geom(model, ids),
-        qpos_address=_addresses(model, names),
-        head_site=np.array([_site(model, f"{name}/head") for name in names], dtype=np.intp),
-        point_site=_points(model, names),
+        bodies=Bodies.in_room(spec, path, names, ids, looks),
     )
 
 
@@ -108,13 +121,13 @@ def walkable_in(scenario: Scenario) -> NDArray[np.float64]:
     """
     path = models.find("rooms", scenario.room, asked_by=f"scenario {scenario.name!r}: room")
     spec = _room_spec(path)
-    return _where_one_walks(spec, _compiled(spec, path), path)[1]
+    return _where_one_walks(spec, compiled(spec, path), path)[1]
 
 
 def populate(scenario: Scenario, scene: Scene) -> Population:
     """The scenario's people as they move, each with a stream of their own."""
     streams = {name: stream(scenario.seed, "person", name) for name in scene.names}
-    measures = BodyMeasures.in_room(scene.model, scene.appearances)
+    measures = BodyMeasures.in_room(scene.model, scene.appearances, scene.bodies.names)
     source = f"scenario {scenario.name!r}"
     return Population(scenario.people, scene.ground, streams, scene.appearances, measures, source)
 
@@ -145,15 +158,6 @@ def _routes(walkable: NDArray[np.float64], obstacles: Sequence[Obstacle], source
         raise InputError(f"{source}: area: {error}; a wider one is expected") from error
 
 
-def _compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
-    try:
-        return spec.compile()
-    except ValueError as error:
-        raise InputError(
-            f"{path}: does not compile ({_what_is_wrong(error)}); a valid MJCF room is expected"
-        ) from error
-
-
 def _check_furniture(scenario: Scenario, furniture: Mapping[str, Seat | Bed]) -> None:
     """Raise InputError where a script asks for a seat or bed that the room does not have."""
     for name, person in scenario.people.items():
@@ -173,18 +177,12 @@ def _check_furniture(scenario: Scenario, furniture: Mapping[str, Seat | Bed]) ->
                 )
 
 
-def _what_is_wrong(error: Exception) -> str:
-    """MuJoCo's message and, where it gives them, the element and the line."""
-    what, *where = [line.strip().rstrip(".") for line in str(error).strip().splitlines()]
-    return ", ".join([what, *(line for line in where if line.startswith("Element"))])
-
-
 def _room_spec(path: Path) -> mujoco.MjSpec:
     room_files(path)  # raises for what must not be read
     try:
         return mujoco.MjSpec.from_file(str(path))
     except ValueError as error:
-        raise InputError(f"{path}: is not a room ({_what_is_wrong(error)}); a valid MJCF file is expected") from error
+        raise InputError(f"{path}: is not a room ({what_is_wrong(error)}); a valid MJCF file is expected") from error
 
 
 def _where_one_walks(
@@ -216,28 +214,3 @@ def _own_walkable_area(spec: mujoco.MjSpec, path: Path) -> NDArray[np.float64] |
             check_polygon(corners, f"{path}: walkable_area")
             return corners
     return None
-
-
-def _person_of_geom(model: mujoco.MjModel, ids: dict[str, int]) -> NDArray[np.int16]:
-    """By the body at the root of each person: a room's own body may be called like a person."""
-    owner = np.zeros(model.nbody, dtype=np.int16)
-    for name, number in ids.items():
-        owner[model.jnt_bodyid[model.joint(f"{name}/root").id]] = number
-    return owner[model.body_rootid[model.geom_bodyid]]
-
-
-def _addresses(model: mujoco.MjModel, names: tuple[str, ...]) -> NDArray[np.intp]:
-    """Places of each person's coordinates in qpos: one free joint, then hinges, contiguous in the order of the body."""
-    starts = [int(model.jnt_qposadr[model.joint(f"{name}/root").id]) for name in names]
-    return np.array(starts, dtype=np.intp)[:, None] + np.arange(NQ_PERSON)
-
-
-def _site(model: mujoco.MjModel, name: str) -> int:
-    return int(model.site(name).id)
-
-
-def _points(model: mujoco.MjModel, names: tuple[str, ...]) -> NDArray[np.intp]:
-    rows = [
-        [site for site in range(model.nsite) if model.site(site).name.startswith(f"{name}/point_")] for name in names
-    ]
-    return np.array(rows, dtype=np.intp).reshape(len(names), -1 if names else 0)

@@ -80,7 +80,7 @@ class Simulation:
     ) -> None:
         self.scenario = scenario
         self.world = World(scenario)
-        self._renderer = RendererOnDemand(self.world.scene.model)
+        self._renderer = RendererOnDemand(lambda: self.world.scene.model)
         self._descriptions = {
             name: in_the_room(scenario, name)
             for name, description in scenario.sensors.items()
@@ -235,7 +235,7 @@ class Simulation:
 
     def _truth_details(self, tell: Callable[[TruthDetail], object]) -> TruthDetails:
         boxes_hz = self.scenario.truth.boxes_hz
-        details = TruthDetails(self.world.scene, self.views, self._cameras(), boxes_hz, self.world.snapshot, tell)
+        details = TruthDetails(self.world, self.views, self._cameras(), boxes_hz, tell)
         for timed in self._sensors.values():
             timed.on_reading = details.look
         return details

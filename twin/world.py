@@ -10,6 +10,7 @@ import numpy as np
 
 from trackers.area import Area
 from trackers.observations import NS_PER_S
+from twin.people.casts import casts_of
 from twin.people.feet import Feet
 from twin.room.lighting import Lighting
 from twin.scenario import Scenario
@@ -29,22 +30,28 @@ class World:
     """A scene stepped on a clock: snapshots go forward in time and back by at most the people's short history."""
 
     def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
         self.scene = build_scene(scenario)
+        """The scene with the bodies of those who are there or were just now; another one once others come."""
+        self._casts = casts_of(scenario.people)
+        self._cast = self._casts[0]
         self._area = Area(self.scene.area)
         self.population = populate(scenario, self.scene)
         self.data = mujoco.MjData(self.scene.model)
-        self._lighting = Lighting(self.scene.model, scenario.lights, f"scenario {scenario.name!r}")
+        self._lighting = self._lit()
         self._ids = np.array([self.scene.ids[name] for name in self.scene.names], dtype=np.int16)
         self._posed_at: float | None = None
         self._feet: Feet | None = None
 
     def snapshot(self, t: float) -> Snapshot:
         """The world at time t [s] since the start; valid until the next snapshot is taken."""
+        self._embody(t)
         if t != self._posed_at:
             self.population.advance(t)
-            qpos = self.population.qpos(t)
-            qpos[~self.population.present(t), 2] = _OUT_OF_THE_ROOM_M
-            self.data.qpos[self.scene.qpos_address] = qpos
+            qpos, present, bodies = self.population.qpos(t), self.population.present(t), self.scene.bodies
+            assert bodies.there[present].all(), "whoever is in the room has a body"
+            qpos[~present, 2] = _OUT_OF_THE_ROOM_M
+            self.data.qpos[bodies.qpos_address[bodies.there]] = qpos[bodies.there]
             self._update_poses()
             self._lighting.apply(t)
             self._posed_at = t
@@ -56,11 +63,25 @@ class World:
 
         Its light is that of the scenario's start: of the changes only those at 0 s have begun.
         """
-        self.data.qpos[self.scene.qpos_address[:, 2]] = _OUT_OF_THE_ROOM_M
+        bodies = self.scene.bodies
+        self.data.qpos[bodies.qpos_address[bodies.there, 2]] = _OUT_OF_THE_ROOM_M
         self._update_poses()
         self._lighting.apply(t, until_s=0.0)
         self._posed_at = None
         return Snapshot(t, self.scene.model, self.data, self.scene.person_of_geom)
+
+    def _embody(self, t: float) -> None:
+        """Give bodies to those who are in the room at time t [s], in a model of their own where some have none."""
+        if self._cast.serves(t):
+            return
+        self._cast = next(cast for cast in self._casts if t < cast.until_s)
+        self.scene = self.scene.with_bodies(self._cast.names)
+        self.data = mujoco.MjData(self.scene.model)
+        self._lighting = self._lit()
+        self._posed_at = None
+
+    def _lit(self) -> Lighting:
+        return Lighting(self.scene.model, self._scenario.lights, f"scenario {self._scenario.name!r}")
 
     def _update_poses(self) -> None:
         mujoco.mj_kinematics(self.scene.model, self.data)
@@ -76,9 +97,9 @@ class World:
         t = stamp_ns / NS_PER_S
         snapshot = self.snapshot(t)
         scene, pose = self.scene, self.population.truth(t)
-        head = self.data.site_xpos[scene.head_site]
-        forward = self.data.site_xmat[scene.head_site].reshape(-1, 3, 3)[:, :, 0]
-        points = self.data.site_xpos[scene.point_site]
+        head = self.data.site_xpos[scene.bodies.head_site]
+        forward = self.data.site_xmat[scene.bodies.head_site].reshape(-1, 3, 3)[:, :, 0]
+        points = self.data.site_xpos[scene.bodies.point_site]
         inside = self._area.contains(np.stack([pose.x, pose.y], axis=-1))
         there = pose.present
         shares = {name: np.zeros(len(there)) for name in views}

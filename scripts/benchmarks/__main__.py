@@ -35,6 +35,7 @@ BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
     "silhouettes": sensors.silhouettes,
     "floor-real-time": people.floor_real_time,
     "floor-truth": people.floor_truth,
+    "crowd-building": people.crowd_building,
     "recorded-paths": people.recorded_paths,
     "camera": cameras.picture,
     "switches": cameras.switches,

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 
 import numpy as np
 
-import twin.scene
+import twin.bodies
 import twin.simulation
 import twin.world
 from benchmarks.figure import Figure
@@ -30,7 +30,7 @@ def measure() -> Iterator[Figure]:
     frames: list[TruthFrame] = []
     with ExitStack() as stack:
         routes = stack.enter_context(timed(Routes, "__init__"))
-        bodies = stack.enter_context(timed(twin.scene, "person_spec"))
+        bodies = stack.enter_context(timed(twin.bodies, "person_spec"))
         start = time.process_time()
         simulation = stack.enter_context(Simulation(scenario, on_truth=frames.append))
         yield Figure("hall: building the room and everybody's bodies, CPU time", time.process_time() - start, "s", "")

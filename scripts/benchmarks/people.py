@@ -12,6 +12,7 @@ import numpy as np
 from benchmarks.figure import Figure
 from trackers.configuration import validate
 from twin.penetration import PenetrationCheck
+from twin.people.casts import casts_of
 from twin.people.recorded import BODIES_NEED_M
 from twin.scenario import Scenario
 from twin.scenario.behaviour import Path
@@ -93,6 +94,38 @@ def floor_truth() -> Iterator[Figure]:
     yield Figure("weight of people standing, worst of 108", 1e2 * worst_share, "%", "<= 0.5")
 
 
+def crowd_building() -> Iterator[Figure]:
+    """What the world of the first 61, and of 480, of the ETH and UCY pedestrians costs before anybody moves."""
+    if not _DATA.is_dir():
+        return
+    paths, first_s = [], 0.0
+    for file, rate_hz in (("eth.txt", 15.0), ("zara01.txt", 25.0)):  # one after the other
+        people = people_from(Pedestrians(file=str(_DATA / file), frame_rate_hz=rate_hz), 1e5, "benchmark")
+        points = [person["script"][0]["points"] for person in people.values()]
+        paths += [[[first_s + t, x, y] for t, x, y in path] for path in points]
+        first_s = max(path[-1][0] for path in paths)
+    paths.sort()
+    each_s = {}
+    for count in (61, 480):
+        people = {
+            f"p{number:03d}": {"script": {"kind": "path", "points": path}} for number, path in enumerate(paths[:count])
+        }
+        low = {"low": {"kind": "laser", "rate_hz": 10, "mount": {"xyz": [0, 0, 0.4]}}}
+        scenario = _scenario(people, low, duration_s=max(path[-1][0] for path in paths[:count]))
+        start = time.process_time()
+        World(scenario)
+        spent_s = time.process_time() - start
+        each_s[count] = spent_s / count
+        yield Figure(f"world of {count} pedestrians, CPU time", spent_s, "s", "<= 15" if count == 480 else "")
+    yield Figure("the same for one of them: of 480 over of 61", each_s[480] / each_s[61], "×", "<= 1")
+    bodies = max(len(cast.names) for cast in casts_of(scenario.people))
+    moments = np.arange(0.0, scenario.duration_s, 0.5)
+    spans = np.array([(path[0][0], path[-1][0]) for path in paths[:480]])
+    at_once = ((spans[:, 0] <= moments[:, None]) & (moments[:, None] <= spans[:, 1])).sum(axis=1).max()
+    yield Figure("most people at once, of 480 who come", float(at_once), "", "")
+    yield Figure("most bodies at once", float(bodies), "", f"<= {max(32, 3 * at_once)}")
+
+
 def recorded_paths() -> Iterator[Figure]:
     """Everybody of the ETH and UCY recordings, as bodies: speeds, places, and who walks through whom."""
     if not _DATA.is_dir():
@@ -113,7 +146,7 @@ def _kept(scenario: Scenario, file: str) -> Iterator[Figure]:
     rows = {number: np.array(_points(scenario, name)) for number, name in enumerate(names)}
     stamps = sorted({(round(float(t), 6), number) for number, path in rows.items() for t in path[:, 0] if t >= 0})
     seen: dict[int, list[tuple[float, float, float]]] = {number: [] for number in rows}
-    check = PenetrationCheck(world.scene.model, world.scene.person_of_geom)
+    check: PenetrationCheck | None = None
     ids = {number: name for name, number in world.scene.ids.items()}
     extra = pairs = 0
     last_t = -1.0
@@ -122,6 +155,8 @@ def _kept(scenario: Scenario, file: str) -> Iterator[Figure]:
             snapshot = world.snapshot(t)
             truth = world.population.truth(t)
             last_t = t
+            if check is None or check.model is not snapshot.model:
+                check = PenetrationCheck(snapshot.model, snapshot.person_of_geom)
             for found in check.at(snapshot):
                 pairs += 1
                 if found.other == 0:

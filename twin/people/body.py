@@ -8,7 +8,7 @@ about the joint. Simplifications: skin and clothes neither bend nor fold, finger
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 import mujoco
@@ -65,21 +65,24 @@ _DRAWN_AT_M = 1.75
 _COAT_ADDS_M = 0.014
 
 
-def person_spec(appearance: Appearance) -> mujoco.MjSpec:
+def person_spec(appearance: Appearance, only: Collection[str] | None = None) -> mujoco.MjSpec:
     """The body as a model of its own, to be attached to a room's worldbody with a prefix.
+
+    `only`: the names of its geoms, where not all are needed; all segments and joints are there all the same.
 
     `spec.attach(person_spec(appearance), prefix="anna/", frame=spec.worldbody.add_frame())` keeps the free joint
     `anna/root`. Sites: `head` (centre of the head, x ahead), `pelvis`, and `point_00`, `point_01`, ... inside the body,
     the fixed points of the truth's "visible share".
     """
-    return _Body(appearance).spec
+    return _Body(appearance, only).spec
 
 
 class _Body:
     """Builds the spec segment by segment; lengths from the proportions, radii scaled with stature and build."""
 
-    def __init__(self, looks: Appearance) -> None:
+    def __init__(self, looks: Appearance, only: Collection[str] | None) -> None:
         self.looks = looks
+        self._only = only
         self.lengths: Proportions = looks.proportions
         self.scale = looks.height_m / _DRAWN_AT_M
         self.girth = self.scale * looks.build
@@ -150,7 +153,10 @@ class _Body:
             body.add_joint(name=joint, type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis)
         return body
 
-    def _geom(self, body: Any, name: str, material: str, surface: Surface, group: int = GEOM_GROUP) -> None:
+    def _geom(self, body: Any, name: str, material: str, make: Callable[[], Surface], group: int = GEOM_GROUP) -> None:
+        if not self._wants(name):
+            return
+        surface = make()
         if material == "shirt" and self.woven:
             breadth = np.linalg.norm(np.ptp(surface.vertex, axis=0)[:2]) / 1.4142
             length = float(np.ptp(surface.vertex[:, 2]))
@@ -160,6 +166,9 @@ class _Body:
             name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, material=material, group=group, contype=0,
             conaffinity=0,
         )  # fmt: skip
+
+    def _wants(self, geom: str) -> bool:
+        return self._only is None or geom in self._only
 
     def _point(self, body: Any, *places: Sequence[float]) -> None:
         for place in places:
@@ -175,7 +184,7 @@ class _Body:
         # a skirt's belt holds the shirt; a coat and a shirt over trousers hang over the hips
         belted = cloth == "skirt"
         grow = 0.004 * self.scale if belted else 0.6 * self.outside
-        self._geom(body, "hips", cloth, self.shape.hips(grow, belted))
+        self._geom(body, "hips", cloth, lambda: self.shape.hips(grow, belted))
         for z in (0.0, 0.05 * height):
             self._point(body, *((0, y * girth, z) for y in (-0.11, 0.0, 0.11)))
         return body
@@ -184,8 +193,8 @@ class _Body:
         girth = self.girth
         trunk = self._segment(pelvis, "trunk", (0, 0, self.lengths.waist_height - self.lengths.hip_height), SPINE)
         tucked = self.looks.skirt is not None and self.looks.coat is None
-        self._geom(trunk, "chest", self.trunk_cloth, self.shape.trunk(self.outside, tucked))
-        self._geom(trunk, "neck", "skin", self.shape.neck())
+        self._geom(trunk, "chest", self.trunk_cloth, lambda: self.shape.trunk(self.outside, tucked))
+        self._geom(trunk, "neck", "skin", lambda: self.shape.neck())
         length = self.lengths.shoulder_height - self.lengths.waist_height
         for share in (0.09, 0.36, 0.64, 0.88):
             self._point(trunk, *((0, y * girth, share * length) for y in (-0.11, 0.0, 0.11)))
@@ -201,14 +210,14 @@ class _Body:
         )
         centre = 0.5 * (lengths.chin_height + looks.height_m) - pivot
         body.add_site(name="head", pos=[0.004 * self.scale, 0, centre], size=[0.01] * 3, group=4)
-        skull, picture = head.skull(shape, looks)
-        self._material("face", picture=picture)
-        self._geom(body, "skull", "face", skull)
+        if self._wants("skull"):
+            self._material("face", picture=head.picture(shape, looks))
+            self._geom(body, "skull", "face", lambda: head.skull(shape, looks))
         hair = head.hair(shape, looks.hair_style, looks.cap is not None, lengths.shoulder_height - pivot)
         if hair is not None:
-            self._geom(body, "hair", "hair", hair)
+            self._geom(body, "hair", "hair", lambda: hair)
         if looks.cap is not None:
-            self._geom(body, "cap", "cap", head.cap(shape))
+            self._geom(body, "cap", "cap", lambda: head.cap(shape))
         self._point(body, *((0, y * lengths.head_breadth, centre) for y in (-0.26, 0.0, 0.26)))
 
     def _add_arm(self, trunk: Any, side: str, sign: int) -> None:
@@ -219,17 +228,19 @@ class _Body:
         )
         covered = looks.long_sleeves or looks.coat is not None
         if covered:
-            self._geom(upper, f"{side}_sleeve", self.cloth, shape.upper_arm(self.outside + 0.004))
+            self._geom(upper, f"{side}_sleeve", self.cloth, lambda: shape.upper_arm(self.outside + 0.004))
         else:
-            self._geom(upper, f"{side}_sleeve", self.cloth, shape.short_sleeve())
-            self._geom(upper, f"{side}_upper_arm", "skin", shape.bare_upper_arm())
+            self._geom(upper, f"{side}_sleeve", self.cloth, lambda: shape.short_sleeve())
+            self._geom(upper, f"{side}_upper_arm", "skin", lambda: shape.bare_upper_arm())
         self._point(upper, (0, 0, -0.5 * lengths.upper_arm), (0, 0, -0.95 * lengths.upper_arm))
         lower = self._segment(upper, f"{side}_forearm", (0, 0, -lengths.upper_arm), (f"{side}_elbow",))
         cloth = self.cloth if covered else "skin"
-        self._geom(lower, f"{side}_forearm", cloth, shape.forearm(self.outside + 0.004 if covered else 0.0, covered))
+        self._geom(
+            lower, f"{side}_forearm", cloth, lambda: shape.forearm(self.outside + 0.004 if covered else 0.0, covered)
+        )
         hand = -(lengths.forearm + 0.42 * lengths.hand)
         surface = limbs.hand(lengths, self.scale)
-        self._geom(lower, f"{side}_hand", "skin", surface if sign > 0 else surface.mirrored())
+        self._geom(lower, f"{side}_hand", "skin", lambda: surface if sign > 0 else surface.mirrored())
         self._point(lower, (0, 0, -0.5 * lengths.forearm), (0, 0, hand))
 
     def _add_leg(self, pelvis: Any, side: str, sign: int) -> None:
@@ -240,35 +251,37 @@ class _Body:
         bare = looks.skirt is not None and not looks.leggings
         slim = looks.skirt is not None
         cloth = "skin" if bare else "trousers"
-        self._geom(thigh, f"{side}_thigh", cloth, shape.thigh(slim))
+        self._geom(thigh, f"{side}_thigh", cloth, lambda: shape.thigh(slim))
         if looks.skirt is not None:
-            self._geom(thigh, f"{side}_skirt", "skirt", shape.bell(sign, clothes.SKIRT_HEM, 0.16, 0.004))
+            self._geom(thigh, f"{side}_skirt", "skirt", lambda: shape.bell(sign, clothes.SKIRT_HEM, 0.16, 0.004))
         if looks.coat is not None:
-            self._geom(thigh, f"{side}_tail", "coat", shape.bell(sign, clothes.COAT_HEM, 0.20, self.outside + 0.006))
+            self._geom(
+                thigh, f"{side}_tail", "coat", lambda: shape.bell(sign, clothes.COAT_HEM, 0.20, self.outside + 0.006)
+            )
         self._point(thigh, (0, 0, -0.35 * lengths.thigh), (0, 0, -0.7 * lengths.thigh))
         shank = self._segment(thigh, f"{side}_shank", (0, 0, -lengths.thigh), joints[3:4])
-        self._geom(shank, f"{side}_shank", cloth, shape.shank(slim))
+        self._geom(shank, f"{side}_shank", cloth, lambda: shape.shank(slim))
         self._point(shank, *((0, 0, -share * lengths.shank) for share in (0.0, 0.35, 0.75)))
         foot = self._segment(shank, f"{side}_foot", (0, 0, -lengths.shank), joints[4:6])
-        self._geom(foot, f"{side}_shoe", "shoes", limbs.shoe(lengths, self.scale))
+        self._geom(foot, f"{side}_shoe", "shoes", lambda: limbs.shoe(lengths, self.scale))
         self._point(foot, (0.03 * self.scale, 0, -0.5 * lengths.ankle_height))
         toes = self._segment(foot, f"{side}_toes", (lengths.ball_before_ankle, 0, -lengths.ankle_height), joints[6:])
-        self._geom(toes, f"{side}_toes", "shoes", limbs.toe_cap(lengths, self.scale))
+        self._geom(toes, f"{side}_toes", "shoes", lambda: limbs.toe_cap(lengths, self.scale))
 
     def _add_bag(self, pelvis: Any, trunk: Any) -> None:
         looks, shape, k = self.looks, self.shape, self.scale
         match looks.bag:
             case "backpack":
                 back = shape.back(self.outside)
-                self._geom(trunk, "bag", "bag", clothes.backpack(shape.trunk_length, back, k))
+                self._geom(trunk, "bag", "bag", lambda: clothes.backpack(shape.trunk_length, back, k))
                 strap = clothes.over_the_shoulder(shape.strap_path(self.outside), k, 1)
-                self._geom(trunk, "straps", "bag", strap + strap.mirrored(), TRIM_GROUP)
+                self._geom(trunk, "straps", "bag", lambda: strap + strap.mirrored(), TRIM_GROUP)
             case "shoulder":
                 behind = shape.hip_depth(self.outside) + 0.045 * k
                 bag = clothes.shoulder_bag(k).moved((-behind, -0.055 * k, 0.015 * looks.height_m))
-                self._geom(pelvis, "bag", "bag", bag)
-                self._geom(trunk, "straps", "bag", shape.sash(self.outside), TRIM_GROUP)
+                self._geom(pelvis, "bag", "bag", lambda: bag)
+                self._geom(trunk, "straps", "bag", lambda: shape.sash(self.outside), TRIM_GROUP)
             case "handbag":
                 fist = (0.004, -0.022 * k, -(self.lengths.forearm + 0.55 * self.lengths.hand))
                 forearm = self.spec.body("right_forearm")
-                self._geom(forearm, "bag", "bag", clothes.handbag(k).moved(fist))
+                self._geom(forearm, "bag", "bag", lambda: clothes.handbag(k).moved(fist))

@@ -90,8 +90,8 @@ def _thickness(style: str) -> float:
     return _THICK_M.get(style, 0.008) + (0.0 if style in ("afro", "curly") else 0.006)
 
 
-def skull(shape: HeadShape, looks: Appearance) -> tuple[Surface, NDArray[np.uint8]]:
-    """The head with nose and ears, and the picture it wears."""
+def skull(shape: HeadShape, looks: Appearance) -> Surface:
+    """The head with nose and ears."""
     surface = loft(shape.ring())
     k = shape.height / _DRAWN_AT_M
     eyes = shape.chin + EYES * shape.height
@@ -111,10 +111,15 @@ def skull(shape: HeadShape, looks: Appearance) -> tuple[Surface, NDArray[np.uint
         ear = ellipsoid((0, 0, 0), (0.017 * k, 0.008 * k, 0.030 * k), 8).turned(-0.2)
         at = (-0.010 * k, side * (0.5 * shape.breadth + 0.001 * k), eyes - 0.014 * k)
         surface = surface + ear.moved(at).painted(0.5 + side * 0.33, 0.36)
+    return surface
+
+
+def picture(shape: HeadShape, looks: Appearance) -> NDArray[np.uint8]:
+    """The picture that the head wears."""
     steps = np.linalg.norm(np.diff(shape.ring(), axis=0), axis=-1).mean(axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
     rises = np.interp(np.linspace(0, 1, 64), along, _SECTIONS[:, 0])
-    return surface, head_picture(looks, rises)
+    return head_picture(looks, rises)
 
 
 def hair(shape: HeadShape, style: str, capped: bool, shoulder: float) -> Surface | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
 
 import mujoco
@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 
 SEATED_PELVIS_RAD, SEATED_SPINE_RAD = -0.16, 0.10
 """Pitch of the pelvis of one who sits, which rolls back, and of the trunk on it, which comes forward again [rad]."""
+
+_MEASURED = frozenset({"hips", "chest", "left_hand", "left_thigh", "left_shank", "bag"})
+"""The geoms of a body that are measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,17 +64,23 @@ class BodyMeasures:
     @classmethod
     def of(cls, appearances: Sequence[Appearance]) -> BodyMeasures:
         """The measures of people who look like this, in their order; each body is compiled for it."""
-        rows = []
-        for looks in appearances:
-            model = person_spec(looks).compile()
-            rows.append(_measured(model, _standing(model, [""]), "", looks))
-        return cls._of_rows(rows)
+        return cls._of_rows([_measured_alone(looks) for looks in appearances])
 
     @classmethod
-    def in_room(cls, model: mujoco.MjModel, appearances: Mapping[str, Appearance]) -> BodyMeasures:
-        """The same of people whose bodies are in a compiled room already, NAME/ before the names of each one's elements."""
-        data = _standing(model, [f"{name}/" for name in appearances])
-        return cls._of_rows([_measured(model, data, f"{name}/", looks) for name, looks in appearances.items()])
+    def in_room(
+        cls, model: mujoco.MjModel, appearances: Mapping[str, Appearance], bodies: Collection[str]
+    ) -> BodyMeasures:
+        """The same of people of whom some, `bodies`, are in a compiled room already, NAME/ before their elements' names.
+
+        The others' bodies are compiled for it.
+        """
+        data = _standing(model, [f"{name}/" for name in appearances if name in bodies])
+        return cls._of_rows(
+            [
+                _measured(model, data, f"{name}/", looks) if name in bodies else _measured_alone(looks)
+                for name, looks in appearances.items()
+            ]
+        )
 
     @classmethod
     def _of_rows(cls, rows: Sequence[Mapping[str, float]]) -> BodyMeasures:
@@ -109,6 +118,14 @@ def _standing(model: mujoco.MjModel, prefixes: Sequence[str]) -> mujoco.MjData:
         data.qpos[start : start + 7] = 0, 0, 0, 1, 0, 0, 0
     mujoco.mj_kinematics(model, data)
     return data
+
+
+def _measured_alone(looks: Appearance) -> dict[str, float]:
+    """The measures of a body that is compiled for it, without what has none."""
+    spec = person_spec(looks, only=_MEASURED)
+    spec.compiler.boundmass = spec.compiler.boundinertia = 1.0  # a segment without geoms has no mass of its own
+    model = spec.compile()
+    return _measured(model, _standing(model, [""]), "", looks)
 
 
 def _measured(model: mujoco.MjModel, data: mujoco.MjData, prefix: str, looks: Appearance) -> dict[str, float]:

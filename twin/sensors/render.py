@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -244,17 +244,20 @@ class RendererOnDemand:
 
     def __init__(
         self,
-        model: mujoco.MjModel,
+        model: mujoco.MjModel | Callable[[], mujoco.MjModel],
         *,
         shadows: bool = False,
+        most_marks: int = 0,
         samples: int = 0,
         static: bool = True,
         leave_out_unseen: bool = True,
     ) -> None:
+        """`model`: the one to draw, or what tells which it is at the time: another one gets a renderer of its own."""
+        self._model = model if callable(model) else lambda: model
         self._make = partial(
             OffscreenRenderer,
-            model,
             shadows=shadows,
+            most_marks=most_marks,
             samples=samples,
             static=static,
             leave_out_unseen=leave_out_unseen,
@@ -262,9 +265,12 @@ class RendererOnDemand:
         self._renderer: OffscreenRenderer | None = None
 
     def __call__(self) -> OffscreenRenderer:
-        """The renderer, shared by all who ask. Raises InputError where there is no EGL."""
+        """The renderer of the model, shared by all who ask. Raises InputError where there is no EGL."""
+        model = self._model()
+        if self._renderer is not None and self._renderer.model is not model:
+            self.close()
         if self._renderer is None:
-            self._renderer = self._make()
+            self._renderer = self._make(model)
         return self._renderer
 
     def close(self) -> None:

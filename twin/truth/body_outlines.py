@@ -35,7 +35,7 @@ class BodyOutlines:
 
     def __init__(self, model: mujoco.MjModel, person_of_geom: NDArray[np.int16]) -> None:
         """`person_of_geom` (n_geom,): id of the person a geom belongs to, 0 for the room."""
-        self._model = model
+        self.model = model
         met = RAY_GROUPS[model.geom_group].astype(np.bool_)
         ids = np.unique(person_of_geom[person_of_geom > 0])
         self._geoms = [np.flatnonzero((person_of_geom == id_) & met) for id_ in ids]
@@ -66,7 +66,7 @@ class BodyOutlines:
         geoms = self._all_geoms
         sides = data.geom_xmat.reshape(-1, 3, 3)[geoms, :2].swapaxes(1, 2).reshape(-1, 2)  # seen from above
         along = (sides @ _COARSE_DIRECTIONS.T).reshape(-1, 3, _COARSE)
-        middle, half = self._model.geom_aabb[geoms, :, None].reshape(-1, 2, 3, 1).swapaxes(0, 1)
+        middle, half = self.model.geom_aabb[geoms, :, None].reshape(-1, 2, 3, 1).swapaxes(0, 1)
         reach = data.geom_xpos[geoms, :2] @ _COARSE_DIRECTIONS.T + (middle * along + half * np.abs(along)).sum(axis=1)
         return np.maximum.reduceat(reach, self._first, axis=0)
 
@@ -84,16 +84,16 @@ class BodyOutlines:
     @cached_property
     def _kept(self) -> tuple[NDArray[np.intp], Array]:
         """For each person the geom (n, width) and place in its frame (3, n, width) of points; the short are repeated."""
-        data = mujoco.MjData(self._model)
-        mujoco.mj_kinematics(self._model, data)
+        data = mujoco.MjData(self.model)
+        mujoco.mj_kinematics(self.model, data)
         directions = _sphere(_DIRECTIONS)
         rows = []
         for geoms in self._geoms:
             owners, places = [], []
             for geom in geoms:
-                points = hull_points(self._model, data, int(geom))
+                points = hull_points(self.model, data, int(geom))
                 if points is None:
-                    raise ValueError(f"geom {self._model.geom(int(geom)).name!r} of a person has no hull")
+                    raise ValueError(f"geom {self.model.geom(int(geom)).name!r} of a person has no hull")
                 outermost = points[np.unique((points @ directions.T).argmax(axis=0))]
                 places.append((outermost - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3))
                 owners.append(np.full(len(outermost), geom))

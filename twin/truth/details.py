@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Protocol
 
 import numpy as np
 
 from trackers.observations import NS_PER_S, LaserScan
 from twin.scene import Scene
 from twin.sensors.sensor import Reading
-from twin.snapshot import Snapshot
+from twin.snapshot import Snapshot, SnapshotSource
 from twin.truth.body_outlines import BodyOutlines
 from twin.truth.boxes import SeesPeople, person_boxes
 from twin.truth.frames import BoxFrame, RayFrame, Situation, TruthDetail, TruthFrame
@@ -24,8 +25,14 @@ from twin.truth.situations import (
 )
 from twin.truth.visibility import SensorView, first_met
 
-SnapshotAt = Callable[[float], Snapshot]
-"""The world at a time [s] that lies no farther back than the people's short history."""
+
+class InhabitedWorld(SnapshotSource, Protocol):
+    """A world of people: gives the scene at any time, no farther back than their short history."""
+
+    @property
+    def scene(self) -> Scene:
+        """Who has which body in the snapshot taken last."""
+        ...
 
 
 class TruthDetails:
@@ -40,22 +47,20 @@ class TruthDetails:
 
     def __init__(
         self,
-        scene: Scene,
+        world: InhabitedWorld,
         views: Mapping[str, SensorView],
         cameras: Mapping[str, SeesPeople],
         boxes_hz: float,
-        snapshot_at: SnapshotAt,
         tell: Callable[[TruthDetail], object],
     ) -> None:
         """`boxes_hz`: how many of a camera's pictures a second get boxes, at most; 0: none."""
-        self._scene = scene
+        self._world = world
         self._views = views
         self._cameras = cameras
         self._boxes_hz = boxes_hz
-        self._snapshot_at = snapshot_at
         self._tell = tell
-        self._outlines = BodyOutlines(scene.model, scene.person_of_geom)
-        self._ids = np.array([scene.ids[name] for name in scene.names], dtype=np.int16)
+        self._outlines = BodyOutlines(world.scene.model, world.scene.person_of_geom)
+        self._ids = np.array([world.scene.ids[name] for name in world.scene.names], dtype=np.int16)
         self._situations = OpenSituations()
         self._last_period: dict[str, int] = {}
         self._near: dict[Pair, float] = {}
@@ -68,6 +73,8 @@ class TruthDetails:
         self._place_m = np.array([(person.x, person.y) for person in frame.people], dtype=float).reshape(-1, 2)
         self._near = pairs_within(self._present, self._place_m, INTERACTION_M)
         interacting = {pair: Held(least_m=distance) for pair, distance in self._near.items()}
+        if snapshot.model is not self._outlines.model:
+            self._outlines = BodyOutlines(snapshot.model, snapshot.person_of_geom)
         pairs, gaps = self._outlines.nearer(snapshot.data, self._present, CORRELATED_M)
         ids = ordered_pairs(self._present[pairs[:, 0]], self._present[pairs[:, 1]])
         correlated = {pair: Held(least_m=gap) for pair, gap in zip(ids, gaps.tolist(), strict=True)}
@@ -99,7 +106,7 @@ class TruthDetails:
         return due
 
     def _boxes(self, camera: str, stamp_ns: int) -> None:
-        image = self._cameras[camera].person_image(self._snapshot_at(stamp_ns / NS_PER_S))
+        image = self._cameras[camera].person_image(self._world.snapshot(stamp_ns / NS_PER_S))
         self._tell(BoxFrame(stamp_ns, camera, person_boxes(image)))
 
     def _scan(self, sensor: str, stamp_ns: int, reading: Reading, scan: LaserScan) -> None:
@@ -120,9 +127,9 @@ class TruthDetails:
         hidden = sorted(unmet & {id_ for pair in self._near for id_ in pair})
         if not hidden:
             return []
-        snapshot = self._snapshot_at(stamp_ns / NS_PER_S)
+        snapshot = self._world.snapshot(stamp_ns / NS_PER_S)
         rows = np.flatnonzero(np.isin(self._ids, hidden))
-        points = snapshot.data.site_xpos[self._scene.point_site[rows]]
+        points = snapshot.data.site_xpos[self._world.scene.bodies.point_site[rows]]
         _, met = first_met(self._views[sensor], snapshot, points, self._ids[rows])
         pairs = []
         for row, whom in zip(rows, met, strict=True):

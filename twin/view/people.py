@@ -14,7 +14,7 @@ from twin.report.people_sheet import Figure, check_picture_name, drawn_sheet, le
 from twin.scenario import Scenario
 from twin.scenario.behaviour import companions
 from twin.scene import build_scene, populate
-from twin.sensors.render import OffscreenRenderer
+from twin.sensors.render import RendererOnDemand
 from twin.view.occasions import Occasion, occasions, verb
 from twin.view.standpoint import Room, standpoint_for
 from twin.world import World
@@ -63,7 +63,7 @@ def _pictures(
     names = world.population.names
     pictures = {}
     aspect = _OCCASION_PX[0] / _OCCASION_PX[1]
-    with OffscreenRenderer(world.scene.model) as renderer:
+    with RendererOnDemand(lambda: world.scene.model) as renderer:
         room = None
         for done, occasion in enumerate(sorted(found, key=lambda each: each.t), start=1):
             snapshot = world.snapshot(occasion.t)
@@ -86,7 +86,7 @@ def _pictures(
                 near,
             )
             pictures[occasion] = picture(
-                renderer, snapshot.data, stand.eye, stand.target, stand.half_height, _OCCASION_PX, finer=_FINER
+                renderer(), snapshot.data, stand.eye, stand.target, stand.half_height, _OCCASION_PX, finer=_FINER
             )
             if on_progress is not None:
                 on_progress("pictures", done, len(found))

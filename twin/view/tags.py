@@ -20,7 +20,7 @@ def name_tags(world: World, snapshot: Snapshot, stand: Standpoint, size_px: tupl
     width, height = size_px
     right, up, forward = axes_towards(stand.eye, stand.target)
     present = world.population.present(snapshot.t)
-    heads = snapshot.data.site_xpos[world.scene.head_site] + [0.0, 0.0, _ABOVE_HEAD_M] - stand.eye
+    heads = snapshot.data.site_xpos[world.scene.bodies.head_site] + [0.0, 0.0, _ABOVE_HEAD_M] - stand.eye
     scale = 0.5 * height / stand.half_height
     tags = []
     for place, name in enumerate(world.population.names):

@@ -23,7 +23,7 @@ from twin.report.video import TIME_BASE, VideoFile
 from twin.room.outline import room_outline
 from twin.scenario import Scenario
 from twin.scene import Scene, populate
-from twin.sensors.render import Mark, OffscreenRenderer
+from twin.sensors.render import Mark, RendererOnDemand
 from twin.silence import Silence
 from twin.simulation import Simulation
 from twin.snapshot import Snapshot
@@ -68,7 +68,7 @@ def write_video(
         reports = _Reports(scenario, stack)
         world = reports.world
         elements = sum(floor.rows * floor.columns for floor in reports.rig.floors().values()) if reports.rig else 0
-        renderer = stack.enter_context(OffscreenRenderer(world.scene.model, most_marks=elements))
+        renderer = stack.enter_context(RendererOnDemand(lambda: world.scene.model, most_marks=elements))
         video = VideoFile(path, _SIZE_PX, FPS)
         try:
             film = _Film(scenario, reports, renderer, _whereabouts(scenario, world.scene, start_s, end_s), follow)
@@ -165,7 +165,7 @@ class _Film:
         self,
         scenario: Scenario,
         reports: _Reports,
-        renderer: OffscreenRenderer,
+        renderer: RendererOnDemand,
         whereabouts: NDArray[np.float64],
         follow: str | None,
     ) -> None:
@@ -194,7 +194,7 @@ class _Film:
         size = _SIZE_PX[0], _SIZE_PX[1] - _STRIP_PX
         marks = self._marks()
         shown = picture(
-            self._renderer, snapshot.data, stand.eye, stand.target, stand.half_height, size, finer=_FINER, marks=marks
+            self._renderer(), snapshot.data, stand.eye, stand.target, stand.half_height, size, finer=_FINER, marks=marks
         )
         write_tags(shown, name_tags(self._world, snapshot, stand, size))
         self._lay_plan(shown, t)

@@ -196,7 +196,7 @@ def test_boxes_hold_the_points_that_rays_reach():
                 assert (box is None) <= (visible[scene.ids[name]] == 0)
                 if box is None or visible[scene.ids[name]] < 1:
                     continue
-                local = (data.site_xpos[scene.point_site[place]] - pose.translation) @ pose.rotation
+                local = (data.site_xpos[scene.bodies.point_site[place]] - pose.translation) @ pose.rotation
                 across = np.hypot(local[:, 0], local[:, 1])
                 radius = lens.radius_of_angle(np.arctan2(across, local[:, 2]))
                 u = lens.cx + lens.fx * radius * local[:, 0] / across

@@ -35,7 +35,7 @@ def test_who_hides_whom_is_what_rays_at_everything_say(name: str):
         ids = np.array([world.scene.ids[each] for each in world.scene.names], dtype=np.int16)
         for t in _TIMES_S:
             snapshot = world.snapshot(float(t))
-            points = snapshot.data.site_xpos[world.scene.point_site]
+            points = snapshot.data.site_xpos[world.scene.bodies.point_site]
             for view in simulation.views.values():
                 counted, met = first_met(view, snapshot, points, ids)
                 asked = met >= 0

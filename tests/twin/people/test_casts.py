@@ -1,0 +1,113 @@
+"""Bodies of those who have left make way for those who come, and nobody can tell from what is measured."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from trackers.configuration import validate
+from twin.people import casts
+from twin.people.casts import casts_of
+from twin.people.memory import HISTORY_S
+from twin.people.posture_measures import BodyMeasures
+from twin.scenario import Scenario, load_scenario
+from twin.scene import build_scene
+from twin.simulation import Simulation
+from twin.world import World
+
+EVERY_S, STAY_S = 2.0, 5.0
+SENSORS = {
+    "low": {
+        "kind": "laser", "rate_hz": 4, "sweep_time_s": 0.08, "delay_s": 0.3, "mount": {"xyz": [0, -1, 0.4]},
+    },
+    "camera": {
+        "kind": "camera", "rate_hz": 1, "size": [40, 30], "vertical_field_of_view_deg": 70,
+        "mount": {"xyz": [0, -4, 2], "yaw_deg": 90},
+    },
+}  # fmt: skip
+
+
+def one_after_another(count: int, sensors: tuple[str, ...] = ("low",), **others: Any) -> Scenario:
+    """People who cross the plaza, one every EVERY_S; and whoever else is there."""
+    people = {
+        f"p{number:03d}": {
+            "script": {
+                "kind": "path",
+                "points": [
+                    [EVERY_S * number + t, -3.0 + 1.2 * t, 1.0 + 0.5 * (number % 4)]
+                    for t in (0.0, 0.5 * STAY_S, STAY_S)
+                ],
+            }
+        }
+        for number in range(count)
+    }
+    content = {
+        "name": "crossing",
+        "room": "plaza",
+        "duration_s": EVERY_S * count,
+        "background": "none",
+        "people": people | others,
+        "sensors": {name: SENSORS[name] for name in sensors},
+    }
+    return validate(Scenario, content, "test")
+
+
+def test_as_many_bodies_as_people_at_once_not_as_ever_come() -> None:
+    few, many = (casts_of(one_after_another(count).people) for count in (20, 400))
+    assert len(few) == 1
+    assert max(len(cast.names) for cast in many) <= 32
+    assert sum(len(cast.names) for cast in many) < 2 * 400
+
+
+def test_whoever_is_in_the_room_or_was_just_now_has_a_body(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(casts, "_LEAST", 2)
+    scenario = one_after_another(20, zoe={"start": [3, -3], "arrive_s": 7.0})
+    world = World(scenario)
+    series = casts_of(scenario.people)
+    assert len(series) > 2
+    for t in np.arange(0.0, scenario.duration_s, 0.25).tolist():
+        world.population.advance(t)
+        present = {name for name, there in zip(world.scene.names, world.population.present(t), strict=True) if there}
+        serving = [set(cast.names) for cast in series if cast.serves(t)]
+        assert serving
+        assert all(present <= names for names in serving)
+    assert all("zoe" in cast.names for cast in series)
+    first, second = series[:2]
+    assert not second.serves(second.from_s - 1.01 * HISTORY_S)
+    assert first.until_s == second.from_s
+
+
+def test_nobody_can_tell_that_bodies_were_handed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenario = one_after_another(
+        5,
+        ("low", "camera"),
+        ann={"start": [2, -2], "script": [{"kind": "look", "at": "p003", "for_s": 9}, {"kind": "bend"}]},
+    )
+
+    def measured() -> tuple[list[Any], set[int]]:
+        seen: list[Any] = []
+        bodies = set()
+        with Simulation(scenario, on_truth=seen.append, on_detail=seen.append) as simulation:
+            for delivered in simulation.deliveries():
+                observation = delivered.encoded.observation
+                seen.append(np.asarray(getattr(observation, "rgb", getattr(observation, "ranges_m", None))).tobytes())
+                bodies.add(simulation.world.scene.model.nbody)
+        return seen, bodies
+
+    together, most = measured()
+    monkeypatch.setattr(casts, "_LEAST", 2)
+    by_turns, fewer = measured()
+    assert len(most) == 1
+    assert len(fewer) > 1
+    assert min(fewer) < min(most)
+    assert by_turns == together
+
+
+def test_a_body_measures_the_same_alone_and_in_a_room() -> None:
+    scene = build_scene(load_scenario("lab-five-people"))
+    in_room = BodyMeasures.in_room(scene.model, scene.appearances, scene.names)
+    alone = BodyMeasures.in_room(scene.model, scene.appearances, ())
+    for name, values in vars(in_room).items():
+        np.testing.assert_array_equal(values, getattr(alone, name), name)
