@@ -84,5 +84,6 @@ def print_warning(warning: str) -> None:
 
 def print_paths(files: Mapping[str, Path]) -> None:
     """Where the results are, one path a line."""
+    width = max(map(len, files), default=0)
     for name, path in files.items():
-        print(f"{name:10} {path}")
+        print(f"{name:{width}}  {path}")

@@ -66,12 +66,16 @@ def _draw_states(axes: Axes, environment: Environment) -> None:
 
 
 def _draw_weights(axes: Axes, environment: Environment) -> None:
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
     grid = environment.grid
     flat = np.arange(grid.shape[0] * grid.shape[1]) * grid.shape[2]
     places = grid.centres(flat)
     places[:, 2] = environment.floor_m + _HEAD_M
     weight = environment.head_weight(places).reshape(grid.shape[:2])
-    image = axes.imshow(weight.T, origin="lower", extent=_plan_extent(environment), cmap="Greens", vmin=0, vmax=1.3)
+    pale = ListedColormap(colormaps["Greens"](np.linspace(0.0, 0.77, 256)))  # lines stay legible on it
+    image = axes.imshow(weight.T, origin="lower", extent=_plan_extent(environment), cmap=pale, vmin=0, vmax=1)
     axes.figure.colorbar(image, ax=axes, label="weight", shrink=0.8)
     axes.set_title(f"how likely a head is {_HEAD_M:g} m up: nowhere 0, over furniture 0.5, else 1", loc="left")
 

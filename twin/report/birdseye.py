@@ -22,6 +22,8 @@ Polygon = NDArray[np.float64]  # (k, 2) corners on the floor [m], room frame
 
 SHIFT = 4  # cv2 draws at 1/16 pixel
 _SHELL_M2 = 4.0
+_SAME_PLACE_PX = 12.0
+_LETTER_PX = 6.5  # about a letter's width
 _FARTHEST_M = 1000.0  # where the drawing of a scanner's free space ends that names no limit
 
 
@@ -248,6 +250,31 @@ def room_svg(view: FloorView, rig: Rig, outline: Sequence[Polygon], silent: Coll
     for row, name in enumerate(name for name in rig.sensors if name in silent):
         x, y = view.pixels(rig.sensors[name].room_from_sensor.translation[:2])
         parts.append(f'<text class="axis" x="{x + 10:.1f}" y="{y + 18 + 13 * row:.1f}">{escape(name)}: silent</text>')
+    return "".join(parts)
+
+
+def sensor_names_svg(view: FloorView, rig: Rig) -> str:
+    """The names of the sensors beside them (class `sensor-name`); those of sensors above each other in one line."""
+    together: list[tuple[NDArray[np.float64], list[str]]] = []
+    for name, sensor in rig.sensors.items():
+        at = view.pixels(sensor.room_from_sensor.translation[:2])
+        if not view.inside(at):
+            continue
+        for place, names in together:
+            if np.hypot(*(place - at)) < _SAME_PLACE_PX:
+                names.append(name)
+                break
+        else:
+            together.append((at, [name]))
+    parts = []
+    for (x, y), names in together:
+        text = ", ".join(names)
+        left = x + 9 + _LETTER_PX * len(text) > view.width_px
+        x, anchor = (x - 9, "end") if left else (x + 9, "start")
+        y = min(max(y, 14.0), view.height_px - 22.0)  # clear of the metres along the edge
+        parts.append(
+            f'<text class="sensor-name halo" x="{x:.1f}" y="{y - 5:.1f}" text-anchor="{anchor}">{escape(text)}</text>'
+        )
     return "".join(parts)
 
 

@@ -12,7 +12,7 @@ from trackers.rig import Rig
 from twin.evaluate.summary import Evaluation
 from twin.recording.tables import TrackTable, TruthTable
 from twin.report.beliefs import beliefs_svg
-from twin.report.birdseye import FloorView, Polygon, floor_extent, room_svg, svg_path
+from twin.report.birdseye import FloorView, Polygon, floor_extent, room_svg, sensor_names_svg, svg_path
 from twin.report.palette import IdentityColours
 from twin.report.scan_density import ScanDensity
 from twin.report.spans import unbroken, usual_period_ns
@@ -53,6 +53,7 @@ def path_map(
     if truth is not None:
         parts.append(_true_paths(view, truth, tracks, names))
     parts.append(_track_paths(view, tracks, colours))
+    parts.append(sensor_names_svg(view, true_rig or rig))
     if evaluation is not None:
         parts.extend(_event_marks(view, tracks, evaluation, names))
     span_ns = np.ptp(tracks.frame_stamps_ns) if tracks.frame_stamps_ns.size else 0

@@ -27,6 +27,14 @@ _VERBS = {
     "lie": "lies", "bend": "bends", "reach": "reaches", "look": "looks", "follow": "follows", "meet": "meets",
     "path": "walks as recorded", "leave": "leaves",
 }  # fmt: skip
+_ATTEMPTS = {
+    "sit": "goes to sit",
+    "lie": "goes to lie down",
+    "meet": "goes to meet",
+    "bend": "bends",
+    "reach": "reaches",
+}
+"""What somebody does who never gets so far."""
 SIDEWAYS, BACKWARDS = "walks sideways", "walks backwards"
 
 
@@ -53,23 +61,20 @@ def occasions(population: Population, duration_s: float) -> list[Occasion]:
 
     The moment is the middle of the longest stretch in which the action shows: of sitting, lying, bending and reaching
     when the posture is reached, of a meeting when both stand, of a walk when the person moves. What never comes so far
-    is shown in the middle of the attempt. The population is new, and stepped to the end.
+    is shown in the middle of the attempt, and called one. The population is new, and stepped to the end.
     """
     observed = _observe(population, duration_s)
     found = []
     for place, name in enumerate(population.names):
-        shown: dict[str, Mask] = {}
-        tried: dict[str, Mask] = {}
         for kind in _VERBS:
             at_it = observed.present[:, place] & (observed.doing[:, place] == kind)
             for verb, shows in _shows(kind, observed, place).items():
-                there = at_it if kind != "look" else observed.present[:, place]
-                shown[verb] = there & shows
-                tried[verb] = at_it if verb == _VERBS[kind] and kind in (*_HOLDS, "meet") else shown[verb]
-        for verb, shows in shown.items():
-            middle = _middle(shows if shows.any() else tried[verb], observed.speed[:, place])
-            if middle is not None:
-                found.append(Occasion(name, verb, float(observed.t[middle])))
+                there = (at_it if kind != "look" else observed.present[:, place]) & shows
+                if kind in _ATTEMPTS and not there.any():
+                    verb, there = _ATTEMPTS[kind], at_it
+                middle = _middle(there, observed.speed[:, place])
+                if middle is not None:
+                    found.append(Occasion(name, verb, float(observed.t[middle])))
     places = {name: place for place, name in enumerate(population.names)}
     return sorted(found, key=lambda occasion: (places[occasion.person], occasion.t))
 

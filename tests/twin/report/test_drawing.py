@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
@@ -9,7 +11,7 @@ from staged_run import laboratory, room
 
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor, Pose, Rig
-from twin.report.birdseye import FloorView, ScannerOnFloor, floor_extent, room_svg, svg_path
+from twin.report.birdseye import FloorView, ScannerOnFloor, floor_extent, room_svg, sensor_names_svg, svg_path
 from twin.report.clock import minutes_text, origin_ns, time_text, time_ticks
 from twin.report.palette import IDENTITY_COLOURS, IdentityColours
 from twin.report.spans import Span, spans, unbroken, usual_period_ns, without
@@ -54,6 +56,21 @@ def test_room_svg_names_things_safely() -> None:
     text = room_svg(FloorView.fit(floor_extent(rig, []), 400), rig, room())
     assert "&lt;b&gt;" in text
     assert text.count('class="structure"') == 7
+
+
+def test_sensors_on_the_plan_have_their_names() -> None:
+    def at(x: float, z: float) -> LaserSensor:
+        return LaserSensor(topic="/scan", room_from_sensor=Pose(xyz=(x, 0.5, z)))
+
+    rig = Rig(sensors={"waist": at(0, 1), "knee": at(0, 0.3), "far-one": at(4, 1)}, area=((0, 0), (4, 0), (4, 1)))
+    view = FloorView.fit(floor_extent(rig, []), 400)
+    texts = re.findall(
+        r'<text class="sensor-name[^>]* x="([0-9.]+)"[^>]*text-anchor="(\w+)">([^<]+)<', sensor_names_svg(view, rig)
+    )
+    (left, begins, both), (right, ends, alone) = texts
+    assert (both, begins) == ("waist, knee", "start")
+    assert (alone, ends) == ("far-one", "end")  # it would leave the picture
+    assert 0 < float(left) < float(right) < 400
 
 
 def test_thinned_path_stays_within_a_third_of_a_pixel() -> None:

@@ -60,6 +60,16 @@ def test_a_posture_is_shown_when_it_is_reached():
     assert world.doing[place] == "sit"
 
 
+def test_who_is_still_on_the_way_to_a_seat_does_not_sit():
+    def sitter(seconds: float) -> set[str]:
+        people = {"ben": {"start": [-0.9, -0.6], "script": {"kind": "sit", "seat": "chair_left"}}}
+        content = {"name": "one", "room": "sensing_room", "people": people, "sensors": SCANNER, "duration_s": seconds}
+        return {each.verb for each in found(validate(Scenario, content, "test"))}
+
+    assert sitter(1.5) == {"goes to sit"}
+    assert sitter(12.0) == {"sits"}
+
+
 def test_the_moment_is_in_the_middle():
     stands = one([{"kind": "stand", "for_s": 4}, {"kind": "walk", "waypoints": [[1.0, -0.6]]}])
     assert stands["stands"] == pytest.approx(2.0, abs=1.5)
