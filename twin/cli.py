@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,6 +17,9 @@ from twin.environment.command import environment
 from twin.interruption import heed_interrupts
 from twin.reproduce.command import reproduce
 from twin.suites.command import app as suites
+
+if TYPE_CHECKING:
+    from twin.scenario import Scenario
 
 EXIT_DONE, EXIT_BAD_INPUT, EXIT_OUR_FAULT, EXIT_INTERRUPTED = 0, 2, 70, 130
 
@@ -44,6 +47,9 @@ Trackers = Annotated[
     typer.Option("--tracker", metavar="NAME", help="A preset, one the scenario defines, or module:Class. Repeatable."),
 ]
 NoVideo = Annotated[bool, typer.Option("--no-video", help="Write no preview.mp4.")]
+NoLimits = Annotated[
+    bool, typer.Option("--no-limits", help="Make even what is larger than limits meant to catch mistakes.")
+]
 NoImages = Annotated[bool, typer.Option("--no-images", help="Leave the cameras out: no rendering at all.")]
 
 
@@ -52,6 +58,15 @@ def _overrides(changes: list[str] | None, seed: int | None, duration_s: float | 
     if duration_s is not None:
         extra.append(f"duration_s={duration_s}")
     return [*(changes or []), *extra]
+
+
+def _tell_size(scenario: Scenario, *, images: bool, limits: bool) -> None:
+    """Say on stderr what a run will make; raise InputError where that is more than the limits, if they hold."""
+    from twin.scenario.size import check_size, size_of
+
+    if limits:
+        check_size(scenario, images=images)
+    sys.stderr.write(f"twin: to make: {size_of(scenario, images=images)}\n")
 
 
 @app.command(epilog="Example: twin run lab-five-people --tracker laser-imm --seed 3 --set background=none")
@@ -64,6 +79,7 @@ def run(
     out: Out = None,
     no_video: NoVideo = False,
     no_images: NoImages = False,
+    no_limits: NoLimits = False,
 ) -> None:
     """Simulate, record, track, evaluate and report."""
     from twin.console import print_metrics, print_paths, print_warning, progress
@@ -71,6 +87,7 @@ def run(
     from twin.scenario import load_scenario
 
     loaded = load_scenario(scenario, _overrides(set_, seed, duration))
+    _tell_size(loaded, images=not no_images, limits=not no_limits)
     with progress() as report:
         result = run_scenario(
             loaded,
@@ -95,6 +112,7 @@ def render(
     out: Out = None,
     no_video: NoVideo = False,
     no_images: NoImages = False,
+    no_limits: NoLimits = False,
 ) -> None:
     """Simulate and record only."""
     from twin.console import print_paths, print_warning, progress
@@ -102,6 +120,7 @@ def render(
     from twin.scenario import load_scenario
 
     loaded = load_scenario(scenario, _overrides(set_, seed, duration))
+    _tell_size(loaded, images=not no_images, limits=not no_limits)
     with progress() as report:
         result = run_scenario(
             loaded,
@@ -246,6 +265,7 @@ def view(
         float | None, typer.Option(metavar="S", help="Where it ends [s]; default: with the scenario.")
     ] = None,
     follow: Annotated[str | None, typer.Option(metavar="NAME", help="Whom the video's camera follows.")] = None,
+    no_limits: NoLimits = False,
     set_: Set = None,
     seed: Seed = None,
     out: Annotated[Path | None, typer.Option(help="The picture to write; default: view.png or people.png.")] = None,
@@ -253,10 +273,13 @@ def view(
     """A look inside: the room and every sensor's view at one moment; its people (--people); a video of them (--video)."""
     from twin.console import print_paths, print_warnings, progress
     from twin.scenario import load_scenario
+    from twin.scenario.size import check_size
     from twin.view import check_choice, write_people, write_video, write_view
 
     check_choice(at=at, people=people, video=video, start_s=from_, end_s=to, follow=follow, out=out)
     loaded = load_scenario(scenario, _overrides(set_, seed, None))
+    if not no_limits:
+        check_size(loaded)
     if video is not None:
         with progress() as report:
             write_video(loaded, video, start_s=from_, end_s=to, follow=follow, on_progress=report)

@@ -16,10 +16,13 @@ from trackers.presets import PRESETS
 from twin.scenario import Scenario, load_scenario
 from twin.scenario.load import dump_scenario
 from twin.scenario.model import TrackerChoice
+from twin.scenario.size import RunSize, check_size, size_of
 from twin.suites.description import Suite, find_scenario
 from twin.suites.fitness import TrackerCheck
 from twin.suites.written import as_texts, variants
 from twin.tracking import file_name
+
+MOST_CASES = 5000
 
 NO_CAMERA = ("laser", "floor")
 """The kinds of sensor that need no renderer."""
@@ -43,13 +46,26 @@ class Case:
     image_based: bool
     resolved: str  # YAML, without trackers: what is simulated
     tracker_changes: tuple[str, ...]  # 'trackers.NAME=...' for those that the scenario defines
+    size: RunSize  # of its recording
 
 
-def expand(suite: Suite, path: Path, changes: Sequence[str] = (), *, plug_ins: bool = True) -> list[Case]:
+def check_number(suite: Suite, path: Path) -> None:
+    """Raise InputError for a suite of more cases than anybody is likely to mean; they are counted, not made."""
+    if suite.n_case > MOST_CASES:
+        raise InputError(
+            f"{path}: has {suite.n_case} cases (seeds × grid × variants × trackers); at most {MOST_CASES}, or --no-limits, "
+            "is expected"
+        )
+
+
+def expand(
+    suite: Suite, path: Path, changes: Sequence[str] = (), *, plug_ins: bool = True, limits: bool = False
+) -> list[Case]:
     """The cases, those of one recording one after the other.
 
     changes: 'path=value' texts for every case, which keeps its id all the same, so that two runs can be compared;
-    plug_ins: whether trackers of the user's own are on this machine, to be looked at too.
+    plug_ins: whether trackers of the user's own are on this machine, to be looked at too; limits: whether to refuse a
+    recording larger than `twin.scenario.size` allows.
     Raises InputError, a line a fault, for scenarios, overrides and trackers that cannot be, or do not fit the scenario's
     rig, and for cases given twice. Nothing is simulated for it.
     """
@@ -63,7 +79,7 @@ def expand(suite: Suite, path: Path, changes: Sequence[str] = (), *, plug_ins: b
             )
     for number in range(len(suite.scenarios)):
         try:
-            found = list(_of_entry(suite, number, path, changes, check))
+            found = list(_of_entry(suite, number, path, changes, check, limits=limits))
         except InputError as error:
             faults |= dict.fromkeys(str(error).splitlines())
             continue
@@ -80,7 +96,9 @@ def expand(suite: Suite, path: Path, changes: Sequence[str] = (), *, plug_ins: b
     return list(cases.values())
 
 
-def _of_entry(suite: Suite, number: int, path: Path, changes: Sequence[str], check: TrackerCheck) -> Iterator[Case]:
+def _of_entry(
+    suite: Suite, number: int, path: Path, changes: Sequence[str], check: TrackerCheck, *, limits: bool
+) -> Iterator[Case]:
     entry = suite.scenarios[number]
     scenario_path = find_scenario(entry, path, number)
     for variant in variants(suite, number, changes):
@@ -90,6 +108,8 @@ def _of_entry(suite: Suite, number: int, path: Path, changes: Sequence[str], che
         told = ", ".join(_short(text) for text in as_texts(variant.own))
         try:
             scenario = load_scenario(scenario_path, [*overrides, *changes])
+            if limits:
+                check_size(scenario)
             label = entry.name or scenario.name
             check.check(variant, scenario, scenario_path, _title(label, told))
         except InputError as error:
@@ -109,6 +129,7 @@ def _of_entry(suite: Suite, number: int, path: Path, changes: Sequence[str], che
                     limit_s=entry.limit_s or suite.limit_s,
                     image_based=_uses_images(scenario, tracker),
                     resolved=resolved,
+                    size=size_of(scenario),
                     tracker_changes=as_texts(
                         {f"trackers.{name}": _options(choice) for name, choice in scenario.trackers.items()}
                     ),

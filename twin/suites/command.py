@@ -52,6 +52,9 @@ def run(
     seed: Annotated[
         int | None, typer.Option(min=0, help="Add this to every seed of the suite: other people, other noise.")
     ] = None,
+    no_limits: Annotated[
+        bool, typer.Option("--no-limits", help="Run even what is larger than limits meant to catch mistakes.")
+    ] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; default: out/suite-<name>.")] = None,
 ) -> None:
     """Run every case of a suite."""
@@ -76,6 +79,7 @@ def run(
         update_baseline=update_baseline,
         seed_offset=seed or 0,
         changes=set_ or [],
+        limits=not no_limits,
     )
     if not well:
         raise typer.Exit(EXIT_FELL_SHORT)

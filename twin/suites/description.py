@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
+from math import prod
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -136,6 +137,17 @@ class Suite(Strict):
                     f"scenarios.{number} ({entry.scenario}) has no trackers and the suite has none; one is needed"
                 )
         return self
+
+    @property
+    def n_case(self) -> int:
+        """How many cases there are, without making them."""
+        return sum(
+            len(entry.seeds or self.seeds)
+            * len(entry.trackers or self.trackers)
+            * len(entry.variants)
+            * prod(len(values) for values in entry.grid.values())
+            for entry in self.scenarios
+        )
 
     def with_seed_offset(self, offset: int) -> Suite:
         """The same suite with other seeds: this much is added to each."""

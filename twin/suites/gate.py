@@ -33,6 +33,7 @@ def run_and_judge(
     update_baseline: bool = False,
     seed_offset: int = 0,
     changes: Sequence[str] = (),
+    limits: bool = True,
 ) -> bool:
     """Run a suite and say whether all went well: no case failed, and nothing is worse than in the baseline.
 
@@ -45,7 +46,7 @@ def run_and_judge(
     before = _baseline_of(suite, baseline, update_baseline)
     cache = RecordingCache(cache_folder(), cache_limit_bytes())
     with suite_progress() as watcher, _told_how_to_go_on():
-        run_suite(suite, path, folder, cache, place, changes=changes, resume=resume, watcher=watcher)
+        run_suite(suite, path, folder, cache, place, changes=changes, resume=resume, watcher=watcher, limits=limits)
     with read_store(folder) as store:
         results = results_of(store)
         comparison = None

@@ -11,8 +11,9 @@ from typing import Any
 
 from twin.recording.whole_file import whole_path
 from twin.results import versions
+from twin.scenario.size import total
 from twin.suites.cache import RecordingCache
-from twin.suites.cases import Case, expand
+from twin.suites.cases import Case, check_number, expand
 from twin.suites.cluster import open_cluster
 from twin.suites.description import Suite, Tolerance
 from twin.suites.engine import run_on
@@ -38,11 +39,15 @@ class Place:
 
 @dataclass(frozen=True)
 class Watcher:
-    """Whom to tell how a run goes: the Dask dashboard's address, if there is one, each case that fails, how far it is."""
+    """Whom to tell how a run goes.
+
+    The Dask dashboard's address, if there is one, each case that fails, how far it is, and before what it will make.
+    """
 
     dashboard: Callable[[str], object] = lambda address: None
     failed: Callable[[str, str], object] = lambda case_id, error: None
     state: Callable[[State], object] = lambda state: None
+    planned: Callable[[str], object] = lambda what: None
 
 
 def run_suite(
@@ -56,16 +61,24 @@ def run_suite(
     resume: bool = False,
     watcher: Watcher | None = None,
     function: Callable[[CaseWork], CaseResult] | None = None,
+    limits: bool = True,
 ) -> None:
     """Run every case of the suite into `folder`/results.sqlite, its files beside; then draw the worst moments.
 
     changes: 'path=value' texts for every case; function: what is done with a case, one that a worker can import (None:
-    `run_case`). A case that fails is noted, and the rest goes on. Raises InputError for a suite that cannot be, for a
-    folder with other results, and where the disk is full or the workers are gone; what was done until then is kept.
+    `run_case`); limits: whether to refuse more cases, people and bytes than anybody is likely to mean. A case that fails
+    is noted, and the rest goes on. Raises InputError for a suite that cannot be, for a folder with other results, and
+    where the disk is full or the workers are gone; what was done until then is kept.
     """
     watcher = watcher or Watcher()
     # What a scheduler's workers have of the user's own is not known here.
-    cases = expand(suite, path, changes, plug_ins=place is None or place.scheduler is None)
+    plug_ins = place is None or place.scheduler is None
+    if limits:
+        check_number(suite, path)
+    watcher.planned(f"{suite.n_case} cases")
+    cases = expand(suite, path, changes, plug_ins=plug_ins, limits=limits)
+    recordings = {case.resolved: case.size for case in cases}
+    watcher.planned(f"{len(recordings)} recordings: {total(recordings.values())}")
     facts = {
         "suite": suite.name,
         "description": suite.description,

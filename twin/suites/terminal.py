@@ -57,6 +57,7 @@ def suite_progress() -> Iterator[Watcher]:
             dashboard=lambda address: console.print(f"Dask dashboard: {address}", soft_wrap=True),
             failed=failed,
             state=state,
+            planned=lambda what: print(f"twin: to make: {what}", file=sys.stderr, flush=True),
         )
 
 

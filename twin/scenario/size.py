@@ -1,0 +1,129 @@
+"""How much a run of a scenario makes: said before it starts, and refused where nobody can have meant it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from math import ceil
+from typing import TYPE_CHECKING
+
+from trackers.errors import InputError
+from twin.scenario.cameras import PinholeDescription, StereoDescription
+from twin.scenario.floor import FloorDescription
+from twin.scenario.sensors import AnyDescription, FisheyeDescription
+
+if TYPE_CHECKING:
+    from twin.scenario.model import Scenario
+
+MOST_PEOPLE = 1000
+MOST_BYTES = 20e9
+"""Of a recording."""
+MOST_PIXELS = 2**24
+"""Of one picture: rendering one takes gigabytes beyond it."""
+MOST_HELD_BYTES = 1e9
+"""Of the pictures of the empty room, which are held in memory at once."""
+
+_HEADER_BYTES = 60.0
+_CAMERA_INFO_BYTES = 360.0
+_TRUTH_BYTES = 1800.0
+"""Of one person at one moment: in the bag under /truth, and in the tables."""
+_JPEG_BYTES_PER_PIXEL = 0.25
+_DEPTH_BYTES_PER_PIXEL = 0.77
+
+
+@dataclass(frozen=True)
+class RunSize:
+    """What runs make: seconds simulated, people, observations, and about how many bytes of recording."""
+
+    seconds: float = 0.0
+    people: int = 0
+    observations: int = 0
+    n_bytes: float = 0.0
+
+    def __str__(self) -> str:
+        return (
+            f"{self.seconds:g} s, {_counted(self.people, 'person', 'people')}, "
+            f"{_counted(self.observations, 'observation', 'observations')}, about {_bytes(self.n_bytes)}"
+        )
+
+
+def size_of(scenario: Scenario, *, images: bool = True) -> RunSize:
+    """What a run makes, by what shipped scenarios were measured to make: bytes within a factor of two or so."""
+    observations, n_bytes, most_looks = 0, 0.0, 0
+    for sensor in scenario.sensors.values():
+        if _pixels(sensor) and not images:
+            continue
+        looks = max(0, ceil((scenario.duration_s - sensor.phase_s) * sensor.rate_hz))
+        frames = scenario.background_frames if scenario.background == "captured" else 0
+        most_looks = max(most_looks, looks)
+        observations += looks
+        n_bytes += (looks + frames) * _bytes_of_a_look(sensor)
+    n_bytes += most_looks * len(scenario.people) * _TRUTH_BYTES
+    return RunSize(scenario.duration_s, len(scenario.people), observations, n_bytes)
+
+
+def total(sizes: Iterable[RunSize]) -> RunSize:
+    """All runs together; of their people, the most of any."""
+    sizes = list(sizes)
+    return RunSize(
+        sum(each.seconds for each in sizes),
+        max((each.people for each in sizes), default=0),
+        sum(each.observations for each in sizes),
+        sum(each.n_bytes for each in sizes),
+    )
+
+
+def check_size(scenario: Scenario, *, images: bool = True) -> None:
+    """Raise InputError for a run that would make more than anybody is likely to mean: people, bytes, pixels."""
+    size = size_of(scenario, images=images)
+    refuse = _refuser(f"scenario {scenario.name!r}")
+    if size.people > MOST_PEOPLE:
+        refuse("people", f"{size.people} are there", f"at most {MOST_PEOPLE}")
+    for name, sensor in scenario.sensors.items():
+        if images and _pixels(sensor) > MOST_PIXELS:
+            refuse(f"sensors.{name}", f"a picture has {_pixels(sensor)} pixels", f"at most {MOST_PIXELS}")
+    held = sum(3.0 * _pixels(sensor) for sensor in scenario.sensors.values()) * scenario.background_frames
+    if images and scenario.background == "captured" and held > MOST_HELD_BYTES:
+        refuse(
+            "background_frames",
+            f"{scenario.background_frames} pictures of the empty room by every camera are {_bytes(held)} in memory",
+            f"at most {_bytes(MOST_HELD_BYTES)}",
+        )
+    if size.n_bytes > MOST_BYTES:
+        refuse("duration_s", f"the recording would be {size}", f"at most {_bytes(MOST_BYTES)}")
+
+
+def _refuser(source: str) -> Callable[[str, str, str], None]:
+    def refuse(field: str, what: str, valid: str) -> None:
+        raise InputError(f"{source}: {field}: {what}; {valid}, or --no-limits, is expected")
+
+    return refuse
+
+
+def _pixels(sensor: AnyDescription) -> int:
+    """Of a sensor's picture; 0 where it takes none."""
+    if isinstance(sensor, FisheyeDescription | PinholeDescription | StereoDescription):
+        lens = sensor.intrinsics()
+        return lens.width * lens.height
+    return 0
+
+
+def _bytes_of_a_look(sensor: AnyDescription) -> float:
+    pixels = _pixels(sensor)
+    if pixels:
+        per_pixel = _JPEG_BYTES_PER_PIXEL + isinstance(sensor, StereoDescription) * _DEPTH_BYTES_PER_PIXEL
+        return _HEADER_BYTES + _CAMERA_INFO_BYTES + pixels * per_pixel
+    if isinstance(sensor, FloorDescription):
+        return _HEADER_BYTES + sensor.rows * sensor.columns
+    return _HEADER_BYTES + 4.0 * getattr(sensor, "n_beam", 0)
+
+
+def _counted(count: int, one: str, many: str) -> str:
+    return f"{count} {one if count == 1 else many}"
+
+
+def _bytes(count: float) -> str:
+    for unit, size in (("TB", 1e12), ("GB", 1e9), ("MB", 1e6)):
+        if count >= size:
+            return f"{count / size:.3g} {unit}"
+    return f"{count / 1e3:.3g} kB"
