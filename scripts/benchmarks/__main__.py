@@ -24,6 +24,7 @@ from benchmarks import (
     suites,
     tracking,
     truth,
+    vision,
 )
 from benchmarks.figure import Figure
 from benchmarks.fuzz import run as fuzz
@@ -45,6 +46,7 @@ BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
     "processes": processes.measure,
     "truth": truth.shares,
     "environment": environment.measure,
+    "vision": vision.measure,
     "scanner-noise": faults.scanner_noise,
     "faults": faults.cost,
     "suite-speed": suites.speed_up,

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import statistics
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 
-from benchmarks.figure import Figure
+from benchmarks.figure import Figure, median_s
 from trackers.configuration import validate
 from trackers.environment import Environment, build_environment
 from twin.environment.run import scan_scenario
@@ -17,7 +16,7 @@ from twin.scenario import Scenario
 from twin.sensors.rays import cast
 from twin.snapshot import Snapshot
 
-_POINTS, _ROUNDS = 2000, 50
+_POINTS = 2000
 _TOPS = {
     "lab": ("desk_top",),
     "sensing_room": ("table_top", "dresser_top"),
@@ -63,18 +62,11 @@ def _queries(environment: Environment) -> Iterator[Figure]:
         "head_weight": lambda: environment.head_weight(points),
         "visible": lambda: environment.visible(camera, points),
     }
+    ways = np.random.default_rng(1).normal(size=(_POINTS, 3))
+    along = median_s(lambda: environment.range_along(camera, ways))
+    yield Figure(f"range_along {_POINTS} rays", 1e3 * along, "ms", "")
     for name, query in queries.items():
-        yield Figure(f"{name} of {_POINTS} points", 1e3 * _median_s(query), "ms", "<= 1")
-
-
-def _median_s(query: Callable[[], Any]) -> float:
-    query()
-    spent = []
-    for _ in range(_ROUNDS):
-        start = time.perf_counter()
-        query()
-        spent.append(time.perf_counter() - start)
-    return statistics.median(spent)
+        yield Figure(f"{name} of {_POINTS} points", 1e3 * median_s(query), "ms", "<= 1")
 
 
 def _wall_gaps(environment: Environment, snapshot: Snapshot) -> np.ndarray:

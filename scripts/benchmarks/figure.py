@@ -41,3 +41,14 @@ def median_ratio(measured: Callable[[], object], bare: Callable[[], object], rou
         measured()
         ratios.append((time.perf_counter() - middle) / (middle - start))
     return statistics.median(ratios)
+
+
+def median_s(call: Callable[[], object], rounds: int = 100) -> float:
+    """Median over rounds of what a call costs [s], after one that is not counted."""
+    call()
+    spent = []
+    for _ in range(rounds):
+        start = time.perf_counter()
+        call()
+        spent.append(time.perf_counter() - start)
+    return statistics.median(spent)
