@@ -6,7 +6,8 @@ Nothing heavy is imported until a tracker is made.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterable, Mapping
+import inspect
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any
@@ -90,6 +91,7 @@ def make_tracker(
 
     background: observations of the empty room; rng: the tracker's own generator; options: laid over the preset's,
     at every depth. Raises InputError for a name, module, class or option that does not exist, naming the valid ones.
+    What is imported here runs: a name that a file holds is for the caller to refuse (see `twin.chosen_trackers`).
     """
     known = available()
     if name in known:
@@ -100,8 +102,28 @@ def make_tracker(
         raise InputError(
             f"tracker {name!r} is unknown; valid ones are {', '.join(known)}, or a class of yours as module:Class"
         )
-    maker = _load(preset.target, name)
-    return maker(rig, background, rng, **laid_over(preset.options, options or {}))
+    maker, given = _load(preset.target, name), laid_over(preset.options, options or {})
+    try:
+        return maker(rig, background, rng, **given)
+    except TypeError as error:
+        if error.__traceback__ is None or error.__traceback__.tb_next is not None:
+            raise  # from within the class
+        raise InputError("\n".join(_unfit_call(maker, name, given, error))) from error
+
+
+def _unfit_call(maker: Any, name: str, options: Mapping[str, Any], error: TypeError) -> Iterator[str]:
+    """The options that the class does not take; else what Python says of the call."""
+    takes = list(inspect.signature(maker).parameters.values())[3:]
+    valid = [each.name for each in takes if each.kind in (each.POSITIONAL_OR_KEYWORD, each.KEYWORD_ONLY)]
+    unknown = [option for option in options if option not in valid]
+    if any(each.kind is each.VAR_KEYWORD for each in takes) or not unknown:
+        called = f"{getattr(maker, '__name__', name)}(rig, background, rng, **options)"
+        yield f"tracker {name!r}: {error}; a class made as {called} is expected"
+        return
+    for option in unknown:
+        yield (
+            f"tracker {name!r}: {option}: unknown key; valid here: {', '.join(valid) or 'none, as it takes no options'}"
+        )
 
 
 def _load(target: str, name: str) -> Any:

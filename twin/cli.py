@@ -21,7 +21,7 @@ from twin.suites.command import app as suites
 if TYPE_CHECKING:
     from twin.scenario import Scenario
 
-EXIT_DONE, EXIT_BAD_INPUT, EXIT_OUR_FAULT, EXIT_INTERRUPTED = 0, 2, 70, 130
+EXIT_DONE, EXIT_FELL_SHORT, EXIT_BAD_INPUT, EXIT_OUR_FAULT, EXIT_INTERRUPTED = 0, 1, 2, 70, 130
 
 app = typer.Typer(
     name="twin",
@@ -45,6 +45,9 @@ Duration = Annotated[float | None, typer.Option(metavar="S", help="Seconds to si
 Trackers = Annotated[
     list[str] | None,
     typer.Option("--tracker", metavar="NAME", help="A preset, one the scenario defines, or module:Class. Repeatable."),
+]
+AllowPlugins = Annotated[
+    bool, typer.Option("--allow-plugins", help="Run the classes (module:Class) that the scenario itself names.")
 ]
 NoVideo = Annotated[bool, typer.Option("--no-video", help="Write no preview.mp4.")]
 NoLimits = Annotated[
@@ -80,14 +83,18 @@ def run(
     no_video: NoVideo = False,
     no_images: NoImages = False,
     no_limits: NoLimits = False,
+    allow_plugins: AllowPlugins = False,
 ) -> None:
     """Simulate, record, track, evaluate and report."""
+    from twin.chosen_trackers import TrustedClasses, import_from_here, typed_classes
     from twin.console import print_metrics, print_paths, print_warning, progress
     from twin.run import run_scenario
     from twin.scenario import load_scenario
 
     loaded = load_scenario(scenario, _overrides(set_, seed, duration))
     _tell_size(loaded, images=not no_images, limits=not no_limits)
+    typed = typed_classes(set_ or [])
+    import_from_here([*typed, *(tracker or [])])
     with progress() as report:
         result = run_scenario(
             loaded,
@@ -95,12 +102,22 @@ def run(
             out=out,
             video=not no_video,
             images=not no_images,
+            trusted=TrustedClasses(typed, every=allow_plugins),
             on_progress=report,
             on_warning=print_warning,
         )
     if result.metrics is not None:
         print_metrics(result.metrics)
     print_paths(result.files)
+    _tell_failures(result.failures)
+
+
+def _tell_failures(failures: Sequence[str]) -> None:
+    """What plug-ins did wrong beside trackers that have results: the exit code is that of a check that fell short."""
+    for failure in failures:
+        sys.stderr.write(f"twin: {failure}\n")
+    if failures:
+        raise typer.Exit(EXIT_FELL_SHORT)
 
 
 @app.command(epilog="Example: twin render lab-five-people --duration 10 --out out/ten-seconds")
@@ -150,9 +167,11 @@ def track(
     ] = None,
 ) -> None:
     """Track a recording: the twin's or a robot's."""
+    from twin.chosen_trackers import import_from_here, typed_classes
     from twin.console import print_metrics, print_paths, print_warning, progress
     from twin.track import track_recording
 
+    import_from_here([*typed_classes(set_ or []), *(tracker or [])])
     with progress() as report:
         result = track_recording(
             recording,
@@ -169,6 +188,7 @@ def track(
     if result.metrics is not None:
         print_metrics(result.metrics)
     print_paths(result.files)
+    _tell_failures(result.failures)
 
 
 @app.command(epilog="Example: twin evaluate out/lab-five-people-0/truth.csv out/lab-five-people-0/tracks/laser-imm.csv")
@@ -299,14 +319,12 @@ def view(
 
 def main() -> None:
     """Run the command line; every way out has its exit code (see the README)."""
-    from trackers.errors import InputError
+    from trackers.errors import InputError, PlugInError
 
     # Small matrices everywhere: threads of BLAS would only get in the way of the work beside them.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Pictures are drawn through EGL here, whatever other programs of the user's draw with.
     os.environ.pop("MUJOCO_GL", None)
-    # A tracker of the user's own is found where they are, as with `python -m twin`.
-    sys.path.append(os.getcwd())
     heed_interrupts()
     try:
         _check_none_is_empty(sys.argv[1:])
@@ -316,6 +334,8 @@ def main() -> None:
         sys.exit(code if isinstance(code, int) else EXIT_DONE)
     except InputError as error:
         _fail(str(error))
+    except PlugInError as error:
+        _fail(str(error), EXIT_FELL_SHORT)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(EXIT_DONE)
@@ -341,9 +361,9 @@ def _check_none_is_empty(arguments: Sequence[str]) -> None:
             raise InputError(f"{named}: an argument is empty; a name, path or value is expected")
 
 
-def _fail(message: str) -> None:
+def _fail(message: str, code: int = EXIT_BAD_INPUT) -> None:
     sys.stderr.write(f"twin: {message}\n")
-    sys.exit(EXIT_BAD_INPUT)
+    sys.exit(code)
 
 
 def _our_fault() -> None:

@@ -9,10 +9,10 @@ from pathlib import Path
 from trackers.observations import Observation
 from trackers.rig import Rig
 from trackers.tracks import TrackFrame
+from twin.chosen_trackers import ChosenTracker
 from twin.preview import Preview, preview
 from twin.report.birdseye import Polygon
-from twin.scenario.model import TrackerChoice
-from twin.tracking import TrackerAtWork, trackers_at_work
+from twin.tracking import TrackerAtWork, check_somebody_tracks, trackers_at_work
 
 _SLOWEST_HZ, _FASTEST_HZ = 1.0, 60.0
 """What a video is declared as; each picture is shown at its own stamp all the same."""
@@ -30,19 +30,21 @@ class Feed:
         """The sensors that have reported something."""
 
     def observe(self, observation: Observation) -> None:
-        """Feed one observation."""
+        """Feed one observation; raises PlugInError when the last tracker that was left has failed."""
         self.heard.add(observation.sensor)
         if self.shown is not None:
             self.shown.observe(observation)
-            if not self.at_work:
+            if not self.at_work or self.at_work[0].failure:
                 self.shown.draw_untracked(observation)
         for place, each in enumerate(self.at_work):
             self._show(place, each.update(observation))
+        check_somebody_tracks(self.at_work)
 
     def finish(self) -> None:
         """Let the trackers work off what they hold back."""
         for place, each in enumerate(self.at_work):
             self._show(place, each.finish())
+        check_somebody_tracks(self.at_work)
         if self.shown is not None:
             self.shown.finish()
 
@@ -60,8 +62,7 @@ def feed(
     folder: Path,
     rig: Rig,
     background: Sequence[Observation],
-    names: Sequence[str],
-    defined: Mapping[str, TrackerChoice],
+    chosen: Sequence[ChosenTracker],
     seed: int,
     *,
     video_hz: float | None,
@@ -74,10 +75,11 @@ def feed(
 
     `true_rig`: where the sensors truly are, to be drawn where `rig`, what trackers are told, has them elsewhere.
 
-    The files are there under their names when the block ends well. Raises InputError for an unknown tracker or option.
+    The files are there under their names when the block ends well, but for those of trackers that failed. Raises
+    InputError for an unknown tracker or option.
     """
     with ExitStack() as stack:
-        at_work = stack.enter_context(trackers_at_work(names, defined, rig, background, seed, folder / "tracks"))
+        at_work = stack.enter_context(trackers_at_work(chosen, rig, background, seed, folder / "tracks"))
         shown = None
         if video_hz is not None:
             shown = stack.enter_context(
@@ -85,7 +87,7 @@ def feed(
                     folder / "preview.mp4",
                     rig,
                     fps=min(max(video_hz, _SLOWEST_HZ), _FASTEST_HZ),
-                    tracker=names[0] if names else "",
+                    tracker=chosen[0].name if chosen else "",
                     title=title,
                     outline=outline,
                     person_names=person_names,

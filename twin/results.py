@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from trackers.errors import InputError
 from trackers.rig import Rig
 from twin.evaluate import evaluate_with_details
 from twin.feeding import Feed
@@ -40,11 +39,15 @@ SIMPLIFICATIONS = (
 
 @dataclass(frozen=True, eq=False)
 class RunResult:
-    """What a run left: its metrics (None where there is no truth), its files by name, and what it warns of."""
+    """What a run left: its metrics (None where there is no truth), its files by name, what it warns of.
+
+    failures: what each plug-in that raised has done wrong; the metrics and files are those of the other trackers.
+    """
 
     metrics: dict[str, Any] | None
     files: dict[str, Path]
     warnings: tuple[str, ...] = ()
+    failures: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,9 +62,11 @@ class Place:
 
 
 def evaluate_trackers(folder: Path, at_work: Sequence[TrackerAtWork], truth: TruthTable | None) -> list[TrackerResult]:
-    """Each tracker's table read back from `folder/tracks`, with its figures where there is truth."""
+    """The table of each tracker that has not failed, from `folder/tracks`, with its figures where there is truth."""
     results = []
     for each in at_work:
+        if each.failure:
+            continue
         tracks = read_tracks(folder / "tracks" / f"{file_name(each.name)}.csv")
         evaluation = evaluate_with_details(truth, tracks) if truth is not None else None
         results.append(TrackerResult(each.name, tracks, evaluation, each.ms_per_frame()))
@@ -95,9 +100,9 @@ def write_results(
         scans=place.scans,
         person_names=place.person_names,
         silent=[name for name in place.rig.sensors if name not in feed.heard],
-        stills=[Still(jpeg, f"{results[0].name} at {t:.1f} s") for t, jpeg in stills],
+        stills=[Still(jpeg, f"{feed.at_work[0].name} at {t:.1f} s") for t, jpeg in stills],
     )
-    return RunResult(metrics, files)
+    return RunResult(metrics, files, failures=tuple(each.failure for each in feed.at_work if each.failure))
 
 
 def left_alone(at_work: Sequence[TrackerAtWork], faults: Mapping[str, Fault]) -> list[str]:
@@ -118,6 +123,9 @@ def tracker_notes(at_work: Sequence[TrackerAtWork], faults: Mapping[str, Fault])
     """What a reader must know of how the trackers worked: what they left alone or dropped, a background learned on the way."""
     notes = [f"{told}." for told in left_alone(at_work, faults)]
     for each in at_work:
+        if each.failure:
+            notes.append(f"A tracker failed and has no results: {each.failure}.")
+            continue
         if getattr(each.tracker, "background_learned_causally", False):
             notes.append(
                 f"{each.name}: no scans of the empty room; the background was learned from the scans as they came."
@@ -156,36 +164,3 @@ def _metrics_document(facts: RunFacts, results: Sequence[TrackerResult]) -> dict
             if each.evaluation is not None
         },
     }
-
-
-_MADE = ".made-by-twin.json"
-"""Names the files that twin wrote into a folder: others are never overwritten or removed."""
-
-
-def check_folder(folder: Path, names: Sequence[str]) -> None:
-    """Raise InputError where a file of one of these names is in the folder and not made by twin."""
-    made = _made(folder)
-    for name in names:
-        if (folder / name).exists() and name not in made:
-            raise InputError(
-                f"--out {folder}: holds {name}, which twin did not write; an empty folder, or one of an earlier run, "
-                "is expected"
-            )
-
-
-def note_made(folder: Path, written: Sequence[Path], kept: Sequence[str] = ()) -> None:
-    """Note what was written, and remove what an earlier run left and this one did not make anew, but for `kept`.
-
-    So no two runs mix in a folder, and nothing of the user's is touched.
-    """
-    names = {path.relative_to(folder).as_posix() for path in written}
-    earlier = _made(folder)
-    for name in earlier - names - set(kept):
-        (folder / name).unlink(missing_ok=True)
-    with whole_file(folder / _MADE) as stream:
-        json.dump(sorted(names | (earlier & set(kept))), stream)
-
-
-def _made(folder: Path) -> set[str]:
-    path = folder / _MADE
-    return set(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else set()

@@ -12,7 +12,9 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S, Observation
 from trackers.presets import make_tracker
 from trackers.rig import Rig
+from twin.chosen_trackers import NONE_TRUSTED, ChosenTracker, TrustedClasses, choose
 from twin.feeding import feed
+from twin.out_folder import OutFolder, out_folder
 from twin.recording.details import DETAIL_FILES, detail_writer
 from twin.recording.feet import feet_writer
 from twin.recording.tables import read_truth, truth_writer
@@ -26,10 +28,8 @@ from twin.results import (
     OnWarning,
     Place,
     RunResult,
-    check_folder,
     evaluate_trackers,
     left_alone,
-    note_made,
     tracker_notes,
     versions,
     write_results,
@@ -53,19 +53,36 @@ def run_scenario(
     out: Path | None = None,
     video: bool = True,
     images: bool = True,
+    trusted: TrustedClasses = NONE_TRUSTED,
     on_progress: OnProgress = lambda what, done, total: None,
     on_warning: OnWarning = lambda warning: None,
 ) -> RunResult:
     """Simulate, record, track, evaluate and report into `out` (default out/<scenario>-<seed>).
 
     `trackers`: names; None: those the scenario defines, else the default where the rig has what it needs (a warning says
-    where it has not); empty: none, and so no metrics and no report.
-    Every file appears under its name when it is whole. Raises InputError for bad input, before anything is written.
+    where it has not); empty: none, and so no metrics and no report. `trusted`: classes that the scenario may name.
+    Every file appears under its name when it is whole. Raises InputError for bad input, before anything is written, and
+    PlugInError when every tracker has failed; where others are left, the result says which did.
     """
     names = list(trackers) if trackers is not None else list(scenario.trackers) or [DEFAULT_TRACKER]
     folder = out if out is not None else Path("out") / f"{scenario.name}-{scenario.seed}"
-    resolved = dump_scenario(scenario)
-    check_folder(folder, _names(names, video))
+    chosen = choose(names, scenario.trackers, f"scenario {scenario.name}", trusted)
+    is_default = trackers is None and not scenario.trackers
+    with out_folder(folder, _names(names, video)) as out_:
+        return _run(scenario, chosen, is_default, out_, video, images, on_progress, on_warning)
+
+
+def _run(
+    scenario: Scenario,
+    chosen: Sequence[ChosenTracker],
+    is_default: bool,
+    out: OutFolder,
+    video: bool,
+    images: bool,
+    on_progress: OnProgress,
+    on_warning: OnWarning,
+) -> RunResult:
+    folder, resolved = out.path, dump_scenario(scenario)
     listeners: list[Callable[[TruthFrame], object]] = []
     detail_listeners: list[Callable[[TruthDetail], object]] = []
 
@@ -81,12 +98,8 @@ def run_scenario(
         simulation = stack.enter_context(Simulation(scenario, images=images, on_truth=tell, on_detail=tell_detail))
         scene, rig, warnings = simulation.world.scene, simulation.rig, simulation.warnings
         background = list(simulation.background_messages())
-        if (
-            trackers is None
-            and not scenario.trackers
-            and (reason := _unfit(rig, map(simulation.as_read, background), scenario.seed))
-        ):
-            names, warnings = [], (*warnings, reason)
+        if is_default and (reason := _unfit(rig, map(simulation.as_read, background), scenario.seed)):
+            chosen, warnings = [], (*warnings, reason)
         place = Place(
             rig,
             room_outline(scene.model, simulation.world.data),
@@ -98,8 +111,7 @@ def run_scenario(
                 folder,
                 rig,
                 [simulation.as_read(encoded) for encoded in background],
-                names,
-                scenario.trackers,
+                chosen,
                 scenario.seed,
                 video_hz=scenario.sensors[rig.main_sensor].rate_hz if video else None,
                 title=f"{scenario.name}, seed {scenario.seed}",
@@ -114,7 +126,7 @@ def run_scenario(
         bag = stack.enter_context(
             BagWriter(folder / "recording.mcap", rig, scenario_yaml=resolved, names=place.person_names)
         )
-        fed.on_frame = TrackTopics(bag, names).write
+        fed.on_frame = TrackTopics(bag, [each.name for each in chosen]).write
         table = stack.enter_context(truth_writer(folder / "truth.csv", list(simulation.views)))
         feet = stack.enter_context(feet_writer(folder / "truth_feet.csv", list(rig.floors())))
         listeners += [table.write, feet.write, bag.truth]
@@ -132,6 +144,7 @@ def run_scenario(
             on_progress("simulating and tracking", delivered.arrival_ns / NS_PER_S, scenario.duration_s)
         fed.finish()
         spent_s = time.perf_counter() - start
+        out.announce()
 
     files = {
         "recording": folder / "recording.mcap",
@@ -145,7 +158,8 @@ def run_scenario(
     if fed.shown is not None:
         files["preview"] = folder / "preview.mp4"
     metrics = None
-    if names:
+    failures: tuple[str, ...] = ()
+    if chosen:
         on_progress("evaluating and reporting", 0, 1)
         truth = read_truth(files["truth"])
         facts = RunFacts(
@@ -156,7 +170,7 @@ def run_scenario(
             realtime_factor=scenario.duration_s / spent_s,
             versions=versions(gl),
             sensors=simulation.sensor_costs(),
-            command=_command(folder, names, images),
+            command=_command(folder, chosen, images),
             notes=(
                 *conditions_of(scenario),
                 *(f"{each}." for each in warnings),
@@ -165,11 +179,11 @@ def run_scenario(
             ),
         )
         result = write_results(folder, facts, evaluate_trackers(folder, fed.at_work, truth), fed, truth, place)
-        metrics = result.metrics
+        metrics, failures = result.metrics, result.failures
         files |= result.files
         on_progress("evaluating and reporting", 1, 1)
-    note_made(folder, list(files.values()))
-    return RunResult(metrics, files, told)
+    out.finish(list(files.values()))
+    return RunResult(metrics, files, told, failures)
 
 
 def _unfit(rig: Rig, background: Iterable[Observation], seed: int) -> str:
@@ -189,9 +203,11 @@ def _names(trackers: Sequence[str], video: bool) -> list[str]:
     return [*names, *tables, *(["metrics.json", "report.html"] if trackers else [])]
 
 
-def _command(folder: Path, names: Sequence[str], images: bool) -> str:
-    """The line that runs the resolved scenario again."""
+def _command(folder: Path, chosen: Sequence[ChosenTracker], images: bool) -> str:
+    """The line that runs the resolved scenario again, with every class of somebody's own in it."""
     parts = ["twin", "run", str(folder / "scenario.yaml")]
-    for name in names:
-        parts += ["--tracker", name]
+    for each in chosen:
+        parts += ["--tracker", each.name]
+        if ":" in each.target and each.target != each.name:
+            parts += ["--set", f"trackers.{each.name}.preset={each.target}"]
     return shlex.join([*parts, *([] if images else ["--no-images"])])

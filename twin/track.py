@@ -18,7 +18,9 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.plain_data import parse_yaml
 from trackers.tracks import TrackFrame
+from twin.chosen_trackers import ChosenTracker, TrustedClasses, changed_trackers, choose, typed_classes
 from twin.feeding import feed
+from twin.out_folder import OutFolder, out_folder
 from twin.recording.details import DETAIL_FILES
 from twin.recording.reader import Recording
 from twin.recording.tables import truth_table
@@ -32,10 +34,8 @@ from twin.results import (
     OnWarning,
     Place,
     RunResult,
-    check_folder,
     evaluate_trackers,
     left_alone,
-    note_made,
     tracker_notes,
     versions,
     write_results,
@@ -67,19 +67,38 @@ def track_recording(
 
     The default folder is out/<its name>, for the twin's out/<its run>-tracked. `changes`: overrides like
     'trackers.NAME.field=value'; `seed`: of trackers that draw at random (default: that of the run that wrote the bag,
-    else 0); `bag_copy`: where to write a copy of the recording that holds the
-    tracks too. Raises InputError for bad input, before anything is written.
+    else 0); `bag_copy`: where to write a copy of the recording that holds the tracks too. A class (`module:Class`) is taken
+    from `trackers` and `changes`, never from the bag. Raises InputError for bad input, before anything is written, and
+    PlugInError when every tracker has failed; where others are left, the result says which did.
     """
     bag = Recording(recording, rig_path)
     scenario = _scenario_of(bag)
-    defined = _defined(scenario, changes)
-    seed = seed if seed is not None else scenario.seed if scenario is not None else 0
-    title = scenario.name if scenario is not None else recording.stem
-    folder = out if out is not None else _default_folder(recording, bag)
     names = list(trackers)
+    source = "--set" if scenario is None else f"{recording}, topic /scenario"
+    chosen = choose(names, _defined(scenario, names, changes), source, TrustedClasses(typed_classes(changes)))
     if bag_copy is not None:
         check_copy(recording, bag_copy)
-    check_folder(folder, [*(f"tracks/{file_name(name)}.csv" for name in names), "report.html", *_BESIDES])
+    seed = seed if seed is not None else scenario.seed if scenario is not None else 0
+    folder = out if out is not None else _default_folder(recording, bag)
+    command = _command(recording, names, rig_path, changes, seed)
+    with out_folder(folder, [*(f"tracks/{file_name(name)}.csv" for name in names), "report.html", *_BESIDES]) as place:
+        return _track(bag, scenario, chosen, seed, place, video, bag_copy, command, on_progress, on_warning)
+
+
+def _track(
+    bag: Recording,
+    scenario: Scenario | None,
+    chosen: Sequence[ChosenTracker],
+    seed: int,
+    out: OutFolder,
+    video: bool,
+    bag_copy: Path | None,
+    command: str,
+    on_progress: OnProgress,
+    on_warning: OnWarning,
+) -> RunResult:
+    folder, recording = out.path, bag.path
+    title = scenario.name if scenario is not None else recording.stem
     truth_frames = list(bag.truth())
     truth = truth_table(truth_frames, str(recording)) if truth_frames else None
     person_names = {number: name for number, name in enumerate(scenario.people, start=1)} if scenario else None
@@ -91,8 +110,7 @@ def track_recording(
         folder,
         bag.rig,
         bag.background,
-        names,
-        defined,
+        chosen,
         seed,
         video_hz=_rate_hz(bag) if video else None,
         title=title,
@@ -115,6 +133,7 @@ def track_recording(
             fed.observe(observation)
         fed.finish()
         spent_s = time.perf_counter() - start
+        out.announce()
 
     duration_s = scenario.duration_s if scenario is not None else bag.duration_s
     facts = RunFacts(
@@ -124,17 +143,18 @@ def track_recording(
         duration_s=duration_s,
         realtime_factor=duration_s / spent_s,
         versions=versions(None),
-        command=_command(recording, names, rig_path, changes, seed),
+        command=command,
         notes=(*tracker_notes(fed.at_work, faults), *(SIMPLIFICATIONS if bag.is_twin else ())),
     )
     result = write_results(folder, facts, evaluate_trackers(folder, fed.at_work, truth), fed, truth, place)
-    note_made(
-        folder,
+    out.finish(
         list(result.files.values()),
         kept=("recording.mcap", "truth.csv", "truth_feet.csv", *DETAIL_FILES, "scenario.yaml"),
     )
     files = result.files
     if bag_copy is not None:
+        names = [each.name for each in fed.at_work if not each.failure]
+        frames = [(name, frame) for name, frame in frames if name in names]
         copy_with_tracks(recording, bag_copy, names, frames, bag.start_ns)
         files = files | {"bag": bag_copy}
     return replace(result, files=files, warnings=tuple(warnings))
@@ -165,10 +185,13 @@ def _scenario_of(bag: Recording) -> Scenario | None:
     return validate(Scenario, parse_yaml(bag.scenario_yaml, source, "a resolved scenario"), source)
 
 
-def _defined(scenario: Scenario | None, changes: Sequence[str]) -> dict[str, TrackerChoice]:
-    """The trackers that the bag's scenario defines, with the overrides applied."""
+def _defined(scenario: Scenario | None, names: Sequence[str], changes: Sequence[str]) -> dict[str, TrackerChoice]:
+    """The trackers that the bag's scenario defines, with the overrides applied; of those that nobody asks for, none."""
+    asked = {*names, *changed_trackers(changes)}
     content = {
-        "trackers": {name: choice.model_dump(exclude_none=True) for name, choice in scenario.trackers.items()}
+        "trackers": {
+            name: choice.model_dump(exclude_none=True) for name, choice in scenario.trackers.items() if name in asked
+        }
         if scenario is not None
         else {}
     }

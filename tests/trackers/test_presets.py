@@ -66,6 +66,24 @@ def test_a_class_of_ones_own_by_module_and_name(tmp_path, monkeypatch):
         make_tracker("my_broken_tracker:Mine", on)
 
 
+def test_an_option_that_a_class_does_not_take_is_bad_input(tmp_path, monkeypatch):
+    (tmp_path / "my_speedy_tracker.py").write_text(
+        "class Speedy:\n    def __init__(self, rig, background, rng, *, speed=1): self.speed = speed + 0\n"
+        "class Plain:\n    def __init__(self, rig, background, rng): ...\n"
+        "class Other:\n    def __init__(self, rig): ...\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    assert make_tracker("my_speedy_tracker:Speedy", rig(), options={"speed": 3}).speed == 3
+    for name, valid in (("Speedy", "speed"), ("Plain", "none, as it takes no options")):
+        target = f"my_speedy_tracker:{name}"
+        with pytest.raises(InputError, match=f"^tracker '{target}': sped: unknown key; valid here: {valid}$"):
+            make_tracker(target, rig(), options={"sped": 1})
+    with pytest.raises(InputError, match=r"a class made as Other\(rig, background, rng, \*\*options\) is expected"):
+        make_tracker("my_speedy_tracker:Other", rig())
+    with pytest.raises(TypeError, match="unsupported operand"):  # raised within the class: its own fault
+        make_tracker("my_speedy_tracker:Speedy", rig(), options={"speed": None})
+
+
 def test_installed_entry_points_are_found_and_do_not_replace_presets(monkeypatch):
     points = [
         EntryPoint("lab-tracker", "trackers.laser_fisheye_imm.tracker:LaserFisheyeImm", "roomtwin.trackers"),

@@ -195,7 +195,7 @@ def test_a_run_that_is_stopped_leaves_no_half_written_file(number: signal.Signal
     _, stderr = process.communicate(timeout=60)
     assert process.returncode != 0
     assert "Traceback" not in stderr
-    visible = [path for path in tmp_path.rglob("*") if path.is_file() and ".partial" not in path.as_posix()]
+    visible = [path for path in tmp_path.rglob("*") if path.is_file() and "/." not in path.as_posix()]
     assert visible == []
     if number != signal.SIGKILL:
         assert process.returncode == 130

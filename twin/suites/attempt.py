@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from trackers.errors import InputError
+from trackers.errors import InputError, PlugInError
+from twin.plug_in_faults import first_line
 
 Way = Literal["done", "bad input", "no space", "raised"]
 
@@ -55,9 +56,15 @@ def attempt(function: Callable[[Any], Any], work: Any, limit_s: float, log: Path
         if error.errno in _NO_SPACE:
             message = f"{error.filename or log or 'a file'}: cannot be written ({error.strerror})"
             return Attempt("no space", None, spent_s(), message)
-        return Attempt("raised", None, spent_s(), traceback.format_exc())
-    except (Exception, SystemExit):  # a plug-in that leaves the process is a failed case, no more
-        return Attempt("raised", None, spent_s(), traceback.format_exc())
+        return Attempt("raised", None, spent_s(), _told(error))
+    except (Exception, SystemExit) as error:  # a plug-in that leaves the process is a failed case, no more
+        return Attempt("raised", None, spent_s(), _told(error))
+
+
+def _told(error: BaseException) -> str:
+    """What was raised, on a line of its own, and then how it came to it."""
+    what = str(error) if isinstance(error, PlugInError) else f"{type(error).__name__}: {error}"
+    return f"{first_line(what)}\n{traceback.format_exc()}"
 
 
 def log_tail(log: Path | None) -> str:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import fcntl
+import hashlib
+import json
 import os
 import shutil
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,6 +21,8 @@ LIMIT_VARIABLE = "ROOMTWIN_CACHE_GB"
 _GB = 10**9
 _LOCK = ".lock"
 _MAKING = ".making-"
+_SUMS = ".sha256.json"
+"""The digest of each file of a recording, by its name, as it was written."""
 
 
 def cache_folder() -> Path:
@@ -41,6 +46,10 @@ def cache_limit_bytes() -> int:
     return round(limit * _GB)
 
 
+def _warn(message: str) -> None:
+    sys.stderr.write(f"twin: warning: {message}\n")
+
+
 @dataclass(frozen=True)
 class RecordingCache:
     """A folder of recordings, each a folder under its key; several processes may use it at the same time.
@@ -56,11 +65,14 @@ class RecordingCache:
         return self.folder / "recordings"
 
     @contextmanager
-    def recording(self, key: str, make: Callable[[Path], object]) -> Iterator[tuple[Path, bool]]:
+    def recording(
+        self, key: str, make: Callable[[Path], object], warn: Callable[[str], object] = _warn
+    ) -> Iterator[tuple[Path, bool]]:
         """The folder under this key, and whether it was there; it stays at least as long as the block runs.
 
-        Where it is not there, `make(folder)` fills it; it takes its name when it is whole. Other processes that want the
-        same wait for it. Raises InputError where the cache cannot be written.
+        Where it is not there, or not as it was written (`warn` is told), `make(folder)` fills it; it takes its name when it
+        is whole. Other processes that want the same wait for it. Raises InputError where the cache cannot be written, or
+        does not hold what was written.
         """
         entry = self._entries / key
         try:
@@ -72,15 +84,23 @@ class RecordingCache:
                 "is expected"
             ) from error
         try:
-            found = True
-            while True:
-                fcntl.flock(lock, fcntl.LOCK_SH)
-                if entry.is_dir():
-                    break
+            found, made = True, False
+            fcntl.flock(lock, fcntl.LOCK_SH)
+            while (fault := _fault(entry)) is not None:
                 found = False
+                if made and entry.exists():
+                    raise InputError(
+                        f"{entry}: is not as it was written a moment ago ({fault}); ROOMTWIN_CACHE naming a folder on a "
+                        "sound disk is expected"
+                    )
                 fcntl.flock(lock, fcntl.LOCK_EX)
-                if not entry.is_dir():
+                if (fault := _fault(entry)) is not None:  # nobody else has made it while we waited
+                    if entry.exists():
+                        warn(f"{entry}: {fault}; the recording is made again")
+                        self._drop(entry)
                     self._make(entry, make)
+                    made = True
+                fcntl.flock(lock, fcntl.LOCK_SH)
             os.utime(entry)
             yield entry, found
         finally:
@@ -94,6 +114,7 @@ class RecordingCache:
         partial = Path(tempfile.mkdtemp(prefix=f"{_MAKING}{entry.name}.", dir=self._entries))
         try:
             make(partial)
+            _write_sums(partial)
             os.replace(partial, entry)
         except BaseException:
             shutil.rmtree(partial, ignore_errors=True)
@@ -139,7 +160,7 @@ class RecordingCache:
             if entry.name.startswith(".") or not entry.is_dir():
                 continue
             try:
-                size = sum(path.stat().st_size for path in entry.iterdir())
+                size = sum(path.stat().st_size for path in entry.iterdir() if path.name != _SUMS)
                 entries.append((entry.stat().st_mtime, entry, size))
             except FileNotFoundError:
                 continue
@@ -149,11 +170,14 @@ class RecordingCache:
         with self._alone(entry.name) as alone:
             if not alone or not entry.is_dir():
                 return False
-            # Out of the way under another name first: half a recording must never be found.
-            doomed = Path(tempfile.mkdtemp(prefix=f"{_MAKING}{entry.name}.", dir=self._entries))
-            os.replace(entry, doomed / entry.name)
-            shutil.rmtree(doomed, ignore_errors=True)
+            self._drop(entry)
             return True
+
+    def _drop(self, entry: Path) -> None:
+        """Remove an entry whose lock is ours: out of the way first, as half a recording must never be found."""
+        doomed = Path(tempfile.mkdtemp(prefix=f"{_MAKING}{entry.name}.", dir=self._entries))
+        os.replace(entry, doomed / entry.name)
+        shutil.rmtree(doomed, ignore_errors=True)
 
     @contextmanager
     def _alone(self, key: str) -> Iterator[bool]:
@@ -166,3 +190,29 @@ class RecordingCache:
             yield False
         finally:
             os.close(lock)
+
+
+def _write_sums(folder: Path) -> None:
+    sums = {path.name: _digest(path) for path in sorted(folder.iterdir()) if path.is_file()}
+    (folder / _SUMS).write_text(json.dumps(sums), encoding="utf-8")
+
+
+def _fault(entry: Path) -> str | None:
+    """In what a recording is not as it was written; None where it is."""
+    if not entry.exists():
+        return "is not there"
+    try:
+        sums = json.loads((entry / _SUMS).read_text(encoding="utf-8"))
+        for name, digest in sums.items():
+            if _digest(entry / name) != digest:
+                return f"{name} is damaged"
+    except OSError as error:
+        return f"{Path(error.filename).name} cannot be read ({error.strerror})"
+    except (ValueError, AttributeError, TypeError):
+        return f"{_SUMS} is damaged"
+    return None
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -13,6 +13,7 @@ from pydantic import JsonValue
 
 from trackers.errors import InputError
 from trackers.presets import PRESETS
+from twin.chosen_trackers import NONE_TRUSTED, TrustedClasses
 from twin.scenario import Scenario, load_scenario
 from twin.scenario.load import dump_scenario
 from twin.scenario.model import TrackerChoice
@@ -59,19 +60,25 @@ def check_number(suite: Suite, path: Path) -> None:
 
 
 def expand(
-    suite: Suite, path: Path, changes: Sequence[str] = (), *, plug_ins: bool = True, limits: bool = False
+    suite: Suite,
+    path: Path,
+    changes: Sequence[str] = (),
+    *,
+    plug_ins: bool = True,
+    trusted: TrustedClasses = NONE_TRUSTED,
+    limits: bool = False,
 ) -> list[Case]:
     """The cases, those of one recording one after the other.
 
     changes: 'path=value' texts for every case, which keeps its id all the same, so that two runs can be compared;
-    plug_ins: whether trackers of the user's own are on this machine, to be looked at too; limits: whether to refuse a
-    recording larger than `twin.scenario.size` allows.
+    plug_ins: whether trackers of the user's own are on this machine, to be looked at too; trusted: classes that the suite
+    and its scenarios may name; limits: whether to refuse a recording larger than `twin.scenario.size` allows.
     Raises InputError, a line a fault, for scenarios, overrides and trackers that cannot be, or do not fit the scenario's
     rig, and for cases given twice. Nothing is simulated for it.
     """
     cases: dict[str, Case] = {}
     faults: dict[str, None] = {}
-    check = TrackerCheck(path, plug_ins=plug_ins)
+    check = TrackerCheck(path, plug_ins=plug_ins, trusted=trusted)
     for change in changes:
         if change.partition("=")[0].strip() == "seed":
             faults[f"--set {change}: a suite has its seeds under seeds:; --seed N, which adds to each, is expected"] = (

@@ -55,10 +55,14 @@ def run(
     no_limits: Annotated[
         bool, typer.Option("--no-limits", help="Run even what is larger than limits meant to catch mistakes.")
     ] = False,
+    allow_plugins: Annotated[
+        bool, typer.Option("--allow-plugins", help="Run the classes (module:Class) that the suite's files name.")
+    ] = False,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; default: out/suite-<name>.")] = None,
 ) -> None:
     """Run every case of a suite."""
     from trackers.errors import InputError
+    from twin.chosen_trackers import TrustedClasses, import_from_here, typed_classes
     from twin.suites.cluster import read_resources
     from twin.suites.gate import run_and_judge
     from twin.suites.run import Place
@@ -70,6 +74,8 @@ def run(
     if update_baseline and baseline is None:
         raise InputError("--update-baseline: writes to the file of --baseline; --baseline FILE is expected beside it")
     place = Place(jobs, scheduler, read_resources(resource or []))
+    typed = typed_classes(set_ or [])
+    import_from_here(typed)
     well = run_and_judge(
         suite,
         out,
@@ -80,6 +86,7 @@ def run(
         seed_offset=seed or 0,
         changes=set_ or [],
         limits=not no_limits,
+        trusted=TrustedClasses(typed, every=allow_plugins),
     )
     if not well:
         raise typer.Exit(EXIT_FELL_SHORT)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import inspect
 import json
 import logging
-import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +14,7 @@ from trackers.observations import Observation
 from trackers.presets import PRESETS, available, make_tracker
 from trackers.rig import Point2, Rig
 from trackers.tracks import Tracker
+from twin.chosen_trackers import NONE_TRUSTED, TrustedClasses, not_trusted, redefined
 from twin.scenario import Scenario
 from twin.scenario.housings import rig_told
 from twin.scenario.model import TrackerChoice
@@ -28,13 +27,15 @@ class TrackerCheck:
     """Makes each tracker once for each rig, with its options and without a background, and keeps what is wrong.
 
     plug_ins: whether classes of the user's own are on this machine too, as they are not where only a cluster's workers
-    have them. A plug-in that raises anything but an InputError, or one that raises where it has asked for the empty room,
-    is left to its cases: what it would do with the real thing is not known here.
+    have them; trusted: those of them that the suite and its scenarios may name. A plug-in that raises anything but an
+    InputError, or one that raises where it has asked for the empty room, is left to its cases: what it would do with the
+    real thing is not known here.
     """
 
-    def __init__(self, suite: Path, *, plug_ins: bool = True) -> None:
+    def __init__(self, suite: Path, *, plug_ins: bool = True, trusted: TrustedClasses = NONE_TRUSTED) -> None:
         self._suite = suite
         self._plug_ins = plug_ins
+        self._trusted = trusted
         self._walkable: dict[str, tuple[Point2, ...]] = {}
         self._made: dict[tuple[str, ...], list[tuple[str, str]]] = {}
         self._faults: dict[tuple[str, str], dict[str, None]] = {}  # the sentence around its titles: these
@@ -43,6 +44,8 @@ class TrackerCheck:
         """Look at every tracker of a variant: its scenario as resolved, the scenario's file, what to call it."""
         rig = self._rig(scenario)
         for name, choice in scenario.trackers.items():
+            if name in available() and choice.preset not in (None, name):
+                self._tell(redefined(_place(variant, file, f"trackers.{name}.preset"), name, choice.preset))
             if name not in variant.trackers and not _known(choice.preset or name):
                 where = _place(variant, file, f"trackers.{name}.preset" if choice.preset else f"trackers.{name}")
                 self._tell(_unknown(where, choice.preset or name, "a preset: beside the options"))
@@ -52,6 +55,9 @@ class TrackerCheck:
             if not _known(target):
                 where = _place(variant, file, f"trackers.{name}.preset") if choice.preset else listed
                 self._tell(_unknown(where, target, f"one that the scenario {scenario.name} defines"))
+            elif target not in available() and not self._trusted.has(target):
+                where = _place(variant, file, f"trackers.{name}.preset") if choice.preset else listed
+                self._tell(not_trusted(where, target))
             elif target in PRESETS or self._plug_ins:
                 for option, message in self._tried(target, rig, scenario, name):
                     if option:
@@ -112,10 +118,6 @@ def _faults(
         if target in PRESETS or not unlike_a_run:
             yield from (_by_option(line, options) for line in str(error).splitlines())
         return
-    except TypeError as error:
-        if _was_the_call(error):
-            yield from _unfit_call(target, options, error)
-        return
     except (Exception, SystemExit):  # a plug-in's own fault: its case fails with its traceback, and the rest goes on
         return
     if not isinstance(tracker, Tracker):
@@ -140,28 +142,6 @@ def _by_option(line: str, options: Mapping[str, Any]) -> tuple[str, str]:
         if part.split(".")[0] in options:
             return part, ": ".join(parts[place + 1 :])
     return "", line
-
-
-def _was_the_call(error: TypeError) -> bool:
-    """Whether the class does not take what `make_tracker` hands it, rather than failing with it."""
-    trace = error.__traceback__
-    while trace is not None and trace.tb_next is not None:
-        trace = trace.tb_next
-    return trace is not None and trace.tb_frame.f_code is make_tracker.__code__
-
-
-def _unfit_call(target: str, options: Mapping[str, Any], error: TypeError) -> Iterator[tuple[str, str]]:
-    """The options that the class does not take; else what Python says of the call."""
-    known = available()
-    module, _, name = (known[target].target if target in known else target).partition(":")
-    takes = list(inspect.signature(getattr(sys.modules[module], name)).parameters.values())[3:]
-    valid = [each.name for each in takes if each.kind in (each.POSITIONAL_OR_KEYWORD, each.KEYWORD_ONLY)]
-    unknown = [option for option in options if option not in valid]
-    if any(each.kind is each.VAR_KEYWORD for each in takes) or not unknown:
-        yield "", f"{error}; a class made as {name}(rig, background, rng, **options) is expected"
-        return
-    for option in unknown:
-        yield option, f"unknown key; valid here: {', '.join(valid) or 'none, as it takes no options'}"
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from trackers.errors import InputError
+from twin.chosen_trackers import NONE_TRUSTED, TrustedClasses
 from twin.console import print_paths
 from twin.suites.baseline import read_baseline, read_results, write_baseline
 from twin.suites.cache import RecordingCache, cache_folder, cache_limit_bytes
@@ -34,6 +35,7 @@ def run_and_judge(
     seed_offset: int = 0,
     changes: Sequence[str] = (),
     limits: bool = True,
+    trusted: TrustedClasses = NONE_TRUSTED,
 ) -> bool:
     """Run a suite and say whether all went well: no case failed, and nothing is worse than in the baseline.
 
@@ -46,7 +48,18 @@ def run_and_judge(
     before = _baseline_of(suite, baseline, update_baseline)
     cache = RecordingCache(cache_folder(), cache_limit_bytes())
     with suite_progress() as watcher, _told_how_to_go_on():
-        run_suite(suite, path, folder, cache, place, changes=changes, resume=resume, watcher=watcher, limits=limits)
+        run_suite(
+            suite,
+            path,
+            folder,
+            cache,
+            place,
+            changes=changes,
+            trusted=trusted,
+            resume=resume,
+            watcher=watcher,
+            limits=limits,
+        )
     with read_store(folder) as store:
         results = results_of(store)
         comparison = None

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from twin.chosen_trackers import NONE_TRUSTED, TrustedClasses
 from twin.recording.whole_file import whole_path
 from twin.results import versions
 from twin.scenario.size import total
@@ -41,11 +42,13 @@ class Place:
 class Watcher:
     """Whom to tell how a run goes.
 
-    The Dask dashboard's address, if there is one, each case that fails, how far it is, and before what it will make.
+    The Dask dashboard's address, if there is one, each case that fails, what warns, how far it is, and before what it will
+    make.
     """
 
     dashboard: Callable[[str], object] = lambda address: None
     failed: Callable[[str, str], object] = lambda case_id, error: None
+    warned: Callable[[str], object] = lambda warning: None
     state: Callable[[State], object] = lambda state: None
     planned: Callable[[str], object] = lambda what: None
 
@@ -58,6 +61,7 @@ def run_suite(
     place: Place | None = None,
     *,
     changes: Sequence[str] = (),
+    trusted: TrustedClasses = NONE_TRUSTED,
     resume: bool = False,
     watcher: Watcher | None = None,
     function: Callable[[CaseWork], CaseResult] | None = None,
@@ -65,18 +69,18 @@ def run_suite(
 ) -> None:
     """Run every case of the suite into `folder`/results.sqlite, its files beside; then draw the worst moments.
 
-    changes: 'path=value' texts for every case; function: what is done with a case, one that a worker can import (None:
-    `run_case`); limits: whether to refuse more cases, people and bytes than anybody is likely to mean. A case that fails
-    is noted, and the rest goes on. Raises InputError for a suite that cannot be, for a folder with other results, and
-    where the disk is full or the workers are gone; what was done until then is kept.
+    changes: 'path=value' texts for every case; trusted: classes that the suite and its scenarios may name; function: what
+    is done with a case, one that a worker can import (None: `run_case`); limits: whether to refuse more cases, people and
+    bytes than anybody is likely to mean. A case that fails is noted, and the rest goes on. Raises InputError for a suite
+    that cannot be, where no scheduler answers, for a folder with other results, and where the disk is full or the workers
+    are gone; what was done until then is kept.
     """
-    watcher = watcher or Watcher()
+    watcher, place = watcher or Watcher(), place or Place()
     # What a scheduler's workers have of the user's own is not known here.
-    plug_ins = place is None or place.scheduler is None
     if limits:
         check_number(suite, path)
     watcher.planned(f"{suite.n_case} cases")
-    cases = expand(suite, path, changes, plug_ins=plug_ins, limits=limits)
+    cases = expand(suite, path, changes, plug_ins=place.scheduler is None, trusted=trusted, limits=limits)
     recordings = {case.resolved: case.size for case in cases}
     watcher.planned(f"{len(recordings)} recordings: {total(recordings.values())}")
     facts = {
@@ -90,9 +94,11 @@ def run_suite(
         "renderers": [],
     }
     with ExitStack() as stack:
+        # Processes of ours always start, a scheduler may not answer: then the folder is not ours either.
+        elsewhere = open_place(place, stack, watcher) if place.scheduler is not None else None
         store = stack.enter_context(open_store(folder, cases, facts, resume))
         start, before_s = time.perf_counter(), store.facts()["seconds"]
-        run_tasks = open_place(place or Place(), stack, watcher)
+        run_tasks = elsewhere or open_place(place, stack, watcher)
         logs = folder / "logs"
         logs.mkdir(exist_ok=True)
         _run_cases(store, folder, cases, cache, run_tasks, watcher, logs, function or run_case)
@@ -135,6 +141,8 @@ def _run_cases(
             watcher.failed(case.id, end.error)
             return
         result: CaseResult = end.value
+        for warning in result.warnings:
+            watcher.warned(warning)
         _write_files(folder / "cases" / case.id, result.files)
         store.finished(case, end.attempts, end.seconds, flat(result.metrics), result.moments)
         if result.renderer not in renderers:

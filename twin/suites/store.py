@@ -6,10 +6,7 @@ metric, value), `definitions` (what each case is, in order), `moments` (where in
 
 from __future__ import annotations
 
-import fcntl
 import json
-import os
-import socket
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -18,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from trackers.errors import InputError
+from twin.out_folder import locked_folder
 from twin.suites.cases import Case
 from twin.suites.worker import Moment
 
@@ -185,12 +183,8 @@ def open_store(folder: Path, cases: Sequence[Case], facts: Mapping[str, Any], re
     InputError where another process writes there, where there are results and none were to be taken up, and where those
     are of other cases, or of another suite, other changes or other code.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--out {folder}: cannot be made ({error.strerror}); a folder is expected") from error
     path = folder / FILE
-    with _locked(folder):
+    with locked_folder(folder):
         exists = path.exists()
         if exists and not resume:
             raise InputError(
@@ -248,23 +242,3 @@ def _connected(path: Path) -> Iterator[sqlite3.Connection]:
         yield connection
     finally:
         connection.close()
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Hold the folder's lock; the system frees it with the process, however that ends."""
-    path = folder / ".suite.lock"
-    lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
-    try:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            holder = os.read(lock, 200).decode(errors="replace") or "another process"
-            raise InputError(
-                f"--out {folder}: {holder} is writing there at this moment; another folder is expected"
-            ) from None
-        os.ftruncate(lock, 0)
-        os.write(lock, f"process {os.getpid()} on {socket.gethostname()}".encode())
-        yield
-    finally:
-        os.close(lock)

@@ -56,6 +56,7 @@ def suite_progress() -> Iterator[Watcher]:
         yield Watcher(
             dashboard=lambda address: console.print(f"Dask dashboard: {address}", soft_wrap=True),
             failed=failed,
+            warned=lambda warning: console.print(f"warning: {warning}", markup=False, highlight=False, soft_wrap=True),
             state=state,
             planned=lambda what: print(f"twin: to make: {what}", file=sys.stderr, flush=True),
         )

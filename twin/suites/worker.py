@@ -71,6 +71,7 @@ class CaseResult:
     renderer: str
     recorded: bool  # False: the recording was in the cache
     record_s: float
+    warnings: tuple[str, ...] = ()
 
 
 def run_case(work: CaseWork) -> CaseResult:
@@ -87,10 +88,8 @@ def run_case(work: CaseWork) -> CaseResult:
     scenario = resolved_scenario(case)
     start = time.perf_counter()
     renderer = renderer_of(scenario)
-    with work.cache.recording(recording_key(case.resolved, renderer), lambda folder: record(scenario, folder)) as (
-        entry,
-        found,
-    ):
+    key, warnings = recording_key(case.resolved, renderer), []
+    with work.cache.recording(key, lambda folder: record(scenario, folder), warnings.append) as (entry, found):
         record_s = time.perf_counter() - start
         with tempfile.TemporaryDirectory(prefix="roomtwin-case-") as temporary:
             folder = Path(temporary)
@@ -113,6 +112,7 @@ def run_case(work: CaseWork) -> CaseResult:
                 renderer=renderer,
                 recorded=not found,
                 record_s=record_s,
+                warnings=tuple(warnings),
             )
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import os
+import shutil
 import threading
 import time
 from pathlib import Path
@@ -10,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from trackers.errors import InputError
+from twin.suites import cache as suite_cache
 from twin.suites.cache import RecordingCache, cache_folder
 
 
@@ -86,6 +89,65 @@ def test_two_who_want_the_same_make_it_once(tmp_path: Path) -> None:
         thread.start()
     for thread in threads:
         thread.join()
+    assert len(made) == 1
+
+
+def flip_a_bit(entry: Path) -> None:
+    path = entry / "recording.mcap"
+    content = bytearray(path.read_bytes())
+    content[3] ^= 1
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (flip_a_bit, "recording.mcap is damaged"),
+        (lambda entry: os.truncate(entry / "recording.mcap", 4), "recording.mcap is damaged"),
+        (
+            lambda entry: (entry / "recording.mcap").unlink(),
+            "recording.mcap cannot be read (No such file or directory)",
+        ),
+        (lambda entry: (entry / ".sha256.json").unlink(), ".sha256.json cannot be read"),
+        (lambda entry: (entry / ".sha256.json").write_text('["recording.mcap"]'), ".sha256.json is damaged"),
+        (lambda entry: (entry / ".sha256.json").write_text("{"), ".sha256.json is damaged"),
+        (lambda entry: (shutil.rmtree(entry), entry.write_text("")), "cannot be read (Not a directory)"),
+    ],
+)
+def test_a_damaged_recording_is_made_again_and_it_is_said(damage, said: str, tmp_path: Path) -> None:
+    cache, made, warnings = RecordingCache(tmp_path, 10**6), [], []
+    with cache.recording("key", maker(10, made)) as (entry, _):
+        pass
+    damage(entry)
+    with cache.recording("key", maker(10, made), warnings.append) as (entry, found):
+        assert (entry / "recording.mcap").read_bytes() == b"x" * 10 and not found
+    (warning,) = warnings
+    assert warning.startswith(f"{entry}: ") and said in warning and warning.endswith("; the recording is made again")
+    with cache.recording("key", maker(10, made), warnings.append) as (_, found):
+        assert found
+    assert len(made) == 2 and len(warnings) == 1 and cache.size() == (1, 10)
+
+
+def test_a_damaged_recording_is_told_on_stderr(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cache, made = RecordingCache(tmp_path, 10**6), []
+    with cache.recording("key", maker(10, made)) as (entry, _):
+        pass
+    flip_a_bit(entry)
+    with cache.recording("key", maker(10, made)):
+        pass
+    assert (
+        capsys.readouterr().err == f"twin: warning: {entry}: recording.mcap is damaged; the recording is made again\n"
+    )
+
+
+def test_a_disk_that_does_not_hold_what_is_written_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(suite_cache, "_digest", lambda path, count=itertools.count(): str(next(count)))
+    cache, made = RecordingCache(tmp_path, 10**6), []
+    with (
+        pytest.raises(InputError, match=r"is not as it was written a moment ago \(recording.mcap is damaged\)"),
+        cache.recording("key", maker(10, made)),
+    ):
+        pass
     assert len(made) == 1
 
 

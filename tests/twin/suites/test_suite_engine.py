@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
+import socket
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -17,7 +19,7 @@ from distributed import LocalCluster
 from synthetic_cases import do, work_of
 
 from trackers.errors import InputError
-from twin.suites import engine, tasks
+from twin.suites import cluster as suite_cluster, engine, tasks
 from twin.suites.cluster import Cluster, open_cluster, read_resources
 from twin.suites.engine import run_on
 from twin.suites.tasks import MOST_ATTEMPTS, Ended, Listener, OutOfSpaceError, State, Task, run_here
@@ -69,7 +71,10 @@ def test_a_case_that_raises_fails_at_once_with_traceback_and_log_and_the_rest_go
     ends = record.by_id()
     assert [ends[f"square-{k}"].value for k in range(6)] == [k**2 for k in range(6)]
     assert ends["raises"].status == "failed" and ends["raises"].attempts == 1
-    assert "RuntimeError: nothing works today" in ends["raises"].error and "about to raise" in ends["raises"].error
+    assert (
+        ends["raises"].error.startswith("RuntimeError: nothing works today\nTraceback")
+        and "about to raise" in ends["raises"].error
+    )
     assert ends["bad"].error == "sensors.waist: is no good; a better one is expected"
     assert [path.name for path in tmp_path.iterdir()] == ["raises.1.log"]  # logs without a word are not kept
 
@@ -213,8 +218,28 @@ def test_bad_places_are_told_in_one_sentence(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr("twin.suites.cluster._CONNECT_S", 0.2)
     with pytest.raises(InputError, match=r"^--scheduler tcp://127.0.0.1:9: nobody answers there"):
         open_cluster(scheduler="tcp://127.0.0.1:9").__enter__()
-    with pytest.raises(InputError, match=r"^--scheduler nonsense://x: nobody answers there"):
-        open_cluster(scheduler="nonsense://x").__enter__()
+
+
+@pytest.mark.parametrize(
+    "address",
+    ["nonsense", "nonsense://x", "nonsense://x:1", "tcp://", "tcp://x", "x:port", "tcp://x:99999", "tcp://[x:1", ""],
+)
+def test_what_is_no_address_of_a_scheduler_is_said_at_once(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(socket, "create_connection", lambda *arguments, **options: pytest.fail("somebody was asked"))
+    with pytest.raises(
+        InputError, match=rf"^--scheduler {re.escape(address)}: is no address.*tcp://host:8786, is expected$"
+    ):
+        open_cluster(scheduler=address).__enter__()
+
+
+def test_a_host_that_does_not_exist_and_one_that_is_no_scheduler_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InputError, match=r"^--scheduler tcp://nobody.invalid:8786: nobody answers there \("):
+        open_cluster(scheduler="tcp://nobody.invalid:8786").__enter__()
+    monkeypatch.setattr(suite_cluster, "_ANSWER_S", 0.3)
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        port = mute.getsockname()[1]
+        with pytest.raises(InputError, match=rf"^--scheduler tcp://127.0.0.1:{port}: nobody answers there \("):
+            open_cluster(scheduler=f"tcp://127.0.0.1:{port}").__enter__()
     for text in ("GPU", "GPU=x", "=1", "GPU=0", "GPU=nan"):
         with pytest.raises(InputError, match=r"^--resource .*: is no resource; NAME=N"):
             read_resources([text])

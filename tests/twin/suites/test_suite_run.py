@@ -270,9 +270,14 @@ def test_a_case_that_fails_is_exit_1_in_every_report_and_the_rest_is_there(
     code, text, error = command(monkeypatch, *arguments, "--baseline", str(baseline), "--update-baseline")
     assert code == 1 and error is None and not baseline.exists()
     assert rows(folder, "SELECT status, COUNT(*) FROM cases GROUP BY status") == [("done", 12), ("failed", 12)]
-    assert "RuntimeError: nothing works today" in rows(folder, "SELECT error FROM cases WHERE error IS NOT NULL")[0][0]
+    for (error,) in rows(folder, "SELECT error FROM cases WHERE error IS NOT NULL"):
+        assert error.startswith("RuntimeError: nothing works today\nTraceback (most recent call last):")
+    assert (
+        text.count(": RuntimeError: nothing works today") == 24 and "Traceback" not in text
+    )  # as it comes, and at the end
     assert text.count("failed after 1 attempts: ") == 12
     junit = ElementTree.parse(folder / "junit.xml").getroot()
+    assert {each.get("message") for each in junit.findall(".//error")} == {"RuntimeError: nothing works today"}
     assert junit[0].get("errors") == "12" and "nothing works today" in (junit.findall(".//error")[0].text or "")
     assert "What failed" in (folder / "report.html").read_text()
     monkeypatch.delenv("SYNTHETIC_FAULT")
@@ -286,6 +291,11 @@ def test_a_case_that_fails_is_exit_1_in_every_report_and_the_rest_is_there(
     [
         (["run", "no-such"], r"^there is no suite 'no-such'; .*valid are .*smoke"),
         (["run", "smoke", "--jobs", "2", "--scheduler", "tcp://x:1"], r"^--jobs 2 --scheduler tcp://x:1: "),
+        (["run", "smoke", "--scheduler", "nonsense"], r"^--scheduler nonsense: is no address; .*tcp://host:8786"),
+        (
+            ["run", "smoke", "--scheduler", "tcp://nobody.invalid:1"],
+            r"^--scheduler tcp://nobody.invalid:1: nobody answers",
+        ),
         (["run", "smoke", "--update-baseline"], r"^--update-baseline: .*--baseline FILE is expected"),
         (["run", "smoke", "--baseline", "none.json"], r"^none.json: cannot be read \(No such file"),
         (["run", "smoke", "--set", "durations=3"], r"durations: unknown key; did you mean 'duration_s'"),

@@ -1,0 +1,110 @@
+"""Which trackers a run is asked for, and of what code they are made: data names none.
+
+`module:Class` is taken from the command line, from Python and from installed entry points. In a scenario, a suite or a bag
+it is text that somebody else may have written, and importing it would run what they please.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from trackers.errors import InputError
+from trackers.presets import available
+from twin.scenario.load import apply_overrides
+from twin.scenario.model import TrackerChoice
+
+
+@dataclass(frozen=True)
+class TrustedClasses:
+    """The `module:Class` that may be imported although a file is where they stand: `named`, or `every` one."""
+
+    named: frozenset[str] = frozenset()
+    every: bool = False
+
+    def has(self, target: str) -> bool:
+        """Whether what `target` names may be imported."""
+        return self.every or target in self.named
+
+
+NONE_TRUSTED = TrustedClasses()
+
+
+@dataclass(frozen=True)
+class ChosenTracker:
+    """A tracker to be made: the name it goes by, what `make_tracker` calls it, the options to change."""
+
+    name: str
+    target: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+def typed_classes(changes: Sequence[str]) -> frozenset[str]:
+    """The classes that 'trackers.NAME.preset=module:Class' texts of a command line name."""
+    presets = (choice.get("preset") for choice in changed_trackers(changes).values() if isinstance(choice, dict))
+    return frozenset(preset for preset in presets if isinstance(preset, str) and ":" in preset)
+
+
+def changed_trackers(changes: Sequence[str]) -> dict[str, Any]:
+    """What 'trackers.NAME...=value' texts change, by the tracker's name; raises InputError for one that is malformed."""
+    changed = apply_overrides({}, [change for change in changes if change.strip().startswith("trackers")])
+    trackers = changed.get("trackers")
+    return trackers if isinstance(trackers, dict) else {}
+
+
+def import_from_here(typed: Iterable[str]) -> None:
+    """Let classes be found in the current folder, as `python` lets modules, where one of these names is a class.
+
+    For names typed on a command line alone: a file must not choose what is imported from where it lies.
+    """
+    if any(":" in name for name in typed):
+        sys.path.append(os.getcwd())  # last: nothing that lies there takes the place of what is installed
+
+
+def choose(
+    names: Sequence[str], defined: Mapping[str, TrackerChoice], source: str, trusted: TrustedClasses = NONE_TRUSTED
+) -> list[ChosenTracker]:
+    """The trackers called `names`, which the user gives, as `source` (a scenario or a bag) defines them where it does.
+
+    Raises InputError for one named twice, for a definition of what does not exist or under the name of a tracker that
+    does, and for one of `names` that a definition makes a class which is not trusted. Nothing is imported for it.
+    """
+    if len(set(names)) < len(names):
+        raise InputError(f"--tracker {' --tracker '.join(names)}: one is named twice; each name once is expected")
+    known = available()
+    for name, choice in defined.items():
+        target = choice.preset or name
+        if name in known and target != name:
+            raise InputError(redefined(f"{source}: trackers.{name}.preset", name, target))
+        if name not in names and target not in known and ":" not in target:
+            raise InputError(
+                f"{source}: trackers.{name}: there is no tracker {target!r}; valid are {', '.join(known)}, module:Class, "
+                "or a preset: beside the options"
+            )
+    chosen = []
+    for name in names:
+        choice = defined.get(name, TrackerChoice())
+        if choice.preset is not None and ":" in choice.preset and not trusted.has(choice.preset):
+            raise InputError(not_trusted(f"{source}: trackers.{name}.preset", choice.preset))
+        chosen.append(ChosenTracker(name, choice.preset or name, choice.options))
+    return chosen
+
+
+def redefined(where: str, name: str, target: str) -> str:
+    """What is wrong with a definition of `target` under the `name` of a tracker that everybody has, written at `where`."""
+    return (
+        f"{where}: {target!r} would go by the name of another tracker, {name}; a name of its own is expected, and options "
+        "alone under this one"
+    )
+
+
+def not_trusted(where: str, target: str) -> str:
+    """What is wrong with a class in a file that nobody has said to trust, written at `where`."""
+    return (
+        f"{where}: {target!r} is a class, and a file names no code to run; a preset's name is expected here, or the class "
+        "on the command line (--tracker module:Class, or --set trackers.NAME.preset=module:Class), or --allow-plugins for "
+        "a scenario or suite that you trust"
+    )

@@ -1,0 +1,158 @@
+"""The folder that a run writes into: one run at a time, nothing of the user's touched, nothing of a killed run left."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import socket
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path, PurePosixPath
+
+from filelock import FileLock, Timeout
+
+from trackers.errors import InputError
+from twin.recording.whole_file import whole_file
+
+LOCK = ".twin.lock"
+MADE = ".made-by-twin.json"
+"""Names the files that twin wrote into a folder: others are never overwritten or removed."""
+
+_SUBFOLDER = "tracks"
+_LONGEST_LIST_BYTES = 1_000_000
+_WAIT_S = 0.3
+"""So long another process may still be on its way out."""
+
+
+class OutFolder:
+    """A folder of results that is ours alone; made by `out_folder`."""
+
+    def __init__(self, path: Path, names: Sequence[str], made: set[str]) -> None:
+        self.path = path
+        self._names = set(names)
+        self._made = made
+
+    def announce(self) -> None:
+        """Note what is about to be written, before the first file appears: a run that fails late may be run again."""
+        self._note(self._made | self._names)
+
+    def finish(self, written: Sequence[Path], kept: Sequence[str] = ()) -> None:
+        """Note what was written, and remove what an earlier run left and this one did not make anew, but for `kept`.
+
+        So no two runs mix in a folder, and nothing of the user's is touched.
+        """
+        names = {path.relative_to(self.path).as_posix() for path in written}
+        for name in self._made - names - set(kept):
+            (self.path / name).unlink(missing_ok=True)
+        self._note(names | (self._made & set(kept)))
+
+    def _note(self, names: set[str]) -> None:
+        with whole_file(self.path / MADE) as stream:
+            json.dump(sorted(names), stream)
+
+
+@contextmanager
+def out_folder(path: Path, names: Sequence[str]) -> Iterator[OutFolder]:
+    """The folder, ours alone as long as the block runs, for files of these names (plain, or `tracks/` and plain).
+
+    What a killed run has left half-written of them goes. Raises InputError where another process writes there, where a
+    file of one of the names is there that twin did not write, and where the list of those it wrote cannot be one.
+    """
+    with locked_folder(path):
+        made = _read_made(path)
+        for name in names:
+            if (path / name).exists() and name not in made:
+                raise InputError(
+                    f"--out {path}: holds {name}, which twin did not write; an empty folder, or one of an earlier run, "
+                    "is expected"
+                )
+        _clear_leftovers(path, made | set(names) | {MADE})
+        yield OutFolder(path, names, made)
+
+
+@contextmanager
+def locked_folder(folder: Path) -> Iterator[None]:
+    """Hold the folder against every other process; it is made where it is not there, and goes again if it stays empty.
+
+    The system frees the lock with the process, however that ends. Raises InputError where another process holds it, and
+    where the folder cannot be made.
+    """
+    missing = [each for each in (folder, *folder.parents) if not each.exists()]
+    path = folder / LOCK
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(path, timeout=_WAIT_S, poll_interval=_WAIT_S / 3)
+        lock.acquire()
+    except Timeout:
+        holder = ""
+        with suppress(OSError):  # its holder has gone meanwhile
+            holder = path.read_text(encoding="utf-8", errors="replace")[:200]
+        raise InputError(
+            f"--out {folder}: {holder or 'another process'} is writing there at this moment; another folder is expected"
+        ) from None
+    except OSError as error:
+        raise InputError(
+            f"--out {folder}: cannot be written ({error.strerror}); a folder is expected, where there is free space"
+        ) from error
+    try:
+        with suppress(OSError):  # a full disk: the lock holds without a word in it
+            path.write_text(f"process {os.getpid()} on {socket.gethostname()}", encoding="utf-8")
+        yield
+    finally:
+        path.unlink(missing_ok=True)  # while it is held: whoever has opened it meanwhile sees that it is gone
+        lock.release()
+        for each in missing:
+            with suppress(OSError):  # it holds something, or never came to be
+                each.rmdir()
+
+
+def _read_made(folder: Path) -> set[str]:
+    """The names in the folder's list; raises InputError for a list that twin cannot have written."""
+    path = folder / MADE
+    if not path.exists() and not path.is_symlink():
+        return set()
+    expected = "the list of files that twin wrote there (names alone, no paths) is expected, or an empty folder"
+    try:
+        if path.is_symlink() or not path.is_file() or path.stat().st_size > _LONGEST_LIST_BYTES:
+            raise ValueError("it is no short file")
+        names = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: cannot be read ({error}); {expected}") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); {expected}") from error
+    if not isinstance(names, list):
+        raise InputError(f"{path}: holds {type(names).__name__}; {expected}")
+    for name in names:
+        if not isinstance(name, str) or not _is_inside(folder, name):
+            raise InputError(f"{path}: {name!r} is no name of a file in this folder; {expected}")
+    return set(names)
+
+
+def _is_inside(folder: Path, name: str) -> bool:
+    """Whether this is a plain name, or one in our own subfolder, of a file that lies in this folder itself."""
+    parts = PurePosixPath(name).parts
+    plain = parts[1:] if parts[:1] == (_SUBFOLDER,) and len(parts) > 1 else parts
+    if len(plain) != 1 or "/".join(parts) != name or plain[0] in (".", "..") or set(plain[0]) & {"\\", "\0"}:
+        return False
+    try:
+        in_link = len(parts) > 1 and (folder / _SUBFOLDER).is_symlink()
+        return not in_link and not ((folder / name).is_dir() and not (folder / name).is_symlink())
+    except OSError:  # a name too long for any file
+        return False
+
+
+def _clear_leftovers(folder: Path, names: set[str]) -> None:
+    """Remove what `whole_path`, the bag and the video leave of these files when their process is killed."""
+    for name in names:
+        place = (folder / name).parent
+        if place.is_symlink() or not place.is_dir():
+            continue
+        start = f".{PurePosixPath(name).name}."
+        for left in place.iterdir():
+            if not (left.name.startswith(start) and left.name.endswith(".partial")):
+                continue
+            if left.is_dir() and not left.is_symlink():
+                shutil.rmtree(left, ignore_errors=True)
+            else:
+                left.unlink(missing_ok=True)
