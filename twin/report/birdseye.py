@@ -247,14 +247,14 @@ def room_svg(view: FloorView, rig: Rig, outline: Sequence[Polygon], silent: Coll
         x, y = view.pixels(sensor.room_from_sensor.translation[:2])
         kind, text = ("sensor silent", f"{name}: silent") if name in silent else ("sensor", name)
         parts.append(f'<circle class="{kind}" cx="{x:.1f}" cy="{y:.1f}" r="5"><title>{escape(text)}</title></circle>')
-    for row, name in enumerate(name for name in rig.sensors if name in silent):
-        x, y = view.pixels(rig.sensors[name].room_from_sensor.translation[:2])
-        parts.append(f'<text class="axis" x="{x + 10:.1f}" y="{y + 18 + 13 * row:.1f}">{escape(name)}: silent</text>')
     return "".join(parts)
 
 
-def sensor_names_svg(view: FloorView, rig: Rig) -> str:
-    """The names of the sensors beside them (class `sensor-name`); those of sensors above each other in one line."""
+def sensor_names_svg(view: FloorView, rig: Rig, silent: Collection[str] = ()) -> str:
+    """The names of the sensors beside them (class `sensor-name`); those of sensors above each other in one line.
+
+    `silent`: the sensors that reported nothing, which is said.
+    """
     together: list[tuple[NDArray[np.float64], list[str]]] = []
     for name, sensor in rig.sensors.items():
         at = view.pixels(sensor.room_from_sensor.translation[:2])
@@ -268,7 +268,7 @@ def sensor_names_svg(view: FloorView, rig: Rig) -> str:
             together.append((at, [name]))
     parts = []
     for (x, y), names in together:
-        text = ", ".join(names)
+        text = ", ".join(f"{name}: silent" if name in silent else name for name in names)
         left = x + 9 + _LETTER_PX * len(text) > view.width_px
         x, anchor = (x - 9, "end") if left else (x + 9, "start")
         y = min(max(y, 14.0), view.height_px - 22.0)  # clear of the metres along the edge

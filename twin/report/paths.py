@@ -53,7 +53,7 @@ def path_map(
     if truth is not None:
         parts.append(_true_paths(view, truth, tracks, names))
     parts.append(_track_paths(view, tracks, colours))
-    parts.append(sensor_names_svg(view, true_rig or rig))
+    parts.append(sensor_names_svg(view, true_rig or rig, silent))
     if evaluation is not None:
         parts.extend(_event_marks(view, tracks, evaluation, names))
     span_ns = np.ptp(tracks.frame_stamps_ns) if tracks.frame_stamps_ns.size else 0
