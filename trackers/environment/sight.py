@@ -56,15 +56,17 @@ def first_met(
     start = start if start.shape[1] == 1 else start[:, line]
     table = leaps.ravel()
     for _ in range(_ROUNDS):
-        leap = np.zeros(len(at), dtype=np.float32)
+        leap, index = np.zeros(len(at), dtype=np.float32), np.zeros(len(at), dtype=np.int32)
         for _ in range(_LEAPS):
-            leap = table.take(_flat(start, along, at, grid))
+            index = _flat(start, along, at, grid)
+            leap = table.take(index)
             at += leap
             np.minimum(at, stop, out=at)
         stopped = leap == 0
-        voxel[line[stopped]] = _flat(_of(start, stopped), along[:, stopped], at[stopped], grid)
+        voxel[line[stopped]] = index[stopped]
         on = ~stopped & (at < stop)
-        line, at, stop, along, start = line[on], at[on], stop[on], along[:, on], _of(start, on)
+        line, at, stop, along = line[on], at[on], stop[on], along[:, on]
+        start = start if start.shape[1] == 1 else start[:, on]
         if not len(line):
             return voxel
     steps = np.arange(0, float((stop - at).max()) + _STEP_VOXELS, _STEP_VOXELS, dtype=np.float32)
@@ -73,11 +75,6 @@ def first_met(
     stops = table.take(passed) == 0
     voxel[line] = np.where(stops.any(axis=1), passed[np.arange(len(line)), stops.argmax(axis=1)], -1)
     return voxel
-
-
-def _of(start: Single, lines: NDArray[np.bool_]) -> Single:
-    """Where these lines start, (3, n), or (3, 1) for all from one place."""
-    return start if start.shape[1] == 1 else start[:, lines]
 
 
 def _flat(start: Single, way: Single, at: Single, grid: Grid) -> NDArray[np.int32]:
