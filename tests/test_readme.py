@@ -10,6 +10,12 @@ import pytest
 from trackers.check import check_tracker
 from trackers.presets import make_tracker
 from trackers.rig import Rig
+from twin.recording.boxes import BOX_COLUMNS
+from twin.recording.feet import FEET_COLUMNS
+from twin.recording.people import PEOPLE_COLUMNS
+from twin.recording.rays import RAY_COLUMNS
+from twin.recording.situations import SITUATION_COLUMNS
+from twin.recording.tables import TRUTH_COLUMNS
 from twin.run import run_scenario
 from twin.scenario import load_scenario
 from twin.simulation import Simulation
@@ -96,3 +102,19 @@ def test_the_pedestrians_are_read_as_shown(tmp_path: Path) -> None:
         f"name: shown\nduration_s: 2\npeople: {{}}\nsensors: {{low: {low}}}\n{pedestrians}"
     )
     assert list(load_scenario(tmp_path / "shown.yaml").people) == ["walker-1"]
+
+
+@pytest.mark.parametrize(
+    ("table", "columns"),
+    [
+        ("truth_people.csv", PEOPLE_COLUMNS),
+        ("truth.csv", (*TRUTH_COLUMNS, "visible_SENSOR")),
+        ("truth_feet.csv", (*FEET_COLUMNS, "cells_FLOOR")),
+        ("truth_boxes.csv", BOX_COLUMNS),
+        ("truth_rays.csv", RAY_COLUMNS),
+        ("truth_situations.csv", SITUATION_COLUMNS),
+    ],
+)
+def test_every_column_of_the_truth_is_explained_in_its_order(table: str, columns: tuple[str, ...]) -> None:
+    (explained,) = re.findall(rf"^\| `{re.escape(table)}` \|[^|]+\|(.*)\|$", README, re.MULTILINE)
+    assert tuple(re.findall(r"`(\w+)`", explained)) == columns

@@ -17,6 +17,7 @@ from twin.feeding import feed
 from twin.out_folder import OutFolder, out_folder
 from twin.recording.details import DETAIL_FILES, detail_writer
 from twin.recording.feet import feet_writer
+from twin.recording.people import write_people
 from twin.recording.tables import read_truth, truth_writer
 from twin.recording.track_messages import TrackTopics
 from twin.recording.whole_file import whole_file
@@ -149,10 +150,12 @@ def _run(
     files = {
         "recording": folder / "recording.mcap",
         "truth": folder / "truth.csv",
+        "truth_people": folder / "truth_people.csv",
         "truth_feet": folder / "truth_feet.csv",
         **{Path(name).stem: folder / name for name in DETAIL_FILES},
         "scenario": folder / "scenario.yaml",
     }
+    write_people(files["truth_people"], place.person_names or {})
     with whole_file(files["scenario"]) as stream:
         stream.write(resolved)
     if fed.shown is not None:
@@ -197,7 +200,7 @@ def _unfit(rig: Rig, background: Iterable[Observation], seed: int) -> str:
 
 def _names(trackers: Sequence[str], video: bool) -> list[str]:
     """What a run writes into its folder."""
-    truth = ["truth.csv", "truth_feet.csv", *DETAIL_FILES]
+    truth = ["truth.csv", "truth_people.csv", "truth_feet.csv", *DETAIL_FILES]
     names = ["recording.mcap", *truth, "scenario.yaml", *(["preview.mp4"] if video else [])]
     tables = [f"tracks/{file_name(name)}.csv" for name in trackers]
     return [*names, *tables, *(["metrics.json", "report.html"] if trackers else [])]

@@ -155,7 +155,7 @@ def _routes(walkable: NDArray[np.float64], obstacles: Sequence[Obstacle], source
     try:
         return Routes(walkable, obstacles)
     except ValueError as error:
-        raise InputError(f"{source}: area: {error}; a wider one is expected") from error
+        raise InputError(f"{source}: room: the walkable area {error}") from error
 
 
 def _check_furniture(scenario: Scenario, furniture: Mapping[str, Seat | Bed]) -> None:

@@ -149,7 +149,7 @@ def _track(
     result = write_results(folder, facts, evaluate_trackers(folder, fed.at_work, truth), fed, truth, place)
     out.finish(
         list(result.files.values()),
-        kept=("recording.mcap", "truth.csv", "truth_feet.csv", *DETAIL_FILES, "scenario.yaml"),
+        kept=("recording.mcap", "truth.csv", "truth_people.csv", "truth_feet.csv", *DETAIL_FILES, "scenario.yaml"),
     )
     files = result.files
     if bag_copy is not None:

@@ -14,6 +14,10 @@ from pathlib import Path
 
 import pytest
 
+from twin.recording.people import read_people
+from twin.recording.tables import read_truth
+from twin.scenario import load_scenario
+
 TWIN = [sys.executable, "-m", "twin"]
 QUICK = ["--duration", "0.5", "--no-images", "--no-video"]
 HEEDING = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
@@ -78,7 +82,8 @@ def test_run_leaves_what_the_contract_says(run_folder: Path) -> None:
     files = [path for path in run_folder.rglob("*") if path.is_file() and not path.name.startswith(".")]
     names = {path.relative_to(run_folder).as_posix() for path in files}
     assert names == {
-        "recording.mcap", "truth.csv", "truth_feet.csv", "truth_boxes.csv", "truth_rays.csv", "truth_situations.csv",
+        "recording.mcap", "truth.csv", "truth_people.csv", "truth_feet.csv", "truth_boxes.csv", "truth_rays.csv",
+        "truth_situations.csv",
         "tracks/laser-imm.csv", "metrics.json", "report.html", "scenario.yaml",
     }  # fmt: skip
     metrics = json.loads((run_folder / "metrics.json").read_text())
@@ -90,6 +95,12 @@ def test_run_leaves_what_the_contract_says(run_folder: Path) -> None:
         "misses", "misidentifications", "lost_tracks", "head_error_m", "head_yaw_error_rad", "gate_m", "at_1m",
         "ms_per_frame",
     }  # fmt: skip
+
+
+def test_the_ids_of_the_truth_have_names(run_folder: Path) -> None:
+    names = read_people(run_folder / "truth_people.csv")
+    assert list(names.values()) == list(load_scenario(run_folder / "scenario.yaml").people)
+    assert set(read_truth(run_folder / "truth.csv").id.tolist()) <= set(names)
 
 
 def test_the_resolved_scenario_runs_again_to_the_same_bits(run_folder: Path, tmp_path: Path) -> None:

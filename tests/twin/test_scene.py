@@ -230,6 +230,15 @@ def test_a_full_area_is_told_with_the_scenario() -> None:
         populate(thin, build_scene(thin))
 
 
+def test_a_room_too_narrow_to_walk_in_is_told_once(tmp_path: Path) -> None:
+    with pytest.raises(
+        InputError,
+        match=r"^scenario '[^']+': room: the walkable area is too narrow to walk in; more than [0-9.]+ m "
+        r"between its edges is expected$",
+    ):
+        build_scene(in_room(tmp_path, "-1 1  1 1  1 1.02  -1 1.02", "area=null"))
+
+
 def test_furniture_called_like_a_person_is_the_room(tmp_path: Path) -> None:
     scene = build_scene(in_room(tmp_path, None, person("bob"), person("ann"), person("ann-b")))
     model = scene.model

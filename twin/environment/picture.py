@@ -74,7 +74,7 @@ def _draw_weights(axes: Axes, environment: Environment) -> None:
     places = grid.centres(flat)
     places[:, 2] = environment.floor_m + _HEAD_M
     weight = environment.head_weight(places).reshape(grid.shape[:2])
-    pale = ListedColormap(colormaps["Greens"](np.linspace(0.0, 0.77, 256)))  # lines stay legible on it
+    pale = ListedColormap(colormaps["Greens"](np.linspace(0.0, 0.5, 256)))  # lines stay legible on it
     image = axes.imshow(weight.T, origin="lower", extent=_plan_extent(environment), cmap=pale, vmin=0, vmax=1)
     axes.figure.colorbar(image, ax=axes, label="weight", shrink=0.8)
     axes.set_title(f"how likely a head is {_HEAD_M:g} m up: nowhere 0, over furniture 0.5, else 1", loc="left")

@@ -44,9 +44,7 @@ class Routes:
         self._open = not len(obstacles) and _is_convex(area)
         inner = inset(area, edge_m)
         if inner is None:
-            raise InputError(
-                f"area: is too narrow to walk in; more than {2 * edge_m:g} m between its edges is expected"
-            )
+            raise InputError(f"is too narrow to walk in; more than {2 * edge_m:g} m between its edges is expected")
         self.area, self.obstacles = area, tuple(obstacles)
         self._radius = radius_m
         self._furniture = [each.furniture for each in obstacles]
