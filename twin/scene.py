@@ -135,7 +135,7 @@ def populate(scenario: Scenario, scene: Scene) -> Population:
 def foot_shapes(scene: Scene) -> FootShapes:
     """The soles of the scene's people, in the order of their names."""
     lengths = [scene.appearances[name].proportions for name in scene.names]
-    measures = ("heel_behind_ankle", "ball_before_ankle", "foot_length", "foot_breadth")
+    measures = ("heel_behind_ankle", "ball_before_ankle", "shoe_length", "foot_breadth")
     return FootShapes(*(np.array([getattr(each, measure) for each in lengths], dtype=float) for measure in measures))
 
 

@@ -49,8 +49,6 @@ TOES_DOWN_RAD_S = 5.0
 """How fast the toes come down after the heel has struck."""
 HEEL_RAD_S = 14.0
 """How fast the heel of a standing foot turns up or down at most."""
-HEEL_RISES_FROM = 0.4
-"""Share of the stance at which the heel begins to come off."""
 UNLOADED = 0.02
 """A foot that carries less than this share of the body's weight may lift."""
 
@@ -257,7 +255,7 @@ class Footsteps:
 
         stance (2, n): share of a foot's stance that is over.
         """
-        rise = _smooth((1.0 / (1.0 - HEEL_RISES_FROM)) * np.maximum(stance - HEEL_RISES_FROM, 0.0))
+        rise = _smooth(np.maximum(stance - style.heel_off, 0.0) / (1.0 - style.heel_off))
         wanted = (style.heel_rise * course.forward) * rise
         pitch = self.pitch
         quick = dt * np.where(pitch < 0, TOES_DOWN_RAD_S, HEEL_RAD_S)

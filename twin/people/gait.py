@@ -45,18 +45,15 @@ _TICK_S = 0.025
 _PRESSURE_M_S = 2.5
 """Fastest that the point of load moves along a foot, where no step asks for it [m/s]."""
 
-_STANCE = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9, 1.0])
-_PRESSURE = np.array([0.08, 0.24, 0.36, 0.45, 0.55, 0.65, 0.73, 0.80, 0.92])
-"""Point of load over the stance, as a share of the foot from the heel: quickly over the heel, to the ball by half of the
-stance, from there slowly, and to the toes at the end. After subject01_walk1_grf.mot, the belt's 1.0 m/s taken off."""
-_STANDS_AT = 0.42
-"""Point of load of somebody who stands (0.05 m before the ankle); the middle about which going backwards turns it."""
+_STANDS_AT = 0.40
+"""Point of load of somebody who stands, as a share of the shoe (0.05 m before the ankle); the middle about which going
+backwards turns it."""
 
 _ROLLS_M = 0.05
 """How much nearer a foot is that rolls over its heel, the pelvis turned to it [m, for the reference leg]."""
 _BEARS = 0.3
 """Load from which a foot's leg holds the pelvis down [body weights]."""
-_HINDMOST = 0.06
+_HINDMOST = 0.05
 _ASIDE_DROP, _BACK_DROP = 3.0, 2.0
 """How much more the pelvis is lowered by steps to the side, whose legs are spread, and backwards, as shares."""
 
@@ -160,8 +157,8 @@ class Gait:
         behind = cycle[:, 3] * (feet.progress < feet.lift_at)
         left = np.where(feet.lands[0], behind, 1.0 - behind)
         stance = np.minimum((feet.own + 1.0) / (1.0 + style.double_support), 1.0) * (stepping & ~feet.in_air)
-        share = (np.interp(stance, _STANCE, _PRESSURE) - _STANDS_AT) * (course.ahead * stepping)
-        point = np.maximum(share + _STANDS_AT, _HINDMOST) * self._skeleton.foot - self._skeleton.heel
+        share = (self._table.roll(stance, self._run) - _STANDS_AT) * (course.ahead * stepping)
+        point = np.maximum(share + _STANDS_AT, _HINDMOST) * self._skeleton.shoe - self._skeleton.heel
         self._idle = 0.0
         if not stepping.all():
             sways = np.sin((2 * np.pi * self._clock) * _SWAYS_HZ + self._phases)

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import yaml
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 
 from twin.models import MODELS
 from twin.people.skeleton import Skeleton
@@ -25,25 +26,23 @@ RUN_PACE = 1.0
 _STEP = 0.02
 _PHASES = 128
 _SHAPE = 256
-_DIP_AT = 0.45
-"""Share of the stance at the trough of a walker's load (subject01_walk1_grf.mot)."""
-_RISES_WITH = 0.8
-"""Slope of a walker's load at first contact, as a share of the mean slope up to the first hump."""
+_ROLL = np.linspace(0.0, 1.0, 201)
 
 
 class GaitStyle(NamedTuple):
     """How n people move at their paces now, each (n,); the rows of `models/people/gait.yaml`.
 
     step_time [s]; double_support: share of a step, negative: share in the air; step_width, clearance (of the swinging
-    foot), pelvis_drop [m]; lands_ahead: share of a step; heel_rise (of the foot that leaves the floor), kick, toe_up (of
-    the foot before it lands), trunk_lean, elbow [rad]; arm_swing [rad/m]; reach: share of the leg; row: place in the
-    table of loads.
+    foot), pelvis_drop [m]; lands_ahead: share of a step; heel_off: share of the stance at which the heel begins to rise;
+    heel_rise (of the foot that leaves the floor), kick, toe_up (of the foot before it lands), trunk_lean, elbow [rad];
+    arm_swing [rad/m]; reach: share of the leg; row: place in the table of loads.
     """
 
     step_time: Array
     double_support: Array
     step_width: Array
     lands_ahead: Array
+    heel_off: Array
     heel_rise: Array
     kick: Array
     clearance: Array
@@ -57,8 +56,8 @@ class GaitStyle(NamedTuple):
 
 
 _ROWS = (
-    "step_time_s", "double_support", "step_width_m", "lands_ahead", "heel_rise_rad", "kick_rad", "clearance_m",
-    "toe_up_rad", "pelvis_drop_m", "trunk_lean_rad", "elbow_rad", "arm_swing_rad_m", "reach",
+    "step_time_s", "double_support", "step_width_m", "lands_ahead", "heel_off", "heel_rise_rad", "kick_rad",
+    "clearance_m", "toe_up_rad", "pelvis_drop_m", "trunk_lean_rad", "elbow_rad", "arm_swing_rad_m", "reach",
 )  # fmt: skip
 _HUMPS = ("peak_strike", "dip", "peak_push")
 _TIMES = ("step_time_s",)
@@ -66,11 +65,27 @@ _LENGTHS = ("step_width_m", "clearance_m", "pelvis_drop_m")
 _PER_LENGTH = ("arm_swing_rad_m",)
 
 
+class Ramps(NamedTuple):
+    """How a walker's foot takes up its load and gives it away; `stance_load` in `models/people/gait.yaml`.
+
+    dip_at: share of the stance at the trough; unloading: its time from the second hump, as a share of that to the first;
+    starts, ends: slope at first and at last contact, as a share of the ramp's mean slope.
+    """
+
+    dip_at: float
+    unloading: float
+    starts: float
+    ends: float
+
+
 class _Table(NamedTuple):
-    """styles (rows, paces); cycle (paces · phases, 4): see `GaitTable.cycle`; the speeds at which gait changes."""
+    """styles (rows, paces); cycle (paces · phases, 4): see `GaitTable.cycle`; roll (2, 201): a walker's and a runner's over the
+    stance; the speeds at which gait changes.
+    """
 
     styles: Array
     cycle: Array
+    roll: Array
     last_pace: float
     runs_above: float
     walks_below: float
@@ -87,55 +102,59 @@ def _table() -> _Table:
     humps = np.stack([np.interp(paces, walking["speed_m_s"], walking[name]) for name in _HUMPS])
     first, second = walking["speed_m_s"][-1], running["speed_m_s"][0] + RUN_PACE
     runs = np.clip((paces - first) / (second - first), 0.0, 1.0)
-    cycle = _cycle(styles[_ROWS.index("double_support")], humps, runs)
-    return _Table(styles, cycle, last, content["runs_above_m_s"], content["walks_below_m_s"])
+    cycle = _cycle(styles[_ROWS.index("double_support")], humps, runs, Ramps(**content["stance_load"]))
+    roll = content["roll"]
+    rolls = np.stack([PchipInterpolator(roll["stance"], roll[gait])(_ROLL) for gait in ("walking", "running")])
+    return _Table(styles, cycle, rolls, last, content["runs_above_m_s"], content["walks_below_m_s"])
 
 
-def stance_load(share: Array, double_support: Array, humps: Array, runs: Array) -> Array:
+def stance_load(share: Array, double_support: Array, humps: Array, runs: Array, ramps: Ramps) -> Array:
     """Vertical load of one foot over its stance, (p, k), in body weights.
 
     share (k,): through the stance, 0 to 1; double_support (p,): share of a step; humps (3, p): a walker's first hump,
-    trough and second hump; runs (p,): 0 a walker, 1 a runner. A walker's curve is cubics through the three extremes,
-    which stand as far from the ends as makes the mean 1 / (1 + double_support), so that the feet in sum carry one body
-    weight; a runner's is half a sine.
+    trough and second hump; runs (p,): 0 a walker, 1 a runner; ramps: a walker's. A walker's curve is cubics through the
+    three extremes, whose humps stand as far from the ends as makes the mean 1 / (1 + double_support), so that the feet in
+    sum carry one body weight; a runner's is half a sine.
     """
     strike, dip, push = humps
+    dip_at, unloading, starts, ends = ramps
     mean = 1.0 / (1.0 + double_support)
     down, up = 0.5 * (strike + dip), 0.5 * (dip + push)
-    edge = (strike + push) * (0.5 + _RISES_WITH / 12.0)
-    rise = (_DIP_AT * down + (1 - _DIP_AT) * up - mean) / (down + up - edge)
+    edges = strike * (0.5 + starts / 12.0) + unloading * push * (0.5 + ends / 12.0)
+    rise = (dip_at * down + (1 - dip_at) * up - mean) / (down + unloading * up - edges)
     rise = np.where(runs > 0, 0.2, rise)
     if not ((rise > 0.05) & (rise < 0.4)).all():
         raise ValueError("models/people/gait.yaml: the humps of a walker's load do not fit its double support")
     rise = rise[:, None]
-    late = 1.0 - rise
+    fall = unloading * rise
+    late = 1.0 - fall
     walk = np.select(
-        [share < rise, share < _DIP_AT, share < late],
+        [share < rise, share < dip_at, share < late],
         [
-            strike[:, None] * _hermite(share / rise),
-            _between(strike[:, None], dip[:, None], (share - rise) / (_DIP_AT - rise)),
-            _between(dip[:, None], push[:, None], (share - _DIP_AT) / (late - _DIP_AT)),
+            strike[:, None] * _hermite(share / rise, starts),
+            _between(strike[:, None], dip[:, None], (share - rise) / (dip_at - rise)),
+            _between(dip[:, None], push[:, None], (share - dip_at) / (late - dip_at)),
         ],
-        push[:, None] * _hermite((1.0 - share) / rise),
+        push[:, None] * _hermite((1.0 - share) / fall, ends),
     )
     walk = walk * (mean / walk.mean(axis=1))[:, None]
     run = (0.5 * np.pi) * np.sin(np.pi * share) * mean[:, None]
     return walk + runs[:, None] * (run - walk)
 
 
-def _hermite(x: Array) -> Array:
-    """A cubic from 0 to 1, flat at 1."""
-    return _RISES_WITH * x * (1 - x) ** 2 + x * x * (3 - 2 * x)
+def _hermite(x: Array, slope: float) -> Array:
+    """A cubic from 0, where it has this slope, to 1, where it is flat."""
+    return slope * x * (1 - x) ** 2 + x * x * (3 - 2 * x)
 
 
 def _between(low: Array, high: Array, x: Array) -> Array:
     return low + (high - low) * x * x * (3 - 2 * x)
 
 
-def _cycle(double_support: Array, humps: Array, runs: Array) -> Array:
+def _cycle(double_support: Array, humps: Array, runs: Array, ramps: Ramps) -> Array:
     """The load of a regular step and the bob that it causes, (paces · (phases + 1), 4); see `GaitTable.cycle`."""
     share = (np.arange(_SHAPE) + 0.5) / _SHAPE
-    curve = stance_load(share, double_support, humps, runs)
+    curve = stance_load(share, double_support, humps, runs, ramps)
     phase = np.arange(_PHASES) / _PHASES
     stands = 1.0 + double_support[:, None]
 
@@ -208,3 +227,12 @@ class GaitTable:
         low = self._table.cycle.take(index, axis=0)
         high = self._table.cycle.take(index + 1, axis=0)
         return low + (place - whole)[:, None] * (high - low)
+
+    def roll(self, stance: Array, runs: Array) -> Array:
+        """Where the load acts at these shares of their stance (2, n), as a share of the shoe from its heel.
+
+        runs (n,): 0 a walker, 1 a runner.
+        """
+        walking, running = self._table.roll
+        point = np.interp(stance, _ROLL, walking)
+        return point + runs * (np.interp(stance, _ROLL, running) - point) if runs.any() else point

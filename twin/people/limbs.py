@@ -280,7 +280,7 @@ def shoe(lengths: Proportions, k: float) -> Surface:
 def toe_cap(lengths: Proportions, k: float) -> Surface:
     """Ball to tip; in the toes' frame, whose origin is on the sole under the ball."""
     half = 0.5 * lengths.foot_breadth
-    length = lengths.foot_length - lengths.heel_behind_ankle - lengths.ball_before_ankle
+    length = lengths.shoe_length - lengths.heel_behind_ankle - lengths.ball_before_ankle
     rows = [
         (-0.012 * k, 0.96 * half, 0.048 * k, 0.0),
         (0.30 * length, 1.0 * half, 0.045 * k, 0.0),

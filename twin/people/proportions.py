@@ -33,7 +33,7 @@ class Proportions:
     upper_arm: float
     forearm: float
     hand: float
-    foot_length: float
+    shoe_length: float
     foot_breadth: float
     shoulder_width: float
     hip_joint_width: float

@@ -24,9 +24,9 @@ class Skeleton:
         self.shank = column("shank")
         self.heel = column("heel_behind_ankle")
         self.ball = column("ball_before_ankle")
-        self.foot = column("foot_length")
+        self.shoe = column("shoe_length")
         self.hip_offset = 0.5 * column("hip_joint_width") * np.array([[1.0], [-1.0]])  # (2, n) left of the pelvis
         self.leg = self.thigh + self.shank
-        self.toes = self.foot - self.heel - self.ball
+        self.toes = self.shoe - self.heel - self.ball
         reference = proportions_of(REFERENCE_STATURE_M)
         self.scale = self.leg / (reference.thigh + reference.shank)

@@ -7,7 +7,15 @@ from pathlib import Path
 
 from twin.recording.whole_file import whole_file
 from twin.reproduce.gait_plots import loads_svg, speeds_svg, stance_svg
-from twin.reproduce.gait_published import SOURCES, SUBJECT_FILE, SUBJECT_MASS_KG, read_subject
+from twin.reproduce.gait_published import (
+    PERSON_SPEED_M_S,
+    PERSON_STATURE_M,
+    PERSON_STEPS_APART,
+    SOURCES,
+    SUBJECT_FILE,
+    SUBJECT_MASS_KG,
+    read_subject,
+)
 from twin.reproduce.gait_results import STATURE_M, STATURE_SPREAD_M, GaitRuns, gait_results, simulate_gait
 from twin.reproduce.page import source_of, template, text_of
 from twin.reproduce.results import Result, write_results
@@ -34,7 +42,7 @@ def write_gait(
     }
     runs = simulate_gait(seeds, subject, on_progress)
     results = gait_results(runs)
-    drawn = {"stance": stance_svg(runs.compared), "loads": loads_svg(runs), "speeds": speeds_svg(runs)}
+    drawn = {"stance": stance_svg(runs), "loads": loads_svg(runs), "speeds": speeds_svg(runs)}
     write_results(paths["results"], results)
     for name, svg in drawn.items():
         with whole_file(paths[name]) as stream:
@@ -55,6 +63,8 @@ def _write_page(path: Path, runs: GaitRuns, results: list[Result], drawn: dict[s
         apart=None if compared is None else f"{compared.apart:.3f}",
         feet_apart=None if compared is None else f"{compared.feet_apart:.3f}",
         stature=f"{STATURE_M:.2f} ± {STATURE_SPREAD_M:.2f} m",
+        person=f"{PERSON_SPEED_M_S:g} m/s, {PERSON_STATURE_M:g} m tall",
+        steps_apart=f"{PERSON_STEPS_APART:g}",
         subject_file=SUBJECT_FILE,
         subject_mass=f"{SUBJECT_MASS_KG:g} kg",
         sources=SOURCES,

@@ -33,6 +33,8 @@ class Steady:
     t: Array  # (k,) [s]
     load: Array  # (k, 2, n) [body weights], left and right foot
     place: NDArray[np.complex128]  # (k, 2, n) x + iy [m]; they walk along x
+    pressure_m: Array  # (k, 2, n): where the load acts, ahead of the shoe's heel
+    shoe_m: Array  # (n,)
 
 
 @dataclass
@@ -64,7 +66,7 @@ def steady(speed_m_s: float, statures_m: Sequence[float], seconds: float = 12.0)
     led = _Led.standing(count)
     skeleton = Skeleton([proportions_of(stature) for stature in statures_m])
     gait = Gait(skeleton, led)
-    t, load, place = [], [], []
+    t, load, place, ahead = [], [], [], []
     for tick in range(1, round((seconds + _SPEEDS_UP_S) / TICK_S) + 1):
         now = tick * TICK_S
         led.go(min(speed_m_s, _ACCELERATION_M_S2 * now))
@@ -74,11 +76,13 @@ def steady(speed_m_s: float, statures_m: Sequence[float], seconds: float = 12.0)
             t.append(now)
             load.append(feet.load.copy())
             place.append(feet.place.copy())
+            ahead.append(feet.pressure_ahead.copy())
     coarse = np.array(t)
     fine = np.arange(coarse[0], coarse[-1], 1 / FINE_HZ)
     return Steady(
         speed_m_s, np.array(statures_m), fine, _between(fine, coarse, np.array(load)),
         _between(fine, coarse, np.array(place).real) + 1j * _between(fine, coarse, np.array(place).imag),
+        _between(fine, coarse, np.array(ahead) + skeleton.heel), skeleton.shoe,
     )  # fmt: skip
 
 

@@ -65,6 +65,17 @@ def stance(load: Array, rate_hz: float) -> Stance:
     )
 
 
+def roll(steady: Steady, person: int) -> Array:
+    """Where the load acts over the stances of a person's feet, (m, STANCE_POINTS) [m] ahead of the shoe's heel."""
+    whole = np.linspace(0, 1, STANCE_POINTS)
+    points = [
+        steady.pressure_m[each, foot, person]
+        for foot in range(2)
+        for each in slices(steady.load[:, foot, person] > STANDS_FROM)
+    ]
+    return np.array([np.interp(whole, np.linspace(0, 1, len(each)), each) for each in points])
+
+
 def figures(load: Array, rate_hz: float, step_length_m: float = np.nan) -> Figures:
     """The figures of a person from the loads of both feet (k, 2) [body weights]; ValueError without a whole stride."""
     stances = [stance(load[:, foot], rate_hz) for foot in range(2)]

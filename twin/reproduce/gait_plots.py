@@ -10,20 +10,23 @@ from numpy.typing import NDArray
 from twin.report.palette import IDENTITY_COLOURS, hex_colour
 from twin.reproduce.drawing import INK, QUIET, SHADE, look, svg_of
 from twin.reproduce.gait_bodies import Steady, steady
-from twin.reproduce.gait_measures import column, stance
+from twin.reproduce.gait_measures import column, roll, stance
 from twin.reproduce.gait_published import (
     CONTACT_S,
     DIP,
     HUMPS,
     JOGGING_STEPS_MIN,
+    PERSON_SPEED_M_S,
+    ROLL,
     RUNNING_HUMP,
+    STANCE_S,
     STANCE_SHARE,
     SUBJECT_SPEED_M_S,
     SUBJECT_STATURE_M,
     walking_cadence,
     walking_step_m,
 )
-from twin.reproduce.gait_results import NATURAL_M_S, RUNS_M_S, WALKS_M_S, Compared, GaitRuns
+from twin.reproduce.gait_results import NATURAL_M_S, RUNS_M_S, WALKS_M_S, GaitRuns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,13 +38,15 @@ _WHOLE = np.linspace(0, 100, 101)
 _DRAWN_WALKS_M_S = (0.8, 1.2, 1.5, 1.8)
 
 
-def stance_svg(compared: Compared | None) -> str:
-    """The vertical load of a foot over its stance, ours over the subject's where there is a recording, as SVG."""
+def stance_svg(runs: GaitRuns) -> str:
+    """The load of a foot over its stance, over the subject's where there is a recording, and where it acts, as SVG."""
     from matplotlib.figure import Figure
 
+    compared = runs.compared
     with look():
         figure = Figure(figsize=(10, 4.2), layout="constrained")
-        axes = figure.subplots()
+        axes, roll_axes = figure.subplots(1, 2, width_ratios=(1.6, 1))
+        _roll(roll_axes, runs.person)
         _body_weight(axes)
         if compared is None:
             course = steady(SUBJECT_SPEED_M_S, [SUBJECT_STATURE_M])
@@ -57,11 +62,22 @@ def stance_svg(compared: Compared | None) -> str:
         axes.plot(_WHOLE, ours.mean(axis=0), color=_OURS, linewidth=2.4, label=f"ours, mean of {len(ours)} stances")
         axes.set(xlim=(0, 100), ylim=(0, 1.3), xlabel="stance [%]")
         axes.set_title(
-            f"vertical load of a foot [body weights], walking at {SUBJECT_SPEED_M_S:g} m/s, {SUBJECT_STATURE_M:g} m tall",
-            loc="left",
+            f"load of a foot [body weights], {SUBJECT_SPEED_M_S:g} m/s, {SUBJECT_STATURE_M:g} m tall", loc="left"
         )
         axes.legend(loc="lower center", frameon=False)
         return svg_of(figure)
+
+
+def _roll(axes: Axes, person: Steady) -> None:
+    """Where the load acts over the stance, beside the published."""
+    points = roll(person, 0) / person.shoe_m[0]
+    axes.fill_between(_WHOLE, points.min(axis=0), points.max(axis=0), color=_OURS, alpha=0.18, linewidth=0)
+    axes.plot(_WHOLE, points.mean(axis=0), color=_OURS, linewidth=2.4, label="ours")
+    shares = np.array(list(ROLL.items()))
+    axes.plot(100 * shares[:, 0], shares[:, 1], "D", color=_THEIRS, markersize=6, label="pressure plates, ten people")
+    axes.set(xlim=(0, 100), ylim=(0, 1), xlabel="stance [%]")
+    axes.set_title(f"point of load, share of the shoe, {PERSON_SPEED_M_S:g} m/s", loc="left")
+    axes.legend(loc="lower right", frameon=False)
 
 
 def loads_svg(runs: GaitRuns) -> str:
@@ -129,14 +145,15 @@ def speeds_svg(runs: GaitRuns) -> str:
             linewidth=0,
         )
         _everybody(stands, runs, "stance_share", 100)
-        shares = [100 * CONTACT_S[speed] / column(runs.figures[speed], "stride_s").mean() for speed in CONTACT_S]
-        stands.plot(list(CONTACT_S), shares, "D", color=_THEIRS, markersize=6)
+        for seconds in (STANCE_S, CONTACT_S):
+            shares = [100 * time / column(runs.figures[speed], "stride_s").mean() for speed, time in seconds.items()]
+            stands.plot(list(seconds), shares, "D", color=_THEIRS, markersize=6)
         stands.set(ylim=(0, 75))
         stands.set_title("stance [% of the stride]", loc="left")
         for axes in (cadence, length, stands):
             axes.set(xlim=(0.5, 5.3), xlabel="speed [m/s]")
         cadence.plot([], [], "o", color=_OURS, markersize=4, label="ours, everybody")
-        cadence.plot([], [], "D", color=_THEIRS, markersize=6, label="published, running")
+        cadence.plot([], [], "D", color=_THEIRS, markersize=6, label="published, measured")
         cadence.legend(loc="lower right", frameon=False, fontsize=8)
         return svg_of(figure)
 

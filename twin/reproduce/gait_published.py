@@ -29,6 +29,18 @@ CONTACT_S = {3.0: 0.25, 5.0: 0.19}
 JOGGING_STEPS_MIN = {2.5: 2.6 * 60}
 """Step rate of a jogger, by speed [m/s]: Nilsson and Thorstensson (1987)."""
 
+PERSON_SPEED_M_S, PERSON_STATURE_M, PERSON_MASS_KG = 1.25, 1.83, 85.0
+PERSON_STANCE_S, PERSON_TRAVEL_M = 0.754, 0.271
+"""Time of a stance, and how far the point of load goes along the foot in it, of a person on force plates."""
+PERSON_EARLY_LOAD = 0.19
+"""That person's load at 5 % of the stance [body weights]."""
+PERSON_STEPS_APART = 0.038
+"""Root mean square between the loads of two of that person's steps [body weights]."""
+STANCE_S = {1.03: 0.749, 1.53: 0.639, 1.93: 0.533}
+"""Time of a walker's stance, mean of ten people, by speed [m/s]."""
+ROLL = {0.2: 0.24, 0.3: 0.30, 0.4: 0.41, 0.5: 0.57}
+"""Where the load acts, as a share of the foot from the heel, by share of the stance: pressure plates of ten people."""
+
 SOURCES = (
     'N. Sekiya, H. Nagasaki: "Reproducibility of the walking patterns of normal young adults: test-retest reliability of '
     'the walk ratio". Gait & Posture 7, 1998.',
@@ -37,6 +49,9 @@ SOURCES = (
     'different speeds". Acta Physiologica Scandinavica 129, 1987.',
     'J. Nilsson, A. Thorstensson: "Ground reaction forces at different speeds of human walking and running". Acta '
     "Physiologica Scandinavica 136, 1989.",
+    f"One person of {PERSON_MASS_KG:g} kg and {PERSON_STATURE_M:g} m on force plates at {PERSON_SPEED_M_S:g} m/s; ten "
+    "walkers at three speeds; ten people on pressure plates: figures that were handed to us without their recordings "
+    "and without a reference.",
 )
 
 SUBJECT_FILE = "subject01_walk1_grf.mot"

@@ -10,13 +10,20 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from twin.reproduce.gait_bodies import Steady, steady
-from twin.reproduce.gait_measures import Figures, Stance, column, figures, figures_of, stance
+from twin.reproduce.gait_measures import STANCE_POINTS, Figures, Stance, column, figures, figures_of, roll, stance
 from twin.reproduce.gait_published import (
     CONTACT_S,
     DIP,
     HUMPS,
     JOGGING_STEPS_MIN,
+    PERSON_EARLY_LOAD,
+    PERSON_SPEED_M_S,
+    PERSON_STANCE_S,
+    PERSON_STATURE_M,
+    PERSON_TRAVEL_M,
+    ROLL,
     RUNNING_HUMP,
+    STANCE_S,
     STANCE_SHARE,
     SUBJECT_FILE,
     SUBJECT_SPEED_M_S,
@@ -38,7 +45,8 @@ NATURAL_M_S = (1.2, 1.35, 1.5)
 STATURE_M, STATURE_SPREAD_M = 1.75, 0.09
 _STATURES_M = (1.50, 2.00)
 
-BESIDE_THE_SUBJECT, WALKING, RUNNING = "beside the subject", "walking", "running"
+BESIDE_THE_SUBJECT, BESIDE_THE_PERSON = "beside the subject", "beside a measured person"
+WALKING, RUNNING = "walking", "running"
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +64,15 @@ class Compared:
 
 @dataclass(frozen=True, eq=False)
 class GaitRuns:
-    """Everybody at every speed, by speed [m/s], and the comparison with the subject where there is a recording."""
+    """Everybody at every speed, by speed [m/s].
+
+    person: a body that walks as the measured person does; compared: beside the subject, where there is a recording.
+    """
 
     seeds: range
     courses: dict[float, Steady]
     figures: dict[float, list[Figures]]
+    person: Steady
     compared: Compared | None
 
 
@@ -82,13 +94,14 @@ def simulate_gait(
     """Everybody walks and runs at every speed, and one of the subject's stature as the subject does."""
     people = statures(seeds)
     courses = {}
-    speeds = WALKS_M_S + RUNS_M_S
+    speeds = (*sorted({*WALKS_M_S, *STANCE_S}), *RUNS_M_S)
     for done, speed in enumerate(speeds, start=1):
         courses[speed] = steady(speed, people)
         if on_progress is not None:
             on_progress("speeds", done, len(speeds))
     found = {speed: figures_of(course) for speed, course in courses.items()}
-    return GaitRuns(seeds, courses, found, None if subject is None else compare(subject))
+    person = steady(PERSON_SPEED_M_S, [PERSON_STATURE_M], 20.0)
+    return GaitRuns(seeds, courses, found, person, None if subject is None else compare(subject))
 
 
 def compare(subject: Subject) -> Compared:
@@ -118,6 +131,7 @@ def compare(subject: Subject) -> Compared:
 def gait_results(runs: GaitRuns) -> list[Result]:
     """Every figure: beside the subject, of walking and of running; intervals over the people, by the bootstrap."""
     rows = [] if runs.compared is None else _beside_the_subject(runs.compared)
+    rows += _beside_the_person(runs.person)
     n_run = len(runs.seeds)
     rng = stream(runs.seeds.start, "reproduce", "bootstrap")
     weights = rng.multinomial(n_run, np.full(n_run, 1 / n_run), size=N_REPLICATE) / n_run
@@ -139,6 +153,8 @@ def gait_results(runs: GaitRuns) -> list[Result]:
             add(WALKING, speed, f"first hump{_range(HUMPS)}", column(found, "first"), "BW")
             add(WALKING, speed, f"dip{_range(DIP)}", column(found, "dip"), "BW")
             add(WALKING, speed, f"second hump{_range(HUMPS)}", column(found, "second"), "BW")
+    for speed, seconds in STANCE_S.items():
+        add(WALKING, speed, "stance", column(runs.figures[speed], "stance_s"), "s", seconds)
     for speed in RUNS_M_S:
         found = runs.figures[speed]
         add(RUNNING, speed, f"hump{_range(RUNNING_HUMP)}", column(found, "hump"), "BW")
@@ -167,6 +183,33 @@ def _beside_the_subject(compared: Compared) -> list[Result]:
         result("curves apart, root mean square (paper: the subject's own feet)", compared.feet_apart, compared.apart,
                "BW"),
     ]  # fmt: skip
+
+
+def _beside_the_person(ours: Steady) -> list[Result]:
+    (found,) = figures_of(ours)
+    rate_hz = 1 / float(np.diff(ours.t[:2])[0])
+    curve = _together([stance(ours.load[:, foot, 0], rate_hz) for foot in range(2)]).curves.mean(axis=0)
+    points = roll(ours, 0)
+    row, whole = f"{PERSON_SPEED_M_S:g} m/s, {PERSON_STATURE_M:g} m", np.linspace(0, 1, STANCE_POINTS)
+
+    def result(what: str, paper: float | None, value: float, unit: str) -> Result:
+        return Result(BESIDE_THE_PERSON, row, what, paper, value, (value, value), unit, len(points))
+
+    travel = float(np.ptp(points, axis=1).mean())
+    early = float(np.interp(0.05, whole, curve))
+    rows = [
+        result("stance", PERSON_STANCE_S, found.stance_s, "s"),
+        result("load at 5 % of the stance", PERSON_EARLY_LOAD, early, "BW"),
+        result("travel of the point of load", PERSON_TRAVEL_M, travel, "m"),
+    ]
+    for tenth in range(1, 10):
+        share = float(np.interp(tenth / 10, whole, points.mean(axis=0))) / float(ours.shoe_m[0])
+        rows.append(
+            result(
+                f"point of load at {10 * tenth} % of the stance, share of the shoe", ROLL.get(tenth / 10), share, "1"
+            )
+        )
+    return rows
 
 
 def _together(feet: list[Stance]) -> Stance:

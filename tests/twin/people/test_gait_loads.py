@@ -11,6 +11,7 @@ from led_bodies import TICK_S, Course, lead, stances, steady
 
 from twin.people.appearance import appearance_of
 from twin.people.body import JOINT_PLACE, person_spec
+from twin.people.gait_table import GaitTable
 from twin.people.pose import ROWS, foot_loads
 from twin.scenario.people import Person
 
@@ -103,7 +104,7 @@ def test_a_running_foot_has_one_hump_and_then_both_are_in_the_air(run):
 def test_the_load_travels_from_heel_to_toe(gait):
     # as a floor reads it, between the ticks too
     t = np.arange(gait.t[0], gait.t[-1], TICK_S / 10)
-    for person, length in enumerate(gait.skeleton.foot):
+    for person, length in enumerate(gait.skeleton.shoe):
         load = np.interp(t, gait.t, gait.load[:, 0, person])
         ahead = np.interp(t, gait.t, gait.ahead[:, 0, person]) / length
         heel = gait.skeleton.heel[person] / length
@@ -114,6 +115,50 @@ def test_the_load_travels_from_heel_to_toe(gait):
             assert (np.diff(ahead[stance]) >= -1e-9).all()
             assert (ahead[stance] > -heel).all()
             assert (ahead[stance] < 1 - heel).all()
+
+
+@pytest.mark.parametrize("stature", STATURES)
+def test_the_point_of_load_rolls_as_under_measured_walkers(stature):
+    """Pressure plates of ten people: 0.24, 0.30, 0.41 and 0.57 of the foot at 20, 30, 40 and 50 % of the stance."""
+    course = steady(1.25, (stature,))
+    t = np.arange(course.t[0], course.t[-1], TICK_S / 10)
+    load = np.interp(t, course.t, course.load[:, 0, 0])
+    share = (np.interp(t, course.t, course.ahead[:, 0, 0]) + course.skeleton.heel[0]) / course.skeleton.shoe[0]
+    whole = np.linspace(0, 1, 11)
+    found = stances(load > 0.02)
+    points = np.mean([np.interp(whole, np.linspace(0, 1, len(share[each])), share[each]) for each in found], axis=0)
+    np.testing.assert_allclose(points[[2, 3, 4, 5]], [0.24, 0.30, 0.41, 0.57], atol=0.02)
+    assert (points[0], points[-1]) == (pytest.approx(0.06, abs=0.03), pytest.approx(0.96, abs=0.03))
+
+
+@pytest.mark.parametrize("speed", [0.8, 1.0, 1.3, 1.6, 2.0])
+def test_a_walker_s_heel_comes_up_once_the_load_is_on_the_ball(speed):
+    course = steady(speed, STATURES)
+    share = (course.ahead + course.skeleton.heel) / course.skeleton.shoe
+    up = (course.load > 0.05) & (course.rows[:, 11:13] > 0.1)
+    assert up.any()
+    # the heads of the metatarsals lie between 0.6 and 0.75 of a shoe
+    assert share[up].min() > 0.62
+
+
+@pytest.mark.parametrize("speed", [0.8, 1.0, 1.2, 1.5, 1.9])
+def test_the_load_acts_under_the_body_in_the_mean(speed):
+    """Else the body would tip over: what carries it must lie, over whole strides, where its weight is."""
+    course = steady(speed, (1.75,))
+    whole = strides(course, 0)
+    point = (course.place.real + course.ahead - course.coordinates[:, None, :, 0])[whole, :, 0]
+    load = course.load[whole, :, 0]
+    assert abs((point * load).sum() / load.sum()) < 0.033
+
+
+@pytest.mark.parametrize("speed", [1.2, 1.5, 1.9])
+def test_steps_take_as_long_as_their_table_says(speed):
+    course = steady(speed, (1.75,))
+    starts = [each.start for each in stances(course.load[:, 0, 0] > 0)]
+    stride = np.diff(course.t[starts]).mean()
+    table = GaitTable(course.skeleton)
+    # feet that are left too far behind would hurry
+    assert stride == pytest.approx(2 * table.at(table.similar(np.array([speed]))).step_time[0], rel=0.01)
 
 
 def test_the_load_is_the_pelvis_s_own_motion(gait):
@@ -257,8 +302,8 @@ def test_a_foot_loads_the_floor_as_the_subject_s_does():
     theirs, their_time = measured_stances()
     ours, our_time = our_stances(1.0, 1.80)
     assert their_time == pytest.approx(0.79, abs=0.02)
-    assert our_time == pytest.approx(their_time, abs=0.04)
+    assert our_time == pytest.approx(their_time, rel=0.02)
     difference = ours.mean(axis=0) - theirs.mean(axis=0)
-    assert np.sqrt((difference**2).mean()) < 0.05
+    assert np.sqrt((difference**2).mean()) < 0.035
     # the subject's own two feet differ by as much
     assert np.sqrt((np.ptp(theirs, axis=0) ** 2).mean()) > 0.03
