@@ -28,7 +28,8 @@ from twin.suites.cache import RecordingCache
 from twin.suites.cases import Case, expand
 from twin.suites.description import Suite
 from twin.suites.fingerprint import recording_key
-from twin.suites.store import DONE, read_store
+from twin.suites.store import read_store
+from twin.suites.stored import DONE
 from twin.suites.worker import TRUTH, Moment, record, renderer_of, resolved_scenario
 from twin.world import World
 

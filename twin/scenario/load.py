@@ -163,14 +163,19 @@ def _apply(content: dict[str, Any], override: str) -> None:
                 here[part] = {}
             here = here[part]
         else:
-            raise InputError(
-                f"{_said(override)}: {'.'.join(parts[:depth])} is a value, not a mapping; it has no {part!r}"
-            )
+            raise _valued(override, parts[:depth], part)
     if isinstance(here, list):
         here[_index(here, parts[-1], override)] = value
+    elif not isinstance(here, dict):
+        raise _valued(override, parts[:-1], parts[-1])
     else:
         check_removals(ScenarioFile, here, {parts[-1]: value}, _said(override), tuple(parts[:-1]))
         here[parts[-1]] = value
+
+
+def _valued(override: str, path: list[str], part: str) -> InputError:
+    """What to say of a path that leads into a value, a list's item."""
+    return InputError(f"{_said(override)}: {'.'.join(path)} is a value, not a mapping; it has no {part!r}")
 
 
 def _index(items: list[Any], part: str, override: str) -> int:

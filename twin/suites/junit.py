@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 from twin.recording.whole_file import whole_path
 from twin.suites.comparison import Change, Comparison
 from twin.suites.figures import FIGURE, written
-from twin.suites.store import DONE, FAILED, StoredCase
+from twin.suites.stored import DONE, FAILED, StoredCase
 
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 

@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from trackers.errors import InputError
 from twin.streams import stream
 from twin.suites.figures import GATED
-from twin.suites.store import DONE, FAILED, ResultStore, StoredCase
+from twin.suites.store import ResultStore
+from twin.suites.stored import DONE, EXPECTED, FAILED, StoredCase
 from twin.suites.worker import NO_RENDERER
 
 _N_REPLICATE = 2000
@@ -60,6 +62,10 @@ def results_of(store: ResultStore) -> Results:
     first: dict[GroupKey, StoredCase] = {}
     for case in cases:
         if case.status == DONE:
+            if case.id not in metrics:
+                raise InputError(
+                    f"{store.path}: results: of {case.id}, which is done, there are none; {EXPECTED} is expected"
+                )
             key = GroupKey(case.scenario, case.overrides, case.tracker)
             first.setdefault(key, case)
             seeds.setdefault(key, {})[case.seed] = metrics[case.id]

@@ -20,7 +20,8 @@ from twin.suites.description import Suite, Tolerance
 from twin.suites.engine import run_on
 from twin.suites.figures import allowed_by_default, flat
 from twin.suites.fingerprint import recording_key, whole_code
-from twin.suites.store import DONE, FAILED, ResultStore, open_store
+from twin.suites.store import ResultStore, open_store
+from twin.suites.stored import DONE, FAILED
 from twin.suites.strips import StripWork, draw_strip
 from twin.suites.tasks import Ended, Listener, State, Task, run_here
 from twin.suites.worker import WORST, CaseResult, CaseWork, run_case

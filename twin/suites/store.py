@@ -10,17 +10,30 @@ import json
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from trackers.errors import InputError
+from trackers.plain_data import parse_json
 from twin.out_folder import locked_folder
 from twin.suites.cases import Case
+from twin.suites.stored import (
+    CASES,
+    DONE,
+    EXPECTED,
+    FACTS,
+    FAILED,
+    METRICS,
+    MOMENTS,
+    RUNNING,
+    WAITING,
+    StoredCase,
+    checked,
+)
 from twin.suites.worker import Moment
 
 FILE = "results.sqlite"
-WAITING, RUNNING, DONE, FAILED = "waiting", "running", "done", "failed"
 
 _SCHEMA = """
 CREATE TABLE facts (name TEXT PRIMARY KEY, value TEXT);
@@ -33,23 +46,6 @@ CREATE TABLE results (case_id TEXT REFERENCES definitions, scenario TEXT, seed I
 CREATE TABLE moments (case_id TEXT REFERENCES definitions, t_s REAL, kind TEXT, what TEXT, severity REAL);
 CREATE INDEX moments_of_case ON moments (case_id);
 """
-
-
-@dataclass(frozen=True)
-class StoredCase:
-    """A case as the file holds it."""
-
-    id: str
-    scenario: str
-    variant: str
-    overrides: str
-    seed: int
-    tracker: str
-    image_based: bool  # SQLite: 0 or 1
-    status: str
-    attempts: int
-    seconds: float | None
-    error: str | None
 
 
 class ResultStore:
@@ -106,7 +102,10 @@ class ResultStore:
 
     def facts(self) -> dict[str, Any]:
         """The facts about the run."""
-        return {name: json.loads(value) for name, value in self._connection.execute("SELECT name, value FROM facts")}
+        rows = self._connection.execute("SELECT name, value FROM facts").fetchall()
+        facts = {name: parse_json(str(value), f"{self.path}: facts.{name}", EXPECTED) for name, value in rows}
+        checked(FACTS, facts, f"{self.path}: facts")
+        return facts
 
     def cases(self) -> list[StoredCase]:
         """Every case, in the suite's order."""
@@ -114,21 +113,23 @@ class ResultStore:
             "SELECT case_id, scenario, variant, overrides, seed, tracker, image_based, status, attempts, seconds, error "
             "FROM definitions JOIN cases USING (case_id) ORDER BY place"
         )
-        return [StoredCase(*row) for row in rows]
+        names = [field.name for field in fields(StoredCase)]
+        return checked(CASES, [dict(zip(names, row, strict=True)) for row in rows], f"{self.path}: cases")
 
     def metrics(self) -> dict[str, dict[str, float | None]]:
         """The figures of each finished case, by its id."""
         found: dict[str, dict[str, float | None]] = {}
         for case_id, metric, value in self._connection.execute("SELECT case_id, metric, value FROM results"):
             found.setdefault(case_id, {})[metric] = value
-        return found
+        return checked(METRICS, found, f"{self.path}: results")
 
     def moments(self, case_id: str) -> list[Moment]:
         """The moments of a case, the worst second first, then in order of time."""
         rows = self._connection.execute(
             "SELECT t_s, kind, what, severity FROM moments WHERE case_id = ? ORDER BY kind != 'worst', t_s", (case_id,)
         )
-        return [Moment(*row) for row in rows]
+        names = [field.name for field in fields(Moment)]
+        return checked(MOMENTS, [dict(zip(names, row, strict=True)) for row in rows], f"{self.path}: moments")
 
     def _define(self, cases: Sequence[Case]) -> None:
         self._connection.executescript(f"BEGIN IMMEDIATE;{_SCHEMA}COMMIT;")
@@ -193,9 +194,10 @@ def open_store(folder: Path, cases: Sequence[Case], facts: Mapping[str, Any], re
             )
         with _connected(path) as connection:
             store = ResultStore(connection, path)
-            if exists and connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'moments_of_case'").fetchone():
-                _check_same(store, cases, facts)
-                store._take_up()
+            if exists and _is_defined(connection, path):
+                with _sound(path):
+                    _check_same(store, cases, facts)
+                    store._take_up()
             else:
                 store._define(cases)
                 store.note(**facts)
@@ -208,13 +210,23 @@ def read_store(folder: Path) -> Iterator[ResultStore]:
     path = folder / FILE
     if not path.is_file():
         raise InputError(f"{folder}: has no {FILE}; a folder that `twin suite run` has written is expected")
+    with _sound(path), _connected(path) as connection:
+        yield ResultStore(connection, path)
+
+
+def _is_defined(connection: sqlite3.Connection, path: Path) -> bool:
+    """Whether the file has all tables: a run that was killed at its very start leaves one without."""
+    with _sound(path):
+        query = "SELECT 1 FROM sqlite_master WHERE name = 'moments_of_case'"
+        return connection.execute(query).fetchone() is not None
+
+
+@contextmanager
+def _sound(path: Path) -> Iterator[None]:
     try:
-        with _connected(path) as connection:
-            store = ResultStore(connection, path)
-            store.cases()
-            yield store
+        yield
     except sqlite3.DatabaseError as error:
-        raise InputError(f"{path}: is no file of results ({error}); one of `twin suite run` is expected") from error
+        raise InputError(f"{path}: is no file of results ({error}); {EXPECTED} is expected") from error
 
 
 def _check_same(store: ResultStore, cases: Sequence[Case], facts: Mapping[str, Any]) -> None:

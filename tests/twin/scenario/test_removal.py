@@ -94,3 +94,8 @@ def test_a_name_that_no_file_can_have_is_refused(base: Path, field: str) -> None
         load_scenario(base, [f"{field}.{'a' * 300}={{}}"])
     with pytest.raises(InputError, match="name: String should have at most 100 characters"):
         load_scenario(base, [f"name={'a' * 300}"])
+
+
+def test_a_path_into_an_item_that_is_a_value_is_refused():
+    with pytest.raises(InputError, match=r"--set area.0.1.x=2: area.0.1 is a value, not a mapping; it has no 'x'"):
+        load_scenario("lab-five-people", ["area.0.1.x=2"])

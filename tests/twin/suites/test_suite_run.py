@@ -326,6 +326,30 @@ def test_files_that_are_no_baseline_and_no_results_are_told(tmp_path: Path, monk
     assert isinstance(error, InputError) and "is no file of results" in str(error)
 
 
+@pytest.mark.parametrize(
+    ("statement", "said"),
+    [
+        ("DELETE FROM facts WHERE name = 'versions'", "facts: versions: Field required"),
+        ("UPDATE facts SET value = '' WHERE name = 'suite'", "facts.suite, line 1: is not JSON"),
+        ("UPDATE facts SET value = '[1]' WHERE name = 'tolerances'", "facts: tolerances: .*dictionary"),
+        ("UPDATE cases SET status = 'well' WHERE rowid = 1", r"cases: 0.status: .* \(got 'well'\)"),
+        ("UPDATE definitions SET overrides = '{' WHERE rowid = 1", "cases: 0.overrides: Invalid JSON"),
+        ("UPDATE results SET value = 'much' WHERE rowid = 1", "results: .*mota: .*number"),
+        ("DELETE FROM results", "results: of .*, which is done, there are none"),
+        ("DROP TABLE cases", "is no file of results .no such table: cases"),
+    ],
+)
+def test_results_that_were_spoiled_are_told_in_one_sentence(
+    statement: str, said: str, suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run_made_up(suite, tmp_path / "out")
+    rows(tmp_path / "out", statement)
+    for arguments in (("show", str(tmp_path / "out")), ("compare", str(tmp_path / "out"), str(tmp_path / "out"))):
+        _, _, error = command(monkeypatch, *arguments)
+        assert isinstance(error, InputError) and re.search(f"results.sqlite: {said}", str(error)), error
+        assert "\n" not in str(error)
+
+
 def test_the_cache_command_says_how_much_and_empties(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     entry = tmp_path / "cache" / "recordings" / "0123"
     entry.mkdir(parents=True)

@@ -1,0 +1,78 @@
+"""What a file of results holds, checked where it is read: it may have been cut, or edited by hand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, Json, TypeAdapter, ValidationError
+
+from trackers.errors import InputError
+from twin.suites.description import Tolerance
+from twin.suites.worker import Moment
+
+WAITING, RUNNING, DONE, FAILED = "waiting", "running", "done", "failed"
+EXPECTED = "a file of results as `twin suite run` wrote it"
+
+_MOST_SHOWN = 80
+_Content = TypeVar("_Content")
+
+
+_TEXTS = TypeAdapter(Json[list[str]])
+
+
+def _list_of_texts(text: str) -> str:
+    _TEXTS.validate_python(text)
+    return text
+
+
+@dataclass(frozen=True)
+class StoredCase:
+    """A case as the file holds it."""
+
+    id: str
+    scenario: str
+    variant: str
+    overrides: Annotated[str, AfterValidator(_list_of_texts)]  # JSON, a list of texts
+    seed: int
+    tracker: str
+    image_based: bool  # SQLite: 0 or 1
+    status: Literal["waiting", "running", "done", "failed"]
+    attempts: int
+    seconds: FiniteFloat | None
+    error: str | None
+
+
+class Facts(BaseModel):
+    """What is known of a run as a whole."""
+
+    model_config = ConfigDict(frozen=True)
+
+    suite: str
+    description: str
+    code: str
+    versions: dict[str, str | None]
+    changes: list[str]
+    tolerances: dict[str, Tolerance]
+    seconds: FiniteFloat
+    renderers: list[str]
+    strips: dict[str, FiniteFloat] = Field(default_factory=dict)
+    baseline: str | None = None
+
+
+FACTS = TypeAdapter(Facts)
+CASES = TypeAdapter(list[StoredCase])
+METRICS = TypeAdapter(dict[str, dict[str, FiniteFloat | None]])
+MOMENTS = TypeAdapter(list[Moment])
+
+
+def checked(kind: TypeAdapter[_Content], content: Any, source: str) -> _Content:
+    """The content as this kind; raises InputError naming the source, the place, the value and what is expected."""
+    try:
+        return kind.validate_python(content)
+    except ValidationError as error:
+        fault = error.errors()[0]
+        place = ".".join(str(part) for part in fault["loc"])
+        value = repr(fault["input"])
+        shown = value if len(value) <= _MOST_SHOWN else value[:_MOST_SHOWN] + "…"
+        raise InputError(f"{source}: {place}: {fault['msg']} (got {shown}); {EXPECTED} is expected") from error
