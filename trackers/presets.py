@@ -66,6 +66,11 @@ PRESETS: Mapping[str, Preset] = {
     "laser-fisheye-imm-paper": Preset(
         _LASER_FISHEYE, "the full system with every rule that is ours and not the paper's switched off", _BAI, PAPER
     ),
+    "sort": Preset(
+        "trackers.sort:Sort",
+        "every scanner's clusters fused, a Kalman filter a person, optimal assignment: the plain baseline",
+        "Bewley, Ge, Ott, Ramos, Upcroft: Simple Online and Realtime Tracking (2016), here on the ground plane",
+    ),
 }
 
 

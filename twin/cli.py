@@ -191,6 +191,31 @@ def track(
     _tell_failures(result.failures)
 
 
+@app.command(epilog="Example: twin detections out/library-hall-0/recording.mcap --tracker sort --out seen.csv")
+def detections(
+    recording: Annotated[Path, typer.Argument(help="A bag: the twin's recording.mcap, or a robot's.")],
+    tracker: Annotated[
+        str, typer.Option(metavar="NAME", help="Whose detector: a preset, one the scenario defines, or module:Class.")
+    ] = "sort",
+    rig: Annotated[Path | None, typer.Option(help="rig.yaml: which topic is which sensor, and where it is.")] = None,
+    set_: Set = None,
+    seed: Seed = None,
+    out: Annotated[Path | None, typer.Option(metavar="FILE", help="Table to write; default: stdout.")] = None,
+) -> None:
+    """What a tracker's detector saw, as a CSV table: t,sensors,role,x,y,variance,width in the room frame [s, m, m²]."""
+    from twin.console import print_paths
+    from twin.detections import write_detections
+
+    if out is None:
+        write_detections(recording, sys.stdout, tracker=tracker, rig_path=rig, changes=set_ or [], seed=seed)
+        return
+    from twin.recording.whole_file import whole_file
+
+    with whole_file(out) as file:
+        write_detections(recording, file, tracker=tracker, rig_path=rig, changes=set_ or [], seed=seed)
+    print_paths({"detections": out})
+
+
 @app.command(epilog="Example: twin evaluate out/lab-five-people-0/truth.csv out/lab-five-people-0/tracks/laser-imm.csv")
 def evaluate(
     truth: Annotated[Path, typer.Argument(help="truth.csv")],

@@ -72,10 +72,9 @@ def track_recording(
     PlugInError when every tracker has failed; where others are left, the result says which did.
     """
     bag = Recording(recording, rig_path)
-    scenario = _scenario_of(bag)
+    scenario = scenario_of(bag)
     names = list(trackers)
-    source = "--set" if scenario is None else f"{recording}, topic /scenario"
-    chosen = choose(names, _defined(scenario, names, changes), source, TrustedClasses(typed_classes(changes)))
+    chosen = chosen_trackers(bag, scenario, names, changes)
     if bag_copy is not None:
         check_copy(recording, bag_copy)
     seed = seed if seed is not None else scenario.seed if scenario is not None else 0
@@ -177,12 +176,20 @@ def _outline(scenario: Scenario | None) -> list[Polygon]:
     return room_outline(world.scene.model, world.empty_snapshot(0.0).data)
 
 
-def _scenario_of(bag: Recording) -> Scenario | None:
+def scenario_of(bag: Recording) -> Scenario | None:
     """The scenario carried in a twin's bag."""
     if bag.scenario_yaml is None:
         return None
     source = f"{bag.path}, topic /scenario"
     return validate(Scenario, parse_yaml(bag.scenario_yaml, source, "a resolved scenario"), source)
+
+
+def chosen_trackers(
+    bag: Recording, scenario: Scenario | None, names: Sequence[str], changes: Sequence[str]
+) -> list[ChosenTracker]:
+    """The trackers called `names`, as the bag's scenario defines them, with the overrides applied; InputError for bad ones."""
+    source = "--set" if scenario is None else f"{bag.path}, topic /scenario"
+    return choose(names, _defined(scenario, names, changes), source, TrustedClasses(typed_classes(changes)))
 
 
 def _defined(scenario: Scenario | None, names: Sequence[str], changes: Sequence[str]) -> dict[str, TrackerChoice]:

@@ -10,18 +10,22 @@ nearer than the gate to what another sees of them may be fused with each other's
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.detections import Detection
 from trackers.filters.gating import global_nearest_neighbour
 from trackers.filters.motion import MEASUREMENT_VARIANCE_M2
-from trackers.laser.grouping import distances
-from trackers.laser.layer import Detections, LaserLayer, LayerOptions
+from trackers.laser.grouping import distances, pair_off, take_legs
+from trackers.laser.layer import Detections, KneeOptions, LaserLayer, LayerOptions, WaistOptions
+from trackers.laser.roles import scanners_by_role
 from trackers.observations import LaserScan, Observation
-from trackers.rig import LaserSensor
+from trackers.rig import LaserSensor, Rig, Role
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 
 class ScannerGroup:
@@ -62,6 +66,13 @@ class ScannerGroup:
                 together = fused(together, layer.detect(scan).of_scanner(column, n_scanner), self._gate_m)
         return together
 
+    def told(self, detections: Detections, role: Role, ns: int) -> list[Detection]:
+        """Detections of this group at a moment [ns] one by one; a whole cluster's variance is that of the measurement."""
+        sensors = [tuple(compress(self.layers, seen)) for seen in detections.scanner.tolist()]
+        variance = (MEASUREMENT_VARIANCE_M2 + detections.variance_m2).tolist()
+        rows = zip(sensors, detections.position.tolist(), variance, detections.width_m.tolist(), strict=True)
+        return [Detection(ns, seen_by, role, x, y, m2, width) for seen_by, (x, y), m2, width in rows]
+
     def missed(self, observations: Mapping[str, Observation], points: Array) -> Array:
         """How probably none of the scans shows anything of somebody at room points (2, ...), (...)."""
         chance = np.ones(points.shape[1:])
@@ -98,3 +109,48 @@ def fused(first: Detections, second: Detections, gate_m: float) -> Detections:
     alone[theirs] = False
     averaged = Detections(position, variance, width, first.range_m, first.angle, scanner)
     return averaged.joined(second.select(alone))
+
+
+def scanner_groups(
+    rig: Rig, empty_room: Sequence[Observation], layers: Mapping[Role, LayerOptions] | None = None
+) -> dict[Role, ScannerGroup]:
+    """The scanners of a rig by role, waist first, with the options of each layer (None: the defaults of both).
+
+    Raises InputError for a rig without a scanner of these roles.
+    """
+    layers, lasers = layers or {"waist": WaistOptions(), "knee": KneeOptions()}, rig.lasers()
+    return {
+        role: ScannerGroup({name: lasers[name] for name in names}, empty_room, layers[role])
+        for role, names in scanners_by_role(rig, tuple(layers)).items()
+    }
+
+
+def people_seen(
+    seen: Mapping[Role, Detections], expected: Array, knee: KneeOptions | None = None
+) -> tuple[Array, Mask]:
+    """People (k, 2) [m] by their trunks, else by their legs; who is surely a person and not a lone leg, (k,).
+
+    seen: detections by role, a role only where it is scanned for; expected: where people are expected (n, 2) [m], who take
+    their legs first; area: where people are looked for (None: everywhere). Legs nearer to a trunk than `claim_m` are its own. Where no waists are scanned, a lone leg is somebody.
+    """
+    knee = knee or KneeOptions()
+    trunks = seen["waist"].position if "waist" in seen else np.empty((0, 2))
+    legs = seen["knee"].position if "knee" in seen else np.empty((0, 2))
+    by_legs, n_leg, free = take_legs(
+        legs,
+        expected,
+        knee.stride_m,
+        knee.radius_alone_m,
+        knee.single_leg_cost_m,
+        knee.wide_above_m if knee.wide_above_m is not None else np.inf,
+        knee.wide_cost,
+    )
+    new, n_new = pair_off(legs[free], knee.pair_m)
+    walkers = np.concatenate([by_legs[n_leg > 0], new])
+    whole = (np.concatenate([n_leg[n_leg > 0], n_new]) > 1) | ("waist" not in seen)
+    if len(trunks) and len(walkers):
+        own = distances(walkers, trunks).min(axis=1) <= knee.claim_m
+        walkers, whole = walkers[~own], whole[~own]
+    people, whole = np.concatenate([trunks, walkers]), np.concatenate([np.ones(len(trunks), np.bool_), whole])
+    inside = np.ones(len(people), np.bool_) if area is None else area.contains(people)
+    return people[inside], whole[inside]

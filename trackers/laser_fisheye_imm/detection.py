@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.area import Area
+from trackers.detections import Detection
 from trackers.errors import InputError
 from trackers.laser.group import ScannerGroup
 from trackers.laser.layer import Detections
@@ -107,6 +108,11 @@ class Detector:
         if self._area is None or len(detections) == 0:
             return detections
         return detections.select(self._area.contains(detections.position))
+
+    def told(self, seen: Seen, ns: int) -> list[Detection]:
+        """What a moment [ns] showed, trunks first, one by one."""
+        shown: dict[Role, Detections] = {"waist": seen.trunks, "knee": seen.legs}
+        return [each for role, group in self._groups.items() for each in group.told(shown[role], role, ns)]
 
     def missed(self, moment: Moment, points: Array) -> Array:
         """How probably the moment's scans show nothing of somebody at points (2, ...), (...); nobody is outside the area."""

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from trackers.area import Area
 from trackers.configuration import validate
+from trackers.detections import Detection
 from trackers.filters.absence import not_seen
 from trackers.filters.imm import Imm
 from trackers.filters.motion import (
@@ -99,6 +100,7 @@ class LaserFisheyeImm:
         self._next_id = 1
         self._ns: int | None = None
         self._windows: list[tuple[int | None, Array]] = []
+        self._seen: list[tuple[int, Seen]] = []
         if self.background_learned_causally:
             logger.warning("no scans of the empty room: the background is learned from the scans as they come")
 
@@ -119,11 +121,15 @@ class LaserFisheyeImm:
 
     def update(self, observation: Observation) -> list[TrackFrame]:
         """Take one observation; the frames it completes, oldest first. Sensors that are not used are ignored."""
-        return [self._work(moment) for moment in self._gatherer.add(observation)]
+        return self._work_all(self._gatherer.add(observation))
 
     def finish(self) -> list[TrackFrame]:
         """The frames still held back when the observations have ended."""
-        return [self._work(moment) for moment in self._gatherer.finish()]
+        return self._work_all(self._gatherer.finish())
+
+    def detections(self) -> list[Detection]:
+        """What the moments worked by the last `update` or `finish` showed, see `trackers.detections`."""
+        return [each for ns, seen in self._seen for each in self._detector.told(seen, ns)]
 
     def tracks(self) -> list[Track]:
         """Everyone confirmed in the area, as of the last frame, by id."""
@@ -145,8 +151,13 @@ class LaserFisheyeImm:
         """The torso windows of the last frame's image: whose (None: nobody's yet), and the outline in pixels (p, 2)."""
         return self._windows
 
+    def _work_all(self, moments: list[Moment]) -> list[TrackFrame]:
+        self._seen = []
+        return [self._work(moment) for moment in moments]
+
     def _work(self, moment: Moment) -> TrackFrame:
         seen = self._detector.detect(moment)
+        self._seen.append((moment.ns, seen))
         self._predict(moment.ns)
         waists = self._detector.sees_waists
         matches = Association(self._people, self._imm, self.options, self._knee_radius_m, moment.ns, waists).matches(

@@ -1,0 +1,95 @@
+"""Simple online and realtime tracking (Bewley et al., 2016) on the ground plane: the baseline beside every other tracker."""
+
+import numpy as np
+from filterpy.common import Q_discrete_white_noise
+from filterpy.kalman import KalmanFilter
+from pydantic import Field
+
+from trackers.area import Area
+from trackers.configuration import Strict, validate
+from trackers.filters.gating import distances, mahalanobis
+from trackers.laser.group import people_seen, scanner_groups
+from trackers.observations import NS_PER_S
+from trackers.tracking.association import Stage, associate
+from trackers.tracking.moments import MomentGatherer, MomentRules
+from trackers.tracks import Track, TrackFrame
+
+
+class SortOptions(Strict):
+    acceleration_m_s2: float = Field(default=2.0, gt=0, description="standard deviation of the acceleration [m/s²]")
+    measurement_m: float = Field(default=0.15, gt=0, description="standard deviation of a measured position [m]")
+    gate: float = Field(default=4.0, gt=0, description="largest Mahalanobis distance of a pair")
+    radius_m: float = Field(default=1.0, gt=0, description="and its largest distance [m]")
+    apart_m: float = Field(default=0.5, ge=0, description="no track starts nearer than this to another [m]")
+    hits: int = Field(default=3, ge=1, description="measurements that confirm a track")
+    show_s: float = Field(default=0.6, ge=0, description="how long a coasting track is reported [s]")
+    coast_s: float = Field(default=2.0, ge=0, description="and when it ends; a tentative one at its first miss [s]")
+
+
+class Sort:
+    """Trunks, else legs, of all scanners; a Kalman filter a person. Raises InputError for a rig without a scanner."""
+
+    takes_any_order = True  # moments bring them into order
+
+    def __init__(self, rig, background=(), rng=None, **options):
+        self.options = validate(SortOptions, options, "tracker sort")
+        self.groups = scanner_groups(rig, list(background))
+        used = tuple(name for group in self.groups.values() for name in group.names)
+        self.unused_sensors = [name for name in rig.sensors if name not in used]
+        self.moments = MomentGatherer(MomentRules(used, main=rig.main_sensor if rig.main_sensor in used else None))
+        self.area = Area(rig.area, 0.3) if rig.area else None
+        self.people, self.ns, self.last_id, self.seen = [], 0, 0, []
+
+    discarded = property(lambda self: self.moments.discarded)
+
+    def update(self, observation):
+        self.seen = []
+        return [self.work(moment) for moment in self.moments.add(observation)]
+
+    def finish(self):
+        self.seen = []
+        return [self.work(moment) for moment in self.moments.finish()]
+
+    def detections(self):
+        return [
+            each for ns, seen in self.seen for role in seen for each in self.groups[role].told(seen[role], role, ns)
+        ]
+
+    def tracks(self):
+        shown = [p for p in self.people if p.id and self.ns - p.ns <= self.options.show_s * NS_PER_S]
+        return [
+            Track(p.id, *p.x[[0, 2, 1, 3]].tolist(), status="confirmed" if p.ns == self.ns else "coasting")
+            for p in shown
+        ]
+
+    def work(self, moment):
+        options, dt, self.ns = self.options, (moment.ns - self.ns) / NS_PER_S, moment.ns
+        for p in self.people:  # x, vx, y, vy
+            p.F = np.kron(np.eye(2), [[1, dt], [0, 1]])
+            p.Q = Q_discrete_white_noise(2, dt, options.acceleration_m_s2**2, block_size=2)
+            p.predict()
+        self.seen.append((moment.ns, {role: group.detect(moment.observations) for role, group in self.groups.items()}))
+        expected = np.array([p.x[::2] for p in self.people]).reshape(-1, 2)
+        body, whole = people_seen(self.seen[-1][1], expected, self.area)
+        S = np.array([p.P[::2, ::2] + p.R for p in self.people]).reshape(-1, 1, 2, 2)
+        deviations = mahalanobis(expected[:, None], S, body)
+        out = (deviations > options.gate) | (distances(expected, body) > options.radius_m)
+        known = np.array([p.id > 0 for p in self.people], bool)
+        rows, columns = associate([Stage(known, [deviations], [out]), Stage(~known, [deviations], [out])])
+        for p, column in zip([self.people[row] for row in rows], columns, strict=True):
+            p.update(body[column])
+            p.ns, p.hits = moment.ns, p.hits + 1
+            if not p.id and p.hits >= options.hits:
+                self.last_id = p.id = self.last_id + 1
+        self.people = [p for p in self.people if self.ns - p.ns <= (options.coast_s * NS_PER_S if p.id else 0)]
+        for column in np.setdiff1d(np.flatnonzero(whole), columns):
+            if all(np.hypot(*(p.x[::2] - body[column])) > options.apart_m for p in self.people):
+                self.people.append(self.started(body[column]))
+        return TrackFrame(moment.ns, tuple(self.tracks()))
+
+    def started(self, place):
+        p = KalmanFilter(dim_x=4, dim_z=2)
+        p.x, p.H = np.array([place[0], 0, place[1], 0]), np.eye(4)[::2]
+        p.R, p.P = np.eye(2) * self.options.measurement_m**2, np.diag([self.options.measurement_m**2, 1.0] * 2)
+        p.id, p.ns, p.hits = 0, self.ns, 1
+        return p
