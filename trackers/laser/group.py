@@ -15,6 +15,7 @@ from itertools import compress
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.area import Area
 from trackers.detections import Detection
 from trackers.filters.gating import global_nearest_neighbour
 from trackers.filters.motion import MEASUREMENT_VARIANCE_M2
@@ -126,12 +127,13 @@ def scanner_groups(
 
 
 def people_seen(
-    seen: Mapping[Role, Detections], expected: Array, knee: KneeOptions | None = None
+    seen: Mapping[Role, Detections], expected: Array, area: Area | None = None, knee: KneeOptions | None = None
 ) -> tuple[Array, Mask]:
     """People (k, 2) [m] by their trunks, else by their legs; who is surely a person and not a lone leg, (k,).
 
     seen: detections by role, a role only where it is scanned for; expected: where people are expected (n, 2) [m], who take
-    their legs first; area: where people are looked for (None: everywhere). Legs nearer to a trunk than `claim_m` are its own. Where no waists are scanned, a lone leg is somebody.
+    their legs first; area: where people are looked for (None: everywhere). Legs nearer to a trunk than `claim_m` are its own.
+    Where no waists are scanned, a lone leg is somebody.
     """
     knee = knee or KneeOptions()
     trunks = seen["waist"].position if "waist" in seen else np.empty((0, 2))
