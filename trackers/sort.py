@@ -20,9 +20,9 @@ class SortOptions(Strict):
     measurement_m: float = Field(default=0.15, gt=0, description="standard deviation of a measured position [m]")
     gate: float = Field(default=4.0, gt=0, description="largest Mahalanobis distance of a pair")
     radius_m: float = Field(default=1.0, gt=0, description="and its largest distance [m]")
-    apart_m: float = Field(default=0.5, ge=0, description="no track starts nearer than this to another [m]")
+    apart_m: float = Field(default=0.6, ge=0, description="no track starts nearer than this to another [m]")
     hits: int = Field(default=3, ge=1, description="measurements that confirm a track")
-    show_s: float = Field(default=0.6, ge=0, description="how long a coasting track is reported [s]")
+    show_s: float = Field(default=0.3, ge=0, description="how long a coasting track is reported [s]")
     coast_s: float = Field(default=2.0, ge=0, description="and when it ends; a tentative one at its first miss [s]")
 
 

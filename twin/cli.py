@@ -203,9 +203,11 @@ def detections(
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="Table to write; default: stdout.")] = None,
 ) -> None:
     """What a tracker's detector saw, as a CSV table: t,sensors,role,x,y,variance,width in the room frame [s, m, m²]."""
+    from twin.chosen_trackers import import_from_here, typed_classes
     from twin.console import print_paths
     from twin.detections import write_detections
 
+    import_from_here([*typed_classes(set_ or []), tracker])
     if out is None:
         write_detections(recording, sys.stdout, tracker=tracker, rig_path=rig, changes=set_ or [], seed=seed)
         return
