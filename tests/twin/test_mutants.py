@@ -11,8 +11,8 @@ from benchmarks.fuzz.judge import Judge, Mutant
 from benchmarks.fuzz.kinds import KINDS
 from benchmarks.fuzz.run import judge_mutants
 
-MUTANTS = dict.fromkeys(KINDS, 40) | dict.fromkeys(("scenarios", "rooms", "pedestrians", "suites", "bags", "rigs"), 12)
-del MUTANTS["settings"], MUTANTS["stores"]
+_SIMULATED = ("scenarios", "rooms", "pedestrians", "suites", "bags", "rigs", "stores")
+MUTANTS = dict.fromkeys(KINDS, 30) | dict.fromkeys(_SIMULATED, 10)
 
 
 @pytest.fixture(scope="module")

@@ -12,6 +12,7 @@ from pathlib import Path, PureWindowsPath
 from xml.etree import ElementTree
 
 from trackers.errors import InputError
+from twin.room.size import check_size
 
 _FOLDERS = ("meshdir", "texturedir", "assetdir")
 _MJCF = ("include", "model")
@@ -35,7 +36,8 @@ def room_files(room: Path) -> dict[Path, bytes]:
     missing are left out; MuJoCo tells of them.
 
     Raises InputError for what is not plain, well-formed XML, for a file outside the room's folder, be it by '..', an
-    absolute path, a folder of the compiler or a symbolic link, and for one that comes back to itself.
+    absolute path, a folder of the compiler or a symbolic link, for one that comes back to itself, and for more than a room
+    needs (`check_size`).
     """
     found: dict[Path, bytes] = {}
     parts: dict[tuple[Path, Path], _Part] = {}
@@ -55,6 +57,7 @@ def room_files(room: Path) -> dict[Path, bytes]:
             for candidate in _places(read, element, room, ()):
                 folder = model_folder if element == "include" else candidate.parent
                 waiting.append((candidate, folder, (*through, part.resolve())))
+    check_size((part.root for part in parts.values()), str(room))
     for part in parts.values():
         of_model = [each.root for each in parts.values() if each.model_folder == part.model_folder]
         for place in _places(part, None, room, of_model):

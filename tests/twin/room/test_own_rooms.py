@@ -303,3 +303,40 @@ def test_a_room_attached_to_itself_is_refused_before_it_is_read_without_end(tmp_
 def test_a_thing_without_measure_is_named(tmp_path: Path, geom: str) -> None:
     with pytest.raises(InputError, match=r"mine.xml: 'moon' reaches .* m from the room's origin; at most 10000 m"):
         scene_of(tmp_path, f'<geom name="moon" type="box" {geom}/>')
+
+
+@pytest.mark.parametrize(
+    ("element", "said"),
+    [
+        (
+            '<replicate count="1000000000"><geom size=".1"/></replicate>',
+            r"<replicate> makes 1e\+09 copies; at most 2000",
+        ),
+        (
+            '<replicate count="100" offset="1 0 0"><replicate count="100" offset="0 1 0"><geom size=".1"/></replicate>'
+            "</replicate>",
+            r"<replicate> makes 1e\+04 copies",
+        ),
+        ('<flexcomp name="f" type="grid" count="2000 2000 2000"/>', r'count="2000 2000 2000"> makes 8e\+09 points'),
+    ],
+)
+def test_more_than_a_room_needs_is_refused_before_it_is_made(tmp_path: Path, element: str, said: str) -> None:
+    with pytest.raises(InputError, match=f"mine.xml: .*{said}"):
+        scene_of(tmp_path, element)
+
+
+@pytest.mark.parametrize(
+    "asset",
+    [
+        '<hfield name="h" nrow="30000" ncol="30000" size="1 1 1 1"/>',
+        '<texture name="t" width="1000000" height="1000000"/>',
+    ],
+)
+def test_pictures_without_measure_are_refused(tmp_path: Path, asset: str) -> None:
+    with pytest.raises(InputError, match=r"mine.xml: <.* makes .* (samples|pixels); at most 67108864 are expected"):
+        scene_of(tmp_path, "", before=f"<asset>{asset}</asset>")
+
+
+def test_a_row_of_copies_is_a_room_as_any(tmp_path: Path) -> None:
+    scene = scene_of(tmp_path, '<replicate count="3" offset="0.5 0 0"><geom size=".1" pos="0 0 0.1"/></replicate>')
+    assert sum(scene.model.geom_size[:, 0] == 0.1) >= 3
