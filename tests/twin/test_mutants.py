@@ -47,7 +47,7 @@ class Removes(Bad):
     def act(self): os.remove("scenario.yaml")
 
 class Takes(Bad):
-    def act(self): self.memory = bytearray(3 << 30)
+    def act(self): self.memory = bytearray(b"x") * (350 << 20)
 
 class Dies(Bad):
     def act(self): os.abort()
@@ -63,7 +63,7 @@ class Hangs(Bad):
     [
         ("Writes", "touches open .*elsewhere.txt"),
         ("Removes", "touches os.remove .*scenario.yaml"),
-        ("Takes", "exit code 70"),
+        ("Takes", r"takes \d+ MiB"),
         ("Dies", "the process died with -6"),
         ("Hangs", "hangs: stopped after 1"),
     ],
@@ -72,6 +72,6 @@ def test_the_judge_sees_what_must_not_happen(tracker, fault, tmp_path):
     (tmp_path / "bad.py").write_text(BAD, encoding="utf-8")
     (tmp_path / "scenario.yaml").write_text(SMALL, encoding="utf-8")
     command = ["twin", "run", "scenario.yaml", "--no-images", "--tracker", f"bad:{tracker}", "--out", "out"]
-    with Judge(longest_s=1.5) as judge:
+    with Judge(longest_s=1.5, most_mib=400) as judge:
         verdict = judge.judge(Mutant(command, tmp_path, (tmp_path / "out",)))
     assert re.match(fault, verdict.fault)

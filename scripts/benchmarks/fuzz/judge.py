@@ -57,8 +57,8 @@ class Verdict:
 class Judge:
     """Runs mutants one after the other in a child process, a new one now and then and after every fault."""
 
-    def __init__(self, longest_s: float = LONGEST_S) -> None:
-        self._longest_s = longest_s
+    def __init__(self, longest_s: float = LONGEST_S, most_mib: float = MOST_MIB) -> None:
+        self._longest_s, self._most_mib = longest_s, most_mib
         self._home = tempfile.TemporaryDirectory(prefix="fuzz-home-")
         self._child: subprocess.Popen[str] | None = None
         self._judged = 0
@@ -85,13 +85,13 @@ class Judge:
             "log": str(Path(self._home.name) / "said.txt"),
             "limit_s": self._longest_s,
             "clock_limit_s": _BY_THE_CLOCK_S,
-            "limit_mib": MOST_MIB,
+            "limit_mib": self._most_mib,
         }
         child.stdin.write(json.dumps(request) + "\n")
         child.stdin.flush()
         answered, _, _ = select.select([child.stdout], [], [], _BY_THE_CLOCK_S + _GRACE_S)
         line = child.stdout.readline() if answered else ""
-        verdict = _verdict(json.loads(line)) if line else self._silent(hangs=not answered)
+        verdict = _verdict(json.loads(line), self._most_mib) if line else self._silent(hangs=not answered)
         if verdict.fault:
             self._end()
         return verdict
@@ -129,7 +129,7 @@ class Judge:
             self._child = None
 
 
-def _verdict(answer: dict[str, Any]) -> Verdict:
+def _verdict(answer: dict[str, Any], most_mib: float) -> Verdict:
     faults = []
     code, said = answer["exit_code"], answer["said"]
     if answer["timed_out"]:
@@ -138,7 +138,7 @@ def _verdict(answer: dict[str, Any]) -> Verdict:
         faults.append(f"exit code {code}")
     elif "Traceback (most recent call last)" in said:
         faults.append("prints a traceback")
-    if answer["peak_mib"] > MOST_MIB:
+    if answer["peak_mib"] > most_mib:
         faults.append(f"takes {answer['peak_mib']:.0f} MiB")
     if answer["written"]:
         faults.append(f"touches {', '.join(answer['written'][:3])}")
