@@ -12,8 +12,8 @@ from benchmarks.figure import Figure
 from trackers.filters.imm import Imm
 from trackers.filters.imm_state import ImmState
 from trackers.filters.motion import MotionModel, linearise
-from twin.reproduce.figure7 import simulate
-from twin.reproduce.walk import maneuvering_walk
+from twin.reproduce.laser_fisheye_imm.figure7 import simulate
+from twin.reproduce.laser_fisheye_imm.walk import maneuvering_walk
 
 _PERIOD_S = 0.1
 _ROUNDS = 7

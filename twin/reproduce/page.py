@@ -13,58 +13,38 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from numpy.typing import NDArray
 
 from twin.recording.whole_file import whole_file
-from twin.reproduce.figure7 import FIRST_SCAN, MEAN_MAGNITUDE, N_PARTICLE, START_SPEED_M_S, MonteCarlo
-from twin.reproduce.results import NPE, NVE, Curves, Result
-from twin.reproduce.walk import PERIOD_S
+from twin.reproduce.results import Result
 
 _DECIMALS = {"1": 3, "%": 1, "BW": 3, "m": 3, "m/s": 2, "s": 3, "steps/min": 1, "/run": 2, "/person-min": 2}
 
+Row = tuple[Result, str, str, str]
+"""A result, and the paper's figure, ours and its interval as written."""
 
-def write_page(
-    path: Path,
-    *,
-    results: Sequence[Result],
-    command: str,
-    drawn: Mapping[str, str],
-    figure7: Mapping[str, Any],
-    lab: Mapping[str, Any],
-) -> None:
-    """Write the page of `laser-fisheye-imm`; it takes its name when it is whole.
 
-    command: how to get the same again; drawn: plots as SVG by name; figure7, lab: what `figure7_content` and
-    `lab_content` give. Raises InputError where the file cannot be written.
+def write_page(path: Path, template_name: str, command: str, drawn: Mapping[str, str], **content: Any) -> None:
+    """Write a page from a template of this package; it takes its name when it is whole.
+
+    command: how to get the same again; drawn: plots as SVG by name, `plots` in the template. Raises InputError where the
+    file cannot be written.
     """
-    shown = [(result, *text_of(result)) for result in results]
-    page = template("page.html.j2").render(
-        figure7_rows=[row for row in shown if row[0].where in (NPE, NVE)],
-        lab_rows=[row for row in shown if row[0].where not in (NPE, NVE)],
-        plots={name: source_of(svg) for name, svg in drawn.items()},
-        figure7=figure7,
-        lab=lab,
-        command=command,
-    )
+    plots = {name: source_of(svg) for name, svg in drawn.items()}
+    page = template(template_name).render(command=command, plots=plots, **content)
     with whole_file(path) as stream:
         stream.write(page)
 
 
-def figure7_content(runs: MonteCarlo, found: Sequence[Curves]) -> dict[str, Any]:
-    """What the page says of figure 7 and the walk of figure 6."""
-    return {
-        "n_run": len(runs.seeds),
-        "seeds": f"{runs.seeds.start} to {runs.seeds[-1]}",
-        "n_scan": len(runs.walk),
-        "period_s": PERIOD_S,
-        "top_speed": float(runs.walk.speed.max()),
-        "maneuvers": [
-            f"{maneuver.kind} {maneuver.start_t / PERIOD_S:.0f}–{maneuver.end_t / PERIOD_S:.0f}"
-            for maneuver in runs.walk.maneuvers
-        ],
-        "behind": [(curves.name, spans_text(runs.scans[~curves.lowest()[0]])) for curves in found],
-        "reading": MEAN_MAGNITUDE,
-        "n_particle": N_PARTICLE,
-        "first_scan": FIRST_SCAN,
-        "start_speed": START_SPEED_M_S,
-    }
+def write_plots(folder: Path, drawn: Mapping[str, str]) -> dict[str, Path]:
+    """Write plots as SVG under their names; their paths. Raises InputError where a file cannot be written."""
+    paths = {name: folder / f"{name}.svg" for name in drawn}
+    for name, svg in drawn.items():
+        with whole_file(paths[name]) as stream:
+            stream.write(svg)
+    return paths
+
+
+def rows_of(results: Sequence[Result]) -> list[Row]:
+    """Results as `rows.html.j2` shows them."""
+    return [(result, *text_of(result)) for result in results]
 
 
 def text_of(result: Result) -> tuple[str, str, str]:

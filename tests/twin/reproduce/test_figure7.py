@@ -5,7 +5,7 @@ import pytest
 
 from trackers.filters.imm import Imm
 from trackers.filters.kalman import kalman
-from twin.reproduce.figure7 import (
+from twin.reproduce.laser_fisheye_imm.figure7 import (
     FILTERS,
     FIRST_SCAN,
     IMM,
@@ -22,7 +22,7 @@ from twin.reproduce.figure7 import (
     particle_estimates,
     simulate,
 )
-from twin.reproduce.walk import PERIOD_S, maneuvering_walk
+from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S, maneuvering_walk
 
 WALK = maneuvering_walk()
 

@@ -12,10 +12,10 @@ import pytest
 
 from trackers.errors import InputError
 from twin.reproduce.command import reproduce
-from twin.reproduce.gait_bodies import steady
-from twin.reproduce.gait_measures import STANCE_POINTS, figures, figures_of, humps, slices, stance
-from twin.reproduce.gait_published import SUBJECT_FILE, read_subject, walking_cadence, walking_step_m
-from twin.reproduce.gait_results import BESIDE_THE_PERSON, BESIDE_THE_SUBJECT, RUNNING, WALKING, statures
+from twin.reproduce.gait.bodies import steady
+from twin.reproduce.gait.measures import STANCE_POINTS, figures, figures_of, humps, slices, stance
+from twin.reproduce.gait.published import SUBJECT_FILE, read_subject, walking_cadence, walking_step_m
+from twin.reproduce.gait.results import BESIDE_THE_PERSON, BESIDE_THE_SUBJECT, RUNNING, WALKING, statures
 
 DATA = Path(__file__).parents[4] / "shared" / "data" / "gait"
 recorded = pytest.mark.skipif(not (DATA / SUBJECT_FILE).exists(), reason="the recording of subject01 is not there")
@@ -171,5 +171,5 @@ def test_a_recording_that_is_none_is_refused(tmp_path, content, words):
 
 
 def test_only_gait_reads_data(tmp_path):
-    with pytest.raises(InputError, match="--data .* by `reproduce gait` only"):
+    with pytest.raises(InputError, match="--data: is an option of `reproduce gait` only"):
         reproduce("laser-fisheye-imm", seeds=2, data=tmp_path)

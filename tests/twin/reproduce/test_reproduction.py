@@ -14,12 +14,13 @@ from typer.testing import CliRunner
 
 from trackers.errors import InputError
 from twin.reproduce.command import reproduce
-from twin.reproduce.figure7 import FILTERS, IMM, MEAN_MAGNITUDE, simulate
-from twin.reproduce.lab_conditions import COLUMNS
+from twin.reproduce.laser_fisheye_imm.conditions import COLUMNS
+from twin.reproduce.laser_fisheye_imm.figure7 import FILTERS, IMM, MEAN_MAGNITUDE, simulate
+from twin.reproduce.laser_fisheye_imm.figure7_results import NPE, NVE, curves, figure7_results
+from twin.reproduce.laser_fisheye_imm.table_one import COUNTS, DENSITY, TABLE_ONE, paper_figure
+from twin.reproduce.laser_fisheye_imm.walk import maneuvering_walk
 from twin.reproduce.page import spans_text, text_of
-from twin.reproduce.results import NPE, NVE, Result, curves, figure7_results
-from twin.reproduce.table_one import COUNTS, DENSITY, TABLE_ONE, paper_figure
-from twin.reproduce.walk import maneuvering_walk
+from twin.reproduce.results import Result
 
 SEEDS = range(1000, 1002)
 RUNS = range(1000, 1006)

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from twin.reproduce.intervals import MOST_UNSEEN, Bootstrap
-from twin.reproduce.lab_claims import claims
-from twin.reproduce.lab_conditions import COLUMNS, FULL, IMM, KALMAN, Condition, Hidden
-from twin.reproduce.lab_plots import _spread
-from twin.reproduce.lab_strips import _by_turns
-from twin.reproduce.table_one import (
+from twin.reproduce.laser_fisheye_imm.claims import claims
+from twin.reproduce.laser_fisheye_imm.conditions import COLUMNS, FULL, IMM, KALMAN, Condition, Hidden
+from twin.reproduce.laser_fisheye_imm.table_one import (
     LOST,
     MISIDENTIFIED,
     TOTAL,
@@ -24,6 +22,8 @@ from twin.reproduce.table_one import (
     filters_difference,
     paper_figure,
 )
+from twin.reproduce.laser_fisheye_imm.table_one_plots import _spread
+from twin.reproduce.moments import by_turns
 
 N = 8
 NONE = np.zeros(N)
@@ -166,7 +166,7 @@ def test_strips_show_every_run_and_kind_before_the_same_again() -> None:
             self.name, self.kind, self.seed = name, name[0], int(name[1])
 
     made = [Made(name) for name in ("m0", "m0", "l0", "m0", "m1", "m1")]
-    assert [each.case.name for each in _by_turns(made)] == ["m0", "l0", "m1", "m0", "m1", "m0"]  # pyright: ignore
+    assert [each.case.name for each in by_turns(made)] == ["m0", "l0", "m1", "m0", "m1", "m0"]  # pyright: ignore
 
 
 def test_equal_runs_stand_beside_each_other() -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from twin.reproduce.walk import PERIOD_S, maneuvering_walk
+from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S, maneuvering_walk
 
 WALK = maneuvering_walk()
 

@@ -10,11 +10,34 @@ import numpy as np
 
 from trackers.laser_fisheye_imm.options import ManagementOptions
 from twin.reproduce.intervals import Interval
-from twin.reproduce.lab_claims import claims
-from twin.reproduce.lab_conditions import COAST_S, COLUMNS, FULL, IMM, KALMAN, SENSOR_SETS, Condition, LabRuns
-from twin.reproduce.lab_strips import MOST_A_CONDITION, Strip
+from twin.reproduce.laser_fisheye_imm.claims import claims
+from twin.reproduce.laser_fisheye_imm.conditions import (
+    COAST_S,
+    COLUMNS,
+    FULL,
+    IMM,
+    KALMAN,
+    SENSOR_SETS,
+    Condition,
+    LabRuns,
+)
+from twin.reproduce.laser_fisheye_imm.figure7 import FIRST_SCAN, MEAN_MAGNITUDE, N_PARTICLE, START_SPEED_M_S, MonteCarlo
+from twin.reproduce.laser_fisheye_imm.figure7_results import Curves
+from twin.reproduce.laser_fisheye_imm.run_tables import MOST_A_CONDITION
+from twin.reproduce.laser_fisheye_imm.table_one import (
+    COUNTS,
+    LOST,
+    RATES,
+    ROWS,
+    breaks_at,
+    cell,
+    error_rate,
+    paper_figure,
+    values,
+)
+from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S
+from twin.reproduce.moments import Strip
 from twin.reproduce.page import spans_text
-from twin.reproduce.table_one import COUNTS, LOST, RATES, ROWS, breaks_at, cell, error_rate, paper_figure, values
 
 
 def lab_content(lab: LabRuns, strips: Sequence[Strip]) -> dict[str, Any]:
@@ -146,3 +169,23 @@ def _strips(lab: LabRuns, strips: Sequence[Strip]) -> list[dict[str, Any]]:
                 }
             )
     return sections
+
+
+def figure7_content(runs: MonteCarlo, found: Sequence[Curves]) -> dict[str, Any]:
+    """What the page says of figure 7 and the walk of figure 6."""
+    return {
+        "n_run": len(runs.seeds),
+        "seeds": f"{runs.seeds.start} to {runs.seeds[-1]}",
+        "n_scan": len(runs.walk),
+        "period_s": PERIOD_S,
+        "top_speed": float(runs.walk.speed.max()),
+        "maneuvers": [
+            f"{maneuver.kind} {maneuver.start_t / PERIOD_S:.0f}–{maneuver.end_t / PERIOD_S:.0f}"
+            for maneuver in runs.walk.maneuvers
+        ],
+        "behind": [(curves.name, spans_text(runs.scans[~curves.lowest()[0]])) for curves in found],
+        "reading": MEAN_MAGNITUDE,
+        "n_particle": N_PARTICLE,
+        "first_scan": FIRST_SCAN,
+        "start_speed": START_SPEED_M_S,
+    }

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from twin.report.palette import IDENTITY_COLOURS, hex_colour
 from twin.reproduce.drawing import INK, QUIET, SHADE, look, svg_of
-from twin.reproduce.gait_bodies import Steady, steady
-from twin.reproduce.gait_measures import column, roll, stance
-from twin.reproduce.gait_published import (
+from twin.reproduce.gait.bodies import Steady, steady
+from twin.reproduce.gait.measures import column, roll, stance
+from twin.reproduce.gait.published import (
     CONTACT_S,
     DIP,
     HUMPS,
@@ -26,7 +26,7 @@ from twin.reproduce.gait_published import (
     walking_cadence,
     walking_step_m,
 )
-from twin.reproduce.gait_results import NATURAL_M_S, RUNS_M_S, WALKS_M_S, GaitRuns
+from twin.reproduce.gait.results import NATURAL_M_S, RUNS_M_S, WALKS_M_S, GaitRuns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

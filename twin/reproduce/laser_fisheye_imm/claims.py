@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from twin.reproduce.lab_conditions import COAST_S, COLUMNS, FULL, Condition
-from twin.reproduce.table_one import MISIDENTIFIED, cell, excuse, filters_difference, values
+from twin.reproduce.laser_fisheye_imm.conditions import COAST_S, COLUMNS, FULL, Condition
+from twin.reproduce.laser_fisheye_imm.table_one import MISIDENTIFIED, cell, excuse, filters_difference, values
 
 Verdict = Literal["holds", "does not hold", "not decided"]
 

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from trackers.laser_fisheye_imm.options import ManagementOptions
 from twin.evaluate import Evaluation
 from twin.recording.tables import TrackTable, TruthTable
-from twin.suites.cases import Case
-from twin.suites.worker import Moment
+from twin.reproduce.moments import SeenMoment
 
 Array = NDArray[np.float64]
 
@@ -48,6 +47,7 @@ COLUMNS = tuple(
     for preset, sensors in zip(_PRESETS, SENSOR_SETS, strict=True)
 )
 """The six columns; the first is the full system."""
+NAMES = {each.tracker: each.name for each in COLUMNS}
 FULL = COLUMNS[0]
 PAPERS = "people-5"
 """The condition of the paper's experiment."""
@@ -64,14 +64,6 @@ class Hidden:
     start_s: float
     end_s: float
     lost: bool
-
-
-@dataclass(frozen=True)
-class SeenMoment:
-    """A misidentification or a loss: in which case, and when."""
-
-    case: Case
-    moment: Moment
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.reproduce.intervals import Bootstrap, Interval, interval
-from twin.reproduce.lab_conditions import COLUMNS, FULL, IMM, KALMAN, SENSOR_SETS, Column, Condition, LabRuns
+from twin.reproduce.laser_fisheye_imm.conditions import (
+    COLUMNS,
+    FULL,
+    IMM,
+    KALMAN,
+    SENSOR_SETS,
+    Column,
+    Condition,
+    LabRuns,
+)
 from twin.reproduce.results import Result
 from twin.streams import stream
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
-from twin.reproduce.gait_bodies import Steady, steady
-from twin.reproduce.gait_measures import STANCE_POINTS, Figures, Stance, column, figures, figures_of, roll, stance
-from twin.reproduce.gait_published import (
+from twin.reproduce.gait.bodies import Steady, steady
+from twin.reproduce.gait.measures import STANCE_POINTS, Figures, Stance, column, figures, figures_of, roll, stance
+from twin.reproduce.gait.published import (
     CONTACT_S,
     DIP,
     HUMPS,

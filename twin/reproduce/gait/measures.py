@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.reproduce.gait_bodies import Steady
+from twin.reproduce.gait.bodies import Steady
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.evaluate import evaluate_with_details, long_occlusions
 from twin.recording.tables import TruthTable, read_tracks, read_truth
-from twin.reproduce.lab_conditions import (
+from twin.reproduce.laser_fisheye_imm.conditions import (
     COAST_S,
     COLUMNS,
     DENSITY,
@@ -21,28 +21,15 @@ from twin.reproduce.lab_conditions import (
     Hidden,
     LabRuns,
     OneRun,
-    SeenMoment,
 )
+from twin.reproduce.moments import SeenMoment
+from twin.reproduce.suite_runs import SUITE_FOLDER, SuiteRuns
 from twin.scenario import Scenario
-from twin.suites.cache import RecordingCache
-from twin.suites.cases import Case, expand
+from twin.suites.cases import Case
 from twin.suites.description import Suite
 from twin.suites.fingerprint import recording_key
-from twin.suites.store import read_store
-from twin.suites.stored import DONE
 from twin.suites.worker import TRUTH, Moment, record, renderer_of, resolved_scenario
 from twin.world import World
-
-
-def condition_name(case: Case) -> str:
-    """The name of a case's condition: its entry's, and what tells it from that entry's other variants."""
-    return f"{case.scenario} ({case.variant})" if case.variant else case.scenario
-
-
-def with_seeds(suite: Suite, seeds: range) -> Suite:
-    """The suite with these seeds in every entry."""
-    entries = [entry.model_copy(update={"seeds": None}) for entry in suite.scenarios]
-    return suite.model_copy(update={"seeds": tuple(seeds), "scenarios": entries})
 
 
 def check_suite(suite: Suite, path: Path) -> None:
@@ -58,51 +45,32 @@ def check_suite(suite: Suite, path: Path) -> None:
             )
 
 
-def read_lab(suite: Suite, path: Path, folder: Path, cache: RecordingCache) -> LabRuns:
-    """What `run_suite` has left in `folder`; a recording that has left the cache is made again.
-
-    A run counts where all six columns are done. Raises InputError where a condition has fewer than two such runs.
-    """
-    by_condition: dict[str, dict[int, dict[str, Case]]] = {}
-    for case in expand(suite, path):
-        by_condition.setdefault(condition_name(case), {}).setdefault(case.seed, {})[case.tracker] = case
-    with read_store(folder) as store:
-        done = {each.id for each in store.cases() if each.status == DONE}
-        metrics = store.metrics()
-        moments = {case_id: store.moments(case_id) for case_id in done}
+def read_lab(found: SuiteRuns) -> LabRuns:
+    """The lab's runs from those of the suite; a recording that has left the cache is made again."""
     conditions, runs = [], {}
-    for name, by_seed in by_condition.items():
-        whole = {
-            seed: cases for seed, cases in by_seed.items() if all(cases[each.tracker].id in done for each in COLUMNS)
-        }
-        if len(whole) < 2:
-            raise InputError(
-                f"{folder}: {name} has {len(whole)} runs in which all six columns are done; 2 or more are expected, "
-                "and --resume does the rest"
-            )
-        full = [_one_run(cases[FULL.tracker], folder, cache) for cases in whole.values()]
+    for name, whole in found.by_condition.items():
+        full = [_one_run(cases[FULL.tracker], found) for cases in whole.values()]
         runs[name] = full[0]
-        conditions.append(_condition(name, whole, full, metrics, moments))
+        conditions.append(_condition(name, whole, full, found.metrics, found.moments))
     order = {PAPERS: 0}
     conditions.sort(key=lambda each: order.get(each.name, 1 if DENSITY.fullmatch(each.name) else 2))
-    wanted = [case.id for by_seed in by_condition.values() for cases in by_seed.values() for case in cases.values()]
-    papers = next(iter(by_condition[PAPERS].values()))[FULL.tracker]
+    papers = next(iter(found.by_condition[PAPERS].values()))[FULL.tracker]
     return LabRuns(
         tuple(conditions),
         runs[PAPERS],
         World(resolved_scenario(papers)).scene.area,
         runs[PAPERS].evaluation.stamps_ns.size,
         _scan_rate_hz(runs[PAPERS]),
-        tuple(each for each in wanted if each not in done),
+        found.not_done,
     )
 
 
-def _one_run(case: Case, folder: Path, cache: RecordingCache) -> OneRun:
+def _one_run(case: Case, found: SuiteRuns) -> OneRun:
     scenario = resolved_scenario(case)
     key = recording_key(case.resolved, renderer_of(scenario))
-    with cache.recording(key, lambda place: record(scenario, place)) as (entry, _):
+    with found.cache.recording(key, lambda place: record(scenario, place)) as (entry, _):
         truth = read_truth(entry / TRUTH)
-    tracks = read_tracks(folder / "cases" / case.id / "tracks" / f"{case.tracker}.csv")
+    tracks = read_tracks(found.folder / SUITE_FOLDER / "cases" / case.id / "tracks" / f"{case.tracker}.csv")
     return OneRun(
         case.seed,
         truth,

@@ -1,26 +1,33 @@
-"""The moments behind the counts: a strip of images and scans around misidentifications and losses, and a list of all."""
+"""The moments behind the counts: strips of images and scans around misidentifications and losses, and a list of all."""
 
 from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
 from twin.recording.whole_file import whole_file, whole_path
-from twin.reproduce.lab_conditions import COLUMNS, FULL, LabRuns, SeenMoment
-from twin.reproduce.lab_runs import condition_name
+from twin.reproduce.suite_runs import SUITE_FOLDER, condition_name
 from twin.suites.cache import RecordingCache
+from twin.suites.cases import Case
 from twin.suites.fingerprint import recording_key
 from twin.suites.run import Place, Watcher, open_place
 from twin.suites.strips import StripWork, draw_strip
 from twin.suites.tasks import Ended, Listener, State, Task
+from twin.suites.worker import Moment
 
-MOST_A_CONDITION = 4
-"""So many moments of the full system are drawn in each condition, the paper's own excepted: there it is every one."""
 _LIMIT_S = 300.0
+
+
+@dataclass(frozen=True)
+class SeenMoment:
+    """A misidentification or a loss: in which case, and when."""
+
+    case: Case
+    moment: Moment
 
 
 @dataclass(frozen=True)
@@ -37,24 +44,7 @@ class Strip:
     picture: bytes
 
 
-def chosen_moments(lab: LabRuns) -> list[SeenMoment]:
-    """What is drawn: every moment of the full system at the paper's experiment, and the first of each kind of each other
-    column there; beyond it at most `MOST_A_CONDITION` of the full system a condition, of every run and kind by turns.
-    """
-    chosen = []
-    for place, condition in enumerate(lab.conditions):
-        own = [each for each in condition.moments if each.case.tracker == FULL.tracker]
-        chosen += own if place == 0 else _by_turns(own)[:MOST_A_CONDITION]
-        for column in COLUMNS[1:] if place == 0 else ():
-            kinds: dict[str, SeenMoment] = {}
-            for each in condition.moments:
-                if each.case.tracker == column.tracker:
-                    kinds.setdefault(each.moment.kind, each)
-            chosen += kinds.values()
-    return chosen
-
-
-def _by_turns(moments: Sequence[SeenMoment]) -> list[SeenMoment]:
+def by_turns(moments: Sequence[SeenMoment]) -> list[SeenMoment]:
     """The first of each kind of every run, then the second ones and so on; the order is kept otherwise."""
     rank: dict[tuple[int, str], int] = {}
     ranked = []
@@ -67,13 +57,13 @@ def _by_turns(moments: Sequence[SeenMoment]) -> list[SeenMoment]:
 
 def draw_strips(
     moments: Sequence[SeenMoment],
-    suite_folder: str,
+    names: Mapping[str, str],
     cache: RecordingCache,
     place: Place,
     on_progress: Callable[[str, float, float], None] | None = None,
     on_failure: Callable[[str], object] = lambda message: None,
 ) -> list[Strip]:
-    """Draw the moments in order; one that cannot be drawn is told of and left out."""
+    """Draw the moments in order; one that cannot be drawn is told of and left out. names: what trackers are called."""
     tasks = [
         Task(
             f"strip-{number}",
@@ -98,7 +88,6 @@ def draw_strips(
     if tasks:
         with ExitStack() as stack:
             open_place(place, stack, Watcher())(tasks, draw_strip, Listener(ended=ended, state=state), None)
-    names = {each.tracker: each.name for each in COLUMNS}
     return [
         Strip(
             condition=condition_name(each.case),
@@ -107,7 +96,7 @@ def draw_strips(
             t_s=each.moment.t_s,
             what=each.moment.what,
             kind=each.moment.kind,
-            report=f"{suite_folder}/cases/{each.case.id}/report.html",
+            report=f"{SUITE_FOLDER}/cases/{each.case.id}/report.html",
             picture=pictures[task.id],
         )
         for task, each in zip(tasks, moments, strict=True)
@@ -123,35 +112,16 @@ def write_strips(folder: Path, strips: Sequence[Strip]) -> None:
             partial.write_bytes(strip.picture)
 
 
-def write_moments(path: Path, lab: LabRuns, suite_folder: str) -> None:
+def write_moments(path: Path, moments: Iterable[SeenMoment], names: Mapping[str, str]) -> None:
     """Write every misidentification and loss as a row: condition, seed, column, t_s, kind, what, report.
 
-    Of a case with more than 20 events, switches included, the first 20 are there.
+    names: what trackers are called. Of a case with more than 20 events, switches included, the first 20 are there.
     """
-    names = {each.tracker: each.name for each in COLUMNS}
     with whole_file(path) as stream:
         rows = csv.writer(stream, lineterminator="\n")
         rows.writerow(("condition", "seed", "column", "t_s", "kind", "what", "report"))
-        for condition in lab.conditions:
-            for each in condition.moments:
-                report = f"{suite_folder}/cases/{each.case.id}/report.html"
-                moment, column = each.moment, names[each.case.tracker]
-                rows.writerow(
-                    (condition.name, each.case.seed, column, f"{moment.t_s:.2f}", moment.kind, moment.what, report)
-                )
-
-
-def write_runs(path: Path, lab: LabRuns) -> None:
-    """Write every run as a row: condition, seed, column, people, person_minutes, long_occlusions, and its figures."""
-    figures = ("misidentifications", "lost_tracks", "id_switches", "mota", "idf1", "motp_m")
-    with whole_file(path) as stream:
-        rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(("condition", "seed", "column", "people", "person_minutes", "long_occlusions", *figures))
-        for condition in lab.conditions:
-            for column in COLUMNS:
-                found = condition.figures[column.tracker]
-                for place, seed in enumerate(condition.seeds):
-                    hidden = sum(each.seed == seed for each in condition.hidden)
-                    minutes = f"{condition.person_minutes[place]:.4f}"
-                    own = (f"{found[name][place]:g}" for name in figures)
-                    rows.writerow((condition.name, seed, column.name, condition.n_person, minutes, hidden, *own))
+        for each in moments:
+            case, moment = each.case, each.moment
+            report = f"{SUITE_FOLDER}/cases/{case.id}/report.html"
+            who = condition_name(case), case.seed, names[case.tracker]
+            rows.writerow((*who, f"{moment.t_s:.2f}", moment.kind, moment.what, report))

@@ -9,10 +9,10 @@ import numpy as np
 
 from twin.report.palette import IDENTITY_COLOURS, hex_colour
 from twin.reproduce.drawing import INK, QUIET, SHADE, look, svg_of
-from twin.reproduce.figure7 import FILTERS
 from twin.reproduce.intervals import band
-from twin.reproduce.results import Curves
-from twin.reproduce.walk import PERIOD_S, Walk
+from twin.reproduce.laser_fisheye_imm.figure7 import FILTERS
+from twin.reproduce.laser_fisheye_imm.figure7_results import Curves
+from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S, Walk
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,8 +9,8 @@ import numpy as np
 
 from twin.report.palette import IDENTITY_COLOURS, hex_colour
 from twin.reproduce.drawing import INK, QUIET, look, svg_of
-from twin.reproduce.lab_conditions import COLUMNS, IMM, SENSOR_SETS, Column, Condition
-from twin.reproduce.table_one import LOST, MISIDENTIFIED, TOTAL, cell, error_rate, values
+from twin.reproduce.laser_fisheye_imm.conditions import COLUMNS, IMM, SENSOR_SETS, Column, Condition
+from twin.reproduce.laser_fisheye_imm.table_one import LOST, MISIDENTIFIED, TOTAL, cell, error_rate, values
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,0 +1,1 @@
+"""How people load the floor and step, beside published data."""

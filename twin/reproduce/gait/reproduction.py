@@ -1,0 +1,57 @@
+"""Everything `twin reproduce gait` leaves behind: our walkers and runners beside published ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from twin.reproduce.gait.plots import loads_svg, speeds_svg, stance_svg
+from twin.reproduce.gait.published import (
+    PERSON_SPEED_M_S,
+    PERSON_STATURE_M,
+    PERSON_STEPS_APART,
+    SOURCES,
+    SUBJECT_FILE,
+    SUBJECT_MASS_KG,
+    read_subject,
+)
+from twin.reproduce.gait.results import STATURE_M, STATURE_SPREAD_M, GaitRuns, gait_results, simulate_gait
+from twin.reproduce.page import rows_of, write_page, write_plots
+from twin.reproduce.registry import Asked, Found, OnProgress
+from twin.reproduce.results import Result, write_results
+
+
+def reproduce(folder: Path, asked: Asked, on_progress: OnProgress | None = None) -> Found:
+    """Let one body a seed walk and run; write results, plots and page into `folder`.
+
+    `asked.data`: the folder of the recording that is drawn beside them (none: published figures only). Raises InputError
+    for a recording that is missing or no recording, and where a file cannot be written.
+    """
+    seeds, data = asked.seed_range, asked.data
+    subject = None if data is None else read_subject(data)
+    runs = simulate_gait(seeds, subject, on_progress)
+    results = gait_results(runs)
+    drawn = {"stance": stance_svg(runs), "loads": loads_svg(runs), "speeds": speeds_svg(runs)}
+    paths = {"results": folder / "results.json", "page": folder / "report.html"}
+    write_results(paths["results"], results)
+    paths |= write_plots(folder, drawn)
+    command = asked.command + ("" if data is None else f" --data {data}")
+    write_page(paths["page"], "gait/page.html.j2", command, drawn, **_content(runs, results))
+    return results, paths
+
+
+def _content(runs: GaitRuns, results: list[Result]) -> dict[str, Any]:
+    seeds, compared = runs.seeds, runs.compared
+    return {
+        "n_run": len(seeds),
+        "seeds": f"{seeds.start} to {seeds[-1]}",
+        "rows": rows_of(results),
+        "apart": None if compared is None else f"{compared.apart:.3f}",
+        "feet_apart": None if compared is None else f"{compared.feet_apart:.3f}",
+        "stature": f"{STATURE_M:.2f} ± {STATURE_SPREAD_M:.2f} m",
+        "person": f"{PERSON_SPEED_M_S:g} m/s, {PERSON_STATURE_M:g} m tall",
+        "steps_apart": f"{PERSON_STEPS_APART:g}",
+        "subject_file": SUBJECT_FILE,
+        "subject_mass": f"{SUBJECT_MASS_KG:g} kg",
+        "sources": SOURCES,
+    }

@@ -1,0 +1,77 @@
+"""What can be reproduced: a name, what it takes, and the module that does it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from twin.reproduce.results import Result
+
+OnProgress = Callable[[str, float, float], None]
+"""What is done, how much of it, of how much."""
+Found = tuple[list["Result"], dict[str, Path]]
+"""Every figure, and the files written by name."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a user asked for: runs with seeds from `seed` on, and options that not every reproduction takes (None: default)."""
+
+    name: str
+    seed: int
+    n_seed: int
+    runs: int | None = None
+    suite: str | None = None
+    jobs: int | None = None
+    resume: bool = False
+    data: Path | None = None
+
+    @property
+    def seed_range(self) -> range:
+        """The seeds."""
+        return range(self.seed, self.seed + self.n_seed)
+
+    @property
+    def command(self) -> str:
+        """How to get the same again, without the options of one reproduction."""
+        return f"twin reproduce {self.name} --seeds {self.n_seed}" + (f" --seed {self.seed}" if self.seed else "")
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What is reproduced; takes: options of its own; n_seed: how many seeds where the user names none.
+
+    module: has `reproduce(folder, asked, on_progress) -> Found`, which writes into the folder and raises InputError for what
+    cannot be. beyond: results whose `where` starts so are on the page alone, not in the terminal.
+    """
+
+    what: str
+    module: str
+    n_seed: int
+    takes: frozenset[str] = frozenset()
+    beyond: str | None = None
+
+    def run(self, folder: Path, asked: Asked, on_progress: OnProgress | None = None) -> Found:
+        """Reproduce it."""
+        return import_module(self.module).reproduce(folder, asked, on_progress)
+
+
+OF_SUITES = frozenset({"--suite", "--jobs", "--resume"})
+"""Options of every reproduction that runs the twin."""
+
+REPRODUCTIONS: Mapping[str, Reproduction] = {
+    "laser-fisheye-imm": Reproduction(
+        "the paper's figures 7 and 9 and table I, and beyond",
+        "twin.reproduce.laser_fisheye_imm.reproduction",
+        n_seed=10,
+        takes=OF_SUITES | {"--runs"},
+        beyond="beyond the paper",
+    ),
+    "gait": Reproduction(
+        "how people load the floor", "twin.reproduce.gait.reproduction", n_seed=100, takes=frozenset({"--data"})
+    ),
+}

@@ -1,0 +1,118 @@
+"""A reproduction's runs of the twin: a suite with seeds of its own, run by the suite engine, and read back by condition.
+
+A condition is what an entry of the suite describes, or one of its variants.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from trackers.errors import InputError
+from twin.suites.cache import RecordingCache, cache_folder, cache_limit_bytes
+from twin.suites.cases import Case, expand
+from twin.suites.description import Suite, load_suite
+from twin.suites.run import Place, Watcher, run_suite
+from twin.suites.store import read_store
+from twin.suites.stored import DONE
+from twin.suites.tasks import State
+from twin.suites.worker import Moment
+
+OnProgress = Callable[[str, float, float], None]
+
+SUITE_FOLDER = "suite"
+"""The folder of the suite's results within the reproduction's."""
+
+
+@dataclass(frozen=True)
+class SuiteRuns:
+    """What the suite engine has left: the cases of each condition by seed and tracker, their figures and moments.
+
+    by_condition holds the seeds of which all wanted trackers are done; not_done the ids of cases that are not.
+    """
+
+    by_condition: Mapping[str, Mapping[int, Mapping[str, Case]]]
+    metrics: Mapping[str, Mapping[str, float | None]]  # case id -> figure of metrics.json -> value
+    moments: Mapping[str, Sequence[Moment]]  # case id
+    cache: RecordingCache
+    folder: Path
+    not_done: tuple[str, ...]
+
+
+def condition_name(case: Case) -> str:
+    """The name of a case's condition: its entry's, and what tells it from that entry's other variants."""
+    return f"{case.scenario} ({case.variant})" if case.variant else case.scenario
+
+
+def suite_of(name: str, seeds: range) -> tuple[Suite, Path]:
+    """A suite by name or path with these seeds in every entry, and its file. Raises InputError as `load_suite`."""
+    suite, path = load_suite(name)
+    entries = [entry.model_copy(update={"seeds": None}) for entry in suite.scenarios]
+    return suite.model_copy(update={"seeds": tuple(seeds), "scenarios": entries}), path
+
+
+def run_in(
+    folder: Path, suite: Suite, path: Path, place: Place, resume: bool, on_progress: OnProgress | None
+) -> RecordingCache:
+    """Run the suite into `folder`; the cache that holds its recordings.
+
+    Raises InputError for a folder that holds another suite's runs (or the same one's, without `resume`), and where it cannot
+    be written.
+    """
+    try:
+        (folder / SUITE_FOLDER).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"--out {folder}: cannot be written ({error.strerror}); a writable folder is needed"
+        ) from error
+
+    def state(now: State) -> None:
+        if on_progress is not None:
+            on_progress("twin runs", now.done + now.failed, now.waiting + now.running + now.done + now.failed)
+
+    cache = RecordingCache(cache_folder(), cache_limit_bytes())
+    run_suite(
+        suite,
+        path,
+        folder / SUITE_FOLDER,
+        cache,
+        place,
+        resume=resume,
+        watcher=Watcher(failed=tell_failure, state=state),
+    )
+    return cache
+
+
+def read_runs(
+    suite: Suite, path: Path, folder: Path, cache: RecordingCache, trackers: Collection[str], fewest: int = 2
+) -> SuiteRuns:
+    """What `run_in` has left in `folder`. A run counts where all of `trackers` are done.
+
+    Raises InputError where a condition has fewer than `fewest` such runs.
+    """
+    by_condition: dict[str, dict[int, dict[str, Case]]] = {}
+    for case in expand(suite, path):
+        by_condition.setdefault(condition_name(case), {}).setdefault(case.seed, {})[case.tracker] = case
+    with read_store(folder / SUITE_FOLDER) as store:
+        done = {each.id for each in store.cases() if each.status == DONE}
+        metrics = store.metrics()
+        moments = {case_id: store.moments(case_id) for case_id in done}
+    wanted = [case.id for by_seed in by_condition.values() for cases in by_seed.values() for case in cases.values()]
+    whole = {}
+    for name, by_seed in by_condition.items():
+        whole[name] = {
+            seed: cases for seed, cases in by_seed.items() if all(cases[each].id in done for each in trackers)
+        }
+        if len(whole[name]) < fewest:
+            raise InputError(
+                f"{folder}: {name} has {len(whole[name])} runs in which all of {', '.join(trackers)} are done; {fewest} or "
+                "more are expected, and --resume does the rest"
+            )
+    return SuiteRuns(whole, metrics, moments, cache, folder, tuple(each for each in wanted if each not in done))
+
+
+def tell_failure(case_id: str, error: str) -> None:
+    """A warning on stderr that a case failed."""
+    sys.stderr.write(f"twin: warning: {case_id} failed: {error.splitlines()[0] if error else ''}\n")
