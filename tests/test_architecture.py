@@ -43,6 +43,77 @@ def test_importing_every_tracker_module_never_loads_the_twin() -> None:
     assert done.returncode == 0, done.stderr
 
 
+TWIN_UPWARDS = (
+    "models",
+    "streams",
+    "progress",
+    "interruption",
+    "geometry",
+    "instant",
+    "sensors",
+    "scenario",
+    "room",
+    "people",
+    "truth",
+    "recording",
+    "evaluate",
+    "world",
+    "report",
+    "run",
+    "view",
+    "console",
+    "environment",
+    "suites",
+    "reproduce",
+    "check",
+    "cli",
+    "__main__",
+)
+"""The rooms of the twin: each imports from those before it alone."""
+PEOPLE_UPWARDS = ("body", "gait", "posture", "crowd", "script")
+
+
+def room_of(module: str, under: str) -> str | None:
+    """The room right under a package that a module is in, or none."""
+    return module.removeprefix(f"{under}.").split(".")[0] if module.startswith(f"{under}.") else None
+
+
+@pytest.mark.parametrize(("package", "upwards"), [("twin", TWIN_UPWARDS), ("twin.people", PEOPLE_UPWARDS)])
+def test_rooms_import_in_one_direction(package: str, upwards: tuple[str, ...]) -> None:
+    folder = ROOT / package.replace(".", "/")
+    rooms = {path.stem for path in folder.iterdir() if path.suffix == ".py" or (path / "__init__.py").is_file()}
+    if package == "twin":
+        assert rooms - {"__init__"} == set(upwards)
+    backwards = []
+    for path in folder.rglob("*.py"):
+        here = room_of(".".join(path.relative_to(ROOT).with_suffix("").parts), package)
+        if here not in upwards:
+            continue
+        for name in imported_modules(path):
+            there = room_of(name, package)
+            if there in upwards and upwards.index(there) > upwards.index(here):
+                backwards.append(f"{path.relative_to(ROOT)} imports {name}")
+    assert not backwards
+
+
+def test_folders_of_trackers_do_not_import_each_other() -> None:
+    imports: dict[str, set[str]] = {}
+    for path in (ROOT / "trackers").rglob("*.py"):
+        here = path.relative_to(ROOT).parts[1].removesuffix(".py")
+        there = {room_of(name, "trackers") for name in imported_modules(path)} - {None, here}
+        imports.setdefault(here, set()).update(each for each in there if each is not None)
+
+    def reached(room: str) -> set[str]:
+        found, waiting = set(), [room]
+        while waiting:
+            new = imports.get(waiting.pop(), set()) - found
+            found |= new
+            waiting += new
+        return found
+
+    assert not [room for room in imports if room in reached(room)]
+
+
 def test_no_room_without_a_name_of_its_own() -> None:
     nameless = {"utils", "util", "helpers", "helper", "common", "misc", "tools"}
     assert not [path for path in PYTHON_FILES if path.stem in nameless or nameless & set(path.parts)]

@@ -16,10 +16,10 @@ from twin.recording.people import PEOPLE_COLUMNS
 from twin.recording.rays import RAY_COLUMNS
 from twin.recording.situations import SITUATION_COLUMNS
 from twin.recording.tables import TRUTH_COLUMNS
-from twin.run import run_scenario
+from twin.run.live import run_scenario
+from twin.run.replay import track_recording
 from twin.scenario import load_scenario
-from twin.simulation import Simulation
-from twin.track import track_recording
+from twin.world.simulation import Simulation
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 

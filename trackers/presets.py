@@ -96,7 +96,7 @@ def make_tracker(
 
     background: observations of the empty room; rng: the tracker's own generator; options: laid over the preset's,
     at every depth. Raises InputError for a name, module, class or option that does not exist, naming the valid ones.
-    What is imported here runs: a name that a file holds is for the caller to refuse (see `twin.chosen_trackers`).
+    What is imported here runs: a name that a file holds is for the caller to refuse (see `twin.run.chosen_trackers`).
     """
     known = available()
     if name in known:

@@ -20,7 +20,7 @@ from trackers.cameras.pinhole import PinholeIntrinsics
 from trackers.cameras.placed import PlacedCamera
 from trackers.configuration import Strict, validate
 from trackers.errors import InputError
-from trackers.floor.force_curve import ForceCurve
+from trackers.force_curve import ForceCurve
 from trackers.plain_data import parse_yaml
 from trackers.pose import Coordinate, Pose
 from trackers.text_file import read_text

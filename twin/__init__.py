@@ -23,11 +23,11 @@ if TYPE_CHECKING:  # what editors and type checkers see; a test holds it against
         track_table as track_table,
         truth_table as truth_table,
     )
-    from twin.run import run_scenario as run_scenario
+    from twin.run.live import run_scenario as run_scenario
+    from twin.run.replay import track_recording as track_recording
     from twin.scenario import Scenario as Scenario, load_scenario as load_scenario
-    from twin.simulation import Simulation as Simulation
     from twin.streams import stream as stream
-    from twin.track import track_recording as track_recording
+    from twin.world.simulation import Simulation as Simulation
 
 _HOMES = {
     "InputError": "trackers.errors",
@@ -40,12 +40,12 @@ _HOMES = {
     "read_truth": "twin.recording.tables",
     "track_table": "twin.recording.tables",
     "truth_table": "twin.recording.tables",
-    "run_scenario": "twin.run",
+    "run_scenario": "twin.run.live",
     "Scenario": "twin.scenario",
     "load_scenario": "twin.scenario",
-    "Simulation": "twin.simulation",
+    "Simulation": "twin.world.simulation",
     "stream": "twin.streams",
-    "track_recording": "twin.track",
+    "track_recording": "twin.run.replay",
 }
 
 __all__ = list(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]

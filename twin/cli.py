@@ -86,9 +86,9 @@ def run(
     allow_plugins: AllowPlugins = False,
 ) -> None:
     """Simulate, record, track, evaluate and report."""
-    from twin.chosen_trackers import TrustedClasses, import_from_here, typed_classes
     from twin.console import print_metrics, print_paths, print_warning, progress
-    from twin.run import run_scenario
+    from twin.run.chosen_trackers import TrustedClasses, import_from_here, typed_classes
+    from twin.run.live import run_scenario
     from twin.scenario import load_scenario
 
     loaded = load_scenario(scenario, _overrides(set_, seed, duration))
@@ -133,7 +133,7 @@ def render(
 ) -> None:
     """Simulate and record only."""
     from twin.console import print_paths, print_warning, progress
-    from twin.run import run_scenario
+    from twin.run.live import run_scenario
     from twin.scenario import load_scenario
 
     loaded = load_scenario(scenario, _overrides(set_, seed, duration))
@@ -167,9 +167,9 @@ def track(
     ] = None,
 ) -> None:
     """Track a recording: the twin's or a robot's."""
-    from twin.chosen_trackers import import_from_here, typed_classes
     from twin.console import print_metrics, print_paths, print_warning, progress
-    from twin.track import track_recording
+    from twin.run.chosen_trackers import import_from_here, typed_classes
+    from twin.run.replay import track_recording
 
     import_from_here([*typed_classes(set_ or []), *(tracker or [])])
     with progress() as report:
@@ -203,9 +203,9 @@ def detections(
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="Table to write; default: stdout.")] = None,
 ) -> None:
     """What a tracker's detector saw, as a CSV table: t,sensors,role,x,y,variance,width in the room frame [s, m, m²]."""
-    from twin.chosen_trackers import import_from_here, typed_classes
     from twin.console import print_paths
-    from twin.detections import write_detections
+    from twin.run.chosen_trackers import import_from_here, typed_classes
+    from twin.run.detections import write_detections
 
     import_from_here([*typed_classes(set_ or []), tracker])
     if out is None:

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from twin.results import OnProgress
+from twin.progress import OnProgress
 
 _ROWS = (
     ("MOTA", "mota", "{:.3f}"),

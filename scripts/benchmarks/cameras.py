@@ -16,6 +16,7 @@ from pydantic import TypeAdapter
 
 from benchmarks.figure import Figure, median_ratio
 from trackers.rig import StereoSensor
+from twin.instant.snapshot import Snapshot
 from twin.scenario import load_scenario
 from twin.scenario.cameras import PinholeDescription
 from twin.scenario.sensors import SensorDescription, build_sensor
@@ -24,9 +25,8 @@ from twin.sensors.pinhole import Pinhole
 from twin.sensors.rays import cast
 from twin.sensors.render import OffscreenRenderer, RendererOnDemand
 from twin.sensors.sensor import Noisy, Sensor
-from twin.simulation import Simulation
-from twin.snapshot import Snapshot
-from twin.world import World
+from twin.world.simulation import Simulation
+from twin.world.world import World
 
 _MOMENT_S = 8.0
 _DESCRIBE: TypeAdapter[SensorDescription] = TypeAdapter(SensorDescription)

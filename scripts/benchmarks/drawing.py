@@ -17,7 +17,7 @@ from pydantic import TypeAdapter
 from twin.scenario import load_scenario
 from twin.scenario.sensors import SensorDescription, build_sensor
 from twin.sensors.render import RendererOnDemand
-from twin.world import World
+from twin.world.world import World
 
 CAMERAS = {
     "fisheye 480 × 480": ("lab-five-people", "fisheye", {"size": [480, 480]}),

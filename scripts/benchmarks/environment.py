@@ -12,9 +12,9 @@ from benchmarks.figure import Figure, median_s
 from trackers.configuration import validate
 from trackers.environment import Environment, build_environment
 from twin.environment.run import scan_scenario
+from twin.instant.snapshot import Snapshot
 from twin.scenario import Scenario
 from twin.sensors.rays import cast
-from twin.snapshot import Snapshot
 
 _POINTS = 2000
 _TOPS = {

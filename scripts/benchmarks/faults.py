@@ -10,12 +10,12 @@ import numpy as np
 
 from benchmarks.figure import Figure, median_ratio
 from twin.scenario import load_scenario
-from twin.scenario.faults import BlockedSector, DeadBeams, Fault, Occlusion
 from twin.scenario.sensors import build_sensor
+from twin.sensors.fault_kinds import BlockedSector, DeadBeams, Fault, Occlusion
 from twin.sensors.faults import with_faults
 from twin.sensors.laser_noise import LASER_NOISE
 from twin.sensors.render import RendererOnDemand
-from twin.world import World
+from twin.world.world import World
 
 _MOMENT_S = 3.0
 _SCANS = 3000

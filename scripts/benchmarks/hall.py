@@ -8,17 +8,17 @@ from contextlib import ExitStack
 
 import numpy as np
 
-import twin.bodies
-import twin.simulation
-import twin.world
+import twin.world.bodies
+import twin.world.simulation
+import twin.world.world
 from benchmarks.figure import Figure
 from benchmarks.timed import timed
+from twin.people.crowd.routes import Routes
 from twin.people.population import Population
-from twin.people.routes import Routes
 from twin.scenario import load_scenario
-from twin.simulation import Simulation
 from twin.truth.frames import TruthFrame
 from twin.truth.situations import INTERACTION_M
+from twin.world.simulation import Simulation
 
 _FROM_S, _TO_S = 40.0, 54.0
 """The lecture in the reading room is over, and more than fifteen people are in the hall [s]."""
@@ -30,17 +30,17 @@ def measure() -> Iterator[Figure]:
     frames: list[TruthFrame] = []
     with ExitStack() as stack:
         routes = stack.enter_context(timed(Routes, "__init__"))
-        bodies = stack.enter_context(timed(twin.bodies, "person_spec"))
+        bodies = stack.enter_context(timed(twin.world.bodies, "person_spec"))
         start = time.process_time()
         simulation = stack.enter_context(Simulation(scenario, on_truth=frames.append))
         yield Figure("hall: building the room and everybody's bodies, CPU time", time.process_time() - start, "s", "")
         yield Figure("hall: the routes, of its wall time", routes.seconds, "s", "")
         yield Figure("hall: one body, of its wall time", 1e3 * bodies.seconds / len(scenario.people), "ms", "")
         parts = {
-            "truth": stack.enter_context(timed(twin.world.World, "truth")),
-            "truth, of that visible shares": stack.enter_context(timed(twin.world, "visible_share")),
+            "truth": stack.enter_context(timed(twin.world.world.World, "truth")),
+            "truth, of that visible shares": stack.enter_context(timed(twin.world.world, "visible_share")),
             "people, also within the truth": stack.enter_context(timed(Population, "advance")),
-            "messages": stack.enter_context(timed(twin.simulation, "encode")),
+            "messages": stack.enter_context(timed(twin.world.simulation, "encode")),
         }
         deliveries = simulation.deliveries()
         next(each for each in deliveries if each.stamp_ns >= 1e9 * _FROM_S)

@@ -11,14 +11,14 @@ import numpy as np
 
 from benchmarks.figure import Figure
 from trackers.configuration import validate
-from twin.penetration import PenetrationCheck
 from twin.people.casts import casts_of
-from twin.people.recorded import BODIES_NEED_M
+from twin.people.script.recorded import BODIES_NEED_M
 from twin.scenario import Scenario
 from twin.scenario.behaviour import Path
 from twin.scenario.pedestrians import Pedestrians, people_from
-from twin.simulation import Simulation
-from twin.world import World
+from twin.world.penetration import PenetrationCheck
+from twin.world.simulation import Simulation
+from twin.world.world import World
 
 _DATA = FilePath(__file__).parents[3] / "shared" / "data" / "trajectories"
 _WARM_UP_S, _MEASURED_S = 2.0, 20.0

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.figure import Figure
+from trackers.arrays import Array
 from trackers.laser.background import LearnedBackground, returns
 from trackers.laser.clusters import find_clusters
 from trackers.laser.layer import KneeOptions
@@ -22,8 +23,6 @@ LEARNING_S = 5.0
 _WITHIN_M = 0.15
 _FURNITURE_M = 0.1
 _FURNITURE_SHARE = 0.5
-
-Array = NDArray[np.float64]
 
 
 def measure() -> Iterator[Figure]:

@@ -10,14 +10,14 @@ import mujoco
 import numpy as np
 
 from benchmarks.figure import Figure, median_ratio
+from twin.instant.snapshot import RAY_GROUPS
 from twin.scenario import load_scenario
 from twin.scenario.sensors import build_sensor
 from twin.sensors.fisheye import Fisheye
 from twin.sensors.laser import Laser
 from twin.sensors.render import RendererOnDemand
 from twin.sensors.sensor import Noisy
-from twin.snapshot import RAY_GROUPS
-from twin.world import World
+from twin.world.world import World
 
 _MOMENT_S = 3.0
 

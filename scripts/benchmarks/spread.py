@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.figure import Figure
+from trackers.arrays import Array
 from twin.scenario import load_scenario
 from twin.suites.baseline import read_results
 from twin.suites.cache import RecordingCache, cache_folder, cache_limit_bytes
@@ -26,8 +26,6 @@ from twin.suites.description import Suite, SuiteScenario
 from twin.suites.figures import GATED, allowed_by_default, worsening
 from twin.suites.results import GroupKey, Results
 from twin.suites.run import run_suite
-
-Array = NDArray[np.float64]
 
 SIGMA = 3.0
 _SCENARIO = "lab-five-people"

@@ -16,7 +16,7 @@ from trackers.tracks import track_frames
 from twin.evaluate import long_occlusions
 from twin.recording.reader import Recording
 from twin.recording.tables import read_truth
-from twin.run import run_scenario
+from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 
 _SEEDS = range(5)

@@ -6,13 +6,13 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 
-import twin.truth.details
-import twin.world
+import twin.world.truth_details
+import twin.world.world
 from benchmarks.figure import Figure
 from benchmarks.timed import timed
 from twin.scenario import Scenario, load_scenario
-from twin.simulation import Simulation
-from twin.truth.details import TruthDetails
+from twin.world.simulation import Simulation
+from twin.world.truth_details import TruthDetails
 
 _SCENARIOS = ("lab-five-people",)
 _MEASURED_S = 6.0
@@ -29,7 +29,7 @@ def _shares(name: str, scenario: Scenario) -> Iterator[Figure]:
         pass
 
     with ExitStack() as stack:
-        seen = stack.enter_context(timed(twin.world, "visible_share"))
+        seen = stack.enter_context(timed(twin.world.world, "visible_share"))
         boxed = stack.enter_context(timed(TruthDetails, "_boxes"))
         looked = stack.enter_context(timed(TruthDetails, "look"))
         outlined = stack.enter_context(timed(TruthDetails, "people"))

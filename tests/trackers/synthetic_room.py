@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from trackers.arrays import Array
 from trackers.cameras import FisheyeIntrinsics
 from trackers.observations import NS_PER_S, Image, LaserScan, Observation
 from trackers.rig import FisheyeSensor, LaserSensor, Pose, Rig
 from trackers.tracks import TrackFrame
-
-Array = NDArray[np.float64]
 
 PERIOD_S = 0.1
 AREA = ((-2.0, 0.6), (2.0, 0.6), (2.0, 2.8), (-2.0, 2.8))

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from twin.recording.tables import read_tracks, read_truth
-from twin.run import run_scenario
+from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 
 FOLDER = Path(__file__).parent / "golden"

@@ -12,12 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from trackers.arrays import Array
 from trackers.cameras.intrinsics import Intrinsics
 from trackers.cameras.pinhole import PinholeIntrinsics
-
-Array = NDArray[np.float64]
 
 _ON_OUTLINE = 8
 

@@ -6,13 +6,10 @@ from abc import abstractmethod
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 from pydantic import Field, FiniteFloat, PositiveInt
 
+from trackers.arrays import Array, Mask
 from trackers.configuration import Strict
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _NOTHING = 1e-15
 """A leading coefficient this small bends no picture, and its roots are too large for a float."""

@@ -7,13 +7,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from trackers.arrays import Array, Mask
 from trackers.cameras.ellipse import Ellipses, Ellipsoids, outline_ellipses
 from trackers.cameras.intrinsics import Intrinsics
 from trackers.cameras.pinhole import PinholeIntrinsics
 from trackers.pose import Pose
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _ROUND_A_PERSON = 8
 

@@ -7,14 +7,13 @@ from numpy.typing import NDArray
 from pydantic import Field
 from scipy import ndimage
 
+from trackers.arrays import Array
 from trackers.configuration import Strict
 from trackers.environment.cloud import PointCloud
 from trackers.environment.grid import FREE, OCCUPIED, UNKNOWN, Grid, count_rays
 from trackers.environment.model import Environment
 from trackers.environment.planes import find_ceiling, find_floor, find_walls
 from trackers.errors import InputError
-
-Array = NDArray[np.float64]
 
 _FEWEST_POINTS = 1000
 _MOST_VOXELS = 200_000_000

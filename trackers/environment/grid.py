@@ -7,10 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.arrays import Array, Index
 from trackers.environment.cloud import PointCloud
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 UNKNOWN, FREE, OCCUPIED = 0, 1, 2
 """What is known of a voxel: no ray came there; rays passed through; something is there."""

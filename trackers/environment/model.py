@@ -10,12 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from trackers.area import Area
+from trackers.arrays import Array, Mask
 from trackers.environment.grid import FREE, OCCUPIED, UNKNOWN, Grid, Index
 from trackers.environment.sight import first_met, leaps_between, sees
 from trackers.errors import InputError
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _KNOWN_SHARE = 0.8
 """Of a tracked area, at least this share has to have been seen by the scanner; the rest may be behind furniture."""

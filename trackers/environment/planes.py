@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from trackers.arrays import Array
 
 _BIN_M = 0.01
 _STRONG = 0.25

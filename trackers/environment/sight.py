@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.arrays import Array
 from trackers.environment.grid import Grid
 
-Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 _ENDS_VOXELS = 1.5

@@ -10,12 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from trackers.arrays import Array
 from trackers.filters.imm_state import ImmState
 from trackers.filters.particle import Cloud
-
-Array = NDArray[np.float64]
 
 _STEPS = np.linspace(-2.4, 2.4, 9)
 _Z = np.stack(np.meshgrid(_STEPS, _STEPS)).reshape(2, -1)  # (2, k) places, in standard deviations

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from trackers.arrays import Array
 
 
 def circular_mean(angle_rad: Array, weight: Array) -> tuple[Array, Array]:

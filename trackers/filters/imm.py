@@ -24,6 +24,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.arrays import Array
 from trackers.errors import InputError
 from trackers.filters.imm_state import ImmState
 from trackers.filters.motion import (
@@ -40,8 +41,6 @@ from trackers.filters.motion import (
     persistence,
     transition_matrix,
 )
-
-Array = NDArray[np.float64]
 
 _TINY = np.finfo(float).tiny
 _UNDISTURBED = np.zeros(DISTURBANCE_SIZE)

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from trackers.arrays import Array
 from trackers.filters.motion import HEADING, SPEED, STATE_SIZE, TURN_RATE, nearest_turn
 from trackers.filters.rows import Selection
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,9 +21,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from trackers.arrays import Array
 
 STATE_SIZE = 5
 DISTURBANCE_SIZE = 2

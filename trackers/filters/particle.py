@@ -24,14 +24,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from trackers.arrays import Array, Mask
 from trackers.errors import InputError
 from trackers.filters.resampling import resample, scheme_of
 from trackers.filters.rows import Rows, Selection
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Move = Callable[[Array, np.random.Generator], Array]
 """State (components, n, p) and randomness → state one step later, same shape."""
 Propose = Callable[["Cloud", np.random.Generator], tuple[Array, Array | None]]

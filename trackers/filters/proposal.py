@@ -12,12 +12,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from trackers.arrays import Array
 from trackers.errors import InputError
 from trackers.filters.particle import Cloud, Move
 
-Array = NDArray[np.float64]
 Draw = Callable[[int, np.random.Generator], Array]
 """How many particles a set, and randomness → that many fresh particles of each set, (components, n, p)."""
 LogDensity = Callable[[Array], Array]

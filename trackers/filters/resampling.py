@@ -17,12 +17,10 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
+from trackers.arrays import Array, Index
 from trackers.errors import InputError
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 Scheme = Callable[[Array, np.random.Generator], Index]
 
 

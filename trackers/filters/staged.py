@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from trackers.arrays import Array, Index
 from trackers.filters.particle import LogLikelihood
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 LikelihoodStage = Callable[[Array, Index], Array]
 """Surviving particles (components, k) and the set each belongs to (k,) → their log-likelihood, (k,); −∞ drops one."""
 

@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 from pydantic import Field, PositiveInt
 from scipy import ndimage
 
+from trackers.arrays import Array
 from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.observations import FloorFrame
 from trackers.rig import FloorSensor
-
-Array = NDArray[np.float64]
 
 _EIGHT_NEIGHBOURS = np.ones((3, 3), dtype=bool)
 

@@ -17,12 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from trackers.arrays import Array, Mask
 from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.observations import LaserScan
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _RENORMALISE_ABOVE = 1e9
 _MOST_CELLS = 25_000_000

@@ -12,12 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, NonNegativeInt, PositiveInt
 
+from trackers.arrays import Array, Mask
 from trackers.configuration import Strict
 from trackers.laser.background import returns
 from trackers.observations import LaserScan
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 class ClusterOptions(Strict):

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from trackers.arrays import Array
 from trackers.configuration import Strict
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor
-
-Array = NDArray[np.float64]
 
 _ACROSS = np.array([-1.0, 0.0, 1.0])  # where across a body the beams are asked
 

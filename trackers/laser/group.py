@@ -13,9 +13,9 @@ from collections.abc import Mapping, Sequence
 from itertools import compress
 
 import numpy as np
-from numpy.typing import NDArray
 
 from trackers.area import Area
+from trackers.arrays import Array, Mask
 from trackers.detections import Detection
 from trackers.filters.gating import global_nearest_neighbour
 from trackers.filters.motion import MEASUREMENT_VARIANCE_M2
@@ -24,9 +24,6 @@ from trackers.laser.layer import Detections, KneeOptions, LaserLayer, LayerOptio
 from trackers.laser.roles import scanners_by_role
 from trackers.observations import LaserScan, Observation
 from trackers.rig import LaserSensor, Rig, Role
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 class ScannerGroup:

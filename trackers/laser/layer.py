@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from trackers.arrays import Array
 from trackers.configuration import Strict
 from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground
 from trackers.laser.clusters import ClusterOptions, Clusters, find_clusters, pushed_back
@@ -16,8 +17,6 @@ from trackers.laser.free_space import FreeSpace, FreeSpaceOptions
 from trackers.laser.grouping import trunks
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor
-
-Array = NDArray[np.float64]
 
 
 class LayerOptions(Strict):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from trackers.arrays import Array, Index, Mask
 from trackers.filters.gating import distances, global_nearest_neighbour, mahalanobis, validation_region
 from trackers.filters.imm import Imm
 from trackers.laser.grouping import pair_off, take_legs
@@ -17,10 +17,6 @@ from trackers.observations import NS_PER_S
 from trackers.tracking.association import Stage, associate, left_over
 from trackers.tracking.lifecycle import nanoseconds
 from trackers.vision.histogram import chi_squared_distance
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 _NOBODY = np.empty(0, np.intp)
 

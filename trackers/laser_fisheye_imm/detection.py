@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from trackers.area import Area
+from trackers.arrays import Array, Mask
 from trackers.detections import Detection
 from trackers.errors import InputError
 from trackers.laser.group import ScannerGroup
@@ -21,9 +21,6 @@ from trackers.rig import FisheyeSensor, Rig, StereoSensor
 from trackers.tracking.moments import Moment
 from trackers.vision.histogram import ColourHistogram
 from trackers.vision.torso import TorsoProjector, TorsoWindows
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

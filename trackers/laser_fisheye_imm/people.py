@@ -8,14 +8,11 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.arrays import Array, Index, Mask
 from trackers.filters.imm_state import ImmState
 from trackers.filters.rows import Rows, written
 from trackers.tracking.appearance import Appearance
 from trackers.tracking.roster import Roster
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

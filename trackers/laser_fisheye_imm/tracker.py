@@ -25,9 +25,9 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from trackers.area import Area
+from trackers.arrays import Array, Mask
 from trackers.configuration import validate
 from trackers.detections import Detection
 from trackers.filters.absence import not_seen
@@ -47,11 +47,6 @@ from trackers.rig import Rig
 from trackers.tracking.lifecycle import clear_of, coasting_within, measured_for_longer, measured_now
 from trackers.tracking.moments import Moment, MomentGatherer, MomentRules
 from trackers.tracks import Track, TrackFrame
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
-
 
 logger = logging.getLogger(__name__)
 

@@ -8,12 +8,9 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.arrays import Array, Index, Mask
 from trackers.filters.rows import Rows, written
 from trackers.vision.histogram import chi_squared_distance, updated_reference
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,12 +8,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.arrays import Array, Mask
 from trackers.filters.gating import distances
 from trackers.observations import NS_PER_S
 from trackers.tracking.roster import Roster
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 def nanoseconds(seconds: Array | float) -> NDArray[np.int64]:

@@ -8,11 +8,10 @@ from typing import Generic, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.arrays import Index, Mask
 from trackers.filters.rows import Batched, Rows, Selection, written
 
 State = TypeVar("State", bound=Batched)
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,10 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, NonNegativeInt, PositiveInt
 
+from trackers.arrays import Array, Mask
 from trackers.configuration import Strict
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _FULL = 255
 _HALF_TURNS = 180

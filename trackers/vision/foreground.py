@@ -22,12 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, NonNegativeInt, model_validator
 
+from trackers.arrays import Mask
 from trackers.cameras.intrinsics import Intrinsics
 from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.observations import DepthImage, Image
 
-Mask = NDArray[np.bool_]
 Bytes = NDArray[np.uint8]
 
 _FULL = 255

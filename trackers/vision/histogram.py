@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
+from trackers.arrays import Array
 from trackers.configuration import Strict
 from trackers.vision.colour_bins import HueAndGreyBins
-
-Array = NDArray[np.float64]
 
 
 class HistogramOptions(Strict):

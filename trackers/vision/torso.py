@@ -10,15 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, PositiveInt
 
+from trackers.arrays import Array, Mask
 from trackers.configuration import Strict
 from trackers.laser.layer import Detections
 from trackers.rig import FisheyeSensor, LaserSensor, PinholeSensor, placed_camera
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 class TorsoOptions(Strict):

@@ -11,11 +11,11 @@ from trackers.errors import InputError
 from twin.environment.picture import write_picture
 from twin.environment.scan import HEIGHT_M, PointCloud, TiltingScanner, scan_room
 from twin.environment.stations import chosen_stations, given_stations
+from twin.progress import OnProgress
 from twin.recording.whole_file import whole_path
-from twin.results import OnProgress
 from twin.scenario import Scenario
 from twin.sensors.laser_noise import LASER_NOISE
-from twin.world import World
+from twin.world.world import World
 
 
 def scan_scenario(

@@ -9,20 +9,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
+from trackers.arrays import Array
 from trackers.configuration import Strict
 from trackers.environment import PointCloud
 from trackers.observations import LaserScan
-from twin.results import OnProgress
+from twin.instant.snapshot import Snapshot
+from twin.progress import OnProgress
 from twin.sensors.laser_noise import LaserNoise
 from twin.sensors.rays import cast
-from twin.snapshot import Snapshot
 from twin.streams import stream
-
-Array = NDArray[np.float64]
 
 HEIGHT_M = 1.2
 """Where the scanner's mirror is on its tripod, above the floor [m]."""

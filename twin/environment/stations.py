@@ -5,19 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from trackers.area import Area
+from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.environment.scan import HEIGHT_M
-from twin.people.crowd import planar
-from twin.people.obstacles import Footprints
+from twin.instant.snapshot import Snapshot
+from twin.people.crowd.crowd import planar
 from twin.room.mounts import check_mount
-from twin.scene import Scene
+from twin.room.obstacles import Footprints
 from twin.sensors.rays import cast
-from twin.snapshot import Snapshot
-
-Array = NDArray[np.float64]
+from twin.world.scene import Scene
 
 _TRIPOD_M = 0.4
 """The tripod's feet reach this far from its middle [m]."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
 
-from twin.people.memory import HISTORY_S, TICK_S
+from twin.people.posture.memory import HISTORY_S, TICK_S
 from twin.scenario.behaviour import Path
 from twin.scenario.people import Person
 

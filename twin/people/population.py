@@ -8,30 +8,28 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.people.actions import perform
-from twin.people.actor import Actor, Stage
-from twin.people.appearance import Appearance
-from twin.people.arrivals import first_heading, start_places
-from twin.people.crowd import Crowd, planar
-from twin.people.feet import Feet, on_the_floor
-from twin.people.gait import GRAVITY_M_S2, Gait
-from twin.people.gaze import FreeGaze
-from twin.people.ground import Ground
-from twin.people.memory import TICK_S, Memory
-from twin.people.order import End
-from twin.people.pose import Moment, foot_loads, joint_coordinates
-from twin.people.posture import Part, Postures
-from twin.people.posture_lay import apply
-from twin.people.posture_measures import BodyMeasures
-from twin.people.posture_rows import HANDS, LOOK, OFF_FEET, PELVIS_PITCH, active, faced
-from twin.people.posture_weight import pressure_shift_m, support
-from twin.people.recorded import RecordedPaths
-from twin.people.skeleton import Skeleton
+from trackers.arrays import Array, Mask
+from twin.instant.feet import Feet, on_the_floor
+from twin.people.body.appearance import Appearance
+from twin.people.body.skeleton import Skeleton
+from twin.people.crowd.crowd import Crowd, planar
+from twin.people.crowd.ground import Ground
+from twin.people.crowd.order import End
+from twin.people.gait.gait import GRAVITY_M_S2, Gait
+from twin.people.gait.pose import Moment, foot_loads, joint_coordinates
+from twin.people.posture.gaze import FreeGaze
+from twin.people.posture.lay import apply
+from twin.people.posture.measures import BodyMeasures
+from twin.people.posture.memory import TICK_S, Memory
+from twin.people.posture.posture import Part, Postures
+from twin.people.posture.rows import HANDS, LOOK, OFF_FEET, PELVIS_PITCH, active, faced
+from twin.people.posture.weight import pressure_shift_m, support
+from twin.people.script.actions import perform
+from twin.people.script.actor import Actor, Stage
+from twin.people.script.arrivals import first_heading, start_places
+from twin.people.script.recorded import RecordedPaths
 from twin.scenario.behaviour import Path, Wander
 from twin.scenario.people import Person
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _ENTER_APART_M = 0.7
 _BLOCKED_FOR_S = 0.8
@@ -76,7 +74,7 @@ class Population:
         `appearances`: their looks, for their proportions and mass; `measures`: those of their bodies, in the order of
         their names; `source`: what describes them, as errors name it.
 
-        Known starts must be apart, and a wanderer's inside the area (see `twin.room.placement`). Raises InputError when the
+        Known starts must be apart, and a wanderer's inside the area (see `twin.world.placement`). Raises InputError when the
         area has no room for those who wander.
         """
         self.names = tuple(sorted(people))
@@ -156,7 +154,7 @@ class Population:
         return self._memory.present(t)
 
     def qpos(self, t: float) -> Array:
-        """Joint coordinates (n, NQ_PERSON) at time t [s], laid out as `twin.people.body.JOINTS` says.
+        """Joint coordinates (n, NQ_PERSON) at time t [s], laid out as `twin.people.body.body.JOINTS` says.
 
         Those who are not present have the coordinates of when they were, or will be.
         """

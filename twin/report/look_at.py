@@ -9,9 +9,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.arrays import Array
 from twin.sensors.render import Mark, OffscreenRenderer, View
-
-Array = NDArray[np.float64]
 
 
 def axes_towards(eye_m: Array, target_m: Array) -> tuple[Array, Array, Array]:

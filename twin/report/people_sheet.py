@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
-from twin.people.appearance import Appearance
-from twin.people.body import NQ_PERSON, person_spec
+from twin.people.body.appearance import Appearance
+from twin.people.body.body import NQ_PERSON, person_spec
 from twin.recording.whole_file import whole_path
 from twin.report.lettering import write
 from twin.report.look_at import picture

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from math import log
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from trackers.arrays import Array
 
 N_REPLICATE = 2000
 CONFIDENCE = 0.95

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from twin.progress import OnProgress
+
 if TYPE_CHECKING:
     from twin.reproduce.results import Result
 
-OnProgress = Callable[[str, float, float], None]
-"""What is done, how much of it, of how much."""
 Found = tuple[list["Result"], dict[str, Path]]
 """Every figure, and the files written by name."""
 

@@ -6,11 +6,12 @@ A condition is what an entry of the suite describes, or one of its variants.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from trackers.errors import InputError
+from twin.progress import OnProgress
 from twin.suites.cache import RecordingCache, cache_folder, cache_limit_bytes
 from twin.suites.cases import Case, expand
 from twin.suites.description import Suite, load_suite
@@ -19,8 +20,6 @@ from twin.suites.store import read_store
 from twin.suites.stored import DONE
 from twin.suites.tasks import State
 from twin.suites.worker import Moment
-
-OnProgress = Callable[[str, float, float], None]
 
 SUITE_FOLDER = "suite"
 """The folder of the suite's results within the reproduction's."""

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from trackers.area import Area
+from trackers.arrays import Array
 from trackers.errors import InputError
-from twin.room.geom_hull import hull_points
-
-Array = NDArray[np.float64]
+from twin.geometry.geom_hull import hull_points
 
 AT_FLOOR_M = 0.01
 """What is level and this near to z = 0 is floor [m]: people's soles are at z = 0."""

@@ -14,13 +14,11 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from trackers.arrays import Array
 from trackers.errors import InputError
-from twin.room.geom_hull import hull_points
-
-Array = NDArray[np.float64]
+from twin.geometry.geom_hull import hull_points
 
 SEAT, BED = "seat_", "bed_"
 _UPRIGHT = 0.99

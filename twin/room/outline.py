@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from twin.room.geom_hull import hull_points
+from twin.geometry.geom_hull import hull_points
 
 _LOW_M, _HIGH_M = 0.1, 1.8
 """A thing shows on the plan when part of it is between these heights [m]: neither floor marks nor lamps do."""

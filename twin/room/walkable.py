@@ -5,7 +5,7 @@ On a grid of 2 cm (coarser over 40 m), turned as most of the walls are:
 1. The floor is what is level at z = 0 (`twin.room.floor`). Of a floor of 100 m and more a side, an endless plane for one,
    counts what is up to 10 m beyond what stands on it, or around the origin where nothing does.
 2. Walls are what stands still, begins at most 0.5 m above the floor and reaches 1.8 m or more: shelves too. All else is
-   furniture; it stays in the area, and people go around it as they do in any room (`twin.people.obstacles`).
+   furniture; it stays in the area, and people go around it as they do in any room (`twin.room.obstacles`).
 3. Outdoors is what a square of 1.5 m, pushed in from beyond everything, comes to without touching walls or furniture. It
    fits through no door: a door gap that leads out closes the room, one between two rooms that are both closed joins them.
 4. The area is the largest part of the floor that is neither wall nor outdoors. Where that is under 4 m², as in a
@@ -29,13 +29,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from trackers.arrays import Array
 from trackers.errors import InputError
-from twin.people.crowd import KEEP_FROM_EDGE_M, OBSTACLE_REACH_M
-from twin.people.obstacles import HIGH_M, LOW_M
-from twin.room.geom_hull import ENDLESS_M, hull_points
-from twin.room.polygon import inset, meets_itself_at, polygon_area
+from twin.geometry.geom_hull import ENDLESS_M, hull_points
+from twin.geometry.polygon import inset, meets_itself_at, polygon_area
+from twin.room.obstacles import HIGH_M, KEEP_FROM_EDGE_M, LOW_M, OBSTACLE_REACH_M
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.uint8]
 
 _CELL_M, _MOST_CELLS = 0.02, 2000

@@ -11,10 +11,10 @@ from pydantic import BeforeValidator, Field, FiniteFloat, PositiveInt, model_val
 
 from trackers.configuration import Strict
 from trackers.errors import InputError
-from trackers.floor.force_curve import ForceCurve
+from trackers.force_curve import ForceCurve
 from trackers.pose import Point3, Pose
 from trackers.rig import FloorSensor
-from twin.room.polygon import leaves_at
+from twin.geometry.polygon import leaves_at
 from twin.scenario.mount import Believed
 from twin.scenario.presets import NoiseName, by_name
 from twin.sensors.floor_electronics import FLOOR_ELECTRONICS, FloorElectronics

@@ -11,11 +11,11 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue, model_serializer, 
 from trackers.configuration import Strict
 from trackers.rig import Point2
 from twin.scenario.behaviour import PersonName, companions
-from twin.scenario.faults import FaultDescription, check_fault
 from twin.scenario.housings import Housing, check_believed, check_on_housing, check_place
 from twin.scenario.lights import LightChange
 from twin.scenario.people import Person
 from twin.scenario.sensors import SensorDescription
+from twin.sensors.fault_kinds import FaultDescription, check_fault
 
 Name = PersonName
 """A name: it becomes a topic, a file name and a column, so letters, digits, '-' and '_' only."""

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
 from trackers.rig import CameraSensor, FisheyeSensor, FloorSensor, LaserSensor, PinholeSensor, StereoSensor
+from twin.instant.snapshot import Snapshot, SnapshotSource
 from twin.sensors.sensor import Reading, Sensor
-from twin.snapshot import Snapshot, SnapshotSource
 
 _STAMPS_NS = (0, 100_000_000, 200_000_000)
 _SEED = 20_240_601

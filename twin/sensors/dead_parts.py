@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.observations import FloorFrame, LaserScan
-from twin.scenario.faults import DeadBeams, DeadCells
+from twin.sensors.fault_kinds import DeadBeams, DeadCells
 
 
 def beams_between(scan: LaserScan, bearings_deg: tuple[float, float]) -> NDArray[np.bool_]:

@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.arrays import Array
+from twin.instant.snapshot import Snapshot
 from twin.sensors.rays import bounding_radius, cast, passes_spheres
-from twin.snapshot import Snapshot
 
-Array = NDArray[np.float64]
 Met = tuple[NDArray[np.int32], Array]
 """What rays meet: the geom (n,), -1 for none, and its distance (n,) [m], -1."""
 

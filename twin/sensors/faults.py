@@ -10,11 +10,11 @@ import numpy as np
 
 from trackers.observations import Observation
 from trackers.rig import RigSensor
-from twin.scenario.faults import BlockedSector, DeadBeams, DeadCells, Fault, Freeze, Occlusion
+from twin.instant.snapshot import Snapshot
 from twin.sensors.dead_parts import BrokenBeams, BrokenCells
+from twin.sensors.fault_kinds import BlockedSector, DeadBeams, DeadCells, Fault, Freeze, Occlusion
 from twin.sensors.obstruction import Blob, Sector
 from twin.sensors.sensor import Noisy, Reading, Sensor, State
-from twin.snapshot import Snapshot
 from twin.streams import stream
 
 

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from trackers.observations import Image
 from trackers.rig import FisheyeSensor
+from twin.instant.snapshot import Snapshot
 from twin.sensors.fisheye_faces import build_face_table
 from twin.sensors.lens import check_fisheye
 from twin.sensors.person_pixels import PersonPixels
 from twin.sensors.render import OffscreenRenderer
 from twin.sensors.sensor import Reading, State
-from twin.snapshot import Snapshot
 
 OVERSAMPLING = 1.0
 """Pixels per radian of a face at its middle, for each of the picture's."""

@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from trackers.rig import FloorSensor
-from twin.people.feet import Feet, FootShapes
+from twin.instant.feet import Feet, FootShapes
+from twin.instant.snapshot import Snapshot
 from twin.sensors.floor_electronics import LoadFrame
 from twin.sensors.floor_plate import FloorPlate, Pressed
 from twin.sensors.sensor import Reading, State
-from twin.snapshot import Snapshot
 
 
 class Floor:

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, NonNegativeInt
 
+from trackers.arrays import Array
 from trackers.configuration import Strict
-from trackers.floor.force_curve import FULL_SCALE, ForceCurve
+from trackers.force_curve import FULL_SCALE, ForceCurve
 from trackers.observations import FloorFrame
 
-Array = NDArray[np.float64]
 Cell = tuple[NonNegativeInt, NonNegativeInt]
 
 _GAIN_LEAST = 0.2

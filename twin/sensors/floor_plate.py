@@ -9,10 +9,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.people.feet import Feet, FootShapes
+from trackers.arrays import Array
+from twin.instant.feet import Feet, FootShapes
 from twin.sensors.floor_soles import first_sink_m, sheet_cells, sheet_start, sole_points, soles_model
-
-Array = NDArray[np.float64]
 
 _STEPS = 8
 """Steps of a burst: forces are then right to 1e-4, at the very ends of the sole to 2e-3; the centre of pressure to 0.3 mm."""

@@ -14,9 +14,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.people.feet import FootShapes
-
-Array = NDArray[np.float64]
+from trackers.arrays import Array
+from twin.instant.feet import FootShapes
 
 TIMESTEP_S = 0.005
 _TIME_CONSTANT_S = 0.01

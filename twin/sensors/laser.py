@@ -9,9 +9,9 @@ import numpy as np
 
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor
+from twin.instant.snapshot import Snapshot
 from twin.sensors.fan import Fan
 from twin.sensors.sensor import Reading, State
-from twin.snapshot import Snapshot
 
 SWEEP_STEP_S = 0.005
 """During a sweep the world is looked at this often [s]: a person at 2 m/s is placed to within 5 mm."""

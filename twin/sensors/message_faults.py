@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from trackers.observations import NS_PER_S
-from twin.scenario.faults import Clock, Delay, Dropout, Fault
+from twin.sensors.fault_kinds import Clock, Delay, Dropout, Fault
 from twin.streams import stream
 
 _PPM = 1e-6

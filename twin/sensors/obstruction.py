@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from trackers.observations import DepthImage, Image, LaserScan
 from trackers.rig import FisheyeSensor, RigSensor
-from twin.scenario.faults import BlockedSector, Occlusion
 from twin.sensors.dead_parts import beams_between
+from twin.sensors.fault_kinds import BlockedSector, Occlusion
 
 _LOBES = np.arange(2, 7)
 """How often an outline goes in and out on its way round: few, as of a thumb or a drop."""

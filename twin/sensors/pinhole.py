@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from trackers.observations import Image
 from trackers.rig import PinholeSensor
+from twin.instant.snapshot import Snapshot
 from twin.sensors.lens import check_pinhole
 from twin.sensors.pinhole_view import PinholeView, pinhole_view
 from twin.sensors.render import OffscreenRenderer
 from twin.sensors.sensor import Reading, State
-from twin.snapshot import Snapshot
 
 
 class Pinhole:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from trackers.cameras import PinholeIntrinsics
 from trackers.errors import InputError
 from trackers.rig import Pose
+from twin.instant.snapshot import Snapshot
 from twin.sensors.person_pixels import PersonPixels
 from twin.sensors.render import OffscreenRenderer, View
-from twin.snapshot import Snapshot
 
 MARGIN_PX = 2.0
 """A distorted picture is drawn this much wider than its pixels need, so that bilinear taps stay inside."""

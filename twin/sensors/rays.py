@@ -6,10 +6,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.snapshot import RAY_GROUPS, Snapshot
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from trackers.arrays import Array, Mask
+from twin.instant.snapshot import RAY_GROUPS, Snapshot
 
 _HIDDEN_GROUP = 5  # neither drawn nor met by rays
 _MARGIN_M = 1e-6

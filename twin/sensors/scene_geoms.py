@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.snapshot import DRAWN_GROUPS
+from twin.instant.snapshot import DRAWN_GROUPS
 
 _NOTHING = int(mujoco.mjtGeom.mjGEOM_NONE)  # mjr_render passes over a geom of this type
 IS_GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)

@@ -12,8 +12,8 @@ from pydantic import Field
 
 from trackers.configuration import Strict
 from trackers.observations import NS_PER_S
+from twin.instant.snapshot import SnapshotSource
 from twin.sensors.sensor import Reading, Sensor, State
-from twin.snapshot import SnapshotSource
 
 
 class Timing(Strict):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from trackers.observations import Observation
 from trackers.rig import RigSensor
-from twin.snapshot import Snapshot
+from twin.instant.snapshot import Snapshot
 
 State = Any
 """What a sensor carries from one observation to the next; its own business. None before the first."""

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from trackers.observations import DepthImage
 from trackers.rig import StereoSensor
+from twin.instant.snapshot import Snapshot
 from twin.sensors.camera_noise import NoiseBank, StereoNoise
 from twin.sensors.pinhole import checked_renderer
 from twin.sensors.pinhole_view import PinholeView, pinhole_view
 from twin.sensors.render import OffscreenRenderer
 from twin.sensors.sensor import Reading, State
 from twin.sensors.stereo_matching import Matching, StereoMatcher
-from twin.snapshot import Snapshot
 
 
 @dataclass(frozen=True, eq=False)

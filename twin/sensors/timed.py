@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackers.rig import RigSensor
+from twin.instant.snapshot import Snapshot
 from twin.sensors.faults import Faulty
 from twin.sensors.sensor import Noisy, Reading, Sensor, State
-from twin.snapshot import Snapshot
 
 
 @dataclass(eq=False)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from trackers.errors import InputError, PlugInError
-from twin.plug_in_faults import first_line
+from twin.run.plug_in_faults import first_line
 
 Way = Literal["done", "bad input", "no space", "raised"]
 

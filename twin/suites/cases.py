@@ -13,7 +13,8 @@ from pydantic import JsonValue
 
 from trackers.errors import InputError
 from trackers.presets import PRESETS
-from twin.chosen_trackers import NONE_TRUSTED, TrustedClasses
+from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
+from twin.run.tracker_at_work import file_name
 from twin.scenario import Scenario, load_scenario
 from twin.scenario.load import dump_scenario
 from twin.scenario.model import TrackerChoice
@@ -21,7 +22,6 @@ from twin.scenario.size import RunSize, check_size, size_of
 from twin.suites.description import Suite, find_scenario
 from twin.suites.fitness import TrackerCheck
 from twin.suites.written import as_texts, variants
-from twin.tracking import file_name
 
 MOST_CASES = 5000
 

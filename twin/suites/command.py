@@ -62,7 +62,7 @@ def run(
 ) -> None:
     """Run every case of a suite."""
     from trackers.errors import InputError
-    from twin.chosen_trackers import TrustedClasses, import_from_here, typed_classes
+    from twin.run.chosen_trackers import TrustedClasses, import_from_here, typed_classes
     from twin.suites.cluster import read_resources
     from twin.suites.gate import run_and_judge
     from twin.suites.run import Place

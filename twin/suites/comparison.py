@@ -15,11 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.arrays import Array
 from twin.streams import stream
 from twin.suites.figures import GATED, worsening
 from twin.suites.results import Group, GroupKey, Results
-
-Array = NDArray[np.float64]
 
 ALPHA = 0.05
 """The chance of a false alarm anywhere in a suite, as far as the bootstrap's p can be trusted."""

@@ -18,8 +18,8 @@ from twin.models import MODELS
 from twin.room.files import room_files
 
 _PACKAGES = {"twin": Path(twin.__file__).parent, "trackers": Path(trackers.__file__).parent}
-_SIMULATING = ("twin.simulation", "twin.recording.writer")
-"""What makes a recording; `twin.run` only passes on what the first gives to the second."""
+_SIMULATING = ("twin.world.simulation", "twin.recording.writer")
+"""What makes a recording; `twin.run.live` only passes on what the first gives to the second."""
 _LIBRARIES = ("mujoco", "numpy", "scipy", "opencv-python-headless", "rosbags")
 
 

@@ -14,13 +14,13 @@ from trackers.observations import Observation
 from trackers.presets import PRESETS, available, make_tracker
 from trackers.rig import Point2, Rig
 from trackers.tracks import Tracker
-from twin.chosen_trackers import NONE_TRUSTED, TrustedClasses, not_trusted, redefined
+from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses, not_trusted, redefined
 from twin.scenario import Scenario
 from twin.scenario.housings import rig_told
 from twin.scenario.model import TrackerChoice
-from twin.scene import walkable_in
 from twin.streams import stream
 from twin.suites.written import Variant
+from twin.world.scene import walkable_in
 
 
 class TrackerCheck:

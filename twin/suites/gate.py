@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from trackers.errors import InputError
-from twin.chosen_trackers import NONE_TRUSTED, TrustedClasses
 from twin.console import print_paths
+from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
 from twin.suites.baseline import read_baseline, read_results, write_baseline
 from twin.suites.cache import RecordingCache, cache_folder, cache_limit_bytes
 from twin.suites.comparison import FEWEST_SEEDS, Comparison, compare

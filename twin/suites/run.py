@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from twin.chosen_trackers import NONE_TRUSTED, TrustedClasses
 from twin.recording.whole_file import whole_path
-from twin.results import versions
+from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
+from twin.run.outcome import versions
 from twin.scenario.size import total
 from twin.suites.cache import RecordingCache
 from twin.suites.cases import Case, check_number, expand

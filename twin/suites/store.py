@@ -16,7 +16,7 @@ from typing import Any
 
 from trackers.errors import InputError
 from trackers.plain_data import parse_json
-from twin.out_folder import locked_folder
+from twin.run.out_folder import locked_folder
 from twin.suites.cases import Case
 from twin.suites.stored import (
     CASES,

@@ -14,19 +14,19 @@ import cv2
 import numpy as np
 
 from trackers.observations import NS_PER_S
-from twin.chosen_trackers import TrustedClasses, choose
-from twin.feeding import Feed
-from twin.preview import Preview
 from twin.recording.reader import Recording
 from twin.report.preview import PreviewWriter
 from twin.room.outline import room_outline
+from twin.run.chosen_trackers import TrustedClasses, choose
+from twin.run.feed import Feed
+from twin.run.preview import Preview
+from twin.run.tracker_at_work import trackers_at_work
 from twin.scenario.model import TrackerChoice
 from twin.suites.cache import RecordingCache
 from twin.suites.cases import Case
 from twin.suites.fingerprint import recording_key
 from twin.suites.worker import RECORDING, record, renderer_of, resolved_scenario
-from twin.tracking import trackers_at_work
-from twin.world import World
+from twin.world.world import World
 
 _OFFSETS_S = (-0.8, 0.0, 0.8)
 _TAIL_S = 2.0

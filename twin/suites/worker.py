@@ -20,14 +20,14 @@ from twin.evaluate import evaluate_with_details
 from twin.evaluate.summary import Evaluation
 from twin.recording.tables import read_tracks, read_truth
 from twin.report.timeline import describe
-from twin.run import run_scenario
+from twin.run.live import run_scenario
+from twin.run.replay import track_recording
+from twin.run.tracker_at_work import file_name
 from twin.scenario import Scenario
 from twin.sensors.render import OffscreenRenderer
 from twin.suites.cache import RecordingCache
 from twin.suites.cases import NO_CAMERA, Case
 from twin.suites.fingerprint import recording_key, whole_code
-from twin.track import track_recording
-from twin.tracking import file_name
 
 RECORDING, TRUTH = "recording.mcap", "truth.csv"
 NO_RENDERER = "none"

@@ -8,11 +8,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.room.geom_hull import hull_points
-from twin.snapshot import RAY_GROUPS
+from trackers.arrays import Array
+from twin.geometry.geom_hull import hull_points
+from twin.instant.snapshot import RAY_GROUPS
 from twin.truth.pairs import every_pair
-
-Array = NDArray[np.float64]
 
 _DIRECTIONS = 200
 """Of each part of a body those points are kept that lie outermost in one of so many directions: to 3 mm for a trunk."""

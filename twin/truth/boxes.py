@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import find_objects
 
-from twin.snapshot import Snapshot
+from twin.instant.snapshot import Snapshot
 from twin.truth.frames import Box
 
 OUTSIDE = -1

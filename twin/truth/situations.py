@@ -22,16 +22,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
 from math import nan
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.truth.frames import Separation, Situation, SituationKind
-from twin.truth.pairs import Pair, pairs_within
-
-if TYPE_CHECKING:
-    from twin.recording.tables import TruthTable
+from twin.truth.pairs import Pair
 
 INTERACTION_M = 1.5
 CORRELATED_M = 0.3
@@ -118,17 +114,3 @@ def _splits(range_m: NDArray[np.floating], beams: NDArray[np.intp], angle_increm
     step = np.hypot(along[1] - along[0], across[1] - across[0])
     spacing = abs(angle_increment_rad) * np.minimum(near[1], near[0])
     return (step > JUMP_M + JUMP_SPACINGS * spacing) | (beams[1] - beams[0] > MAX_GAP_BEAMS + 1)
-
-
-def interactions_of(truth: TruthTable) -> list[Situation]:
-    """The interactions that a truth table holds, in the order in which they end; the run's end is its last moment."""
-    found, open_ = [], OpenSituations()
-    first = np.searchsorted(truth.stamps_ns, truth.frame_stamps_ns, side="left").tolist()
-    last = np.searchsorted(truth.stamps_ns, truth.frame_stamps_ns, side="right").tolist()
-    stamps_ns = truth.frame_stamps_ns.tolist()
-    for stamp_ns, frame in zip(stamps_ns, map(slice, first, last), strict=True):
-        place_m = np.stack([truth.x[frame], truth.y[frame]], axis=1)
-        near = pairs_within(truth.id[frame], place_m, INTERACTION_M)
-        holding = {pair: Held(least_m=distance) for pair, distance in near.items()}
-        found += open_.update("interaction", "", stamp_ns, holding)
-    return found + (open_.finish(stamps_ns[-1]) if stamps_ns else [])

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from trackers.cameras import Intrinsics
 from trackers.rig import RigSensor
+from twin.instant.snapshot import Snapshot
 from twin.scenario.cameras import PinholeDescription, StereoDescription
 from twin.scenario.floor import FloorDescription
 from twin.scenario.sensors import FisheyeDescription, LaserDescription, SensorDescription
 from twin.sensors.rays import bounding_radius, cast, passes_spheres
-from twin.snapshot import Snapshot
 
 _PLANE_BAND_M = 0.15
 """A point on the body counts for a scanner when it lies within this of the scan plane [m] (it is moved into it)."""

@@ -5,12 +5,10 @@ from __future__ import annotations
 from math import exp
 
 import numpy as np
-from numpy.typing import NDArray
 
-from twin.snapshot import Snapshot
+from trackers.arrays import Array
+from twin.instant.snapshot import Snapshot
 from twin.view.standpoint import Room, Standpoint, body_parts, fitting, seen_share, standpoint_for
-
-Array = NDArray[np.float64]
 
 _ASIDE_DEG = 35.0
 _SEEN_AT_LEAST = 0.4

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
 from trackers.rig import CameraSensor
-from twin.preview import true_poses
+from twin.instant.snapshot import Snapshot
 from twin.report.beliefs import beliefs
 from twin.report.lettering import Tag, write_tags
 from twin.report.look_at import picture
@@ -21,13 +21,13 @@ from twin.report.palette import IDENTITY_COLOURS, LAYER_COLOURS, RGB, IdentityCo
 from twin.report.panels import BACKDROP, INK, FloorPanel, TruePoses
 from twin.report.people_sheet import check_picture_name, lettered, tiled, write_png
 from twin.room.outline import room_outline
+from twin.run.preview import true_poses
 from twin.scenario import Scenario
 from twin.sensors.render import OffscreenRenderer
-from twin.simulation import Simulation
-from twin.snapshot import Snapshot
 from twin.truth.frames import Box
 from twin.view.standpoint import Room, overview
 from twin.view.tags import name_tags
+from twin.world.simulation import Simulation
 
 _TILE_PX = (520, 390)
 _COLUMNS, _COLUMNS_WITH_DEPTH = 3, 4

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.arrays import Mask
 from twin.people.population import Population
-
-Mask = NDArray[np.bool_]
 
 SAMPLE_S = 0.1
 """How often people are asked what they do [s]."""

@@ -13,11 +13,11 @@ from twin.report.look_at import picture
 from twin.report.people_sheet import Figure, check_picture_name, drawn_sheet, lettered, tiled, write_png
 from twin.scenario import Scenario
 from twin.scenario.behaviour import companions
-from twin.scene import build_scene, populate
 from twin.sensors.render import RendererOnDemand
 from twin.view.occasions import Occasion, occasions, verb
 from twin.view.standpoint import Room, standpoint_for
-from twin.world import World
+from twin.world.scene import build_scene, populate
+from twin.world.world import World
 
 _WIDE_PX = 1200
 _COLUMNS = 5

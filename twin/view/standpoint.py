@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.area import Area
+from trackers.arrays import Array
 from trackers.errors import InputError
+from twin.instant.snapshot import Snapshot
 from twin.report.look_at import axes_towards
 from twin.room.mounts import check_mount
 from twin.sensors.rays import cast
-from twin.snapshot import Snapshot
-
-Array = NDArray[np.float64]
 
 _ASIDE_DEG = (30, -30, 60, -60, 80, -80, 0, 100, -100, 130, -130, 160, -160, 180)
 _AWAY_M = (3.2, 2.6, 2.1, 1.7, 1.35)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from twin.instant.snapshot import Snapshot
 from twin.report.lettering import Tag
 from twin.report.look_at import axes_towards
 from twin.report.palette import RGB
-from twin.snapshot import Snapshot
 from twin.view.standpoint import Standpoint
-from twin.world import World
+from twin.world.world import World
 
 _ABOVE_HEAD_M = 0.22
 _NEAREST_M = 0.3

@@ -13,25 +13,25 @@ from numpy.typing import NDArray
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, FloorFrame, LaserScan, Observation
 from trackers.rig import FloorSensor, Rig
-from twin.preview import true_poses
+from twin.instant.snapshot import Snapshot
 from twin.report.lettering import write, write_tags
 from twin.report.look_at import axes_towards, picture
 from twin.report.palette import LAYER_COLOURS, IdentityColours
 from twin.report.panels import FloorPanel
 from twin.report.pressure import PRESSED
+from twin.report.silence import Silence
 from twin.report.video import TIME_BASE, VideoFile
 from twin.room.outline import room_outline
+from twin.run.preview import true_poses
 from twin.scenario import Scenario
-from twin.scene import Scene, populate
 from twin.sensors.render import Mark, RendererOnDemand
-from twin.silence import Silence
-from twin.simulation import Simulation
-from twin.snapshot import Snapshot
 from twin.view.camera_man import CameraMan
 from twin.view.occasions import verb
 from twin.view.standpoint import Room, Standpoint, overview
 from twin.view.tags import name_tags
-from twin.world import World
+from twin.world.scene import Scene, populate
+from twin.world.simulation import Simulation
+from twin.world.world import World
 
 FPS = 25
 _SIZE_PX = (1280, 720)

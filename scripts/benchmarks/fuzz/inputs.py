@@ -18,7 +18,7 @@ from twin.models import MODELS
 from twin.recording.bag import open_bag
 from twin.recording.messages import time_message
 from twin.recording.reader import Recording
-from twin.run import run_scenario
+from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 from twin.suites.cache import RecordingCache
 from twin.suites.description import load_suite

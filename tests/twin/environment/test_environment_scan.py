@@ -16,7 +16,7 @@ from twin.environment.stations import chosen_stations, given_stations
 from twin.scenario import Scenario
 from twin.sensors.laser_noise import LASER_NOISE
 from twin.sensors.rays import cast
-from twin.world import World
+from twin.world.world import World
 
 ROOMS = ("lab", "sensing_room", "meeting_room")
 COARSE = TiltingScanner(beams=46, tilt_step_deg=4.0)

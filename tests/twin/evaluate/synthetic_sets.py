@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from trackers.arrays import Array
+
 Ids = NDArray[np.int64]
 
 ORDERS_AND_CUTOFFS = ((1.0, 1.0), (2.0, 0.7))

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from twin.people.gait import Gait
-from twin.people.pose import FootLoads, Moment, foot_loads, heel_and_pelvis, joint_coordinates
-from twin.people.proportions import proportions_of
-from twin.people.skeleton import Skeleton
+from twin.people.body.proportions import proportions_of
+from twin.people.body.skeleton import Skeleton
+from twin.people.gait.gait import Gait
+from twin.people.gait.pose import FootLoads, Moment, foot_loads, heel_and_pelvis, joint_coordinates
 
 TICK_S = 0.025
 

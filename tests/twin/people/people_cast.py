@@ -11,12 +11,12 @@ import mujoco
 import numpy as np
 
 from twin.models import MODELS
-from twin.people.appearance import appearance_of
-from twin.people.body import person_spec
-from twin.people.ground import Ground
+from twin.people.body.appearance import appearance_of
+from twin.people.body.body import person_spec
+from twin.people.crowd.ground import Ground
+from twin.people.crowd.routes import Routes
 from twin.people.population import Population
-from twin.people.posture_measures import BodyMeasures
-from twin.people.routes import Routes
+from twin.people.posture.measures import BodyMeasures
 from twin.scenario.people import Person
 from twin.streams import stream
 

@@ -10,12 +10,12 @@ os.environ.setdefault("MUJOCO_GL", "egl")
 import mujoco
 import numpy as np
 
-from twin.people.appearance import appearance_of
-from twin.people.body import JOINT_PLACE, LEG, NQ_PERSON, SIDES, person_spec
-from twin.people.legs import leg_angles
-from twin.people.posture import Postures
-from twin.people.posture_lay import apply
-from twin.people.posture_measures import BodyMeasures
+from twin.people.body.appearance import appearance_of
+from twin.people.body.body import JOINT_PLACE, LEG, NQ_PERSON, SIDES, person_spec
+from twin.people.body.legs import leg_angles
+from twin.people.posture.lay import apply
+from twin.people.posture.measures import BodyMeasures
+from twin.people.posture.posture import Postures
 from twin.scenario.people import Person
 
 DT = 0.025

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from trackers.configuration import validate
-from twin.people.body import JOINTS
+from twin.people.body.body import JOINTS
 from twin.scenario import Scenario
 from twin.truth.frames import FootTruth, PersonTruth
-from twin.world import World
+from twin.world.world import World
 
 DT = 0.1
 SENSORS = {"floor": {"kind": "floor", "mount": {"xyz": [-1.8, -1.4, 0]}}}

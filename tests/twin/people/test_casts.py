@@ -10,12 +10,12 @@ import pytest
 from trackers.configuration import validate
 from twin.people import casts
 from twin.people.casts import casts_of
-from twin.people.memory import HISTORY_S
-from twin.people.posture_measures import BodyMeasures
+from twin.people.posture.measures import BodyMeasures
+from twin.people.posture.memory import HISTORY_S
 from twin.scenario import Scenario, load_scenario
-from twin.scene import build_scene
-from twin.simulation import Simulation
-from twin.world import World
+from twin.world.scene import build_scene
+from twin.world.simulation import Simulation
+from twin.world.world import World
 
 EVERY_S, STAY_S = 2.0, 5.0
 SENSORS = {

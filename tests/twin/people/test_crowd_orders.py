@@ -6,17 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from twin.people.crowd import (
-    ASIDE_M_S,
-    KEEP_APART_M,
-    KEEP_FROM_EDGE_M,
-    KEEP_FROM_FURNITURE_M,
-    NEAR_M,
-    TURN_RATE,
-    Crowd,
-)
-from twin.people.obstacles import Footprints, Obstacle
-from twin.people.order import Order
+from twin.people.crowd.crowd import ASIDE_M_S, KEEP_APART_M, NEAR_M, TURN_RATE, Crowd
+from twin.people.crowd.order import Order
+from twin.room.obstacles import KEEP_FROM_EDGE_M, KEEP_FROM_FURNITURE_M, Footprints, Obstacle
 
 TICK_S = 0.025
 SQUARE = np.array([[-3.0, -3.0], [3.0, -3.0], [3.0, 3.0], [-3.0, 3.0]])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from people_cast import make_cast
 
-from twin.people.body import JOINT_PLACE, JOINTS
+from twin.people.body.body import JOINT_PLACE, JOINTS
 from twin.scenario.behaviour import Stand, Walk
 from twin.scenario.people import Person
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from led_bodies import TICK_S, Course, lead, stances, steady
 
-from twin.people.appearance import appearance_of
-from twin.people.body import JOINT_PLACE, person_spec
-from twin.people.gait_table import GaitTable
-from twin.people.pose import ROWS, foot_loads
+from twin.people.body.appearance import appearance_of
+from twin.people.body.body import JOINT_PLACE, person_spec
+from twin.people.gait.gait_table import GaitTable
+from twin.people.gait.pose import ROWS, foot_loads
 from twin.scenario.people import Person
 
 STATURES = (1.3, 1.55, 1.75, 1.95)

@@ -13,9 +13,9 @@ import pytest
 
 from trackers.observations import NS_PER_S
 from twin.scenario import load_scenario
-from twin.simulation import Simulation
 from twin.truth.frames import Situation, TruthDetail, TruthFrame
 from twin.truth.situations import INTERACTION_M
+from twin.world.simulation import Simulation
 
 SEED = 7
 AT_A_GATE_M = 1.2  # gates are passages 2.4 m wide

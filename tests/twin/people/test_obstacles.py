@@ -9,8 +9,8 @@ from hypothesis import given, strategies as st
 
 from trackers.area import Area
 from trackers.errors import InputError
-from twin.people.obstacles import Footprints, Obstacle, inflated, obstacles_of, within_reach
-from twin.room.polygon import polygon_area
+from twin.geometry.polygon import polygon_area
+from twin.room.obstacles import Footprints, Obstacle, inflated, obstacles_of, within_reach
 
 SQUARE = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]])
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from twin.people.appearance import appearance_of
+from twin.people.body.appearance import appearance_of
 from twin.scenario.behaviour import Walk, Wander
 from twin.scenario.people import Person
 from twin.scenario.wardrobe import wardrobe

@@ -7,8 +7,8 @@ import pytest
 
 from trackers.area import Area
 from trackers.errors import InputError
-from twin.people.obstacles import Footprints, Obstacle
-from twin.people.places import free_places, nearest_free
+from twin.people.crowd.places import free_places, nearest_free
+from twin.room.obstacles import Footprints, Obstacle
 
 ROOM = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0]])
 TABLE = Obstacle("table", np.array([[1.0, 1.0], [2.5, 1.0], [2.5, 2.0], [1.0, 2.0]]))

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from posture_cast import DT, Bed, Seat, Stage, looks_of, standing
 
-from twin.people.body import JOINT_PLACE, JOINTS, NQ_PERSON
-from twin.people.posture import Postures
-from twin.people.posture_bed import standing_place_beside
-from twin.people.posture_lay import apply, hand_places, soles
-from twin.people.posture_measures import BodyMeasures
-from twin.people.posture_rows import POSTURE_ROWS
-from twin.people.posture_sit import FEET_SHARE, standing_place_before
-from twin.people.posture_weight import pressure_shift_m, support
-from twin.room.geom_hull import hull_points
+from twin.geometry.geom_hull import hull_points
+from twin.people.body.body import JOINT_PLACE, JOINTS, NQ_PERSON
+from twin.people.posture.bed import standing_place_beside
+from twin.people.posture.lay import apply, hand_places, soles
+from twin.people.posture.measures import BodyMeasures
+from twin.people.posture.posture import Postures
+from twin.people.posture.rows import POSTURE_ROWS
+from twin.people.posture.sit import FEET_SHARE, standing_place_before
+from twin.people.posture.weight import pressure_shift_m, support
 
 MOST_PER_TICK_RAD = 0.25
 G = 9.81

@@ -11,11 +11,11 @@ import pytest
 
 from trackers.configuration import validate
 from trackers.errors import InputError
-from twin.people.recorded import BODIES_NEED_M, RecordedPaths, close_calls, curve_through, warning_of
+from twin.people.script.recorded import BODIES_NEED_M, RecordedPaths, close_calls, curve_through, warning_of
 from twin.scenario import Scenario
 from twin.scenario.behaviour import Path
 from twin.scenario.pedestrians import Pedestrians, people_from
-from twin.world import World
+from twin.world.world import World
 
 DATA = FilePath(__file__).parents[4] / "shared" / "data" / "trajectories"
 SCANNER = {"low": {"kind": "laser", "rate_hz": 10, "mount": {"xyz": [0, 0, 0.4]}}}

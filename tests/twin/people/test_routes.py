@@ -10,8 +10,8 @@ from hypothesis import assume, given, settings, strategies as st
 
 from trackers.area import Area
 from trackers.errors import InputError
-from twin.people.obstacles import Footprints, Obstacle
-from twin.people.routes import ROUTE_RADIUS_M, Routes
+from twin.people.crowd.routes import ROUTE_RADIUS_M, Routes
+from twin.room.obstacles import Footprints, Obstacle
 
 ROOM = np.array([[-3.0, -3.0], [3.0, -3.0], [3.0, 3.0], [-3.0, 3.0]])
 BAY = np.array([[-2, 0], [2, 0], [2, 4], [0.8, 4], [0.8, 2], [-0.8, 2], [-0.8, 4], [-2, 4]], dtype=float)

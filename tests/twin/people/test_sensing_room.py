@@ -14,10 +14,9 @@ import pytest
 
 from trackers.area import Area
 from twin.models import MODELS
-from twin.people.crowd import OBSTACLE_REACH_M
-from twin.people.obstacles import Footprints, obstacles_of, within_reach
-from twin.people.routes import Routes
+from twin.people.crowd.routes import Routes
 from twin.room.furniture import Bed, Seat, furniture_of
+from twin.room.obstacles import OBSTACLE_REACH_M, Footprints, obstacles_of, within_reach
 
 WIDE_M, DEEP_M, HIGH_M = 5.0, 4.2, 2.6
 

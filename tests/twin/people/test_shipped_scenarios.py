@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from twin import models
-from twin.penetration import count_penetrations
 from twin.room.furniture import Bed, Seat
 from twin.scenario import load_scenario
-from twin.world import World
+from twin.world.penetration import count_penetrations
+from twin.world.world import World
 
 EVERY_S = 0.2
 

@@ -9,7 +9,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys.stores.ros2_humble import sensor_msgs__msg__Image as RawImage, std_msgs__msg__Header as Header
 
 from trackers.errors import InputError
-from trackers.floor.force_curve import ForceCurve
+from trackers.force_curve import ForceCurve
 from trackers.observations import FloorFrame, Image
 from trackers.rig import FloorSensor, LaserSensor, Pose, Rig
 from twin.recording.messages import RAW_IMAGE, TYPESTORE, decode, encode, from_message, time_message

@@ -11,7 +11,7 @@ from recorded import MS, a_scan, write_ros2_bag
 from trackers.errors import InputError
 from twin.recording.messages import LASER_SCAN, TYPESTORE, encode
 from twin.recording.tables import read_tracks
-from twin.track import track_recording
+from twin.run.replay import track_recording
 
 NS_PER_DAY = 86_400 * 10**9
 EPOCH_NS = 1_700_000_000 * 10**9

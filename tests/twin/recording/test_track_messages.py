@@ -17,9 +17,9 @@ from twin.recording.reader import Recording
 from twin.recording.tables import TRACK_COLUMNS, read_tracks
 from twin.recording.track_messages import TrackTopics, encode_tracks, track_topics
 from twin.recording.truth_messages import MARKER_ARRAY
-from twin.run import run_scenario
+from twin.run.live import run_scenario
+from twin.run.replay import track_recording
 from twin.scenario import load_scenario
-from twin.track import track_recording
 
 TRACKERS = ["laser-imm", "laser-kalman"]
 TOPICS = {"/tracks/laser_imm", "/tracks/laser_imm/markers", "/tracks/laser_kalman", "/tracks/laser_kalman/markers"}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from trackers.errors import InputError
-from twin.people.appearance import appearance_of
+from twin.people.body.appearance import appearance_of
 from twin.report.people_sheet import VIEWS, Figure, write_sheet
 from twin.scenario.people import Person
 

@@ -10,7 +10,7 @@ from trackers.errors import InputError
 from twin.room.lighting import Lighting
 from twin.scenario import load_scenario
 from twin.scenario.lights import LightChange
-from twin.simulation import Simulation
+from twin.world.simulation import Simulation
 
 ROOM = """
 <mujoco>

@@ -14,10 +14,10 @@ from trackers.area import Area
 from trackers.errors import InputError
 from twin.room.files import room_files
 from twin.scenario import load_scenario
-from twin.scene import Scene, build_scene
-from twin.simulation import Simulation
 from twin.suites.fingerprint import recording_key
-from twin.world import World
+from twin.world.scene import Scene, build_scene
+from twin.world.simulation import Simulation
+from twin.world.world import World
 
 SHELL = """
 <geom name="floor" type="plane" size="0 0 0.1"/>

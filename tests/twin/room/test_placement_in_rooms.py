@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from trackers.errors import InputError
-from twin.people.obstacles import Footprints, Obstacle
-from twin.people.routes import Routes
+from twin.people.crowd.routes import Routes
 from twin.room.furniture import Seat
-from twin.room.placement import check_free, check_placement, check_seat, check_way
+from twin.room.obstacles import Footprints, Obstacle
 from twin.scenario import Scenario
+from twin.world.placement import check_free, check_placement, check_seat, check_way
 
 ROOM = np.array([[-3.0, -2.0], [3.0, -2.0], [3.0, 2.0], [-3.0, 2.0]])
 TABLE = Obstacle("table", np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]))

@@ -14,12 +14,12 @@ import yaml
 from scipy import ndimage
 
 from trackers.area import Area
+from twin.geometry.geom_hull import hull_points
+from twin.geometry.polygon import meets_itself_at
 from twin.models import MODELS
-from twin.people.obstacles import Footprints, obstacles_of
 from twin.room.furniture import furniture_of
-from twin.room.geom_hull import hull_points
 from twin.room.mounts import check_mount
-from twin.room.polygon import meets_itself_at
+from twin.room.obstacles import Footprints, obstacles_of
 
 ROOMS = ("meeting_room", "library_hall")
 KEEP_M = 0.35  # what a walking body's middle keeps from furniture

@@ -6,7 +6,7 @@ import pytest
 
 from trackers.errors import InputError
 from twin.scenario import load_scenario
-from twin.simulation import Simulation
+from twin.world.simulation import Simulation
 
 
 def simulation(mount: str, kind: str = "camera", **more: str) -> Simulation:

@@ -9,10 +9,10 @@ import pytest
 from trackers.area import Area
 from trackers.errors import InputError
 from twin import models
-from twin.people.crowd import OBSTACLE_REACH_M
-from twin.people.routes import Routes
+from twin.geometry.polygon import inset, meets_itself_at, polygon_area
+from twin.people.crowd.routes import Routes
 from twin.room.floor import floor_of
-from twin.room.polygon import inset, meets_itself_at, polygon_area
+from twin.room.obstacles import OBSTACLE_REACH_M
 from twin.room.walkable import walkable_area
 
 FLOOR = '<geom name="floor" type="plane" size="{} {} 0.1"/>'

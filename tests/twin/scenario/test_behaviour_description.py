@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from trackers.errors import InputError
-from twin.people.arrivals import too_late
+from twin.people.script.arrivals import too_late
 from twin.scenario import load_scenario
 from twin.scenario.behaviour import Condition, Look, Path, Turn, endless
 from twin.scenario.people import Person

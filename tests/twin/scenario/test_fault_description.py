@@ -10,8 +10,8 @@ import pytest
 from trackers.errors import InputError
 from twin import models
 from twin.scenario import Scenario, load_scenario
-from twin.scenario.faults import FAULT_KINDS, DeadBeams, Dropout
 from twin.scenario.load import dump_scenario
+from twin.sensors.fault_kinds import FAULT_KINDS, DeadBeams, Dropout
 
 
 def lab(*changes: str) -> Scenario:

@@ -9,7 +9,7 @@ import pytest
 from trackers.errors import InputError
 from trackers.rig import Rig
 from twin.scenario import load_scenario
-from twin.simulation import Simulation
+from twin.world.simulation import Simulation
 
 SCENARIO = """
 name: small

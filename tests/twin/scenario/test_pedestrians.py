@@ -11,7 +11,7 @@ import pytest
 from trackers.errors import InputError
 from twin.scenario import load_scenario
 from twin.scenario.load import dump_scenario
-from twin.simulation import Simulation
+from twin.world.simulation import Simulation
 
 DATA = Path(__file__).parents[4] / "shared" / "data" / "trajectories"
 

@@ -10,7 +10,7 @@ import pytest
 
 from trackers.errors import InputError
 from twin.cli import app
-from twin.run import run_scenario
+from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 from twin.scenario.size import check_size, size_of
 from twin.suites.cases import check_number

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
-from twin.snapshot import Snapshot
+from twin.instant.snapshot import Snapshot
 
 ROOM = """
 <mujoco>

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from trackers.cameras import FisheyeIntrinsics
+from twin.instant.snapshot import RAY_GROUPS
 from twin.scenario.sensors import FisheyeDescription
 from twin.sensors.fisheye import Fisheye
 from twin.sensors.render import RendererOnDemand
-from twin.snapshot import RAY_GROUPS
 
 RING = {1: (-1.5, 1.0), 2: (-0.4, 2.0), 3: (0.7, 1.0), 4: (1.8, 2.4), 5: (2.2, 0.25), 6: (-2.4, 0.15), 7: (-0.9, 1.1)}
 

@@ -12,11 +12,11 @@ from pydantic import TypeAdapter
 
 from trackers.observations import DepthImage, Image, LaserScan
 from trackers.rig import FisheyeSensor, RigSensor, StereoSensor
+from twin.instant.snapshot import Snapshot
 from twin.scenario.sensors import SensorDescription, build_sensor
 from twin.sensors.check import check_sensor
 from twin.sensors.render import RendererOnDemand
 from twin.sensors.sensor import Reading, Sensor, State
-from twin.snapshot import Snapshot
 
 MOUNT = {"xyz": [0, 0.2, 0.95], "yaw_deg": 90}
 LASER = {"kind": "laser", "mount": MOUNT, "rate_hz": 10}

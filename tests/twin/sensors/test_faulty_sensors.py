@@ -10,9 +10,9 @@ from capsule_room import CapsuleWorld
 from pydantic import TypeAdapter
 
 from trackers.observations import DepthImage, Image, LaserScan
-from twin.scenario.faults import Fault, FaultDescription, Occlusion
 from twin.scenario.sensors import SensorDescription, build_sensor
 from twin.sensors.check import check_sensor
+from twin.sensors.fault_kinds import Fault, FaultDescription, Occlusion
 from twin.sensors.faults import Faulty, with_faults
 from twin.sensors.message_faults import MessageFaultsOf
 from twin.sensors.obstruction import Blob

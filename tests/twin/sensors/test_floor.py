@@ -11,12 +11,12 @@ from pydantic import TypeAdapter
 
 from trackers.observations import FloorFrame, LaserScan
 from trackers.rig import FloorSensor
-from twin.people.feet import Feet
+from twin.instant.feet import Feet
+from twin.instant.snapshot import Snapshot
 from twin.scenario.sensors import SensorDescription, build_sensor
 from twin.sensors.check import check_sensor
 from twin.sensors.floor_electronics import LoadFrame
 from twin.sensors.sensor import Reading, Sensor
-from twin.snapshot import Snapshot
 
 KINDS = {
     "ideal": {"noise": "off"},

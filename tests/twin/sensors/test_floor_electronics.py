@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, strategies as st
 from hypothesis.extra.numpy import arrays
 
-from trackers.floor.force_curve import ForceCurve
+from trackers.force_curve import ForceCurve
 from trackers.observations import FloorFrame
 from twin.sensors.floor_electronics import (
     FLOOR_ELECTRONICS,

@@ -6,10 +6,10 @@ import pytest
 from capsule_room import CapsuleWorld, capsule_model
 
 from trackers.rig import LaserSensor, Pose
+from twin.instant.snapshot import Snapshot
 from twin.scenario.sensors import LaserDescription
 from twin.sensors.laser import Laser
 from twin.sensors.rays import cast
-from twin.snapshot import Snapshot
 
 _ARENA = """
 <mujoco>

@@ -13,9 +13,9 @@ from pydantic import TypeAdapter
 from scipy.ndimage import maximum_filter, minimum_filter
 from silhouettes import RING
 
+from twin.instant.snapshot import RAY_GROUPS
 from twin.scenario.sensors import FisheyeDescription, SensorDescription, build_sensor
 from twin.sensors.render import RendererOnDemand
-from twin.snapshot import RAY_GROUPS
 from twin.truth.boxes import SeesPeople, person_boxes
 
 MOUNT = {"xyz": [0, 0.2, 1.0], "yaw_deg": 90}

@@ -12,9 +12,9 @@ from hypothesis import given, strategies as st
 
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor
+from twin.instant.snapshot import Snapshot
 from twin.sensors.schedule import Delivery, Event, Schedule, Scheduled, Timing
 from twin.sensors.sensor import Reading, State
-from twin.snapshot import Snapshot
 
 
 class FakeWorld:

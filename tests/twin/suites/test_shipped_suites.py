@@ -11,7 +11,7 @@ from trackers.plain_data import parse_yaml
 from trackers.presets import PRESETS
 from twin import models
 from twin.scenario import Scenario
-from twin.scenario.faults import FAULT_KINDS
+from twin.sensors.fault_kinds import FAULT_KINDS
 from twin.suites.baseline import read_baseline
 from twin.suites.cases import Case, expand
 from twin.suites.description import load_suite

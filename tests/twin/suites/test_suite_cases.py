@@ -153,7 +153,7 @@ def test_a_wrong_list_or_mapping_is_told_in_one_sentence_with_what_is_expected(
 
 def test_the_code_that_records_is_all_that_is_loaded_to_record_and_no_tracker() -> None:
     code = (
-        "import sys\nfrom pathlib import Path\nimport twin.simulation, twin.recording.writer\n"
+        "import sys\nfrom pathlib import Path\nimport twin.world.simulation, twin.recording.writer\n"
         "ours = [m for n, m in sys.modules.items() if n.split('.')[0] in ('twin', 'trackers') and m.__file__]\n"
         "print('\\n'.join(str(Path(m.__file__)) for m in ours))"
     )

@@ -10,14 +10,14 @@ import pytest
 
 from trackers.errors import InputError
 from twin import cli, models
-from twin.chosen_trackers import TrustedClasses
+from twin.run.chosen_trackers import TrustedClasses
 from twin.scenario import load_scenario
 from twin.scenario.housings import rig_told
-from twin.scene import walkable_in
-from twin.simulation import Simulation
 from twin.suites import run as suite_run
 from twin.suites.cases import expand
 from twin.suites.description import load_suite
+from twin.world.scene import walkable_in
+from twin.world.simulation import Simulation
 
 PLUG_IN = """
 import sys

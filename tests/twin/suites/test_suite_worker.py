@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from trackers.errors import InputError
-from twin.run import run_scenario
+from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 from twin.suites import worker
 from twin.suites.cache import RecordingCache

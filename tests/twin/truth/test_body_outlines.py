@@ -8,11 +8,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from twin.room.geom_hull import hull_points
+from twin.geometry.geom_hull import hull_points
 from twin.scenario import load_scenario
-from twin.scene import Scene
 from twin.truth.body_outlines import BodyOutlines
-from twin.world import World
+from twin.world.scene import Scene
+from twin.world.world import World
 
 POSTS = """
 <mujoco><worldbody>

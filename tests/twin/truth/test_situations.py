@@ -6,11 +6,12 @@ from math import nan
 
 import numpy as np
 import pytest
+from interactions import interactions_of
 
 from twin.recording.tables import truth_table
 from twin.truth.frames import PersonTruth, Situation, TruthFrame
 from twin.truth.pairs import pairs_within
-from twin.truth.situations import Held, OpenSituations, interactions_of, joined_pairs
+from twin.truth.situations import Held, OpenSituations, joined_pairs
 
 STEP = np.deg2rad(0.5)
 

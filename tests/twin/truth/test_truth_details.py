@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from interactions import interactions_of
 
 from trackers.configuration import validate
 from trackers.observations import NS_PER_S
@@ -13,10 +14,9 @@ from trackers.rig import FisheyeSensor
 from twin.recording.situations import situation_table
 from twin.recording.tables import truth_table
 from twin.scenario import Scenario, load_scenario
-from twin.simulation import Simulation
 from twin.truth.boxes import SeesPeople
 from twin.truth.frames import BoxFrame, RayFrame, Situation, TruthDetail, TruthFrame
-from twin.truth.situations import interactions_of
+from twin.world.simulation import Simulation
 
 WAIST = {"kind": "laser", "rate_hz": 10, "noise": "off", "mount": {"xyz": [0, 0, 1.0]}}
 AREA = [[-6, -6], [6, -6], [6, 6], [-6, 6]]

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from trackers.cameras import FisheyeIntrinsics
+from twin.instant.snapshot import Snapshot
 from twin.scenario import load_scenario
 from twin.sensors.rays import cast
-from twin.simulation import Simulation
-from twin.snapshot import Snapshot
 from twin.truth.visibility import SensorView, first_met
+from twin.world.simulation import Simulation
 
 _TIMES_S = np.arange(0.0, 8.0, 0.5)
 

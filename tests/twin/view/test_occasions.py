@@ -7,8 +7,8 @@ import pytest
 
 from trackers.configuration import validate
 from twin.scenario import Scenario, load_scenario
-from twin.scene import build_scene, populate
 from twin.view.occasions import BACKWARDS, SIDEWAYS, Occasion, occasions
+from twin.world.scene import build_scene, populate
 
 SCANNER = {"low": {"kind": "laser", "rate_hz": 10, "mount": {"xyz": [0, 0, 0.4]}}}
 EVERYTHING = {
@@ -88,8 +88,8 @@ def test_a_label_says_who_what_and_when():
 
 
 def test_the_shipped_people_do_not_pass_through_anything():
-    from twin.penetration import count_penetrations
-    from twin.world import World
+    from twin.world.penetration import count_penetrations
+    from twin.world.world import World
 
     for name, step in (("everyday", 0.2), ("plaza-runners", 0.2)):
         scenario = load_scenario(name)

@@ -16,7 +16,7 @@ from twin.scenario import Scenario, load_scenario
 from twin.view import check_choice, write_people, write_video, write_view
 from twin.view.standpoint import Room, body_parts, overview, seen_share, standpoint_for
 from twin.view.video import FPS
-from twin.world import World
+from twin.world.world import World
 
 FLOOR = {
     "kind": "floor",

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.people.gait import Gait
-from twin.people.memory import TICK_S
-from twin.people.pose import Moment, foot_loads
-from twin.people.proportions import proportions_of
-from twin.people.skeleton import Skeleton
+from trackers.arrays import Array
+from twin.people.body.proportions import proportions_of
+from twin.people.body.skeleton import Skeleton
+from twin.people.gait.gait import Gait
+from twin.people.gait.pose import Moment, foot_loads
+from twin.people.posture.memory import TICK_S
 
-Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 FINE_HZ = 600.0

@@ -7,9 +7,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.arrays import Array
 from twin.reproduce.gait.bodies import Steady
-
-Array = NDArray[np.float64]
 
 STANDS_FROM = 0.02
 """A foot stands from this load on [body weights]."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twin.report.palette import IDENTITY_COLOURS, hex_colour
 from twin.reproduce.drawing import INK, QUIET, SHADE, look, svg_of
@@ -31,7 +30,6 @@ from twin.reproduce.gait.results import NATURAL_M_S, RUNS_M_S, WALKS_M_S, GaitRu
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Array = NDArray[np.float64]
 
 _OURS, _THEIRS = (hex_colour(IDENTITY_COLOURS[slot]) for slot in (0, 4))
 _WHOLE = np.linspace(0, 100, 101)

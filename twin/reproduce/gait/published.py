@@ -9,12 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from trackers.arrays import Array
 from trackers.errors import InputError
 from trackers.text_file import read_text
-
-Array = NDArray[np.float64]
 
 WALK_RATIO = 0.0064
 """Step length over cadence [m/(steps/min)]: Sekiya and Nagasaki (1998)."""

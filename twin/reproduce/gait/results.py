@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.reproduce.gait.bodies import Steady, steady
 from twin.reproduce.gait.measures import STANCE_POINTS, Figures, Stance, column, figures, figures_of, roll, stance
@@ -35,8 +35,6 @@ from twin.reproduce.gait.published import (
 from twin.reproduce.intervals import CONFIDENCE, N_REPLICATE
 from twin.reproduce.results import Result
 from twin.streams import stream
-
-Array = NDArray[np.float64]
 
 WALKS_M_S = (0.8, 1.0, 1.2, 1.35, 1.5, 1.8)
 RUNS_M_S = (2.5, 3.0, 4.0, 5.0)

@@ -13,12 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.arrays import Array
 from trackers.laser_fisheye_imm.options import ManagementOptions
 from twin.evaluate import Evaluation
 from twin.recording.tables import TrackTable, TruthTable
 from twin.reproduce.moments import SeenMoment
-
-Array = NDArray[np.float64]
 
 COAST_S = ManagementOptions().coast_s
 """How long a track of these trackers goes on unmeasured [s]."""

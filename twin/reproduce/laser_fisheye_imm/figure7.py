@@ -18,14 +18,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.arrays import Array
 from trackers.filters.imm import Imm, ImmState
 from trackers.filters.kalman import kalman
 from trackers.filters.motion import HEADING, MEASUREMENT_VARIANCE_M2, SPEED, MotionModel, propagate
 from trackers.filters.particle import Cloud, ParticleFilter
 from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S, Walk
 from twin.streams import stream
-
-Array = NDArray[np.float64]
 
 FIRST_SCAN = 2
 """The first scan whose errors count."""

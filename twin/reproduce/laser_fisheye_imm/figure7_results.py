@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from trackers.arrays import Array
 from twin.reproduce.intervals import Bootstrap, interval
 from twin.reproduce.laser_fisheye_imm.figure7 import FILTERS, IMM, MEAN_MAGNITUDE, READINGS, MonteCarlo, SquaredErrors
 from twin.reproduce.results import Result
 from twin.streams import stream
-
-Array = NDArray[np.float64]
 
 NPE, NVE = "figure 7 (a)", "figure 7 (b)"
 

@@ -29,7 +29,7 @@ from twin.suites.cases import Case
 from twin.suites.description import Suite
 from twin.suites.fingerprint import recording_key
 from twin.suites.worker import TRUTH, Moment, record, renderer_of, resolved_scenario
-from twin.world import World
+from twin.world.world import World
 
 
 def check_suite(suite: Suite, path: Path) -> None:

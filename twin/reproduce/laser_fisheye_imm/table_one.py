@@ -11,8 +11,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from trackers.arrays import Array
 from twin.reproduce.intervals import Bootstrap, Interval, interval
 from twin.reproduce.laser_fisheye_imm.conditions import (
     COLUMNS,
@@ -26,8 +26,6 @@ from twin.reproduce.laser_fisheye_imm.conditions import (
 )
 from twin.reproduce.results import Result
 from twin.streams import stream
-
-Array = NDArray[np.float64]
 
 TABLE_ONE, PAIRED, BEYOND, DENSITY = "table I", "table I, paired", "beyond the paper", "beyond the paper, density"
 MISIDENTIFIED, LOST, TOTAL = "misidentified", "lost", "misidentified + lost"

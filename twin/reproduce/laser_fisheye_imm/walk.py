@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from trackers.arrays import Array
+
 Kind = Literal["steady", "start", "stop", "turn"]
 
 PERIOD_S = 0.1

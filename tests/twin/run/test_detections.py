@@ -1,0 +1,71 @@
+"""What a detector saw, as a table for anybody's tracker."""
+
+from __future__ import annotations
+
+import csv
+import io
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from trackers.errors import InputError
+from twin.recording.tables import read_truth
+from twin.run.detections import write_detections
+from twin.run.live import run_scenario
+from twin.scenario import load_scenario
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("detections") / "run"
+    scenario = load_scenario("lab-five-people", ["duration_s=1.5", "background_frames=3"])
+    run_scenario(scenario, trackers=["laser-imm"], out=out, images=False, video=False)
+    return out
+
+
+def rows_of(recording: Path, tracker: str) -> list[dict[str, str]]:
+    file = io.StringIO()
+    write_detections(recording, file, tracker=tracker)
+    return list(csv.DictReader(io.StringIO(file.getvalue())))
+
+
+@pytest.mark.parametrize("tracker", ["sort", "laser-imm", "laser-fisheye-kalman"])
+def test_rows_are_where_people_are_at_the_moments_that_were_scanned(folder: Path, tracker: str) -> None:
+    rows = rows_of(folder / "recording.mcap", tracker)
+    assert list(rows[0]) == ["t", "sensors", "role", "x", "y", "variance", "width"]
+    assert {(row["sensors"], row["role"]) for row in rows} == {("waist", "waist"), ("knee", "knee")}
+    truth = read_truth(folder / "truth.csv")
+    moments = {row["t"] for row in rows}
+    assert len(moments) == 15  # the last one too, which leaves at the end
+    for row in rows:
+        now = truth.stamps_ns == round(float(row["t"]) * 1e9)
+        off = np.hypot(truth.x[now] - float(row["x"]), truth.y[now] - float(row["y"])).min()
+        assert off < 0.6
+        assert 0.01 <= float(row["variance"]) <= 0.04 and 0 < float(row["width"]) < 1
+
+
+def test_the_table_of_one_recording_is_the_same_each_time(folder: Path) -> None:
+    assert rows_of(folder / "recording.mcap", "sort") == rows_of(folder / "recording.mcap", "sort")
+
+
+def test_a_tracker_that_does_not_tell_is_refused_in_one_sentence(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "mute.py").write_text(
+        "class Mute:\n"
+        "    def __init__(self, rig, background, rng): pass\n"
+        "    def update(self, observation): return []\n"
+        "    def tracks(self): return []\n"
+    )
+    script = Path(sys.executable).with_name("twin")
+    command = [script, "detections", str(folder / "recording.mcap"), "--tracker", "mute:Mute", "--out", "seen.csv"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1 and "does not tell what its detector sees" in done.stderr
+    assert [path.name for path in tmp_path.iterdir() if path.suffix != ".py" and path.name != "__pycache__"] == []
+
+
+def test_an_unknown_tracker_is_refused(folder: Path) -> None:
+    with pytest.raises(InputError, match="unknown"):
+        write_detections(folder / "recording.mcap", io.StringIO(), tracker="srot")

@@ -1,0 +1,141 @@
+"""A tracker of the user's own that raises: who, where and at what is said, and the other trackers keep their results."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from trackers.errors import PlugInError
+from twin.run.live import run_scenario
+from twin.run.outcome import RunResult
+from twin.scenario import load_scenario
+
+PLUG_INS = """
+import sys
+from trackers.tracks import Track, TrackFrame
+
+class Fine:
+    def __init__(self, rig, background, rng):
+        self.n = 0
+    def update(self, observation):
+        self.n += 1
+        if self.n == 3:
+            self.at_the_third()
+    def at_the_third(self): ...
+    def tracks(self):
+        return [Track(id=1, x=0.0, y=1.5)]
+
+class InUpdate(Fine):
+    def at_the_third(self):
+        raise ValueError("no such person\\nand more")
+
+class InputInUpdate(Fine):
+    def at_the_third(self):
+        from trackers.errors import InputError
+        raise InputError("I want another scan")
+
+class Leaves(Fine):
+    def at_the_third(self):
+        sys.exit(3)
+
+class InTracks(Fine):
+    def tracks(self):
+        return [Track(id=1, x=1 / (self.n - self.n), y=1.5)]
+
+class NoTracks(Fine):
+    def tracks(self):
+        return None
+
+class BadTrack(Fine):
+    def tracks(self):
+        return [Track(id=1, x=0.0, y=1.5, status="lost")]
+
+class NoFrames(Fine):
+    def update(self, observation):
+        return 7
+
+class InFinish(Fine):
+    def finish(self):
+        raise KeyError("rest")
+
+class InConstructor(Fine):
+    def __init__(self, rig, background, rng):
+        raise RuntimeError("no network")
+"""
+
+
+@pytest.fixture(autouse=True)
+def _plug_ins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "plug_lab.py").write_text(PLUG_INS)
+    (tmp_path / "plug_broken.py").write_text("import a_library_nobody_has\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in ("plug_lab", "plug_broken"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+
+
+def run(out: Path, *names: str) -> RunResult:
+    scenario = load_scenario("lab-five-people", ["duration_s=0.4"])
+    return run_scenario(scenario, trackers=names, out=out, video=False, images=False)
+
+
+FAULTS = {
+    "plug_lab:InUpdate": r"update\(\) raised ValueError: no such person \(plug_lab.py, line 18\) at the LaserScan of "
+    r"(waist|knee) stamped 0.\d+ s",
+    "plug_lab:InputInUpdate": r"update\(\) raised InputError: I want another scan \(plug_lab.py, line \d+\) at the LaserScan",
+    "plug_lab:Leaves": r"update\(\) raised SystemExit: 3 \(plug_lab.py, line \d+\) at the LaserScan of ",
+    "plug_lab:InTracks": r"tracks\(\) raised ZeroDivisionError: division by zero \(plug_lab.py, line \d+\) at the LaserScan",
+    "plug_lab:NoTracks": r"what it gave raised TypeError: .* at the LaserScan of ",
+    "plug_lab:BadTrack": r"what it gave raised ValueError: track 1: status 'lost' .* in the frame stamped 0.\d+ s",
+    "plug_lab:NoFrames": r"what it gave raised TypeError: .* at the LaserScan of ",
+    "plug_lab:InFinish": r"finish\(\) raised KeyError: 'rest' \(plug_lab.py, line \d+\) after the last observation",
+    "plug_lab:InConstructor": r"__init__\(\) raised RuntimeError: no network \(plug_lab.py, line \d+\) before the first "
+    "observation",
+    "plug_broken:Mine": r"the import raised ModuleNotFoundError: No module named 'a_library_nobody_has' \(plug_broken.py, "
+    r"line 1\) before the first observation",
+}
+
+
+def test_every_fault_names_class_method_line_and_observation_and_the_others_keep_their_results(tmp_path: Path) -> None:
+    result = run(tmp_path / "out", *FAULTS, "plug_lab:Fine", "laser-imm")
+    assert len(result.failures) == len(FAULTS)
+    for said, (name, expected) in zip(result.failures, FAULTS.items(), strict=True):
+        start, _, rest = said.partition(": ")
+        assert start == name and "\n" not in said
+        assert re.match(expected, rest), rest
+    assert result.metrics is not None and list(result.metrics["trackers"]) == ["plug_lab:Fine", "laser-imm"]
+    tables = sorted(path.name for path in (tmp_path / "out" / "tracks").iterdir())
+    assert tables == ["laser-imm.csv", "plug_lab-Fine.csv"]
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert page.count("A tracker failed and has no results") == len(FAULTS)
+    alone = run(tmp_path / "alone", "laser-imm").metrics
+    assert alone is not None
+    for metrics in (alone, result.metrics):
+        del metrics["trackers"]["laser-imm"]["ms_per_frame"]
+    assert alone["trackers"]["laser-imm"] == result.metrics["trackers"]["laser-imm"]
+
+
+@pytest.mark.parametrize("name", ["plug_lab:InUpdate", "plug_lab:InConstructor", "plug_lab:InFinish"])
+def test_a_run_whose_every_tracker_failed_ends_and_leaves_nothing(name: str, tmp_path: Path) -> None:
+    with pytest.raises(PlugInError, match=name):
+        run(tmp_path / "out", name)
+    assert not [path for path in tmp_path.glob("out/**/*") if path.is_file()]
+
+
+def test_the_command_says_it_in_a_sentence_with_exit_code_1(tmp_path: Path) -> None:
+    def twin(*names: str) -> subprocess.CompletedProcess[str]:
+        arguments = ["run", "lab-five-people", "--duration", "0.4", "--no-images", "--no-video", "--out", "out"]
+        command = [sys.executable, "-m", "twin", *arguments, *(part for name in names for part in ("--tracker", name))]
+        return subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
+
+    done = twin("plug_lab:InUpdate", "laser-imm")
+    assert done.returncode == 1 and "Traceback" not in done.stderr and "fault of ours" not in done.stderr
+    assert done.stderr.count("twin: plug_lab:InUpdate: update() raised ValueError: no such person") == 1
+    assert list(json.loads((tmp_path / "out" / "metrics.json").read_text())["trackers"]) == ["laser-imm"]
+    done = twin("plug_lab:InUpdate")
+    assert done.returncode == 1 and not done.stdout and "Traceback" not in done.stderr
+    assert "\ntwin: plug_lab:InUpdate: update() raised" in done.stderr  # after what it says it will make

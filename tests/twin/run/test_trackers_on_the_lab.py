@@ -1,0 +1,65 @@
+"""What every tracker promises, on what the twin's sensors report."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from trackers.check import check_tracker
+from trackers.observations import Observation
+from trackers.presets import PRESETS, make_tracker
+from trackers.rig import Rig
+from trackers.tracks import TrackFrame, track_frames
+from twin.evaluate import evaluate_tracks
+from twin.recording.tables import track_table, truth_table
+from twin.scenario import Scenario, load_scenario
+from twin.truth.frames import TruthFrame
+from twin.world.simulation import Simulation
+
+Observed = tuple[Rig, list[Observation], list[Observation], list[TruthFrame]]
+
+
+def observe(scenario: Scenario) -> Observed:
+    truth: list[TruthFrame] = []
+    with Simulation(scenario, on_truth=truth.append) as simulation:
+        return simulation.rig, simulation.background(), list(simulation), truth
+
+
+@pytest.fixture(scope="module")
+def lab() -> Observed:
+    return observe(load_scenario("lab-five-people", ["duration_s=4", "seed=1000"]))
+
+
+def follow(name: str, observed: Observed) -> list[TrackFrame]:
+    rig, background, observations, _ = observed
+    return list(track_frames(make_tracker(name, rig, background, np.random.default_rng(0), {}), rig, observations))
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_the_contract_holds(name: str, lab: Observed) -> None:
+    rig, background, observations, _ = lab
+    faults = check_tracker(lambda on, empty, rng: make_tracker(name, on, empty, rng, {}), rig, observations, background)
+    assert faults == []
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_five_people_are_followed(name: str, lab: Observed) -> None:
+    figures = evaluate_tracks(truth_table(lab[3]), track_table(follow(name, lab)))
+    assert figures["mota"] > 0.6  # the first half second of four is lost to confirmation
+    assert figures["motp_m"] < 0.15
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_the_order_of_people_makes_no_difference(name: str, lab: Observed) -> None:
+    scenario = load_scenario("lab-five-people", ["duration_s=4", "seed=1000"])
+    turned = observe(scenario.model_copy(update={"people": dict(reversed(scenario.people.items()))}))
+    assert follow(name, turned) == follow(name, lab)
+
+
+@pytest.mark.parametrize("name", ["laser-fisheye-imm", "laser-kalman"])
+def test_without_scans_of_the_empty_room_people_are_still_found(name: str, lab: Observed) -> None:
+    rig, _, observations, truth = lab
+    tracker = make_tracker(name, rig, [], np.random.default_rng(0), {})
+    frames = list(track_frames(tracker, rig, observations))
+    assert tracker.background_learned_causally  # pyright: ignore
+    assert evaluate_tracks(truth_table(truth), track_table(frames))["mota"] > 0.2

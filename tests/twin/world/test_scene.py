@@ -1,0 +1,254 @@
+"""The scene: what does not fit into the room is refused in one sentence, and geoms belong to whom they belong."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from trackers.area import Area
+from trackers.errors import InputError
+from twin.scenario import Scenario, load_scenario
+from twin.world.placement import CLEARANCE_M
+from twin.world.scene import build_scene, populate
+from twin.world.world import World
+
+WALK = "{{kind: walk, waypoints: {}{}}}"
+ROOM = """
+<mujoco>
+  {custom}
+  <worldbody>
+    <geom name="floor" type="plane" size="5 5 0.1"/>
+    <body name="ann" pos="3 3 0.5"><geom name="statue" type="box" size="0.1 0.1 0.5"/>
+      <body name="ann/arm"><geom name="arm" type="box" size="0.1 0.1 0.1"/></body>
+    </body>
+    <body name="ann-b" pos="4 3 0.5"><geom name="plinth" type="box" size="0.1 0.1 0.5"/></body>
+  </worldbody>
+</mujoco>
+"""
+L_SHAPED = "-2 0  2 0  2 4  1 4  1 2  -2 2"
+
+
+def lab(*changes: str) -> Scenario:
+    return load_scenario("lab-five-people", ["people={}", *changes])
+
+
+def person(name: str, *fields: str) -> str:
+    return f"people.{name}={{{', '.join(fields)}}}"
+
+
+def walk(waypoints: str, more: str = "") -> str:
+    return f"script: {WALK.format(waypoints, more)}"
+
+
+def in_room(tmp_path: Path, walkable: str | None, *changes: str) -> Scenario:
+    custom = f'<custom><numeric name="walkable_area" data="{walkable}"/></custom>' if walkable else ""
+    path = tmp_path / "room.xml"
+    path.write_text(ROOM.format(custom=custom))
+    return lab(f"room={path}", *changes)
+
+
+@pytest.mark.parametrize(
+    ("ann", "bob", "field", "distance"),
+    [
+        (walk("[[0, 1], [1, 1]]"), walk("[[0, 1], [1, 2]]"), r"script\.waypoints\.0: \[0, 1\]", "0.00"),
+        (walk("[[0, 1], [1, 1]]"), "start: [0.3, 1]", r"start: \[0\.3, 1\]", "0.30"),
+        (
+            "start: [0, 1], script: {kind: stand}",
+            walk("[[0, 1.4], [1, 2]]"),
+            r"script\.waypoints\.0: \[0, 1\.4\]",
+            "0.40",
+        ),
+        ("start: [0, 1]", "start: [0, 1], script: {kind: stand}", r"start: \[0, 1\]", "0.00"),
+    ],
+)
+def test_people_who_start_in_each_other_are_refused(ann: str, bob: str, field: str, distance: str) -> None:
+    said = (
+        rf"scenario 'lab-five-people': people\.bob\.{field} is {distance} m from 'ann', who starts at \[0, 1\]: "
+        rf"their bodies overlap; at least {CLEARANCE_M} m between people is expected$"
+    )
+    with pytest.raises(InputError, match=said):
+        build_scene(lab(person("ann", ann), person("bob", bob)))
+
+
+def test_a_start_elsewhere_frees_the_first_waypoint() -> None:
+    build_scene(lab(person("ann", walk("[[0, 1], [1, 1]]")), person("bob", "start: [1, 2]", walk("[[0, 1]]"))))
+    build_scene(lab(person("ann", "start: [0, 1]"), person("bob", f"start: [{CLEARANCE_M}, 1]")))
+
+
+def test_the_command_line_says_so_in_one_line(tmp_path: Path) -> None:
+    people = [person("ann", walk("[[0, 1], [1, 1]]")), person("bob", walk("[[0, 1], [1, 2]]"))]
+    sets = [part for change in ["people=null", *people] for part in ("--set", change)]
+    command = [sys.executable, "-m", "twin", "run", "lab-five-people", "--out", str(tmp_path / "out"), *sets]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].startswith(
+        "twin: scenario 'lab-five-people': people.bob.script.waypoints.0: [0, 1] is 0.00 m from 'ann'"
+    )
+    assert "Traceback" not in done.stderr
+
+
+IN_LAB = r"x -2\.3 to 2\.3 m, y 0\.35 to 3\.1 m is expected$"
+
+
+@pytest.mark.parametrize(
+    ("ann", "said"),
+    [
+        (walk("[[10, 10]]"), r"script\.waypoints\.0: \[10, 10\] is outside the room's walkable area; "),
+        (walk("[[0, 1], [0, 5]]"), r"script\.waypoints\.1: \[0, 5\] is outside the room's walkable area; "),
+        ("start: [9, 9], " + walk("[[0, 1]]"), r"start: \[9, 9\] is outside the room's walkable area; "),
+        ("start: [9, 9], script: {kind: stand}", r"start: \[9, 9\] is outside the room's walkable area; "),
+    ],
+)
+def test_people_outside_the_room_are_refused(ann: str, said: str) -> None:
+    with pytest.raises(InputError, match=rf"^scenario 'lab-five-people': people\.ann\.{said}{IN_LAB}"):
+        build_scene(lab(person("ann", ann)))
+
+
+def test_walks_may_leave_the_tracked_area_and_touch_the_border_of_the_walkable_one() -> None:
+    build_scene(
+        lab(person("ann", "start: [2.2, 0.4]", walk("[[-2.3, 0.35], [2.3, 0.35], [2.3, 3.1]]", ", repeat: true")))
+    )
+
+
+@pytest.mark.parametrize(
+    "ann",
+    [
+        walk("[[-1, 1], [1.5, 3.5]]"),
+        "start: [1.5, 3.5], " + walk("[[-1, 1]]"),
+        walk("[[-1, 1], [1.5, 1], [1.5, 3.5]]", ", repeat: true"),
+    ],
+)
+def test_ways_that_a_wall_is_in_lead_around_its_corner(tmp_path: Path, ann: str) -> None:
+    world = World(in_room(tmp_path, L_SHAPED, "area=null", person("ann", ann)))
+    walkable, places = world.scene.walkable, []
+    assert walkable is not None
+    for t in np.arange(0.0, 10.0, 0.1):
+        world.population.advance(t)
+        truth = world.population.truth(t)
+        places.append((truth.x[0], truth.y[0]))
+    assert Area(walkable).contains(np.array(places)).all()
+    assert np.ptp(np.array(places), axis=0).min() > 2.0
+
+
+def test_the_same_corners_without_a_wall_between_are_walked(tmp_path: Path) -> None:
+    build_scene(in_room(tmp_path, L_SHAPED, "area=null", person("ann", walk("[[-1, 1], [1.5, 1], [1.5, 3.5]]"))))
+
+
+@pytest.mark.parametrize(
+    ("area", "said"),
+    [
+        (
+            "[[20, 20], [24, 20], [24, 24], [20, 24]]",
+            rf"area: the edge from \[20, 20\] to \[24, 20\] is outside .*{IN_LAB}",
+        ),
+        (
+            "[[-2, 0.6], [2.4, 0.6], [2, 2.8]]",
+            rf"area: the edge from \[-2, 0\.6\] to \[2\.4, 0\.6\] is outside .*{IN_LAB}",
+        ),
+        (
+            "[[-2, 0.6], [2, 0.6], [-2, 2.8], [2, 2.8]]",
+            r"area: .* crosses or touches itself at \[0, 1\.7\]; .* expected$",
+        ),
+        (
+            "[[-2, 0.6], [2, 0.6], [2, 2.8], [-2, 0.6]]",
+            r"area: .* crosses or touches itself at \[-2, 0\.6\]; .* expected$",
+        ),
+    ],
+)
+def test_areas_that_cannot_be_are_refused(area: str, said: str) -> None:
+    with pytest.raises(InputError, match=f"^scenario 'lab-five-people': {said}"):
+        build_scene(lab(f"area={area}"))
+
+
+def test_an_area_around_a_wall_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"area: the edge from \[2, 4\] to \[-2, 1\] is outside"):
+        build_scene(in_room(tmp_path, L_SHAPED, "area=[[-2, 0], [2, 0], [2, 4], [-2, 1]]"))
+
+
+def test_the_shipped_area_and_the_whole_walkable_one_fit() -> None:
+    build_scene(load_scenario("lab-five-people"))
+    whole = build_scene(lab("area=null")).area
+    corners = [[float(x), float(y)] for x, y in whole]
+    np.testing.assert_array_equal(build_scene(lab(f"area={corners}")).area, whole)
+
+
+@pytest.mark.parametrize("data", ["0 0 1 0 1", "0 0 1 0"])
+def test_a_walkable_area_that_is_no_polygon_is_refused(tmp_path: Path, data: str) -> None:
+    with pytest.raises(InputError, match=rf"room\.xml: walkable_area: {len(data.split())} numbers are not a polygon"):
+        build_scene(in_room(tmp_path, data))
+
+
+def test_a_walkable_area_that_crosses_itself_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"room\.xml: walkable_area: .* crosses or touches itself at \[0, 1\]"):
+        build_scene(in_room(tmp_path, "-1 0  1 0  -1 2  1 2", "area=null"))
+
+
+def test_where_the_room_does_not_say_people_may_go_as_far_as_its_floor(tmp_path: Path) -> None:
+    people = [
+        person("ann", walk("[[4.5, -4.5], [-4.5, 4.5]]")),
+        person("bob", "start: [-4, -4]", "script: {kind: stand}"),
+    ]
+    scene = build_scene(in_room(tmp_path, None, "area=null", *people))
+    np.testing.assert_allclose([scene.area.min(axis=0), scene.area.max(axis=0)], [[-4.8, -4.8], [4.8, 4.8]], atol=0.03)
+    with pytest.raises(InputError, match=r"script\.waypoints\.0: \[9, 9\] is outside the room's walkable area"):
+        build_scene(in_room(tmp_path, None, person("ann", walk("[[9, 9], [-4, -4]]"))))
+
+
+@pytest.mark.parametrize("start", ["[2.2, 1]", "[0, 3]", "[2, 1]", "[-2, 1]"])
+def test_a_wanderer_locked_out_of_the_area_is_refused(start: str) -> None:
+    said = r"people\.ann\.start: .* is not inside the area that a wanderer stays in; x -2 to 2 m, y 0\.6 to 2\.8 m is"
+    with pytest.raises(InputError, match=said):
+        build_scene(lab(person("ann", f"start: {start}")))
+    build_scene(lab(person("ann", f"start: {start}", "script: {kind: stand}")))
+
+
+@pytest.mark.parametrize("start", [(1.999, 1.0), (-1.999, 0.601), (0.0, 2.799)])
+def test_a_wanderer_at_the_very_edge_comes_in(start: tuple[float, float]) -> None:
+    described = lab(person("ann", f"start: [{start[0]}, {start[1]}]"), person("bob", "script: {kind: wander}"))
+    population = populate(described, build_scene(described))
+    places = []
+    for t in np.arange(0.1, 10.0, 0.1):
+        population.advance(t)
+        truth = population.truth(t)
+        places.append((truth.x[0], truth.y[0]))
+    low, high = np.array([-2.0, 0.6]), np.array([2.0, 2.8])
+    assert ((np.array(places) > low) & (np.array(places) < high)).all()
+    assert np.minimum(places - low, high - places).min(axis=1).max() > 0.3
+
+
+def test_a_full_area_is_told_with_the_scenario() -> None:
+    people = [person(f"p{number}") for number in range(40)]
+    described = lab(*people)
+    with pytest.raises(InputError, match=r"^scenario 'lab-five-people': people\.p\d+: no place in the area is"):
+        populate(described, build_scene(described))
+    thin = lab("area=[[0, 1], [1, 1], [1, 1.2], [0, 1.2]]", person("ann"))
+    with pytest.raises(InputError, match=r"^scenario 'lab-five-people': area: is too narrow"):
+        populate(thin, build_scene(thin))
+
+
+def test_a_room_too_narrow_to_walk_in_is_told_once(tmp_path: Path) -> None:
+    with pytest.raises(
+        InputError,
+        match=r"^scenario '[^']+': room: the walkable area is too narrow to walk in; more than [0-9.]+ m "
+        r"between its edges is expected$",
+    ):
+        build_scene(in_room(tmp_path, "-1 1  1 1  1 1.02  -1 1.02", "area=null"))
+
+
+def test_furniture_called_like_a_person_is_the_room(tmp_path: Path) -> None:
+    scene = build_scene(in_room(tmp_path, None, person("bob"), person("ann"), person("ann-b")))
+    model = scene.model
+    room = {"floor", "statue", "arm", "plinth"}
+    assert scene.ids == {"bob": 1, "ann": 2, "ann-b": 3}
+    owned = [0, 0, 0, 0]
+    for geom in range(model.ngeom):
+        body = model.body(model.geom_bodyid[geom]).name
+        expected = 0 if model.geom(geom).name in room else scene.ids[body.partition("/")[0]]
+        assert scene.person_of_geom[geom] == expected
+        owned[expected] += 1
+    assert owned[0] == len(room)
+    assert min(owned[1:]) > 15  # whole bodies

@@ -1,0 +1,1 @@
+"""Polygons of the floor plan, and the hulls of geoms."""

@@ -1,0 +1,1 @@
+"""Bodies made of geoms: proportions, skeleton, clothes, faces."""

@@ -1,0 +1,157 @@
+"""Closed surfaces lofted from rings: what bodies and clothes are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trackers.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A closed triangle mesh: vertex (n, 3) [m], face (m, 3), and its place in a texture.
+
+    texture (k, 2): u from the back over the right side, front (0.5) and left side to the back again, v from bottom to
+    top; texture_face (m, 3): the rows of `texture` at the corners of each face.
+    """
+
+    vertex: Array
+    face: NDArray[np.intp]
+    texture: Array
+    texture_face: NDArray[np.intp]
+
+    def __add__(self, other: Surface) -> Surface:
+        """Both as one mesh of two parts."""
+        return Surface(
+            np.vstack([self.vertex, other.vertex]),
+            np.vstack([self.face, other.face + len(self.vertex)]),
+            np.vstack([self.texture, other.texture]),
+            np.vstack([self.texture_face, other.texture_face + len(self.texture)]),
+        )
+
+    def moved(self, by: ArrayLike) -> Surface:
+        """Shifted by (3,) [m]."""
+        return Surface(self.vertex + np.asarray(by), self.face, self.texture, self.texture_face)
+
+    def turned(self, pitch_rad: float) -> Surface:
+        """Turned about the y axis, forward and down."""
+        c, s = np.cos(pitch_rad), np.sin(pitch_rad)
+        rotation = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+        return Surface(self.vertex @ rotation.T, self.face, self.texture, self.texture_face)
+
+    def mirrored(self) -> Surface:
+        """Left and right exchanged, its texture with it."""
+        return Surface(self.vertex * (1, -1, 1), self.face[:, ::-1], self.texture, self.texture_face[:, ::-1])
+
+    def painted(self, u: float, v: float) -> Surface:
+        """All of it in the colour of one place of the texture."""
+        return Surface(self.vertex, self.face, np.array([[u, v]]), np.zeros_like(self.face))
+
+    def tiled(self, around: float, along: float) -> Surface:
+        """Its texture repeated, so many times around and along."""
+        return Surface(self.vertex, self.face, self.texture * (around, along), self.texture_face)
+
+    def add_to(self, spec: mujoco.MjSpec, name: str) -> None:
+        """Add it as a mesh."""
+        spec.add_mesh(
+            name=name,
+            uservert=self.vertex.ravel(),
+            userface=self.face.ravel(),
+            usertexcoord=np.column_stack([self.texture[:, 0], self.texture[:, 1]]).ravel(),
+            userfacetexcoord=self.texture_face.ravel(),
+            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+            smoothnormal=True,
+        )
+
+
+def around(sides: int) -> Array:
+    """Angles of a ring's places (sides,) [rad], from the back over the right side; 0 is ahead."""
+    return -np.pi + 2 * np.pi * np.arange(sides) / sides
+
+
+def rings(sections: ArrayLike, sides: int = 14, square: float = 2.0) -> Array:
+    """Level rings (m, sides, 3) from sections (m, 5) of x, y, z of the middle, half depth (x), half breadth (y) [m].
+
+    `square`: exponent of the superellipse; 2 is an ellipse, more is squarer.
+    """
+    section = np.asarray(sections, dtype=float)
+    angle = around(sides)
+    c, s = np.cos(angle), np.sin(angle)
+    c = np.sign(c) * np.abs(c) ** (2 / square)
+    s = np.sign(s) * np.abs(s) ** (2 / square)
+    x = section[:, 0, None] + section[:, 3, None] * c
+    y = section[:, 1, None] + section[:, 4, None] * s
+    return np.stack([x, y, np.broadcast_to(section[:, 2, None], x.shape)], axis=-1)
+
+
+def loft(ring: Array) -> Surface:
+    """The closed surface through rings (m, n, 3) [m], each counter-clockwise as seen from the end of the last one."""
+    count, sides, _ = ring.shape
+    middles = ring.mean(axis=1)
+    vertex = np.vstack([ring.reshape(-1, 3), middles[0], middles[-1]])
+    step = np.linalg.norm(np.diff(ring, axis=0), axis=-1).mean(axis=1)
+    v = np.concatenate([[0.0], np.cumsum(step)])
+    v = v / max(v[-1], 1e-9)
+    u = np.linspace(0, 1, sides + 1)
+    texture = np.stack(np.broadcast_arrays(u[None, :], v[:, None]), axis=-1).reshape(-1, 2)
+    texture = np.vstack([texture, [0.5, 0.0], [0.5, 1.0]])
+    face, texture_face = _faces(count, sides, lambda i, j: i * sides + j % sides, count * sides)
+    _, texture_face = _faces(count, sides, lambda i, j: i * (sides + 1) + j, count * (sides + 1))
+    return Surface(vertex, face, texture, texture_face)
+
+
+def _faces(count: int, sides: int, place, poles: int):
+    i, j = np.meshgrid(np.arange(count - 1), np.arange(sides), indexing="ij")
+    a, b, c, d = place(i, j), place(i, j + 1), place(i + 1, j + 1), place(i + 1, j)
+    walls = np.concatenate([np.stack([a, b, c], axis=-1).reshape(-1, 3), np.stack([a, c, d], axis=-1).reshape(-1, 3)])
+    j = np.arange(sides)
+    low, top = np.full(sides, poles), np.full(sides, poles + 1)
+    bottom = np.stack([low, place(0, j + 1), place(0, j)], axis=-1)
+    lid = np.stack([top, place(count - 1, j), place(count - 1, j + 1)], axis=-1)
+    faces = np.concatenate([walls, bottom, lid]).astype(np.intp)
+    return faces, faces
+
+
+def limb(
+    stations: Sequence[tuple[float, ...]], sides: int = 12, round_low: bool = True, round_high: bool = True
+) -> Surface:
+    """A rounded limb along z: stations (z, half depth, half breadth, x = 0, y = 0) [m] from low to high.
+
+    A round end is half an ellipsoid about its station, so that the next segment, turning about the same place, leaves
+    no gap.
+    """
+    station = np.array([(*each, 0.0, 0.0)[:5] for each in stations])
+    z, a, b, x, y = station.T
+    rows = list(np.column_stack([x, y, z, a, b]))
+    tilt = np.deg2rad([68.0, 35.0])
+    low = [[x[0], y[0], z[0] - np.sin(t) * a[0], a[0] * np.cos(t), b[0] * np.cos(t)] for t in tilt]
+    high = [[x[-1], y[-1], z[-1] + np.sin(t) * a[-1], a[-1] * np.cos(t), b[-1] * np.cos(t)] for t in tilt[::-1]]
+    return loft(rings((low if round_low else []) + rows + (high if round_high else []), sides))
+
+
+def ellipsoid(middle: ArrayLike, size: ArrayLike, sides: int = 10) -> Surface:
+    """An ellipsoid about `middle` (3,) with half axes `size` (3,) [m]."""
+    x, y, z = np.asarray(middle, dtype=float)
+    a, b, c = np.asarray(size, dtype=float)
+    tilt = np.deg2rad([-65.0, -30.0, 0.0, 30.0, 65.0])
+    return loft(rings([[x, y, z + c * np.sin(t), a * np.cos(t), b * np.cos(t)] for t in tilt], sides))
+
+
+def cord(path: ArrayLike, radius: float, sides: int = 6) -> Surface:
+    """A strap of this radius [m] along a path (m, 3) [m]."""
+    path = np.asarray(path, dtype=float)
+    way = np.gradient(path, axis=0)
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    first = np.cross(way, [0.3, 0.2, 0.93])
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    second = np.cross(way, first)
+    angle = around(sides)
+    ring = path[:, None] + radius * (
+        np.cos(angle)[None, :, None] * first[:, None] + np.sin(angle)[None, :, None] * second[:, None]
+    )
+    return loft(ring)

@@ -1,0 +1,1 @@
+"""Where people can go, and how they keep clear of each other."""

@@ -1,0 +1,315 @@
+"""How people move over the floor among others: towards their goals, around each other, inside their area.
+
+Three layers, for all people at once:
+
+1. The social force model (D. Helbing and P. Molnár, "Social force model for pedestrian dynamics", Physical Review E 51,
+   1995): a drive towards the wanted velocity within a relaxation time, and a repulsion between people, here in the
+   elliptical form that looks ahead by the relative velocity (A. Johansson, D. Helbing and P. Shukla, "Specification of
+   the social force pedestrian model by evolutionary adjustment to video tracking data", Advances in Complex Systems 10,
+   2007, "elliptical II"), weaker from behind. It is turned a little to the right, so that two who meet head on pass
+   instead of pushing. Walls and furniture repel by their nearest point, as in the first paper.
+2. A guarantee that forces alone do not give: nobody approaches another, furniture, or the edge of the area, faster than
+   they could still brake within the gap (within their half of it where the other is a person). So bodies never come
+   closer than `KEEP_APART_M` and `KEEP_FROM_FURNITURE_M`. Runners count on harder braking, as they do.
+3. People walk where they face: the wanted speed falls with the angle between way and heading, and the heading follows
+   with a limited turning rate; short avoiding steps go sideways. Who holds a heading steps backwards and sideways, slowly.
+
+Some may be driven: they keep a path that is given, tick by tick, feel nothing, and are avoided by the others. Some may
+be absent: they exert and feel nothing.
+
+Places and velocities on the floor are complex numbers x + iy: a turn is a product, a length an absolute value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.arrays import Array, Mask
+from twin.people.crowd.order import Order
+from twin.people.crowd.social_force import KEEP_APART_M, repulsion
+from twin.room.obstacles import KEEP_FROM_EDGE_M, KEEP_FROM_FURNITURE_M, Footprints, Obstacle
+
+Planar = NDArray[np.complex128]
+
+RELAXATION_S = 0.22
+"""Time to reach the wanted velocity [s] (Helbing and Molnár: 0.5; ours is quicker, for sudden stops and starts)."""
+WALL_REPULSION_M_S2 = 1.5
+"""Repulsion of an edge of the area, or of furniture, at the least distance [m/s²]."""
+WALL_RANGE_M = 0.12
+ACCELERATION_M_S2 = 4.0
+"""Greatest acceleration that wanting and forces ask for [m/s²]."""
+BRAKING_M_S2 = 1.5
+"""Deceleration that the guarantee counts on up to `BRISK_M_S` [m/s²]; more is used where the other comes on faster."""
+BRISK_M_S = 2.0
+"""Ordered speed up to which people brake as walkers [m/s]."""
+RUNNER_BRAKES_PER_S = 0.7
+"""How much harder runners brake, for each m/s above `BRISK_M_S` [1/s]: 3.6 m/s² at 5 m/s."""
+NEAR_M = 0.12
+"""Least distance from furniture that an order lets come near [m]: standing, calves at the edge of a seat."""
+FACING = 1.5
+"""Full speed is wanted where the way's cosine with the heading is above 1 / FACING (48 degrees), none beyond 90."""
+TAKEN_WITHIN_M = 1.0
+"""Distance to a goal at which one sees that it is taken [m]."""
+ASIDE_M_S = 0.8
+"""Greatest speed of steps sideways and backwards, by people who hold a heading [m/s]."""
+HALTING_M = 0.5
+"""From this distance to a place where they halt, walls and furniture repel people less and less [m]."""
+HALT_PER_S = 2.0
+"""Greatest speed per distance to a goal at which a person halts [1/s]."""
+TURN_RATE = 2.6
+"""Greatest turning rate [rad/s]."""
+TURN_ACCELERATION = 25.0
+"""[rad/s²]."""
+FOLLOWS_FROM_M_S = 0.15
+"""Below this speed the heading does not follow the motion [m/s]."""
+
+_PROJECTIONS = 3
+_PASSES = 1e6
+_FAR_M = 1e6
+_ROUNDING_M_S = 1e-9
+_EVERYBODY = slice(None)
+
+
+class Crowd:
+    """Places, velocities and headings of n people, each with an area they stay in.
+
+    `place`, `velocity`, `acceleration` (n,) complex [m, m/s, m/s²]; `heading` (n,) [rad], unwrapped; `facing` (n,)
+    complex, its direction; `turn_rate` (n,) [rad/s]; `present` (n,): who is in the room, everybody at first; `driven`
+    (n,): who keeps a path that `drive` gives, nobody at first. The last two may be written between steps.
+    """
+
+    def __init__(
+        self,
+        place: Planar,
+        heading: Array,
+        areas: Sequence[Array | None],
+        fixed: Mask,
+        obstacles: Sequence[Obstacle] = (),
+    ) -> None:
+        """areas: a polygon (k, 2) [m] a person, None: everywhere; fixed (n,): who never gives way; obstacles: all that
+        somebody could come up to (see `obstacles.within_reach`)."""
+        count = len(place)
+        self.place = place.copy()
+        self.velocity = np.zeros(count, dtype=complex)
+        self.acceleration = np.zeros(count, dtype=complex)
+        self.heading = heading.copy()
+        self.facing = np.exp(1j * heading)
+        self.turn_rate = np.zeros(count)
+        self.present = np.ones(count, dtype=bool)
+        self.driven = np.zeros(count, dtype=bool)
+        self._path_place = place.copy()
+        self._path_velocity = np.zeros(count, dtype=complex)
+        self._fixed = fixed.copy()
+        self._may_move = np.where(fixed, 0.0, 1.0)
+        self._goal = place.copy()
+        self._speed = np.zeros(count)
+        self._braking = np.full(count, BRAKING_M_S2)
+        self._slow_down = np.full(count, _PASSES)  # greatest speed per distance to the goal [1/s]
+        self._slow_late = np.full(count, _PASSES)  # greatest square of the speed per distance to the goal [m/s²]
+        self._arrive_m = np.zeros(count)
+        self._going = np.zeros(count)  # 1 walks, 0 stands
+        self._holds = np.zeros(count, dtype=bool)  # a heading
+        self._hold = np.zeros(count)
+        self._distance = np.full(count, np.inf)
+        self._furniture = Footprints(obstacles)
+        edges, keep_from_edges = _edges(areas)
+        self._barriers = Footprints([*obstacles, *edges])
+        keep_from_furniture = np.full((count, len(obstacles)), KEEP_FROM_FURNITURE_M)
+        self._clearance = np.concatenate([keep_from_furniture, keep_from_edges], axis=1)  # (n, obstacles + edges)
+        self._repels = np.ones(self._clearance.shape)
+        self._heeds_walls = np.full(count, _PASSES)  # share of their repulsion per distance to the goal [1/m]
+        self._self_far = np.where(np.eye(count, dtype=bool), 1e3, 0.0)
+        self._numbers = np.arange(count)
+
+    def order(self, person: int, order: Order) -> None:
+        """Give one person a new order; raises ValueError for furniture to come near that no obstacle belongs to."""
+        self._going[person] = 0.0 if order.goal is None else 1.0
+        if order.goal is not None:
+            self._goal[person] = complex(*order.goal)
+        self._speed[person] = order.speed_m_s
+        self._braking[person] = BRAKING_M_S2 + RUNNER_BRAKES_PER_S * max(order.speed_m_s - BRISK_M_S, 0.0)
+        self._slow_down[person] = HALT_PER_S if order.halt else _PASSES
+        self._slow_late[person] = 2.0 * self._braking[person] if order.halt else _PASSES
+        self._arrive_m[person] = order.arrive_m
+        self._distance[person] = np.inf
+        self._holds[person] = order.heading is not None
+        self._hold[person] = 0.0 if order.heading is None else order.heading
+        self._may_move[person] = 0.0 if order.firm or self._fixed[person] else 1.0
+        self._heeds_walls[person] = 1.0 / HALTING_M if order.halt else _PASSES
+        near = self._furniture.belong_to(order.near)
+        self._clearance[person, : len(near)] = np.where(near, NEAR_M, KEEP_FROM_FURNITURE_M)
+        self._repels[person, : len(near)] = ~near
+
+    def enter(self, person: int, place: complex, heading: float, velocity: complex = 0j) -> None:
+        """Let one person into the room at a place [m], facing a heading [rad], moving at a velocity [m/s]."""
+        self.present[person] = True
+        self.place[person], self.velocity[person] = place, velocity
+        self.heading[person], self.facing[person] = heading, np.exp(1j * heading)
+        self.acceleration[person], self.turn_rate[person] = 0.0, 0.0
+        self._distance[person] = np.inf
+
+    def drive(self, place: Planar, velocity: Planar) -> None:
+        """Where those who are `driven` will be at the end of the next step, (n,) each [m, m/s]; other rows are unused."""
+        self._path_place, self._path_velocity = place, velocity
+
+    def arrived(self) -> Mask:
+        """Who has come to their goal, (n,)."""
+        return (self._distance <= self._arrive_m) & self.present
+
+    def halting(self, within_m: float) -> Mask:
+        """Who is about to halt at a goal that is less than `within_m` [m] away, (n,)."""
+        return (self._distance < within_m) & (self._slow_down < _PASSES) & self.present
+
+    def taken(self) -> Mask:
+        """Who is about to halt at a goal that somebody else is closer to than people come to each other, (n,)."""
+        close = self.halting(TAKEN_WITHIN_M)
+        if not close.any():
+            return close
+        others = self.present & ~np.eye(len(self.place), dtype=bool)
+        near = (np.abs(self.place - self._goal[:, None]) < KEEP_APART_M) & others
+        return near.any(axis=1) & close
+
+    def blocked(self) -> Mask:
+        """Who wants to walk and hardly moves, (n,)."""
+        return (np.abs(self.velocity) < 0.12 * self._going) & self.present & ~self.driven
+
+    def heading_error(self) -> Array:
+        """How far everybody still has to turn to the heading they were told to hold, (n,) [rad], 0 where to none."""
+        error = (self._hold - self.heading + np.pi) % (2 * np.pi) - np.pi
+        return np.where(self._holds, error, 0.0)
+
+    def step(self, dt: float) -> None:
+        """Move everybody who is present by dt [s]."""
+        rows: Any = _EVERYBODY if np.count_nonzero(self.present) == len(self.present) else np.flatnonzero(self.present)
+        place, before, facing, going = self.place[rows], self.velocity[rows], self.facing[rows], self._going[rows]
+        driven = self.driven[rows]
+        anybody_driven = np.count_nonzero(driven) > 0
+        if anybody_driven:
+            going = np.where(driven, 0.0, going)
+        way = self._goal[rows] - place
+        length = np.abs(way)
+        self._distance = self._spread(self._distance, rows, np.where(going > 0, length, np.inf))
+        way = way * (going / np.maximum(length, 1e-6))
+        push = (self._wanted_speed(rows, way, length, before, facing) * way - before) / RELAXATION_S
+        between = place - place[:, None]  # (n, n) from each to each
+        self_far = self._self_far[: len(place), : len(place)]
+        distance = np.maximum(np.abs(between), _ROUNDING_M_S) + self_far  # recorded paths may meet in one point
+        towards = between / distance
+        push += repulsion(between, distance, towards, before, facing, going, self_far)
+        outwards, room = self._barriers.gaps(place)
+        room = room - self._clearance[rows]
+        from_walls = self._repels[rows] * np.exp(np.maximum(room, 0.0) * (-1.0 / WALL_RANGE_M)) * outwards
+        # who stands stays, and who halts by a wall comes up to it
+        keeps_off = going * np.minimum(length * self._heeds_walls[rows], 1.0)
+        push -= from_walls.sum(axis=1) * (WALL_REPULSION_M_S2 * keeps_off)
+        push *= ACCELERATION_M_S2 / np.maximum(np.abs(push), ACCELERATION_M_S2)
+        velocity = (before + push * dt) * self._may_move[rows]
+        normals = np.concatenate([towards, outwards], axis=1)  # (n, n + edges + obstacles)
+        gap = distance - KEEP_APART_M
+        comes_on = 0.0
+        if anybody_driven:  # they will not brake: the whole gap is the other's, less what they take of it themselves
+            gap = np.where(driven, 2.0 * gap, gap)
+            comes_on = np.maximum(-(towards.conj() * before).real, 0.0) * driven
+        free = np.concatenate([0.5 * gap, room], axis=1)
+        limit = np.sqrt((2 * self._braking[rows, None]) * np.maximum(free, 0.0))
+        limit[:, : len(place)] -= comes_on
+        velocity = self._safe(velocity, normals, limit)
+        after = place + velocity * dt
+        if anybody_driven:
+            velocity = np.where(driven, self._path_velocity[rows], velocity)
+            after = np.where(driven, self._path_place[rows], after)
+        change = min(1.0, 12.0 * dt) * ((velocity - before) / dt - self.acceleration[rows])
+        self.acceleration = self._spread(self.acceleration, rows, self.acceleration[rows] + change)
+        self.velocity = self._spread(self.velocity, rows, velocity)
+        self.place = self._spread(self.place, rows, after)
+        self._turn(rows, velocity + (0.4 * going) * way, dt)
+
+    @staticmethod
+    def _spread(whole: NDArray[Any], rows: Any, part: NDArray[Any]) -> NDArray[Any]:
+        """`whole` (n,) with those present replaced by `part`."""
+        if rows is _EVERYBODY:
+            return part
+        whole = whole.copy()
+        whole[rows] = part
+        return whole
+
+    def _wanted_speed(self, rows: Any, way: Planar, length: Array, velocity: Planar, facing: Planar) -> Array:
+        """How fast those present want to go along their way (unit, 0 for who stands), `length` [m] before its end."""
+        speed = self._speed[rows]
+        along = np.minimum(np.maximum(FACING * (way * facing.conj()).real, 0.0), 1.0)
+        slowed = speed * along
+        holds = self._holds[rows]
+        if np.count_nonzero(holds):
+            aside = np.minimum(speed, ASIDE_M_S)
+            slowed = np.where(holds, aside + (speed - aside) * along, slowed)
+        # wishes are followed RELAXATION_S late: who comes on fast slows down so much earlier
+        left = np.maximum(length - RELAXATION_S * np.abs(velocity), 0.0)
+        return np.minimum(slowed, np.minimum(length * self._slow_down[rows], np.sqrt(left * self._slow_late[rows])))
+
+    def _safe(self, velocity: Planar, normals: Planar, limit: Array) -> Planar:
+        """The velocities made to approach nothing faster than its limit.
+
+        normals (n, k): directions to what is approached; limit (n, k) [m/s], negative for what one should back away
+        from. Rounds of projection keep what motion there is along an obstacle; what is still too fast then is slowed as
+        a whole.
+        """
+        inverse = normals.conj()
+        approach = (inverse * velocity[:, None]).real
+        numbers = self._numbers[: len(velocity)]
+        for _ in range(_PROJECTIONS):
+            excess = approach - limit
+            if not np.count_nonzero(excess > _ROUNDING_M_S):
+                return velocity
+            worst = excess.argmax(axis=1)
+            too_fast = np.maximum(excess[numbers, worst], 0.0)
+            velocity = velocity - too_fast * normals[numbers, worst]
+            approach = (inverse * velocity[:, None]).real
+        limit = np.maximum(limit, 0.0)
+        if not np.count_nonzero(approach > limit + _ROUNDING_M_S):
+            return velocity
+        share = np.where(approach > limit + _ROUNDING_M_S, limit / np.maximum(approach, 1e-12), 1.0).min(axis=1)
+        return velocity * share
+
+    def _turn(self, rows: Any, aim: Planar, dt: float) -> None:
+        """Turn towards where one goes and wants to go, `aim` [m/s], or to the heading one holds."""
+        moves = np.abs(aim) > FOLLOWS_FROM_M_S
+        holds = self._holds[rows]
+        if np.count_nonzero(holds):
+            aim = np.where(holds, np.exp(1j * self._hold[rows]), aim)
+            moves = moves | holds
+        error = aim * self.facing[rows].conj()
+        rate = np.minimum(np.maximum(7.0 * np.arctan2(error.imag, error.real), -TURN_RATE), TURN_RATE) * moves
+        change = TURN_ACCELERATION * dt
+        turn_rate = self.turn_rate[rows]
+        turn_rate = turn_rate + np.minimum(np.maximum(rate - turn_rate, -change), change)
+        heading = self.heading[rows] + turn_rate * dt
+        self.turn_rate = self._spread(self.turn_rate, rows, turn_rate)
+        self.heading = self._spread(self.heading, rows, heading)
+        self.facing = self._spread(self.facing, rows, np.exp(1j * heading))
+
+
+def planar(points: Array) -> Planar:
+    """Points (..., 2) as complex numbers."""
+    return points[..., 0] + 1j * points[..., 1]
+
+
+def _edges(areas: Sequence[Array | None]) -> tuple[list[Obstacle], Array]:
+    """The edges of all areas, each an obstacle without an inside, and how far everybody keeps from them, (n, edges) [m]:
+    from those of other people's areas not at all."""
+    edges: list[Obstacle] = []
+    keep = np.full((len(areas), 0), -_FAR_M)
+    known: list[Array] = []
+    for area in areas:
+        if area is None or any(np.array_equal(area, other) for other in known):
+            continue
+        known.append(area)
+        edges += [Obstacle("area", np.stack(ends)) for ends in zip(area, np.roll(area, -1, axis=0), strict=True)]
+        own = np.array([each is not None and np.array_equal(each, area) for each in areas], dtype=bool)
+        keep = np.concatenate(
+            [keep, np.where(own, KEEP_FROM_EDGE_M, -_FAR_M)[:, None].repeat(len(area), axis=1)], axis=1
+        )
+    return edges, keep

@@ -1,0 +1,270 @@
+"""Ways around furniture: shortest paths over the corners of the footprints, drawn out by the breadth of a body.
+
+A visibility graph (T. Lozano-Pérez and M. Wesley, "An algorithm for planning collision-free paths among polyhedral
+obstacles", Communications of the ACM 22, 1979): made once for a room, with the shortest path between every two corners;
+a question then only asks which corners can be seen from its two ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.sparse.csgraph import connected_components, shortest_path
+
+from trackers.area import Area
+from trackers.arrays import Array, Mask
+from trackers.errors import InputError
+from twin.geometry.polygon import TOLERANCE_M, inset
+from twin.room.obstacles import KEEP_FROM_EDGE_M, KEEP_FROM_FURNITURE_M, Obstacle, inflated
+
+ROUTE_RADIUS_M = KEEP_FROM_FURNITURE_M + 0.03
+"""Distance that a route keeps from furniture and walls [m]: a little more than people do, who then walk on freely."""
+CLOSE_M = 0.12
+"""The same at the two ends of a route, which may lie nearer: a seat, a shelf [m]."""
+_EDGE_M = KEEP_FROM_EDGE_M + 0.03
+_CLEAR_M = 1e-6
+_CUTS_FROM = 1e-4
+
+
+class Routes:
+    """Ways between places in one room, for a body of one breadth; `area` and `obstacles` are what they go around."""
+
+    def __init__(
+        self, area: Array, obstacles: Sequence[Obstacle], radius_m: float = ROUTE_RADIUS_M, edge_m: float = _EDGE_M
+    ) -> None:
+        """`area` (k, 2) [m]: the polygon that routes stay in, `edge_m` off its edges, and `radius_m` off the obstacles.
+
+        Raises InputError where the area is too narrow for its margin.
+        """
+        self._open = not len(obstacles) and _is_convex(area)
+        inner = inset(area, edge_m)
+        if inner is None:
+            raise InputError(f"is too narrow to walk in; more than {2 * edge_m:g} m between its edges is expected")
+        self.area, self.obstacles = area, tuple(obstacles)
+        self._radius = radius_m
+        self._furniture = [each.furniture for each in obstacles]
+        self._inner = inner
+        self._inside, self._well_inside = Area(area, TOLERANCE_M), Area(inner, TOLERANCE_M)
+        self._wide = _Convex([inflated(each.corners, radius_m) for each in obstacles])
+        close_m = min(CLOSE_M, radius_m) * np.cos(np.pi / 12)  # so that corners are no farther off either
+        self._close = _Convex([inflated(each.corners, close_m) for each in obstacles])
+        # a hair outside of the polygons, so that ways along their sides touch none
+        corners = [inner, *(inflated(each.corners, radius_m + _CLEAR_M) for each in obstacles)]
+        nodes = np.concatenate(corners)
+        free = Area(inner, _CLEAR_M).contains(nodes) & ~self._wide.contains(nodes).any(axis=1)
+        self._nodes = nodes[free]
+        first, second = np.triu_indices(len(self._nodes), 1)
+        seen = self._sees(self._nodes[first], self._nodes[second], self._wide, inner)
+        lengths = np.zeros((len(self._nodes),) * 2)
+        lengths[first[seen], second[seen]] = np.linalg.norm(self._nodes[first] - self._nodes[second], axis=1)[seen]
+        lengths += lengths.T
+        self._apart, self._before = shortest_path(lengths, directed=False, return_predecessors=True)
+        parts = connected_components(lengths, directed=False)[1]
+        self._main = parts == np.bincount(parts).argmax() if len(parts) else np.zeros(0, dtype=bool)
+
+    def way(self, start: Array, goal: Array) -> Array | None:
+        """The shortest way (k, 2) [m] from start to goal (2,): the corners to pass, then the goal; None without a way.
+
+        Ends may be closer to furniture than the radius; the way leaves it, and comes to it, directly.
+        """
+        start, goal = np.asarray(start, dtype=float), np.asarray(goal, dtype=float)
+        if not (self._stands(start) and self._stands(goal)):
+            return None
+        if self._open:
+            return goal[None].copy()
+        if self._leg(start, goal[None], goal)[0]:
+            return goal[None].copy()
+        leaves, arrives = self._leg(start, self._nodes), self._leg(goal, self._nodes)
+        first, last = np.flatnonzero(leaves), np.flatnonzero(arrives)
+        if not (len(first) and len(last)):
+            return None
+        nodes = self._nodes
+        total = (
+            np.linalg.norm(nodes[first] - start, axis=1)[:, None]
+            + self._apart[np.ix_(first, last)]
+            + np.linalg.norm(nodes[last] - goal, axis=1)
+        )
+        best = np.unravel_index(int(total.argmin()), total.shape)
+        if not np.isfinite(total[best]):
+            return None
+        begin, node = int(first[best[0]]), int(last[best[1]])
+        passed = [node]
+        while node != begin:
+            node = int(self._before[begin, node])
+            passed.append(node)
+        return np.concatenate([nodes[passed[::-1]], goal[None]])
+
+    def reachable(self, place: Array) -> bool:
+        """Whether one can come to a place (2,) [m] from the larger part of the room's free floor."""
+        place = np.asarray(place, dtype=float)
+        if not self._stands(place):
+            return False
+        return not len(self._nodes) or bool((self._leg(place, self._nodes) & self._main).any())
+
+    def near(self, place: Array) -> frozenset[str]:
+        """The furniture that a place (2,) [m] is closer to than routes keep: what an order to go there comes near to."""
+        inside = self._wide.contains(np.asarray(place, dtype=float)[None])[0]
+        return frozenset(name for name, close in zip(self._furniture, inside, strict=True) if close)
+
+    def _stands(self, place: Array) -> bool:
+        """Whether somebody can stand at a place (2,), be it close to furniture."""
+        return bool(self._inside.contains(place[None])[0] and not self._close.contains(place[None]).any())
+
+    def _leg(self, end: Array, others: Array, also: Array | None = None) -> Mask:
+        """Which straight ways from an end (2,) to others (n, 2) are free; close to furniture that the end, or the end
+        `also`, is close to."""
+        ends = end[None] if also is None else np.stack([end, also])
+        beside = np.asarray(self._wide.contains(ends).any(axis=0))
+        inner = self._inner if self._well_inside.contains(ends).all() else self.area
+        return self._sees(np.broadcast_to(end, others.shape), others, self._wide.where(beside, self._close), inner)
+
+    @staticmethod
+    def _sees(start: Array, end: Array, shapes: _Convex, area: Array) -> Mask:
+        """Which straight ways start to end (n, 2) pass through no shape and stay in the area (k, 2)."""
+        seen = ~_cut(area, start, end)
+        # dearer questions only of the ways that are left
+        seen[seen] = ~shapes.crossed(start[seen], end[seen])
+        seen[seen] = _stay_inside(area, start[seen], end[seen])
+        return seen
+
+
+class _Convex:
+    """Convex polygons as the half planes of their sides: (m, k, 2) outward normals and (m, k) offsets [m].
+
+    Each has a circle about it, `middle` (m, 2) and `radius` (m,) [m]: most ways stay clear of most circles, and need not be
+    held against every side.
+    """
+
+    def __init__(self, polygons: Sequence[Array]) -> None:
+        most = max((len(corners) for corners in polygons), default=1)
+        self._normal = np.zeros((len(polygons), most, 2))
+        self._offset = np.ones((len(polygons), most))
+        self._middle, self._radius = np.zeros((len(polygons), 2)), np.zeros(len(polygons))
+        for number, corners in enumerate(polygons):
+            self._middle[number] = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+            self._radius[number] = np.linalg.norm(corners - self._middle[number], axis=1).max() + _CLEAR_M
+            way = np.roll(corners, -1, axis=0) - corners
+            normal = np.stack([way[:, 1], -way[:, 0]], axis=1) / np.linalg.norm(way, axis=1)[:, None]
+            self._normal[number, : len(corners)] = normal  # what is left over holds everywhere: 0 x < 1
+            self._offset[number, : len(corners)] = (normal * corners).sum(axis=1)
+
+    def where(self, replaced: Mask, other: _Convex) -> _Convex:
+        """These polygons, those in `replaced` (m,) taken from another set of as many."""
+        if not replaced.any():
+            return self
+        mixed = _Convex([])
+        most = max(self._offset.shape[1], other._offset.shape[1])
+        mine, theirs = self._padded(most), other._padded(most)
+        mixed._normal = np.where(replaced[:, None, None], theirs[0], mine[0])
+        mixed._offset = np.where(replaced[:, None], theirs[1], mine[1])
+        mixed._middle = np.where(replaced[:, None], other._middle, self._middle)
+        mixed._radius = np.where(replaced, other._radius, self._radius)
+        return mixed
+
+    def _padded(self, most: int) -> tuple[Array, Array]:
+        more = most - self._offset.shape[1]
+        return (
+            np.pad(self._normal, ((0, 0), (0, more), (0, 0))),
+            np.pad(self._offset, ((0, 0), (0, more)), constant_values=1.0),
+        )
+
+    def contains(self, places: Array) -> Mask:
+        """Whether places (n, 2) lie strictly inside each, (n, m)."""
+        return (np.einsum("nc,mkc->nmk", places, self._normal) < self._offset).all(axis=2)
+
+    def crossed(self, start: Array, end: Array) -> Mask:
+        """Whether straight ways start to end (n, 2) pass through the inside of any, (n,) (Cyrus and Beck's clipping)."""
+        way, shape = np.nonzero(self._comes_near(start, end))
+        depth = self._offset[shape] - np.einsum("pc,pkc->pk", start[way], self._normal[shape])  # positive: inside of it
+        speed = np.einsum("pc,pkc->pk", (end - start)[way], self._normal[shape])  # outwards
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            share = depth / speed
+        leaves = np.where(speed > 0, share, np.inf).min(axis=1)
+        enters = np.where(speed < 0, share, -np.inf).max(axis=1)
+        beside = ((speed == 0) & (depth <= 0)).any(axis=1)
+        inside = np.maximum(enters, 0.0) < np.minimum(leaves, 1.0) - 1e-12
+        crossed = np.zeros(len(start), dtype=bool)
+        crossed[way[inside & ~beside]] = True
+        return crossed
+
+    def _comes_near(self, start: Array, end: Array) -> Mask:
+        """Whether straight ways start to end (n, 2) come into the circle about each, (n, m)."""
+        return _gap_square(start, end, self._middle) <= self._radius**2
+
+
+def _is_convex(corners: Array) -> bool:
+    """Whether a simple polygon (k, 2) turns one way at all its corners."""
+    way = np.roll(corners, -1, axis=0) - corners
+    turn = _cross(way, np.roll(way, -1, axis=0))
+    return bool((turn >= 0).all() or (turn <= 0).all())
+
+
+def _shares(area: Array, start: Array, end: Array) -> tuple[Array, Array]:
+    """Where straight ways start to end (n, 2) meet the lines of the polygon's edges (k, 2), as shares of the way and of
+    the edge, both (n, k); neither finite where they are parallel."""
+    edge = np.roll(area, -1, axis=0) - area
+    way = end - start
+    offset = area - start[:, None]  # (n, k, 2)
+    turn = _cross(way[:, None], edge)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # ways of next to no length
+        return _cross(offset, edge) / turn, _cross(offset, way[:, None]) / turn
+
+
+def _cut(area: Array, start: Array, end: Array) -> Mask:
+    """Which straight ways start to end (n, 2) an edge of the polygon (k, 2) cuts in two, well between all four ends."""
+    along_way, along_edge = _shares(area, start, end)
+    between = (along_way > _CUTS_FROM) & (along_way < 1 - _CUTS_FROM)
+    between &= (along_edge > _CUTS_FROM) & (along_edge < 1 - _CUTS_FROM)
+    return np.asarray(between.any(axis=1))
+
+
+def _stay_inside(area: Array, start: Array, end: Array) -> Mask:
+    """Whether straight ways start to end (n, 2) stay in the simple polygon (k, 2), its border included."""
+    inside = Area(area).contains(start)
+    near = _touches(area, start, end)  # the others are on one side of the border all along
+    inside[near] = _stays_inside_piecewise(area, start[near], end[near])
+    return inside
+
+
+def _touches(area: Array, start: Array, end: Array) -> Mask:
+    """Which straight ways start to end (n, 2) come to the border of the polygon (k, 2), or next to it."""
+    following = np.roll(area, -1, axis=0)
+    along_way, along_edge = _shares(area, start, end)
+    met = (along_way >= 0) & (along_way <= 1) & (along_edge >= 0) & (along_edge <= 1)
+    near_square = (2 * TOLERANCE_M) ** 2
+    met |= _gap_square(start, end, area) <= near_square
+    for place in (start, end):
+        of_edges = _gap_square(area, following, place).T
+        met |= of_edges <= near_square
+    return np.asarray(met.any(axis=1))
+
+
+def _stays_inside_piecewise(area: Array, start: Array, end: Array) -> Mask:
+    """The same as `_stay_inside`, by the middles of the pieces into which the edges' lines and corners part each way."""
+    inside = Area(area, TOLERANCE_M)
+    way = end - start
+    edge = np.roll(area, -1, axis=0) - area
+    offset = area - start[:, None]  # (n, k, 2)
+    turn = _cross(way[:, None], edge)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        met = np.where(turn != 0, _cross(offset, edge) / turn, 0.0)
+    beside = np.einsum("nkc,nc->nk", offset, way) / np.maximum((way**2).sum(axis=1), TOLERANCE_M**2)[:, None]
+    ends = np.zeros((len(start), 1))
+    cuts = np.sort(np.clip(np.concatenate([ends, met, beside, ends + 1.0], axis=1), 0.0, 1.0), axis=1)
+    middles = np.concatenate([ends, (cuts[:, 1:] + cuts[:, :-1]) / 2, ends + 1.0], axis=1)
+    places = start[:, None] + middles[..., None] * way[:, None]
+    return np.asarray(inside.contains(places.reshape(-1, 2)).reshape(middles.shape).all(axis=1))
+
+
+def _gap_square(start: Array, end: Array, places: Array) -> Array:
+    """Squares of the distances [m²] of straight ways start to end (n, 2) from places (m, 2), (n, m)."""
+    way = end - start
+    x, y = places[:, 0] - start[:, :1], places[:, 1] - start[:, 1:]
+    length_square = np.maximum((way**2).sum(axis=1), TOLERANCE_M**2)[:, None]
+    along = np.clip((x * way[:, :1] + y * way[:, 1:]) / length_square, 0.0, 1.0)
+    return (x - along * way[:, :1]) ** 2 + (y - along * way[:, 1:]) ** 2
+
+
+def _cross(first: Array, second: Array) -> Array:
+    return first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]

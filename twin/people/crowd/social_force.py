@@ -1,0 +1,54 @@
+"""The repulsion between people: the social force model's, in a form that looks ahead.
+
+A. Johansson, D. Helbing and P. Shukla, "Specification of the social force pedestrian model by evolutionary adjustment to
+video tracking data", Advances in Complex Systems 10, 2007: "elliptical II", with their weight by the angle of sight.
+The parameters are ours, not theirs: short and strong, for people close together in a room, and turned a little to the
+right.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.arrays import Array
+
+Planar = NDArray[np.complex128]
+
+REPULSION_M_S2 = 5.0
+"""Repulsion between two people at the least distance [m/s²]."""
+LOOK_AHEAD_S = 0.5
+"""How far ahead relative motion counts in the repulsion [s]."""
+REPULSION_RANGE_M = 0.18
+"""Distance over which the repulsion falls by 1/e [m]."""
+SIGHT_FROM_BEHIND = 0.3
+"""Share of the repulsion that somebody straight behind still has."""
+STANDING_SHARE = 0.25
+"""Share of the repulsion on somebody who stops: they are not pushed about by people who only pass."""
+PASS_ON_THE_RIGHT_RAD = 0.5
+"""How far the repulsion is turned to the right of straight away, so that two who meet head on pass [rad]."""
+KEEP_APART_M = 0.65
+"""Least distance between the middles of two people [m]: room for the swinging arms, and the feet, of both."""
+
+_PASS = np.exp(1j * PASS_ON_THE_RIGHT_RAD)
+
+
+def repulsion(
+    between: Planar, distance: Array, towards: Planar, velocity: Planar, facing: Planar, going: Array, self_far: Array
+) -> Planar:
+    """Social force (n,) [m/s²] of the others on each.
+
+    between (n, n): from each to each [m], towards its direction and distance (n, n) its length; velocity (n,) [m/s],
+    facing (n,) unit; going (n,): 1 who walks, 0 who stands; self_far (n, n): a great length on the diagonal [m].
+    """
+    drift = (velocity - velocity[:, None]) * LOOK_AHEAD_S
+    soon = between + drift
+    soon_distance = np.abs(soon) + self_far
+    both = distance + soon_distance
+    axis = 0.5 * np.sqrt(np.maximum(both * both - np.abs(drift) ** 2, 1e-6))
+    direction = 0.5 * (towards + soon / np.maximum(soon_distance, 1e-6))
+    ahead = (towards * facing.conj()[:, None]).real
+    weight = 0.5 * (1 + SIGHT_FROM_BEHIND) + 0.5 * (1 - SIGHT_FROM_BEHIND) * ahead
+    force = np.exp((axis - KEEP_APART_M) * (-1.0 / REPULSION_RANGE_M)) * (0.5 * both / axis) * weight
+    away = (force * direction).sum(axis=1)
+    return away * (STANDING_SHARE + (1 - STANDING_SHARE) * going) * (-REPULSION_M_S2 * _PASS)

@@ -1,0 +1,297 @@
+"""Footsteps under moving bodies, without sliding feet, for all people at once.
+
+A body that moves over the floor is given feet: while a foot stands it does not move at all; in the air it swings on a
+smooth arc to where the body will need it, a target that follows every change of mind until shortly before landing. A
+step lasts from one landing to the next. In walking it is double support (both feet stand, the heel behind comes off) and
+then swing; in running the foot that stands lifts before the step ends, so that both are in the air. Speeds from standing
+to a sprint; backwards, sideways and on the spot by the same rule. A foot lifts only once its load has gone.
+
+Places on the floor are complex numbers x + iy; arrays over feet are (2, n), left foot first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.arrays import Array, Mask
+from twin.people.body.skeleton import Skeleton
+from twin.people.gait.gait_table import GaitStyle
+
+Planar = NDArray[np.complex128]
+
+ARRIVES_AT = 0.35
+"""Speed over the floor with which a foot arrives, as a share of its swing's mean; the landing takes it to nothing."""
+TARGET_FIXED_AT = 0.75
+"""Share of the swing after which the landing place is final."""
+TOES_OUT_RAD = 0.10
+FEET_APART_M = 0.085
+"""Least distance between the tracks of the two feet, so that legs do not cross [m, for the reference leg]."""
+TWIST_RAD = 0.55
+"""Turn of the body over a standing foot from which steps become quicker."""
+HURRY = 1.5
+"""How much quicker at twice that turn, or twice the distance that the style calls its reach."""
+TURNING = 0.45
+"""How much quicker steps are for each rad/s of turning."""
+CALMS_S2 = 4.0
+"""How fast quicker steps become slow again: steps a second, each second."""
+BEFORE_COUNTS = 1.6
+"""How much a foot that stands before the body counts as farther than one behind it."""
+SIDEWAYS, BACKWARDS = 0.7, 0.35
+"""How much quicker, and so shorter, steps are to the side and backwards."""
+LANDS_FARTHER = 0.2
+"""How much farther before the body a foot lands that goes to the side or backwards, as a share of a step."""
+TOES_DOWN_RAD_S = 5.0
+"""How fast the toes come down after the heel has struck."""
+HEEL_RAD_S = 14.0
+"""How fast the heel of a standing foot turns up or down at most."""
+UNLOADED = 0.02
+"""A foot that carries less than this share of the body's weight may lift."""
+
+_SIDE = np.array([[1.0], [-1.0]])
+_OUT = TOES_OUT_RAD * _SIDE
+_FEET = np.array([[0], [1]])
+_NEVER = 9.0
+_BUMP = 1.0 / ((3 / 7) ** 1.5 * (4 / 7) ** 2)
+
+
+class Bodies(Protocol):
+    """What the feet must know of n bodies on the floor; a `Crowd` offers it."""
+
+    place: Planar
+    velocity: Planar
+    acceleration: Planar
+    heading: Array
+    facing: Planar
+    turn_rate: Array
+
+
+class Course(NamedTuple):
+    """How n bodies go, as they see it, (n,) each.
+
+    velocity: complex, ahead + left i [m/s]; speed [m/s]; ahead, aside: cosine with where they face and size of the sine,
+    both less near standstill; forward: ahead where that is positive, else 0; seen_from: complex, turns what the room
+    sees into what the body sees.
+    """
+
+    velocity: Planar
+    speed: Array
+    ahead: Array
+    aside: Array
+    forward: Array
+    seen_from: Planar
+
+
+class Footsteps:
+    """The feet of n people whose bodies are told where to go.
+
+    `spots` (2, 2, n) complex: of each foot the sole's point under the ankle as if the foot were flat [m], and its yaw
+    [rad]; `height` (2, n) of the ball (of the heel while the toes are up) above the floor [m]; `pitch` (2, n) [rad],
+    heel up positive; `in_air` (2, n); `progress` (n,) 0 to 1 through the step, `rate` (n,) of it [1/s]; `stepping` (n,);
+    `lands` (2, n): the foot that lands at the end of this step; `seen` (2, n) complex: the feet as the body saw them at
+    the beginning of the tick, ahead + left i [m].
+    """
+
+    def __init__(self, skeleton: Skeleton, count: int) -> None:
+        """The feet are nowhere yet: `stand` or `walk` puts them under their bodies."""
+        self._scale = skeleton.scale
+        self._apart = FEET_APART_M * skeleton.scale
+        self._per_leg = 1.0 / skeleton.leg
+        self.spots = np.zeros((2, 2, count), dtype=complex)
+        self.seen = np.zeros((2, count), dtype=complex)
+        self.height = np.zeros((2, count))
+        self.pitch = np.zeros((2, count))
+        self.in_air = np.zeros((2, count), dtype=bool)
+        self.progress = np.zeros(count)
+        self.rate = np.ones(count)
+        self.stepping = np.zeros(count, dtype=bool)
+        self.lands = np.zeros((2, count), dtype=bool)
+        self.lands[1] = True
+        self.lift_at = np.zeros(count)  # progress at which the foot that lands next leaves the floor
+        self.own = np.zeros((2, count))  # progress towards the foot's own next landing, -1 to 1
+        self._lifted_at = np.zeros((2, count))  # `own` when the foot left the floor
+        self._pitch_at_lift = np.zeros((2, count))
+        self._start = np.zeros((2, 2, count), dtype=complex)  # the spots that the feet in the air have left
+        self._target = np.zeros((2, 2, count), dtype=complex)
+
+    @property
+    def place(self) -> Planar:
+        """Where the feet are, (2, n) [m]."""
+        return self.spots[0]
+
+    @property
+    def yaw(self) -> Array:
+        """Where they point, (2, n) [rad]."""
+        return self.spots[1].real
+
+    def stand(self, who: Mask, bodies: Bodies, style: GaitStyle) -> None:
+        """Put the feet of `who` (n,) flat under their bodies, side by side, whatever they did before."""
+        home = bodies.place + 0.5j * style.step_width * bodies.facing * _SIDE
+        self.spots[0][:, who] = home[:, who]
+        self.spots[1][:, who] = (bodies.heading + _OUT)[:, who]
+        for feet in (self.height, self.pitch, self._pitch_at_lift, self.in_air, self._lifted_at, self.own):
+            feet[:, who] = 0
+        self._start[..., who] = self._target[..., who] = self.spots[..., who]
+        self.progress[who] = 0.0
+        self.stepping[who] = False
+        self.rate[who] = 1.0 / style.step_time[who]
+
+    def walk(self, who: Mask, bodies: Bodies, course: Course, style: GaitStyle) -> None:
+        """Put the feet of `who` (n,) where somebody's are who came walking or running: one stands, one swings."""
+        self.stand(who, bodies, style)
+        self._hurry(bodies, course, 0.0, style, who)
+        progress = 0.5 * (1.0 + np.minimum(style.double_support, 0.0))
+        step = bodies.velocity / self.rate
+        # the left foot stands as far before or behind the body as it is through its stance; the right one swings past
+        self.spots[0][0, who] += ((style.lands_ahead - progress) * step)[who]
+        self._start[0][1, who] += ((style.lands_ahead - progress - 1.0) * step)[who]
+        self.progress[who] = progress[who]
+        self.stepping[who] = True
+        self.lands[:, who] = _FEET == 1
+        self.lift_at[who] = style.double_support[who]
+        self.in_air[1, who] = True
+        self._lifted_at[1, who] = style.double_support[who]
+        self._pitch_at_lift[1, who] = (style.heel_rise * course.forward)[who]
+        self.own = self.progress - ~self.lands
+        others = ~who
+        spots, height, pitch = self.spots, self.height, self.pitch
+        self._swing(bodies, course, style)
+        self.spots = np.where(others, spots, self.spots)
+        self.height, self.pitch = np.where(others, height, self.height), np.where(others, pitch, self.pitch)
+
+    def _hurry(self, bodies: Bodies, course: Course, strain: Array | float, style: GaitStyle, who: Mask | bool) -> None:
+        quicker = 1.0 + HURRY * strain + TURNING * np.abs(bodies.turn_rate) + SIDEWAYS * course.aside
+        quicker += BACKWARDS * (course.forward - course.ahead)
+        quicker /= style.step_time
+        self.rate = quicker if who is True else np.where(who, quicker, self.rate)
+
+    def time(self, bodies: Bodies, course: Course, style: GaitStyle, still: Mask | None, dt: float) -> None:
+        """Advance, end and begin steps; those who are `still` (n,) begin none."""
+        self.seen = (self.spots[0] - bodies.place) * course.seen_from
+        twist = self.spots[1].real - (bodies.heading + _OUT)
+        # a heel comes up for a body that has gone ahead, but not for one that has gone back
+        far = np.maximum(np.abs(self.seen), BEFORE_COUNTS * self.seen.real)
+        strain = np.maximum(far * (self._per_leg / style.reach), np.abs(twist) * (1.0 / TWIST_RAD))
+        strain *= ~self.in_air
+        worst = np.minimum(np.maximum(np.maximum(strain[0], strain[1]) - 1.0, 0.0), 1.0)
+        before = self.rate
+        self._hurry(bodies, course, worst, style, True)
+        self.rate = np.maximum(self.rate, before - dt * CALMS_S2)
+        self.progress += self.stepping * (dt * self.rate)
+        if worst.any():
+            # a foot left too far behind does not wait for the end of double support
+            late = (worst > 0) & self.stepping & (self.progress < self.lift_at)
+            self.progress = np.where(late, self.lift_at, self.progress)
+        landed = self.progress >= 1.0
+        if landed.any():
+            self._land(landed)
+        if not self.stepping.all():
+            self._begin(landed, twist, bodies, course, style, still)
+        self.own = self.progress - ~self.lands
+
+    def _land(self, landed: Mask) -> None:
+        """Feet come down; whose other foot is in the air goes straight on to the next step."""
+        lands = landed & self.lands
+        self.spots = np.where(lands, self._target, self.spots)
+        self.in_air &= ~lands
+        goes_on = self.in_air.any(axis=0)
+        self.stepping &= ~landed | goes_on
+        self.progress -= landed
+        self.lands ^= landed & goes_on
+        self.lift_at = np.where(landed, -1.0, self.lift_at)
+
+    def _begin(
+        self,
+        landed: Mask,
+        twist: Array,
+        bodies: Bodies,
+        course: Course,
+        style: GaitStyle,
+        still: Mask | None,
+    ) -> None:
+        """Begin a step where the body moves or a foot is not where it should stand."""
+        home = (0.5 * style.step_width) * _SIDE
+        misplaced = np.maximum(np.abs(self.seen - 1j * home) / self._scale, 0.3 * np.abs(twist))
+        # who has just landed goes on more readily than who stands
+        moves = (misplaced.max(axis=0) > np.where(landed, 0.03, 0.06)) | (course.speed > np.where(landed, 0.08, 0.12))
+        begins = ~self.stepping & moves
+        if still is not None:
+            begins &= ~still
+        if begins.any():
+            # the first step goes with the foot on the side of the motion or turn, else with the one farther off
+            outward = np.where(course.speed > 0.1, course.velocity.imag, 0.0) + 0.1 * bodies.turn_rate
+            worse = misplaced[0] <= misplaced[1] + 0.01
+            right = np.where(np.abs(outward) > np.maximum(0.1, 0.5 * course.speed), outward <= 0, worse)
+            right = np.where(landed, self.lands[0], right)
+            self.lands = np.where(begins, right == (_FEET == 1), self.lands)
+            self.lift_at = np.where(begins, style.double_support, self.lift_at)
+            # from standing the weight goes to the other foot at once
+            self.progress = np.where(begins & ~landed, np.maximum(self.lift_at, 0.0), self.progress)
+            self.stepping |= begins
+        self.progress *= self.stepping
+
+    def lift(self, load: Array, style: GaitStyle, dt: float, drawn: Callable[[], Array]) -> None:
+        """Take off the feet whose time has come and whose load (2, n) [body weights] has gone.
+
+        `drawn` tells the pitch of the feet (2, n) [rad] as the legs' reach had it: the swing goes on from there.
+        """
+        # in running the foot that stands lifts before the other one lands
+        flight = np.where(style.double_support < 0, style.double_support, _NEVER)
+        due = np.where(self.lands, self.lift_at, flight)
+        lifts = (self.own >= due) & self.stepping & ~self.in_air & (load < UNLOADED)
+        if lifts.any():
+            self.in_air |= lifts
+            # it left between this tick and the last
+            self._lifted_at = np.where(lifts, np.maximum(due, self.own - dt * self.rate), self._lifted_at)
+            self._pitch_at_lift = np.where(lifts, np.maximum(self.pitch, drawn()), self._pitch_at_lift)
+            self._start = np.where(lifts, self.spots, self._start)
+
+    def move(self, bodies: Bodies, course: Course, style: GaitStyle, stance: Array, dt: float) -> None:
+        """Move the feet: those in the air to where the bodies will need them, the heels of the others up or down.
+
+        stance (2, n): share of a foot's stance that is over.
+        """
+        rise = _smooth(np.maximum(stance - style.heel_off, 0.0) / (1.0 - style.heel_off))
+        wanted = (style.heel_rise * course.forward) * rise
+        pitch = self.pitch
+        quick = dt * np.where(pitch < 0, TOES_DOWN_RAD_S, HEEL_RAD_S)
+        self.pitch = np.minimum(np.maximum(wanted, pitch - dt * HEEL_RAD_S), pitch + quick)
+        if self.in_air.any():
+            self._swing(bodies, course, style)
+        else:
+            self.height = np.zeros_like(pitch)
+
+    def _swing(self, bodies: Bodies, course: Course, style: GaitStyle) -> None:
+        """Feet in the air go from where they left to their target, with the bump and pitch of a swing."""
+        step_time = 1.0 / self.rate
+        remaining = np.maximum(1.0 - self.own, 0.0) * step_time
+        turn = np.minimum(np.maximum(bodies.turn_rate * (remaining + 0.4 * step_time), -0.7), 0.7)
+        left = (1j * bodies.facing) * np.exp(1j * turn)
+        lands = style.lands_ahead + LANDS_FARTHER * (1.0 - course.forward)
+        wanted = bodies.place + bodies.velocity * (remaining + lands * step_time)
+        width = 0.5 * style.step_width
+        # no track across the other foot's
+        apart = ((wanted - self.spots[0, ::-1]) * left.conj()).real
+        wanted += left * (np.maximum(width, self._apart - apart * _SIDE) * _SIDE)
+        share = np.minimum(np.maximum((self.own - self._lifted_at) / (1.0 - self._lifted_at), 0.0), 1.0)
+        open_yet = share < TARGET_FIXED_AT
+        np.copyto(self._target[0], wanted, where=open_yet)
+        np.copyto(self._target[1], (bodies.heading + _OUT) + turn, where=open_yet)
+        square = share * share
+        gone = square * (3.0 - ARRIVES_AT - (2.0 - ARRIVES_AT) * share)
+        self.spots = np.where(self.in_air, self._start + gone * (self._target - self._start), self.spots)
+        rest = 1.0 - share
+        bump = (_BUMP * self.in_air) * (share * np.sqrt(share)) * (rest * rest)
+        self.height = style.clearance * bump
+        pitch = self._pitch_at_lift * (1.0 - _smooth(share * (1 / 0.85))) + (style.kick * course.forward) * bump
+        pitch -= (style.toe_up * course.forward) * _smooth(np.maximum(2.5 * share - 1.5, 0.0))
+        self.pitch = np.where(self.in_air, pitch, self.pitch)
+
+
+def _smooth(share: Array) -> Array:
+    """0 at 0, 1 from 1 on, a cubic between; share must not be negative."""
+    share = np.minimum(share, 1.0)
+    return share * share * (3.0 - 2.0 * share)

@@ -1,0 +1,250 @@
+"""Gait: bodies carried over their footsteps, walking and running, with the load that this puts on each foot.
+
+Split by cost: what has a memory (footsteps, loads, pelvis, habits of trunk and head) is stepped on the people's clock and
+kept as a `Moment` of numbers that may be interpolated; what follows from it alone (heel lift, all joints) is computed by
+`twin.people.gait.pose` only for the times that are asked for.
+
+The vertical motion and the load are one: the table gives the load of a regular step, and the height of the pelvis is
+its double integral, stepped so that (z[k+1] - 2 z[k] + z[k-1]) / dt² is g (load[k] - 1) to rounding, tick by tick. A weak
+pull, which is zero in a regular gait and in flight, brings the pelvis to the height that the pace asks for; it is part of
+the load. The body's centre is taken to move up and down as the pelvis does; forces along the floor are not modelled.
+"""
+
+from __future__ import annotations
+
+from math import exp
+
+import numpy as np
+
+from trackers.arrays import Array, Mask
+from twin.people.body.skeleton import Skeleton
+from twin.people.gait.footsteps import Bodies, Course, Footsteps
+from twin.people.gait.gait_table import RUN_PACE, GaitStyle, GaitTable
+from twin.people.gait.pose import FLOOR_ROWS, ROWS, STRAIGHTEST, Moment, heel_and_pelvis
+
+GRAVITY_M_S2 = 9.81
+
+_CHANGE_S = 0.45
+"""Time from a walk to a run and back [s]."""
+_PULL = 8.0
+"""Rate of the pull of the pelvis to its height [1/s]."""
+_SWAY_RATE = 9.0
+_SWAY_SHARE = 0.3
+_SWAY_MOST_M = 0.035
+_HABIT_RATE = 6.0
+_HEADS_FROM_M_S = 0.25
+"""Speed from which a body fully goes forwards, backwards or sideways."""
+_PITCH, _ROLL = 0.03, -0.025  # lean by acceleration, of what is ahead and of what is to the left [rad s²/m]
+_LEAN_MOST_RAD = 0.10
+_SHIFT_STEPPING, _SHIFT_STANDING = 0.4, 0.08
+"""Most that the weight goes from one foot to the other in a tick of `_TICK_S`, as a share of it."""
+_TICK_S = 0.025
+_PRESSURE_M_S = 2.5
+"""Fastest that the point of load moves along a foot, where no step asks for it [m/s]."""
+
+_STANDS_AT = 0.40
+"""Point of load of somebody who stands, as a share of the shoe (0.05 m before the ankle); the middle about which going
+backwards turns it."""
+
+_ROLLS_M = 0.05
+"""How much nearer a foot is that rolls over its heel, the pelvis turned to it [m, for the reference leg]."""
+_BEARS = 0.3
+"""Load from which a foot's leg holds the pelvis down [body weights]."""
+_HINDMOST = 0.05
+_ASIDE_DROP, _BACK_DROP = 3.0, 2.0
+"""How much more the pelvis is lowered by steps to the side, whose legs are spread, and backwards, as shares."""
+
+_SWAYS_HZ = np.array([[0.11], [0.29], [0.17], [0.37]])
+_SWAYS_SHARE = 0.04
+_SWAYS_AHEAD_M = 0.0025
+
+
+class Gait:
+    """The feet, pelvis, trunk and loads of n people as they follow a crowd's motion; `moment` is how they are now."""
+
+    def __init__(self, skeleton: Skeleton, crowd: Bodies) -> None:
+        """Everybody is where the crowd has them, standing, or in their stride if they move."""
+        count = len(crowd.place)
+        self._skeleton = skeleton
+        self._leg = STRAIGHTEST * skeleton.leg
+        self._rolls = _ROLLS_M * skeleton.scale
+        self._table = GaitTable(skeleton)
+        self._feet = Footsteps(skeleton, count)
+        self._run = np.zeros(count)  # 0 walks, 1 runs
+        self._runs = np.zeros(count, dtype=bool)
+        self._clock = 0.0
+        self._phases = 2 * np.pi * ((np.arange(count) * 0.618034 + np.array([[0.0], [0.31], [0.57], [0.83]])) % 1.0)
+        self._bob = np.zeros((2, count))  # the pelvis about its standing height [m]; its rate half a tick ago [m/s]
+        self._sway = np.zeros((2, count))  # of the pelvis to the left [m], and its rate [m/s]
+        self._left = np.full(count, 0.5)  # share of the load on the left foot
+        self._idle: Array | float = 0.0  # how much of it who stands has shifted
+        self._load = np.zeros((2, count))  # [body weights]
+        self._ahead = np.zeros((2, count))  # of the ankle: point of the load [m]
+        self._habits = np.zeros((5, count))  # trunk pitch, trunk roll, gaze, elbow [rad], swing of the arms [rad/m]
+        self._wanted = np.zeros((5, count))
+        self.moment = Moment(np.zeros((FLOOR_ROWS, count), dtype=complex), np.zeros((ROWS, count)))
+        self.place_anew(np.ones(count, dtype=bool), crowd)
+
+    def place_anew(self, who: Mask, crowd: Bodies) -> None:
+        """Put the feet of `who` (n,) under their bodies, as if they had always moved as the crowd has them move now.
+
+        For people who enter, or whose place was set anew: they stand, or are in the middle of a step at their speed, and
+        nothing is left of what they did before.
+        """
+        course = _course(crowd)
+        similar = self._table.similar(course.speed)
+        middle = 0.5 * (self._table.runs_above + self._table.walks_below)
+        self._runs = np.where(who, similar > middle, self._runs)
+        self._run = np.where(who, self._runs, self._run)
+        style = self._table.at(similar + RUN_PACE * self._run)
+        feet = self._feet
+        moves = who & (course.speed > 0.3)
+        if (who & ~moves).any():
+            feet.stand(who & ~moves, crowd, style)
+        if moves.any():
+            feet.walk(moves, crowd, course, style)
+        self._sway[:, who] = 0.0
+        self._want(crowd, course, 0.0, style)
+        self._habits[:, who] = self._wanted[:, who]
+        cycle, left, point, _ = self._carry(course, style)
+        height, rate = self._reference(cycle, course, style)
+        load = np.where(feet.stepping, cycle[:, 0], 1.0) * ~feet.in_air.all(axis=0)
+        self._bob[0, who] = height[who]
+        self._bob[1, who] = (rate - 0.5 * _TICK_S * GRAVITY_M_S2 * (load - 1.0))[who]
+        left = np.where(feet.in_air[0] == feet.in_air[1], left, feet.in_air[1])
+        self._left[who] = left[who]
+        self._ahead[:, who] = point[:, who]
+        self._load[:, who] = (np.stack([left, 1.0 - left]) * load)[:, who]
+        self._record(crowd)
+
+    def step(self, crowd: Bodies, gaze: Array, dt: float, still: Mask | None = None) -> None:
+        """Follow the crowd to where it is now, `dt` [s] after the last call; gaze (n,): turn of the head [rad].
+
+        Those who are `still` (n,) sit or lie: they begin no steps, and their feet stay where they are.
+        """
+        feet = self._feet
+        course = _course(crowd)
+        similar = self._table.similar(course.speed)
+        pace = similar
+        if self._run.any() or (similar > self._table.runs_above).any():
+            self._runs = similar > np.where(self._runs, self._table.walks_below, self._table.runs_above)
+            change = dt * (1.0 / _CHANGE_S)
+            self._run = np.minimum(np.maximum(self._runs, self._run - change), self._run + change)
+            pace = similar + RUN_PACE * self._run
+        style = self._table.at(pace)
+        feet.time(crowd, course, style, still, dt)
+        self._clock += dt
+        cycle, left, point, stance = self._carry(course, style)
+        self._bob[0] += dt * self._bob[1]
+        self._bear(cycle, left, course, style, dt)
+        most = dt * _PRESSURE_M_S
+        self._ahead = np.minimum(np.maximum(point, self._ahead - most), self._ahead + most)
+        feet.lift(self._load, style, dt, lambda: heel_and_pelvis(self.moment, self._skeleton)[0])
+        feet.move(crowd, course, style, stance, dt)
+        self._lean(crowd, course, gaze, style, dt)
+        self._record(crowd)
+
+    def _carry(self, course: Course, style: GaitStyle) -> tuple[Array, Array, Array, Array]:
+        """The regular cycle at this time (n, 4); what is wanted: share on the left foot (n,), points of load (2, n).
+
+        And the share of its stance that is over for each foot (2, n), 0 for who does not step.
+        """
+        feet, stepping = self._feet, self._feet.stepping
+        cycle = self._table.cycle(style.row, feet.progress)
+        behind = cycle[:, 3] * (feet.progress < feet.lift_at)
+        left = np.where(feet.lands[0], behind, 1.0 - behind)
+        stance = np.minimum((feet.own + 1.0) / (1.0 + style.double_support), 1.0) * (stepping & ~feet.in_air)
+        share = (self._table.roll(stance, self._run) - _STANDS_AT) * (course.ahead * stepping)
+        point = np.maximum(share + _STANDS_AT, _HINDMOST) * self._skeleton.shoe - self._skeleton.heel
+        self._idle = 0.0
+        if not stepping.all():
+            sways = np.sin((2 * np.pi * self._clock) * _SWAYS_HZ + self._phases)
+            left = np.where(stepping, left, 0.5)
+            self._idle = (_SWAYS_SHARE * ~stepping) * (sways[0] + sways[1])
+            point += (_SWAYS_AHEAD_M * ~stepping) * (sways[2] + sways[3])
+        return cycle, left, point, stance
+
+    def _reference(self, cycle: Array, course: Course, style: GaitStyle) -> tuple[Array, Array]:
+        """Height of the pelvis [m] about its standing height and its rate [m/s] in a regular gait."""
+        step_time = self._feet.stepping / self._feet.rate
+        unit = GRAVITY_M_S2 * step_time
+        drop = style.pelvis_drop * (1.0 + _ASIDE_DROP * course.aside + _BACK_DROP * (course.forward - course.ahead))
+        return cycle[:, 1] * (unit * step_time) - drop, cycle[:, 2] * unit
+
+    def _bear(self, cycle: Array, left: Array, course: Course, style: GaitStyle, dt: float) -> None:
+        """The load of this tick, shared between the feet, and the pelvis's rate after it."""
+        feet, bob = self._feet, self._bob
+        regular = np.where(feet.stepping, cycle[:, 0], 1.0)
+        height, rate = self._reference(cycle, course, style)
+        height = np.minimum(height, self._reach())
+        now = bob[1] + (0.5 * dt * GRAVITY_M_S2) * (regular - 1.0)
+        pull = (_PULL * _PULL / GRAVITY_M_S2) * (height - bob[0]) + (2.0 * _PULL / GRAVITY_M_S2) * (rate - now)
+        left_air, right_air = feet.in_air
+        load = np.maximum(regular + np.minimum(regular, 1.0) * pull, 0.0) * ~(left_air & right_air)
+        bob[1] += (dt * GRAVITY_M_S2) * (load - 1.0)
+        most = np.where(feet.stepping, _SHIFT_STEPPING, _SHIFT_STANDING) * (dt / _TICK_S)
+        shifted = np.minimum(np.maximum(left, self._left - most), self._left + most)
+        # who stands on one foot has all the weight on it
+        self._left = np.where(left_air ^ right_air, right_air, shifted)
+        left = self._left
+        # who stands shifts the weight a little
+        self._load[0] = left * (1.0 + self._idle * (1.0 - left)) * load
+        self._load[1] = load - self._load[0]
+
+    def _reach(self) -> Array:
+        """Height of the pelvis about its standing height that the legs of the loaded feet before the body allow [m]."""
+        seen, leg = self._feet.seen, self._leg
+        ahead = np.maximum(seen.real - self._rolls, 0.0)
+        aside = seen.imag - self._skeleton.hip_offset
+        down = leg - np.sqrt(np.maximum(leg * leg - ahead * ahead - aside * aside, 0.0))
+        down *= self._load > _BEARS
+        return -np.maximum(down[0], down[1])
+
+    def _lean(self, crowd: Bodies, course: Course, gaze: Array, style: GaitStyle, dt: float) -> None:
+        """The pelvis goes over the foot that carries, on a critically damped spring; habits follow slowly."""
+        across = self._feet.seen.imag
+        goal = (2.0 * _SWAY_SHARE) * (across[1] + self._left * (across[0] - across[1]))
+        goal = np.minimum(np.maximum(goal, -_SWAY_MOST_M), _SWAY_MOST_M)
+        sway = self._sway
+        gap = sway[0] - goal
+        drive = (sway[1] + _SWAY_RATE * gap) * dt
+        decay = exp(-_SWAY_RATE * dt)
+        sway[1] = (sway[1] - _SWAY_RATE * drive) * decay
+        sway[0] = goal + (gap + drive) * decay
+        self._want(crowd, course, gaze, style)
+        self._habits += min(1.0, _HABIT_RATE * dt) * (self._wanted - self._habits)
+
+    def _want(self, crowd: Bodies, course: Course, gaze: Array | float, style: GaitStyle) -> None:
+        push = crowd.acceleration * course.seen_from
+        wanted = self._wanted
+        wanted[0] = np.minimum(np.maximum(_PITCH * push.real, -_LEAN_MOST_RAD), _LEAN_MOST_RAD)
+        wanted[0] += style.trunk_lean * course.ahead
+        wanted[1] = np.minimum(np.maximum(_ROLL * push.imag, -_LEAN_MOST_RAD), _LEAN_MOST_RAD)
+        wanted[2] = gaze
+        wanted[3] = style.elbow
+        wanted[4] = style.arm_swing
+
+    def _record(self, crowd: Bodies) -> None:
+        floor, rows, feet = self.moment.floor, self.moment.rows, self._feet
+        floor[0] = crowd.place
+        floor[1] = crowd.velocity
+        floor[2:4] = feet.place
+        rows[0] = crowd.heading
+        rows[1] = crowd.turn_rate
+        rows[2] = self._bob[0]
+        rows[3:5] = self._sway
+        rows[5:9] = self._habits[:4]
+        rows[9:11] = feet.height
+        rows[11:13] = feet.pitch
+        rows[13:15] = feet.yaw
+        rows[15:17] = self._load
+        rows[17:19] = self._ahead
+        rows[19] = self._habits[4]
+
+
+def _course(crowd: Bodies) -> Course:
+    seen_from = crowd.facing.conj()
+    velocity = crowd.velocity * seen_from
+    speed = np.abs(velocity)
+    seen = velocity / np.maximum(speed, _HEADS_FROM_M_S)
+    return Course(velocity, speed, seen.real, np.abs(seen.imag), np.maximum(seen.real, 0.0), seen_from)

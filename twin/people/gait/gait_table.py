@@ -1,0 +1,237 @@
+"""The parameters of walking and running as they follow from speed, and the load that goes with them.
+
+Walking and running overlap in speed, so both stand behind one another on one scale, the pace: a walker's pace is the
+speed, a runner's the speed plus `RUN_PACE`; who changes over passes through the paces between. Everything is sampled
+every 0.02 m/s of pace.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from trackers.arrays import Array
+from twin.models import MODELS
+from twin.people.body.skeleton import Skeleton
+
+RUN_PACE = 1.0
+"""How far running lies behind walking on the scale of pace [m/s]."""
+
+_STEP = 0.02
+_PHASES = 128
+_SHAPE = 256
+_ROLL = np.linspace(0.0, 1.0, 201)
+
+
+class GaitStyle(NamedTuple):
+    """How n people move at their paces now, each (n,); the rows of `models/people/gait.yaml`.
+
+    step_time [s]; double_support: share of a step, negative: share in the air; step_width, clearance (of the swinging
+    foot), pelvis_drop [m]; lands_ahead: share of a step; heel_off: share of the stance at which the heel begins to rise;
+    heel_rise (of the foot that leaves the floor), kick, toe_up (of the foot before it lands), trunk_lean, elbow [rad];
+    arm_swing [rad/m]; reach: share of the leg; row: place in the table of loads.
+    """
+
+    step_time: Array
+    double_support: Array
+    step_width: Array
+    lands_ahead: Array
+    heel_off: Array
+    heel_rise: Array
+    kick: Array
+    clearance: Array
+    toe_up: Array
+    pelvis_drop: Array
+    trunk_lean: Array
+    elbow: Array
+    arm_swing: Array
+    reach: Array
+    row: NDArray[np.intp]
+
+
+_ROWS = (
+    "step_time_s", "double_support", "step_width_m", "lands_ahead", "heel_off", "heel_rise_rad", "kick_rad",
+    "clearance_m", "toe_up_rad", "pelvis_drop_m", "trunk_lean_rad", "elbow_rad", "arm_swing_rad_m", "reach",
+)  # fmt: skip
+_HUMPS = ("peak_strike", "dip", "peak_push")
+_TIMES = ("step_time_s",)
+_LENGTHS = ("step_width_m", "clearance_m", "pelvis_drop_m")
+_PER_LENGTH = ("arm_swing_rad_m",)
+
+
+class Ramps(NamedTuple):
+    """How a walker's foot takes up its load and gives it away; `stance_load` in `models/people/gait.yaml`.
+
+    dip_at: share of the stance at the trough; unloading: its time from the second hump, as a share of that to the first;
+    starts, ends: slope at first and at last contact, as a share of the ramp's mean slope.
+    """
+
+    dip_at: float
+    unloading: float
+    starts: float
+    ends: float
+
+
+class _Table(NamedTuple):
+    """styles (rows, paces); cycle (paces · phases, 4): see `GaitTable.cycle`; roll (2, 201): a walker's and a runner's over the
+    stance; the speeds at which gait changes.
+    """
+
+    styles: Array
+    cycle: Array
+    roll: Array
+    last_pace: float
+    runs_above: float
+    walks_below: float
+
+
+@cache
+def _table() -> _Table:
+    content = yaml.safe_load((MODELS / "people" / "gait.yaml").read_text(encoding="utf-8"))
+    walking, running = content["walking"], content["running"]
+    knots = np.concatenate([walking["speed_m_s"], np.add(running["speed_m_s"], RUN_PACE)])
+    last = float(knots[-1])
+    paces = np.arange(0.0, last + _STEP, _STEP)
+    styles = np.stack([np.interp(paces, knots, walking[name] + running[name]) for name in _ROWS])
+    humps = np.stack([np.interp(paces, walking["speed_m_s"], walking[name]) for name in _HUMPS])
+    first, second = walking["speed_m_s"][-1], running["speed_m_s"][0] + RUN_PACE
+    runs = np.clip((paces - first) / (second - first), 0.0, 1.0)
+    cycle = _cycle(styles[_ROWS.index("double_support")], humps, runs, Ramps(**content["stance_load"]))
+    roll = content["roll"]
+    rolls = np.stack([PchipInterpolator(roll["stance"], roll[gait])(_ROLL) for gait in ("walking", "running")])
+    return _Table(styles, cycle, rolls, last, content["runs_above_m_s"], content["walks_below_m_s"])
+
+
+def stance_load(share: Array, double_support: Array, humps: Array, runs: Array, ramps: Ramps) -> Array:
+    """Vertical load of one foot over its stance, (p, k), in body weights.
+
+    share (k,): through the stance, 0 to 1; double_support (p,): share of a step; humps (3, p): a walker's first hump,
+    trough and second hump; runs (p,): 0 a walker, 1 a runner; ramps: a walker's. A walker's curve is cubics through the
+    three extremes, whose humps stand as far from the ends as makes the mean 1 / (1 + double_support), so that the feet in
+    sum carry one body weight; a runner's is half a sine.
+    """
+    strike, dip, push = humps
+    dip_at, unloading, starts, ends = ramps
+    mean = 1.0 / (1.0 + double_support)
+    down, up = 0.5 * (strike + dip), 0.5 * (dip + push)
+    edges = strike * (0.5 + starts / 12.0) + unloading * push * (0.5 + ends / 12.0)
+    rise = (dip_at * down + (1 - dip_at) * up - mean) / (down + unloading * up - edges)
+    rise = np.where(runs > 0, 0.2, rise)
+    if not ((rise > 0.05) & (rise < 0.4)).all():
+        raise ValueError("models/people/gait.yaml: the humps of a walker's load do not fit its double support")
+    rise = rise[:, None]
+    fall = unloading * rise
+    late = 1.0 - fall
+    walk = np.select(
+        [share < rise, share < dip_at, share < late],
+        [
+            strike[:, None] * _hermite(share / rise, starts),
+            _between(strike[:, None], dip[:, None], (share - rise) / (dip_at - rise)),
+            _between(dip[:, None], push[:, None], (share - dip_at) / (late - dip_at)),
+        ],
+        push[:, None] * _hermite((1.0 - share) / fall, ends),
+    )
+    walk = walk * (mean / walk.mean(axis=1))[:, None]
+    run = (0.5 * np.pi) * np.sin(np.pi * share) * mean[:, None]
+    return walk + runs[:, None] * (run - walk)
+
+
+def _hermite(x: Array, slope: float) -> Array:
+    """A cubic from 0, where it has this slope, to 1, where it is flat."""
+    return slope * x * (1 - x) ** 2 + x * x * (3 - 2 * x)
+
+
+def _between(low: Array, high: Array, x: Array) -> Array:
+    return low + (high - low) * x * x * (3 - 2 * x)
+
+
+def _cycle(double_support: Array, humps: Array, runs: Array, ramps: Ramps) -> Array:
+    """The load of a regular step and the bob that it causes, (paces · (phases + 1), 4); see `GaitTable.cycle`."""
+    share = (np.arange(_SHAPE) + 0.5) / _SHAPE
+    curve = stance_load(share, double_support, humps, runs, ramps)
+    phase = np.arange(_PHASES) / _PHASES
+    stands = 1.0 + double_support[:, None]
+
+    def load(steps: Array) -> Array:
+        place = steps / stands * _SHAPE - 0.5
+        padded = np.concatenate([0 * curve[:, :1], curve, 0 * curve[:, :1]], axis=1)
+        place = np.clip(place + 1.0, 0.0, _SHAPE + 1.0)
+        low = np.minimum(place.astype(np.intp), _SHAPE)
+        rows = np.arange(len(curve))[:, None]
+        return padded[rows, low] + (place - low) * (padded[rows, low + 1] - padded[rows, low])
+
+    front, rear = load(np.broadcast_to(phase, (len(curve), _PHASES))), load(phase + 1.0 + 0 * stands)
+    total = front + rear
+    scale = 1.0 / total.mean(axis=1, keepdims=True)
+    total, share_rear = total * scale, np.divide(rear, total, out=np.zeros_like(rear), where=total > 1e-9)
+    # twice integrated over the phase: height and speed of the body's centre, in units of g T² and g T
+    spectrum = np.fft.rfft(total - 1.0, axis=1)
+    turns = 2j * np.pi * np.arange(spectrum.shape[1])
+    turns[0] = 1.0
+    spectrum[:, 0] = 0.0
+    height = np.fft.irfft(spectrum / turns**2, _PHASES, axis=1)
+    rate = np.fft.irfft(spectrum / turns, _PHASES, axis=1)
+    cycle = np.stack([total, height, rate, share_rear], axis=-1)
+    return np.concatenate([cycle, cycle[:, :1]], axis=1).reshape(-1, 4)
+
+
+class GaitTable:
+    """Looks up how each of n people walks or runs, scaled to their legs by dynamic similarity (equal Froude number)."""
+
+    def __init__(self, skeleton: Skeleton) -> None:
+        self._table = _table()
+        factors = {
+            **dict.fromkeys(_TIMES, np.sqrt(skeleton.scale)),
+            **dict.fromkeys(_LENGTHS, skeleton.scale),
+            **dict.fromkeys(_PER_LENGTH, 1.0 / skeleton.scale),
+        }
+        unscaled = np.ones_like(skeleton.scale)
+        self._factors = np.stack([factors.get(name, unscaled) for name in _ROWS])
+        self._per_speed = 1.0 / np.sqrt(skeleton.scale)
+
+    @property
+    def runs_above(self) -> float:
+        """Speed of the reference person from which they run [m/s]."""
+        return self._table.runs_above
+
+    @property
+    def walks_below(self) -> float:
+        """Speed of the reference person from which a runner walks again [m/s]."""
+        return self._table.walks_below
+
+    def similar(self, speed: Array) -> Array:
+        """The speeds (n,) [m/s] at which the reference person would move likewise."""
+        return speed * self._per_speed
+
+    def at(self, pace: Array) -> GaitStyle:
+        """The parameters at these paces (n,) [m/s], of the reference person; beyond the last those of the last."""
+        row = (np.minimum(pace, self._table.last_pace) * (1.0 / _STEP) + 0.5).astype(np.intp)
+        return GaitStyle._make([*(self._table.styles[:, row] * self._factors), row])
+
+    def cycle(self, row: NDArray[np.intp], progress: Array) -> Array:
+        """A regular step at these places through it (0 to 1), (n, 4).
+
+        The whole load [body weights]; height of the body's centre about its mean and its rate, in units of g T² and
+        g T for a step time T; the share of the load that the foot behind still carries. The second derivative of the
+        height is the load less one, exactly: drawn motion and load are one.
+        """
+        place = np.minimum(progress, 0.999999) * _PHASES
+        whole = place.astype(np.intp)
+        index = row * (_PHASES + 1) + whole
+        low = self._table.cycle.take(index, axis=0)
+        high = self._table.cycle.take(index + 1, axis=0)
+        return low + (place - whole)[:, None] * (high - low)
+
+    def roll(self, stance: Array, runs: Array) -> Array:
+        """Where the load acts at these shares of their stance (2, n), as a share of the shoe from its heel.
+
+        runs (n,): 0 a walker, 1 a runner.
+        """
+        walking, running = self._table.roll
+        point = np.interp(stance, _ROLL, walking)
+        return point + runs * (np.interp(stance, _ROLL, running) - point) if runs.any() else point

@@ -1,0 +1,179 @@
+"""The measures of bodies that postures need, read off the compiled bodies themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, fields
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.arrays import Array
+from twin.geometry.geom_hull import hull_points
+from twin.people.body.appearance import Appearance
+from twin.people.body.body import person_spec
+from twin.people.body.proportions import proportions_of
+from twin.people.body.skeleton import REFERENCE_STATURE_M
+
+SEATED_PELVIS_RAD, SEATED_SPINE_RAD = -0.16, 0.10
+"""Pitch of the pelvis of one who sits, which rolls back, and of the trunk on it, which comes forward again [rad]."""
+
+_MEASURED = frozenset({"hips", "chest", "left_hand", "left_thigh", "left_shank", "bag"})
+"""The geoms of a body that are measured."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodyMeasures:
+    """Measures of n people, (n,) each [m]; frames as `twin.people.body.body` has them.
+
+    stature; thigh, shank, ankle_height, ball (before the ankle); hip_aside: hip joint left of the middle; waist:
+    where the trunk bends, above the hips; shoulder_ahead, shoulder_aside, shoulder_up: left shoulder joint from the
+    waist; upper_arm; grip: from the elbow to the middle of the hand; neck: where the head turns, above the waist;
+    head_ahead, head_up: centre of the head from there; under, behind: the buttocks below (of one who sits) and
+    behind the hip joints; burden_behind: a bag on the back behind them, 0 without; back: the chest behind the line
+    of the spine; thigh_under, thigh_over: from the thigh's axis to its back and front; shank_radius: to the calf's
+    back.
+    """
+
+    stature: Array
+    thigh: Array
+    shank: Array
+    ankle_height: Array
+    ball: Array
+    hip_aside: Array
+    waist: Array
+    shoulder_ahead: Array
+    shoulder_aside: Array
+    shoulder_up: Array
+    upper_arm: Array
+    grip: Array
+    neck: Array
+    head_ahead: Array
+    head_up: Array
+    under: Array
+    behind: Array
+    burden_behind: Array
+    back: Array
+    thigh_under: Array
+    thigh_over: Array
+    shank_radius: Array
+
+    @classmethod
+    def of(cls, appearances: Sequence[Appearance]) -> BodyMeasures:
+        """The measures of people who look like this, in their order; each body is compiled for it."""
+        return cls._of_rows([_measured_alone(looks) for looks in appearances])
+
+    @classmethod
+    def in_room(
+        cls, model: mujoco.MjModel, appearances: Mapping[str, Appearance], bodies: Collection[str]
+    ) -> BodyMeasures:
+        """The same of people of whom some, `bodies`, are in a compiled room already, NAME/ before their elements' names.
+
+        The others' bodies are compiled for it.
+        """
+        data = _standing(model, [f"{name}/" for name in appearances if name in bodies])
+        return cls._of_rows(
+            [
+                _measured(model, data, f"{name}/", looks) if name in bodies else _measured_alone(looks)
+                for name, looks in appearances.items()
+            ]
+        )
+
+    @classmethod
+    def _of_rows(cls, rows: Sequence[Mapping[str, float]]) -> BodyMeasures:
+        return cls(**{field.name: np.array([row[field.name] for row in rows], dtype=float) for field in fields(cls)})
+
+    def __len__(self) -> int:
+        return len(self.stature)
+
+    def of_people(self, people: Array | NDArray[np.intp]) -> BodyMeasures:
+        """The measures of some of the people, by index or mask."""
+        return BodyMeasures(**{field.name: getattr(self, field.name)[people] for field in fields(self)})
+
+    @property
+    def leg(self) -> Array:
+        """Hip to ankle, (n,) [m]."""
+        return self.thigh + self.shank
+
+    @property
+    def arm(self) -> Array:
+        """Shoulder to the middle of the hand, (n,) [m]."""
+        return self.upper_arm + self.grip
+
+    @property
+    def scale(self) -> Array:
+        """The leg as a share of the reference person's, (n,)."""
+        reference = proportions_of(REFERENCE_STATURE_M)
+        return self.leg / (reference.thigh + reference.shank)
+
+
+def _standing(model: mujoco.MjModel, prefixes: Sequence[str]) -> mujoco.MjData:
+    """The people, by the prefixes of their elements' names, standing straight with the hip joints at the origin."""
+    data = mujoco.MjData(model)
+    for prefix in prefixes:
+        start = model.jnt_qposadr[model.joint(f"{prefix}root").id]
+        data.qpos[start : start + 7] = 0, 0, 0, 1, 0, 0, 0
+    mujoco.mj_kinematics(model, data)
+    return data
+
+
+def _measured_alone(looks: Appearance) -> dict[str, float]:
+    """The measures of a body that is compiled for it, without what has none."""
+    spec = person_spec(looks, only=_MEASURED)
+    spec.compiler.boundmass = spec.compiler.boundinertia = 1.0  # a segment without geoms has no mass of its own
+    model = spec.compile()
+    return _measured(model, _standing(model, [""]), "", looks)
+
+
+def _measured(model: mujoco.MjModel, data: mujoco.MjData, prefix: str, looks: Appearance) -> dict[str, float]:
+    """The measures by name of one body who stands straight with the hip joints at the origin."""
+
+    def place(body: str) -> Array:
+        return model.body(prefix + body).pos
+
+    def surface(geom: str) -> Array:
+        number = model.geom(prefix + geom).id
+        points = hull_points(model, data, number)
+        assert points is not None
+        return points - data.xpos[model.geom_bodyid[number]]
+
+    thigh, shank = -place("left_shank")[2], -place("left_foot")[2]
+    shoulder = place("left_upper_arm")
+    head = model.site(f"{prefix}head").pos
+    hips, thighs, calf = surface("hips"), surface("left_thigh"), surface("left_shank")
+    middle = thighs[(thighs[:, 2] < -0.45 * thigh) & (thighs[:, 2] > -0.8 * thigh)]
+    if not len(middle):  # a capsule has points at its ends only
+        middle = thighs
+    return {
+        "stature": looks.height_m,
+        "thigh": thigh,
+        "shank": shank,
+        "ankle_height": looks.proportions.ankle_height,
+        "ball": looks.proportions.ball_before_ankle,
+        "hip_aside": place("left_thigh")[1],
+        "waist": place("trunk")[2],
+        "shoulder_ahead": shoulder[0],
+        "shoulder_aside": shoulder[1],
+        "shoulder_up": shoulder[2],
+        "upper_arm": -place("left_forearm")[2],
+        "grip": -model.geom(f"{prefix}left_hand").pos[2],
+        "neck": place("head")[2],
+        "head_ahead": head[0],
+        "head_up": head[2],
+        "under": -float((np.cos(SEATED_PELVIS_RAD) * hips[:, 2] - np.sin(SEATED_PELVIS_RAD) * hips[:, 0]).min()),
+        "behind": -float(hips[:, 0].min()),
+        "burden_behind": _bag_behind(model, prefix, surface),
+        "back": -float(surface("chest")[:, 0].min()),
+        "thigh_under": -float(middle[:, 0].min()),
+        "thigh_over": float(middle[:, 0].max()),
+        "shank_radius": -float(calf[:, 0].min()),
+    }
+
+
+def _bag_behind(model: mujoco.MjModel, prefix: str, surface: Callable[[str], Array]) -> float:
+    """How far a bag worn on the trunk reaches behind the body's middle [m]."""
+    number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}bag")
+    if number < 0 or model.body(model.geom_bodyid[number]).name != f"{prefix}trunk":
+        return 0.0
+    return max(-float(surface("bag")[:, 0].min()), 0.0)

@@ -1,0 +1,321 @@
+"""Postures laid over the standing and walking body: sitting, lying, bending, reaching, looking, for all people at once.
+
+What has a memory is stepped on the people's clock and kept as rows of numbers that may be interpolated linearly (see
+`twin.people.posture.rows`); `twin.people.posture.lay.apply` lays them over the joint coordinates of the gait. One sits and
+lies without moving, on the back and with the hands on the thighs; nobody crosses their legs or leans back.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.arrays import Array
+from twin.people.posture.bed import GET_UP_S, LIE_DOWN_S, SINK_M, BedLike, lair_in, lay_lying
+from twin.people.posture.course import Course
+from twin.people.posture.look import Looks
+from twin.people.posture.measures import BodyMeasures
+from twin.people.posture.reach import BACK_PER_BEND_M, BACK_PER_DROP, PELVIS_SHARE, help_of_trunk
+from twin.people.posture.rotations import about_y, about_z, turned
+from twin.people.posture.rows import (
+    ARMS_PITCH,
+    BACK,
+    DROP,
+    HANDS,
+    NECK_PITCH,
+    OFF_FEET,
+    PELVIS_PITCH,
+    PLACE,
+    POSTURE_ROWS,
+    PRESSURE,
+    SPINE,
+    faced,
+)
+from twin.people.posture.sit import SIT_DOWN_S, STAND_UP_S, SeatLike, Spot, lay_sitting, spot_on
+from twin.people.posture.weight import CentreOfMass, hips_up
+
+Planar = NDArray[np.complex128]
+Hand = Literal["left", "right", "auto"]
+Part = Literal["body", "bend", "reach", "look"]
+
+MOST_BEND_RAD = 1.92
+"""Greatest bend of the trunk, pelvis and spine together [rad] (110 degrees)."""
+
+_PRESSURE_PER_BEND_M = 0.04
+_TRAILS_FROM = 0.35
+"""Lowering of the hips, as a share of the leg, at which the idle arm trails."""
+_NEAR_M, _NEAR_RAD = 0.35, 0.8
+_STANDS, _SITS, _LIES = 0, 1, 2
+
+
+class Postures:
+    """What n people do over standing and walking; `rows` (POSTURE_ROWS, n) says how it lies over them now.
+
+    Commands take a person's index and begin at the next `step`; they raise ValueError where they make no sense.
+    """
+
+    def __init__(self, measures: BodyMeasures, place: Planar, heading: Array) -> None:
+        """Everybody stands at `place` (n,) x + iy [m], facing `heading` (n,) [rad]."""
+        count = len(measures)
+        self.measures = measures
+        self.rows = np.zeros((POSTURE_ROWS, count))
+        self._place, self._heading = place.copy(), heading.copy()
+        self._idle = True  # everybody stands or walks, and nobody was asked for anything else
+        self._everybody = np.ones(count, dtype=bool)
+        self._aim = np.zeros(count, dtype=np.intp)
+        self._sitting = np.zeros(count)  # progress of sitting down
+        self._lying = np.zeros(count)  # progress of lying down from there
+        self._spot = np.zeros((4, count))
+        self._hang = np.zeros(count)
+        self._lair = np.zeros((4, count))
+        self._turns_left = np.zeros(count)
+        self._in_bed = np.zeros(count, dtype=bool)
+        self._bend = Course(1, count)
+        self._hands = Course(2, count)
+        self._points = Course(6, count)
+        self._help = Course(4, count)  # of the trunk to the hands: turn, bend, lean [rad], drop [m]
+        self._looks = Looks(count)
+        self._mass = CentreOfMass(measures)
+        self._legs_slope = np.arcsin(
+            np.maximum(measures.behind - SINK_M - 1.1 * measures.ankle_height, 0.0) / measures.leg
+        )
+
+    def sit(self, person: int, seat: SeatLike) -> None:
+        """Sit down on a seat; the person stands before it, see `posture_sit.standing_place_before`."""
+        self._must(person, self._aim[person] == _STANDS and self._sitting[person] == 0, "sit down", "stands")
+        spot = spot_on(seat, self.measures, person)
+        self._take(person, spot)
+        self._in_bed[person] = False
+        self._aim[person] = _SITS
+
+    def lie(self, person: int, bed: BedLike) -> None:
+        """Lie down on a bed; the person stands beside it, see `posture_bed.standing_place_beside`, or sits on its edge."""
+        if self._in_bed[person] and self._aim[person] == _SITS and self.done(person, "body"):
+            self._aim[person] = _LIES
+            self._idle = False
+            return
+        self._must(person, self._aim[person] == _STANDS and self._sitting[person] == 0, "lie down", "stands")
+        lair = lair_in(bed, self.measures, person, complex(self._place[person]))
+        self._take(person, lair.edge)
+        self._lair[:, person] = *lair.hips, lair.yaw + self._spot[3, person] - lair.edge.yaw
+        self._turns_left[person] = float(lair.turns_left)
+        self._in_bed[person] = True
+        self._aim[person] = _LIES
+
+    def sit_up(self, person: int) -> None:
+        """Sit up on the edge of the bed that one lies in."""
+        self._must(person, self._aim[person] == _LIES and self.done(person, "body"), "sit up", "lies")
+        self._aim[person] = _SITS
+
+    def rise(self, person: int) -> None:
+        """Stand up from a seat, or get up from a bed by way of its edge."""
+        settled = self._aim[person] != _STANDS and self.done(person, "body")
+        self._must(person, settled, "stand up", "sits or lies")
+        self._aim[person] = _STANDS
+
+    def bend(self, person: int, angle_rad: float) -> None:
+        """Bend the trunk forward, hips and spine together, by an angle from 0 to MOST_BEND_RAD [rad]."""
+        self._must(
+            person, 0 <= angle_rad <= MOST_BEND_RAD, f"bend by {angle_rad}", f"bends by 0 to {MOST_BEND_RAD} rad"
+        )
+        self._must(person, self._aim[person] != _LIES and self._lying[person] == 0, "bend", "stands or sits")
+        self._bend.go(person, angle_rad, 0.7 + 0.6 * abs(angle_rad - self._bend.value[0, person]))
+
+    def straighten(self, person: int) -> None:
+        """Come up from a bend."""
+        self._idle = False
+        self._bend.go(person, 0.0, 0.7 + 0.6 * self._bend.value[0, person])
+
+    def reach(self, person: int, point: Array, hand: Hand = "auto") -> None:
+        """Bring the middle of a hand to a point (3,) in the room [m]; auto: the hand on the point's side.
+
+        The trunk bends and turns, and the knees give way, as far as the arm alone does not reach, for where the body is
+        now. Beyond that the hand gets as near as it can.
+        """
+        point = np.asarray(point, dtype=float)
+        self._must(person, point.shape == (3,) and bool(np.isfinite(point).all()), f"reach {point}", "reaches x, y, z")
+        hips, yaw = self._hips(person)
+        local = turned(about_z(np.array([-yaw])), (point - [hips[0], hips[1], 0.0])[None])[0]
+        left = bool(local[1] >= 0) if hand == "auto" else hand == "left"
+        number = 0 if left else 1
+        needs = np.zeros(4)
+        if self._aim[person] != _LIES and self._lying[person] == 0:
+            stands = self._aim[person] == _STANDS
+            needs = help_of_trunk(local, left, float(hips[2]), self.measures, person, stands)
+            needs[1] = max(needs[1] - self._bend.goal(person)[0], 0.0)
+        now = self._points.value[:, person].copy()
+        weights = self._hands.goal(person)
+        duration = 0.9 + 0.6 * float(needs[1] + needs[3])
+        if self._hands.value[number, person] == 0:
+            now[3 * number : 3 * number + 3] = point
+            self._points.put(person, now)
+        else:
+            now = self._points.goal(person)
+            now[3 * number : 3 * number + 3] = point
+            self._points.go(person, now, duration)
+        weights[number] = 1.0
+        self._hands.go(person, weights, duration)
+        self._help.go(person, needs, duration)
+
+    def withdraw(self, person: int) -> None:
+        """Take the hands, and the trunk, back."""
+        self._idle = False
+        duration = 0.8 + 0.6 * float(self._help.value[1, person] + self._help.value[3, person])
+        self._hands.go(person, np.zeros(2), duration)
+        self._help.go(person, np.zeros(4), duration)
+
+    def look_at(self, person: int, point: Array) -> None:
+        """Turn the head to a point (3,) in the room [m] and keep it there, walking or not, as far as the neck turns."""
+        point = np.asarray(point, dtype=float)
+        self._must(person, point.shape == (3,) and bool(np.isfinite(point).all()), f"look at {point}", "sees x, y, z")
+        self._looks.at_point(person, point)
+
+    def look_at_person(self, person: int, other: int) -> None:
+        """Turn the head to another's head and keep it there."""
+        self._must(person, person != other, "look at themselves", "looks at somebody else")
+        self._looks.at_person(person, other)
+
+    def turn_head(self, person: int, yaw_rad: float, pitch_rad: float = 0.0) -> None:
+        """Turn the head from straight ahead: yaw to the left, pitch down positive [rad]."""
+        self._must(
+            person, abs(yaw_rad) <= np.pi and abs(pitch_rad) <= 0.5 * np.pi, "turn the head so far", "turns less"
+        )
+        self._looks.by_angle(person, yaw_rad, pitch_rad)
+
+    def look_ahead(self, person: int) -> None:
+        """Look where the way goes again."""
+        self._idle = False
+        self._looks.ahead(person)
+
+    def done(self, person: int, part: Part | None = None) -> bool:
+        """Whether what was last asked for is reached: of one part, or (None) of everything."""
+        done = {
+            "body": self._sitting[person] == (self._aim[person] >= _SITS)
+            and self._lying[person] == (self._aim[person] == _LIES),
+            "bend": not self._bend.moving[person],
+            "reach": not (self._hands.moving[person] or self._points.moving[person] or self._help.moving[person]),
+            "look": self._looks.done(person),
+        }
+        return bool(all(done.values()) if part is None else done[part])
+
+    def may_walk(self) -> NDArray[np.bool_]:
+        """Who is on their feet and may be sent about, (n,)."""
+        if self._idle:
+            return self._everybody
+        return (self._sitting == 0) & (self._aim == _STANDS)
+
+    def step(self, place: Planar, heading: Array, dt: float) -> None:
+        """Go on by dt [s]; place (n,) x + iy [m] and heading (n,) [rad]: where the gait has everybody now."""
+        self._place, self._heading = place, heading
+        if self._idle:
+            return
+        moves = (self._sitting != (self._aim >= _SITS)) | (self._lying != (self._aim == _LIES))
+        if moves.any():
+            self._move(dt)
+        for course in (self._bend, self._hands, self._points, self._help):
+            course.step(dt)
+        weights = (self._sitting, self._bend.value, self._hands.value, self._help.value)
+        rows = np.zeros_like(self.rows)
+        if any(weight.any() for weight in weights):
+            self._write(rows)
+        self._mass.step(rows, dt)
+        if not self._looks.idle():
+            head, body = self._heads(rows)
+            self._looks.step(dt, head, body, rows)
+        self.rows = rows
+        moving = any(course.moving.any() for course in (self._bend, self._hands, self._points, self._help))
+        self._idle = not (moving or self._aim.any() or rows.any() or self._mass.moves or not self._looks.idle())
+
+    def _move(self, dt: float) -> None:
+        down = self._aim >= _SITS
+        flat = self._aim == _LIES
+        lying = self._lying + np.where(flat & (self._sitting >= 1), dt / LIE_DOWN_S, 0.0)
+        lying -= np.where(~flat, dt / GET_UP_S, 0.0)
+        rises = ~down & (self._lying <= 0)
+        self._lying = np.minimum(np.maximum(lying, 0.0), 1.0)
+        sitting = self._sitting + np.where(down, dt / SIT_DOWN_S, 0.0) - np.where(rises, dt / STAND_UP_S, 0.0)
+        self._sitting = np.minimum(np.maximum(sitting, 0.0), 1.0)
+
+    def _write(self, rows: Array) -> None:
+        """Write rows (POSTURE_ROWS, n) of everybody who does anything but look."""
+        scale, stature = self.measures.scale, self.measures.stature
+        who = np.nonzero(self._sitting > 0)[0]
+        if len(who):
+            some = rows[:, who]
+            lay_sitting(some, self._sitting[who], self._spot[:, who], self._hang[who], stature[who])
+            flat = np.nonzero(self._lying[who] > 0)[0]
+            if len(flat):
+                lies = who[flat]
+                deep = some[:, flat]
+                lay_lying(
+                    deep, self._lying[lies], self._spot[:, lies], self._lair[:, lies], self._turns_left[lies],
+                    self._legs_slope[lies],
+                )  # fmt: skip
+                some[:, flat] = deep
+            rows[:, who] = some
+        turn, more, lean, drop = self._help.value
+        bend = self._bend.value[0] + more
+        stands = 1.0 - rows[OFF_FEET]
+        rows[PELVIS_PITCH] += PELVIS_SHARE * bend
+        rows[SPINE + 1] += (1 - PELVIS_SHARE) * bend
+        rows[SPINE] += turn
+        rows[SPINE + 2] += lean
+        rows[NECK_PITCH] -= 0.35 * bend
+        # in a deep crouch an arm that does not reach trails, or it would hang into the floor
+        trails = np.minimum(drop / (_TRAILS_FROM * self.measures.leg), 1.0)
+        rows[ARMS_PITCH] -= (0.92 - 0.5 * trails) * bend
+        on_feet = np.where(self._sitting > 0, 0.0, 1.0)
+        rows[BACK] += on_feet * (BACK_PER_BEND_M * scale * np.sin(np.minimum(bend, 0.5 * np.pi)) + BACK_PER_DROP * drop)
+        rows[DROP] += on_feet * drop
+        rows[PRESSURE] += stands * _PRESSURE_PER_BEND_M * scale * np.sin(np.minimum(bend, 0.5 * np.pi))
+        reach = self._hands.value
+        for number in range(2):
+            first = HANDS + 4 * number
+            rows[first] = reach[number]
+            rows[first + 1 : first + 4] = reach[number] * self._points.value[3 * number : 3 * number + 3]
+
+    def _heads(self, rows: Array) -> tuple[Array, Array]:
+        """Centres of the heads (n, 3) [m] and room_from_body (n, 3, 3), the gait's small motions left out."""
+        measures = self.measures
+        yaw = faced(self._heading, rows)
+        body = about_z(yaw) @ about_y(rows[PELVIS_PITCH])
+        hips = np.stack(
+            [
+                (1 - rows[0]) * self._place.real + rows[PLACE] - rows[BACK] * np.cos(yaw),
+                (1 - rows[0]) * self._place.imag + rows[PLACE + 1] - rows[BACK] * np.sin(yaw),
+                hips_up(rows, measures),
+            ],
+            axis=-1,
+        )
+        zero = np.zeros(len(measures))
+        head = np.stack([measures.head_ahead, zero, measures.neck + measures.head_up], axis=-1)
+        waist = np.stack([zero, zero, measures.waist], axis=-1)
+        return hips + turned(body, waist + turned(about_y(rows[SPINE + 1]), head)), body
+
+    def _hips(self, person: int) -> tuple[Array, float]:
+        """Hip joints x, y, z (3,) [m] and yaw [rad] of one person whose bends are taken away."""
+        place, yaw = complex(self._place[person]), float(self._heading[person])
+        if self._aim[person] == _STANDS:
+            height = float(self.measures.leg[person] * 0.9945 + self.measures.ankle_height[person])
+            return np.array([place.real, place.imag, height]), yaw
+        goal = self._lair if self._aim[person] == _LIES else self._spot
+        return goal[:3, person].copy(), float(goal[3, person])
+
+    def _take(self, person: int, spot: Spot) -> None:
+        here, faces = complex(self._place[person]), float(self._heading[person])
+        turn = (spot.yaw - faces + np.pi) % (2 * np.pi) - np.pi
+        near = abs(here - spot.standing_place) <= _NEAR_M and abs(turn) <= _NEAR_RAD
+        self._must(
+            person, near, f"sit down from {here:.2f} m facing {faces:.2f} rad",
+            f"stands near {spot.standing_place:.2f} m facing {spot.yaw:.2f} rad",
+        )  # fmt: skip
+        self._spot[:, person] = *spot.hips, faces + turn
+        self._hang[person] = float(spot.feet_hang)
+
+    def _must(self, person: int, holds: bool, what: str, who: str) -> None:
+        """Refuse a command that makes no sense; with one that does there is something to do."""
+        if not holds:
+            raise ValueError(f"person {person} cannot {what}: only one who {who} can")
+        self._idle = False

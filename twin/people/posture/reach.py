@@ -1,0 +1,96 @@
+"""Reaching: an arm's angles for a hand at a point, and how far the trunk must help."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackers.arrays import Array
+from twin.people.posture.course import minimum_jerk
+from twin.people.posture.measures import SEATED_PELVIS_RAD, SEATED_SPINE_RAD, BodyMeasures
+from twin.people.posture.rotations import about_x, about_y, about_z, turned
+
+STRAIGHTEST = 0.992
+"""Longest distance from shoulder to hand as a share of the arm: the elbow keeps 15 degrees."""
+PELVIS_SHARE = 0.5
+"""Share of the pelvis in a bend of the trunk; the rest is the spine's. (The lumbar-pelvic rhythm: M. A. Esola et al., Spine
+21, 1996, about half each over the whole of a bend.)"""
+BACK_PER_BEND_M = 0.20
+"""How far the hips go back for a trunk bent level, for the reference leg, so that the mass stays over the feet [m]."""
+BACK_PER_DROP = 0.45
+"""How far the hips go back for each metre that the knees let them down."""
+
+_SPARE_M = 0.01
+_MOST_ELBOW_RAD = 2.58
+_ELBOW_OUT = 0.32
+"""Turn of the upper arm that brings the elbow out, per bend of the elbow."""
+_SIDEWAYS = (0.6, 0.85)
+"""Where an arm begins to be stretched to the side, and is: share of the way that is sideways."""
+_FARTHEST_BACK_RAD = 5 * np.pi / 6
+_BENDS = np.linspace(0.0, 1.75, 29)
+_TURNS = np.linspace(-0.6, 0.6, 9)
+_LEANS = np.linspace(0.0, 0.45, 5)
+_DROPS = np.linspace(0.0, 0.45, 8)
+"""Candidates: bend, turn, lean to the hand's side [rad], lowering by the knees [shares of the leg]."""
+
+
+def arm_angles(point: Array, side: float, measures: BodyMeasures) -> tuple[Array, Array, Array, Array]:
+    """Shoulder pitch, roll, yaw and elbow [rad], (m,) each, that bring the middle of the hand to a point.
+
+    point (m, 3): from the shoulder, in the trunk's frame [m]; side: 1 left, -1 right. A point farther than the arm
+    reaches is met in direction only: the hand gets as near as it can. The upper arm's turn about itself is what is left
+    to choose: the elbow points down and outwards, the more it is bent; for a point far to the side it points down, the
+    forearm up. The angles change fast only where the arm points nearly along the line of the shoulders.
+    """
+    upper, lower = measures.upper_arm, measures.grip
+    distance = np.maximum(np.linalg.norm(point, axis=-1), 1e-9)
+    nearest = np.sqrt(upper**2 + lower**2 + 2 * upper * lower * np.cos(_MOST_ELBOW_RAD))
+    length = np.minimum(np.maximum(distance, nearest), STRAIGHTEST * (upper + lower))
+    x, y, z = (point * (length / distance)[:, None]).T
+    y = side * y  # a right arm is a left arm in the mirror
+    elbow = -np.arccos((length**2 - upper**2 - lower**2) / (2 * upper * lower))
+    off_line = -lower * np.sin(elbow)  # of the hand from the line of the upper arm
+    # where x and z are small the hand gets there only with the forearm turned out of the plane ahead, either way, by
+    # arccos(k) at least; the line lies above that, so that the turn begins before it must
+    k = np.hypot(x, z) / np.maximum(off_line, 1e-9)
+    needed = 0.5 * np.pi * np.maximum(1.0 - k / 1.6, 0.0)
+    sideways = minimum_jerk(y / length, *_SIDEWAYS)
+    turn = np.minimum(_ELBOW_OUT * elbow, -needed) * (1.0 - sideways) + needed * sideways
+    turn = np.copysign(np.maximum(np.abs(turn), np.arccos(np.minimum(k, 1.0))), turn)
+    ahead, aside, down = off_line * np.cos(turn), off_line * np.sin(turn), upper + lower * np.cos(elbow)
+    # Ry(pitch) Rx(roll) takes (ahead, aside, -down) to the point
+    share = y / np.hypot(aside, down)
+    roll = np.arcsin(np.minimum(np.maximum(share, -1.0), 1.0)) - np.arctan2(aside, down)
+    pitch = np.arctan2(x, z) - np.arctan2(ahead, aside * np.sin(roll) - down * np.cos(roll))
+    # arms go up in front, not round behind: pitch is between -210 and 150 degrees
+    pitch = (pitch - _FARTHEST_BACK_RAD) % (-2 * np.pi) + _FARTHEST_BACK_RAD
+    return pitch, side * roll, side * turn, elbow
+
+
+def help_of_trunk(point: Array, left: bool, hips_up: float, measures: BodyMeasures, person: int, stands: bool) -> Array:
+    """Turn, bend, lean to the right [rad] and lowering of the hips [m], (4,), with which one hand reaches a point.
+
+    point (3,): from the ground under the hips, x ahead, y left [m]; hips_up: height of the hip joints [m]. The least
+    effort of all candidates that suffice; where none does, what brings the hand nearest. One who does not stand sits
+    and does not lower the hips.
+    """
+    side = 1.0 if left else -1.0
+    one = measures.of_people(np.array([person]))
+    leg, scale, arm = one.leg[0], one.scale[0], STRAIGHTEST * one.arm[0]
+    drops = _DROPS * leg if stands else np.zeros(1)
+    pelvis_now, spine_now = (0.0, 0.0) if stands else (SEATED_PELVIS_RAD, SEATED_SPINE_RAD)
+    candidates = np.meshgrid(_TURNS, _BENDS, -side * _LEANS, drops, indexing="ij")
+    turn, bend, lean, drop = (axis.ravel() for axis in candidates)
+    back = (BACK_PER_BEND_M * scale * np.sin(np.minimum(bend, 0.5 * np.pi)) + BACK_PER_DROP * drop) * stands
+    leg_up = hips_up - one.ankle_height[0]
+    up = hips_up + (np.sqrt(np.maximum(leg_up**2 - back**2, 0.0)) - leg_up) * stands - drop
+    shoulder = np.array([one.shoulder_ahead[0], side * one.shoulder_aside[0], one.shoulder_up[0]])
+    spine = about_z(turn) @ about_y((1 - PELVIS_SHARE) * bend + spine_now) @ about_x(lean)
+    above_hips = turned(spine, np.broadcast_to(shoulder, (len(bend), 3))) + np.array([0.0, 0.0, one.waist[0]])
+    place = turned(about_y(PELVIS_SHARE * bend + pelvis_now), above_hips) + np.stack(
+        [-back, np.zeros_like(back), up], axis=-1
+    )
+    # a little nearer than the arm reaches, because the body is not quite where it is thought to be
+    short = np.maximum(np.linalg.norm(point - place, axis=-1) - (arm - _SPARE_M), 0.0)
+    effort = bend**2 + 0.6 * turn**2 + 1.5 * lean**2 + (3.0 * drop / leg) ** 2
+    best = int(np.argmin(effort + 1e3 * short))
+    return np.array([turn[best], bend[best], lean[best], drop[best]])

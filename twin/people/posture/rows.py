@@ -1,0 +1,59 @@
+"""The numbers that say how a posture lies over the standing body, and where each stands.
+
+All may be interpolated linearly between ticks: what has a weight is stored multiplied by it, so that halfway between
+"no" and "there" is "half there".
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.arrays import Array
+
+HELD = 0
+"""Weights with which the pelvis is held at a place (over the floor, height, yaw), 3 rows."""
+PLACE = 3
+"""That place: x, y, z [m] and yaw [rad], each times its weight, 4 rows."""
+PELVIS_PITCH = 7
+"""Turn of the pelvis forward about the hips [rad]."""
+BACK, DROP = 8, 9
+"""How far the hips go back over standing feet, and down by bent knees [m]."""
+SPINE = 10
+"""What is added to yaw, pitch and roll of the trunk [rad], 3 rows."""
+NECK_PITCH = 13
+ARMS_PITCH = 14
+"""What is added to the pitch of the head and of both shoulders [rad]."""
+LEGS = 15
+"""For each leg (2 x 6 rows): weight with which it has left the floor; hip yaw, roll, pitch, knee, ankle [rad] times it."""
+FREE_ANGLES = 5
+REST = 27
+"""Weights with which the hands lie on the thighs, left and right."""
+ARMS_FLAT = 29
+"""Weight with which the arms lie beside the body."""
+PROP = 30
+"""Weight with which the hands are propped on the bed behind the hips."""
+HANDS = 31
+"""For each hand (2 x 4 rows): weight with which it reaches; the point x, y, z [m] times it."""
+LOOK = 39
+"""Weight with which the head is turned; the direction in the room (unit vector x, y, z) times it, 4 rows."""
+OFF_FEET = 43
+"""Share of the weight that is not on the feet."""
+ACCELERATION = 44
+"""Vertical acceleration of the centre of mass [m/s²]."""
+PRESSURE = 45
+"""How far the centre of pressure goes forward under the feet [m]."""
+POSTURE_ROWS = 46
+
+
+def active(rows: Array) -> NDArray[np.intp]:
+    """Who has any posture but standing, as indices (m,) into rows (POSTURE_ROWS, n)."""
+    return np.nonzero(rows.any(axis=0))[0]
+
+
+def faced(heading: Array, rows: Array) -> Array:
+    """Where people face with their postures, (n,) [rad], unwrapped: who lies, towards the feet end of the bed.
+
+    heading (n,): where the gait has them face [rad], unwrapped as it was when they sat down.
+    """
+    return (1.0 - rows[HELD + 2]) * heading + rows[PLACE + 3]

@@ -1,0 +1,158 @@
+"""One person as their script sees them: where they are, who else is there, what they can do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import inf, radians
+
+import numpy as np
+
+from trackers.arrays import Array
+from twin.people.crowd.crowd import Crowd
+from twin.people.crowd.ground import Ground
+from twin.people.crowd.order import Order
+from twin.people.posture.bed import standing_place_beside
+from twin.people.posture.posture import Postures
+from twin.people.posture.sit import standing_place_before
+from twin.room.furniture import Bed, Seat
+from twin.scenario.behaviour import Look, Target
+
+_EYE_LEVEL_M = 1.5
+"""Height of a place that is given on the floor, when it is looked at [m]."""
+
+
+@dataclass(eq=False)
+class Stage:
+    """What all actors share: the clock, everybody's places and postures, the room.
+
+    `doing`: the kind of action that each is at; `taken`: who uses a seat or bed; `leaving`: who is to go, `gone`: who has
+    gone;
+    `looks_until`: when a turned head is free again [s].
+    """
+
+    names: tuple[str, ...]
+    crowd: Crowd
+    postures: Postures
+    ground: Ground
+    t: float = 0.0
+    doing: list[str] = field(default_factory=list)
+    taken: dict[str, int] = field(default_factory=dict)
+    leaving: set[int] = field(default_factory=set)
+    gone: set[int] = field(default_factory=set)
+    looks_until: dict[int, float] = field(default_factory=dict)
+
+    def number_of(self, name: str) -> int:
+        """The place of a person in all arrays."""
+        return self.names.index(name)
+
+    def end_looks(self) -> None:
+        """Free the heads of those who have looked as long as they were to."""
+        for number in [number for number, until in self.looks_until.items() if self.t >= until]:
+            self.postures.look_ahead(number)
+            del self.looks_until[number]
+
+
+class Actor:
+    """One of the people on a stage, with a generator of their own."""
+
+    def __init__(self, stage: Stage, number: int, rng: np.random.Generator) -> None:
+        self.stage = stage
+        self.number = number
+        self.rng = rng
+
+    @property
+    def t(self) -> float:
+        """The people's clock [s]."""
+        return self.stage.t
+
+    @property
+    def here(self) -> Array:
+        """Where the person is, (2,) [m]."""
+        return self.place_of(self.number)
+
+    @property
+    def heading(self) -> float:
+        """Where the person faces [rad]."""
+        return float(self.stage.crowd.heading[self.number])
+
+    def place_of(self, number: int) -> Array:
+        """Where somebody is, (2,) [m]."""
+        place = self.stage.crowd.place[number]
+        return np.array([place.real, place.imag])
+
+    def target(self, target: Target) -> Array:
+        """The ground point of somebody by name or of a place, (2,) [m]."""
+        if isinstance(target, str):
+            return self.place_of(self.stage.number_of(target))
+        return np.array(target[:2])
+
+    def distance_to(self, target: Target) -> float:
+        """Distance on the floor [m]; infinite to somebody who is not there."""
+        if isinstance(target, str) and not self.stage.crowd.present[self.stage.number_of(target)]:
+            return inf
+        return float(np.linalg.norm(self.target(target) - self.here))
+
+    def bearing_of(self, target: Target) -> float:
+        """Direction on the floor to a target [rad]."""
+        way = self.target(target) - self.here
+        return float(np.arctan2(way[1], way[0]))
+
+    def speed_of(self, name: str) -> float:
+        """How fast somebody walks [m/s]."""
+        return float(abs(self.stage.crowd.velocity[self.stage.number_of(name)]))
+
+    def look(self, action: Look) -> None:
+        """Turn the head as a look says, from now on."""
+        stage, number = self.stage, self.number
+        stage.looks_until[number] = self.ends_at(action.for_s)
+        if isinstance(action.at, str):
+            stage.postures.look_at_person(number, stage.number_of(action.at))
+        elif action.at is not None:
+            point = action.at if len(action.at) == 3 else (*action.at, _EYE_LEVEL_M)
+            stage.postures.look_at(number, np.array(point))
+        elif action.yaw_deg is not None:
+            stage.postures.turn_head(number, radians(action.yaw_deg), radians(action.pitch_deg))
+        else:
+            stage.postures.look_ahead(number)
+
+    def place_before(self, furniture: Seat | Bed) -> tuple[tuple[float, float], float]:
+        """Where to stand [m], and face [rad], to sit down on a seat or to lie down on a bed."""
+        measures = self.stage.postures.measures
+        if isinstance(furniture, Seat):
+            place, heading = standing_place_before(furniture, measures, self.number)
+        else:
+            here = complex(self.stage.crowd.place[self.number])
+            place, heading = standing_place_beside(furniture, measures, self.number, here)
+        return (place.real, place.imag), heading
+
+    def is_gone(self, name: str) -> bool:
+        """Whether somebody has left for good."""
+        return self.stage.number_of(name) in self.stage.gone
+
+    def draws_the_eyes_of(self, name: str) -> None:
+        """Somebody who only stands about turns to this person, and looks at them."""
+        stage, other = self.stage, self.stage.number_of(name)
+        if stage.doing[other] == "stand" and stage.postures.may_walk()[other]:
+            way = self.here - self.place_of(other)
+            stage.crowd.order(other, Order(None, heading=float(np.arctan2(way[1], way[0])), firm=True))
+
+    def others(self) -> Array:
+        """Where everybody else who is there is, (k, 2) [m]."""
+        crowd = self.stage.crowd
+        there = crowd.present.copy()
+        there[self.number] = False
+        places = crowd.place[there]
+        return np.stack([places.real, places.imag], axis=-1)
+
+    def ends_at(self, for_s: float | None) -> float:
+        """The time [s] at which something that begins now is over."""
+        return inf if for_s is None else self.t + for_s
+
+    def free_places(self, count: int) -> Array:
+        """Random places (count, 2) [m] in the area, clear of furniture."""
+        return self.stage.ground.free_places(count, self.rng)
+
+    def way_to(self, goal: Array | tuple[float, float]) -> list[tuple[float, float]]:
+        """Places to pass on the way around furniture, the goal last; none where there is no way."""
+        way = self.stage.ground.routes.way(self.here, np.asarray(goal, dtype=float))
+        return [] if way is None else [(float(x), float(y)) for x, y in way]

@@ -1,0 +1,131 @@
+"""People who keep a recorded path: where it has them at every tick of the people's clock."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from trackers.arrays import Array
+from twin.scenario.behaviour import Action, Path
+from twin.scenario.people import Person
+
+Planar = NDArray[np.complex128]
+
+BODIES_NEED_M = 0.75
+"""Two people whose middles are closer than this overlap at some moments of their steps: hands, shoes [m]."""
+_LOOKS_EVERY_S = 0.1
+_WINDOW = 400
+"""Ticks for which everybody's places are computed at once."""
+_XY = np.array([1, 1j])
+"""From x, y to a complex number."""
+
+
+def curve_through(rows: Array) -> PchipInterpolator:
+    """The curve of places over time through rows (k, 3) t [s], x, y [m]."""
+    return PchipInterpolator(rows[:, 0], rows[:, 1:])
+
+
+class RecordedPaths:
+    """The paths of some people, interpolated by monotone cubics: places and velocities are continuous.
+
+    The curve passes through every row of the recording and overshoots none: between two rows it stays in the rectangle
+    that they span (F. Fritsch and J. Butland, "A method for constructing local monotone piecewise cubic interpolants", SIAM
+    Journal on Scientific and Statistical Computing 5, 1984).
+    """
+
+    def __init__(self, paths: Mapping[int, Action], tick_s: float) -> None:
+        """paths: by a person's place in all arrays; tick_s: the people's clock [s]."""
+        self.numbers = np.array(sorted(paths), dtype=np.intp)  # (k,)
+        self._tick_s = tick_s
+        self._curves: list[PchipInterpolator] = []
+        first, last = [], []
+        for number in self.numbers:
+            path = paths[int(number)]
+            assert isinstance(path, Path)
+            rows = np.array(path.points)
+            self._curves.append(curve_through(rows))
+            # there from the tick before the first row to the one after the last, and so at both
+            first.append(max(0, int(np.floor(rows[0, 0] / tick_s + 1e-9))))
+            last.append(max(first[-1], int(np.ceil(rows[-1, 0] / tick_s - 1e-9))))
+        self.first = np.array(first, dtype=np.intp)
+        """(k,) the tick at which each enters."""
+        self.last = np.array(last, dtype=np.intp)
+        """(k,) the last tick at which each is there."""
+        ends = [self._along(row, np.array([self.first[row], self.last[row]])) for row in range(len(self._curves))]
+        self._ends: Planar = np.array(ends, dtype=complex).reshape(-1, 2, 2)  # (k, place and velocity, first and last)
+        self._from = -_WINDOW  # the tick of the window's first row; none is computed yet
+        self._window: Planar = np.zeros((0, 2, len(self._curves)), dtype=complex)  # (_WINDOW, place and velocity, k)
+
+    def there(self, tick: int) -> NDArray[np.bool_]:
+        """Who is there at a tick, (k,)."""
+        return (self.first <= tick) & (tick <= self.last)
+
+    def at(self, tick: int) -> tuple[Planar, Planar]:
+        """Places [m] and velocities [m/s] (k,) at a tick; before and after a path its first and last."""
+        if not self._from <= tick < self._from + _WINDOW:
+            self._look_ahead(tick)
+        place, velocity = self._window[tick - self._from]
+        return place, velocity
+
+    def _look_ahead(self, tick: int) -> None:
+        """Compute the window that begins at a tick: memory does not grow with how long a path takes."""
+        ticks = np.arange(tick, tick + _WINDOW)
+        self._from = tick
+        self._window = np.empty((_WINDOW, 2, len(self._curves)), dtype=complex)
+        self._window[:] = np.where(self.last < tick, self._ends[:, :, 1].T, self._ends[:, :, 0].T)
+        for row in map(int, np.flatnonzero((self.first < tick + _WINDOW) & (tick <= self.last))):
+            self._window[:, :, row] = self._along(row, np.clip(ticks, self.first[row], self.last[row])).T
+
+    def _along(self, row: int, ticks: NDArray[np.intp]) -> Planar:
+        """Places and velocities (2, n) of one person at some ticks."""
+        curve = self._curves[row]
+        at = np.clip(ticks * self._tick_s, curve.x[0], curve.x[-1])
+        return np.stack([curve(at) @ _XY, curve(at, 1) @ _XY])
+
+
+@dataclass(frozen=True)
+class CloseCall:
+    """Two recorded paths that come closer than two bodies can: who, when [s], and how close their middles are [m]."""
+
+    first: str
+    second: str
+    t: float
+    apart_m: float
+
+
+def close_calls(
+    people: Mapping[str, Person], until_s: float = np.inf, within_m: float = BODIES_NEED_M
+) -> list[CloseCall]:
+    """Where two recorded paths come closer than bodies allow before `until_s`, the closest moment of each pair, by time."""
+    names = sorted(name for name, person in people.items() if person.script and isinstance(person.script[0], Path))
+    paths = RecordedPaths({number: people[name].script[0] for number, name in enumerate(names)}, _LOOKS_EVERY_S)
+    found: dict[tuple[int, int], tuple[float, float]] = {}
+    last = int(min(paths.last.max(initial=-1), until_s / _LOOKS_EVERY_S))
+    for tick in range(int(paths.first.min(initial=last)), last + 1):
+        there = np.flatnonzero(paths.there(tick))
+        if len(there) < 2:
+            continue
+        place = paths.at(tick)[0][there]
+        apart = np.abs(place[:, None] - place)
+        for one, other in zip(*np.nonzero(np.triu(apart < within_m, 1)), strict=True):
+            pair = int(there[one]), int(there[other])
+            if apart[one, other] < found.get(pair, (np.inf, 0.0))[0]:
+                found[pair] = float(apart[one, other]), tick * _LOOKS_EVERY_S
+    calls = [CloseCall(names[one], names[other], t, apart) for (one, other), (apart, t) in found.items()]
+    return sorted(calls, key=lambda call: call.t)
+
+
+def warning_of(calls: Sequence[CloseCall]) -> str:
+    """One sentence that says where recorded paths ask of bodies what they cannot do; empty without calls."""
+    if not calls:
+        return ""
+    worst = min(calls, key=lambda call: call.apart_m)
+    pairs = "1 pair" if len(calls) == 1 else f"{len(calls)} pairs"
+    return (
+        f"{pairs} of recorded paths come closer than the {BODIES_NEED_M:g} m that bodies need, nearest {worst.first} and "
+        f"{worst.second} with {worst.apart_m:.2f} m at {worst.t:.1f} s: the bodies overlap there, as the recording has it"
+    )

@@ -1,0 +1,103 @@
+"""`twin detections`: what a tracker's detector saw in a recording, as a table, one row a detection.
+
+Columns: `t` stamp of the moment [s]; `sensors` that saw it, joined by `+`; `role`, what was seen (`waist`: a trunk, `knee`:
+legs); `x`, `y` ground point in the room frame [m]; `variance` of the position on each axis [m²]; `width` as seen [m]. Numbers
+are empty where the detector does not say. A moment in which nothing was seen has no row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, TextIO
+
+from trackers.detections import Detection, TellsDetections
+from trackers.errors import InputError, PlugInError
+from trackers.observations import Observation
+from trackers.presets import PRESETS
+from trackers.tracks import FedTracker, Track, TrackFrame
+from twin.recording.reader import Recording
+from twin.recording.tables import number_cell, seconds_cell
+from twin.run.chosen_trackers import ChosenTracker
+from twin.run.plug_in_faults import plug_in_fault
+from twin.run.replay import chosen_trackers, scenario_of
+from twin.run.tracker_at_work import TrackerAtWork
+
+COLUMNS = ("t", "sensors", "role", "x", "y", "variance", "width")
+
+
+def write_detections(
+    recording: Path,
+    file: TextIO,
+    *,
+    tracker: str,
+    rig_path: Path | None = None,
+    changes: Sequence[str] = (),
+    seed: int | None = None,
+) -> None:
+    """Track a recording and write what the tracker's detector saw; `rig_path`, `changes`, `seed` as for `twin track`.
+
+    Raises InputError for bad input, a tracker that does not tell its detections among it, before anything is written.
+    """
+    bag = Recording(recording, rig_path)
+    scenario = scenario_of(bag)
+    seed = seed if seed is not None else scenario.seed if scenario is not None else 0
+    (chosen,) = chosen_trackers(bag, scenario, [tracker], changes)
+    made = TrackerAtWork(chosen, bag.rig)
+    made.make(bag.background, seed)
+    if made.failure:
+        raise PlugInError(made.failure)
+    if not isinstance(made.tracker, TellsDetections):
+        raise InputError(
+            f"--tracker {tracker}: does not tell what its detector sees; one that has detections() is expected, like sort"
+        )
+    file.write(",".join(COLUMNS) + "\n")
+    fed = FedTracker(_Noted(made.tracker, file), bag.rig)
+    for observation in bag.observations():
+        _called(chosen, made.tracker, partial(fed.update, observation))
+    _called(chosen, made.tracker, fed.finish)
+
+
+def _called(chosen: ChosenTracker, tracker: Any, call: Callable[[], object]) -> None:
+    """Call it; raises PlugInError for what a plug-in raises, while a fault of a tracker of ours stays loud."""
+    try:
+        call()
+    except OSError:  # the file's, not the tracker's
+        raise
+    except Exception as error:
+        if chosen.target in PRESETS:
+            raise
+        raise PlugInError(plug_in_fault(chosen, tracker, error)) from error
+
+
+class _Noted:
+    """A tracker whose detections are written down after each call."""
+
+    def __init__(self, tracker: Any, file: TextIO) -> None:
+        self._tracker, self._file = tracker, file
+        self.takes_any_order = getattr(tracker, "takes_any_order", False)
+
+    def update(self, observation: Observation) -> list[TrackFrame] | None:
+        frames = self._tracker.update(observation)
+        self._note()
+        return frames
+
+    def tracks(self) -> list[Track]:
+        return self._tracker.tracks()
+
+    def finish(self) -> list[TrackFrame]:
+        finish = getattr(self._tracker, "finish", None)
+        if finish is None:
+            return []
+        frames = finish()
+        self._note()
+        return frames
+
+    def _note(self) -> None:
+        self._file.writelines(map(_row, self._tracker.detections()))
+
+
+def _row(each: Detection) -> str:
+    numbers = map(number_cell, (each.x, each.y, each.variance_m2, each.width_m))
+    return ",".join([seconds_cell(each.stamp_ns), "+".join(each.sensors), each.role, *numbers]) + "\n"

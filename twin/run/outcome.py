@@ -1,0 +1,160 @@
+"""What a run leaves beside its recording: metrics.json and the report."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trackers.rig import Rig
+from twin.evaluate import evaluate_with_details
+from twin.recording.tables import TruthTable, read_tracks
+from twin.recording.whole_file import whole_file
+from twin.report.birdseye import Polygon
+from twin.report.page import RunFacts, Still, TrackerResult, write_report
+from twin.report.scan_density import ScanDensity
+from twin.run.feed import Feed
+from twin.run.tracker_at_work import TrackerAtWork, file_name
+from twin.sensors.fault_kinds import Fault
+from twin.sensors.render import GlInfo
+
+SIMPLIFICATIONS = (
+    "People are kinematic: the standing foot is planted and the body follows it, but no forces act on it.",
+    "Laser beams are rays: a mixed pixel at an edge is drawn at random, and every surface reflects alike.",
+    "Images are rasterised at one instant (several, averaged, with motion blur): no shadows, no mirror images.",
+)
+"""What the twin leaves out of the physics, for whoever reads a report."""
+
+
+@dataclass(frozen=True, eq=False)
+class RunResult:
+    """What a run left: its metrics (None where there is no truth), its files by name, what it warns of.
+
+    failures: what each plug-in that raised has done wrong; the metrics and files are those of the other trackers.
+    """
+
+    metrics: dict[str, Any] | None
+    files: dict[str, Path]
+    warnings: tuple[str, ...] = ()
+    failures: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where it happened, for the report: the rig, the room's outline, what to call the people, a robot's scans."""
+
+    rig: Rig
+    outline: Sequence[Polygon] = ()
+    person_names: Mapping[int, str] | None = None
+    scans: ScanDensity | None = None
+    true_rig: Rig | None = None  # where the sensors truly are; `rig` is what trackers are told
+
+
+def evaluate_trackers(folder: Path, at_work: Sequence[TrackerAtWork], truth: TruthTable | None) -> list[TrackerResult]:
+    """The table of each tracker that has not failed, from `folder/tracks`, with its figures where there is truth."""
+    results = []
+    for each in at_work:
+        if each.failure:
+            continue
+        tracks = read_tracks(folder / "tracks" / f"{file_name(each.name)}.csv")
+        evaluation = evaluate_with_details(truth, tracks) if truth is not None else None
+        results.append(TrackerResult(each.name, tracks, evaluation, each.ms_per_frame()))
+    return results
+
+
+def write_results(
+    folder: Path, facts: RunFacts, results: Sequence[TrackerResult], feed: Feed, truth: TruthTable | None, place: Place
+) -> RunResult:
+    """Write `report.html`, and `metrics.json` where there is truth."""
+    files = {f"tracks {each.name}": folder / "tracks" / f"{file_name(each.name)}.csv" for each in results}
+    if feed.shown is not None:
+        files["preview"] = folder / "preview.mp4"
+    metrics = None
+    if truth is not None:
+        metrics = _metrics_document(facts, results)
+        files["metrics"] = folder / "metrics.json"
+        with whole_file(files["metrics"]) as stream:
+            json.dump(metrics, stream, indent=2, allow_nan=False)
+            stream.write("\n")
+    files["report"] = folder / "report.html"
+    stills = feed.shown.stills if feed.shown is not None else []
+    write_report(
+        files["report"],
+        facts,
+        results,
+        place.rig,
+        true_rig=place.true_rig,
+        truth=truth,
+        outline=place.outline,
+        scans=place.scans,
+        person_names=place.person_names,
+        silent=[name for name in place.rig.sensors if name not in feed.heard],
+        stills=[Still(jpeg, f"{feed.at_work[0].name} at {t:.1f} s") for t, jpeg in stills],
+    )
+    return RunResult(metrics, files, failures=tuple(each.failure for each in feed.at_work if each.failure))
+
+
+def left_alone(at_work: Sequence[TrackerAtWork], faults: Mapping[str, Fault]) -> list[str]:
+    """Which sensors each tracker makes no use of, and which of them a fault is of, which then shows in no track."""
+    told = []
+    for each in at_work:
+        unused = getattr(each.tracker, "unused_sensors", [])
+        if not unused:
+            continue
+        names = {sensor: [name for name, fault in faults.items() if sensor in fault.sensor] for sensor in unused}
+        faulty = [f"{sensor} ({', '.join(of)})" for sensor, of in names.items() if of]
+        among = f"; among them with a fault, which shows in no track: {', '.join(faulty)}" if faulty else ""
+        told.append(f"{each.name}: makes no use of {', '.join(unused)}{among}")
+    return told
+
+
+def tracker_notes(at_work: Sequence[TrackerAtWork], faults: Mapping[str, Fault]) -> list[str]:
+    """What a reader must know of how the trackers worked: what they left alone or dropped, a background learned on the way."""
+    notes = [f"{told}." for told in left_alone(at_work, faults)]
+    for each in at_work:
+        if each.failure:
+            notes.append(f"A tracker failed and has no results: {each.failure}.")
+            continue
+        if getattr(each.tracker, "background_learned_causally", False):
+            notes.append(
+                f"{each.name}: no scans of the empty room; the background was learned from the scans as they came."
+            )
+        if each.discarded:
+            notes.append(f"{each.name}: {each.discarded} observations came too late or twice and were discarded.")
+    return notes
+
+
+def versions(gl: GlInfo | None) -> dict[str, str | None]:
+    """What a result depends on besides the scenario."""
+    # numpy lists what it found of the instruction sets it can use: sin, exp and arctan differ between them.
+    simd: Any = np.show_config(mode="dicts")
+    return {
+        "twin": version("roomtwin"),
+        "mujoco": version("mujoco"),
+        "numpy": version("numpy"),
+        "opencv": version("opencv-python-headless"),
+        "cpu_features": " ".join(simd["SIMD Extensions"].get("found", [])),
+        "gl_renderer": gl.renderer if gl else None,
+        "gl_version": gl.version if gl else None,
+    }
+
+
+def _metrics_document(facts: RunFacts, results: Sequence[TrackerResult]) -> dict[str, Any]:
+    return {
+        "scenario": facts.title,
+        "seed": facts.seed,
+        "duration_s": facts.duration_s,
+        "versions": dict(facts.versions),
+        "realtime_factor": facts.realtime_factor,
+        "sensors": {name: dict(costs) for name, costs in facts.sensors.items()},
+        "trackers": {
+            each.name: each.evaluation.metrics | {"ms_per_frame": dict(each.ms_per_frame)}
+            for each in results
+            if each.evaluation is not None
+        },
+    }

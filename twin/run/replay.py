@@ -1,0 +1,237 @@
+"""`twin track`: any recording through any tracker, the twin's or a robot's."""
+
+from __future__ import annotations
+
+import shlex
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import islice, pairwise
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field
+
+from trackers.configuration import Strict, validate
+from trackers.errors import InputError
+from trackers.observations import NS_PER_S, LaserScan, Observation
+from trackers.plain_data import parse_yaml
+from trackers.tracks import TrackFrame
+from twin.progress import OnProgress, OnWarning
+from twin.recording.details import DETAIL_FILES
+from twin.recording.reader import Recording
+from twin.recording.tables import truth_table
+from twin.recording.track_messages import check_copy, copy_with_tracks
+from twin.report.birdseye import Polygon
+from twin.report.page import RunFacts
+from twin.report.scan_density import ScanDensity
+from twin.room.outline import room_outline
+from twin.run.chosen_trackers import ChosenTracker, TrustedClasses, changed_trackers, choose, typed_classes
+from twin.run.feed import feed
+from twin.run.out_folder import OutFolder, out_folder
+from twin.run.outcome import (
+    SIMPLIFICATIONS,
+    Place,
+    RunResult,
+    evaluate_trackers,
+    left_alone,
+    tracker_notes,
+    versions,
+    write_results,
+)
+from twin.run.tracker_at_work import file_name
+from twin.scenario import Scenario, TrackerChoice
+from twin.scenario.load import apply_overrides
+from twin.world.world import World
+
+_RATE_PROBE = 20
+_BESIDES = ("metrics.json", "preview.mp4")
+
+
+def track_recording(
+    recording: Path,
+    *,
+    trackers: Sequence[str],
+    rig_path: Path | None = None,
+    changes: Sequence[str] = (),
+    seed: int | None = None,
+    out: Path | None = None,
+    video: bool = True,
+    bag_copy: Path | None = None,
+    on_progress: OnProgress = lambda what, done, total: None,
+    on_warning: OnWarning = lambda warning: None,
+) -> RunResult:
+    """Track a recording into `out`: tracks, report, and metrics where the bag holds truth.
+
+    The default folder is out/<its name>, for the twin's out/<its run>-tracked. `changes`: overrides like
+    'trackers.NAME.field=value'; `seed`: of trackers that draw at random (default: that of the run that wrote the bag,
+    else 0); `bag_copy`: where to write a copy of the recording that holds the tracks too. A class (`module:Class`) is taken
+    from `trackers` and `changes`, never from the bag. Raises InputError for bad input, before anything is written, and
+    PlugInError when every tracker has failed; where others are left, the result says which did.
+    """
+    bag = Recording(recording, rig_path)
+    scenario = scenario_of(bag)
+    names = list(trackers)
+    chosen = chosen_trackers(bag, scenario, names, changes)
+    if bag_copy is not None:
+        check_copy(recording, bag_copy)
+    seed = seed if seed is not None else scenario.seed if scenario is not None else 0
+    folder = out if out is not None else _default_folder(recording, bag)
+    command = _command(recording, names, rig_path, changes, seed)
+    with out_folder(folder, [*(f"tracks/{file_name(name)}.csv" for name in names), "report.html", *_BESIDES]) as place:
+        return _track(bag, scenario, chosen, seed, place, video, bag_copy, command, on_progress, on_warning)
+
+
+def _track(
+    bag: Recording,
+    scenario: Scenario | None,
+    chosen: Sequence[ChosenTracker],
+    seed: int,
+    out: OutFolder,
+    video: bool,
+    bag_copy: Path | None,
+    command: str,
+    on_progress: OnProgress,
+    on_warning: OnWarning,
+) -> RunResult:
+    folder, recording = out.path, bag.path
+    title = scenario.name if scenario is not None else recording.stem
+    truth_frames = list(bag.truth())
+    truth = truth_table(truth_frames, str(recording)) if truth_frames else None
+    person_names = {number: name for number, name in enumerate(scenario.people, start=1)} if scenario else None
+    outline = _outline(scenario)
+    faults = scenario.faults if scenario is not None else {}
+    place = Place(bag.rig, outline, person_names, None if outline else ScanDensity(bag.rig))
+
+    with feed(
+        folder,
+        bag.rig,
+        bag.background,
+        chosen,
+        seed,
+        video_hz=_rate_hz(bag) if video else None,
+        title=title,
+        outline=outline,
+        person_names=person_names,
+    ) as fed:
+        frames: list[tuple[str, TrackFrame]] = []
+        if bag_copy is not None:
+            fed.on_frame = lambda name, frame: frames.append((name, frame))
+        warnings = left_alone(fed.at_work, faults)
+        for warning in warnings:
+            on_warning(warning)
+        untold = deque(truth_frames)
+        start = time.perf_counter()
+        for observation in _counted(bag.observations(), bag.observation_count, on_progress):
+            if isinstance(observation, LaserScan) and place.scans is not None:
+                place.scans.add(observation)
+            while fed.shown is not None and untold and untold[0].stamp_ns <= observation.stamp_ns:
+                fed.shown.tell(untold.popleft())
+            fed.observe(observation)
+        fed.finish()
+        spent_s = time.perf_counter() - start
+        out.announce()
+
+    duration_s = scenario.duration_s if scenario is not None else bag.duration_s
+    facts = RunFacts(
+        title=title,
+        description=f"recorded in {recording.name}",
+        seed=seed,
+        duration_s=duration_s,
+        realtime_factor=duration_s / spent_s,
+        versions=versions(None),
+        command=command,
+        notes=(*tracker_notes(fed.at_work, faults), *(SIMPLIFICATIONS if bag.is_twin else ())),
+    )
+    result = write_results(folder, facts, evaluate_trackers(folder, fed.at_work, truth), fed, truth, place)
+    out.finish(
+        list(result.files.values()),
+        kept=("recording.mcap", "truth.csv", "truth_people.csv", "truth_feet.csv", *DETAIL_FILES, "scenario.yaml"),
+    )
+    files = result.files
+    if bag_copy is not None:
+        names = [each.name for each in fed.at_work if not each.failure]
+        frames = [(name, frame) for name, frame in frames if name in names]
+        copy_with_tracks(recording, bag_copy, names, frames, bag.start_ns)
+        files = files | {"bag": bag_copy}
+    return replace(result, files=files, warnings=tuple(warnings))
+
+
+def _default_folder(recording: Path, bag: Recording) -> Path:
+    """Every run of the twin's leaves a recording.mcap: its folder tells them apart."""
+    name = f"{recording.resolve().parent.name}-tracked" if bag.is_twin else recording.stem
+    return Path("out") / name
+
+
+def _outline(scenario: Scenario | None) -> list[Polygon]:
+    """The plan of the room that a twin's bag was recorded in; none where the room is not on this machine."""
+    if scenario is None:
+        return []
+    try:
+        world = World(scenario)
+    except InputError:
+        return []
+    return room_outline(world.scene.model, world.empty_snapshot(0.0).data)
+
+
+def scenario_of(bag: Recording) -> Scenario | None:
+    """The scenario carried in a twin's bag."""
+    if bag.scenario_yaml is None:
+        return None
+    source = f"{bag.path}, topic /scenario"
+    return validate(Scenario, parse_yaml(bag.scenario_yaml, source, "a resolved scenario"), source)
+
+
+def chosen_trackers(
+    bag: Recording, scenario: Scenario | None, names: Sequence[str], changes: Sequence[str]
+) -> list[ChosenTracker]:
+    """The trackers called `names`, as the bag's scenario defines them, with the overrides applied; InputError for bad ones."""
+    source = "--set" if scenario is None else f"{bag.path}, topic /scenario"
+    return choose(names, _defined(scenario, names, changes), source, TrustedClasses(typed_classes(changes)))
+
+
+def _defined(scenario: Scenario | None, names: Sequence[str], changes: Sequence[str]) -> dict[str, TrackerChoice]:
+    """The trackers that the bag's scenario defines, with the overrides applied; of those that nobody asks for, none."""
+    asked = {*names, *changed_trackers(changes)}
+    content = {
+        "trackers": {
+            name: choice.model_dump(exclude_none=True) for name, choice in scenario.trackers.items() if name in asked
+        }
+        if scenario is not None
+        else {}
+    }
+    return validate(_Changeable, apply_overrides(content, changes), "--set").trackers
+
+
+class _Changeable(Strict):
+    """What `--set` may change of a recording: only the trackers."""
+
+    trackers: dict[str, TrackerChoice] = Field(default_factory=dict)
+
+
+def _rate_hz(bag: Recording) -> float:
+    """How often the main sensor reports, from its first few observations; 10 where it cannot be told."""
+    main = (each.stamp_ns for each in bag.observations() if each.sensor == bag.rig.main_sensor)
+    stamps = list(islice(main, _RATE_PROBE))
+    gaps_ns = [later - earlier for earlier, later in pairwise(stamps) if later > earlier]
+    return float(NS_PER_S / np.median(gaps_ns)) if gaps_ns else 10.0
+
+
+def _counted(observations: Iterable[Observation], total: int, on_progress: OnProgress) -> Iterator[Observation]:
+    for number, observation in enumerate(observations, start=1):
+        yield observation
+        on_progress("tracking", number, total)
+
+
+def _command(recording: Path, names: Sequence[str], rig_path: Path | None, changes: Sequence[str], seed: int) -> str:
+    """The line that tracks the recording again."""
+    parts = ["twin", "track", str(recording)]
+    for name in names:
+        parts += ["--tracker", name]
+    if rig_path is not None:
+        parts += ["--rig", str(rig_path)]
+    for change in changes:
+        parts += ["--set", change]
+    parts += ["--seed", str(seed)]
+    return shlex.join(parts)

@@ -1,0 +1,143 @@
+"""One tracker at work: fed with observations, timed, its frames written down as they come."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trackers.errors import InputError, PlugInError
+from trackers.observations import NS_PER_S, Observation
+from trackers.presets import PRESETS, make_tracker
+from trackers.rig import Rig
+from trackers.tracks import FedTracker, Tracker, TrackFrame
+from twin.recording.tables import TrackWriter, track_writer
+from twin.run.chosen_trackers import ChosenTracker
+from twin.run.plug_in_faults import plug_in_fault
+from twin.streams import stream
+
+
+class TrackerAtWork:
+    """A tracker, the file its frames go to, and what a frame costs.
+
+    A plug-in that raises is out from then on: `failure` says what happened, its file does not appear, and the others go on.
+    """
+
+    def __init__(self, chosen: ChosenTracker, rig: Rig) -> None:
+        self.name = chosen.name
+        self.tracker: Any = None
+        self.failure = ""
+        self._chosen = chosen
+        self._rig = rig
+        self._file = ExitStack()
+        self._fed: FedTracker | None = None
+        self._writer: TrackWriter | None = None
+        self._pending_ms = 0.0
+        self._frame_ms: list[float] = []
+
+    def make(self, background: Sequence[Observation], seed: int) -> None:
+        """Make the tracker; raises InputError where its name, options or class are not what they should be."""
+        rng = stream(seed, "tracker", self.name)
+        try:
+            self.tracker = make_tracker(self._chosen.target, self._rig, background, rng, self._chosen.options)
+        except (Exception, SystemExit) as error:
+            if isinstance(error, InputError):
+                raise
+            self._fail(error, "before the first observation")
+            return
+        if not isinstance(self.tracker, Tracker):
+            raise InputError(f"--tracker {self.name}: has not both update(observation) and tracks(); a tracker has")
+        self._fed = FedTracker(self.tracker, self._rig)
+
+    @property
+    def discarded(self) -> int:
+        """Observations dropped so far because they came too late or twice."""
+        return self._fed.discarded if self._fed is not None else 0
+
+    @contextmanager
+    def writing(self, path: Path) -> Iterator[None]:
+        """The frames go to this file, which is there when the block ends well and the tracker has not failed."""
+        with self._file:
+            if not self.failure:
+                self._writer = self._file.enter_context(track_writer(path))
+            yield
+
+    def update(self, observation: Observation) -> list[TrackFrame]:
+        """The frames that this observation completes, written and timed; none of a tracker that has failed."""
+        return self._frames(lambda fed: fed.update(observation))
+
+    def finish(self) -> list[TrackFrame]:
+        """The frames the tracker still held back."""
+        return self._frames(FedTracker.finish)
+
+    def _frames(self, call: Callable[[FedTracker], list[TrackFrame]]) -> list[TrackFrame]:
+        if self.failure or self._fed is None or self._writer is None:
+            return []
+        start = time.perf_counter()
+        try:
+            frames = call(self._fed)
+            self._pending_ms += 1e3 * (time.perf_counter() - start)
+        except (Exception, SystemExit) as error:
+            self._fail(error)
+            return []
+        for frame in frames:
+            try:
+                self._writer.write(frame)
+            except OSError:  # the disk's, not the tracker's
+                raise
+            except Exception as error:
+                stamp_ns = getattr(frame, "stamp_ns", None)
+                stamp = f"{stamp_ns / NS_PER_S:.3f} s" if isinstance(stamp_ns, int) else f"{stamp_ns!r}"
+                self._fail(error, f"in the frame stamped {stamp}")
+                return []
+        if frames:
+            self._frame_ms += [self._pending_ms / len(frames)] * len(frames)
+            self._pending_ms = 0.0
+        return frames
+
+    def _fail(self, error: BaseException, when: str = "") -> None:
+        """Note a plug-in's fault and drop its file; what a tracker of ours raises is our fault and stays loud."""
+        if self._chosen.target in PRESETS:
+            raise error
+        self.failure = plug_in_fault(self._chosen, self.tracker, error, when)
+        self._file.__exit__(*sys.exc_info())
+
+    def ms_per_frame(self) -> dict[str, float | None]:
+        """Mean and 95th percentile of what a frame cost [ms]; None before the first."""
+        if not self._frame_ms:
+            return {"mean": None, "p95": None}
+        return {"mean": float(np.mean(self._frame_ms)), "p95": float(np.percentile(self._frame_ms, 95))}
+
+
+def file_name(tracker: str) -> str:
+    """The name of a tracker's table without its suffix: 'my_lab.tracker:Mine' becomes 'my_lab.tracker-Mine'."""
+    return tracker.replace(":", "-").replace("/", "-")
+
+
+@contextmanager
+def trackers_at_work(
+    chosen: Sequence[ChosenTracker], rig: Rig, background: Sequence[Observation], seed: int, folder: Path
+) -> Iterator[list[TrackerAtWork]]:
+    """The chosen trackers, each writing `folder/<name>.csv` as the block runs.
+
+    Raises InputError for an unknown tracker or option, PlugInError where none can be made, before anything is written.
+    """
+    at_work = [TrackerAtWork(each, rig) for each in chosen]
+    for each in at_work:
+        each.make(background, seed)
+    check_somebody_tracks(at_work)
+    with ExitStack() as stack:
+        for each in at_work:
+            stack.enter_context(each.writing(folder / f"{file_name(each.name)}.csv"))
+        yield at_work
+
+
+def check_somebody_tracks(at_work: Sequence[TrackerAtWork]) -> None:
+    """Raise PlugInError where there were trackers and every one has failed."""
+    if at_work and all(each.failure for each in at_work):
+        raise PlugInError("\n".join(each.failure for each in at_work))

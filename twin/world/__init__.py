@@ -1,0 +1,1 @@
+"""Building the world from a scenario, and stepping it."""

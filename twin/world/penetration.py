@@ -1,0 +1,181 @@
+"""Whether bodies pass through each other or through the room: the depth of every overlap of a posed world.
+
+Overlaps are measured between MuJoCo's own geoms (`mj_geomDistance`: exact for convex shapes), after a broad phase on
+bounding spheres for all pairs at once. Of a person the geoms of group 1 count (the body and its clothes; not eyes, ears
+and mouth), of the room everything that stands still and rises above the floor. Feet on the floor are no overlap, and
+neither is what the caller allows: the chair that somebody sits on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.arrays import Array
+from twin.instant.snapshot import Snapshot, SnapshotSource
+from twin.people.body.body import GEOM_GROUP
+
+Allowed = Mapping[int, Collection[int]]
+"""For ids of people: the room's geoms that they may touch and press into."""
+
+TOLERANCE_M = 0.01
+"""Overlaps up to this depth are flesh and cloth that give way [m]."""
+LOW_M = 0.05
+"""What ends below this height belongs to the floor: rugs, marks, tiles, thresholds [m]."""
+
+_UNDER_THE_FLOOR_M = -1.0
+
+
+@dataclass(frozen=True)
+class Penetration:
+    """The deepest overlap of one person with another, or with one geom of the room, at one moment.
+
+    `person` and `other` are ids, `other` 0 for the room; `geom` and `other_geom` name what overlaps.
+    """
+
+    t: float
+    person: int
+    other: int
+    geom: str
+    other_geom: str
+    depth_m: float
+
+
+class PenetrationCheck:
+    """The overlaps of one model's people, moment by moment; made once, as it sorts the geoms."""
+
+    def __init__(self, model: mujoco.MjModel, person_of_geom: NDArray[np.int16]) -> None:
+        """`person_of_geom` (n_geom,): id of the person a geom belongs to, 0 for the room."""
+        self.model = model
+        self._owner = person_of_geom
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        self._body = np.flatnonzero((person_of_geom > 0) & (model.geom_group == GEOM_GROUP))
+        self._reach = model.geom_rbound[self._body]
+        kind = model.geom_type
+        still = (model.body_weldid[model.geom_bodyid] == 0) & (person_of_geom == 0) & (model.geom_rgba[:, 3] > 0)
+        shaped = (kind != mujoco.mjtGeom.mjGEOM_PLANE) & (kind != mujoco.mjtGeom.mjGEOM_HFIELD)
+        self._things = np.array(
+            [geom for geom in np.flatnonzero(still & shaped) if _top(model, data, int(geom)) > LOW_M], dtype=np.intp
+        )
+        upright = np.abs(data.geom_xmat[:, 8]) < 0.7
+        self._walls = np.flatnonzero(still & (kind == mujoco.mjtGeom.mjGEOM_PLANE) & upright)
+
+    def at(self, snapshot: Snapshot, allowed: Allowed | None = None, least_m: float = TOLERANCE_M) -> list[Penetration]:
+        """Overlaps deeper than `least_m` [m], in the order of ids: one a pair of people, one a person and room geom.
+
+        People far below the floor are not in the room, and overlap nothing.
+        """
+        data = snapshot.data
+        place = data.geom_xpos[self._body]
+        inside = place[:, 2] > _UNDER_THE_FLOOR_M
+        body, place, reach = self._body[inside], place[inside], self._reach[inside]
+        deepest: dict[tuple[int, int, int], Penetration] = {}
+        for first, second in self._near(data, body, place, reach):
+            person, other = int(self._owner[first]), int(self._owner[second])
+            if not other and allowed is not None and second in allowed.get(person, ()):
+                continue
+            depth = -float(mujoco.mj_geomDistance(self.model, data, first, second, 0.0, None))
+            if depth <= least_m:
+                continue
+            if 0 < other < person:
+                person, other, first, second = other, person, second, first
+            key = (person, other, 0 if other else second)
+            if key not in deepest or depth > deepest[key].depth_m:
+                names = self._name(first), self._name(second)
+                deepest[key] = Penetration(snapshot.t, person, other, *names, depth)
+        return [deepest[key] for key in sorted(deepest)]
+
+    def _near(self, data: Any, body: NDArray[np.intp], place: Array, reach: Array) -> Iterable[tuple[int, int]]:
+        """Pairs of geoms whose bounding spheres meet: a person's, then another person's or the room's."""
+        owner = self._owner[body]
+        pairs = (owner[:, None] < owner) & (_apart(place, place) < reach[:, None] + reach)
+        for first, second in np.argwhere(pairs):
+            yield int(body[first]), int(body[second])
+        things = self._things
+        touches = _apart(place, data.geom_xpos[things]) < reach[:, None] + self.model.geom_rbound[things]
+        for first, second in np.argwhere(touches):
+            yield int(body[first]), int(things[second])
+        for wall in self._walls:
+            turn = data.geom_xmat[wall].reshape(3, 3)
+            offset = (place - data.geom_xpos[wall]) @ turn
+            size = self.model.geom_size[wall, :2]
+            beside = (np.abs(offset[:, :2]) < np.where(size > 0, size, np.inf)).all(axis=1)
+            # what lies behind as a whole is in the next room, not in the wall
+            for first in np.flatnonzero(beside & (np.abs(offset[:, 2]) < reach)):
+                yield int(body[first]), int(wall)
+
+    def _name(self, geom: int) -> str:
+        return self.model.geom(geom).name or f"geom {geom}"
+
+
+def penetrations(snapshot: Snapshot, allowed: Allowed | None = None, least_m: float = TOLERANCE_M) -> list[Penetration]:
+    """Overlaps of people with each other and with the room in one snapshot, deeper than `least_m` [m]."""
+    return PenetrationCheck(snapshot.model, snapshot.person_of_geom).at(snapshot, allowed, least_m)
+
+
+@dataclass
+class PenetrationCount:
+    """What a run of moments held: how many moments, how many with an overlap, and the deepest of each pair."""
+
+    moments: int = 0
+    with_overlap: int = 0
+    deepest: dict[tuple[int, int, str], Penetration] = field(default_factory=dict)
+
+    @property
+    def depth_m(self) -> float:
+        """The deepest overlap of the run [m], 0 without any."""
+        return max((each.depth_m for each in self.deepest.values()), default=0.0)
+
+    def add(self, found: Iterable[Penetration]) -> None:
+        """Count one moment and what was found in it."""
+        self.moments += 1
+        any_found = False
+        for each in found:
+            any_found = True
+            key = (each.person, each.other, "" if each.other else each.other_geom)
+            if key not in self.deepest or each.depth_m > self.deepest[key].depth_m:
+                self.deepest[key] = each
+        self.with_overlap += any_found
+
+    def __str__(self) -> str:
+        """One line a pair, deepest first."""
+        worst = sorted(self.deepest.values(), key=lambda each: -each.depth_m)
+        lines = [
+            f"t = {each.t:.2f} s: {each.geom} {100 * each.depth_m:.1f} cm inside {each.other_geom}" for each in worst
+        ]
+        return "\n".join([f"{self.with_overlap} of {self.moments} moments hold overlaps", *lines])
+
+
+def count_penetrations(
+    world: SnapshotSource,
+    times: Iterable[float],
+    allowed: Callable[[float], Allowed] | None = None,
+    least_m: float = TOLERANCE_M,
+) -> PenetrationCount:
+    """Overlaps over a simulation, looked for at `times` [s], which rise; `allowed(t)`: what may be pressed into then."""
+    count = PenetrationCount()
+    check: PenetrationCheck | None = None
+    for t in times:
+        snapshot = world.snapshot(t)
+        if check is None or check.model is not snapshot.model:
+            check = PenetrationCheck(snapshot.model, snapshot.person_of_geom)
+        count.add(check.at(snapshot, allowed(t) if allowed is not None else None, least_m))
+    return count
+
+
+def _apart(first: Array, second: Array) -> Array:
+    """Distances (n, m) [m] between points (n, 3) and (m, 3)."""
+    return np.linalg.norm(first[:, None] - second, axis=-1)
+
+
+def _top(model: Any, data: Any, geom: int) -> float:
+    """Greatest height that a geom can reach by its bounding box [m]."""
+    middle, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
+    turn = data.geom_xmat[geom].reshape(3, 3)
+    return float(data.geom_xpos[geom, 2] + turn[2] @ middle + np.abs(turn[2]) @ half)

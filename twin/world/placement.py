@@ -1,0 +1,228 @@
+"""Whether a scenario's area and people fit into its room and between its furniture, checked before anything is built."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import ceil, hypot
+
+import numpy as np
+
+from trackers.area import Area
+from trackers.arrays import Array
+from trackers.errors import InputError
+from twin.geometry.polygon import TOLERANCE_M, leaves_at, meets_itself_at, strictly_inside
+from twin.people.crowd.crowd import planar
+from twin.people.crowd.places import nearest_free
+from twin.people.crowd.routes import CLOSE_M, Routes
+from twin.people.script.arrivals import comes_at, known_start
+from twin.people.script.recorded import curve_through
+from twin.room.furniture import Seat
+from twin.room.obstacles import KEEP_FROM_FURNITURE_M, Footprints
+from twin.scenario import Scenario
+from twin.scenario.behaviour import Bend, Leave, Look, Path, Reach, Run, Stand, Turn, Walk, Wander
+from twin.scenario.people import Person
+
+_LOOKS_EVERY_S = 0.05
+_LOOKS_EVERY_M = 0.05
+_MOST_LOOKS = 100_000
+CLEARANCE_M = 0.5
+"""Least distance between the middles of two people at the start: below it their bodies overlap [m]."""
+
+
+def check_polygon(corners: Array, field: str) -> None:
+    """Raise InputError naming the field where the polygon (k, 2) [m] crosses or touches itself."""
+    place = meets_itself_at(corners)
+    if place is not None:
+        raise InputError(
+            f"{field}: {_listed(corners)} crosses or touches itself at {_point(place)}; "
+            "corners in their order around the area, each once, are expected"
+        )
+
+
+def check_placement(scenario: Scenario, area: Array, walkable: Array, routes: Routes) -> None:
+    """Raise InputError where the tracked area or a person leaves the walkable area, somebody starts in furniture or in
+    another, or is sent where they cannot go.
+
+    area, walkable: simple polygons (k, 2) in the room frame [m]; routes: the ways between the furniture.
+    """
+    source = f"scenario {scenario.name!r}"
+    for corner, after in zip(area, np.roll(area, -1, axis=0), strict=True):
+        _check_edge(walkable, corner, after, f"{source}: area")
+    for name, person in scenario.people.items():
+        _check_person(person, walkable, routes, f"{source}: people.{name}")
+    placed: dict[str, Array] = {}
+    for name, person in scenario.people.items():
+        start = known_start(person)
+        if start is None:
+            continue
+        here = np.array(start)
+        field = f"{source}: people.{name}.{_start_field(person)}: {_point(here)}"
+        if person.script and isinstance(person.script[0], Wander) and not strictly_inside(area, here):
+            raise InputError(f"{field} is not inside the area that a wanderer stays in; {_within(area)} is expected")
+        if comes_at(person) > 0 or _keeps_path(person):
+            continue  # who comes later waits for a free place, and recorded paths are as they are
+        for other, there in placed.items():
+            distance = float(np.linalg.norm(here - there))
+            if distance < CLEARANCE_M:
+                raise InputError(
+                    f"{field} is {distance:.2f} m from {other!r}, who starts at {_point(there)}: their bodies overlap; "
+                    f"at least {CLEARANCE_M} m between people is expected"
+                )
+        placed[name] = here
+
+
+def check_free(place: Array, routes: Routes, field: str, clear_m: float = KEEP_FROM_FURNITURE_M) -> None:
+    """Raise InputError naming the field and the furniture where a place (2,) [m] is in, or within `clear_m` of, some."""
+    gaps = Footprints(routes.obstacles).gaps(planar(place[None]))[1][0]
+    if not len(gaps) or gaps.min() >= clear_m - TOLERANCE_M:
+        return
+    furniture = routes.obstacles[int(gaps.argmin())].furniture
+    where = f"inside {furniture!r}" if gaps.min() <= 0 else f"only {gaps.min():.2f} m from {furniture!r}"
+    free = nearest_free(place, routes.area, routes.obstacles, clear_m)
+    instead = f", {_point(free)} for instance," if free is not None else ""
+    clear = f"at least {clear_m:g} m from furniture" if clear_m > 0 else "outside of furniture"
+    raise InputError(f"{field}: {_point(place)} is {where}; a place {clear}{instead} is expected")
+
+
+def check_way(start: Array, goal: Array, routes: Routes, field: str) -> None:
+    """Raise InputError naming the field where furniture leaves no way from start to goal (2,) [m]."""
+    if routes.way(start, goal) is None:
+        raise InputError(
+            f"{field}: furniture leaves no way from {_point(start)} to {_point(goal)}; places that a gap of "
+            f"{2 * KEEP_FROM_FURNITURE_M:g} m leads to are expected"
+        )
+
+
+def check_seat(seat: Seat, gap_m: float, routes: Routes, field: str) -> None:
+    """Raise InputError naming the field where nobody can come to the place `gap_m` [m] before a seat."""
+    place = seat.before(gap_m)
+    if routes.reachable(place):
+        return
+    gaps = Footprints(routes.obstacles).gaps(planar(place[None]))[1][0]
+    others = [
+        (gap, each.furniture)
+        for gap, each in zip(gaps, routes.obstacles, strict=True)
+        if each.furniture != seat.furniture
+    ]
+    blocked = f", {min(others)[1]!r} is in the way" if others else ""
+    raise InputError(
+        f"{field}: nobody can come to {_point(place)}, before the seat {seat.name!r}{blocked}; a seat with a free place "
+        "before it is expected"
+    )
+
+
+def _check_person(person: Person, walkable: Array, routes: Routes, field: str) -> None:
+    """Raise InputError where a start, a waypoint or the way between two lies outside the walkable area or in furniture."""
+    here = None if person.start is None else np.array(person.start)
+    if here is not None:
+        _check_place(here, walkable, routes, f"{field}.start", KEEP_FROM_FURNITURE_M)
+    for number, action in enumerate(person.script):
+        where = f"{field}.{_script_field(person, number)}"
+        match action:
+            case Walk(waypoints=waypoints, repeat=repeat) | Run(waypoints=waypoints, repeat=repeat):
+                stops = [np.array(waypoint) for waypoint in waypoints]
+                for place, stop in enumerate(stops):
+                    begins = place == number == 0 and person.start is None
+                    clear_m = KEEP_FROM_FURNITURE_M if begins else CLOSE_M
+                    _check_place(stop, walkable, routes, f"{where}.waypoints.{place}", clear_m)
+                ways = [*([here] if here is not None else []), *stops, *(stops[:1] if repeat else [])]
+                for before, after in pairwise(ways):
+                    check_way(before, after, routes, f"{where}.waypoints")
+                here = stops[-1]
+            case Leave(to=to):
+                _check_place(np.array(to), walkable, routes, f"{where}.to", CLOSE_M)
+            case Path(points=points):
+                _check_path(np.array(points), walkable, routes, f"{where}.points")
+            case Stand() | Turn() | Bend() | Reach() | Look():
+                pass
+            case _:
+                here = None  # who wanders, follows or sits goes on from somewhere else
+
+
+def _check_place(place: Array, walkable: Array, routes: Routes, field: str, clear_m: float) -> None:
+    _check_point(walkable, place, field)
+    check_free(place, routes, field, clear_m)
+
+
+def _check_path(points: Array, walkable: Array, routes: Routes, field: str) -> None:
+    """Raise InputError naming where a recorded path (k, 3) t, x, y, or the curve through it, is in a wall or in furniture.
+
+    What lies before the start is nobody's way.
+    """
+    area = Area(walkable, TOLERANCE_M)
+    curve = curve_through(points)
+    leaves = np.flatnonzero((points[:, 0] >= 0) & ~area.contains(points[:, 1:]))[:1]
+    t = _times_along(points[: leaves[0] + 1] if leaves.size else points)
+    places = curve(t)
+    for number in np.flatnonzero(~area.contains(places))[:1]:
+        _check_point(walkable, places[number], _moment(points, float(t[number]), field))
+    if len(routes.obstacles):
+        inside = Footprints(routes.obstacles).gaps(planar(places))[1].min(axis=1) <= 0
+        for number in np.flatnonzero(inside)[:1]:
+            check_free(places[number], routes, _moment(points, float(t[number]), field), 0.0)
+
+
+def _times_along(points: Array) -> Array:
+    """When to look at a path (k, 3) t, x, y from t = 0 on: the rows, and between two as often as time and way ask for."""
+    looks = []
+    for (t, x, y), (t2, x2, y2) in pairwise(points):
+        if t2 > 0:
+            # between two rows a monotone cubic is at most three times as fast as the straight line
+            steps = min((t2 - t) / _LOOKS_EVERY_S, 3 * hypot(x2 - x, y2 - y) / _LOOKS_EVERY_M)
+            looks.append(np.linspace(max(t, 0.0), t2, min(max(1, ceil(steps)), _MOST_LOOKS), endpoint=False))
+    return np.concatenate([*looks, points[-1:, 0]])
+
+
+def _moment(points: Array, t: float, field: str) -> str:
+    """Where on a path: at a row, or between two."""
+    row = int(np.searchsorted(points[:, 0], t))
+    if points[row, 0] == t:
+        return f"{field}.{row}, at {t:g} s"
+    return f"{field}, between {row - 1} and {row}, at {t:g} s"
+
+
+def _keeps_path(person: Person) -> bool:
+    return bool(person.script) and isinstance(person.script[0], Path)
+
+
+def _check_point(walkable: Array, place: Array, field: str) -> None:
+    if not Area(walkable, TOLERANCE_M).contains(place[None])[0]:
+        raise InputError(
+            f"{field}: {_point(place)} is outside the room's walkable area; {_within(walkable)} is expected"
+        )
+
+
+def _check_edge(walkable: Array, here: Array, after: Array, field: str) -> None:
+    outside = leaves_at(walkable, here, after)
+    if outside is not None:
+        raise InputError(
+            f"{field}: the edge from {_point(here)} to {_point(after)} is outside the room's walkable area at {_point(outside)}; "
+            f"{_within(walkable)} is expected"
+        )
+
+
+def _start_field(person: Person) -> str:
+    if person.start is not None:
+        return "start"
+    return f"{_script_field(person, 0)}.{'points' if _keeps_path(person) else 'waypoints'}.0"
+
+
+def _script_field(person: Person, number: int) -> str:
+    """A script of one action is written without brackets."""
+    return "script" if len(person.script) == 1 else f"script.{number}"
+
+
+def _within(area: Array) -> str:
+    """Where one may be, in words: a range each for a rectangle along the axes, else the corners."""
+    low, high = area.min(axis=0), area.max(axis=0)
+    if len(area) == 4 and ((area == low) | (area == high)).all():
+        return f"x {low[0]:g} to {high[0]:g} m, y {low[1]:g} to {high[1]:g} m"
+    return f"a place in the polygon {_listed(area)}"
+
+
+def _listed(corners: Array) -> str:
+    return f"[{', '.join(_point(corner) for corner in corners)}]"
+
+
+def _point(place: Array) -> str:
+    return f"[{place[0]:.6g}, {place[1]:.6g}]"

@@ -1,0 +1,215 @@
+"""The compiled scene: a room, its people attached, and which geom, joint and site belongs to whom."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.errors import InputError
+from twin import models
+from twin.geometry.geom_hull import check_extent
+from twin.instant.feet import FootShapes
+from twin.people.body.appearance import Appearance, appearance_of
+from twin.people.casts import casts_of
+from twin.people.crowd.ground import Ground
+from twin.people.crowd.routes import Routes
+from twin.people.population import Population
+from twin.people.posture.measures import BodyMeasures
+from twin.room.files import room_files
+from twin.room.floor import check_floor_under, floor_hull, floor_of
+from twin.room.furniture import Bed, Seat, furniture_of
+from twin.room.obstacles import OBSTACLE_REACH_M, Obstacle, obstacles_of, within_reach
+from twin.room.walkable import walkable_area
+from twin.scenario import Scenario
+from twin.scenario.behaviour import Lie, Sit
+from twin.streams import stream
+from twin.world.bodies import Bodies, compiled, what_is_wrong
+from twin.world.placement import check_placement, check_polygon, check_seat
+
+_BEFORE_SEAT_M = 0.2
+"""Where one stands to sit down, about, before the front edge [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A room, its people, and the bodies of those of them who have one.
+
+    `ids` gives each person's id (1, 2, ... in the order listed); arrays over people are in the order of `names`
+    (sorted), so that listing people in another order changes ids and nothing else.
+    """
+
+    room: mujoco.MjSpec
+    """The room without anybody."""
+    room_file: Path
+    area: NDArray[np.float64]  # (k, 2) tracked area, polygon in the room frame [m]
+    walkable: NDArray[np.float64]  # (k, 2) where a body's middle may go, as the room says or from its geometry
+    floor: NDArray[np.float64]  # (k, 2) hull of the room's floor, polygon in the room frame [m]
+    ground: Ground
+    names: tuple[str, ...]
+    appearances: dict[str, Appearance]
+    ids: dict[str, int]
+    bodies: Bodies
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The room and the bodies, compiled."""
+        return self.bodies.model
+
+    @property
+    def person_of_geom(self) -> NDArray[np.int16]:
+        """The id of the person a geom belongs to, 0 for the room, (n_geom,)."""
+        return self.bodies.person_of_geom
+
+    def with_bodies(self, names: Collection[str]) -> Scene:
+        """The same room and people, of whom these have bodies."""
+        looks = {name: self.appearances[name] for name in names}
+        bodies = Bodies.in_room(self.room, self.room_file, self.names, self.ids, looks)
+        bodies.model.stat.extent = self.model.stat.extent  # near and far planes stay, in a room that fixes none
+        return replace(self, bodies=bodies)
+
+
+def build_scene(scenario: Scenario) -> Scene:
+    """Compile the scenario's room with the people in it who have bodies at first (`twin.people.casts`).
+
+    Raises InputError where the room reads files outside its folder, does not compile, has no floor or nowhere to walk, or
+    the area or a person does not fit into it.
+    """
+    path = models.find("rooms", scenario.room, asked_by=f"scenario {scenario.name!r}: room")
+    spec = _room_spec(path)
+    room = compiled(spec, path)
+    floor, walkable = _where_one_walks(spec, room, path)
+    area = np.array(scenario.area, dtype=float) if scenario.area is not None else walkable
+    if scenario.area is not None:
+        check_polygon(area, f"scenario {scenario.name!r}: area")
+    furniture = furniture_of(room, path.name)
+    _check_furniture(scenario, furniture)
+    obstacles = obstacles_of(room, path.name)
+    source = f"scenario {scenario.name!r}"
+    obstacles = within_reach(obstacles, walkable, OBSTACLE_REACH_M)
+    routes = _routes(walkable, obstacles, source)
+    check_placement(scenario, area, walkable, routes)
+    _check_seats(scenario, furniture, routes)
+    ground = Ground(area, walkable, obstacles, routes, furniture, source)
+    names = tuple(sorted(scenario.people))
+    appearances = {name: appearance_of(scenario.people[name], stream(scenario.seed, "looks", name)) for name in names}
+    ids = {name: number for number, name in enumerate(scenario.people, start=1)}
+    looks = {name: appearances[name] for name in casts_of(scenario.people)[0].names}
+    return Scene(
+        room=spec,
+        room_file=path,
+        area=area,
+        walkable=walkable,
+        floor=floor_hull(floor),
+        ground=ground,
+        names=names,
+        appearances=appearances,
+        ids=ids,
+        bodies=Bodies.in_room(spec, path, names, ids, looks),
+    )
+
+
+def walkable_in(scenario: Scenario) -> NDArray[np.float64]:
+    """The walkable area of the scenario's room, polygon (k, 2) [m, room frame], without building the rest of the scene.
+
+    Raises InputError for a room that reads files outside its folder, does not compile, has no floor or nowhere to walk.
+    """
+    path = models.find("rooms", scenario.room, asked_by=f"scenario {scenario.name!r}: room")
+    spec = _room_spec(path)
+    return _where_one_walks(spec, compiled(spec, path), path)[1]
+
+
+def populate(scenario: Scenario, scene: Scene) -> Population:
+    """The scenario's people as they move, each with a stream of their own."""
+    streams = {name: stream(scenario.seed, "person", name) for name in scene.names}
+    measures = BodyMeasures.in_room(scene.model, scene.appearances, scene.bodies.names)
+    source = f"scenario {scenario.name!r}"
+    return Population(scenario.people, scene.ground, streams, scene.appearances, measures, source)
+
+
+def foot_shapes(scene: Scene) -> FootShapes:
+    """The soles of the scene's people, in the order of their names."""
+    lengths = [scene.appearances[name].proportions for name in scene.names]
+    measures = ("heel_behind_ankle", "ball_before_ankle", "shoe_length", "foot_breadth")
+    return FootShapes(*(np.array([getattr(each, measure) for each in lengths], dtype=float) for measure in measures))
+
+
+def _check_seats(scenario: Scenario, furniture: Mapping[str, Seat | Bed], routes: Routes) -> None:
+    """Raise InputError where nobody can come to a seat that a script asks for."""
+    for name, person in scenario.people.items():
+        for place, action in enumerate(person.script):
+            if isinstance(action, Sit):
+                seat = furniture[action.seat]
+                assert isinstance(seat, Seat)
+                check_seat(
+                    seat, _BEFORE_SEAT_M, routes, f"scenario {scenario.name!r}: people.{name}.script.{place}.seat"
+                )
+
+
+def _routes(walkable: NDArray[np.float64], obstacles: Sequence[Obstacle], source: str) -> Routes:
+    try:
+        return Routes(walkable, obstacles)
+    except ValueError as error:
+        raise InputError(f"{source}: room: the walkable area {error}") from error
+
+
+def _check_furniture(scenario: Scenario, furniture: Mapping[str, Seat | Bed]) -> None:
+    """Raise InputError where a script asks for a seat or bed that the room does not have."""
+    for name, person in scenario.people.items():
+        for place, action in enumerate(person.script):
+            match action:
+                case Sit(seat=asked):
+                    field, kind = "seat", Seat
+                case Lie(bed=asked):
+                    field, kind = "bed", Bed
+                case _:
+                    continue
+            if not isinstance(furniture.get(asked), kind):
+                valid = ", ".join(sorted(each for each, thing in furniture.items() if isinstance(thing, kind)))
+                raise InputError(
+                    f"scenario {scenario.name!r}: people.{name}.script.{place}.{field}: {scenario.room} has no {field} "
+                    f"{asked!r}; valid are {valid or f'none, as the room names none: a site called {field}_NAME is needed'}"
+                )
+
+
+def _room_spec(path: Path) -> mujoco.MjSpec:
+    room_files(path)  # raises for what must not be read
+    try:
+        return mujoco.MjSpec.from_file(str(path))
+    except ValueError as error:
+        raise InputError(f"{path}: is not a room ({what_is_wrong(error)}); a valid MJCF file is expected") from error
+
+
+def _where_one_walks(
+    spec: mujoco.MjSpec, room: mujoco.MjModel, path: Path
+) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
+    """The pieces (k, 2) of the room's floor and its walkable area (k, 2) [m], the room's own or from its geometry."""
+    data = mujoco.MjData(room)
+    mujoco.mj_kinematics(room, data)
+    check_extent(room, data, str(path))
+    floor = floor_of(room, data, str(path))
+    walkable = _own_walkable_area(spec, path)
+    if walkable is None:
+        return floor, walkable_area(room, data, floor, str(path))
+    check_floor_under(walkable, floor, str(path))
+    return floor, walkable
+
+
+def _own_walkable_area(spec: mujoco.MjSpec, path: Path) -> NDArray[np.float64] | None:
+    """The polygon (k, 2) [m] in the room's `<custom><numeric name="walkable_area"/>`, None where the room has none."""
+    for numeric in spec.numerics:
+        if numeric.name == "walkable_area":
+            data = np.array(numeric.data, dtype=float)
+            if len(data) < 6 or len(data) % 2:
+                raise InputError(
+                    f"{path}: walkable_area: {len(data)} numbers are not a polygon; "
+                    "x1 y1 x2 y2 ... [m] of at least 3 corners are expected"
+                )
+            corners = data.reshape(-1, 2)
+            check_polygon(corners, f"{path}: walkable_area")
+            return corners
+    return None

@@ -1,0 +1,265 @@
+"""A scenario in motion: what its sensors report, in order of arrival, and the truth as the clock passes it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import groupby
+from operator import attrgetter
+from types import TracebackType
+from typing import Self
+
+from trackers.errors import InputError
+from trackers.observations import NS_PER_S, Observation
+from trackers.rig import Rig, StereoSensor
+from twin.instant.feet import FootShapes
+from twin.instant.snapshot import Snapshot
+from twin.people.script.arrivals import too_late
+from twin.people.script.recorded import close_calls, warning_of
+from twin.recording.messages import Encoded, encode
+from twin.room.mounts import check_mount
+from twin.scenario import Scenario
+from twin.scenario.conditions import never_begins
+from twin.scenario.floor import FloorDescription, check_floor
+from twin.scenario.housings import believed_sensor, in_the_room
+from twin.scenario.sensors import CAMERA_KINDS, build_sensor
+from twin.sensors.faults import with_faults
+from twin.sensors.floor import Floor
+from twin.sensors.message_faults import MessageFaultsOf
+from twin.sensors.render import GlInfo, RendererOnDemand
+from twin.sensors.schedule import Schedule, Scheduled
+from twin.sensors.sensor import Reading, Sensor
+from twin.sensors.timed import TimedSensor
+from twin.streams import stream
+from twin.truth.boxes import SeesPeople, person_boxes
+from twin.truth.frames import Box, TruthDetail, TruthFrame
+from twin.truth.sight import sees_some_of
+from twin.truth.visibility import sensor_view
+from twin.world.scene import foot_shapes
+from twin.world.truth_details import TruthDetails
+from twin.world.world import World
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Delivered:
+    """An observation as its message, when it arrives [ns], and what only the twin knows of it.
+
+    `observation` is what a tracker reads of the message: its stamp is on the clock that the rig says. `stamp_ns` is when
+    it was truly made, whatever its clock says.
+    """
+
+    encoded: Encoded
+    arrival_ns: int
+    reading: Reading
+    observation: Observation
+    stamp_ns: int
+
+
+class Simulation:
+    """The observations of a scenario, decoded from their messages as a replay would give them; a context manager.
+
+    Iterating yields them in order of arrival, once. `rig` is what a tracker may know of the sensors, and so what the
+    scenario has it believe; `true_rig` is where they are and how they project in truth. `on_truth` is
+    called with the truth at every stamp of every sensor, in order of time, before the observation of that stamp
+    comes. `on_detail` is called with what goes with pictures, scans and situations (`twin.world.truth_details`) as they are
+    measured; without it none of that is found out. With `images=False` the cameras are left out, and nothing is rendered.
+
+    `warnings`: what can be, but is hardly meant, one sentence each.
+
+    Raises InputError for a scenario that cannot be: a person or sensor in a wall, people in each other.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        images: bool = True,
+        on_truth: Callable[[TruthFrame], object] | None = None,
+        on_detail: Callable[[TruthDetail], object] | None = None,
+    ) -> None:
+        self.scenario = scenario
+        self.world = World(scenario)
+        self._renderer = RendererOnDemand(lambda: self.world.scene.model)
+        self._descriptions = {
+            name: in_the_room(scenario, name)
+            for name, description in scenario.sensors.items()
+            if images or description.kind not in CAMERA_KINDS
+        }
+        if not self._descriptions:
+            raise InputError(
+                f"scenario {scenario.name!r}: sensors: without images none of {', '.join(scenario.sensors)} is left; "
+                "a laser or a floor, or a run with images, is expected"
+            )
+        shapes = partial(foot_shapes, self.world.scene)
+        self._sensors = {
+            name: TimedSensor(with_faults(self._healthy(name, shapes), scenario.faults, scenario.seed))
+            for name in self._descriptions
+        }
+        area = tuple((float(x), float(y)) for x, y in self.world.scene.area)
+        true = {name: sensor.rig_sensor() for name, sensor in self._sensors.items()}
+        main = scenario.main_sensor if scenario.main_sensor in true else None  # a camera, where images are left out
+        self.true_rig = Rig(sensors=true, area=area, room=scenario.room_name, main=main)
+        believed = {name: believed_sensor(self._descriptions[name], sensor) for name, sensor in true.items()}
+        self.rig = Rig(sensors=believed, area=area, room=scenario.room_name, main=main)
+        self._check_mounts()
+        self._on_truth = on_truth
+        self.views = {
+            name: view
+            for name, sensor in self.true_rig.sensors.items()
+            if (view := sensor_view(sensor, self._descriptions[name])) is not None
+        }
+        self.warnings = self._warnings()
+        self._floors = {
+            name: timed.ideal.cells_of_feet for name, timed in self._sensors.items() if isinstance(timed.ideal, Floor)
+        }
+        self._details = self._truth_details(on_detail) if on_detail is not None else None
+        scheduled = [
+            Scheduled(
+                sensor,
+                self._descriptions[name],
+                stream(scenario.seed, "sensor", name),
+                MessageFaultsOf(name, scenario.faults, scenario.seed),
+            )
+            for name, sensor in self._sensors.items()
+        ]
+        self._schedule = Schedule(scheduled, scenario.duration_s)
+        self._truth_stamps = groupby(self._schedule.events(), key=attrgetter("stamp_ns"))
+        self._next_truth = self._following_truth()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free the renderer."""
+        self._renderer.close()
+
+    def __iter__(self) -> Iterator[Observation]:
+        return (delivered.observation for delivered in self.deliveries())
+
+    def background(self) -> list[Observation]:
+        """What each sensor sees of the empty room; nothing where the scenario's background is 'none'."""
+        return [self.as_read(encoded) for encoded in self.background_messages()]
+
+    def background_messages(self) -> Iterator[Encoded]:
+        """The empty room as messages, sensor by sensor, stamped from 0 at the sensor's rate; no sensor has faults yet."""
+        if self.scenario.background == "none":
+            return
+        for name, timed in self._sensors.items():
+            rng, state = stream(self.scenario.seed, "background", name), None
+            for k in range(self.scenario.background_frames):
+                stamp_ns = round(k / self._descriptions[name].rate_hz * NS_PER_S)
+                snapshots = (self.world.empty_snapshot(stamp_ns / NS_PER_S + offset) for offset in timed.instants_s)
+                reading, state = timed.healthy.observe(stamp_ns, snapshots, state, rng)
+                yield encode(reading.observation)
+
+    def deliveries(self) -> Iterator[Delivered]:
+        """Every observation with its message and its truth, in order of arrival, once."""
+        for delivery in self._schedule.observe(self):
+            encoded = encode(delivery.reading.observation)
+            read = self.as_read(encoded)
+            yield Delivered(encoded, delivery.arrival_ns, delivery.reading, read, delivery.stamp_ns)
+        self._tell_truth_until(self.scenario.duration_s)
+        if self._details is not None:
+            self._details.finish(round(self.scenario.duration_s * NS_PER_S))
+
+    def as_read(self, encoded: Encoded) -> Observation:
+        """The observation as a tracker reads it off its message: on the clock that the rig says."""
+        observation = encoded.observation
+        offset_ns = round(self.rig.sensors[observation.sensor].time_offset_s * NS_PER_S)
+        return replace(observation, stamp_ns=observation.stamp_ns + offset_ns) if offset_ns else observation
+
+    def look(self, stamp_ns: int) -> dict[str, Observation]:
+        """What each sensor would report at one stamp, by name, outside its schedule; nothing of one that is silent then."""
+        looks = {}
+        for name, timed in self._sensors.items():
+            faults = self.scenario.faults
+            if self._descriptions[name].dropout == 1 or MessageFaultsOf(name, faults, 0).mute(stamp_ns):
+                continue
+            rng = stream(self.scenario.seed, "look", name)
+            snapshots = (self.world.snapshot(stamp_ns / NS_PER_S + offset) for offset in timed.instants_s)
+            reading, _ = timed.sensor.observe(stamp_ns, snapshots, None, rng)
+            looks[name] = encode(reading.observation).observation
+        return looks
+
+    def boxes(self, t: float) -> dict[str, tuple[Box, ...]]:
+        """The pixel boxes of the people in each camera's picture at time t [s], by name."""
+        snapshot = self.world.snapshot(t)
+        return {name: person_boxes(camera.person_image(snapshot)) for name, camera in self._cameras().items()}
+
+    def snapshot(self, t: float) -> Snapshot:
+        """The world at time t [s], after the truth of every stamp until then has been told."""
+        self._tell_truth_until(t)
+        return self.world.snapshot(t)
+
+    def gl_info(self) -> GlInfo | None:
+        """The OpenGL that renders; None in a run without cameras."""
+        return self._renderer().gl_info() if self.rig.cameras() else None
+
+    def sensor_costs(self) -> dict[str, dict[str, float | int | None]]:
+        """By sensor, how many observations were made and what one cost [ms]."""
+        return {
+            name: {"frames": timed.frames, "ms_mean": 1e3 * timed.spent_s / timed.frames if timed.frames else None}
+            for name, timed in self._sensors.items()
+        }
+
+    def _tell_truth_until(self, t: float) -> None:
+        while self._next_truth is not None and self._next_truth[0] <= t * NS_PER_S:
+            stamp_ns, sensors = self._next_truth
+            if self._on_truth is not None or self._details is not None:
+                floors = {name: cells_of for name, cells_of in self._floors.items() if name in sensors}
+                frame = self.world.truth(stamp_ns, self.views, floors)
+                if self._on_truth is not None:
+                    self._on_truth(frame)
+                if self._details is not None:
+                    self._details.people(frame, self.world.snapshot(stamp_ns / NS_PER_S))
+            self._next_truth = self._following_truth()
+
+    def _following_truth(self) -> tuple[int, set[str]] | None:
+        """The next stamp at which a sensor looks, and which do."""
+        stamp_ns, events = next(self._truth_stamps, (None, ()))
+        return None if stamp_ns is None else (stamp_ns, {event.sensor for event in events})
+
+    def _healthy(self, name: str, shapes: Callable[[], FootShapes]) -> Sensor:
+        device = stream(self.scenario.seed, "device", name)
+        return build_sensor(name, self._descriptions[name], self._renderer, shapes=shapes, device=device)
+
+    def _cameras(self) -> dict[str, SeesPeople]:
+        """The cameras without their noise, by name."""
+        return {name: timed.ideal for name, timed in self._sensors.items() if isinstance(timed.ideal, SeesPeople)}
+
+    def _truth_details(self, tell: Callable[[TruthDetail], object]) -> TruthDetails:
+        boxes_hz = self.scenario.truth.boxes_hz
+        details = TruthDetails(self.world, self.views, self._cameras(), boxes_hz, tell)
+        for timed in self._sensors.values():
+            timed.on_reading = details.look
+        return details
+
+    def _warnings(self) -> tuple[str, ...]:
+        empty, scene = self.world.empty_snapshot(0.0), self.world.scene
+        area = scene.walkable
+        blind = [
+            f"sensors.{name}.mount: the camera sees nothing of the walkable area; another place or direction is expected"
+            for name, view in self.views.items()
+            if not view.is_scanner and not sees_some_of(view, empty, area)
+        ]
+        close = warning_of(close_calls(self.scenario.people, self.scenario.duration_s))
+        late = [*too_late(self.scenario.people, self.scenario.duration_s), *never_begins(self.scenario)]
+        told = [*self.scenario.warnings, *blind, *late, *([f"people: {close}"] if close else [])]
+        return tuple(f"scenario {self.scenario.name!r}: {each}" for each in told)
+
+    def _check_mounts(self) -> None:
+        snapshot = self.world.empty_snapshot(0.0)
+        for name, sensor in self.true_rig.sensors.items():
+            field_name = f"scenario {self.scenario.name!r}: sensors.{name}"
+            description = self._descriptions[name]
+            if isinstance(description, FloorDescription):
+                check_floor(description, self.world.scene.floor, field_name)
+                continue
+            for eye_m in sensor.eyes_m() if isinstance(sensor, StereoSensor) else [sensor.room_from_sensor.translation]:
+                check_mount(snapshot.model, snapshot.data, f"{field_name}.mount.xyz", eye_m)

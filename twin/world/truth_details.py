@@ -1,0 +1,139 @@
+"""The truth beside that about everybody at a moment: boxes in pictures, people met by beams, situations of two people."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+import numpy as np
+
+from trackers.observations import NS_PER_S, LaserScan
+from twin.instant.snapshot import Snapshot, SnapshotSource
+from twin.sensors.sensor import Reading
+from twin.truth.body_outlines import BodyOutlines
+from twin.truth.boxes import SeesPeople, person_boxes
+from twin.truth.frames import BoxFrame, RayFrame, Situation, TruthDetail, TruthFrame
+from twin.truth.pairs import Pair, ordered_pairs, pairs_within
+from twin.truth.ray_runs import person_runs
+from twin.truth.situations import (
+    CORRELATED_M,
+    INTERACTION_M,
+    Held,
+    OpenSituations,
+    joined_pairs,
+)
+from twin.truth.visibility import SensorView, first_met
+from twin.world.scene import Scene
+
+
+class InhabitedWorld(SnapshotSource, Protocol):
+    """A world of people: gives the scene at any time, no farther back than their short history."""
+
+    @property
+    def scene(self) -> Scene:
+        """Who has which body in the snapshot taken last."""
+        ...
+
+
+class TruthDetails:
+    """Makes the details as sensors look, and hands each to `tell`: in the order of stamps, situations when they end.
+
+    It is told the truth of every stamp (`people`), then every reading taken at that stamp (`look`) as it is measured,
+    however late it arrives and whatever faults make of it; readings that nobody takes the trouble to make have no truth.
+
+    Simplified: of a scanner that sweeps, a hidden person is looked for at the moment of the first beam; of a camera with
+    motion blur, the box is that of the moment of the stamp.
+    """
+
+    def __init__(
+        self,
+        world: InhabitedWorld,
+        views: Mapping[str, SensorView],
+        cameras: Mapping[str, SeesPeople],
+        boxes_hz: float,
+        tell: Callable[[TruthDetail], object],
+    ) -> None:
+        """`boxes_hz`: how many of a camera's pictures a second get boxes, at most; 0: none."""
+        self._world = world
+        self._views = views
+        self._cameras = cameras
+        self._boxes_hz = boxes_hz
+        self._tell = tell
+        self._outlines = BodyOutlines(world.scene.model, world.scene.person_of_geom)
+        self._ids = np.array([world.scene.ids[name] for name in world.scene.names], dtype=np.int16)
+        self._situations = OpenSituations()
+        self._last_period: dict[str, int] = {}
+        self._near: dict[Pair, float] = {}
+        self._present = np.zeros(0, dtype=np.int16)
+        self._place_m = np.zeros((0, 2))
+
+    def people(self, frame: TruthFrame, snapshot: Snapshot) -> None:
+        """Take the truth of a stamp and the world as it is then."""
+        self._present = np.array([person.id for person in frame.people], dtype=np.int16)
+        self._place_m = np.array([(person.x, person.y) for person in frame.people], dtype=float).reshape(-1, 2)
+        self._near = pairs_within(self._present, self._place_m, INTERACTION_M)
+        interacting = {pair: Held(least_m=distance) for pair, distance in self._near.items()}
+        if snapshot.model is not self._outlines.model:
+            self._outlines = BodyOutlines(snapshot.model, snapshot.person_of_geom)
+        pairs, gaps = self._outlines.nearer(snapshot.data, self._present, CORRELATED_M)
+        ids = ordered_pairs(self._present[pairs[:, 0]], self._present[pairs[:, 1]])
+        correlated = {pair: Held(least_m=gap) for pair, gap in zip(ids, gaps.tolist(), strict=True)}
+        self._tell_all(self._situations.update("interaction", "", frame.stamp_ns, interacting))
+        self._tell_all(self._situations.update("correlated", "", frame.stamp_ns, correlated))
+
+    def look(self, sensor: str, stamp_ns: int, reading: Reading) -> None:
+        """Take a reading as it was measured at a stamp, the truth of which was the last that was told."""
+        if "person_of_ray" in reading.truth and isinstance(reading.observation, LaserScan):
+            self._scan(sensor, stamp_ns, reading, reading.observation)
+        elif sensor in self._cameras and self._is_due(sensor, stamp_ns):
+            self._boxes(sensor, stamp_ns)
+
+    def finish(self, end_ns: int) -> None:
+        """End what still holds at the end of the run."""
+        self._tell_all(self._situations.finish(end_ns))
+
+    def _tell_all(self, ended: list[Situation]) -> None:
+        for situation in ended:
+            self._tell(situation)
+
+    def _is_due(self, camera: str, stamp_ns: int) -> bool:
+        """Whether this is the camera's first picture in its period of 1 / boxes_hz."""
+        if self._boxes_hz == 0:
+            return False
+        period = int(stamp_ns * self._boxes_hz / NS_PER_S + 1e-9)
+        due = period > self._last_period.get(camera, -1)
+        self._last_period[camera] = period
+        return due
+
+    def _boxes(self, camera: str, stamp_ns: int) -> None:
+        image = self._cameras[camera].person_image(self._world.snapshot(stamp_ns / NS_PER_S))
+        self._tell(BoxFrame(stamp_ns, camera, person_boxes(image)))
+
+    def _scan(self, sensor: str, stamp_ns: int, reading: Reading, scan: LaserScan) -> None:
+        person_of_ray = reading.truth["person_of_ray"]
+        self._tell(RayFrame(stamp_ns, sensor, person_runs(person_of_ray)))
+        merged = {
+            pair: Held("hidden", self._near[pair]) for pair in self._hidden_pairs(sensor, stamp_ns, person_of_ray)
+        }
+        place = dict(zip(self._present.tolist(), self._place_m, strict=True))
+        for first, second in joined_pairs(reading.truth["range_m"], person_of_ray, scan.angle_increment_rad):
+            apart_m = float(np.hypot(*(place[first] - place[second])))
+            merged[first, second] = Held("joined", apart_m)
+        self._tell_all(self._situations.update("merged", sensor, stamp_ns, merged))
+
+    def _hidden_pairs(self, sensor: str, stamp_ns: int, person_of_ray: np.ndarray) -> list[Pair]:
+        """Pairs near each other of whom one returns no beam because of the other."""
+        unmet = set(self._present.tolist()) - set(np.unique(person_of_ray).tolist())
+        hidden = sorted(unmet & {id_ for pair in self._near for id_ in pair})
+        if not hidden:
+            return []
+        snapshot = self._world.snapshot(stamp_ns / NS_PER_S)
+        rows = np.flatnonzero(np.isin(self._ids, hidden))
+        points = snapshot.data.site_xpos[self._world.scene.bodies.point_site[rows]]
+        _, met = first_met(self._views[sensor], snapshot, points, self._ids[rows])
+        pairs = []
+        for row, whom in zip(rows, met, strict=True):
+            before = np.unique(whom[whom > 0])
+            own = np.full(before.shape, self._ids[row])
+            pairs += [pair for pair in ordered_pairs(own, before) if pair[0] != pair[1] and pair in self._near]
+        return pairs

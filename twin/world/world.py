@@ -1,0 +1,145 @@
+"""The world: the scene at any moment of the run, and the truth about it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Literal
+
+import mujoco
+import numpy as np
+
+from trackers.area import Area
+from trackers.observations import NS_PER_S
+from twin.instant.feet import Feet
+from twin.instant.snapshot import Snapshot
+from twin.people.casts import casts_of
+from twin.room.lighting import Lighting
+from twin.scenario import Scenario
+from twin.truth.frames import FootTruth, PersonTruth, TruthFrame
+from twin.truth.visibility import SensorView, visible_share
+from twin.world.scene import build_scene, populate
+
+_OUT_OF_THE_ROOM_M = -100.0
+_SIDES: tuple[Literal["left"], Literal["right"]] = ("left", "right")
+
+CellsOfFeet = Callable[[Feet], Sequence[tuple[tuple[int, ...], tuple[int, ...]]]]
+"""Of a floor: the cells that the left and right foot of each person load."""
+
+
+class World:
+    """A scene stepped on a clock: snapshots go forward in time and back by at most the people's short history."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._scenario = scenario
+        self.scene = build_scene(scenario)
+        """The scene with the bodies of those who are there or were just now; another one once others come."""
+        self._casts = casts_of(scenario.people)
+        self._cast = self._casts[0]
+        self._area = Area(self.scene.area)
+        self.population = populate(scenario, self.scene)
+        self.data = mujoco.MjData(self.scene.model)
+        self._lighting = self._lit()
+        self._ids = np.array([self.scene.ids[name] for name in self.scene.names], dtype=np.int16)
+        self._posed_at: float | None = None
+        self._feet: Feet | None = None
+
+    def snapshot(self, t: float) -> Snapshot:
+        """The world at time t [s] since the start; valid until the next snapshot is taken."""
+        self._embody(t)
+        if t != self._posed_at:
+            self.population.advance(t)
+            qpos, present, bodies = self.population.qpos(t), self.population.present(t), self.scene.bodies
+            assert bodies.there[present].all(), "whoever is in the room has a body"
+            qpos[~present, 2] = _OUT_OF_THE_ROOM_M
+            self.data.qpos[bodies.qpos_address[bodies.there]] = qpos[bodies.there]
+            self._update_poses()
+            self._lighting.apply(t)
+            self._posed_at = t
+            self._feet = self.population.feet(t)
+        return Snapshot(t, self.scene.model, self.data, self.scene.person_of_geom, self._feet)
+
+    def empty_snapshot(self, t: float) -> Snapshot:
+        """The room at time t before anybody entered: the people are taken far below the floor.
+
+        Its light is that of the scenario's start: of the changes only those at 0 s have begun.
+        """
+        bodies = self.scene.bodies
+        self.data.qpos[bodies.qpos_address[bodies.there, 2]] = _OUT_OF_THE_ROOM_M
+        self._update_poses()
+        self._lighting.apply(t, until_s=0.0)
+        self._posed_at = None
+        return Snapshot(t, self.scene.model, self.data, self.scene.person_of_geom)
+
+    def _embody(self, t: float) -> None:
+        """Give bodies to those who are in the room at time t [s], in a model of their own where some have none."""
+        if self._cast.serves(t):
+            return
+        self._cast = next(cast for cast in self._casts if t < cast.until_s)
+        self.scene = self.scene.with_bodies(self._cast.names)
+        self.data = mujoco.MjData(self.scene.model)
+        self._lighting = self._lit()
+        self._posed_at = None
+
+    def _lit(self) -> Lighting:
+        return Lighting(self.scene.model, self._scenario.lights, f"scenario {self._scenario.name!r}")
+
+    def _update_poses(self) -> None:
+        mujoco.mj_kinematics(self.scene.model, self.data)
+        mujoco.mj_camlight(self.scene.model, self.data)
+
+    def truth(
+        self, stamp_ns: int, views: Mapping[str, SensorView], floors: Mapping[str, CellsOfFeet] | None = None
+    ) -> TruthFrame:
+        """Where everybody in the room truly is at a stamp, and how much of them each sensor can see.
+
+        `floors`: the floor sensors that look at this stamp, each as a function that tells which cells each foot loads.
+        """
+        t = stamp_ns / NS_PER_S
+        snapshot = self.snapshot(t)
+        scene, pose = self.scene, self.population.truth(t)
+        head = self.data.site_xpos[scene.bodies.head_site]
+        forward = self.data.site_xmat[scene.bodies.head_site].reshape(-1, 3, 3)[:, :, 0]
+        points = self.data.site_xpos[scene.bodies.point_site]
+        inside = self._area.contains(np.stack([pose.x, pose.y], axis=-1))
+        there = pose.present
+        shares = {name: np.zeros(len(there)) for name in views}
+        for name, view in views.items():
+            shares[name][there] = visible_share(view, snapshot, points[there], self._ids[there])
+        feet = self._feet_truth(snapshot, floors or {})
+        people = [
+            PersonTruth(
+                id=int(self._ids[place]),
+                x=float(pose.x[place]),
+                y=float(pose.y[place]),
+                z=float(pose.z[place]),
+                yaw=float(pose.yaw[place]),
+                head_x=float(head[place, 0]),
+                head_y=float(head[place, 1]),
+                head_z=float(head[place, 2]),
+                head_yaw=float(np.arctan2(forward[place, 1], forward[place, 0])),
+                vx=float(pose.vx[place]),
+                vy=float(pose.vy[place]),
+                in_area=bool(inside[place]),
+                visible={name: float(share[place]) for name, share in shares.items()},
+                feet=feet[place],
+            )
+            for place in np.argsort(self._ids)
+            if pose.present[place]
+        ]
+        return TruthFrame(stamp_ns, tuple(people))
+
+    @staticmethod
+    def _feet_truth(snapshot: Snapshot, floors: Mapping[str, CellsOfFeet]) -> list[tuple[FootTruth, FootTruth]]:
+        """Both feet of everybody, in the order of the people's names."""
+        feet = snapshot.feet
+        assert feet is not None, "a snapshot of the room with its people has their feet"
+        cells = {name: cells_of(feet) for name, cells_of in floors.items()}
+        alone = [feet.height[..., None], feet.yaw[..., None], feet.load_n[..., None]]
+        numbers = np.concatenate([feet.place, *alone, feet.pressure_point], axis=-1).tolist()  # (n, 2, 7)
+
+        def foot(person: int, side: int) -> FootTruth:
+            loaded = {name: of_feet[person][side] for name, of_feet in cells.items()}
+            carries = feet.load_n[person, side] > 0
+            return FootTruth(_SIDES[side], *numbers[person][side][: None if carries else 5], cells=loaded)
+
+        return [(foot(person, 0), foot(person, 1)) for person in range(len(numbers))]
