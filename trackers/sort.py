@@ -1,7 +1,6 @@
 """Simple online and realtime tracking (Bewley et al., 2016) on the ground plane: the baseline beside every other tracker."""
 
 import numpy as np
-from filterpy.common import Q_discrete_white_noise
 from filterpy.kalman import KalmanFilter
 from pydantic import Field
 
@@ -16,13 +15,16 @@ from trackers.tracks import Track, TrackFrame
 
 
 class SortOptions(Strict):
-    acceleration_m_s2: float = Field(default=2.0, gt=0, description="standard deviation of the acceleration [m/s²]")
-    measurement_m: float = Field(default=0.15, gt=0, description="standard deviation of a measured position [m]")
+    acceleration_m_s2: float = Field(default=3.0, gt=0, description="standard deviation of the acceleration [m/s²]")
+    measurement_m: float = Field(default=0.1, gt=0, description="standard deviation of a measured position [m]")
     gate: float = Field(default=4.0, gt=0, description="largest Mahalanobis distance of a pair")
     radius_m: float = Field(default=1.0, gt=0, description="and its largest distance [m]")
     apart_m: float = Field(default=0.6, ge=0, description="no track starts nearer than this to another [m]")
+    slowdown_s: float = Field(
+        default=0.5, gt=0, description="time constant at which a coasting track's speed fades [s]"
+    )
     hits: int = Field(default=3, ge=1, description="measurements that confirm a track")
-    show_s: float = Field(default=0.3, ge=0, description="how long a coasting track is reported [s]")
+    show_s: float = Field(default=0.4, ge=0, description="how long a coasting track is reported [s]")
     coast_s: float = Field(default=2.0, ge=0, description="and when it ends; a tentative one at its first miss [s]")
 
 
@@ -33,11 +35,10 @@ class Sort:
 
     def __init__(self, rig, background=(), rng=None, **options):
         self.options = validate(SortOptions, options, "tracker sort")
-        self.groups = scanner_groups(rig, list(background))
+        self.groups, self.area = scanner_groups(rig, list(background)), Area(rig.area, 0.3) if rig.area else None
         used = tuple(name for group in self.groups.values() for name in group.names)
         self.unused_sensors = [name for name in rig.sensors if name not in used]
         self.moments = MomentGatherer(MomentRules(used, main=rig.main_sensor if rig.main_sensor in used else None))
-        self.area = Area(rig.area, 0.3) if rig.area else None
         self.people, self.ns, self.last_id, self.seen = [], 0, 0, []
 
     discarded = property(lambda self: self.moments.discarded)
@@ -63,10 +64,10 @@ class Sort:
         ]
 
     def work(self, moment):
-        options, dt, self.ns = self.options, (moment.ns - self.ns) / NS_PER_S, moment.ns
-        for p in self.people:  # x, vx, y, vy
-            p.F = np.kron(np.eye(2), [[1, dt], [0, 1]])
-            p.Q = Q_discrete_white_noise(2, dt, options.acceleration_m_s2**2, block_size=2)
+        options, last, dt, self.ns = self.options, self.ns, (moment.ns - self.ns) / NS_PER_S, moment.ns
+        for p in self.people:  # x, vx, y, vy; whoever was missed is likelier to stop than to walk on
+            p.F = np.kron(np.eye(2), [[1, dt], [0, 1 if p.ns == last else np.exp(-dt / options.slowdown_s)]])
+            p.Q = np.kron(np.eye(2), np.outer([dt**2 / 2, dt], [dt**2 / 2, dt])) * options.acceleration_m_s2**2
             p.predict()
         self.seen.append((moment.ns, {role: group.detect(moment.observations) for role, group in self.groups.items()}))
         expected = np.array([p.x[::2] for p in self.people]).reshape(-1, 2)
@@ -89,7 +90,6 @@ class Sort:
 
     def started(self, place):
         p = KalmanFilter(dim_x=4, dim_z=2)
-        p.x, p.H = np.array([place[0], 0, place[1], 0]), np.eye(4)[::2]
-        p.R, p.P = np.eye(2) * self.options.measurement_m**2, np.diag([self.options.measurement_m**2, 1.0] * 2)
-        p.id, p.ns, p.hits = 0, self.ns, 1
+        p.x, p.id, p.ns, p.hits = np.array([place[0], 0, place[1], 0]), 0, self.ns, 1
+        p.H, p.R, p.P = np.eye(4)[::2], np.eye(2) * self.options.measurement_m**2, np.diag([0.01, 1.0] * 2)
         return p
