@@ -199,7 +199,8 @@ def open_store(folder: Path, cases: Sequence[Case], facts: Mapping[str, Any], re
                     _check_same(store, cases, facts)
                     store._take_up()
             else:
-                store._define(cases)
+                with _sound(path):
+                    store._define(cases)
                 store.note(**facts)
             yield store
 
@@ -249,8 +250,9 @@ def _check_same(store: ResultStore, cases: Sequence[Case], facts: Mapping[str, A
 def _connected(path: Path) -> Iterator[sqlite3.Connection]:
     connection = sqlite3.connect(path, timeout=30)
     try:
-        connection.execute("PRAGMA journal_mode = WAL")
-        connection.execute("PRAGMA synchronous = NORMAL")
+        with _sound(path):
+            connection.execute("PRAGMA journal_mode = WAL")
+            connection.execute("PRAGMA synchronous = NORMAL")
         yield connection
     finally:
         connection.close()

@@ -2,7 +2,7 @@
 
 `python -m benchmarks.fuzz.child` answers each request on its output. Besides `twin`, a command may be one of `DIRECT`: a
 function of the Python interface, for which InputError is exit code 2 as on the command line; or
-`twin-without-simulation`, a suite's command whose workers make up what their cases gave.
+`twin-without-simulation`, a suite's command that expands, checks and notes its cases and runs none of them.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ def _run(command: list[str]) -> int:
     if command[0] == "twin":
         return _twin(command[1:])
     if command[0] == "twin-without-simulation":
-        with mock.patch("twin.suites.run.run_case", direct.made_up):
+        with mock.patch("twin.suites.run._run_cases"):
             return _twin(command[1:])
     try:
         DIRECT[command[0]](command[1:])

@@ -1,6 +1,6 @@
 """What is tried through the Python interface: observations straight into trackers, environments as trackers load them.
 
-And what a suite's worker says of a case where it is the suite that is tried, not the simulation.
+And what a suite's worker says of a case where results are needed, whichever they are.
 """
 
 from __future__ import annotations

@@ -160,7 +160,7 @@ def pedestrians(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
 
 
 def suites(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
-    """A suite; its cases are expanded and checked, and what a worker would do with them is left out."""
+    """A suite; its cases are expanded, checked and noted, but not run: a spoiled suite may well be one of thousands."""
     (folder / "small.yaml").write_text(SMALL, encoding="utf-8")
     content = rng.choice(inputs.suites)
     spoiled = spoiled_text(content, rng) if rng.random() < 0.25 else _spoiled_yaml(content, rng)

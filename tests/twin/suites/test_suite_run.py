@@ -350,6 +350,22 @@ def test_results_that_were_spoiled_are_told_in_one_sentence(
         assert "\n" not in str(error)
 
 
+@pytest.mark.parametrize("statement", ["DROP TABLE moments", "DROP TABLE cases"])
+def test_a_run_is_not_taken_up_in_a_spoiled_file(statement: str, suite: Path, tmp_path: Path) -> None:
+    run_made_up(suite, tmp_path / "out")
+    rows(tmp_path / "out", statement)
+    with pytest.raises(InputError, match="is no file of results"):
+        run_made_up(suite, tmp_path / "out", resume=True)
+
+
+def test_a_run_is_not_taken_up_in_a_damaged_file(suite: Path, tmp_path: Path) -> None:
+    run_made_up(suite, tmp_path / "out")
+    path = tmp_path / "out" / "results.sqlite"
+    path.write_bytes(path.read_bytes()[:5000])
+    with pytest.raises(InputError, match="results.sqlite: is no file of results"):
+        run_made_up(suite, tmp_path / "out", resume=True)
+
+
 def test_the_cache_command_says_how_much_and_empties(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     entry = tmp_path / "cache" / "recordings" / "0123"
     entry.mkdir(parents=True)
