@@ -109,6 +109,10 @@ class Suite(Strict):
     trackers: Annotated[tuple[TrackerName, ...], list_of(_TRACKERS, or_empty=True)] = Field(
         default=(), description="names of trackers to run on every scenario that names none"
     )
+    beside: TrackerName | None = Field(
+        default=None,
+        description="name of the tracker that all others are set beside, paired by scenario and seed; none: no such table",
+    )
     limit_s: Limit = Field(default=600.0, description="how long a case may take, recording and tracking [s]")
     set: Changes = Field(default={}, description="changes to every case of every scenario, by path")
     scenarios: Annotated[
@@ -136,6 +140,9 @@ class Suite(Strict):
                 raise ValueError(
                     f"scenarios.{number} ({entry.scenario}) has no trackers and the suite has none; one is needed"
                 )
+        named = {name for entry in self.scenarios for name in entry.trackers or self.trackers}
+        if self.beside is not None and self.beside not in named:
+            raise ValueError(f"beside: {self.beside!r} is none of the trackers; valid are {', '.join(sorted(named))}")
         return self
 
     @property

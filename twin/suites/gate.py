@@ -66,7 +66,7 @@ def run_and_judge(
         if before is not None:
             comparison = compare(before, results, tolerances_of(store.facts()))
             store.note(baseline=str(baseline.resolve()) if baseline is not None else None)
-        print_results(results)
+        print_results(results, store.facts().get("beside"))
         if comparison is not None:
             print_comparison(comparison, results, store, folder, shown=("worse",))
         files = _write(folder, store, results, comparison, before)
@@ -102,7 +102,7 @@ def show_results(folder: Path) -> None:
     """Print the table of a run, finished or not, and write its page; against its baseline, where it had one."""
     with read_store(folder) as store:
         results, facts = results_of(store), store.facts()
-        print_results(results)
+        print_results(results, store.facts().get("beside"))
         before = comparison = None
         baseline = Path(facts["baseline"]) if facts.get("baseline") else None
         if baseline is not None and baseline.is_file():

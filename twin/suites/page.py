@@ -16,6 +16,7 @@ from markupsafe import Markup
 
 from twin.recording.whole_file import whole_file
 from twin.report.palette import IDENTITY_COLOURS, hex_colour
+from twin.suites.beside import COMPARED, Beside, beside
 from twin.suites.comparison import Change, Comparison
 from twin.suites.figures import FIGURE, GATED, SHOWN, written
 from twin.suites.moments import look_at
@@ -47,6 +48,7 @@ def write_page(
             for section in _sections(results, before)
         ],
         seconds=facts["seconds"],
+        reference=facts.get("beside"),
     )
 
 
@@ -83,6 +85,7 @@ def write_comparison_page(
         looks=_looks(comparison, now, *run, path.parent) if run is not None else {},
         sections=sections,
         seconds=None,
+        reference=None,
     )
 
 
@@ -92,9 +95,11 @@ def _write(
     results: Results,
     comparison: Comparison | None,
     looks: Mapping[int, tuple[str, str]],
+    reference: str | None,
     **content: Any,
 ) -> None:
     trackers = _slots(results)
+    rows = [] if reference is None else beside(results, reference)
     page = _template().render(
         results=results,
         trackers=trackers,
@@ -105,6 +110,9 @@ def _write(
         n_compared=len(comparison.changes) if comparison is not None else 0,
         worse=[_change(each, looks) for each in comparison.worse] if comparison is not None else [],
         better=[_change(each, looks) for each in comparison.better] if comparison is not None else [],
+        reference=reference,
+        beside_figures=[FIGURE[metric] for metric in COMPARED],
+        beside_rows=[(row.tracker, row.n_case, _differences(row)) for row in rows],
         n_done=sum(len(group.seeds) for group in results.groups.values()),
         **content,
     )
@@ -179,6 +187,20 @@ def _change(change: Change, looks: Mapping[int, tuple[str, str]]) -> dict[str, A
         "allowed": "" if gone else written(metric, change.allowed),
         "look": looks.get(id(change)),
     }
+
+
+def _differences(row: Beside) -> list[tuple[str, str, str]]:
+    """Mean difference, interval and verdict of each figure of a tracker beside another."""
+    cells = []
+    for metric, found in row.differences.items():
+        if found is None:
+            cells.append(("–", "", ""))
+            continue
+        interval = (
+            "" if found.low is None else f"{written(metric, found.low, True)} to {written(metric, found.high, True)}"
+        )
+        cells.append((written(metric, found.mean, True), interval, row.verdict(metric)))
+    return cells
 
 
 def _cell(metric: str, group: Group) -> str:

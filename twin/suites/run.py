@@ -87,6 +87,7 @@ def run_suite(
     facts = {
         "suite": suite.name,
         "description": suite.description,
+        "beside": suite.beside,
         "code": whole_code(),
         "versions": {name: value for name, value in versions(None).items() if not name.startswith("gl_")},
         "changes": list(changes),

@@ -58,6 +58,7 @@ class Facts(BaseModel):
     renderers: list[str]
     strips: dict[str, FiniteFloat] = Field(default_factory=dict)
     baseline: str | None = None
+    beside: str | None = None
 
 
 FACTS = TypeAdapter(Facts)

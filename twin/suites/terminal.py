@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 
+from twin.suites.beside import COMPARED, beside
 from twin.suites.comparison import Change, Comparison
 from twin.suites.figures import FIGURE, SHOWN, written
 from twin.suites.moments import look_at
@@ -84,8 +85,8 @@ class _Clock:
         return f"about {left_s:.0f} s left" if left_s < 100 else f"about {left_s / 60:.0f} min left"
 
 
-def print_results(results: Results) -> None:
-    """The means over seeds, a row a scenario, variant and tracker, and what failed."""
+def print_results(results: Results, reference: str | None = None) -> None:
+    """The means over seeds, a row a scenario, variant and tracker; all trackers beside `reference`; and what failed."""
     table = Table()
     for name in ("scenario", "tracker", "seeds"):
         table.add_column(name)
@@ -101,6 +102,11 @@ def print_results(results: Results) -> None:
     console = _console()
     console.print(f"{results.suite}: means over seeds, gate 0.5 m", highlight=False)
     console.print(table)
+    if reference is not None:
+        console.print(
+            f"beside {reference}, paired by scenario and seed; *: the 95 % interval leaves out 0", highlight=False
+        )
+        console.print(_beside_table(results, reference))
     for case in results.failed[:_MOST_ROWS]:
         error = (case.error or "").splitlines()
         console.print(
@@ -111,6 +117,21 @@ def print_results(results: Results) -> None:
         )
     if results.unfinished:
         console.print(f"{results.unfinished} cases are not finished", highlight=False)
+
+
+def _beside_table(results: Results, reference: str) -> Table:
+    """Mean differences of every other tracker, over all scenarios together."""
+    table = Table()
+    table.add_column("tracker", no_wrap=True)
+    for name in ("cases", *(FIGURE[metric].name for metric in COMPARED)):
+        table.add_column(name, justify="right", no_wrap=True)
+    for row in beside(results, reference):
+        cells = [
+            "–" if found is None else written(metric, found.mean, True) + ("*" if row.verdict(metric) else "")
+            for metric, found in row.differences.items()
+        ]
+        table.add_row(row.tracker, str(row.n_case), *cells)
+    return table
 
 
 def print_comparison(

@@ -1,0 +1,55 @@
+"""Trackers beside one of them, paired by case."""
+
+from __future__ import annotations
+
+import pytest
+
+from trackers.errors import InputError
+from twin.suites.beside import beside
+from twin.suites.description import Suite, load_suite
+from twin.suites.results import Group, GroupKey, Results
+
+
+def results(**by_tracker: list[float | None]) -> Results:
+    """MOTA of each tracker, a seed a value; None: that case is not done. Switches are ten less a hundred times that."""
+    groups = {}
+    for tracker, values in by_tracker.items():
+        done = {
+            seed: {"mota": value, "id_switches": 100 - 100 * value}
+            for seed, value in enumerate(values)
+            if value is not None
+        }
+        groups[GroupKey("lab", "[]", tracker)] = Group("", False, done)
+    return Results("ablation", {}, (), groups)
+
+
+def test_differences_are_paired_by_seed():
+    spread = [0.1, 0.5, 0.9, 0.3, 0.7, 0.2]
+    found = {row.tracker: row for row in beside(results(ours=spread, less=[each - 0.02 for each in spread]), "ours")}
+    assert set(found) == {"less"}
+    less = found["less"]
+    assert less.n_case == 6
+    assert less.differences["mota"].mean == pytest.approx(-0.02)
+    assert less.differences["mota"].high == pytest.approx(-0.02)  # unpaired the spread would hide it
+    assert less.verdict("mota") == less.verdict("id_switches") == "worse"
+    assert less.differences["idf1"] is None and less.verdict("idf1") == ""
+
+
+def test_only_cases_that_both_have_done_count():
+    (row,) = beside(results(ours=[0.5, None, 0.7], other=[0.6, 0.9, None]), "ours")
+    assert row.n_case == 1
+    assert row.differences["mota"].mean == pytest.approx(0.1)
+    assert row.verdict("mota") == ""  # one case has no interval
+
+
+def test_no_difference_is_no_verdict():
+    (row,) = beside(results(ours=[0.5, 0.6, 0.7], other=[0.6, 0.5, 0.7]), "ours")
+    assert row.verdict("mota") == ""
+
+
+def test_a_suite_names_one_of_its_trackers(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text("name: mine\ntrackers: [sort]\nbeside: laser-imm\nscenarios: [{scenario: lab-five-people}]\n")
+    with pytest.raises(InputError, match="beside: 'laser-imm' is none of the trackers; valid are sort"):
+        load_suite(path)
+    assert isinstance(load_suite("ablation")[0], Suite)
