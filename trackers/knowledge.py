@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, overload
 
-from pydantic import Field
-
-from trackers.configuration import Strict
-from trackers.errors import InputError
+from trackers.knowledge_files import KnowledgeFiles
 from trackers.observations import Observation
 from trackers.rig import Rig
 
@@ -18,37 +15,28 @@ if TYPE_CHECKING:
     from trackers.environment import Environment
 
 
-class KnowledgeFiles(Strict):
-    """The files of what trackers may know, as a scenario or a `rig.yaml` names them: relative to the file that does."""
-
-    environment: str | None = Field(
-        default=None,
-        description="file of the empty room's walls and furniture, as `twin environment` writes; none: unknown",
-    )
-    learned: dict[str, str] = Field(
-        default={}, description="files that trackers have learned beforehand, by the name they ask for them"
-    )
-
-    def within(self, folder: Path) -> Self:
-        """The same files, absolute, of one who named them in `folder`."""
-        environment = None if self.environment is None else str((folder / self.environment).absolute())
-        learned = {name: str((folder / each).absolute()) for name, each in self.learned.items()}
-        return self.model_copy(update={"environment": environment, "learned": learned})
-
-
 @dataclass(frozen=True, eq=False)
-class Knowledge:
-    """Observations of the empty room, its environment, and what was learned beforehand.
+class Knowledge(Sequence[Observation]):
+    """What is handed to a tracker as its `background`: the observations of the empty room, in order, and more beside.
 
-    It is handed to a tracker as its `background`, and iterates over the observations of the empty room.
+    environment: the room's walls, furniture and free space, in the room frame (None: not known). learned: files that a
+    tracker has learned beforehand, by name; whoever names one may be a stranger, so it is to be read in a format that
+    runs no code (no pickle).
     """
 
-    background: tuple[Observation, ...] = ()
+    background: Sequence[Observation] = ()
     environment: Environment | None = None
     learned: Mapping[str, Path] = field(default_factory=dict)
 
-    def __iter__(self) -> Iterator[Observation]:
-        return iter(self.background)
+    def __len__(self) -> int:
+        return len(self.background)
+
+    @overload
+    def __getitem__(self, index: int) -> Observation: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Observation]: ...
+    def __getitem__(self, index: int | slice) -> Observation | Sequence[Observation]:
+        return self.background[index]
 
     @classmethod
     def of(cls, background: Iterable[Observation]) -> Knowledge:
@@ -56,23 +44,14 @@ class Knowledge:
         return background if isinstance(background, Knowledge) else cls(tuple(background))
 
     @classmethod
-    def read(cls, background: Iterable[Observation], files: KnowledgeFiles, rig: Rig, source: str) -> Knowledge:
-        """The knowledge in `files`, whose paths are absolute, for a rig.
+    def read(cls, background: Iterable[Observation], files: KnowledgeFiles, rig: Rig) -> Knowledge:
+        """The knowledge in `files`, whose paths are absolute and there, for a rig.
 
-        Raises InputError, naming `source`, for a file that is not there, and for an environment that is damaged or of
-        another room than the rig's.
+        Raises InputError for an environment that is damaged or of another room than the rig's.
         """
-        learned = {name: Path(each) for name, each in files.learned.items()}
-        for name, path in learned.items():
-            if not path.is_file():
-                raise InputError(f"{source}: knowledge.learned.{name}: there is no file {path}; a file is expected")
-        if files.environment is None:
-            return cls(tuple(background), None, learned)
-        from trackers.environment import load_environment
+        environment = None
+        if files.environment is not None:
+            from trackers.environment import load_environment
 
-        path = Path(files.environment)
-        if not path.is_file():
-            raise InputError(
-                f"{source}: knowledge.environment: there is no file {path}; one that `twin environment` wrote is expected"
-            )
-        return cls(tuple(background), load_environment(path, rig), learned)
+            environment = load_environment(Path(files.environment), rig)
+        return cls(tuple(background), environment, {name: Path(each) for name, each in files.learned.items()})

@@ -94,10 +94,13 @@ def make_tracker(
 ) -> Tracker:
     """The tracker called `name` (a preset, an entry point or `module:Class`) on a rig, ready to be fed.
 
-    background: observations of the empty room; rng: the tracker's own generator; options: laid over the preset's,
-    at every depth. Raises InputError for a name, module, class or option that does not exist, naming the valid ones.
+    background: observations of the empty room, or a `trackers.knowledge.Knowledge`, which the tracker is handed in any
+    case; rng: the tracker's own generator; options: laid over the preset's, at every depth. Raises InputError for a name,
+    module, class or option that does not exist, naming the valid ones.
     What is imported here runs: a name that a file holds is for the caller to refuse (see `twin.run.chosen_trackers`).
     """
+    from trackers.knowledge import Knowledge
+
     known = available()
     if name in known:
         preset = known[name]
@@ -109,7 +112,7 @@ def make_tracker(
         )
     maker, given = _load(preset.target, name), laid_over(preset.options, options or {})
     try:
-        return maker(rig, background, rng, **given)
+        return maker(rig, Knowledge.of(background), rng, **given)
     except TypeError as error:
         if error.__traceback__ is None or error.__traceback__.tb_next is not None:
             raise  # from within the class

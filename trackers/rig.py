@@ -21,6 +21,7 @@ from trackers.cameras.placed import PlacedCamera
 from trackers.configuration import Strict, validate
 from trackers.errors import InputError
 from trackers.force_curve import ForceCurve
+from trackers.knowledge_files import NO_FILES, KnowledgeFiles
 from trackers.plain_data import parse_yaml
 from trackers.pose import Coordinate, Pose
 from trackers.text_file import read_text
@@ -248,6 +249,11 @@ class Rig(Strict):
         description="name of the sensor at whose stamps trackers report; none: a waist scanner before a knee scanner, a "
         "fisheye, a camera, a stereo camera, a floor, the first by name",
     )
+    knowledge: KnowledgeFiles = Field(
+        default=NO_FILES,
+        description="files of what trackers may know beforehand, relative to this file; none: they go on without",
+        exclude_if=lambda files: files == NO_FILES,
+    )
 
     @model_validator(mode="after")
     def _area_is_a_polygon(self) -> Rig:
@@ -296,8 +302,9 @@ class Rig(Strict):
 
     @classmethod
     def load(cls, path: Path) -> Rig:
-        """The rig in a `rig.yaml`; raises InputError naming the file and every field at fault."""
-        return cls.parse(read_text(path, "a rig.yaml"), str(path))
+        """The rig in a `rig.yaml`, the files that it names absolute; raises InputError naming every field at fault."""
+        rig = cls.parse(read_text(path, "a rig.yaml"), str(path))
+        return rig.model_copy(update={"knowledge": rig.knowledge.within(path.parent)})
 
     @classmethod
     def parse(cls, text: str, source: str) -> Rig:

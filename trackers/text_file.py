@@ -35,3 +35,11 @@ def read_text(source: Path, expected: str, most_bytes: int | None = MOST_TEXT_BY
         return io.TextIOWrapper(io.BytesIO(content), encoding="utf-8").read()
     except UnicodeDecodeError as error:
         raise InputError(f"{source}: is not a text file in UTF-8; {expected} is expected") from error
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is a file of this path; one that no file can have (too long, a NUL in it) names none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False

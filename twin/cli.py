@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twin.environment.command import environment
+from twin.environment.command import environment as scan_environment
 from twin.interruption import heed_interrupts
 from twin.reproduce.command import reproduce
 from twin.suites.command import app as suites
@@ -49,6 +49,9 @@ Trackers = Annotated[
 AllowPlugins = Annotated[
     bool, typer.Option("--allow-plugins", help="Run the classes (module:Class) that the scenario itself names.")
 ]
+Environment = Annotated[
+    Path | None, typer.Option(metavar="FILE.npz", help="What trackers may know of the room, by `twin environment`.")
+]
 NoVideo = Annotated[bool, typer.Option("--no-video", help="Write no preview.mp4.")]
 NoLimits = Annotated[
     bool, typer.Option("--no-limits", help="Make even what is larger than limits meant to catch mistakes.")
@@ -77,6 +80,7 @@ def run(
     scenario: ScenarioName,
     tracker: Trackers = None,
     set_: Set = None,
+    environment: Environment = None,
     seed: Seed = None,
     duration: Duration = None,
     out: Out = None,
@@ -88,10 +92,11 @@ def run(
     """Simulate, record, track, evaluate and report."""
     from twin.console import print_metrics, print_paths, print_warning, progress
     from twin.run.chosen_trackers import TrustedClasses, import_from_here, typed_classes
+    from twin.run.knowledge import environment_change
     from twin.run.live import run_scenario
     from twin.scenario import load_scenario
 
-    loaded = load_scenario(scenario, _overrides(set_, seed, duration))
+    loaded = load_scenario(scenario, [*_overrides(set_, seed, duration), *environment_change(environment)])
     _tell_size(loaded, images=not no_images, limits=not no_limits)
     typed = typed_classes(set_ or [])
     import_from_here([*typed, *(tracker or [])])
@@ -159,6 +164,7 @@ def track(
     tracker: Trackers = None,
     rig: Annotated[Path | None, typer.Option(help="rig.yaml: which topic is which sensor, and where it is.")] = None,
     set_: Set = None,
+    environment: Environment = None,
     seed: Seed = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the results; default: out/<recording's name>.")] = None,
     no_video: NoVideo = False,
@@ -169,6 +175,7 @@ def track(
     """Track a recording: the twin's or a robot's."""
     from twin.console import print_metrics, print_paths, print_warning, progress
     from twin.run.chosen_trackers import import_from_here, typed_classes
+    from twin.run.knowledge import environment_change
     from twin.run.replay import track_recording
 
     import_from_here([*typed_classes(set_ or []), *(tracker or [])])
@@ -177,7 +184,7 @@ def track(
             recording,
             trackers=tracker or ["laser-fisheye-imm"],
             rig_path=rig,
-            changes=set_ or [],
+            changes=[*(set_ or []), *environment_change(environment)],
             seed=seed,
             out=out,
             video=not no_video,
@@ -199,22 +206,35 @@ def detections(
     ] = "sort",
     rig: Annotated[Path | None, typer.Option(help="rig.yaml: which topic is which sensor, and where it is.")] = None,
     set_: Set = None,
+    environment: Environment = None,
     seed: Seed = None,
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="Table to write; default: stdout.")] = None,
 ) -> None:
     """What a tracker's detector saw, as a CSV table: t,sensors,role,x,y,variance,width in the room frame [s, m, m²]."""
-    from twin.console import print_paths
+    from functools import partial
+
+    from twin.console import print_paths, print_warning
     from twin.run.chosen_trackers import import_from_here, typed_classes
     from twin.run.detections import write_detections
+    from twin.run.knowledge import environment_change
 
     import_from_here([*typed_classes(set_ or []), tracker])
+    write = partial(
+        write_detections,
+        recording,
+        tracker=tracker,
+        rig_path=rig,
+        changes=[*(set_ or []), *environment_change(environment)],
+        seed=seed,
+        on_warning=print_warning,
+    )
     if out is None:
-        write_detections(recording, sys.stdout, tracker=tracker, rig_path=rig, changes=set_ or [], seed=seed)
+        write(sys.stdout)
         return
     from twin.recording.whole_file import whole_file
 
     with whole_file(out) as file:
-        write_detections(recording, file, tracker=tracker, rig_path=rig, changes=set_ or [], seed=seed)
+        write(file)
     print_paths({"detections": out})
 
 
@@ -295,7 +315,7 @@ def check() -> None:
 
 
 app.add_typer(suites, name="suite")
-app.command(epilog="Example: twin environment home-three-people --out out/home.npz")(environment)
+app.command(epilog="Example: twin environment home-three-people --out out/home.npz")(scan_environment)
 app.command(epilog="Example: twin reproduce laser-fisheye-imm --seeds 10 --jobs 2")(reproduce)
 
 

@@ -6,6 +6,7 @@ import difflib
 from pathlib import Path
 
 from trackers.errors import InputError
+from trackers.text_file import is_file
 
 _PACKAGE = Path(__file__).parent
 MODELS = _PACKAGE / "models" if (_PACKAGE / "models").is_dir() else _PACKAGE.parent / "models"
@@ -25,10 +26,10 @@ def find(folder: str, name: str, relative_to: Path | None = None, asked_by: str 
     """
     suffix = _SUFFIX[folder]
     shipped = MODELS / folder / f"{name}{suffix}"
-    if "/" not in name and _is_file(shipped):
+    if "/" not in name and is_file(shipped):
         return shipped
     path = (relative_to or Path()) / name
-    if _is_file(path):
+    if is_file(path):
         return path
     valid = names(folder)
     close = difflib.get_close_matches(name, valid, n=1)
@@ -37,14 +38,6 @@ def find(folder: str, name: str, relative_to: Path | None = None, asked_by: str 
     raise InputError(
         f"{start}there is no {folder[:-1]} {name!r}; {hint}valid are {', '.join(valid)} or the path of a {suffix} file"
     )
-
-
-def _is_file(path: Path) -> bool:
-    """Whether there is a file of this path; one that no file can have (too long, a NUL in it) names none."""
-    try:
-        return path.is_file()
-    except (OSError, ValueError):
-        return False
 
 
 SENSOR_KINDS = {

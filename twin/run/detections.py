@@ -14,12 +14,15 @@ from typing import Any, TextIO
 
 from trackers.detections import Detection, TellsDetections
 from trackers.errors import InputError, PlugInError
+from trackers.knowledge import Knowledge
 from trackers.observations import Observation
 from trackers.presets import PRESETS
 from trackers.tracks import FedTracker, Track, TrackFrame
+from twin.progress import OnWarning
 from twin.recording.reader import Recording
 from twin.recording.tables import number_cell, seconds_cell
 from twin.run.chosen_trackers import ChosenTracker
+from twin.run.knowledge import files_for
 from twin.run.plug_in_faults import plug_in_fault
 from twin.run.replay import chosen_trackers, scenario_of
 from twin.run.tracker_at_work import TrackerAtWork
@@ -35,6 +38,7 @@ def write_detections(
     rig_path: Path | None = None,
     changes: Sequence[str] = (),
     seed: int | None = None,
+    on_warning: OnWarning = lambda warning: None,
 ) -> None:
     """Track a recording and write what the tracker's detector saw; `rig_path`, `changes`, `seed` as for `twin track`.
 
@@ -44,8 +48,11 @@ def write_detections(
     scenario = scenario_of(bag)
     seed = seed if seed is not None else scenario.seed if scenario is not None else 0
     (chosen,) = chosen_trackers(bag, scenario, [tracker], changes)
+    files, missing = files_for(bag, scenario, rig_path, changes)
+    for warning in missing:
+        on_warning(warning)
     made = TrackerAtWork(chosen, bag.rig)
-    made.make(bag.background, seed)
+    made.make(Knowledge.read(bag.background, files, bag.rig), seed)
     if made.failure:
         raise PlugInError(made.failure)
     if not isinstance(made.tracker, TellsDetections):

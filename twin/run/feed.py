@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+from trackers.knowledge import Knowledge
 from trackers.observations import Observation
 from trackers.rig import Rig
 from trackers.tracks import TrackFrame
@@ -61,7 +62,7 @@ class Feed:
 def feed(
     folder: Path,
     rig: Rig,
-    background: Sequence[Observation],
+    knowledge: Knowledge,
     chosen: Sequence[ChosenTracker],
     seed: int,
     *,
@@ -79,7 +80,7 @@ def feed(
     InputError for an unknown tracker or option.
     """
     with ExitStack() as stack:
-        at_work = stack.enter_context(trackers_at_work(chosen, rig, background, seed, folder / "tracks"))
+        at_work = stack.enter_context(trackers_at_work(chosen, rig, knowledge, seed, folder / "tracks"))
         shown = None
         if video_hz is not None:
             shown = stack.enter_context(

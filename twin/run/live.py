@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import shlex
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
 from trackers.errors import InputError
-from trackers.observations import NS_PER_S, Observation
+from trackers.knowledge import Knowledge
+from trackers.knowledge_files import NO_FILES
+from trackers.observations import NS_PER_S
 from trackers.presets import make_tracker
 from trackers.rig import Rig
 from twin.progress import OnProgress, OnWarning
@@ -24,6 +26,7 @@ from twin.report.page import RunFacts
 from twin.room.outline import room_outline
 from twin.run.chosen_trackers import NONE_TRUSTED, ChosenTracker, TrustedClasses, choose
 from twin.run.feed import feed
+from twin.run.knowledge import notes_of
 from twin.run.out_folder import OutFolder, out_folder
 from twin.run.outcome import (
     SIMPLIFICATIONS,
@@ -67,6 +70,8 @@ def run_scenario(
     names = list(trackers) if trackers is not None else list(scenario.trackers) or [DEFAULT_TRACKER]
     folder = out if out is not None else Path("out") / f"{scenario.name}-{scenario.seed}"
     chosen = choose(names, scenario.trackers, f"scenario {scenario.name}", trusted)
+    if chosen:
+        scenario.knowledge.check(f"scenario {scenario.name}")
     is_default = trackers is None and not scenario.trackers
     with out_folder(folder, _names(names, video)) as out_:
         return _run(scenario, chosen, is_default, out_, video, images, on_progress, on_warning)
@@ -98,7 +103,9 @@ def _run(
         simulation = stack.enter_context(Simulation(scenario, images=images, on_truth=tell, on_detail=tell_detail))
         scene, rig, warnings = simulation.world.scene, simulation.rig, simulation.warnings
         background = list(simulation.background_messages())
-        if is_default and (reason := _unfit(rig, map(simulation.as_read, background), scenario.seed)):
+        handed = scenario.knowledge if chosen else NO_FILES
+        knowledge = Knowledge.read(map(simulation.as_read, background), handed, rig)
+        if is_default and (reason := _unfit(rig, knowledge, scenario.seed)):
             chosen, warnings = [], (*warnings, reason)
         place = Place(
             rig,
@@ -110,7 +117,7 @@ def _run(
             feed(
                 folder,
                 rig,
-                [simulation.as_read(encoded) for encoded in background],
+                knowledge,
                 chosen,
                 scenario.seed,
                 video_hz=scenario.sensors[rig.main_sensor].rate_hz if video else None,
@@ -176,6 +183,7 @@ def _run(
             notes=(
                 *conditions_of(scenario),
                 *(f"{each}." for each in warnings),
+                *notes_of(handed),
                 *tracker_notes(fed.at_work, scenario.faults),
                 *SIMPLIFICATIONS,
             ),
@@ -188,10 +196,10 @@ def _run(
     return RunResult(metrics, files, told, failures)
 
 
-def _unfit(rig: Rig, background: Iterable[Observation], seed: int) -> str:
+def _unfit(rig: Rig, knowledge: Knowledge, seed: int) -> str:
     """Why the default tracker cannot work on this rig, as a warning; empty where it can."""
     try:
-        make_tracker(DEFAULT_TRACKER, rig, list(background), stream(seed, "tracker", DEFAULT_TRACKER))
+        make_tracker(DEFAULT_TRACKER, rig, knowledge, stream(seed, "tracker", DEFAULT_TRACKER))
     except InputError as error:
         return f"recorded without a tracker: none is named, and the default, {DEFAULT_TRACKER}, does not fit: {error}"
     return ""

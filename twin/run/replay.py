@@ -15,6 +15,8 @@ from pydantic import Field
 
 from trackers.configuration import Strict, validate
 from trackers.errors import InputError
+from trackers.knowledge import Knowledge
+from trackers.knowledge_files import KnowledgeFiles
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.plain_data import parse_yaml
 from trackers.tracks import TrackFrame
@@ -29,6 +31,7 @@ from twin.report.scan_density import ScanDensity
 from twin.room.outline import room_outline
 from twin.run.chosen_trackers import ChosenTracker, TrustedClasses, changed_trackers, choose, typed_classes
 from twin.run.feed import feed
+from twin.run.knowledge import files_for, notes_of
 from twin.run.out_folder import OutFolder, out_folder
 from twin.run.outcome import (
     SIMPLIFICATIONS,
@@ -65,28 +68,34 @@ def track_recording(
     """Track a recording into `out`: tracks, report, and metrics where the bag holds truth.
 
     The default folder is out/<its name>, for the twin's out/<its run>-tracked. `changes`: overrides like
-    'trackers.NAME.field=value'; `seed`: of trackers that draw at random (default: that of the run that wrote the bag,
-    else 0); `bag_copy`: where to write a copy of the recording that holds the tracks too. A class (`module:Class`) is taken
-    from `trackers` and `changes`, never from the bag. Raises InputError for bad input, before anything is written, and
-    PlugInError when every tracker has failed; where others are left, the result says which did.
+    'trackers.NAME.field=value' and 'knowledge.environment=FILE'; `seed`: of trackers that draw at random (default: that of
+    the run that wrote the bag, else 0); `bag_copy`: where to write a copy of the recording that holds the tracks too. A
+    class (`module:Class`) is taken from `trackers` and `changes`, never from the bag. Raises InputError for bad input,
+    before anything is written, and PlugInError when every tracker has failed; where others are left, the result says which
+    did.
     """
     bag = Recording(recording, rig_path)
     scenario = scenario_of(bag)
     names = list(trackers)
     chosen = chosen_trackers(bag, scenario, names, changes)
+    files, missing = files_for(bag, scenario, rig_path, changes)
     if bag_copy is not None:
         check_copy(recording, bag_copy)
     seed = seed if seed is not None else scenario.seed if scenario is not None else 0
     folder = out if out is not None else _default_folder(recording, bag)
     command = _command(recording, names, rig_path, changes, seed)
     with out_folder(folder, [*(f"tracks/{file_name(name)}.csv" for name in names), "report.html", *_BESIDES]) as place:
-        return _track(bag, scenario, chosen, seed, place, video, bag_copy, command, on_progress, on_warning)
+        return _track(
+            bag, scenario, chosen, files, missing, seed, place, video, bag_copy, command, on_progress, on_warning
+        )
 
 
 def _track(
     bag: Recording,
     scenario: Scenario | None,
     chosen: Sequence[ChosenTracker],
+    files: KnowledgeFiles,
+    missing: Sequence[str],
     seed: int,
     out: OutFolder,
     video: bool,
@@ -107,7 +116,7 @@ def _track(
     with feed(
         folder,
         bag.rig,
-        bag.background,
+        Knowledge.read(bag.background, files, bag.rig),
         chosen,
         seed,
         video_hz=_rate_hz(bag) if video else None,
@@ -118,7 +127,7 @@ def _track(
         frames: list[tuple[str, TrackFrame]] = []
         if bag_copy is not None:
             fed.on_frame = lambda name, frame: frames.append((name, frame))
-        warnings = left_alone(fed.at_work, faults)
+        warnings = [*missing, *left_alone(fed.at_work, faults)]
         for warning in warnings:
             on_warning(warning)
         untold = deque(truth_frames)
@@ -142,20 +151,24 @@ def _track(
         realtime_factor=duration_s / spent_s,
         versions=versions(None),
         command=command,
-        notes=(*tracker_notes(fed.at_work, faults), *(SIMPLIFICATIONS if bag.is_twin else ())),
+        notes=(
+            *notes_of(files),
+            *tracker_notes(fed.at_work, faults),
+            *(SIMPLIFICATIONS if bag.is_twin else ()),
+        ),
     )
     result = write_results(folder, facts, evaluate_trackers(folder, fed.at_work, truth), fed, truth, place)
     out.finish(
         list(result.files.values()),
         kept=("recording.mcap", "truth.csv", "truth_people.csv", "truth_feet.csv", *DETAIL_FILES, "scenario.yaml"),
     )
-    files = result.files
+    left = result.files
     if bag_copy is not None:
         names = [each.name for each in fed.at_work if not each.failure]
         frames = [(name, frame) for name, frame in frames if name in names]
         copy_with_tracks(recording, bag_copy, names, frames, bag.start_ns)
-        files = files | {"bag": bag_copy}
-    return replace(result, files=files, warnings=tuple(warnings))
+        left = left | {"bag": bag_copy}
+    return replace(result, files=left, warnings=tuple(warnings))
 
 
 def _default_folder(recording: Path, bag: Recording) -> Path:
@@ -205,9 +218,10 @@ def _defined(scenario: Scenario | None, names: Sequence[str], changes: Sequence[
 
 
 class _Changeable(Strict):
-    """What `--set` may change of a recording: only the trackers."""
+    """What `--set` may change of a recording: only the trackers, and what they are handed (see `twin.run.knowledge`)."""
 
     trackers: dict[str, TrackerChoice] = Field(default_factory=dict)
+    knowledge: KnowledgeFiles | None = None
 
 
 def _rate_hz(bag: Recording) -> float:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from trackers.errors import InputError, PlugInError
+from trackers.knowledge import Knowledge
 from trackers.observations import NS_PER_S, Observation
 from trackers.presets import PRESETS, make_tracker
 from trackers.rig import Rig
@@ -40,11 +41,11 @@ class TrackerAtWork:
         self._pending_ms = 0.0
         self._frame_ms: list[float] = []
 
-    def make(self, background: Sequence[Observation], seed: int) -> None:
+    def make(self, knowledge: Knowledge, seed: int) -> None:
         """Make the tracker; raises InputError where its name, options or class are not what they should be."""
         rng = stream(seed, "tracker", self.name)
         try:
-            self.tracker = make_tracker(self._chosen.target, self._rig, background, rng, self._chosen.options)
+            self.tracker = make_tracker(self._chosen.target, self._rig, knowledge, rng, self._chosen.options)
         except (Exception, SystemExit) as error:
             if isinstance(error, InputError):
                 raise
@@ -121,7 +122,7 @@ def file_name(tracker: str) -> str:
 
 @contextmanager
 def trackers_at_work(
-    chosen: Sequence[ChosenTracker], rig: Rig, background: Sequence[Observation], seed: int, folder: Path
+    chosen: Sequence[ChosenTracker], rig: Rig, knowledge: Knowledge, seed: int, folder: Path
 ) -> Iterator[list[TrackerAtWork]]:
     """The chosen trackers, each writing `folder/<name>.csv` as the block runs.
 
@@ -129,7 +130,7 @@ def trackers_at_work(
     """
     at_work = [TrackerAtWork(each, rig) for each in chosen]
     for each in at_work:
-        each.make(background, seed)
+        each.make(knowledge, seed)
     check_somebody_tracks(at_work)
     with ExitStack() as stack:
         for each in at_work:

@@ -13,6 +13,7 @@ from pydantic import Field
 
 from trackers.configuration import validate
 from trackers.errors import InputError
+from trackers.knowledge_files import files_within
 from trackers.merging import laid_over
 from trackers.plain_data import DEEPEST, parse_yaml, parse_yaml_value
 from trackers.text_file import read_text
@@ -40,13 +41,15 @@ def load_scenario(name: str | Path, overrides: Sequence[str] = ()) -> Scenario:
 
     `extends: NAME` starts from another scenario: mappings merge, everything else replaces, null removes an entry (among a
     tracker's options it is a value: some may be none).
-    A room or parent given by path is relative to the file that names it. Raises InputError, every fault on one line.
+    A room, parent or file of knowledge given by path is relative to the file that names it. Raises InputError, every
+    fault on one line.
     """
     path = models.find("scenarios", str(name))
     content = _read(path, ())
     content = apply_overrides(content, overrides)
     _resolve_room(content, Path(), "--set room")
     _resolve_pedestrians(content, Path())
+    _resolve_knowledge(content, Path())
     source = str(path) if not overrides else f"{path} with {' '.join(map(_said, overrides))}"
     content = _without_removed(content)
     _bring_pedestrians(content, source)
@@ -59,6 +62,7 @@ def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:
     content = parse_yaml(read_text(path, expected), str(path), expected)
     _resolve_room(content, path.parent, f"{path}: room")
     _resolve_pedestrians(content, path.parent)
+    _resolve_knowledge(content, path.parent)
     parent = content.pop("extends", None)
     if parent is None:
         check_removals(ScenarioFile, {}, content, str(path))
@@ -94,6 +98,11 @@ def _resolve_pedestrians(content: dict[str, Any], folder: Path) -> None:
         pedestrians["file"] = str(path)
 
 
+def _resolve_knowledge(content: dict[str, Any], folder: Path) -> None:
+    if "knowledge" in content:
+        content["knowledge"] = files_within(content["knowledge"], folder)
+
+
 def _bring_pedestrians(content: dict[str, Any], source: str) -> None:
     """Put the people of a file of paths beside the scenario's own; the resolved scenario holds their paths itself."""
     if "pedestrians" not in content:
@@ -118,15 +127,16 @@ def _bring_pedestrians(content: dict[str, Any], source: str) -> None:
 
 def _without_removed(content: dict[str, Any]) -> dict[str, Any]:
     """The content without entries that are null; options of trackers are the trackers' to read."""
-    kept = _without_null(content)
+    kept = without_null(content)
     if isinstance(trackers := content.get("trackers"), dict):
         kept["trackers"] = {name: choice for name, choice in trackers.items() if choice is not None}
     return kept
 
 
-def _without_null(content: Any) -> Any:
+def without_null(content: Any) -> Any:
+    """The content without entries that are null, at any depth of mappings."""
     if isinstance(content, dict):
-        return {key: _without_null(value) for key, value in content.items() if value is not None}
+        return {key: without_null(value) for key, value in content.items() if value is not None}
     return content
 
 

@@ -9,6 +9,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, model_serializer, model_validator
 
 from trackers.configuration import Strict
+from trackers.knowledge_files import NO_FILES, KnowledgeFiles
 from trackers.rig import Point2
 from twin.scenario.behaviour import PersonName, companions
 from twin.scenario.housings import Housing, check_believed, check_on_housing, check_place
@@ -90,6 +91,11 @@ class Scenario(Strict):
     )
     trackers: dict[Name, TrackerChoice] = Field(
         default={}, description="trackers with changed options, by the name to call them by"
+    )
+    knowledge: KnowledgeFiles = Field(
+        default=NO_FILES,
+        description="files of what trackers may know beforehand, relative to this file; none: they go on without",
+        exclude_if=lambda files: files == NO_FILES,
     )
     truth: TruthOptions = Field(default=TruthOptions(), description="what is kept of the truth")
     warnings: tuple[str, ...] = Field(

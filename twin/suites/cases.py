@@ -12,6 +12,7 @@ from pathlib import Path
 from pydantic import JsonValue
 
 from trackers.errors import InputError
+from trackers.knowledge_files import NO_FILES, KnowledgeFiles
 from trackers.presets import PRESETS
 from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
 from twin.run.tracker_at_work import file_name
@@ -19,9 +20,9 @@ from twin.scenario import Scenario, load_scenario
 from twin.scenario.load import dump_scenario
 from twin.scenario.model import TrackerChoice
 from twin.scenario.size import RunSize, check_size, size_of
-from twin.suites.description import Suite, find_scenario
+from twin.suites.description import Changes, Suite, find_scenario
 from twin.suites.fitness import TrackerCheck
-from twin.suites.written import as_texts, variants
+from twin.suites.written import as_texts, variants, within
 
 MOST_CASES = 5000
 
@@ -45,8 +46,28 @@ class Case:
     tracker: str
     limit_s: float
     image_based: bool
-    resolved: str  # YAML, without trackers: what is simulated
+    resolved: str  # YAML, without trackers and what they may know: what is simulated
     tracker_changes: tuple[str, ...]  # 'trackers.NAME=...' for those that the scenario defines
+    knowledge: KnowledgeFiles
+    knowledge_digest: str  # of the files' contents: a case with others is another one
+
+    @property
+    def tracking_changes(self) -> tuple[str, ...]:
+        """What is said to `twin track` of the recording: the trackers as the scenario defines them, the files they are handed."""
+        files: Changes = (
+            {} if self.knowledge == NO_FILES else {"knowledge": self.knowledge.model_dump(exclude_none=True)}
+        )
+        return (*self.tracker_changes, *as_texts(files))
+
+    def check_knowledge(self) -> None:
+        """Raise InputError where the files that trackers are handed are not there, or not those that they were."""
+        self.knowledge.check(self.id)
+        if self.knowledge.digest() != self.knowledge_digest:
+            told = ", ".join(map(str, self.knowledge.paths().values()))
+            raise InputError(
+                f"{self.id}: {told}: changed after the suite was started; --resume tracks with what it is now"
+            )
+
     size: RunSize  # of its recording
 
 
@@ -114,16 +135,16 @@ def _of_entry(
         overrides = as_texts(variant.overrides)
         told = ", ".join(_short(text) for text in as_texts(variant.own))
         try:
-            scenario = load_scenario(scenario_path, [*overrides, *changes])
+            scenario = load_scenario(scenario_path, [*as_texts(within(variant.overrides, path.parent)), *changes])
             if limits:
                 check_size(scenario)
             label = entry.name or scenario.name
-            check.check(variant, scenario, scenario_path, _title(label, told))
+            digest = check.check(variant, scenario, scenario_path, _title(label, told))
         except InputError as error:
             lines = str(error).splitlines()
             raise InputError("\n".join(f"{path}: scenarios.{number}: {line}" for line in lines)) from error
         for seed in entry.seeds or suite.seeds:
-            seeded = scenario.model_copy(update={"seed": seed, "trackers": {}})
+            seeded = scenario.model_copy(update={"seed": seed, "trackers": {}, "knowledge": NO_FILES})
             resolved = dump_scenario(seeded)
             for tracker in variant.trackers:
                 yield Case(
@@ -137,6 +158,8 @@ def _of_entry(
                     image_based=_uses_images(scenario, tracker),
                     resolved=resolved,
                     size=size_of(scenario),
+                    knowledge=scenario.knowledge,
+                    knowledge_digest=digest,
                     tracker_changes=as_texts(
                         {f"trackers.{name}": _options(choice) for name, choice in scenario.trackers.items()}
                     ),

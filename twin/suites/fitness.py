@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from trackers.environment import Environment, load_environment
 from trackers.errors import InputError
+from trackers.knowledge import Knowledge
+from trackers.knowledge_files import no_file
 from trackers.observations import Observation
 from trackers.presets import PRESETS, available, make_tracker
 from trackers.rig import Point2, Rig
@@ -37,12 +41,18 @@ class TrackerCheck:
         self._plug_ins = plug_ins
         self._trusted = trusted
         self._walkable: dict[str, tuple[Point2, ...]] = {}
+        self._environments: dict[Path, Environment] = {}
+        self._digests: dict[str, str] = {}
         self._made: dict[tuple[str, ...], list[tuple[str, str]]] = {}
         self._faults: dict[tuple[str, str], dict[str, None]] = {}  # the sentence around its titles: these
 
-    def check(self, variant: Variant, scenario: Scenario, file: Path, title: str) -> None:
-        """Look at every tracker of a variant: its scenario as resolved, the scenario's file, what to call it."""
+    def check(self, variant: Variant, scenario: Scenario, file: Path, title: str) -> str:
+        """Look at every tracker of a variant: its scenario as resolved, the scenario's file, what to call it.
+
+        Gives the digest of the files that they are handed (see `KnowledgeFiles.digest`).
+        """
         rig = self._rig(scenario)
+        knowledge = self._knowledge(variant, scenario, rig, file)
         for name, choice in scenario.trackers.items():
             if name in available() and choice.preset not in (None, name):
                 self._tell(redefined(_place(variant, file, f"trackers.{name}.preset"), name, choice.preset))
@@ -58,12 +68,18 @@ class TrackerCheck:
             elif target not in available() and not self._trusted.has(target):
                 where = _place(variant, file, f"trackers.{name}.preset") if choice.preset else listed
                 self._tell(not_trusted(where, target))
-            elif target in PRESETS or self._plug_ins:
-                for option, message in self._tried(target, rig, scenario, name):
+            elif knowledge is not None and (target in PRESETS or self._plug_ins):
+                for option, message in self._tried(target, rig, scenario, name, knowledge):
                     if option:
                         self._tell(f"{_place(variant, file, f'trackers.{name}.{option}')}: {message}")
                     else:
                         self._tell(f"{listed}: {name!r} cannot work on ", title, f": {message}")
+        key = scenario.knowledge.model_dump_json()
+        if knowledge is None:
+            return ""
+        if key not in self._digests:
+            self._digests[key] = scenario.knowledge.digest()
+        return self._digests[key]
 
     def faults(self) -> list[str]:
         """One sentence for each fault so far: the suite's file, the field as it was written, and what would be valid."""
@@ -77,11 +93,36 @@ class TrackerCheck:
     def _tell(self, start: str, title: str = "", end: str = "") -> None:
         self._faults.setdefault((start, end), {})[title] = None
 
-    def _tried(self, target: str, rig: Rig, scenario: Scenario, name: str) -> list[tuple[str, str]]:
+    def _knowledge(self, variant: Variant, scenario: Scenario, rig: Rig, file: Path) -> Knowledge | None:
+        """What trackers are handed but for the empty room; None where one of the files is not what it should be."""
+        files = scenario.knowledge
+        missing = files.missing()
+        for field, path in missing.items():
+            self._tell(f"{_place(variant, file, f'knowledge.{field}')}: {no_file(field, path)}")
+        if missing:
+            return None
+        environment = None
+        if files.environment is not None:
+            path = Path(files.environment)
+            try:
+                if path not in self._environments:
+                    self._environments[path] = load_environment(path)
+                environment = self._environments[path]
+                environment.check(str(path), room=rig.room, area=rig.area)
+            except InputError as error:
+                self._tell(f"{_place(variant, file, 'knowledge.environment')}: {error}")
+                return None
+        learned = {name: Path(each) for name, each in files.learned.items()}
+        return Knowledge((), environment, learned)
+
+    def _tried(
+        self, target: str, rig: Rig, scenario: Scenario, name: str, knowledge: Knowledge
+    ) -> list[tuple[str, str]]:
         options = scenario.trackers.get(name, TrackerChoice()).options
-        key = (target, json.dumps(options, sort_keys=True), rig.model_dump_json(), scenario.background)
+        files = scenario.knowledge.model_dump_json()
+        key = (target, json.dumps(options, sort_keys=True), rig.model_dump_json(), scenario.background, files)
         if key not in self._made:
-            self._made[key] = list(_faults(target, rig, scenario, name, options))
+            self._made[key] = list(_faults(target, rig, scenario, name, options, knowledge))
         return self._made[key]
 
     def _rig(self, scenario: Scenario) -> Rig:
@@ -106,13 +147,14 @@ def _place(variant: Variant, file: Path, field: str) -> str:
 
 
 def _faults(
-    target: str, rig: Rig, scenario: Scenario, name: str, options: Mapping[str, Any]
+    target: str, rig: Rig, scenario: Scenario, name: str, options: Mapping[str, Any], knowledge: Knowledge
 ) -> Iterator[tuple[str, str]]:
     """What keeps the tracker from being made: the option's path ("": it is no option's fault), and the message."""
     background = _EmptyRoom()
     try:
         with _silent():
-            tracker = make_tracker(target, rig, background, stream(scenario.seed, "tracker", name), options)
+            handed = replace(knowledge, background=background)
+            tracker = make_tracker(target, rig, handed, stream(scenario.seed, "tracker", name), options)
     except InputError as error:
         unlike_a_run = background.asked and scenario.background != "none"
         if target in PRESETS or not unlike_a_run:
@@ -124,15 +166,19 @@ def _faults(
         yield "", f"{type(tracker).__name__} has not both update(observation) and tracks(); a tracker has"
 
 
-class _EmptyRoom:
+class _EmptyRoom(Sequence[Observation]):
     """No observations of the empty room, and whether anybody asked for them."""
 
     def __init__(self) -> None:
         self.asked = False
 
-    def __iter__(self) -> Iterator[Observation]:
+    def __len__(self) -> int:
         self.asked = True
-        return iter(())
+        return 0
+
+    def __getitem__(self, index: Any) -> Any:
+        self.asked = True
+        return ()[index]
 
 
 def _by_option(line: str, options: Mapping[str, Any]) -> tuple[str, str]:

@@ -38,7 +38,7 @@ FILE = "results.sqlite"
 _SCHEMA = """
 CREATE TABLE facts (name TEXT PRIMARY KEY, value TEXT);
 CREATE TABLE definitions (case_id TEXT PRIMARY KEY, place INTEGER UNIQUE, scenario TEXT, variant TEXT, overrides TEXT,
-    seed INTEGER, tracker TEXT, image_based INTEGER);
+    seed INTEGER, tracker TEXT, image_based INTEGER, knowledge TEXT);
 CREATE TABLE cases (case_id TEXT PRIMARY KEY REFERENCES definitions, status TEXT, attempts INTEGER, seconds REAL,
     error TEXT);
 CREATE TABLE results (case_id TEXT REFERENCES definitions, scenario TEXT, seed INTEGER, overrides TEXT, tracker TEXT,
@@ -135,7 +135,7 @@ class ResultStore:
         self._connection.executescript(f"BEGIN IMMEDIATE;{_SCHEMA}COMMIT;")
         with self._writing():
             self._connection.executemany(
-                "INSERT INTO definitions VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+                "INSERT INTO definitions VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
                 [
                     (
                         case.id,
@@ -146,6 +146,7 @@ class ResultStore:
                         case.seed,
                         case.tracker,
                         case.image_based,
+                        case.knowledge_digest,
                     )
                     for place, case in enumerate(cases)
                 ],
@@ -154,9 +155,20 @@ class ResultStore:
                 "INSERT INTO cases VALUES (?, ?, 0, NULL, NULL)", [(case.id, WAITING) for case in cases]
             )
 
-    def _take_up(self) -> None:
-        """What was running when the run was killed, and what failed, is to be done anew."""
+    def _take_up(self, cases: Sequence[Case]) -> None:
+        """What was running when the run was killed, what failed, and whose files of knowledge changed, is to be done anew."""
+        held = dict(self._connection.execute("SELECT case_id, knowledge FROM definitions"))
+        changed = [(case.id,) for case in cases if held[case.id] != case.knowledge_digest]
         with self._writing():
+            self._connection.executemany("DELETE FROM results WHERE case_id = ?", changed)
+            self._connection.executemany("DELETE FROM moments WHERE case_id = ?", changed)
+            self._connection.executemany(
+                "UPDATE cases SET status = ? WHERE case_id = ?", [(WAITING, case_id) for (case_id,) in changed]
+            )
+            self._connection.executemany(
+                "UPDATE definitions SET knowledge = ? WHERE case_id = ?",
+                [(case.knowledge_digest, case.id) for case in cases],
+            )
             self._connection.execute(
                 "UPDATE cases SET status = ?, attempts = 0, seconds = NULL, error = NULL WHERE status != ?",
                 (WAITING, DONE),
@@ -180,7 +192,8 @@ class ResultStore:
 def open_store(folder: Path, cases: Sequence[Case], facts: Mapping[str, Any], resume: bool) -> Iterator[ResultStore]:
     """The results in `folder`, ours alone as long as the block runs.
 
-    A new file holds the cases and `facts`; with `resume` an earlier one is taken up, where there is one. Raises
+    A new file holds the cases and `facts`; with `resume` an earlier one is taken up, where there is one; cases whose files
+    of knowledge have changed since are done anew. Raises
     InputError where another process writes there, where there are results and none were to be taken up, and where those
     are of other cases, or of another suite, other changes or other code.
     """
@@ -197,7 +210,7 @@ def open_store(folder: Path, cases: Sequence[Case], facts: Mapping[str, Any], re
             if exists and _is_defined(connection, path):
                 with _sound(path):
                     _check_same(store, cases, facts)
-                    store._take_up()
+                    store._take_up(cases)
             else:
                 with _sound(path):
                     store._define(cases)

@@ -77,7 +77,8 @@ class CaseResult:
 def run_case(work: CaseWork) -> CaseResult:
     """Record where the cache has no recording, track, evaluate.
 
-    Raises InputError for a scenario or tracker that cannot be, and where this process runs other code than the suite.
+    Raises InputError for a scenario or tracker that cannot be, for files of knowledge that are not those of the suite's
+    start, and where this process runs other code than the suite.
     """
     if work.code != whole_code():
         raise InputError(
@@ -85,6 +86,7 @@ def run_case(work: CaseWork) -> CaseResult:
             "expected"
         )
     case = work.case
+    case.check_knowledge()
     scenario = resolved_scenario(case)
     start = time.perf_counter()
     renderer = renderer_of(scenario)
@@ -96,7 +98,7 @@ def run_case(work: CaseWork) -> CaseResult:
             result = track_recording(
                 entry / RECORDING,
                 trackers=[case.tracker],
-                changes=case.tracker_changes,
+                changes=case.tracking_changes,
                 seed=case.seed,
                 out=folder,
                 video=False,

@@ -1,0 +1,108 @@
+"""What a tracker may know: one value that trackers written for observations of the empty room alone can take as those."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from box_room import box_room_cloud
+from synthetic_room import empty_room, rig
+
+from trackers.environment import build_environment, save_environment
+from trackers.errors import InputError
+from trackers.knowledge import Knowledge
+from trackers.knowledge_files import NO_FILES, KnowledgeFiles
+from trackers.presets import make_tracker
+from trackers.rig import LaserSensor, Rig
+
+AREA = ((-1.8, -1.3), (1.8, -1.3), (1.8, 1.3), (-1.8, 1.3))
+EMPTY = empty_room(np.random.default_rng(0), 2)
+ON = Rig(sensors={"low": LaserSensor(topic="/low/scan")}, area=AREA, room="boxes")
+
+
+@pytest.fixture(scope="module")
+def boxes(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("environment") / "boxes.npz"
+    save_environment(build_environment(box_room_cloud(step_deg=1.0), room="boxes", area=AREA), path)
+    return path
+
+
+@pytest.fixture
+def plug_in(tmp_path, monkeypatch) -> str:
+    (tmp_path / "lab_that_knows.py").write_text(
+        "class Mine:\n"
+        "    def __init__(self, rig, background, rng, **options): self.given = background\n"
+        "    def update(self, observation): return []\n"
+        "    def tracks(self): return []\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    return "lab_that_knows:Mine"
+
+
+@pytest.mark.parametrize(
+    "background", [EMPTY, tuple(EMPTY), iter(EMPTY), Knowledge(EMPTY)], ids=lambda each: type(each).__name__
+)
+def test_a_tracker_can_use_what_it_is_handed_as_the_list_that_it_was(plug_in, background):
+    given = make_tracker(plug_in, rig(), background).given
+    assert list(given) == list(given) == EMPTY
+    assert len(given) == len(EMPTY) and given[0] is EMPTY[0] and list(given[1:]) == EMPTY[1:]
+    assert given.environment is None and given.learned == {}
+    assert not make_tracker(plug_in, rig()).given
+
+
+def test_an_environment_and_what_was_learned_stand_beside(plug_in, boxes):
+    knowledge = Knowledge.read(EMPTY, KnowledgeFiles(environment=str(boxes), learned={"heads": "/heads.npz"}), ON)
+    given = make_tracker(plug_in, rig(), knowledge).given
+    assert given is knowledge and given.environment.room == "boxes"
+    assert given.learned == {"heads": Path("/heads.npz")}
+
+
+def test_an_environment_of_another_room_or_damaged_is_refused(boxes, tmp_path):
+    files = KnowledgeFiles(environment=str(boxes))
+    with pytest.raises(InputError, match="is of the room 'boxes'; one of 'lab' is expected"):
+        Knowledge.read((), files, ON.model_copy(update={"room": "lab"}))
+    cut = tmp_path / "cut.npz"
+    cut.write_bytes(boxes.read_bytes()[:-500])
+    with pytest.raises(InputError, match=r"cut\.npz: is not an \.npz, or a damaged one"):
+        Knowledge.read((), KnowledgeFiles(environment=str(cut)), ON)
+
+
+def test_files_are_relative_to_who_names_them(tmp_path):
+    files = KnowledgeFiles(environment="a.npz", learned={"x": "sub/b.npz", "y": "/c.npz"}).within(tmp_path)
+    assert files.paths() == {
+        "environment": tmp_path / "a.npz",
+        "learned.x": tmp_path / "sub/b.npz",
+        "learned.y": Path("/c.npz"),
+    }
+    (tmp_path / "a.npz").touch()
+    assert list(files.missing()) == ["learned.x", "learned.y"]
+    assert files.without(files.missing()).paths() == {"environment": tmp_path / "a.npz"}
+    with pytest.raises(InputError, match=r"who: knowledge\.learned\.x: there is no file .*b\.npz; .* is expected"):
+        files.check("who")
+
+
+@pytest.mark.parametrize("name", ["a\0b", "n" * 5000, ".", ""])
+def test_a_path_that_no_file_can_have_is_a_file_that_is_not_there(name, tmp_path):
+    assert list(KnowledgeFiles(environment=name).within(tmp_path).missing()) == ["environment"]
+
+
+def test_the_digest_follows_the_contents_and_what_they_are_for(tmp_path):
+    one, other = tmp_path / "one", tmp_path / "other"
+    one.write_bytes(b"1")
+    other.write_bytes(b"1")
+    digest = KnowledgeFiles(environment=str(one)).digest()
+    assert digest == KnowledgeFiles(environment=str(other)).digest() != NO_FILES.digest() == ""
+    assert digest != KnowledgeFiles(learned={"x": str(one)}).digest()
+    one.write_bytes(b"2")
+    assert digest != KnowledgeFiles(environment=str(one)).digest()
+
+
+def test_a_rig_file_names_files_beside_itself_and_one_without_is_written_as_ever(tmp_path):
+    path = tmp_path / "rig.yaml"
+    path.write_text("sensors: {low: {kind: laser, topic: /scan}}\nknowledge: {environment: room.npz}\n")
+    assert Rig.load(path).knowledge.environment == str(tmp_path / "room.npz")
+    assert "knowledge" not in ON.dump_yaml()
+    path.write_text("sensors: {low: {kind: laser, topic: /scan}}\nknowledge: {enviroment: room.npz}\n")
+    with pytest.raises(InputError, match=r"knowledge\.enviroment: unknown key; did you mean 'environment'"):
+        Rig.load(path)
