@@ -5,11 +5,15 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
+from readme.__main__ import MOMENT_CHANGES, MOMENT_SCENARIO
 
 from trackers.check import check_tracker
 from trackers.presets import make_tracker
 from trackers.rig import Rig
+from twin.models import SENSOR_KINDS
 from twin.recording.boxes import BOX_COLUMNS
 from twin.recording.feet import FEET_COLUMNS
 from twin.recording.people import PEOPLE_COLUMNS
@@ -118,3 +122,18 @@ def test_the_pedestrians_are_read_as_shown(tmp_path: Path) -> None:
 def test_every_column_of_the_truth_is_explained_in_its_order(table: str, columns: tuple[str, ...]) -> None:
     (explained,) = re.findall(rf"^\| `{re.escape(table)}` \|[^|]+\|(.*)\|$", README, re.MULTILINE)
     assert tuple(re.findall(r"`(\w+)`", explained)) == columns
+
+
+def test_the_pictures_at_the_top_are_there_and_small() -> None:
+    root = Path(__file__).parents[1]
+    shown = [root / path for path in re.findall(r"^!\[[^]]+\]\(([^)]+)\)$", README, re.MULTILINE)]
+    assert [path.name for path in shown] == ["moment.webp", "walk.webp"]
+    assert sum(path.stat().st_size for path in shown) <= 2_000_000
+    done, walk = cv2.imdecodeanimation(np.fromfile(shown[1], dtype=np.uint8))
+    assert done and 4000 <= int(np.sum(walk.durations)) <= 6000
+
+
+def test_the_first_picture_is_drawn_of_every_kind_of_sensor() -> None:
+    scenario = load_scenario(MOMENT_SCENARIO, list(MOMENT_CHANGES))
+    assert {each.kind for each in scenario.sensors.values()} == set(SENSOR_KINDS)
+    assert {each.role for each in scenario.sensors.values() if each.kind == "laser"} == {"waist", "knee"}

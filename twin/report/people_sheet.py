@@ -17,6 +17,7 @@ from twin.people.body.body import NQ_PERSON, person_spec
 from twin.recording.whole_file import whole_path
 from twin.report.lettering import write
 from twin.report.look_at import picture
+from twin.report.palette import RGB
 from twin.sensors.render import OffscreenRenderer
 
 VIEWS = {"front": (0.0, 0.35), "side": (90.0, 0.35), "back": (180.0, 0.35), "high": (35.0, 2.0)}
@@ -91,9 +92,9 @@ def drawn_sheet(figures: Sequence[Figure], *, columns: int, cell_px: tuple[int, 
     return tiled(panels, columns)
 
 
-def tiled(panels: Sequence[NDArray[np.uint8]], columns: int) -> NDArray[np.uint8]:
-    """Panels of one size (height, width, 3) in rows of `columns`, the last row filled up with white."""
-    blank = np.full_like(panels[0], 255)
+def tiled(panels: Sequence[NDArray[np.uint8]], columns: int, blank_rgb: RGB = (255, 255, 255)) -> NDArray[np.uint8]:
+    """Panels of one size (height, width, 3) in rows of `columns`, the last row filled up with a colour."""
+    blank = np.broadcast_to(np.array(blank_rgb, dtype=np.uint8), panels[0].shape)
     whole = [*panels, *[blank] * (-len(panels) % columns)]
     return np.vstack([np.hstack(whole[start : start + columns]) for start in range(0, len(whole), columns)])
 

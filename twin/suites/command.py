@@ -93,11 +93,16 @@ def run(
 
 
 @app.command(epilog="Example: twin suite show out/suite-smoke")
-def show(folder: Folder) -> None:
+def show(
+    folder: Folder,
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="The means alone, as a table for a README or a pull request.")
+    ] = False,
+) -> None:
     """The table of a run, finished or not, and its page."""
-    from twin.suites.gate import show_results
+    from twin.suites.gate import show_markdown, show_results
 
-    show_results(folder)
+    (show_markdown if markdown else show_results)(folder)
 
 
 @app.command(epilog="Example: twin suite compare out/before out/now --out compare.html")

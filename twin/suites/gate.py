@@ -16,6 +16,7 @@ from twin.suites.comparison import FEWEST_SEEDS, Comparison, compare
 from twin.suites.description import Suite, load_suite
 from twin.suites.figures import allowed_by_default
 from twin.suites.junit import write_junit
+from twin.suites.markdown import markdown_table
 from twin.suites.page import write_comparison_page, write_page
 from twin.suites.results import Results, results_of
 from twin.suites.run import Place, run_suite, tolerances_of
@@ -96,6 +97,12 @@ def _told_how_to_go_on() -> Iterator[None]:
     except KeyboardInterrupt:
         print("the cases that are done are kept; --resume does the rest", file=sys.stderr)
         raise
+
+
+def show_markdown(folder: Path) -> None:
+    """Print the means of a run, finished or not, as a table in Markdown."""
+    with read_store(folder) as store:
+        print(markdown_table(results_of(store)))
 
 
 def show_results(folder: Path) -> None:

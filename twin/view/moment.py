@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
-from trackers.rig import CameraSensor
+from trackers.rig import CameraSensor, RigSensor
 from twin.instant.snapshot import Snapshot
 from twin.report.beliefs import beliefs
-from twin.report.lettering import Tag, write_tags
+from twin.report.lettering import BOLD, Tag, text_width, write, write_tags
 from twin.report.look_at import picture
 from twin.report.palette import IDENTITY_COLOURS, LAYER_COLOURS, RGB, IdentityColours
 from twin.report.panels import BACKDROP, INK, FloorPanel, TruePoses
-from twin.report.people_sheet import check_picture_name, lettered, tiled, write_png
+from twin.report.people_sheet import check_picture_name, tiled, write_png
 from twin.room.outline import room_outline
 from twin.run.preview import true_poses
 from twin.scenario import Scenario
@@ -30,8 +30,13 @@ from twin.view.tags import name_tags
 from twin.world.simulation import Simulation
 
 _TILE_PX = (520, 390)
-_COLUMNS, _COLUMNS_WITH_DEPTH = 3, 4
-"""A depth picture stands beside the picture that it belongs to."""
+_COLUMNS, _COLUMNS_WITH_DEPTH = (3,), (4, 3)
+"""With depth the one that leaves fewer tiles empty, the first of two alike: four keep depth beside its colours."""
+
+_LABEL_PX, _EDGE_PX = 30, 5
+_LETTERS_PX = (16, 15, 14, 13, 12, 11)
+"""How high a label's letters are: the largest at which it fits."""
+_WHAT = {"fisheye": "fisheye camera", "camera": "pinhole camera", "stereo": "stereo camera", "floor": "pressure floor"}
 
 _FINER = 2
 _NO_DEPTH: RGB = (0, 0, 0)
@@ -48,19 +53,31 @@ def write_view(scenario: Scenario, t: float, path: Path) -> tuple[str, ...]:
     Depth is coloured, near red, far blue, black where there is none. Raises InputError for a time outside the scenario and
     a file that cannot be written.
     """
+    check_picture_name(path)
+    shown, warnings = drawn_view(scenario, t)
+    write_png(path, shown)
+    return warnings
+
+
+def drawn_view(
+    scenario: Scenario, t: float, tile_px: tuple[int, int] = _TILE_PX
+) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
+    """The picture that `write_view` writes, RGB (height, width, 3), and its warnings.
+
+    `tile_px`: width and height of each tile. Raises InputError for a time outside the scenario.
+    """
     if not (isfinite(t) and 0 <= t < scenario.duration_s):
         raise InputError(f"--at {t:g}: is not in the scenario; 0 up to {scenario.duration_s:g} s is expected")
-    check_picture_name(path)
     with Simulation(scenario) as simulation:
         looks = simulation.look(round(t * NS_PER_S))
-        sheet, warnings = _Sheet(simulation, t), simulation.warnings
+        sheet, warnings = _Sheet(simulation, t, tile_px), simulation.warnings
         tiles = [
             (f"{scenario.name}, {t:g} s", sheet.room()),
             (sheet.plan_label(), sheet.plan(looks, simulation.rig.sensors.keys() - looks.keys())),
         ]
         boxes = simulation.boxes(t)
         for name, sensor in simulation.rig.sensors.items():
-            what, look = f"{name}: {sensor.kind}", looks.get(name)
+            what, look = f"{name}: {_what(sensor)}", looks.get(name)
             match look:
                 case None if isinstance(sensor, CameraSensor):
                     tiles.append((f"{what}, silent", sheet.camera(_NO_PICTURE, ())))
@@ -71,20 +88,37 @@ def write_view(scenario: Scenario, t: float, path: Path) -> tuple[str, ...]:
                 case DepthImage():
                     tiles.append((f"{what}, left picture", sheet.camera(look.rgb, boxes.get(name, ()))))
                     said, rgb = _coloured(look.depth_m)
-                    tiles.append((f"{what}, depth, {said}", sheet.camera(rgb, boxes.get(name, ()))))
+                    tiles.append((f"{name}: depth, {said}", sheet.camera(rgb, boxes.get(name, ()))))
                 case _:
                     tiles.append((what, sheet.plan({name: look})))
-    panels = [np.vstack([lettered(label, _TILE_PX[0]), tile]) for label, tile in tiles]
-    columns = _COLUMNS_WITH_DEPTH if any(isinstance(look, DepthImage) for look in looks.values()) else _COLUMNS
-    write_png(path, tiled(panels, min(columns, len(panels))))
-    return warnings
+    with_depth = any(isinstance(look, DepthImage) for look in looks.values())
+    columns = min(_COLUMNS_WITH_DEPTH if with_depth else _COLUMNS, key=lambda each: -len(tiles) % each)
+    return tiled([_framed(label, tile) for label, tile in tiles], min(columns, len(tiles)), BACKDROP), warnings
+
+
+def _what(sensor: RigSensor) -> str:
+    """What kind of sensor this is, in words."""
+    if sensor.kind == "laser":
+        return f"scanner, {sensor.room_from_sensor.translation[2]:.2f} m high"
+    return _WHAT[sensor.kind]
+
+
+def _framed(label: str, tile: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """A tile under its label, with an edge around both."""
+    strip = np.full((_LABEL_PX, tile.shape[1], 3), BACKDROP, dtype=np.uint8)
+    fitting = (size for size in _LETTERS_PX if text_width(label, size, BOLD) <= tile.shape[1] - 4)
+    write(strip, label, 2, _LABEL_PX - 10, INK, next(fitting, _LETTERS_PX[-1]), BOLD)
+    edges = [(_EDGE_PX, _EDGE_PX), (_EDGE_PX, _EDGE_PX), (0, 0)]
+    framed = np.pad(np.vstack([strip, tile]), edges)
+    framed[:_EDGE_PX] = framed[-_EDGE_PX:] = framed[:, :_EDGE_PX] = framed[:, -_EDGE_PX:] = BACKDROP
+    return framed
 
 
 class _Sheet:
     """Draws one moment's tiles, all of the same size."""
 
-    def __init__(self, simulation: Simulation, t: float) -> None:
-        self._simulation = simulation
+    def __init__(self, simulation: Simulation, t: float, tile_px: tuple[int, int]) -> None:
+        self._simulation, self._tile_px = simulation, tile_px
         self._world = simulation.world
         self._snapshot: Snapshot = self._world.snapshot(t)
         self._names = {number: name for name, number in self._world.scene.ids.items()}
@@ -94,7 +128,7 @@ class _Sheet:
     def room(self) -> NDArray[np.uint8]:
         """The room from a free place high up that shows most of the people."""
         scene = self._world.scene
-        aspect = _TILE_PX[0] / _TILE_PX[1]
+        aspect = self._tile_px[0] / self._tile_px[1]
         points = [np.concatenate([scene.area, np.full((len(scene.area), 1), height)], axis=1) for height in (0.1, 1.0)]
         if self._poses is not None and len(self._poses.xy_m):
             here = self._poses.xy_m
@@ -104,9 +138,9 @@ class _Sheet:
         stand = overview(self._snapshot, Room(self._snapshot, scene.floor), np.concatenate(points), aspect)
         with OffscreenRenderer(self._snapshot.model) as renderer:
             shown = picture(
-                renderer, self._snapshot.data, stand.eye, stand.target, stand.half_height, _TILE_PX, finer=_FINER
+                renderer, self._snapshot.data, stand.eye, stand.target, stand.half_height, self._tile_px, finer=_FINER
             )
-        write_tags(shown, name_tags(self._world, self._snapshot, stand, _TILE_PX))
+        write_tags(shown, name_tags(self._world, self._snapshot, stand, self._tile_px))
         return shown
 
     def plan_label(self) -> str:
@@ -122,15 +156,15 @@ class _Sheet:
         scans = {name: look for name, look in looks.items() if isinstance(look, LaserScan)}
         floors = {name: look for name, look in looks.items() if isinstance(look, FloorFrame)}
         rig = self._simulation.rig
-        panel = np.zeros((_TILE_PX[1], _TILE_PX[0], 3), dtype=np.uint8)
+        panel = np.zeros((self._tile_px[1], self._tile_px[0], 3), dtype=np.uint8)
         layers = {name: LAYER_COLOURS[place % len(LAYER_COLOURS)] for place, name in enumerate(rig.lasers())}
-        drawn = FloorPanel(rig, self._outline, *_TILE_PX, true=self._simulation.true_rig, about=[*looks, *silent])
+        drawn = FloorPanel(rig, self._outline, *self._tile_px, true=self._simulation.true_rig, about=[*looks, *silent])
         drawn.draw(panel, scans, layers, [], {}, IdentityColours(), self._poses, self._names, floors, silent)
         return panel
 
     def camera(self, rgb: NDArray[np.uint8], boxes: Sequence[Box]) -> NDArray[np.uint8]:
         """A camera's picture, with a box around what it sees of each person."""
-        shown, scale, offset = _fitted(rgb)
+        shown, scale, offset = _fitted(rgb, self._tile_px)
         tags = []
         for box in boxes:
             colour = IDENTITY_COLOURS[(box.id - 1) % len(IDENTITY_COLOURS)]
@@ -153,12 +187,12 @@ def _coloured(depth_m: NDArray[np.float32]) -> tuple[str, NDArray[np.uint8]]:
         ..., ::-1
     ].copy()
     rgb[~there] = _NO_DEPTH
-    return f"{near:.1f} m red to {far:.1f} m blue, {100 * there.mean():.0f} % of the pixels", rgb
+    return f"{near:.1f} m red to {far:.1f} m blue, on {100 * there.mean():.0f} %", rgb
 
 
-def _fitted(rgb: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], float, NDArray[np.float64]]:
+def _fitted(rgb: NDArray[np.uint8], tile_px: tuple[int, int]) -> tuple[NDArray[np.uint8], float, NDArray[np.float64]]:
     """The picture scaled into a tile, on black; its scale and the place of its corner [px]."""
-    width, height = _TILE_PX
+    width, height = tile_px
     scale = min(width / rgb.shape[1], height / rgb.shape[0])
     size = round(rgb.shape[1] * scale), round(rgb.shape[0] * scale)
     finer = cv2.INTER_AREA if scale < 1 else cv2.INTER_NEAREST

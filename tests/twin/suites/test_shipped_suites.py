@@ -10,7 +10,7 @@ import pytest
 from trackers.plain_data import parse_yaml
 from trackers.presets import PRESETS
 from twin import models
-from twin.scenario import Scenario
+from twin.scenario import Scenario, load_scenario
 from twin.sensors.fault_kinds import FAULT_KINDS
 from twin.suites.baseline import read_baseline
 from twin.suites.cases import Case, expand
@@ -100,3 +100,16 @@ def test_a_suite_says_what_it_is_for(name: str) -> None:
     path = models.find("suites", name)
     text = path.read_text(encoding="utf-8")
     assert text.startswith("# ") and parse_yaml(text, str(path), "a suite")["description"]
+
+
+def test_baseline_sets_every_scenario_with_a_scanner_beside_sort_on_seeds_of_its_own() -> None:
+    cases = cases_of("baseline")
+    scanned = {
+        name
+        for name in models.names("scenarios")
+        if any(sensor.kind == "laser" for sensor in load_scenario(name).sensors.values())
+    }
+    assert {case.scenario for case in cases} == scanned
+    trackers = {name: {case.tracker for case in cases if case.scenario == name} for name in scanned}
+    assert all(found >= {"sort", "laser-imm", "laser-kalman"} for found in trackers.values())
+    assert all(min(seeds) >= 2000 and len(seeds) >= 3 for seeds in seeds_of(cases).values())

@@ -221,6 +221,8 @@ def test_the_gate_passes_then_fails_and_says_where_to_look(
     assert "http://" not in page and "https://" not in page
     code, text, _ = command(monkeypatch, "show", str(tmp_path / "c"))
     assert code == 0 and "6 figures got worse" in text
+    code, text, _ = command(monkeypatch, "show", str(tmp_path / "c"), "--markdown")
+    assert code == 0 and text.startswith("| scenario | tracker |") and text.count("\n") == 2 + 6
     page = tmp_path / "compare.html"
     code, text, _ = command(monkeypatch, "compare", baseline, str(tmp_path / "c"), "--out", str(page))
     assert code == 1

@@ -14,6 +14,7 @@ from trackers.errors import InputError
 from twin.room.mounts import check_mount
 from twin.scenario import Scenario, load_scenario
 from twin.view import check_choice, write_people, write_video, write_view
+from twin.view.moment import drawn_view
 from twin.view.standpoint import Room, body_parts, overview, seen_share, standpoint_for
 from twin.view.video import FPS
 from twin.world.world import World
@@ -106,12 +107,14 @@ def test_a_contact_sheet_shows_every_sensor(tmp_path):
     write_view(small(sensors={"floor": FLOOR, "eye": camera}), 1.5, path)
     two_rows = read(path)
     assert two_rows.shape == (2 * one_row.shape[0], *one_row.shape[1:])
+    smaller, _ = drawn_view(small(), 1.5, (260, 195))
+    assert 1.8 * smaller.shape[1] < one_row.shape[1]
 
 
 def test_a_sheet_s_plan_has_a_floor_where_it_is_and_says_where_it_is_believed(tmp_path):
     def plan(**believed) -> np.ndarray:
         write_view(small(people={}, sensors={"floor": FLOOR | believed}), 1.5, tmp_path / "view.png")
-        return read(tmp_path / "view.png")[18 : 18 + 390, 520:1040].astype(int)
+        return read(tmp_path / "view.png")[35 : 35 + 390, 535:1055].astype(int)
 
     true, misled = plan(), plan(believed={"xyz": [0.6, 0.4, 0]})
     disc = (true > 235).all(axis=-1)  # at the grid's corner, where its frame is

@@ -1,0 +1,45 @@
+"""The means of a suite as a table in Markdown, for a README or a pull request."""
+
+from __future__ import annotations
+
+from itertools import groupby
+
+from twin.suites.figures import FIGURE
+from twin.suites.results import Group, GroupKey, Results, mean_over_seeds
+
+_SHOWN = ("mota", "idf1", "hota", "id_switches", "misidentifications", "lost_tracks")
+
+
+def markdown_table(results: Results) -> str:
+    """Means over seeds, a row a scenario, variant and tracker; the best trackers of each scenario in bold."""
+    heads = [FIGURE[metric].name for metric in _SHOWN]
+    lines = [_line(["scenario", "tracker", *heads]), _line(["---", "---", *["--:"] * len(heads)])]
+    for _, rows in groupby(results.groups.items(), key=lambda row: (row[0].scenario, row[0].overrides)):
+        lines += _rows_of_scenario(list(rows))
+    return "\n".join(lines)
+
+
+def _rows_of_scenario(rows: list[tuple[GroupKey, Group]]) -> list[str]:
+    columns = [_column(metric, [group for _, group in rows]) for metric in _SHOWN]
+    lines = []
+    for place, (key, group) in enumerate(rows):
+        name = f"{key.scenario} ({group.variant})" if group.variant else key.scenario
+        cells = [name if place == 0 else "", f"`{key.tracker}`", *[column[place] for column in columns]]
+        lines.append(_line(cells))
+    return lines
+
+
+def _column(metric: str, groups: list[Group]) -> list[str]:
+    """A figure of each tracker as text; the best, where not all are alike, in bold."""
+    means = [mean_over_seeds(group.values(metric)) for group in groups]
+    figure = FIGURE[metric]
+    texts = ["–" if mean is None else f"{mean.mean:.{figure.decimals or 1}f}" for mean in means]
+    known = {float(text) for text in texts if text != "–"}
+    if len(known) > 1:
+        best = max(known) if figure.better == "more" else min(known)
+        texts = [f"**{text}**" if text != "–" and float(text) == best else text for text in texts]
+    return [text.replace("-", "−") for text in texts]
+
+
+def _line(cells: list[str]) -> str:
+    return f"| {' | '.join(cells)} |"
