@@ -209,6 +209,7 @@ def open_store(folder: Path, cases: Sequence[Case], facts: Mapping[str, Any], re
             store = ResultStore(connection, path)
             if exists and _is_defined(connection, path):
                 with _sound(path):
+                    _check_whole(connection, path)
                     _check_same(store, cases, facts)
                     store._take_up(cases)
             else:
@@ -233,6 +234,13 @@ def _is_defined(connection: sqlite3.Connection, path: Path) -> bool:
     with _sound(path):
         query = "SELECT 1 FROM sqlite_master WHERE name = 'moments_of_case'"
         return connection.execute(query).fetchone() is not None
+
+
+def _check_whole(connection: sqlite3.Connection, path: Path) -> None:
+    """Raise InputError where a page of the file is damaged, be it one that is not read until the run is over."""
+    found = connection.execute("PRAGMA quick_check(1)").fetchone()[0]
+    if found != "ok":
+        raise InputError(f"{path}: is damaged ({' '.join(found.split())}); {EXPECTED}, or another folder, is expected")
 
 
 @contextmanager

@@ -360,11 +360,22 @@ def test_a_run_is_not_taken_up_in_a_spoiled_file(statement: str, suite: Path, tm
         run_made_up(suite, tmp_path / "out", resume=True)
 
 
-def test_a_run_is_not_taken_up_in_a_damaged_file(suite: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("table", [None, "moments", "results"])
+def test_a_run_is_not_taken_up_in_a_damaged_file(table: str | None, suite: Path, tmp_path: Path) -> None:
+    """Cut, or with a page of a table overwritten."""
     run_made_up(suite, tmp_path / "out")
     path = tmp_path / "out" / "results.sqlite"
-    path.write_bytes(path.read_bytes()[:5000])
-    with pytest.raises(InputError, match="results.sqlite: is no file of results"):
+    content = bytearray(path.read_bytes())
+    if table is None:
+        del content[5000:]
+    else:
+        ((page, size),) = rows(
+            tmp_path / "out",
+            f"SELECT rootpage, page_size FROM sqlite_master, pragma_page_size WHERE name = '{table}'",
+        )
+        content[(page - 1) * size : page * size] = bytes([255]) * size
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"results.sqlite: is (no file of results|damaged)"):
         run_made_up(suite, tmp_path / "out", resume=True)
 
 
