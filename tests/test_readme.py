@@ -23,6 +23,8 @@ from twin.recording.tables import TRUTH_COLUMNS
 from twin.run.live import run_scenario
 from twin.run.replay import track_recording
 from twin.scenario import load_scenario
+from twin.suites.cases import expand
+from twin.suites.description import load_suite
 from twin.world.simulation import Simulation
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
@@ -137,3 +139,13 @@ def test_the_first_picture_is_drawn_of_every_kind_of_sensor() -> None:
     scenario = load_scenario(MOMENT_SCENARIO, list(MOMENT_CHANGES))
     assert {each.kind for each in scenario.sensors.values()} == set(SENSOR_KINDS)
     assert {each.role for each in scenario.sensors.values() if each.kind == "laser"} == {"waist", "knee"}
+
+
+def test_the_comparison_has_a_row_for_every_scenario_and_tracker_of_the_suite_baseline() -> None:
+    rows, scenario = [], ""
+    for named, tracker in re.findall(
+        r"^\| ([\w-]*) \| `([\w-]+)` \|(?: \**−?\d+\.\d+\** \|){6}$", README, re.MULTILINE
+    ):
+        scenario = named or scenario
+        rows.append((scenario, tracker))
+    assert rows == list(dict.fromkeys((case.scenario, case.tracker) for case in expand(*load_suite("baseline"))))
