@@ -18,7 +18,7 @@ def minimum_jerk(progress: ArrayLike, begin: float | Array = 0.0, end: float | A
     Journal of Neuroscience 5, 1985.
     """
     p = np.minimum(np.maximum((np.asarray(progress, dtype=float) - begin) / (end - begin), 0.0), 1.0)
-    return p * p * p * (10.0 + p * (6.0 * p - 15.0))
+    return np.minimum(p * p * p * (10.0 + p * (6.0 * p - 15.0)), 1.0)  # rounding ends up to 7e-16 beyond
 
 
 class Course:

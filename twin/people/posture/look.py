@@ -79,7 +79,7 @@ class Looks:
 
     def idle(self) -> bool:
         """Whether nobody looks at anything."""
-        return not (self._aim.any() or self.share.value.any())
+        return not (self._aim.any() or self.share.value.any() or self.share.moving.any())
 
     def step(self, dt: float, head: Array, body: Array, rows: Array) -> None:
         """Turn the heads by dt [s] and write rows (POSTURE_ROWS, n).

@@ -69,4 +69,5 @@ class Memory:
                 f"look back by at most {HISTORY_S} s"
             )
         before = min(int(place + 1e-9), self.tick)
-        return before % size, min(before + 1, self.tick) % size, place - before
+        share = max(place - before, 0.0)  # a time rounded to just before its tick is at it: no load is below 0
+        return before % size, min(before + 1, self.tick) % size, share
