@@ -11,10 +11,11 @@ from typing import Any, get_args
 
 import numpy as np
 
+from trackers.detections import Detection
 from trackers.observations import Observation
 from trackers.rig import Rig
 from trackers.spoiling import SPOILINGS
-from trackers.tracks import Status, Track, Tracker, TrackFrame, track_frames
+from trackers.tracks import FedTracker, Status, Track, Tracker, TrackFrame, detections_of, misreported
 
 Make = Callable[[Rig, Iterable[Observation], np.random.Generator], Tracker]
 
@@ -28,25 +29,31 @@ def check_tracker(
 
     observations: in order of arrival; some seconds with people in them tell the most. Checked: the two calls; the same
     input gives the same tracks; inputs are left alone; stamps rise; ids are whole numbers, from 1 up, once a frame; x and y
-    are numbers, and the rest numbers or NaN; a status is one of the two; and the tracker lives through everything of
-    `trackers.spoiling`: observations that are late, doubled, missing or of a sensor that fails. Doubles and what is late
-    are held back from all but a tracker with `takes_any_order`, as wherever trackers are fed.
+    are numbers, and the rest numbers or NaN; a status is one of the two; what the tracker has of `trackers.tracks.Reporting`
+    is what it should be, before and after a run, and its detections are of the rig's sensors; and it lives through
+    everything of `trackers.spoiling`: observations that are late, doubled, missing or of a sensor that fails. Doubles and
+    what is late are held back from all but a tracker with `takes_any_order`, as wherever trackers are fed.
     """
     violations: list[str] = []
 
     def frames_of(what: str, fed: Iterable[Observation]) -> list[TrackFrame]:
+        seen: list[Any] = []
         try:
             tracker = make(rig, background, np.random.default_rng(_SEED))
-            frames = list(track_frames(tracker, rig, fed))
+            at_work = FedTracker(tracker, rig, on_worked=lambda: seen.extend(_seen(tracker)))
+            frames = [frame for observation in fed for frame in at_work.update(observation)] + at_work.finish()
+            reported = misreported(tracker, rig)
         except Exception as error:  # whatever a plug-in raises is what its author wants to read
             violations.append(f"{what}: raised {type(error).__name__}: {error}")
             return []
-        violations.extend(f"{what}: {fault}" for fault in _faults(frames))
+        violations.extend(f"{what}: {fault}" for fault in (*_faults(frames), *_faults_of_seen(seen, rig), *reported))
         return frames
 
     tracker = make(rig, background, np.random.default_rng(_SEED))
     if not isinstance(tracker, Tracker):
         return [f"{type(tracker).__name__} has not both update(observation) and tracks()"]
+    if faults := misreported(tracker, rig):
+        return faults
 
     given = list(observations)
     before = copy.deepcopy([_arrays(item) for item in given])
@@ -65,6 +72,9 @@ def check_tracker(
 
 
 def _faults(frames: Sequence[TrackFrame]) -> list[str]:
+    wrong = {type(frame).__name__ for frame in frames if not isinstance(frame, TrackFrame)}
+    if wrong:
+        return [f"update or finish gave {', '.join(sorted(wrong))}; a list of TrackFrame is expected"]
     faults = []
     stamps = [frame.stamp_ns for frame in frames]
     if any(later <= earlier for earlier, later in itertools.pairwise(stamps)):
@@ -82,6 +92,24 @@ def _faults(frames: Sequence[TrackFrame]) -> list[str]:
         faults.append("a track holds an infinite number")
     if any(track.status not in get_args(Status) for track in tracks):
         faults.append(f"a status is none of {', '.join(get_args(Status))}")
+    return faults
+
+
+def _seen(tracker: Tracker) -> list[Any]:
+    told = detections_of(tracker)
+    seen: Any = told() if told is not None else []
+    return seen if isinstance(seen, list) else [seen]
+
+
+def _faults_of_seen(seen: Sequence[Any], rig: Rig) -> list[str]:
+    wrong = {type(each).__name__ for each in seen if not isinstance(each, Detection)}
+    if wrong:
+        return [f"detections() gave {', '.join(sorted(wrong))}; a list of Detection is expected"]
+    faults = []
+    if any(not each.sensors or not set(each.sensors) <= rig.sensors.keys() for each in seen):
+        faults.append("a detection is of no sensor of the rig")
+    if any(isnan(each.x) or isnan(each.y) for each in seen):
+        faults.append("a detection's x or y is NaN")
     return faults
 
 

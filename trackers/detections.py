@@ -1,14 +1,12 @@
-"""What a tracker's detector saw, told one by one: an optional part of being a tracker.
+"""What a tracker's detector saw, told one by one: an optional part of being a tracker (`trackers.tracks.Reporting`).
 
-So the same detections can be given to another tracker, or compared with the truth. A tracker that has `detections()` says
-after each `update` and `finish` what the moments it worked therein showed; `twin detections` writes it down.
+So the same detections can be given to another tracker, or compared with the truth; `twin detections` writes them down.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import nan
-from typing import Protocol, runtime_checkable
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,12 +24,3 @@ class Detection:
     y: float
     variance_m2: float = nan
     width_m: float = nan
-
-
-@runtime_checkable
-class TellsDetections(Protocol):
-    """A tracker that tells what its detector saw."""
-
-    def detections(self) -> list[Detection]:
-        """The detections of the moments that the last `update` or `finish` worked, oldest first."""
-        ...

@@ -1,12 +1,13 @@
-"""What a tracker reports, and the two calls that make something a tracker."""
+"""What a tracker reports, the two calls that make something a tracker, and what one may tell besides."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import nan
-from typing import Literal, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, runtime_checkable
 
+from trackers.detections import Detection
 from trackers.observations import Observation
 from trackers.order import StampOrder
 from trackers.rig import Rig
@@ -53,11 +54,7 @@ class Tracker(Protocol):
 
     `update` may return the frames that the observation completed, oldest first (a tracker that waits for several
     sensors of one moment completes a frame late), or None: then `tracks()` is read after each observation of
-    the rig's main sensor. A tracker that holds frames back has `finish()`, which returns the rest.
-
-    Who feeds a tracker holds observations back into order (`trackers.order`). One with `takes_any_order = True` gets them
-    as they arrive, late ones and doubles among them, and counts what it drops in `discarded`. One that leaves sensors of the rig
-    alone may name them in `unused_sensors`: whoever starts a run is told.
+    the rig's main sensor. What a tracker may have besides is `Reporting`.
     """
 
     def update(self, observation: Observation) -> list[TrackFrame] | None: ...
@@ -65,19 +62,108 @@ class Tracker(Protocol):
     def tracks(self) -> list[Track]: ...
 
 
-class FedTracker:
-    """A tracker and what stands between it and the observations: their order, and the reading of its frames."""
+class Reporting(Protocol):
+    """What runs, replays and reports read of a tracker beside its tracks. Each part is optional and has a default.
 
-    def __init__(self, tracker: Tracker, rig: Rig) -> None:
+    It is read by the functions below and nowhere else; `misreported` tells which parts are not what they should be.
+    """
+
+    takes_any_order: bool
+    """Observations are handed over as they arrive, late ones and doubles among them. Default: no, they are held back into
+    order (`trackers.order`), each once."""
+
+    @property
+    def discarded(self) -> int:
+        """Observations that the tracker itself dropped so far, as they came too late or twice. Default: 0."""
+        ...
+
+    @property
+    def unused_sensors(self) -> Sequence[str]:
+        """The rig's sensors that the tracker makes no use of: whoever starts a run is told. Default: none."""
+        ...
+
+    @property
+    def background_learned_causally(self) -> bool:
+        """The background is learned from the observations as they come, for want of an empty room. Default: no."""
+        ...
+
+    def finish(self) -> list[TrackFrame]:
+        """The frames still held back when the observations have ended. Default: none are."""
+        ...
+
+    def detections(self) -> list[Detection]:
+        """What the moments worked by the last `update` or `finish` showed, oldest first. Default: it does not tell."""
+        ...
+
+
+def takes_any_order(tracker: Tracker) -> bool:
+    """Whether the tracker takes observations as they arrive."""
+    return getattr(tracker, "takes_any_order", False)
+
+
+def discarded(tracker: Tracker) -> int:
+    """Observations that the tracker itself has dropped."""
+    return getattr(tracker, "discarded", 0)
+
+
+def unused_sensors(tracker: Tracker) -> Sequence[str]:
+    """The sensors that the tracker makes no use of."""
+    return getattr(tracker, "unused_sensors", ())
+
+
+def background_learned_causally(tracker: Tracker) -> bool:
+    """Whether the tracker learns the background as it goes."""
+    return getattr(tracker, "background_learned_causally", False)
+
+
+def finish_of(tracker: Tracker) -> Callable[[], list[TrackFrame]] | None:
+    """The call that gives the frames still held back; None where the tracker holds none."""
+    return getattr(tracker, "finish", None)
+
+
+def detections_of(tracker: Tracker) -> Callable[[], list[Detection]] | None:
+    """The call that tells what the detector saw; None where the tracker does not tell."""
+    return getattr(tracker, "detections", None)
+
+
+def misreported(tracker: Tracker, rig: Rig) -> list[str]:
+    """One sentence for each part of `Reporting` that the tracker has and that is not what it should be."""
+    count, unused = discarded(tracker), unused_sensors(tracker)
+    listed = isinstance(unused, list | tuple) and all(isinstance(name, str) and name in rig.sensors for name in unused)
+    yes_or_no = "True or False is expected"
+    parts: list[tuple[str, Any, bool, str]] = [
+        ("takes_any_order", order := takes_any_order(tracker), isinstance(order, bool), yes_or_no),
+        ("discarded", count, type(count) is int and count >= 0, "an int from 0 up is expected"),
+        ("unused_sensors", unused, listed, f"a list of the rig's sensors ({', '.join(rig.sensors)}) is expected"),
+        (
+            "background_learned_causally",
+            known := background_learned_causally(tracker),
+            isinstance(known, bool),
+            yes_or_no,
+        ),
+        ("finish", end := finish_of(tracker), end is None or callable(end), "a method is expected"),
+        ("detections", told := detections_of(tracker), told is None or callable(told), "a method is expected"),
+    ]
+    return [f"{name} is {value!r}; {expected}" for name, value, is_right, expected in parts if not is_right]
+
+
+class FedTracker:
+    """A tracker and what stands between it and the observations: their order, and the reading of its frames.
+
+    on_worked: called after each `update` and `finish` of the tracker, for what it tells of that call.
+    """
+
+    def __init__(self, tracker: Tracker, rig: Rig, on_worked: Callable[[], object] = lambda: None) -> None:
         self.tracker = tracker
         self._main_sensor = rig.main_sensor
-        self._order = None if getattr(tracker, "takes_any_order", False) else StampOrder()
+        self._order = None if takes_any_order(tracker) else StampOrder()
+        self._on_worked = on_worked
 
     @property
     def discarded(self) -> int:
         """Observations dropped so far because they came too late or twice."""
         held_back = self._order.discarded if self._order is not None else 0
-        return held_back + getattr(self.tracker, "discarded", 0)
+        return held_back + discarded(self.tracker)
 
     def update(self, observation: Observation) -> list[TrackFrame]:
         """Take one observation in order of arrival; the frames that are complete with it, oldest first."""
@@ -86,13 +172,20 @@ class FedTracker:
     def finish(self) -> list[TrackFrame]:
         """The frames still to come when the observations have ended."""
         frames = self._frames([] if self._order is None else self._order.finish())
-        finish = getattr(self.tracker, "finish", None)
-        return frames + (finish() if finish is not None else [])
+        finish = finish_of(self.tracker)
+        if finish is None:
+            return frames
+        held_back = finish()
+        if not isinstance(held_back, list):
+            raise TypeError(f"finish() gave {type(held_back).__name__}; a list of TrackFrame is expected")
+        self._on_worked()
+        return frames + held_back
 
     def _frames(self, observations: Iterable[Observation]) -> list[TrackFrame]:
         completed: list[TrackFrame] = []
         for observation in observations:
             frames = self.tracker.update(observation)
+            self._on_worked()
             if frames is not None:
                 completed += frames
             elif observation.sensor == self._main_sensor:

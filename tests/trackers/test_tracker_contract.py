@@ -1,17 +1,33 @@
 """What every tracker promises, over every preset; and that check_tracker sees it broken."""
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from synthetic_room import empty_room, observe, rig, straight_walk
 
+from trackers import tracks as tracks_module
 from trackers.check import check_tracker
+from trackers.detections import Detection
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame
 from trackers.presets import PRESETS, make_tracker
 from trackers.rig import FloorSensor, Rig, StereoSensor
 from trackers.spoiling import SPOILINGS
-from trackers.tracks import Track, TrackFrame, track_frames
+from trackers.tracks import (
+    Reporting,
+    Track,
+    TrackFrame,
+    background_learned_causally,
+    detections_of,
+    discarded,
+    finish_of,
+    misreported,
+    takes_any_order,
+    track_frames,
+    unused_sensors,
+)
 
 RIG = rig()
 BACKGROUND = empty_room(np.random.default_rng(99), 5)
@@ -95,6 +111,23 @@ def chokes_on_nan(self, observation):
         (broken(takes_any_order=True), "a second late: stamps do not rise"),
         (broken(tracks=None), "tracks"),
         (broken(update=lambda self, observation: []), "nobody was ever tracked"),
+        (broken(takes_any_order="yes"), "takes_any_order is 'yes'; True or False is expected"),
+        (broken(discarded=None), "discarded is None; an int from 0 up is expected"),
+        (broken(discarded=-1), "discarded is -1; an int from 0 up"),
+        (
+            broken(discarded=property(lambda self: self.n and self.n / 2)),
+            "plain run: discarded is 6.0; an int from 0 up",
+        ),
+        (broken(unused_sensors="knee"), "unused_sensors is 'knee'; a list of the rig's sensors (waist, knee, camera)"),
+        (broken(unused_sensors=["floor"]), "unused_sensors is ['floor']; a list of the rig's sensors"),
+        (broken(background_learned_causally=1), "background_learned_causally is 1; True or False is expected"),
+        (broken(finish=[]), "finish is []; a method is expected"),
+        (broken(finish=lambda self: None), "finish() gave NoneType; a list of TrackFrame is expected"),
+        (broken(finish=lambda self: [None]), "update or finish gave NoneType; a list of TrackFrame is expected"),
+        (broken(detections=[]), "detections is []; a method is expected"),
+        (broken(detections=lambda self: [(1, 2)]), "detections() gave tuple; a list of Detection is expected"),
+        (broken(detections=lambda self: [Detection(0, ("attic",), "waist", 0.0, 0.0)]), "is of no sensor of the rig"),
+        (broken(detections=lambda self: [Detection(0, ("waist",), "waist", np.nan, 0.0)]), "detection's x or y is NaN"),
     ],
 )
 def test_check_tracker_names_what_is_broken(kind, complaint):
@@ -105,6 +138,35 @@ def test_check_tracker_names_what_is_broken(kind, complaint):
 
 def test_a_tracker_that_reports_at_each_scan_keeps_the_contract():
     assert check_tracker(Stub, RIG, OBSERVATIONS, BACKGROUND) == []
+    told = broken(
+        unused_sensors=("knee",),
+        background_learned_causally=True,
+        discarded=3,
+        finish=lambda self: [],
+        detections=lambda self: [Detection(0, ("waist",), "waist", 0.0, 0.0)],
+    )
+    assert check_tracker(told, RIG, OBSERVATIONS, BACKGROUND) == []
+
+
+def test_what_is_read_of_a_tracker_is_what_the_protocol_lists():
+    parts = {name for name in (*vars(Reporting), *Reporting.__annotations__) if not name.startswith("_")}
+    whole = make_tracker("laser-fisheye-imm", RIG, BACKGROUND)
+    assert parts == {
+        "takes_any_order", "discarded", "unused_sensors", "background_learned_causally", "finish", "detections",
+    }  # fmt: skip
+    assert all(hasattr(whole, part) for part in parts)
+    tracks = Path(tracks_module.__file__)
+    readers = [*tracks.parent.rglob("*.py"), *(tracks.parents[1] / "twin").rglob("*.py")]
+    reads = re.compile(rf'[gh](?:et|as)attr\([^()]*, "({"|".join(parts)})"')
+    assert {path for path in readers if reads.search(path.read_text(encoding="utf-8"))} == {tracks}
+
+
+def test_what_a_tracker_does_not_tell_is_its_default():
+    mute = Stub(RIG)
+    assert not takes_any_order(mute) and discarded(mute) == 0 and list(unused_sensors(mute)) == []
+    assert not background_learned_causally(mute)
+    assert finish_of(mute) is None and detections_of(mute) is None
+    assert misreported(mute, RIG) == []
 
 
 RIG_OF_ALL = Rig(

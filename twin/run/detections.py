@@ -12,12 +12,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TextIO
 
-from trackers.detections import Detection, TellsDetections
+from trackers.detections import Detection
 from trackers.errors import InputError, PlugInError
 from trackers.knowledge import Knowledge
-from trackers.observations import Observation
 from trackers.presets import PRESETS
-from trackers.tracks import FedTracker, Track, TrackFrame
+from trackers.tracks import FedTracker, detections_of
 from twin.progress import OnWarning
 from twin.recording.reader import Recording
 from twin.recording.tables import number_cell, seconds_cell
@@ -55,12 +54,13 @@ def write_detections(
     made.make(Knowledge.read(bag.background, files, bag.rig), seed)
     if made.failure:
         raise PlugInError(made.failure)
-    if not isinstance(made.tracker, TellsDetections):
+    told = detections_of(made.tracker)
+    if told is None:
         raise InputError(
             f"--tracker {tracker}: does not tell what its detector sees; one that has detections() is expected, like sort"
         )
     file.write(",".join(COLUMNS) + "\n")
-    fed = FedTracker(_Noted(made.tracker, file), bag.rig)
+    fed = FedTracker(made.tracker, bag.rig, on_worked=lambda: file.writelines(map(_row, told())))
     for observation in bag.observations():
         _called(chosen, made.tracker, partial(fed.update, observation))
     _called(chosen, made.tracker, fed.finish)
@@ -76,33 +76,6 @@ def _called(chosen: ChosenTracker, tracker: Any, call: Callable[[], object]) -> 
         if chosen.target in PRESETS:
             raise
         raise PlugInError(plug_in_fault(chosen, tracker, error)) from error
-
-
-class _Noted:
-    """A tracker whose detections are written down after each call."""
-
-    def __init__(self, tracker: Any, file: TextIO) -> None:
-        self._tracker, self._file = tracker, file
-        self.takes_any_order = getattr(tracker, "takes_any_order", False)
-
-    def update(self, observation: Observation) -> list[TrackFrame] | None:
-        frames = self._tracker.update(observation)
-        self._note()
-        return frames
-
-    def tracks(self) -> list[Track]:
-        return self._tracker.tracks()
-
-    def finish(self) -> list[TrackFrame]:
-        finish = getattr(self._tracker, "finish", None)
-        if finish is None:
-            return []
-        frames = finish()
-        self._note()
-        return frames
-
-    def _note(self) -> None:
-        self._file.writelines(map(_row, self._tracker.detections()))
 
 
 def _row(each: Detection) -> str:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from trackers.rig import Rig
+from trackers.tracks import background_learned_causally, unused_sensors
 from twin.evaluate import evaluate_with_details
 from twin.recording.tables import TruthTable, read_tracks
 from twin.recording.whole_file import whole_file
@@ -103,7 +104,7 @@ def left_alone(at_work: Sequence[TrackerAtWork], faults: Mapping[str, Fault]) ->
     """Which sensors each tracker makes no use of, and which of them a fault is of, which then shows in no track."""
     told = []
     for each in at_work:
-        unused = getattr(each.tracker, "unused_sensors", [])
+        unused = unused_sensors(each.tracker)
         if not unused:
             continue
         names = {sensor: [name for name, fault in faults.items() if sensor in fault.sensor] for sensor in unused}
@@ -120,7 +121,7 @@ def tracker_notes(at_work: Sequence[TrackerAtWork], faults: Mapping[str, Fault])
         if each.failure:
             notes.append(f"A tracker failed and has no results: {each.failure}.")
             continue
-        if getattr(each.tracker, "background_learned_causally", False):
+        if background_learned_causally(each.tracker):
             notes.append(
                 f"{each.name}: no scans of the empty room; the background was learned from the scans as they came."
             )

@@ -42,7 +42,7 @@ def _method(steps: list[tuple[FrameType, int]], tracker: Any, module: str) -> st
 
 
 def _is_theirs(frame: FrameType) -> bool:
-    return _module(frame) not in ("trackers.tracks", "twin.run.tracker_at_work")
+    return _module(frame) not in ("trackers.tracks", "twin.run.tracker_at_work", "twin.run.detections")
 
 
 def _module(frame: FrameType) -> str:

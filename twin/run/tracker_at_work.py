@@ -16,7 +16,7 @@ from trackers.knowledge import Knowledge
 from trackers.observations import NS_PER_S, Observation
 from trackers.presets import PRESETS, make_tracker
 from trackers.rig import Rig
-from trackers.tracks import FedTracker, Tracker, TrackFrame
+from trackers.tracks import FedTracker, Tracker, TrackFrame, misreported
 from twin.recording.tables import TrackWriter, track_writer
 from twin.run.chosen_trackers import ChosenTracker
 from twin.run.plug_in_faults import plug_in_fault
@@ -46,6 +46,7 @@ class TrackerAtWork:
         rng = stream(seed, "tracker", self.name)
         try:
             self.tracker = make_tracker(self._chosen.target, self._rig, knowledge, rng, self._chosen.options)
+            faults = misreported(self.tracker, self._rig)
         except (Exception, SystemExit) as error:
             if isinstance(error, InputError):
                 raise
@@ -53,6 +54,8 @@ class TrackerAtWork:
             return
         if not isinstance(self.tracker, Tracker):
             raise InputError(f"--tracker {self.name}: has not both update(observation) and tracks(); a tracker has")
+        if faults:
+            raise InputError("\n".join(f"--tracker {self.name}: {fault}" for fault in faults))
         self._fed = FedTracker(self.tracker, self._rig)
 
     @property

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from trackers.errors import InputError
+from trackers.errors import InputError, PlugInError
 from twin.recording.tables import read_truth
 from twin.run.detections import write_detections
 from twin.run.live import run_scenario
@@ -64,6 +64,52 @@ def test_a_tracker_that_does_not_tell_is_refused_in_one_sentence(folder: Path, t
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1 and "does not tell what its detector sees" in done.stderr
     assert [path.name for path in tmp_path.iterdir() if path.suffix != ".py" and path.name != "__pycache__"] == []
+
+
+OF_ONES_OWN = """
+from trackers.detections import Detection
+
+class EachScan:
+    def __init__(self, rig, background, rng): self.seen = []
+    def update(self, observation):
+        self.seen = [Detection(observation.stamp_ns, (observation.sensor,), "waist", 1.0, 2.0)]
+    def tracks(self): return []
+    def detections(self): return self.seen
+
+class Breaks(EachScan):
+    def detections(self): return self.seen[0] / 2
+
+class Counts(EachScan):
+    discarded = "many"
+"""
+
+
+@pytest.fixture
+def of_ones_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "own_detector.py").write_text(OF_ONES_OWN)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "own_detector", raising=False)
+
+
+@pytest.mark.usefixtures("of_ones_own")
+def test_what_was_seen_is_written_once_by_a_tracker_that_holds_nothing_back(folder: Path) -> None:
+    rows = rows_of(folder / "recording.mcap", "own_detector:EachScan")
+    assert len(rows) == len({(row["t"], row["sensors"]) for row in rows}) == 30
+
+
+@pytest.mark.usefixtures("of_ones_own")
+def test_a_detector_of_ones_own_that_raises_is_told_by_its_method(folder: Path) -> None:
+    said = r"own_detector:Breaks: detections\(\) raised TypeError: .* \(own_detector.py, line 12\) at the LaserScan of"
+    with pytest.raises(PlugInError, match=said):
+        rows_of(folder / "recording.mcap", "own_detector:Breaks")
+
+
+@pytest.mark.usefixtures("of_ones_own")
+def test_a_tracker_that_tells_nonsense_of_itself_is_refused_before_the_first_observation(folder: Path) -> None:
+    with pytest.raises(
+        InputError, match="^--tracker own_detector:Counts: discarded is 'many'; an int from 0 up is exp"
+    ):
+        rows_of(folder / "recording.mcap", "own_detector:Counts")
 
 
 def test_an_unknown_tracker_is_refused(folder: Path) -> None:
