@@ -1,5 +1,6 @@
 # shellcheck shell=bash
-# Sourced by the other scripts: makes .venv beside the sources and installs the project in it, once; "extra" names what else.
+# Sourced by the other scripts: makes .venv beside the sources and installs the project in it, once. Its argument names an
+# extra of the project, or is "": without one bash would hand on what the script itself was given.
 # A stamp holds the hash of pyproject.toml, so that a second call costs nothing until the dependencies change.
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 project_extra="${1:-}"
