@@ -2,5 +2,11 @@
 
 import os
 
+import jaxtyping
+
 # Before anything imports mujoco: tests that use its own renderer draw through EGL too.
 os.environ["MUJOCO_GL"] = "egl"
+
+# Before anything imports them: every call into these has its arguments' and its results' types and shapes checked.
+CHECKED = ("trackers.filters", "trackers.tracking")
+jaxtyping.install_import_hook(CHECKED, "shape_checks.checked")

@@ -68,7 +68,7 @@ def test_equals_filterpy_over_200_steps_with_coasting(stays):
         state = imm.predict(state, PERIOD_S)
         oracle.predict()
         if seen[k]:
-            state = imm.update(state, np.array([0]), measured[k])
+            state = imm.update(state, np.array([0]), measured[k][None])
             oracle.update(measured[k])
         else:
             coast(oracle)
@@ -86,7 +86,7 @@ def test_one_mode_is_filterpys_extended_kalman_filter():
     oracle = ExtendedKalmanFilter(5, 2)
     oracle.x, oracle.P, oracle.R = state.mean[:, 0, 0].copy(), state.covariance[:, :, 0, 0].copy(), single.R
     for z in walk(np.random.default_rng(2), 100):
-        state = single.update(single.predict(state, PERIOD_S), np.array([0]), z)
+        state = single.update(single.predict(state, PERIOD_S), np.array([0]), z[None])
         oracle.x, F, G = linearise(oracle.x, np.zeros(2), PERIOD_S, 1.0)
         oracle.P = F @ oracle.P @ F.T + G @ np.diag([300.0, 300.0]) @ G.T
         oracle.update(z, lambda x: np.eye(2, 5), lambda x: x[:2])
@@ -102,7 +102,7 @@ def test_tracks_do_not_depend_on_their_neighbours_in_the_batch():
     together = imm.update(imm.predict(imm.start(position, velocity), PERIOD_S), np.arange(7), z)
     for i in range(7):
         alone = imm.start(position[i : i + 1], velocity[i : i + 1])
-        alone = imm.update(imm.predict(alone, PERIOD_S), np.array([0]), z[i])
+        alone = imm.update(imm.predict(alone, PERIOD_S), np.array([0]), z[i][None])
         np.testing.assert_allclose(together.mean[..., i], alone.mean[..., 0], rtol=0, atol=1e-13)
         np.testing.assert_allclose(together.probability[:, i], alone.probability[:, 0], rtol=0, atol=1e-13)
 
@@ -121,7 +121,7 @@ def test_headings_a_full_turn_apart_are_the_same_heading(turns):
     imm = Imm()
     state = imm.start(np.array([[1.0, 1.0]]), np.array([[1.0, 0.5]]))
     for z in walk(np.random.default_rng(4), 10) - [0.0, 1.0]:
-        state = imm.update(imm.predict(state, PERIOD_S), np.array([0]), z)
+        state = imm.update(imm.predict(state, PERIOD_S), np.array([0]), z[None])
     shifted_mean = state.mean.copy()
     shifted_mean[HEADING, state.probability[:, 0].argmin()] += 2 * np.pi * turns
     shifted = ImmState(shifted_mean, state.covariance, state.probability)

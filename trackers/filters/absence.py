@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from jaxtyping import Float
 
 from trackers.arrays import Array
 from trackers.filters.imm_state import ImmState
@@ -26,8 +27,10 @@ _NOTHING_TOLD = np.array([0.0, 0, 1, 0, 1])[:, None, None]
 _LEAST_VARIANCE_M2 = 1e-12
 
 
-def not_seen(state: ImmState, missed: Callable[[Array], Array], least: float = 1e-3) -> tuple[ImmState, Array]:
-    """The n tracks after a look that did not show them, and how probably it would not, (n,).
+def not_seen(
+    state: ImmState, missed: Callable[[Array], Array], least: float = 1e-3
+) -> tuple[ImmState, Float[Array, "n"]]:
+    """The n tracks after a look that did not show them, and how probably it would not.
 
     missed: the probability that the look does not show a target at positions (2, m, n, k) [m], (m, n, k). A mode that it
     would have shown (all but surely, to `least`) stays as it is: then it is the model that is wrong.
@@ -57,8 +60,8 @@ def not_seen(state: ImmState, missed: Callable[[Array], Array], least: float = 1
     return ImmState(state.mean + by_x * mean_x + by_y * mean_y, covariance, joint / missed_all), missed_all
 
 
-def cloud_not_seen(cloud: Cloud, missed: Callable[[Array], Array]) -> tuple[Cloud, Array]:
-    """The n sets of particles after a look that did not show their targets, and how probably it would not, (n,).
+def cloud_not_seen(cloud: Cloud, missed: Callable[[Array], Array]) -> tuple[Cloud, Float[Array, "n"]]:
+    """The n sets of particles after a look that did not show their targets, and how probably it would not.
 
     missed: the probability that the look does not show a target at positions (2, n, p) [m], the first two components of the
     state, (n, p). A set of which it would have shown every particle keeps its weights, and is marked `lost`.

@@ -3,31 +3,30 @@
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 from scipy.optimize import linear_sum_assignment
 
 from trackers.arrays import Array, Index, Mask
 
 
-def distances(first: Array, second: Array) -> Array:
-    """Distance between each of `first` (n, 2) and each of `second` (k, 2), (n, k) [m]."""
+def distances(first: Float[Array, "n 2"], second: Float[Array, "k 2"]) -> Float[Array, "n k"]:
+    """Distance between each of `first` and each of `second` [m]."""
     difference = first[:, None] - second[None]
     return np.hypot(difference[..., 0], difference[..., 1])
 
 
-def validation_region(predicted: Array, position: Array, radius_m: float) -> Mask:
-    """Whether each measurement lies in each track's validation region, (n, k): the union of circles around its modes.
-
-    predicted: mode-conditioned positions (n, m, 2) [m]; position: measurements (k, 2) [m].
-    """
+def validation_region(
+    predicted: Float[Array, "n m 2"], position: Float[Array, "k 2"], radius_m: float
+) -> Bool[Mask, "n k"]:
+    """Whether each measurement [m] lies in each track's validation region: the union of circles around its modes."""
     x, y = _differences(predicted, position)
     return np.logical_or.reduce(x * x + y * y <= radius_m**2, axis=1)
 
 
-def mahalanobis(predicted: Array, innovation_covariance: Array, position: Array) -> Array:
-    """N: the smallest Mahalanobis distance over the modes for each track and measurement, (n, k) (eq. 5).
-
-    predicted: (n, m, 2) [m]; innovation_covariance: symmetric, (n, m, 2, 2) [m²]; position: (k, 2) [m].
-    """
+def mahalanobis(
+    predicted: Float[Array, "n m 2"], innovation_covariance: Float[Array, "n m 2 2"], position: Float[Array, "k 2"]
+) -> Float[Array, "n k"]:
+    """N: the smallest Mahalanobis distance over the modes for each track and measurement (eq. 5); positions [m]."""
     x, y = _differences(predicted, position)
     s_xx, s_xy, s_yy = (
         innovation_covariance[..., 0, 0],
@@ -41,16 +40,17 @@ def mahalanobis(predicted: Array, innovation_covariance: Array, position: Array)
     return np.sqrt(np.maximum(square.min(axis=1), 0.0))
 
 
-def _differences(predicted: Array, position: Array) -> tuple[Array, Array]:
-    """x and y of measurements (k, 2) less those of modes (n, m, 2), (n, m, k) each."""
+def _differences(
+    predicted: Float[Array, "n m 2"], position: Float[Array, "k 2"]
+) -> tuple[Float[Array, "n m k"], Float[Array, "n m k"]]:
+    """x and y of measurements less those of modes."""
     return position[:, 0] - predicted[..., 0, None], position[:, 1] - predicted[..., 1, None]
 
 
-def global_nearest_neighbour(distance: Array, allowed: Mask) -> tuple[Index, Index]:
-    """One-to-one pairs (tracks, measurements) of least total distance among the allowed ones, as many pairs as can be.
-
-    distance, allowed: (n, k). Returns two index arrays of equal length, tracks ascending.
-    """
+def global_nearest_neighbour(
+    distance: Float[Array, "n k"], allowed: Bool[Mask, "n k"]
+) -> tuple[Int[Index, "pairs"], Int[Index, "pairs"]]:
+    """One-to-one pairs (tracks, ascending; measurements) of least total distance, as many allowed ones as can be."""
     if not allowed.any():
         return np.empty(0, np.intp), np.empty(0, np.intp)
     # a forbidden pair costs more than every allowed pair together, so that it is only taken when nothing else is left

@@ -22,9 +22,9 @@ than products of many small matrices.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float, Int
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Index
 from trackers.errors import InputError
 from trackers.filters.imm_state import ImmState
 from trackers.filters.motion import (
@@ -77,15 +77,13 @@ class Imm:
 
     def start(
         self,
-        position: Array,
-        velocity: Array | None = None,
+        position: Float[Array, "n 2"],
+        velocity: Float[Array, "n 2"] | None = None,
         position_variance_m2: float = MEASUREMENT_VARIANCE_M2,
-        speed_variance: float | Array = 1.0,
+        speed_variance: float | Float[Array, "n"] = 1.0,
         turn_rate_variance: float = 1.0,
     ) -> ImmState:
-        """New tracks at `position` (n, 2) [m], at rest or with `velocity` (n, 2) [m/s].
-
-        `speed_variance` [m²/s²], a number or (n,), is that of the speed.
+        """New tracks at `position` [m], at rest or with `velocity` [m/s]; `speed_variance` [m²/s²] is that of the speed.
 
         The heading's standard deviation is the speed's over the speed itself, at most that of an unknown angle (π/√3).
         Every mode starts alike and equally probable.
@@ -112,9 +110,14 @@ class Imm:
         )
 
     def start_from_two(
-        self, first: Array, second: Array, elapsed_s: Array, position_variance_m2: float, speed_variance: float
+        self,
+        first: Float[Array, "n 2"],
+        second: Float[Array, "n 2"],
+        elapsed_s: Float[Array, "n"],
+        position_variance_m2: float,
+        speed_variance: float,
     ) -> ImmState:
-        """Tracks measured at `first`, then `elapsed_s` (n,) later at `second` (n, 2) [m]: two-point initiation.
+        """Tracks measured at `first`, then `elapsed_s` later at `second` [m]: two-point initiation.
 
         A filter over heading and speed cannot find the heading of somebody it believes at rest. The velocity between the
         two (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 5.5.3)
@@ -152,16 +155,20 @@ class Imm:
             state = self.predict(state, elapsed_s / n_step)
         return state
 
-    def innovation_covariance(self, predicted: ImmState) -> Array:
-        """S = H P Hᵀ + R of each track in each mode, (n, m, 2, 2) [m²]."""
+    def innovation_covariance(self, predicted: ImmState) -> Float[Array, "n m 2 2"]:
+        """S = H P Hᵀ + R of each track in each mode [m²]."""
         return predicted.covariance[:2, :2].T + self.R
 
     def update(
-        self, predicted: ImmState, index: NDArray[np.intp], position: Array, measurement_covariance: Array | None = None
+        self,
+        predicted: ImmState,
+        index: Int[Index, "k"],
+        position: Float[Array, "k 2"],
+        measurement_covariance: Float[Array, "k 2 2"] | None = None,
     ) -> ImmState:
-        """The tracks with those at `index` (k,) updated by their measured `position` (k, 2) [m]; the others unchanged.
+        """The tracks with those at `index` updated by their measured `position` [m]; the others unchanged.
 
-        measurement_covariance: R of each measurement, (k, 2, 2) [m²], positive definite; None: the filter's own.
+        measurement_covariance: R of each measurement [m²], positive definite; None: the filter's own.
         """
         index = np.asarray(index, np.intp)
         if index.size == 0:
@@ -194,8 +201,8 @@ class Imm:
             probability = weight / weight.sum(axis=0)
         return predicted.replaced(index, ImmState(mean, _symmetric(covariance), probability))
 
-    def estimate(self, state: ImmState) -> tuple[Array, Array]:
-        """Mean (n, 5) and covariance (n, 5, 5) of each track over its modes."""
+    def estimate(self, state: ImmState) -> tuple[Float[Array, "n 5"], Float[Array, "n 5 5"]]:
+        """Mean and covariance of each track over its modes."""
         means = state.aligned_mean
         mean = (means * state.probability).sum(axis=1)
         spread = means - mean[:, None]
@@ -219,8 +226,8 @@ class Imm:
         return ImmState(mean, covariance, predicted)
 
 
-def _transition_times(F: Array, matrix: Array) -> Array:
-    """F matrix, (5, 5, m, n), doing only the products that the models' Jacobian F (identity elsewhere) holds."""
+def _transition_times(F: Float[Array, "5 5 m n"], matrix: Float[Array, "5 5 m n"]) -> Float[Array, "5 5 m n"]:
+    """F matrix, doing only the products that the models' Jacobian F (identity elsewhere) holds."""
     product = matrix.copy()
     product[:2] += np.einsum("abmn,bcmn->acmn", F[:2, HEADING:], matrix[HEADING:])
     product[HEADING] += F[HEADING, TURN_RATE] * matrix[TURN_RATE]
@@ -228,7 +235,7 @@ def _transition_times(F: Array, matrix: Array) -> Array:
     return product
 
 
-def _symmetric(matrix: Array) -> Array:
+def _symmetric(matrix: Float[Array, "5 5 m n"]) -> Float[Array, "5 5 m n"]:
     return 0.5 * (matrix + matrix.swapaxes(0, 1))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from trackers.arrays import Array
 from trackers.filters.motion import HEADING, SPEED, STATE_SIZE, TURN_RATE, nearest_turn
@@ -15,21 +16,21 @@ from trackers.filters.rows import Selection
 class ImmState:
     """n tracks with m modes each; the tracks stand in the last axis, so that every operation runs along them."""
 
-    mean: Array  # (5, m, n)
-    covariance: Array  # (5, 5, m, n)
-    probability: Array  # (m, n), each column sums to 1
+    mean: Float[Array, "5 m n"]
+    covariance: Float[Array, "5 5 m n"]
+    probability: Float[Array, "m n"]  # each column sums to 1
 
     def __len__(self) -> int:
         return self.mean.shape[-1]
 
     @property
-    def positions(self) -> Array:
-        """Position of each track in each mode, (n, m, 2) [m]."""
+    def positions(self) -> Float[Array, "n m 2"]:
+        """Position of each track in each mode [m]."""
         return self.mean[:2].T
 
     @property
-    def aligned_mean(self) -> Array:
-        """Means (5, m, n) with headings within half a turn of the most probable mode's."""
+    def aligned_mean(self) -> Float[Array, "5 m n"]:
+        """Means with headings within half a turn of the most probable mode's."""
         if len(self.probability) == 1:
             return self.mean
         headings = self.mean[HEADING]  # (m, n)
@@ -39,12 +40,12 @@ class ImmState:
         return means
 
     @property
-    def mode_average(self) -> Array:
-        """Mean of each track over its modes, (5, n)."""
+    def mode_average(self) -> Float[Array, "5 n"]:
+        """Mean of each track over its modes."""
         return (self.aligned_mean * self.probability).sum(axis=1)
 
     def select(self, index: Selection) -> ImmState:
-        """The tracks at `index` (integers or a mask)."""
+        """The tracks at `index`."""
         return ImmState(self.mean[..., index], self.covariance[..., index], self.probability[..., index])
 
     def joined(self, other: ImmState) -> ImmState:
@@ -55,8 +56,8 @@ class ImmState:
             np.concatenate([self.probability, other.probability], axis=-1),
         )
 
-    def slowed(self, kept: Array) -> ImmState:
-        """These tracks with speed and turn rate multiplied by `kept` (n,), their covariance accordingly."""
+    def slowed(self, kept: Float[Array, "n"]) -> ImmState:
+        """These tracks with speed and turn rate multiplied by `kept`, their covariance accordingly."""
         scale = np.ones((STATE_SIZE, len(self)))
         scale[SPEED] = scale[TURN_RATE] = kept
         mean = self.mean * scale[:, None]

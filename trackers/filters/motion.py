@@ -21,8 +21,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
-from trackers.arrays import Array
+from trackers.arrays import Array, ArrayOrNumber
 
 STATE_SIZE = 5
 DISTURBANCE_SIZE = 2
@@ -56,8 +57,8 @@ MEASUREMENT_VARIANCE_M2 = 0.01
 """Variance of a measured position on each axis, R = diag(0.01, 0.01) m² (paper, section III)."""
 
 
-def transition_matrix(n_mode: int, stays: float = MODE_STAYS) -> Array:
-    """Mode transition probabilities per step, (n_mode, n_mode), row: from, column: to; `stays` on the diagonal."""
+def transition_matrix(n_mode: int, stays: float = MODE_STAYS) -> Float[Array, "{n_mode} {n_mode}"]:
+    """Mode transition probabilities per step, row: from, column: to; `stays` on the diagonal."""
     if n_mode == 1:
         return np.ones((1, 1))
     matrix = np.full((n_mode, n_mode), (1 - stays) / (n_mode - 1))
@@ -65,18 +66,23 @@ def transition_matrix(n_mode: int, stays: float = MODE_STAYS) -> Array:
     return matrix
 
 
-def persistence(models: tuple[MotionModel, ...]) -> Array:
-    """1 where a model's turn rate persists, else 0, (n_mode,)."""
+def persistence(models: tuple[MotionModel, ...]) -> Float[Array, "{len(models)}"]:
+    """1 where a model's turn rate persists, else 0."""
     return np.array([float(model.turn_persists) for model in models])
 
 
-def disturbance_variances(models: tuple[MotionModel, ...]) -> Array:
-    """Diagonal of Q for each model, (n_mode, 2)."""
+def disturbance_variances(models: tuple[MotionModel, ...]) -> Float[Array, "{len(models)} 2"]:
+    """Diagonal of Q for each model."""
     return np.array([(model.acceleration_variance, model.turn_acceleration_variance) for model in models])
 
 
-def propagate(state: Array, disturbance: Array, period_s: float, turn_persists: Array | float) -> Array:
-    """State (5, ...) after one step of `period_s`, under a disturbance (2, ...) (A.1, A.2).
+def propagate(
+    state: Float[Array, "5 *batch"],
+    disturbance: Float[Array, "2 *noise"],
+    period_s: float,
+    turn_persists: Array | float,
+) -> Float[Array, "5 *result"]:
+    """State after one step of `period_s`, under a disturbance (A.1, A.2).
 
     `turn_persists` is 1 for A.2 and 0 for A.1; it and the trailing axes broadcast.
     """
@@ -85,9 +91,12 @@ def propagate(state: Array, disturbance: Array, period_s: float, turn_persists: 
 
 
 def linearise(
-    state: Array, disturbance: Array, period_s: float, turn_persists: Array | float
-) -> tuple[Array, Array, Array]:
-    """`propagate` and its Jacobians with respect to the state, (5, 5, ...), and to the disturbance, (5, 2, ...)."""
+    state: Float[Array, "5 *batch"],
+    disturbance: Float[Array, "2 *noise"],
+    period_s: float,
+    turn_persists: Array | float,
+) -> tuple[Float[Array, "5 *result"], Float[Array, "5 5 *result"], Float[Array, "5 2 *result"]]:
+    """`propagate` and its Jacobians with respect to the state and to the disturbance."""
     T = period_s
     half_square = 0.5 * T * T
     distance, turned, across, along = _displacement(state, disturbance, T, turn_persists)
@@ -114,8 +123,8 @@ def linearise(
 
 def _displacement(
     state: Array, disturbance: Array, period_s: float, turn_persists: Array | float
-) -> tuple[Array, Array, Array, Array]:
-    """Distance d and turned angle a of the step; the unit vector left of the heading and ∂(x', y')/∂d, both (2, ...)."""
+) -> tuple[ArrayOrNumber, ArrayOrNumber, Float[Array, "2 *batch"], Float[Array, "2 *result"]]:
+    """Distance d and turned angle a of the step; the unit vector left of the heading and ∂(x', y')/∂d."""
     half_square = 0.5 * period_s * period_s
     distance = state[SPEED] * period_s + disturbance[0] * half_square
     turned = state[TURN_RATE] * (turn_persists * period_s) + disturbance[1] * half_square
@@ -130,10 +139,10 @@ def _displaced(
     disturbance: Array,
     period_s: float,
     turn_persists: Array | float,
-    distance: Array,
-    turned: Array,
-    along: Array,
-) -> Array:
+    distance: ArrayOrNumber,
+    turned: ArrayOrNumber,
+    along: Float[Array, "2 *result"],
+) -> Float[Array, "5 *result"]:
     following = np.empty((STATE_SIZE, *along.shape[1:]))
     following[:2] = state[:2] + distance * along
     following[HEADING] = state[HEADING] + turned

@@ -24,6 +24,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from trackers.arrays import Array, Mask
 from trackers.errors import InputError
@@ -45,10 +46,10 @@ class LogWeights(Rows):
     Made by `uniform`, `of` and `updated`; every row is a distribution, always.
     """
 
-    log: Array  # (n, p), ≤ 0, −∞ for a weight of 0; exp of a row sums to 1
-    normalised: Array  # (n, p), exp(log)
-    log_mean: Array  # (n,), log of the weighted mean of the likelihood that came last: its evidence; 0 before any
-    lost: Mask  # (n,), whether what came last was impossible for every particle of the set
+    log: Float[Array, "n p"]  # ≤ 0, −∞ for a weight of 0; exp of a row sums to 1
+    normalised: Float[Array, "n p"]  # exp(log)
+    log_mean: Float[Array, "n"]  # log of the weighted mean of the likelihood that came last: its evidence; 0 before any
+    lost: Bool[Mask, "n"]  # whether what came last was impossible for every particle of the set
 
     @classmethod
     def uniform(cls, n: int, n_particle: int) -> LogWeights:
@@ -72,8 +73,8 @@ class LogWeights(Rows):
         return len(self.log)
 
     @property
-    def effective_sample_size(self) -> Array:
-        """1 / Σ w² of each set, (n,): from 1, one particle has all the weight, to p, all weigh the same (Kong et al., 1994)."""
+    def effective_sample_size(self) -> Float[Array, "n"]:
+        """1 / Σ w² of each set: from 1, one particle has all the weight, to p, all weigh the same (Kong et al., 1994)."""
         return 1.0 / np.einsum("np,np->n", self.normalised, self.normalised)
 
     def updated(self, log_likelihood: Array) -> LogWeights:
@@ -104,8 +105,8 @@ class LogWeights(Rows):
             weight[lost], log[lost] = self.normalised[lost], self.log[lost]
         return LogWeights(log, weight, log_mean, lost)
 
-    def resampled(self, which: Mask) -> LogWeights:
-        """These weights with the sets of the mask (n,) at equal weights again, as they are after resampling."""
+    def resampled(self, which: Bool[Mask, "n"]) -> LogWeights:
+        """These weights with the sets of the mask at equal weights again, as they are after resampling."""
         equal = self._equal(*self.log.shape)
         chosen = which[:, None]
         return LogWeights(
@@ -129,7 +130,7 @@ class LogWeights(Rows):
 class Cloud:
     """n sets of p weighted particles."""
 
-    state: Array  # (components, n, p): components first, as `trackers.filters.motion.propagate` takes them
+    state: Float[Array, "components n p"]  # components first, as `trackers.filters.motion.propagate` takes them
     weights: LogWeights
 
     @classmethod
@@ -142,8 +143,10 @@ class Cloud:
         return cls(state, LogWeights.uniform(*state.shape[1:]))
 
     @classmethod
-    def normal(cls, mean: Array, covariance: Array, n_particle: int, rng: np.random.Generator) -> Cloud:
-        """Particles drawn from normal distributions, mean (n, c), covariance (n, c, c), which may be singular.
+    def normal(
+        cls, mean: Float[Array, "n c"], covariance: Float[Array, "n c c"], n_particle: int, rng: np.random.Generator
+    ) -> Cloud:
+        """Particles drawn from normal distributions, whose covariance may be singular.
 
         Raises InputError for a covariance that is not symmetric positive semi-definite, and for NaN or infinity.
         """
@@ -163,7 +166,7 @@ class Cloud:
         return self.state.shape[1]
 
     def select(self, index: Selection) -> Cloud:
-        """The sets at `index` (integers or a mask)."""
+        """The sets at `index`."""
         return Cloud(self.state[:, index], self.weights.select(index))
 
     def joined(self, other: Cloud) -> Cloud:
@@ -176,8 +179,8 @@ class Cloud:
         state[:, index] = other.state
         return Cloud(state, self.weights.replaced(index, other.weights))
 
-    def expectation(self, values: Array) -> Array:
-        """Weighted mean over each set of values (..., n, p) that belong to the particles, (..., n)."""
+    def expectation(self, values: Float[Array, "*c n p"]) -> Float[Array, "*c n"]:
+        """Weighted mean over each set of values that belong to the particles."""
         return np.einsum("...np,np->...n", values, self.weights.normalised)
 
 

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from trackers.arrays import Array
 from trackers.errors import InputError
@@ -47,8 +48,10 @@ class MixtureProposal:
         if (self.log_draw is None) != (self.log_transition is None):
             raise InputError("a mixture proposal has one density of two; both, or none, are expected")
 
-    def __call__(self, cloud: Cloud, rng: np.random.Generator) -> tuple[Array, Array]:
-        """Particles (components, n, p) and the logarithms of their weight corrections (n, p), fresh ones first."""
+    def __call__(
+        self, cloud: Cloud, rng: np.random.Generator
+    ) -> tuple[Float[Array, "components n p"], Float[Array, "n p"]]:
+        """Particles and the logarithms of their weight corrections, fresh ones first."""
         n_particle = cloud.state.shape[2]
         n_fresh = round(self.share * n_particle)
         moved = self.move(cloud.state, rng)

@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from trackers.arrays import Array, Index
 from trackers.errors import InputError
@@ -24,8 +25,8 @@ from trackers.errors import InputError
 Scheme = Callable[[Array, np.random.Generator], Index]
 
 
-def resample(scheme: str, weights: Array, rng: np.random.Generator) -> Index:
-    """Ancestors (n, p) drawn by the scheme of this name for weights (n, p) that are ≥ 0 and sum to 1 in each row.
+def resample(scheme: str, weights: Array, rng: np.random.Generator) -> Int[Index, "n p"]:
+    """Ancestors drawn by the scheme of this name for weights (n, p) that are ≥ 0 and sum to 1 in each row.
 
     Raises InputError for a name that is not in `SCHEMES`, and for weights that are negative, not finite, or do not sum
     to 1 within 1e-6 (all-zero weights among them: `LogWeights` never holds any).
@@ -48,11 +49,11 @@ def scheme_of(name: str) -> Scheme:
     return SCHEMES[name]
 
 
-def _plain(weights: Array, rng: np.random.Generator) -> Index:
+def _plain(weights: Float[Array, "n p"], rng: np.random.Generator) -> Int[Index, "n p"]:
     return _inverse(_cumulative(weights), rng.random(weights.shape))
 
 
-def _residual(weights: Array, rng: np.random.Generator) -> Index:
+def _residual(weights: Float[Array, "n p"], rng: np.random.Generator) -> Int[Index, "n p"]:
     n, p = weights.shape
     expected = p * weights
     certain = np.floor(expected * (1 + 1e-12))  # 49 · (1/49) is a whole copy, whatever rounding says
@@ -67,7 +68,7 @@ def _residual(weights: Array, rng: np.random.Generator) -> Index:
     return _from_counts(counts)
 
 
-def _stratified(weights: Array, rng: np.random.Generator) -> Index:
+def _stratified(weights: Float[Array, "n p"], rng: np.random.Generator) -> Int[Index, "n p"]:
     offsets = rng.random(weights.shape)
     places = weights.shape[1] * _cumulative(weights)
     whole = np.floor(places)
@@ -76,7 +77,7 @@ def _stratified(weights: Array, rng: np.random.Generator) -> Index:
     return _from_places_below(below, weights.shape[1])
 
 
-def _systematic(weights: Array, rng: np.random.Generator) -> Index:
+def _systematic(weights: Float[Array, "n p"], rng: np.random.Generator) -> Int[Index, "n p"]:
     offset = rng.random((len(weights), 1))
     p = weights.shape[1]
     cumulative = _cumulative(weights)
@@ -90,14 +91,14 @@ SCHEMES: Mapping[str, Scheme] = MappingProxyType(
 """The schemes by name."""
 
 
-def _cumulative(weights: Array) -> Array:
-    """Running sums (n, p) of the rows, the last exactly 1, equal where a weight is 0."""
+def _cumulative(weights: Float[Array, "n p"]) -> Float[Array, "n p"]:
+    """Running sums of the rows, the last exactly 1, equal where a weight is 0."""
     sums = np.cumsum(weights, axis=1)
     return sums / sums[:, -1:]
 
 
-def _inverse(cumulative: Array, uniform: Array) -> Index:
-    """The particle in whose share of the cumulative weight each number in [0, 1) falls, (n, p)."""
+def _inverse(cumulative: Float[Array, "n p"], uniform: Float[Array, "n p"]) -> Int[Index, "n p"]:
+    """The particle in whose share of the cumulative weight each number in [0, 1) falls."""
     n, p = cumulative.shape
     rows = np.arange(n)[:, None]
     # one sorted table for all rows; a number must not be rounded up into the next row
@@ -106,13 +107,13 @@ def _inverse(cumulative: Array, uniform: Array) -> Index:
     return found - p * rows
 
 
-def _from_places_below(below: Array, p: int) -> Index:
-    """Ancestors from the number of places that lie below each running sum, (n, p)."""
+def _from_places_below(below: Float[Array, "n {p}"], p: int) -> Int[Index, "n {p}"]:
+    """Ancestors from the number of places that lie below each running sum."""
     return _from_counts(np.diff(below.astype(np.intp), axis=1, prepend=0))
 
 
-def _from_counts(counts: Index) -> Index:
-    """Ancestors (n, p) in ascending order from how often each particle is taken, (n, p), rows that sum to p."""
+def _from_counts(counts: Int[Index, "n p"]) -> Int[Index, "n p"]:
+    """Ancestors in ascending order from how often each particle is taken, rows that sum to p."""
     n, p = counts.shape
     particle = np.broadcast_to(np.arange(p), (n, p))
     return np.repeat(particle.ravel(), counts.ravel()).reshape(n, p)

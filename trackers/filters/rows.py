@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol, Self
+from typing import Any, Protocol, Self, runtime_checkable
 
 import numpy as np
+from jaxtyping import Bool, Int, Shaped
 from numpy.typing import NDArray
 
-Selection = NDArray[np.intp] | NDArray[np.bool_]
+from trackers.arrays import Index, Mask
+
+Selection = Int[Index, "k"] | Bool[Mask, "n"]
+"""Indices of k targets, or a mask of all n."""
 
 
+@runtime_checkable
 class Batched(Protocol):
     """Any batch of n targets: what `Rows`, `ImmState`, `Cloud` and `LogWeights` can all do."""
 
     def __len__(self) -> int: ...
 
     def select(self, index: Selection) -> Self:
-        """The targets at `index` (integers or a mask)."""
+        """The targets at `index`."""
         ...
 
     def joined(self, other: Self) -> Self:
@@ -40,7 +45,7 @@ class Rows:
         return type(self)(**(vars(self) | fields))
 
     def select(self, index: Selection) -> Self:
-        """The targets at `index` (integers or a mask)."""
+        """The targets at `index`."""
         if index.dtype == np.bool_ and index.all():
             return self
         return self._field_by_field(lambda rows: rows[index], lambda batch: batch.select(index))
@@ -67,8 +72,8 @@ class Rows:
         return type(self)(**fields)
 
 
-def written(array: NDArray[Any], index: Selection, values: Any) -> NDArray[Any]:
-    """A copy of an array (n, ...) with `values` at `index`."""
+def written(array: Shaped[NDArray[Any], "n *each"], index: Selection, values: Any) -> Shaped[NDArray[Any], "n *each"]:
+    """A copy of an array with `values` at `index`."""
     copy = array.copy()
     copy[index] = values
     return copy

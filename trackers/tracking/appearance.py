@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float, Int
 
 from trackers.arrays import Array, Index, Mask
 from trackers.filters.rows import Rows, written
@@ -17,29 +17,38 @@ from trackers.vision.histogram import chi_squared_distance, updated_reference
 class Appearance(Rows):
     """The appearance memory of n tracks."""
 
-    reference: Array  # (n, bins) colour histogram
-    n_look: NDArray[np.int64]  # (n,) how often the reference was learned from; 0: there is none
-    n_refused: NDArray[np.int64]  # (n,) how many looks in a row it was not learned from, as doubtful
-    looked_ns: NDArray[np.int64]  # (n,) stamp of the last look learned from; of the track's start where there is none
-    looked_at: Array  # (n, 2) and where the person was [m]
+    reference: Float[Array, "n bins"]  # colour histogram
+    n_look: Int[Index, "n"]  # how often the reference was learned from; 0: there is none
+    n_refused: Int[Index, "n"]  # how many looks in a row it was not learned from, as doubtful
+    looked_ns: Int[Index, "n"]  # stamp of the last look learned from; of the track's start where there is none
+    looked_at: Float[Array, "n 2"]  # and where the person was [m]
 
     @classmethod
-    def started(cls, reference: Array, n_look: NDArray[np.int64], ns: int, position: Array) -> Self:
-        """Of tracks that start at stamp ns at `position` (n, 2) [m], with a first look (n_look 1) or none (0)."""
+    def started(
+        cls, reference: Float[Array, "n bins"], n_look: Int[Index, "n"], ns: int, position: Float[Array, "n 2"]
+    ) -> Self:
+        """Of tracks that start at stamp ns at `position` [m], with a first look (n_look 1) or none (0)."""
         n = len(reference)
         return cls(reference, n_look, np.zeros(n, np.int64), np.full(n, ns), position)
 
     @property
-    def known(self) -> Mask:
-        """Who has been seen clearly at least once, (n,)."""
+    def known(self) -> Bool[Mask, "n"]:
+        """Who has been seen clearly at least once."""
         return self.n_look > 0
 
     def learned(
-        self, track: Index, histogram: Array, doubtful: Mask, patience: int, memory: float, ns: int, position: Array
+        self,
+        track: Int[Index, "p"],
+        histogram: Float[Array, "p bins"],
+        doubtful: Bool[Mask, "p"],
+        patience: int,
+        memory: float,
+        ns: int,
+        position: Float[Array, "p 2"],
     ) -> Self:
-        """After clear looks upon those at `track` (p,) at stamp ns and `position` (p, 2), which showed histograms (p, bins).
+        """After clear looks upon those at `track` at stamp ns and `position`, which showed these histograms.
 
-        A `doubtful` look (p,), which may be of somebody else, teaches nothing; but after `patience` of them in a row it is
+        A `doubtful` look, which may be of somebody else, teaches nothing; but after `patience` of them in a row it is
         the clothes that look otherwise now, or the light. memory: the share of the old reference that is kept.
         """
         refused = doubtful & (self.n_refused[track] < patience)
@@ -55,8 +64,8 @@ class Appearance(Rows):
             looked_at=written(self.looked_at, track, position),
         )
 
-    def distance(self, histograms: Array, comparable: Mask) -> Array | None:
-        """χ² distance of every track and each of k looks, (n, k) in [0, 1], NaN where either has no colours; None: all are."""
+    def distance(self, histograms: Float[Array, "k bins"], comparable: Bool[Mask, "k"]) -> Float[Array, "n k"] | None:
+        """χ² distance of every track and each of k looks, in [0, 1], NaN where either has no colours; None: all are."""
         known = self.known
         if not known.any() or not comparable.any():
             return None

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from trackers.arrays import Array, Index, Mask
 from trackers.filters.gating import global_nearest_neighbour
@@ -13,17 +14,14 @@ from trackers.filters.gating import global_nearest_neighbour
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Which tracks take part, what a pair costs, and what forbids it.
+    """Which tracks take part; costs of the pairs, added up; a pair that any of the vetoes marks is forbidden."""
 
-    tracks: (n,); terms: costs (n, k), added up; vetoes: (n, k), a pair that any of them marks is forbidden.
-    """
-
-    tracks: Mask
-    terms: Sequence[Array]
-    vetoes: Sequence[Mask] = ()
+    tracks: Bool[Mask, "n"]
+    terms: Sequence[Float[Array, "n k"]]
+    vetoes: Sequence[Bool[Mask, "n k"]] = ()
 
 
-def associate(stages: Sequence[Stage]) -> tuple[Index, Index]:
+def associate(stages: Sequence[Stage]) -> tuple[Int[Index, "p"], Int[Index, "p"]]:
     """Pairs (tracks, measurements) by the global nearest neighbour of each stage in turn, as many in each as can be.
 
     Whoever is paired in one stage takes no part in the next. Pairs come in the order of their stages.
@@ -41,7 +39,7 @@ def associate(stages: Sequence[Stage]) -> tuple[Index, Index]:
     return rows, columns
 
 
-def left_over(n: int, taken: Index) -> Index:
+def left_over(n: int, taken: Int[Index, "p"]) -> Int[Index, "rest"]:
     """The indices below n that are not `taken`."""
     is_taken = np.zeros(n, np.bool_)
     is_taken[taken] = True

@@ -6,6 +6,7 @@ Times are integer nanoseconds, as stamps are, so that a rule holds or does not w
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Bool, Float
 from numpy.typing import NDArray
 
 from trackers.arrays import Array, Mask
@@ -14,18 +15,20 @@ from trackers.observations import NS_PER_S
 from trackers.tracking.roster import Roster
 
 
-def nanoseconds(seconds: Array | float) -> NDArray[np.int64]:
+def nanoseconds(seconds: Array | float) -> NDArray[np.int64] | np.int64:
     """Seconds as whole nanoseconds, of the same shape."""
     return np.rint(np.asarray(seconds) * NS_PER_S).astype(np.int64)
 
 
-def measured_now(roster: Roster, ns: int) -> Mask:
-    """Whoever was measured at stamp ns, (n,); confirmed ones who were not are coasting."""
+def measured_now(roster: Roster, ns: int) -> Bool[Mask, "n"]:
+    """Whoever was measured at stamp ns; confirmed ones who were not are coasting."""
     return roster.measured_ns == ns
 
 
-def measured_for_longer(roster: Roster, ns: int, after_s: Array | float, period_s: float) -> Mask:
-    """Confirmation by time: tentative tracks, measured at ns, for longer than `after_s` (a number or (n,)), (n,).
+def measured_for_longer(
+    roster: Roster, ns: int, after_s: Float[Array, "n"] | float, period_s: float
+) -> Bool[Mask, "n"]:
+    """Confirmation by time: tentative tracks, measured at ns, for longer than `after_s`.
 
     Each measurement stands for one scan period, so that a track first measured at this stamp was measured for `period_s`.
     """
@@ -33,19 +36,21 @@ def measured_for_longer(roster: Roster, ns: int, after_s: Array | float, period_
     return ~roster.confirmed & measured_now(roster, ns) & (measured_for_ns > nanoseconds(after_s))
 
 
-def measured_often(roster: Roster, ns: int, at_least: int) -> Mask:
-    """Confirmation by count: tentative tracks, measured at ns, `at_least` times in all, (n,)."""
+def measured_often(roster: Roster, ns: int, at_least: int) -> Bool[Mask, "n"]:
+    """Confirmation by count: tentative tracks, measured at ns, `at_least` times in all."""
     return ~roster.confirmed & measured_now(roster, ns) & (roster.n_measured >= at_least)
 
 
-def coasting_within(roster: Roster, ns: int, confirmed_s: Array | float, tentative_s: float) -> Mask:
-    """Who goes on: last measured no longer ago than `confirmed_s` (a number or (n,)), tentative ones `tentative_s`, (n,)."""
+def coasting_within(roster: Roster, ns: int, confirmed_s: Array | float, tentative_s: float) -> Bool[Mask, "n"]:
+    """Who goes on: last measured no longer ago than `confirmed_s`, tentative ones `tentative_s`."""
     allowed_s = np.where(roster.confirmed, confirmed_s, tentative_s)
     return ns - roster.measured_ns <= nanoseconds(allowed_s)
 
 
-def clear_of(position: Array, bodies: Array, clearance_m: Array | float) -> Mask:
-    """Where somebody new may start, (k,): measurements (k, 2) farther than `clearance_m` (or (k,)) from every body (p, 2)."""
+def clear_of(
+    position: Float[Array, "k 2"], bodies: Float[Array, "p 2"], clearance_m: Float[Array, "k"] | float
+) -> Bool[Mask, "k"]:
+    """Where somebody new may start: measurements farther than `clearance_m` from every body."""
     if len(bodies) == 0:
         return np.ones(len(position), np.bool_)
     return distances(position, bodies).min(axis=1) > clearance_m

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Generic, Self, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Bool, Int
 
 from trackers.arrays import Index, Mask
 from trackers.filters.rows import Batched, Rows, Selection, written
@@ -21,12 +21,12 @@ class Roster(Rows, Generic[State]):
     `state` is what a filter knows of them: `ImmState`, `Cloud`, or any other batch of n (`trackers.filters.rows.Batched`).
     """
 
-    id: NDArray[np.int64]  # (n,) 0 while tentative
+    id: Int[Index, "n"]  # 0 while tentative
     state: State
-    born_ns: NDArray[np.int64]  # (n,) stamp of the first measurement
-    measured_ns: NDArray[np.int64]  # (n,) stamp of the last one
-    n_measured: NDArray[np.int64]  # (n,)
-    confirmed: Mask  # (n,)
+    born_ns: Int[Index, "n"]  # stamp of the first measurement
+    measured_ns: Int[Index, "n"]  # stamp of the last one
+    n_measured: Int[Index, "n"]
+    confirmed: Bool[Mask, "n"]
 
     @classmethod
     def started(cls, state: State, ns: int) -> Self:
@@ -44,12 +44,12 @@ class Roster(Rows, Generic[State]):
     def __len__(self) -> int:
         return self.id.size
 
-    def measured(self, track: Index, ns: int, state: State) -> Self:
-        """These tracks in `state`, with those at `track` (p,) measured at stamp ns."""
+    def measured(self, track: Int[Index, "p"], ns: int, state: State) -> Self:
+        """These tracks in `state`, with those at `track` measured at stamp ns."""
         n_measured = written(self.n_measured, track, self.n_measured[track] + 1)
         return self.changed(state=state, measured_ns=written(self.measured_ns, track, ns), n_measured=n_measured)
 
     def confirm(self, track: Selection, first_id: int) -> Self:
-        """These tracks with those at `track` (p,) confirmed, numbered from `first_id` on."""
+        """These tracks with those at `track` confirmed, numbered from `first_id` on."""
         ids = first_id + np.arange(self.id[track].size)
         return self.changed(id=written(self.id, track, ids), confirmed=written(self.confirmed, track, True))
