@@ -16,7 +16,7 @@ from twin.people.crowd.crowd import Crowd, planar
 from twin.people.crowd.ground import Ground
 from twin.people.crowd.order import End
 from twin.people.gait.gait import GRAVITY_M_S2, Gait
-from twin.people.gait.pose import Moment, foot_loads, joint_coordinates
+from twin.people.gait.pose import HEADING, Moment, foot_loads, joint_coordinates
 from twin.people.posture.gaze import FreeGaze
 from twin.people.posture.lay import apply
 from twin.people.posture.measures import BodyMeasures
@@ -184,7 +184,7 @@ class Population:
         moment, posture = self._memory.at(t)
         qpos = self.qpos(t)
         velocity = moment.pelvis_velocity + self._posture_velocity(t)
-        yaw = (faced(moment.rows[0], posture) + np.pi) % (2 * np.pi) - np.pi
+        yaw = (faced(moment.rows[HEADING], posture) + np.pi) % (2 * np.pi) - np.pi
         x, y, z = qpos[:, :3].T.copy()
         return PopulationTruth(self.present(t), x, y, z, yaw, velocity.real, velocity.imag)
 

@@ -10,7 +10,7 @@ import numpy as np
 from twin.people.body.proportions import proportions_of
 from twin.people.body.skeleton import Skeleton
 from twin.people.gait.gait import Gait
-from twin.people.gait.pose import FootLoads, Moment, foot_loads, heel_and_pelvis, joint_coordinates
+from twin.people.gait.pose import BOB, FootLoads, Moment, foot_loads, heel_and_pelvis, joint_coordinates
 
 TICK_S = 0.025
 
@@ -67,7 +67,7 @@ class Course:
         self.coordinates.append(joint_coordinates(moment, self.skeleton))
         self.rows.append(moment.rows)
         standing = 0.9945 * self.skeleton.leg + self.skeleton.ankle_height
-        self.lowered.append(standing + moment.rows[2] - heel_and_pelvis(moment, self.skeleton)[2])
+        self.lowered.append(standing + moment.rows[BOB] - heel_and_pelvis(moment, self.skeleton)[2])
         for name in ("load", "height", "place"):
             getattr(self, name).append(getattr(feet, name).copy())
         self.ahead.append(feet.pressure_ahead.copy())

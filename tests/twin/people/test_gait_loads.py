@@ -12,7 +12,7 @@ from led_bodies import TICK_S, Course, lead, stances, steady
 from twin.people.body.appearance import appearance_of
 from twin.people.body.body import JOINT_PLACE, person_spec
 from twin.people.gait.gait_table import GaitTable
-from twin.people.gait.pose import ROWS, foot_loads
+from twin.people.gait.pose import FEET_HEIGHT, FEET_PITCH, FEET_YAW, ROWS, foot_loads
 from twin.scenario.people import Person
 
 STATURES = (1.3, 1.55, 1.75, 1.95)
@@ -135,7 +135,7 @@ def test_the_point_of_load_rolls_as_under_measured_walkers(stature):
 def test_a_walker_s_heel_comes_up_once_the_load_is_on_the_ball(speed):
     course = steady(speed, STATURES)
     share = (course.ahead + course.skeleton.heel) / course.skeleton.shoe
-    up = (course.load > 0.05) & (course.rows[:, 11:13] > 0.1)
+    up = (course.load > 0.05) & (course.rows[:, FEET_PITCH] > 0.1)
     assert up.any()
     # the heads of the metatarsals lie between 0.6 and 0.75 of a shoe
     assert share[up].min() > 0.62
@@ -171,7 +171,7 @@ def test_the_load_is_the_pelvis_s_own_motion(gait):
 
 
 def test_feet_in_the_air_carry_nothing(gait):
-    assert gait.load[gait.rows[:, 9:11] > 1e-6].max() < 0.02
+    assert gait.load[gait.rows[:, FEET_HEIGHT] > 1e-6].max() < 0.02
 
 
 TRANSITIONS = {
@@ -196,7 +196,7 @@ def test_changes_keep_loads_and_joints_continuous(name):
     assert total.max() < (2.8 if runs else 1.5)
     # a runner's load rises by 2.5 body weights in 0.1 s
     assert np.abs(np.diff(course.load, axis=0)).max() < (2.0 if runs else 0.7)
-    assert course.load[course.rows[:, 9:11] > 1e-6].max() < 0.03
+    assert course.load[course.rows[:, FEET_HEIGHT] > 1e-6].max() < 0.03
     speeds = np.abs(np.diff(course.coordinates[:, :, 7:], axis=0)) / TICK_S
     assert speeds.max() < (30.0 if runs else 20.0)
     knees = course.coordinates[:, :, [JOINT_PLACE["left_knee"], JOINT_PLACE["right_knee"]]]
@@ -224,7 +224,7 @@ def test_the_ball_of_a_loaded_foot_stays_where_it_is(velocity):
         data.qpos[:] = coordinates
         mujoco.mj_kinematics(model, data)
         ball[tick] = [data.body(f"{side}_toes").xpos for side in ("left", "right")]
-    flat = (course.load[:, :, 0] > 0.05) & (course.rows[:, 11:13, 0] >= 0)
+    flat = (course.load[:, :, 0] > 0.05) & (course.rows[:, FEET_PITCH, 0] >= 0)
     slips = [
         np.linalg.norm(ball[stance, foot] - ball[stance.start, foot], axis=1).max()
         for foot in range(2)
@@ -237,7 +237,7 @@ def test_the_ball_of_a_loaded_foot_stays_where_it_is(velocity):
 def test_who_sits_takes_no_steps():
     course = lead(lambda t: -0.5 if 2 < t < 2.5 else 0.0, STATURES, 4.0, still=lambda t: np.full(4, t > 1.0))
     assert np.ptp(course.place.real, axis=0).max() == 0
-    assert np.ptp(course.rows[:, 9:15], axis=0).max() == 0
+    assert np.ptp(course.rows[:, FEET_HEIGHT.start : FEET_YAW.stop], axis=0).max() == 0
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.5, 1.3, 3.5])

@@ -18,8 +18,9 @@ import numpy as np
 
 from trackers.arrays import Array, Mask
 from twin.people.body.skeleton import Skeleton
+from twin.people.gait import pose
 from twin.people.gait.footsteps import Bodies, Course, Footsteps
-from twin.people.gait.gait_table import RUN_PACE, GaitStyle, GaitTable
+from twin.people.gait.gait_table import HEIGHT, LOAD, RATE, RUN_PACE, SHARE_BEHIND, GaitStyle, GaitTable
 from twin.people.gait.pose import FLOOR_ROWS, ROWS, STRAIGHTEST, Moment, heel_and_pelvis
 
 GRAVITY_M_S2 = 9.81
@@ -54,6 +55,10 @@ _HINDMOST = 0.05
 _ASIDE_DROP, _BACK_DROP = 3.0, 2.0
 """How much more the pelvis is lowered by steps to the side, whose legs are spread, and backwards, as shares."""
 
+_HABITS = (pose.TRUNK_PITCH, pose.TRUNK_ROLL, pose.GAZE, pose.ELBOW, pose.ARM_SWING)
+"""What follows slowly, by its rows of `Moment.rows`."""
+_BOB, _BOB_RATE = 0, 1
+
 _SWAYS_HZ = np.array([[0.11], [0.29], [0.17], [0.37]])
 _SWAYS_SHARE = 0.04
 _SWAYS_AHEAD_M = 0.0025
@@ -80,8 +85,8 @@ class Gait:
         self._idle: Array | float = 0.0  # how much of it who stands has shifted
         self._load = np.zeros((2, count))  # [body weights]
         self._ahead = np.zeros((2, count))  # of the ankle: point of the load [m]
-        self._habits = np.zeros((5, count))  # trunk pitch, trunk roll, gaze, elbow [rad], swing of the arms [rad/m]
-        self._wanted = np.zeros((5, count))
+        self._habits = np.zeros((len(_HABITS), count))
+        self._wanted = np.zeros((len(_HABITS), count))
         self.moment = Moment(np.zeros((FLOOR_ROWS, count), dtype=complex), np.zeros((ROWS, count)))
         self.place_anew(np.ones(count, dtype=bool), crowd)
 
@@ -108,9 +113,9 @@ class Gait:
         self._habits[:, who] = self._wanted[:, who]
         cycle, left, point, _ = self._carry(course, style)
         height, rate = self._reference(cycle, course, style)
-        load = np.where(feet.stepping, cycle[:, 0], 1.0) * ~feet.in_air.all(axis=0)
-        self._bob[0, who] = height[who]
-        self._bob[1, who] = (rate - 0.5 * _TICK_S * GRAVITY_M_S2 * (load - 1.0))[who]
+        load = np.where(feet.stepping, cycle[:, LOAD], 1.0) * ~feet.in_air.all(axis=0)
+        self._bob[_BOB, who] = height[who]
+        self._bob[_BOB_RATE, who] = (rate - 0.5 * _TICK_S * GRAVITY_M_S2 * (load - 1.0))[who]
         left = np.where(feet.in_air[0] == feet.in_air[1], left, feet.in_air[1])
         self._left[who] = left[who]
         self._ahead[:, who] = point[:, who]
@@ -135,7 +140,7 @@ class Gait:
         feet.time(crowd, course, style, still, dt)
         self._clock += dt
         cycle, left, point, stance = self._carry(course, style)
-        self._bob[0] += dt * self._bob[1]
+        self._bob[_BOB] += dt * self._bob[_BOB_RATE]
         self._bear(cycle, left, course, style, dt)
         most = dt * _PRESSURE_M_S
         self._ahead = np.minimum(np.maximum(point, self._ahead - most), self._ahead + most)
@@ -151,7 +156,7 @@ class Gait:
         """
         feet, stepping = self._feet, self._feet.stepping
         cycle = self._table.cycle(style.row, feet.progress)
-        behind = cycle[:, 3] * (feet.progress < feet.lift_at)
+        behind = cycle[:, SHARE_BEHIND] * (feet.progress < feet.lift_at)
         left = np.where(feet.lands[0], behind, 1.0 - behind)
         stance = np.minimum((feet.own + 1.0) / (1.0 + style.double_support), 1.0) * (stepping & ~feet.in_air)
         share = (self._table.roll(stance, self._run) - _STANDS_AT) * (course.ahead * stepping)
@@ -169,19 +174,19 @@ class Gait:
         step_time = self._feet.stepping / self._feet.rate
         unit = GRAVITY_M_S2 * step_time
         drop = style.pelvis_drop * (1.0 + _ASIDE_DROP * course.aside + _BACK_DROP * (course.forward - course.ahead))
-        return cycle[:, 1] * (unit * step_time) - drop, cycle[:, 2] * unit
+        return cycle[:, HEIGHT] * (unit * step_time) - drop, cycle[:, RATE] * unit
 
     def _bear(self, cycle: Array, left: Array, course: Course, style: GaitStyle, dt: float) -> None:
         """The load of this tick, shared between the feet, and the pelvis's rate after it."""
         feet, bob = self._feet, self._bob
-        regular = np.where(feet.stepping, cycle[:, 0], 1.0)
+        regular = np.where(feet.stepping, cycle[:, LOAD], 1.0)
         height, rate = self._reference(cycle, course, style)
         height = np.minimum(height, self._reach())
-        now = bob[1] + (0.5 * dt * GRAVITY_M_S2) * (regular - 1.0)
-        pull = (_PULL * _PULL / GRAVITY_M_S2) * (height - bob[0]) + (2.0 * _PULL / GRAVITY_M_S2) * (rate - now)
+        now = bob[_BOB_RATE] + (0.5 * dt * GRAVITY_M_S2) * (regular - 1.0)
+        pull = (_PULL * _PULL / GRAVITY_M_S2) * (height - bob[_BOB]) + (2.0 * _PULL / GRAVITY_M_S2) * (rate - now)
         left_air, right_air = feet.in_air
         load = np.maximum(regular + np.minimum(regular, 1.0) * pull, 0.0) * ~(left_air & right_air)
-        bob[1] += (dt * GRAVITY_M_S2) * (load - 1.0)
+        bob[_BOB_RATE] += (dt * GRAVITY_M_S2) * (load - 1.0)
         most = np.where(feet.stepping, _SHIFT_STEPPING, _SHIFT_STANDING) * (dt / _TICK_S)
         shifted = np.minimum(np.maximum(left, self._left - most), self._left + most)
         # who stands on one foot has all the weight on it
@@ -205,41 +210,40 @@ class Gait:
         across = self._feet.seen.imag
         goal = (2.0 * _SWAY_SHARE) * (across[1] + self._left * (across[0] - across[1]))
         goal = np.minimum(np.maximum(goal, -_SWAY_MOST_M), _SWAY_MOST_M)
-        sway = self._sway
-        gap = sway[0] - goal
-        drive = (sway[1] + _SWAY_RATE * gap) * dt
+        sway, rate = self._sway
+        gap = sway - goal
+        drive = (rate + _SWAY_RATE * gap) * dt
         decay = exp(-_SWAY_RATE * dt)
-        sway[1] = (sway[1] - _SWAY_RATE * drive) * decay
-        sway[0] = goal + (gap + drive) * decay
+        rate[:] = (rate - _SWAY_RATE * drive) * decay
+        sway[:] = goal + (gap + drive) * decay
         self._want(crowd, course, gaze, style)
         self._habits += min(1.0, _HABIT_RATE * dt) * (self._wanted - self._habits)
 
     def _want(self, crowd: Bodies, course: Course, gaze: Array | float, style: GaitStyle) -> None:
         push = crowd.acceleration * course.seen_from
-        wanted = self._wanted
-        wanted[0] = np.minimum(np.maximum(_PITCH * push.real, -_LEAN_MOST_RAD), _LEAN_MOST_RAD)
-        wanted[0] += style.trunk_lean * course.ahead
-        wanted[1] = np.minimum(np.maximum(_ROLL * push.imag, -_LEAN_MOST_RAD), _LEAN_MOST_RAD)
-        wanted[2] = gaze
-        wanted[3] = style.elbow
-        wanted[4] = style.arm_swing
+        pitch, roll, gazed, elbow, swing = self._wanted
+        pitch[:] = np.minimum(np.maximum(_PITCH * push.real, -_LEAN_MOST_RAD), _LEAN_MOST_RAD)
+        pitch += style.trunk_lean * course.ahead
+        roll[:] = np.minimum(np.maximum(_ROLL * push.imag, -_LEAN_MOST_RAD), _LEAN_MOST_RAD)
+        gazed[:] = gaze
+        elbow[:] = style.elbow
+        swing[:] = style.arm_swing
 
     def _record(self, crowd: Bodies) -> None:
         floor, rows, feet = self.moment.floor, self.moment.rows, self._feet
-        floor[0] = crowd.place
-        floor[1] = crowd.velocity
-        floor[2:4] = feet.place
-        rows[0] = crowd.heading
-        rows[1] = crowd.turn_rate
-        rows[2] = self._bob[0]
-        rows[3:5] = self._sway
-        rows[5:9] = self._habits[:4]
-        rows[9:11] = feet.height
-        rows[11:13] = feet.pitch
-        rows[13:15] = feet.yaw
-        rows[15:17] = self._load
-        rows[17:19] = self._ahead
-        rows[19] = self._habits[4]
+        floor[pose.PLACE] = crowd.place
+        floor[pose.VELOCITY] = crowd.velocity
+        floor[pose.FEET] = feet.place
+        rows[pose.HEADING] = crowd.heading
+        rows[pose.TURN_RATE] = crowd.turn_rate
+        rows[pose.BOB] = self._bob[_BOB]
+        rows[[pose.SWAY, pose.SWAY_RATE]] = self._sway
+        rows[list(_HABITS)] = self._habits
+        rows[pose.FEET_HEIGHT] = feet.height
+        rows[pose.FEET_PITCH] = feet.pitch
+        rows[pose.FEET_YAW] = feet.yaw
+        rows[pose.FEET_LOAD] = self._load
+        rows[pose.FEET_PRESSURE] = self._ahead
 
 
 def _course(crowd: Bodies) -> Course:

@@ -22,6 +22,9 @@ from twin.people.body.skeleton import Skeleton
 RUN_PACE = 1.0
 """How far running lies behind walking on the scale of pace [m/s]."""
 
+LOAD, HEIGHT, RATE, SHARE_BEHIND = range(4)
+"""Columns of `GaitTable.cycle`."""
+
 _STEP = 0.02
 _PHASES = 128
 _SHAPE = 256

@@ -15,7 +15,26 @@ from twin.people.body.skeleton import Skeleton
 
 Planar = NDArray[np.complex128]
 
+PLACE, VELOCITY = 0, 1
+"""Rows of `Moment.floor`, complex x + iy: ground point of the body [m], its velocity [m/s]."""
+FEET = slice(2, 4)
+"""Left foot and right foot [m]."""
 FLOOR_ROWS = 4
+
+HEADING, TURN_RATE = 0, 1
+"""Rows of `Moment.rows`: where the body faces [rad], and how fast that turns [rad/s]."""
+BOB = 2
+"""Height of the pelvis about its standing height [m]."""
+SWAY, SWAY_RATE = 3, 4
+"""Of the pelvis to the left [m], and its rate [m/s]."""
+TRUNK_PITCH, TRUNK_ROLL, GAZE, ELBOW = 5, 6, 7, 8
+"""Angles [rad]."""
+FEET_HEIGHT, FEET_PITCH, FEET_YAW = slice(9, 11), slice(11, 13), slice(13, 15)
+"""Left foot and right foot: height [m], pitch before what the leg's reach adds, yaw [rad]."""
+FEET_LOAD, FEET_PRESSURE = slice(15, 17), slice(17, 19)
+"""Left foot and right foot: load [body weights], where it acts ahead of the ankle [m]."""
+ARM_SWING = 19
+"""Swing of the arms [rad for each metre of stride]."""
 ROWS = 20
 
 STRAIGHTEST = 0.9945
@@ -50,11 +69,7 @@ _ARMS = tuple(
 class Moment:
     """How n people move at one time, in numbers that may be interpolated linearly (angles are unwrapped).
 
-    floor (4, n) complex x + iy: place of the body [m], its velocity [m/s], left foot, right foot [m].
-    rows (20, n): heading [rad], turn rate [rad/s], pelvis height about its standing height, sway of the pelvis to the
-    left [m], its rate [m/s], trunk pitch, trunk roll, gaze, elbow [rad], height of the left and right foot [m], their
-    pitch before what the leg's reach adds [rad], their yaw [rad], load on them [body weights], where it acts ahead of
-    the ankles [m], swing of the arms [rad/m].
+    floor (FLOOR_ROWS, n), rows (ROWS, n): the constants of this module name their rows.
     """
 
     floor: Planar
@@ -63,13 +78,13 @@ class Moment:
     @property
     def pelvis(self) -> Planar:
         """Ground point under the pelvis, (n,) [m]."""
-        return self.floor[0] + 1j * self.rows[3] * np.exp(1j * self.rows[0])
+        return self.floor[PLACE] + 1j * self.rows[SWAY] * np.exp(1j * self.rows[HEADING])
 
     @property
     def pelvis_velocity(self) -> Planar:
         """Velocity of the ground point under the pelvis, (n,) [m/s]."""
-        turning = 1j * self.rows[4] - self.rows[1] * self.rows[3]
-        return self.floor[1] + turning * np.exp(1j * self.rows[0])
+        turning = 1j * self.rows[SWAY_RATE] - self.rows[TURN_RATE] * self.rows[SWAY]
+        return self.floor[VELOCITY] + turning * np.exp(1j * self.rows[HEADING])
 
 
 def heel_and_pelvis(moment: Moment, skeleton: Skeleton) -> tuple[Array, Array, Array]:
@@ -78,17 +93,17 @@ def heel_and_pelvis(moment: Moment, skeleton: Skeleton) -> tuple[Array, Array, A
     Heels come up as far as the legs need to reach the hips; where that is not enough the pelvis comes down (it does not
     in a regular gait, so there its height is that of the loads' motion).
     """
-    yaw = moment.rows[0] - _TWIST_PER_STRIDE * _stride(moment) / skeleton.scale
+    yaw = moment.rows[HEADING] - _TWIST_PER_STRIDE * _stride(moment) / skeleton.scale
     hips = moment.pelvis + 1j * skeleton.hip_offset * np.exp(1j * yaw)
-    height = _STANDS_AT * skeleton.leg + skeleton.ankle_height + moment.rows[2]
-    pitch = moment.rows[11:13]
+    height = _STANDS_AT * skeleton.leg + skeleton.ankle_height + moment.rows[BOB]
+    pitch = moment.rows[FEET_PITCH]
     needed = _heel_needed(moment, hips, height, skeleton)
     pitch = np.where(pitch < 0, pitch + needed, np.maximum(pitch, needed))
     ankle, ankle_height = _ankles(moment, pitch, skeleton)
     reach = (STRAIGHTEST * skeleton.leg) ** 2 - np.abs(hips - ankle) ** 2
     # a foot in the air, or about to be, does not hold the pelvis down
-    free = _LETS_GO * np.sqrt(np.maximum(moment.rows[9:11], 0.0)) + _UNLOADED_M * np.maximum(
-        1.0 - 2.0 * moment.rows[15:17], 0.0
+    free = _LETS_GO * np.sqrt(np.maximum(moment.rows[FEET_HEIGHT], 0.0)) + _UNLOADED_M * np.maximum(
+        1.0 - 2.0 * moment.rows[FEET_LOAD], 0.0
     )
     allowed = ankle_height + np.sqrt(np.maximum(reach, 0.0)) + free
     return pitch, yaw, np.minimum(height, np.minimum(allowed[0], allowed[1]))
@@ -113,9 +128,9 @@ def foot_loads(moment: Moment, skeleton: Skeleton) -> FootLoads:
     """What each foot carries, and where it is."""
     rows = moment.rows
     # straight toes of a foot that points down are its lowest
-    toes = skeleton.toes * np.sin(np.maximum(rows[11:13], 0.0) * _free(moment, skeleton))
-    height = np.maximum(rows[9:11] - toes, 0.0)
-    return FootLoads(rows[15:17], rows[17:19], height, moment.floor[2:4], rows[13:15])
+    toes = skeleton.toes * np.sin(np.maximum(rows[FEET_PITCH], 0.0) * _free(moment, skeleton))
+    height = np.maximum(rows[FEET_HEIGHT] - toes, 0.0)
+    return FootLoads(rows[FEET_LOAD], rows[FEET_PRESSURE], height, moment.floor[FEET], rows[FEET_YAW])
 
 
 def joint_coordinates(moment: Moment, skeleton: Skeleton) -> Array:
@@ -125,26 +140,26 @@ def joint_coordinates(moment: Moment, skeleton: Skeleton) -> Array:
     facing = np.exp(1j * yaw)
     hips = pelvis + 1j * skeleton.hip_offset * facing
     ankle, ankle_height = _ankles(moment, pitch, skeleton)
-    feet_yaw = rows[13:15]
+    feet_yaw = rows[FEET_YAW]
     # a leg that is too short for where its foot swings has the foot nearer
     over, up = hips - ankle, height - ankle_height
     nearer = np.minimum(STRAIGHTEST * skeleton.leg / np.sqrt(over.real**2 + over.imag**2 + up * up), 1.0)
     legs = leg_angles(over * nearer, up * nearer, yaw, feet_yaw, pitch, skeleton.thigh, skeleton.shank)
     stride = _stride(moment)
-    twist, arms = -_TWIST_PER_STRIDE * stride / skeleton.scale, rows[19] * stride
-    inward = _HANDS_INWARD * np.maximum(rows[8] - 0.6, 0.0)
+    twist, arms = -_TWIST_PER_STRIDE * stride / skeleton.scale, rows[ARM_SWING] * stride
+    inward = _HANDS_INWARD * np.maximum(rows[ELBOW] - 0.6, 0.0)
     out = np.zeros((NQ_PERSON, len(yaw)))
     out[0], out[1], out[2] = pelvis.real, pelvis.imag, height
     out[3], out[6] = np.cos(0.5 * yaw), np.sin(0.5 * yaw)
     # the shoulders turn against the pelvis, the head stays with the gaze
-    out[_SPINE_YAW], out[_SPINE_PITCH], out[_SPINE_ROLL] = -2.0 * twist, rows[5], rows[6]
-    out[_NECK_YAW], out[_NECK_PITCH] = rows[7] + twist, 0.04 - 0.8 * rows[5]
+    out[_SPINE_YAW], out[_SPINE_PITCH], out[_SPINE_ROLL] = -2.0 * twist, rows[TRUNK_PITCH], rows[TRUNK_ROLL]
+    out[_NECK_YAW], out[_NECK_PITCH] = rows[GAZE] + twist, 0.04 - 0.8 * rows[TRUNK_PITCH]
     for (pitch_place, roll_place, yaw_place, elbow_place), sign in zip(_ARMS, (1.0, -1.0), strict=True):
         swing = 0.04 + sign * arms
-        out[pitch_place] = swing - 0.7 * rows[5]
+        out[pitch_place] = swing - 0.7 * rows[TRUNK_PITCH]
         out[roll_place] = sign * _ARMS_OUT_RAD
         out[yaw_place] = -sign * inward
-        out[elbow_place] = 0.5 * np.minimum(swing, 0.0) - rows[8]
+        out[elbow_place] = 0.5 * np.minimum(swing, 0.0) - rows[ELBOW]
     for place in range(6):
         out[_LEGS[:, place]] = legs[place]
     # the toes stay level while the heel is up, and straighten in the air
@@ -154,12 +169,13 @@ def joint_coordinates(moment: Moment, skeleton: Skeleton) -> Array:
 
 def _free(moment: Moment, skeleton: Skeleton) -> Array:
     """How much the toes of each foot are straight, 0 on the floor to 1 in the air, (2, n)."""
-    return np.minimum(moment.rows[9:11] / (_TOES_FREE_M * skeleton.scale), 1.0)
+    return np.minimum(moment.rows[FEET_HEIGHT] / (_TOES_FREE_M * skeleton.scale), 1.0)
 
 
 def _stride(moment: Moment) -> Array:
     """How far the left foot is before the right one, along the heading, (n,) [m]."""
-    return ((moment.floor[2] - moment.floor[3]) * np.exp(-1j * moment.rows[0])).real
+    left, right = moment.floor[FEET]
+    return ((left - right) * np.exp(-1j * moment.rows[HEADING])).real
 
 
 def _ankles(moment: Moment, pitch: Array, skeleton: Skeleton) -> tuple[Planar, Array]:
@@ -171,8 +187,8 @@ def _ankles(moment: Moment, pitch: Array, skeleton: Skeleton) -> tuple[Planar, A
     pivot = np.where(pitch > 0, skeleton.ball, -skeleton.heel)
     cosine, sine = np.cos(pitch), np.sin(pitch)
     ahead = pivot * (1 - cosine) + skeleton.ankle_height * sine
-    place = moment.floor[2:4] + ahead * np.exp(1j * moment.rows[13:15])
-    return place, moment.rows[9:11] + pivot * sine + skeleton.ankle_height * cosine
+    place = moment.floor[FEET] + ahead * np.exp(1j * moment.rows[FEET_YAW])
+    return place, moment.rows[FEET_HEIGHT] + pivot * sine + skeleton.ankle_height * cosine
 
 
 def _heel_needed(moment: Moment, hips: Planar, height: Array, skeleton: Skeleton) -> Array:
@@ -181,9 +197,9 @@ def _heel_needed(moment: Moment, hips: Planar, height: Array, skeleton: Skeleton
     In the plane of the foot: the ankle lies on a circle about the ball, and must come within the leg's length of the
     hip; law of cosines.
     """
-    gap = (hips - moment.floor[2:4]) * np.exp(-1j * moment.rows[13:15])
+    gap = (hips - moment.floor[FEET]) * np.exp(-1j * moment.rows[FEET_YAW])
     ahead, aside = gap.real - skeleton.ball, gap.imag
-    up = height - moment.rows[9:11]
+    up = height - moment.rows[FEET_HEIGHT]
     radius = np.hypot(skeleton.ball, skeleton.ankle_height)
     rest = np.arctan2(skeleton.ankle_height, -skeleton.ball)
     far = ahead**2 + up**2
@@ -194,4 +210,4 @@ def _heel_needed(moment: Moment, hips: Planar, height: Array, skeleton: Skeleton
     # a foot before the body is reached by a lower pelvis, not on tiptoe
     behind = np.minimum(np.maximum(0.5 + gap.real * (1 / _TIPTOE_FROM_M), 0.0), 1.0)
     # a foot in the air soon turns as its swing has it
-    return needed * behind * np.maximum(1.0 - moment.rows[9:11] / (_SWINGS_FROM_M * skeleton.scale), 0.0)
+    return needed * behind * np.maximum(1.0 - moment.rows[FEET_HEIGHT] / (_SWINGS_FROM_M * skeleton.scale), 0.0)
