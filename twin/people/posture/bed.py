@@ -17,10 +17,12 @@ from twin.people.posture.rows import (
     NECK_PITCH,
     OFF_FEET,
     PELVIS_PITCH,
-    PLACE,
+    PLACE_XY,
+    PLACE_YAW,
+    PLACE_Z,
     PROP,
     REST,
-    SPINE,
+    SPINE_PITCH,
 )
 from twin.people.posture.sit import Spot, spot_on
 
@@ -108,13 +110,13 @@ def lay_lying(rows: Array, progress: Array, spot: Array, lair: Array, turns_left
     towards the feet end first, and swing up while the trunk turns and goes down; the arms prop it from behind.
     """
     way = lair - spot
-    rows[PLACE : PLACE + 2] += minimum_jerk(progress, 0.15, 0.9) * way[:2]
-    rows[PLACE + 2] += minimum_jerk(progress, 0.15, 0.9) * way[2]
-    rows[PLACE + 3] += minimum_jerk(progress, 0.06, 0.78) * way[3]
+    rows[PLACE_XY] += minimum_jerk(progress, 0.15, 0.9) * way[:2]
+    rows[PLACE_Z] += minimum_jerk(progress, 0.15, 0.9) * way[2]
+    rows[PLACE_YAW] += minimum_jerk(progress, 0.06, 0.78) * way[3]
     reclined = minimum_jerk(progress, 0.1, 0.95)
     bump = 4.0 * reclined * (1.0 - reclined)
     rows[PELVIS_PITCH] += reclined * (-0.5 * np.pi - rows[PELVIS_PITCH])
-    rows[SPINE + 1] += -reclined * rows[SPINE + 1] + 0.35 * bump
+    rows[SPINE_PITCH] += -reclined * rows[SPINE_PITCH] + 0.35 * bump
     rows[NECK_PITCH] += reclined * (0.12 - rows[NECK_PITCH]) + 0.35 * bump
     rows[PROP] += minimum_jerk(progress, 0.02, 0.35) * (1.0 - minimum_jerk(progress, 0.45, 0.8))
     rows[REST : REST + 2] *= 1.0 - minimum_jerk(progress, 0.0, 0.3)

@@ -31,12 +31,17 @@ from twin.people.posture.rows import (
     HELD,
     LEGS,
     LOOK,
+    LOOK_TO,
     NECK_PITCH,
     PELVIS_PITCH,
-    PLACE,
+    PLACE_X,
+    PLACE_Y,
+    PLACE_YAW,
+    PLACE_Z,
     PROP,
     REST,
     SPINE,
+    SPINE_YAW,
     active,
 )
 
@@ -96,12 +101,12 @@ def _laid(standing: Array, rows: Array, measures: BodyMeasures) -> Array:
     q = standing.copy()
     stands = matrix_of(standing[:, 3:7])
     pelvis, thighs = stands, None
-    if rows[:SPINE].any() or rows[LEGS:ARMS_FLAT].any():
+    if rows[:SPINE_YAW].any() or rows[LEGS:ARMS_FLAT].any():
         feet = [_foot(standing, stands, number, measures) for number in range(2)]
         _move_pelvis(q, stands, feet, rows)
         pelvis = matrix_of(q[:, 3:7])
         thighs = [_lay_leg(q, pelvis, feet[number], number, rows, measures) for number in range(2)]
-    q[:, _SPINE] += rows[SPINE : SPINE + 3].T
+    q[:, _SPINE] += rows[SPINE].T
     trunk, waist = _trunk(q, pelvis, measures)
     for number in range(2):
         _lay_arm(q, trunk, waist, None if thighs is None else thighs[number], number, rows, measures)
@@ -113,12 +118,12 @@ def _laid(standing: Array, rows: Array, measures: BodyMeasures) -> Array:
 def _move_pelvis(q: Array, stands: Array, feet: list[tuple[Array, Array]], rows: Array) -> None:
     """Take the pelvis to where the posture holds it, then back and down over the feet, and tilt it."""
     yaw = np.arctan2(stands[:, 1, 0], stands[:, 0, 0])
-    over, high, faces = rows[HELD : HELD + 3]
-    new_yaw = (1 - faces) * yaw + rows[PLACE + 3]
+    over, high, faces = rows[HELD]
+    new_yaw = (1 - faces) * yaw + rows[PLACE_YAW]
     new_yaw = np.where(faces > 0, new_yaw + faces * 2 * np.pi * _windings(yaw, rows, faces), new_yaw)
-    q[:, 0] = (1 - over) * q[:, 0] + rows[PLACE]
-    q[:, 1] = (1 - over) * q[:, 1] + rows[PLACE + 1]
-    q[:, 2] = (1 - high) * q[:, 2] + rows[PLACE + 2]
+    q[:, 0] = (1 - over) * q[:, 0] + rows[PLACE_X]
+    q[:, 1] = (1 - over) * q[:, 1] + rows[PLACE_Y]
+    q[:, 2] = (1 - high) * q[:, 2] + rows[PLACE_Z]
     # as the hips go back no leg gets longer than it was: the pelvis comes down for it, not the knees
     back = rows[BACK]
     aback = np.stack([back * np.cos(new_yaw), back * np.sin(new_yaw)], axis=-1)
@@ -136,7 +141,7 @@ def _move_pelvis(q: Array, stands: Array, feet: list[tuple[Array, Array]], rows:
 
 def _windings(yaw: Array, rows: Array, faces: Array) -> Array:
     """How often the posture's yaw must be turned all around to lie next to the body's, which is known to a turn only."""
-    held = rows[PLACE + 3] / np.where(faces > 0, faces, 1.0)
+    held = rows[PLACE_YAW] / np.where(faces > 0, faces, 1.0)
     return np.round((yaw - held) / (2 * np.pi))
 
 
@@ -217,7 +222,7 @@ def _turn_head(q: Array, trunk: Array, rows: Array) -> None:
     weight = rows[LOOK]
     if not weight.any():
         return
-    seen = turned(trunk.transpose(0, 2, 1), rows[LOOK + 1 : LOOK + 4].T)
+    seen = turned(trunk.transpose(0, 2, 1), rows[LOOK_TO].T)
     yaw = np.arctan2(seen[:, 1], seen[:, 0])
     pitch = -np.arctan2(seen[:, 2], np.hypot(seen[:, 0], seen[:, 1]))
     least, most = NECK_PITCH_MOST_RAD

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from trackers.arrays import Array
 from twin.people.posture.course import PEAK_RATE, Course, minimum_jerk
 from twin.people.posture.rotations import direction, turned
-from twin.people.posture.rows import LOOK, SPINE
+from twin.people.posture.rows import LOOK, LOOK_TO, SPINE_YAW
 
 NECK_YAW_MOST_RAD = 1.396
 """Turn of the head on the trunk, to either side (80 degrees)."""
@@ -114,9 +114,9 @@ class Looks:
         yaw, pitch = self._turned[who].T
         towards = turned(body[who], direction(yaw, pitch))
         rows[LOOK, who] = weight
-        rows[LOOK + 1 : LOOK + 4, who] = weight * towards.T
+        rows[LOOK_TO, who] = weight * towards.T
         beyond = _TRUNK_SHARE * np.maximum(np.abs(yaw) - _TRUNK_FROM_RAD, 0.0)
-        rows[SPINE, who] += weight * np.copysign(np.minimum(beyond, _TRUNK_MOST_RAD), yaw)
+        rows[SPINE_YAW, who] += weight * np.copysign(np.minimum(beyond, _TRUNK_MOST_RAD), yaw)
 
     def _begin(self, person: int, aim: _Aim) -> None:
         self._aim[person] = aim

@@ -24,13 +24,17 @@ from twin.people.posture.rows import (
     BACK,
     DROP,
     HANDS,
+    HELD_OVER,
     NECK_PITCH,
     OFF_FEET,
     PELVIS_PITCH,
-    PLACE,
+    PLACE_X,
+    PLACE_Y,
     POSTURE_ROWS,
     PRESSURE,
-    SPINE,
+    SPINE_PITCH,
+    SPINE_ROLL,
+    SPINE_YAW,
     faced,
 )
 from twin.people.posture.sit import SIT_DOWN_S, STAND_UP_S, SeatLike, Spot, lay_sitting, spot_on
@@ -259,9 +263,9 @@ class Postures:
         bend = self._bend.value[0] + more
         stands = 1.0 - rows[OFF_FEET]
         rows[PELVIS_PITCH] += PELVIS_SHARE * bend
-        rows[SPINE + 1] += (1 - PELVIS_SHARE) * bend
-        rows[SPINE] += turn
-        rows[SPINE + 2] += lean
+        rows[SPINE_PITCH] += (1 - PELVIS_SHARE) * bend
+        rows[SPINE_YAW] += turn
+        rows[SPINE_ROLL] += lean
         rows[NECK_PITCH] -= 0.35 * bend
         # in a deep crouch an arm that does not reach trails, or it would hang into the floor
         trails = np.minimum(drop / (_TRAILS_FROM * self.measures.leg), 1.0)
@@ -283,8 +287,8 @@ class Postures:
         body = about_z(yaw) @ about_y(rows[PELVIS_PITCH])
         hips = np.stack(
             [
-                (1 - rows[0]) * self._place.real + rows[PLACE] - rows[BACK] * np.cos(yaw),
-                (1 - rows[0]) * self._place.imag + rows[PLACE + 1] - rows[BACK] * np.sin(yaw),
+                (1 - rows[HELD_OVER]) * self._place.real + rows[PLACE_X] - rows[BACK] * np.cos(yaw),
+                (1 - rows[HELD_OVER]) * self._place.imag + rows[PLACE_Y] - rows[BACK] * np.sin(yaw),
                 hips_up(rows, measures),
             ],
             axis=-1,
@@ -292,7 +296,7 @@ class Postures:
         zero = np.zeros(len(measures))
         head = np.stack([measures.head_ahead, zero, measures.neck + measures.head_up], axis=-1)
         waist = np.stack([zero, zero, measures.waist], axis=-1)
-        return hips + turned(body, waist + turned(about_y(rows[SPINE + 1]), head)), body
+        return hips + turned(body, waist + turned(about_y(rows[SPINE_PITCH]), head)), body
 
     def _hips(self, person: int) -> tuple[Array, float]:
         """Hip joints x, y, z (3,) [m] and yaw [rad] of one person whose bends are taken away."""

@@ -11,21 +11,23 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array
 
-HELD = 0
-"""Weights with which the pelvis is held at a place (over the floor, height, yaw), 3 rows."""
-PLACE = 3
-"""That place: x, y, z [m] and yaw [rad], each times its weight, 4 rows."""
+HELD, HELD_OVER, HELD_HIGH, HELD_YAW = slice(0, 3), 0, 1, 2
+"""Weights with which the pelvis is held at a place: over the floor, height, yaw."""
+PLACE_XY, PLACE_X, PLACE_Y, PLACE_Z, PLACE_YAW = slice(3, 5), 3, 4, 5, 6
+"""That place [m] and yaw [rad], each times its weight."""
 PELVIS_PITCH = 7
 """Turn of the pelvis forward about the hips [rad]."""
 BACK, DROP = 8, 9
 """How far the hips go back over standing feet, and down by bent knees [m]."""
-SPINE = 10
-"""What is added to yaw, pitch and roll of the trunk [rad], 3 rows."""
+SPINE, SPINE_YAW, SPINE_PITCH, SPINE_ROLL = slice(10, 13), 10, 11, 12
+"""What is added to the angles of the trunk [rad]."""
 NECK_PITCH = 13
 ARMS_PITCH = 14
 """What is added to the pitch of the head and of both shoulders [rad]."""
 LEGS = 15
 """For each leg (2 x 6 rows): weight with which it has left the floor; hip yaw, roll, pitch, knee, ankle [rad] times it."""
+HIP_PITCH, KNEE, ANKLE = 3, 4, 5
+"""Rows of one leg, after its weight, hip yaw and hip roll."""
 FREE_ANGLES = 5
 REST = 27
 """Weights with which the hands lie on the thighs, left and right."""
@@ -35,8 +37,8 @@ PROP = 30
 """Weight with which the hands are propped on the bed behind the hips."""
 HANDS = 31
 """For each hand (2 x 4 rows): weight with which it reaches; the point x, y, z [m] times it."""
-LOOK = 39
-"""Weight with which the head is turned; the direction in the room (unit vector x, y, z) times it, 4 rows."""
+LOOK, LOOK_TO = 39, slice(40, 43)
+"""Weight with which the head is turned; the direction in the room (unit vector x, y, z) times it."""
 OFF_FEET = 43
 """Share of the weight that is not on the feet."""
 ACCELERATION = 44
@@ -56,4 +58,4 @@ def faced(heading: Array, rows: Array) -> Array:
 
     heading (n,): where the gait has them face [rad], unwrapped as it was when they sat down.
     """
-    return (1.0 - rows[HELD + 2]) * heading + rows[PLACE + 3]
+    return (1.0 - rows[HELD_YAW]) * heading + rows[PLACE_YAW]

@@ -11,17 +11,22 @@ from trackers.arrays import Array
 from twin.people.posture.course import minimum_jerk
 from twin.people.posture.measures import SEATED_PELVIS_RAD, SEATED_SPINE_RAD, BodyMeasures
 from twin.people.posture.rows import (
+    ANKLE,
     ARMS_PITCH,
     FREE_ANGLES,
     HELD,
+    HIP_PITCH,
+    KNEE,
     LEGS,
     NECK_PITCH,
     OFF_FEET,
     PELVIS_PITCH,
-    PLACE,
+    PLACE_XY,
+    PLACE_YAW,
+    PLACE_Z,
     PRESSURE,
     REST,
-    SPINE,
+    SPINE_PITCH,
 )
 
 SIT_DOWN_S = 2.0
@@ -120,14 +125,14 @@ def lay_sitting(rows: Array, progress: Array, spot: Array, hang: Array, stature:
     weights = np.stack(
         [minimum_jerk(progress, 0.10, 0.74), minimum_jerk(progress, 0.0, 0.70), minimum_jerk(progress, 0.1, 0.8)]
     )
-    rows[HELD : HELD + 3] += weights
-    rows[PLACE : PLACE + 2] += weights[0] * spot[:2]
-    rows[PLACE + 2] += weights[1] * spot[2]
-    rows[PLACE + 3] += weights[2] * spot[3]
+    rows[HELD] += weights
+    rows[PLACE_XY] += weights[0] * spot[:2]
+    rows[PLACE_Z] += weights[1] * spot[2]
+    rows[PLACE_YAW] += weights[2] * spot[3]
     bump = minimum_jerk(progress, 0.0, 0.62) * (1.0 - minimum_jerk(progress, 0.62, 1.0))
     lean, seated = LEAN_RAD * bump, minimum_jerk(progress, 0.6, 1.0)
     rows[PELVIS_PITCH] += 0.55 * lean + SEATED_PELVIS_RAD * seated
-    rows[SPINE + 1] += 0.45 * lean + SEATED_SPINE_RAD * seated
+    rows[SPINE_PITCH] += 0.45 * lean + SEATED_SPINE_RAD * seated
     rows[NECK_PITCH] += -0.55 * lean - (SEATED_PELVIS_RAD + SEATED_SPINE_RAD) * seated
     rows[ARMS_PITCH] -= 1.25 * lean
     rows[REST : REST + 2] += minimum_jerk(progress, 0.2, 0.75)
@@ -135,9 +140,9 @@ def lay_sitting(rows: Array, progress: Array, spot: Array, hang: Array, stature:
     free = hang * minimum_jerk(progress, 0.22, 0.9)
     for leg in (LEGS, LEGS + 1 + FREE_ANGLES):
         rows[leg] += free
-        rows[leg + 3] += free * (-0.5 * np.pi - SEATED_PELVIS_RAD)
-        rows[leg + 4] += free * _KNEE_HANGING_RAD
-        rows[leg + 5] += free * 0.35
+        rows[leg + HIP_PITCH] += free * (-0.5 * np.pi - SEATED_PELVIS_RAD)
+        rows[leg + KNEE] += free * _KNEE_HANGING_RAD
+        rows[leg + ANKLE] += free * 0.35
     share = np.where(hang > 0, 0.0, FEET_SHARE)
     rows[OFF_FEET] += (1.0 - share) * minimum_jerk(progress, 0.63 - 0.45 * hang, 0.86 - 0.26 * hang)
     rows[PRESSURE] += _PRESSURE_SHIFT_M * (stature / 1.75) * bump

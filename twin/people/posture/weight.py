@@ -6,7 +6,17 @@ import numpy as np
 
 from trackers.arrays import Array
 from twin.people.posture.measures import BodyMeasures
-from twin.people.posture.rows import ACCELERATION, BACK, DROP, HELD, OFF_FEET, PELVIS_PITCH, PLACE, PRESSURE, SPINE
+from twin.people.posture.rows import (
+    ACCELERATION,
+    BACK,
+    DROP,
+    HELD_HIGH,
+    OFF_FEET,
+    PELVIS_PITCH,
+    PLACE_Z,
+    PRESSURE,
+    SPINE_PITCH,
+)
 
 _UPPER_BODY_SHARE = 0.678
 _UPPER_BODY_UP = 0.18
@@ -37,7 +47,7 @@ class CentreOfMass:
         if not (rows.any() or self.moves):
             return
         rest = hips_up(np.zeros_like(rows), self._measures)
-        lean = rows[PELVIS_PITCH] + rows[SPINE + 1]
+        lean = rows[PELVIS_PITCH] + rows[SPINE_PITCH]
         upper = _UPPER_BODY_SHARE * _UPPER_BODY_UP * self._measures.stature * (np.cos(lean) - 1.0)
         up = (_UPPER_BODY_SHARE + _THIGHS_SHARE) * (hips_up(rows, self._measures) - rest) + upper
         rate = (up - self._up) / dt
@@ -48,7 +58,7 @@ class CentreOfMass:
 def hips_up(rows: Array, measures: BodyMeasures) -> Array:
     """Height of the hip joints (n,) [m], the gait's small motions left out."""
     over_ankles = np.sqrt(np.maximum(measures.leg**2 - rows[BACK] ** 2, 0.0)) - rows[DROP]
-    return (1 - rows[HELD + 1]) * (over_ankles + measures.ankle_height) + rows[PLACE + 2]
+    return (1 - rows[HELD_HIGH]) * (over_ankles + measures.ankle_height) + rows[PLACE_Z]
 
 
 def support(rows: Array) -> tuple[Array, Array]:
