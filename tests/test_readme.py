@@ -27,6 +27,8 @@ from twin.suites.cases import expand
 from twin.suites.description import load_suite
 from twin.world.simulation import Simulation
 
+pytestmark = pytest.mark.slow
+
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 
 

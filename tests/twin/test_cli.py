@@ -18,6 +18,8 @@ from twin.recording.people import read_people
 from twin.recording.tables import read_truth
 from twin.scenario import load_scenario
 
+pytestmark = pytest.mark.slow
+
 TWIN = [sys.executable, "-m", "twin"]
 QUICK = ["--duration", "0.5", "--no-images", "--no-video"]
 HEEDING = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)

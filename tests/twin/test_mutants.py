@@ -11,6 +11,8 @@ from benchmarks.fuzz.judge import Judge, Mutant
 from benchmarks.fuzz.kinds import KINDS
 from benchmarks.fuzz.run import judge_mutants
 
+pytestmark = pytest.mark.slow
+
 _SLOW = ("scenarios", "rooms", "pedestrians", "suites", "bags", "rigs", "stores", "baselines")
 MUTANTS = dict.fromkeys(KINDS, 20) | dict.fromkeys(_SLOW, 8)
 

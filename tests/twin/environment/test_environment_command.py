@@ -12,6 +12,8 @@ from trackers.environment import load_environment
 from trackers.errors import InputError
 from twin.environment.command import environment
 
+pytestmark = pytest.mark.slow
+
 ROOM = """<mujoco><worldbody>
   <geom name="floor" type="plane" size="2 1.5 0.1" contype="1" conaffinity="1"/>
   <geom type="plane" pos="0 0 2.5" size="2 1.5 0.1" zaxis="0 0 -1"/>

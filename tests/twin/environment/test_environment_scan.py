@@ -18,6 +18,8 @@ from twin.sensors.laser_noise import LASER_NOISE
 from twin.sensors.rays import cast
 from twin.world.world import World
 
+pytestmark = pytest.mark.slow
+
 ROOMS = ("lab", "sensing_room", "meeting_room")
 COARSE = TiltingScanner(beams=46, tilt_step_deg=4.0)
 # What has a level top below the scanner and is large enough to stand on.

@@ -17,6 +17,8 @@ from twin.world.scene import build_scene
 from twin.world.simulation import Simulation
 from twin.world.world import World
 
+pytestmark = pytest.mark.slow
+
 EVERY_S, STAY_S = 2.0, 5.0
 SENSORS = {
     "low": {

@@ -17,6 +17,8 @@ from twin.truth.frames import Situation, TruthDetail, TruthFrame
 from twin.truth.situations import INTERACTION_M
 from twin.world.simulation import Simulation
 
+pytestmark = pytest.mark.slow
+
 SEED = 7
 AT_A_GATE_M = 1.2  # gates are passages 2.4 m wide
 GREETS_S = 4.0

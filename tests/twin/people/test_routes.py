@@ -13,6 +13,8 @@ from trackers.errors import InputError
 from twin.people.crowd.routes import ROUTE_RADIUS_M, Routes
 from twin.room.obstacles import Footprints, Obstacle
 
+pytestmark = pytest.mark.slow
+
 ROOM = np.array([[-3.0, -3.0], [3.0, -3.0], [3.0, 3.0], [-3.0, 3.0]])
 BAY = np.array([[-2, 0], [2, 0], [2, 4], [0.8, 4], [0.8, 2], [-0.8, 2], [-0.8, 4], [-2, 4]], dtype=float)
 

@@ -11,6 +11,8 @@ from twin.scenario import load_scenario
 from twin.world.penetration import count_penetrations
 from twin.world.world import World
 
+pytestmark = pytest.mark.slow
+
 EVERY_S = 0.2
 
 

@@ -17,6 +17,8 @@ from twin.reproduce.gait.measures import STANCE_POINTS, figures, figures_of, hum
 from twin.reproduce.gait.published import SUBJECT_FILE, read_subject, walking_cadence, walking_step_m
 from twin.reproduce.gait.results import BESIDE_THE_PERSON, BESIDE_THE_SUBJECT, RUNNING, WALKING, statures
 
+pytestmark = pytest.mark.slow
+
 DATA = Path(__file__).parents[4] / "shared" / "data" / "gait"
 recorded = pytest.mark.skipif(not (DATA / SUBJECT_FILE).exists(), reason="the recording of subject01 is not there")
 SEEDS = range(3, 7)

@@ -22,6 +22,8 @@ from twin.reproduce.laser_fisheye_imm.walk import maneuvering_walk
 from twin.reproduce.page import spans_text, text_of
 from twin.reproduce.results import Result
 
+pytestmark = pytest.mark.slow
+
 SEEDS = range(1000, 1002)
 RUNS = range(1000, 1006)
 SHORT = """
@@ -162,7 +164,7 @@ def test_the_page_needs_nothing_but_itself(folder):
     assert not re.findall(r'src="(?!data:)', page) and "<script" not in page
     assert all(link.startswith(("#", "suite/cases/")) for link in re.findall(r'href="([^"]*)"', page))
     assert page.count("data:image/svg+xml;base64,") == 6
-    assert f"twin reproduce laser-fisheye-imm --seeds 2 --runs 6 --seed {SEEDS.start} --suite " in page
+    assert f"twin reproduce laser-fisheye-imm --seeds 2 --seed {SEEDS.start} --runs 6 --suite " in page
     for row in rows_of(folder):
         assert all(text in page for text in text_of(row))
     for words in ("figure 6 is lost", "No parameter was tuned", "What was to be shown", "breaks at", "paper 8"):

@@ -19,6 +19,8 @@ from twin.world.scene import Scene, build_scene
 from twin.world.simulation import Simulation
 from twin.world.world import World
 
+pytestmark = pytest.mark.slow
+
 SHELL = """
 <geom name="floor" type="plane" size="0 0 0.1"/>
 <geom name="west" type="box" pos="-3.1 0 1.25" size="0.1 2.2 1.25"/>

@@ -15,6 +15,8 @@ from twin.room.floor import floor_of
 from twin.room.obstacles import OBSTACLE_REACH_M
 from twin.room.walkable import walkable_area
 
+pytestmark = pytest.mark.slow
+
 FLOOR = '<geom name="floor" type="plane" size="{} {} 0.1"/>'
 ENDLESS = '<geom name="floor" type="plane" size="0 0 0.1"/>'
 OFF_M = OBSTACLE_REACH_M

@@ -17,6 +17,8 @@ from twin.scenario import TrackerChoice, load_scenario
 from twin.suites.cases import expand
 from twin.suites.description import load_suite
 
+pytestmark = pytest.mark.slow
+
 EVIL = """
 from pathlib import Path
 Path(__file__).with_name("ran").touch()

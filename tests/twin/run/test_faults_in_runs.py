@@ -17,6 +17,8 @@ from twin.scenario import Scenario, load_scenario
 from twin.truth.frames import TruthFrame
 from twin.world.simulation import Delivered, Simulation
 
+pytestmark = pytest.mark.slow
+
 FROM_S, TO_S = 0.3, 0.6
 SENSOR_OF = {"laser": "waist", "fisheye": "fisheye", "floor": "floor"}
 FAULTS = {

@@ -17,6 +17,8 @@ from twin.run.live import run_scenario
 from twin.run.out_folder import LOCK, MADE, locked_folder, out_folder
 from twin.scenario import load_scenario
 
+pytestmark = pytest.mark.slow
+
 
 def write(folder: Path, *names: str) -> None:
     with out_folder(folder, names) as out:

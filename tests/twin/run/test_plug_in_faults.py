@@ -15,6 +15,8 @@ from twin.run.live import run_scenario
 from twin.run.outcome import RunResult
 from twin.scenario import load_scenario
 
+pytestmark = pytest.mark.slow
+
 PLUG_INS = """
 import sys
 from trackers.tracks import Track, TrackFrame

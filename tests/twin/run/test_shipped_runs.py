@@ -10,6 +10,8 @@ from twin import models
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 
+pytestmark = pytest.mark.slow
+
 SHORT_S = 0.3
 
 

@@ -8,6 +8,8 @@ from twin import models
 from twin.scenario import load_scenario
 from twin.world.simulation import Simulation
 
+pytestmark = pytest.mark.slow
+
 SCANNED = [
     name
     for name in models.names("scenarios")

@@ -16,6 +16,8 @@ from twin.scenario import Scenario, load_scenario
 from twin.truth.frames import TruthFrame
 from twin.world.simulation import Simulation
 
+pytestmark = pytest.mark.slow
+
 Observed = tuple[Rig, list[Observation], list[Observation], list[TruthFrame]]
 
 

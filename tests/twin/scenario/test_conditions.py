@@ -13,6 +13,8 @@ from twin import Simulation, cli, run_scenario
 from twin.scenario import load_scenario
 from twin.scenario.conditions import conditions_of, never_begins
 
+pytestmark = pytest.mark.slow
+
 TOO_LATE = [
     "duration_s=2",
     "people={}",

@@ -16,6 +16,8 @@ from twin.scenario.size import check_size, size_of
 from twin.suites.cases import check_number
 from twin.suites.description import load_suite
 
+pytestmark = pytest.mark.slow
+
 SUITE = """
 name: many
 scenarios:

@@ -22,6 +22,8 @@ from twin.suites.description import load_suite
 from twin.suites.run import Place, Watcher, run_suite
 from twin.suites.tasks import State
 
+pytestmark = pytest.mark.slow
+
 SUITE = """
 name: drill
 seeds: 6

@@ -24,6 +24,8 @@ from twin.suites.cluster import Cluster, open_cluster, read_resources
 from twin.suites.engine import run_on
 from twin.suites.tasks import MOST_ATTEMPTS, Ended, Listener, OutOfSpaceError, State, Task, run_here
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Cluster]:

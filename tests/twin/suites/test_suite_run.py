@@ -27,6 +27,8 @@ from twin.suites.description import load_suite
 from twin.suites.run import Place, run_suite
 from twin.suites.store import read_store
 
+pytestmark = pytest.mark.slow
+
 SUITE = """
 name: made-up
 description: Cases that cost nothing.

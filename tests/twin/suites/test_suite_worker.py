@@ -21,6 +21,8 @@ from twin.suites.fingerprint import whole_code
 from twin.suites.strips import StripWork, draw_strip
 from twin.suites.worker import CaseWork, run_case
 
+pytestmark = pytest.mark.slow
+
 SUITE = """
 name: short
 seeds: [3]

@@ -10,6 +10,8 @@ from twin.scenario import Scenario, load_scenario
 from twin.view.occasions import BACKWARDS, SIDEWAYS, Occasion, occasions
 from twin.world.scene import build_scene, populate
 
+pytestmark = pytest.mark.slow
+
 SCANNER = {"low": {"kind": "laser", "rate_hz": 10, "mount": {"xyz": [0, 0, 0.4]}}}
 EVERYTHING = {
     "wanders", "stands", "walks", "turns", "sits", "lies", "bends", "reaches", "looks", "follows", "meets", "leaves",

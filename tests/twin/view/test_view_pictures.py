@@ -19,6 +19,8 @@ from twin.view.standpoint import Room, body_parts, overview, seen_share, standpo
 from twin.view.video import FPS
 from twin.world.world import World
 
+pytestmark = pytest.mark.slow
+
 FLOOR = {
     "kind": "floor",
     "rate_hz": 10,
