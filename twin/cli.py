@@ -108,6 +108,7 @@ def run(
             video=not no_video,
             images=not no_images,
             trusted=TrustedClasses(typed, every=allow_plugins),
+            source=scenario,
             on_progress=report,
             on_warning=print_warning,
         )

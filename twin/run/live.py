@@ -57,6 +57,7 @@ def run_scenario(
     video: bool = True,
     images: bool = True,
     trusted: TrustedClasses = NONE_TRUSTED,
+    source: str | None = None,
     on_progress: OnProgress = lambda what, done, total: None,
     on_warning: OnWarning = lambda warning: None,
 ) -> RunResult:
@@ -64,14 +65,16 @@ def run_scenario(
 
     `trackers`: names; None: those the scenario defines, else the default where the rig has what it needs (a warning says
     where it has not); empty: none, and so no metrics and no report. `trusted`: classes that the scenario may name.
+    `source`: what errors about the scenario's trackers call it, its file; default: by its name.
     Every file appears under its name when it is whole. Raises InputError for bad input, before anything is written, and
     PlugInError when every tracker has failed; where others are left, the result says which did.
     """
     names = list(trackers) if trackers is not None else list(scenario.trackers) or [DEFAULT_TRACKER]
     folder = out if out is not None else Path("out") / f"{scenario.name}-{scenario.seed}"
-    chosen = choose(names, scenario.trackers, f"scenario {scenario.name}", trusted)
+    source = source or f"scenario {scenario.name}"
+    chosen = choose(names, scenario.trackers, source, trusted)
     if chosen:
-        scenario.knowledge.check(f"scenario {scenario.name}")
+        scenario.knowledge.check(source)
     is_default = trackers is None and not scenario.trackers
     with out_folder(folder, _names(names, video)) as out_:
         return _run(scenario, chosen, is_default, out_, video, images, on_progress, on_warning)

@@ -65,6 +65,14 @@ def test_a_scenario_that_names_a_class_does_not_have_it_run(evil: Path, tmp_path
     assert not evil.exists()
 
 
+def test_a_refused_scenario_is_named_by_its_file(tmp_path: Path) -> None:
+    path = scenario_file(tmp_path, '{mine: {preset: "evil:X"}}')
+    command = [sys.executable, "-m", "twin", "run", str(path), "--out", str(tmp_path / "out")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=100)
+    assert done.returncode == 2
+    assert f"twin: {path}: trackers.mine.preset: 'evil:X' is a class" in done.stderr
+
+
 def test_a_scenario_with_a_class_runs_where_the_user_says_so(evil: Path, tmp_path: Path) -> None:
     path = scenario_file(tmp_path, '{mine: {preset: "evil:X"}}')
     result = run(path, tmp_path / "out", trusted=EVERY)
