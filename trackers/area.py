@@ -1,4 +1,7 @@
-"""The tracked area: a polygon on the floor, and what lies inside it."""
+"""The tracked area: a polygon on the floor, and what lies inside it.
+
+Not shapely's, though as fast: who stands on the border must be judged to the bit as in the recordings there are.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Polygons on the floor: whether one is simple, whether a straight way stays inside it, how far two are apart."""
+"""Polygons on the floor: whether one is simple, whether a straight way stays inside it, how far two are apart.
+
+Not shapely's: the answers decide truth and routes, which stay the same to the bit, and borders have a width here.
+"""
 
 from __future__ import annotations
 

@@ -8,20 +8,25 @@ person a camera sees, by rays, stands in truth.csv at the same `t`: visible_<cam
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trackers.observations import NS_PER_S
 from twin.recording.csv_columns import read_csv_columns
-from twin.recording.detail_rows import frame_json, frame_rows, frames_once, refuse_repeats, split_frames
-from twin.recording.whole_file import whole_file
-from twin.truth.frames import Box, BoxFrame
+from twin.recording.detail_rows import (
+    DetailWriter,
+    FrameRows,
+    detail_writer,
+    frame_json,
+    frames_once,
+    refuse_repeats,
+    split_frames,
+)
+from twin.truth.frames import BoxFrame
 
 BOX_COLUMNS = ("t", "camera", "id", "left", "top", "width", "height", "visible_px", "truncated")
 _LEAST = {"id": 1, "left": 0, "top": 0, "width": 1, "height": 1, "visible_px": 1}
@@ -29,7 +34,7 @@ _LEAST = {"id": 1, "left": 0, "top": 0, "width": 1, "height": 1, "visible_px": 1
 
 @dataclass(frozen=True, eq=False)
 class BoxTable:
-    """Boxes as columns, one element a person and picture, in the order of the file; units as in `Box`."""
+    """Boxes as columns, one element a person and picture, in the order of the file; units as in `twin.truth.Box`."""
 
     source: str
     frame_stamps_ns: NDArray[np.int64]  # (n_picture,) every picture that was looked at once, those without people too
@@ -50,27 +55,9 @@ class BoxTable:
         return self.stamps_ns / NS_PER_S
 
 
-class BoxWriter:
-    """Takes the boxes of pictures; made by `box_writer`."""
-
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
-        stream.write(",".join(BOX_COLUMNS) + "\n")
-
-    def write(self, frame: BoxFrame) -> None:
-        """Write the boxes of one picture."""
-        rows = [_cells(box) for box in frame.boxes]
-        self._stream.write(frame_rows(frame.stamp_ns, frame.camera, rows, len(BOX_COLUMNS)))
-
-
-@contextmanager
-def box_writer(path: Path) -> Iterator[BoxWriter]:
-    """A writer of `truth_boxes.csv`; the file is there when the block has ended well.
-
-    Raises InputError where the file cannot be written.
-    """
-    with whole_file(path) as stream:
-        yield BoxWriter(stream)
+def box_writer(path: Path) -> AbstractContextManager[DetailWriter[BoxFrame]]:
+    """A writer of `truth_boxes.csv`, see `detail_writer`."""
+    return detail_writer(path, BOX_COLUMNS, _rows)
 
 
 def read_boxes(path: Path) -> BoxTable:
@@ -95,8 +82,9 @@ def read_boxes(path: Path) -> BoxTable:
 
 def encode_boxes(frame: BoxFrame) -> memoryview:
     """A `std_msgs/String` (CDR) with a JSON list: one object a box, the columns of truth_boxes.csv."""
-    return frame_json(frame.stamp_ns, "camera", frame.camera, [_cells(box) for box in frame.boxes], BOX_COLUMNS)
+    return frame_json(_rows(frame), BOX_COLUMNS)
 
 
-def _cells(box: Box) -> dict[str, int]:
-    return {name: getattr(box, name) for name in _LEAST} | {"truncated": int(box.truncated)}
+def _rows(frame: BoxFrame) -> FrameRows:
+    names = BOX_COLUMNS[2:]
+    return frame.stamp_ns, frame.camera, [{name: int(getattr(box, name)) for name in names} for box in frame.boxes]

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Generic, TextIO, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,20 +17,47 @@ from trackers.observations import NS_PER_S
 from twin.recording.csv_columns import CsvColumns
 from twin.recording.messages import STRING, TYPESTORE
 from twin.recording.tables import seconds_cell
+from twin.recording.whole_file import whole_file
 
 Cells = Mapping[str, int]
 
 
-def frame_rows(stamp_ns: int, sensor: str, rows: Sequence[Cells], n_column: int) -> str:
-    """Lines of a table that begins with t and sensor; a frame without anybody is one line of which the rest is empty."""
-    head = f"{seconds_cell(stamp_ns)},{sensor}"
-    lines = [",".join([head, *map(str, row.values())]) + "\n" for row in rows]
-    return "".join(lines) or head + "," * (n_column - 2) + "\n"
+Frame = TypeVar("Frame")
+FrameRows = tuple[int, str, Sequence[Cells]]
+"""A frame as rows of a table that begins with t and the sensor's name: stamp [ns], sensor, the cells after these."""
 
 
-def frame_json(stamp_ns: int, name: str, sensor: str, rows: Sequence[Cells], columns: Sequence[str]) -> memoryview:
+class DetailWriter(Generic[Frame]):
+    """Takes frames; made by `detail_writer`."""
+
+    def __init__(self, stream: TextIO, columns: Sequence[str], rows_of: Callable[[Frame], FrameRows]) -> None:
+        self._stream, self._rows_of, self._rest = stream, rows_of, "," * (len(columns) - 2)
+        stream.write(",".join(columns) + "\n")
+
+    def write(self, frame: Frame) -> None:
+        """Write the lines of one frame; one without anybody is one line of which all but t and sensor is empty."""
+        stamp_ns, sensor, rows = self._rows_of(frame)
+        head = f"{seconds_cell(stamp_ns)},{sensor}"
+        lines = [",".join([head, *map(str, row.values())]) + "\n" for row in rows]
+        self._stream.write("".join(lines) or f"{head}{self._rest}\n")
+
+
+@contextmanager
+def detail_writer(
+    path: Path, columns: Sequence[str], rows_of: Callable[[Frame], FrameRows]
+) -> Iterator[DetailWriter[Frame]]:
+    """A writer of such a table; the file is there when the block has ended well.
+
+    Raises InputError where the file cannot be written.
+    """
+    with whole_file(path) as stream:
+        yield DetailWriter(stream, columns, rows_of)
+
+
+def frame_json(frame: FrameRows, columns: Sequence[str]) -> memoryview:
     """The same as a `std_msgs/String` (CDR) with a JSON list of objects, null for an empty cell."""
-    head = {"t": stamp_ns / NS_PER_S, name: sensor}
+    stamp_ns, sensor, rows = frame
+    head = {columns[0]: stamp_ns / NS_PER_S, columns[1]: sensor}
     nobody = dict.fromkeys(columns[2:])
     return json_string([head | dict(row) for row in rows] or [head | nobody])
 

@@ -9,11 +9,9 @@ the scanner loses (its `dropout`) has no row; one that a fault loses on its way 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +19,8 @@ from numpy.typing import NDArray
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.recording.csv_columns import CsvColumns, read_csv_columns
-from twin.recording.detail_rows import frame_json, frame_rows, frames_once, split_frames
-from twin.recording.whole_file import whole_file
-from twin.truth.frames import RayFrame, RayRun
+from twin.recording.detail_rows import DetailWriter, FrameRows, detail_writer, frame_json, frames_once, split_frames
+from twin.truth.frames import RayFrame
 
 RAY_COLUMNS = ("t", "sensor", "id", "first_beam", "last_beam")
 
@@ -59,27 +56,9 @@ class RayTable:
         return person
 
 
-class RayWriter:
-    """Takes the runs of scans; made by `ray_writer`."""
-
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
-        stream.write(",".join(RAY_COLUMNS) + "\n")
-
-    def write(self, frame: RayFrame) -> None:
-        """Write the runs of one scan."""
-        rows = [_cells(run) for run in frame.runs]
-        self._stream.write(frame_rows(frame.stamp_ns, frame.sensor, rows, len(RAY_COLUMNS)))
-
-
-@contextmanager
-def ray_writer(path: Path) -> Iterator[RayWriter]:
-    """A writer of `truth_rays.csv`; the file is there when the block has ended well.
-
-    Raises InputError where the file cannot be written.
-    """
-    with whole_file(path) as stream:
-        yield RayWriter(stream)
+def ray_writer(path: Path) -> AbstractContextManager[DetailWriter[RayFrame]]:
+    """A writer of `truth_rays.csv`, see `detail_writer`."""
+    return detail_writer(path, RAY_COLUMNS, _rows)
 
 
 def read_rays(path: Path) -> RayTable:
@@ -117,8 +96,9 @@ def _check_apart(rows: CsvColumns, table: RayTable) -> None:
 
 def encode_rays(frame: RayFrame) -> memoryview:
     """A `std_msgs/String` (CDR) with a JSON list: one object a run, the columns of truth_rays.csv."""
-    return frame_json(frame.stamp_ns, "sensor", frame.sensor, [_cells(run) for run in frame.runs], RAY_COLUMNS)
+    return frame_json(_rows(frame), RAY_COLUMNS)
 
 
-def _cells(run: RayRun) -> dict[str, int]:
-    return {"id": run.id, "first_beam": run.first_beam, "last_beam": run.last_beam}
+def _rows(frame: RayFrame) -> FrameRows:
+    names = RAY_COLUMNS[2:]
+    return frame.stamp_ns, frame.sensor, [{name: int(getattr(run, name)) for name in names} for run in frame.runs]

@@ -3,6 +3,7 @@
 A visibility graph (T. Lozano-Pérez and M. Wesley, "An algorithm for planning collision-free paths among polyhedral
 obstacles", Communications of the ACM 22, 1979): made once for a room, with the shortest path between every two corners;
 a question then only asks which corners can be seen from its two ends.
+Not shapely's, which has no visibility graph; its tests of single ways would round otherwise, and truth with them.
 """
 
 from __future__ import annotations
