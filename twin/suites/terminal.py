@@ -91,10 +91,7 @@ def print_results(results: Results, reference: str | None = None) -> None:
     for name in ("scenario", "tracker", "seeds"):
         table.add_column(name)
     for metric in SHOWN:
-        figure = FIGURE[metric]
-        table.add_column(
-            f"{figure.name}{f' [{figure.unit}]' if figure.unit else ''}".replace("[", "\\["), justify="right"
-        )
+        table.add_column(_heading(metric), justify="right")
     for key, group in results.groups.items():
         name = f"{key.scenario} ({group.variant})" if group.variant else key.scenario
         cells = [_mean_text(metric, mean_over_seeds(group.values(metric))) for metric in SHOWN]
@@ -119,15 +116,24 @@ def print_results(results: Results, reference: str | None = None) -> None:
         console.print(f"{results.unfinished} cases are not finished", highlight=False)
 
 
+def _heading(metric: str) -> str:
+    """A figure's name and unit as rich shows them."""
+    figure = FIGURE[metric]
+    return f"{figure.name}{f' [{figure.unit}]' if figure.unit else ''}".replace("[", "\\[")
+
+
 def _beside_table(results: Results, reference: str) -> Table:
     """Mean differences of every other tracker, over all scenarios together."""
     table = Table()
     table.add_column("tracker", no_wrap=True)
-    for name in ("cases", *(FIGURE[metric].name for metric in COMPARED)):
-        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("cases", justify="right", no_wrap=True)
+    for metric in COMPARED:
+        table.add_column(_heading(metric), justify="right")
     for row in beside(results, reference):
         cells = [
-            "–" if found is None else written(metric, found.mean, True) + ("*" if row.verdict(metric) else "")
+            "–"
+            if found is None
+            else written(metric, found.mean, True).split()[0] + ("*" if row.verdict(metric) else "")
             for metric, found in row.differences.items()
         ]
         table.add_row(row.tracker, str(row.n_case), *cells)
