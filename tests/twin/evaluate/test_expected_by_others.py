@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from synthetic_sets import ORDERS_AND_CUTOFFS, sets, similarities
+from trackeval_names import by_trackevals_names
 
 from twin.evaluate.clear import PairMatrix
 from twin.evaluate.hota import hota
@@ -39,18 +40,5 @@ def test_ospa_and_gospa_are_stone_soups(place, order, cutoff):
 
 def test_hota_is_trackevals():
     scores = hota([PairMatrix(*frame) for frame in similarities()])
-    ours = {
-        "HOTA": scores.hota,
-        "DetA": scores.det_a,
-        "AssA": scores.ass_a,
-        "DetRe": scores.det_re,
-        "DetPr": scores.det_pr,
-        "AssRe": scores.ass_re,
-        "AssPr": scores.ass_pr,
-        "LocA": scores.loc_a,
-        "HOTA_TP": scores.true_positives,
-        "HOTA_FN": scores.misses,
-        "HOTA_FP": scores.false_positives,
-    }
-    for name, values in ours.items():
+    for name, values in by_trackevals_names(scores).items():
         np.testing.assert_allclose(values, EXPECTED["trackeval"][name], err_msg=name, **SAME)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from trackeval_names import by_trackevals_names
 
 from twin.evaluate.clear import PairMatrix, clear
 from twin.evaluate.hota import hota
@@ -88,20 +89,7 @@ def test_clear_and_identity_agree_with_motmetrics(sequence):
 def test_hota_agrees_with_trackeval(sequence):
     expected = _expected("trackeval_12c8791", sequence)
     scores = _over(sequence, lambda name: hota(_similarities(name)))
-    ours = {
-        "HOTA": scores.hota,
-        "DetA": scores.det_a,
-        "AssA": scores.ass_a,
-        "DetRe": scores.det_re,
-        "DetPr": scores.det_pr,
-        "AssRe": scores.ass_re,
-        "AssPr": scores.ass_pr,
-        "LocA": scores.loc_a,
-        "HOTA_TP": scores.true_positives,
-        "HOTA_FN": scores.misses,
-        "HOTA_FP": scores.false_positives,
-    }
-    for name, values in ours.items():
+    for name, values in by_trackevals_names(scores).items():
         np.testing.assert_allclose(values, expected[name], atol=1e-6, rtol=0, err_msg=name)
 
 
