@@ -6,6 +6,7 @@ import shlex
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 from trackers.errors import InputError
@@ -169,8 +170,7 @@ def _run(
         stream.write(resolved)
     if fed.shown is not None:
         files["preview"] = folder / "preview.mp4"
-    metrics = None
-    failures: tuple[str, ...] = ()
+    result = RunResult(None, {}, told)
     if chosen:
         on_progress("evaluating and reporting", 0, 1)
         truth = read_truth(files["truth"])
@@ -192,11 +192,10 @@ def _run(
             ),
         )
         result = write_results(folder, facts, evaluate_trackers(folder, fed.at_work, truth), fed, truth, place)
-        metrics, failures = result.metrics, result.failures
-        files |= result.files
         on_progress("evaluating and reporting", 1, 1)
+    files |= result.files
     out.finish(list(files.values()))
-    return RunResult(metrics, files, told, failures)
+    return replace(result, files=files, warnings=told)
 
 
 def _unfit(rig: Rig, knowledge: Knowledge, seed: int) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ import numpy as np
 from trackers.rig import Rig
 from trackers.tracks import background_learned_causally, unused_sensors
 from twin.evaluate import evaluate_with_details
+from twin.evaluate.summary import Evaluation
 from twin.recording.tables import TruthTable, read_tracks
 from twin.recording.whole_file import whole_file
 from twin.report.birdseye import Polygon
@@ -36,13 +37,15 @@ SIMPLIFICATIONS = (
 class RunResult:
     """What a run left: its metrics (None where there is no truth), its files by name, what it warns of.
 
-    failures: what each plug-in that raised has done wrong; the metrics and files are those of the other trackers.
+    evaluations: of each tracker, where there is truth; failures: what each plug-in that raised has done wrong; the rest is
+    that of the other trackers.
     """
 
     metrics: dict[str, Any] | None
     files: dict[str, Path]
     warnings: tuple[str, ...] = ()
     failures: tuple[str, ...] = ()
+    evaluations: Mapping[str, Evaluation] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +72,16 @@ def evaluate_trackers(folder: Path, at_work: Sequence[TrackerAtWork], truth: Tru
 
 
 def write_results(
-    folder: Path, facts: RunFacts, results: Sequence[TrackerResult], feed: Feed, truth: TruthTable | None, place: Place
+    folder: Path,
+    facts: RunFacts,
+    results: Sequence[TrackerResult],
+    feed: Feed,
+    truth: TruthTable | None,
+    place: Place,
+    *,
+    report: bool = True,
 ) -> RunResult:
-    """Write `report.html`, and `metrics.json` where there is truth."""
+    """Write `report.html`, unless nobody wants it, and `metrics.json` where there is truth."""
     files = {f"tracks {each.name}": folder / "tracks" / f"{file_name(each.name)}.csv" for each in results}
     if feed.shown is not None:
         files["preview"] = folder / "preview.mp4"
@@ -82,22 +92,28 @@ def write_results(
         with whole_file(files["metrics"]) as stream:
             json.dump(metrics, stream, indent=2, allow_nan=False)
             stream.write("\n")
-    files["report"] = folder / "report.html"
-    stills = feed.shown.stills if feed.shown is not None else []
-    write_report(
-        files["report"],
-        facts,
-        results,
-        place.rig,
-        true_rig=place.true_rig,
-        truth=truth,
-        outline=place.outline,
-        scans=place.scans,
-        person_names=place.person_names,
-        silent=[name for name in place.rig.sensors if name not in feed.heard],
-        stills=[Still(jpeg, f"{feed.at_work[0].name} at {t:.1f} s") for t, jpeg in stills],
+    if report:
+        files["report"] = folder / "report.html"
+        stills = feed.shown.stills if feed.shown is not None else []
+        write_report(
+            files["report"],
+            facts,
+            results,
+            place.rig,
+            true_rig=place.true_rig,
+            truth=truth,
+            outline=place.outline,
+            scans=place.scans,
+            person_names=place.person_names,
+            silent=[name for name in place.rig.sensors if name not in feed.heard],
+            stills=[Still(jpeg, f"{feed.at_work[0].name} at {t:.1f} s") for t, jpeg in stills],
+        )
+    return RunResult(
+        metrics,
+        files,
+        failures=tuple(each.failure for each in feed.at_work if each.failure),
+        evaluations={each.name: each.evaluation for each in results if each.evaluation is not None},
     )
-    return RunResult(metrics, files, failures=tuple(each.failure for each in feed.at_work if each.failure))
 
 
 def left_alone(at_work: Sequence[TrackerAtWork], faults: Mapping[str, Fault]) -> list[str]:

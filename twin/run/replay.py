@@ -61,6 +61,7 @@ def track_recording(
     seed: int | None = None,
     out: Path | None = None,
     video: bool = True,
+    report: bool = True,
     bag_copy: Path | None = None,
     on_progress: OnProgress = lambda what, done, total: None,
     on_warning: OnWarning = lambda warning: None,
@@ -69,10 +70,10 @@ def track_recording(
 
     The default folder is out/<its name>, for the twin's out/<its run>-tracked. `changes`: overrides like
     'trackers.NAME.field=value' and 'knowledge.environment=FILE'; `seed`: of trackers that draw at random (default: that of
-    the run that wrote the bag, else 0); `bag_copy`: where to write a copy of the recording that holds the tracks too. A
-    class (`module:Class`) is taken from `trackers` and `changes`, never from the bag. Raises InputError for bad input,
-    before anything is written, and PlugInError when every tracker has failed; where others are left, the result says which
-    did.
+    the run that wrote the bag, else 0); `report`: whether to write one; `bag_copy`: where to write a copy
+    of the recording that holds the tracks too. A class (`module:Class`) is taken from `trackers` and `changes`, never from
+    the bag. Raises InputError for bad input, before anything is written, and PlugInError when every tracker has failed;
+    where others are left, the result says which did.
     """
     bag = Recording(recording, rig_path)
     scenario = scenario_of(bag)
@@ -86,7 +87,19 @@ def track_recording(
     command = _command(recording, names, rig_path, changes, seed)
     with out_folder(folder, [*(f"tracks/{file_name(name)}.csv" for name in names), "report.html", *_BESIDES]) as place:
         return _track(
-            bag, scenario, chosen, files, missing, seed, place, video, bag_copy, command, on_progress, on_warning
+            bag,
+            scenario,
+            chosen,
+            files,
+            missing,
+            seed,
+            place,
+            video,
+            report,
+            bag_copy,
+            command,
+            on_progress,
+            on_warning,
         )
 
 
@@ -99,6 +112,7 @@ def _track(
     seed: int,
     out: OutFolder,
     video: bool,
+    report: bool,
     bag_copy: Path | None,
     command: str,
     on_progress: OnProgress,
@@ -109,9 +123,9 @@ def _track(
     truth_frames = list(bag.truth())
     truth = truth_table(truth_frames, str(recording)) if truth_frames else None
     person_names = {number: name for number, name in enumerate(scenario.people, start=1)} if scenario else None
-    outline = _outline(scenario)
+    outline = _outline(scenario) if report or video else []
     faults = scenario.faults if scenario is not None else {}
-    place = Place(bag.rig, outline, person_names, None if outline else ScanDensity(bag.rig))
+    place = Place(bag.rig, outline, person_names, None if outline or not report else ScanDensity(bag.rig))
 
     with feed(
         folder,
@@ -157,7 +171,8 @@ def _track(
             *(SIMPLIFICATIONS if bag.is_twin else ()),
         ),
     )
-    result = write_results(folder, facts, evaluate_trackers(folder, fed.at_work, truth), fed, truth, place)
+    results = evaluate_trackers(folder, fed.at_work, truth)
+    result = write_results(folder, facts, results, fed, truth, place, report=report)
     out.finish(
         list(result.files.values()),
         kept=("recording.mcap", "truth.csv", "truth_people.csv", "truth_feet.csv", *DETAIL_FILES, "scenario.yaml"),

@@ -35,7 +35,7 @@ class Case:
     """One scenario as resolved, recorded with one seed, and one tracker on it.
 
     overrides: 'path=value' texts, all of them; variant: those that tell it from the suite's other cases of the scenario;
-    image_based: whether what the tracker says may depend on the renderer.
+    report: whether it gets a page of its own; image_based: whether what the tracker says may depend on the renderer.
     """
 
     id: str
@@ -45,6 +45,7 @@ class Case:
     seed: int
     tracker: str
     limit_s: float
+    report: bool
     image_based: bool
     resolved: str  # YAML, without trackers and what they may know: what is simulated
     tracker_changes: tuple[str, ...]  # 'trackers.NAME=...' for those that the scenario defines
@@ -155,6 +156,7 @@ def _of_entry(
                     seed=seed,
                     tracker=tracker,
                     limit_s=entry.limit_s or suite.limit_s,
+                    report=suite.reports,
                     image_based=_uses_images(scenario, tracker),
                     resolved=resolved,
                     size=size_of(scenario),

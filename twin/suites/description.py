@@ -114,6 +114,11 @@ class Suite(Strict):
         description="name of the tracker that all others are set beside, paired by scenario and seed; none: no such table",
     )
     limit_s: Limit = Field(default=600.0, description="how long a case may take, recording and tracking [s]")
+    reports: bool = Field(
+        default=True,
+        description="whether each case gets a page of its own, 1 to 3 s of its time; figures, tracks and moments are the "
+        "same without",
+    )
     set: Changes = Field(default={}, description="changes to every case of every scenario, by path")
     scenarios: Annotated[
         list[Annotated[SuiteScenario, BeforeValidator(_entry)]],

@@ -1,4 +1,4 @@
-"""Where to look when a figure is worse: the report of the case, and the time in it."""
+"""Where to look when a figure is worse: the page of the case, and the time in it."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ _KIND_OF = {"misidentifications": "misidentification", "lost_tracks": "lost", "i
 
 @dataclass(frozen=True)
 class Look:
-    """A case's report and the moment to look at [s]; `what` happened there."""
+    """A case's page and the moment to look at [s]; `what` happened there."""
 
-    report: Path
+    page: Path
     t_s: float
     what: str
 
     def text(self) -> str:
         """Path and moment on one line."""
-        return f"{self.report} at {self.t_s:.1f} s ({self.what})"
+        return f"{self.page} at {self.t_s:.1f} s ({self.what})"
 
 
 def look_at(change: Change, results: Results, store: ResultStore, folder: Path) -> Look | None:
@@ -37,4 +37,10 @@ def look_at(change: Change, results: Results, store: ResultStore, folder: Path) 
     chosen = next((moment for moment in moments if moment.kind == kind), moments[0] if moments else None)
     if chosen is None:
         return None
-    return Look(folder / "cases" / case_id / "report.html", chosen.t_s, chosen.what)
+    return Look(page_of(folder, case_id), chosen.t_s, chosen.what)
+
+
+def page_of(folder: Path, case_id: str) -> Path:
+    """The report of a case of the run in `folder`; of a suite without reports the case's folder, its tracks and figures."""
+    case = folder / "cases" / case_id
+    return report if (report := case / "report.html").is_file() else case

@@ -19,7 +19,7 @@ from twin.report.palette import IDENTITY_COLOURS, hex_colour
 from twin.suites.beside import COMPARED, Beside, beside
 from twin.suites.comparison import Change, Comparison
 from twin.suites.figures import FIGURE, GATED, SHOWN, written
-from twin.suites.moments import look_at
+from twin.suites.moments import look_at, page_of
 from twin.suites.multiples import multiple, scale_of
 from twin.suites.results import Group, GroupKey, Results, mean_over_seeds
 from twin.suites.store import ResultStore
@@ -49,6 +49,7 @@ def write_page(
         ],
         seconds=facts["seconds"],
         reference=facts.get("beside"),
+        link=lambda case_id: page_of(folder, case_id).relative_to(folder).as_posix(),
     )
 
 
@@ -60,7 +61,7 @@ def _looks(
     for change in comparison.worse if comparison is not None else ():
         look = look_at(change, results, store, folder)
         if look is not None:
-            link = Path(os.path.relpath(look.report, page)).as_posix()
+            link = Path(os.path.relpath(look.page, page)).as_posix()
             looks[id(change)] = (link, f"{look.t_s:.1f} s: {look.what}")
     return looks
 
@@ -86,6 +87,7 @@ def write_comparison_page(
         sections=sections,
         seconds=None,
         reference=None,
+        link=None,
     )
 
 
@@ -165,7 +167,7 @@ def _strip(
             if picture.is_file():
                 return {
                     "source": "data:image/jpeg;base64," + base64.b64encode(picture.read_bytes()).decode(),
-                    "report": f"cases/{case_id}/report.html",
+                    "case": case_id,
                     "caption": f"{tracker}, seed {seed}, at {strips[case_id]:.1f} s: "
                     f"{store.moments(case_id)[0].what}, the worst of this scenario",
                 }

@@ -16,9 +16,7 @@ from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.plain_data import parse_yaml
-from twin.evaluate import evaluate_with_details
 from twin.evaluate.summary import Evaluation
-from twin.recording.tables import read_tracks, read_truth
 from twin.report.timeline import describe
 from twin.run.live import run_scenario
 from twin.run.replay import track_recording
@@ -102,15 +100,16 @@ def run_case(work: CaseWork) -> CaseResult:
                 seed=case.seed,
                 out=folder,
                 video=False,
+                report=case.report,
             )
             if result.metrics is None:
                 raise RuntimeError(f"{entry / RECORDING} holds no truth")
             table = f"tracks/{file_name(case.tracker)}.csv"
-            evaluation = evaluate_with_details(read_truth(entry / TRUTH), read_tracks(folder / table))
+            names = [*(["report.html"] if case.report else []), "metrics.json", table]
             return CaseResult(
                 metrics=result.metrics["trackers"][case.tracker],
-                moments=tuple(_moments(evaluation, scenario)),
-                files={name: (folder / name).read_bytes() for name in ("report.html", "metrics.json", table)},
+                moments=tuple(_moments(result.evaluations[case.tracker], scenario)),
+                files={name: (folder / name).read_bytes() for name in names},
                 renderer=renderer,
                 recorded=not found,
                 record_s=record_s,

@@ -74,7 +74,7 @@ def result_of(work: CaseWork) -> CaseResult:
             "ms_per_frame": {"mean": 2.0, "p95": 3.0},
         },
         moments=(Moment(3.0 + case.seed, "misidentification", "blue → white", 1.0),),
-        files={"report.html": b"<p>a report</p>"},
+        files={"metrics.json": b"{}"} | ({"report.html": b"<p>a report</p>"} if case.report else {}),
         renderer="none",
         recorded=True,
         record_s=0.0,

@@ -24,6 +24,8 @@ from twin.suites import run as suite_run, store as suite_store
 from twin.suites.cache import RecordingCache
 from twin.suites.command import app
 from twin.suites.description import load_suite
+from twin.suites.page import write_page
+from twin.suites.results import results_of
 from twin.suites.run import Place, run_suite
 from twin.suites.store import read_store
 
@@ -232,6 +234,16 @@ def test_the_gate_passes_then_fails_and_says_where_to_look(
     assert (tmp_path / link).is_file()
     code, text, _ = command(monkeypatch, "compare", str(tmp_path / "c"), str(tmp_path / "b"))
     assert code == 0 and "6 figures got better" in text
+
+
+def test_without_reports_the_page_leads_to_the_folders_of_the_cases(suite: Path, tmp_path: Path) -> None:
+    suite.write_text(suite.read_text() + "\nreports: false\n")
+    run_made_up(suite, folder := tmp_path / "out")
+    assert not list((folder / "cases").glob("*/report.html"))
+    with read_store(folder) as store:
+        write_page(folder / "report.html", store, results_of(store), None, folder)
+    links = re.findall(r'href="(cases/[^"]+)"', (folder / "report.html").read_text())
+    assert len(links) == N_CASE and all((folder / link / "metrics.json").is_file() for link in links)
 
 
 def test_a_baseline_that_nothing_can_be_compared_with_does_not_pass(
