@@ -30,11 +30,11 @@ from twin.run.feed import feed
 from twin.run.knowledge import notes_of
 from twin.run.out_folder import OutFolder, out_folder
 from twin.run.outcome import (
-    SIMPLIFICATIONS,
     Place,
     RunResult,
     evaluate_trackers,
     left_alone,
+    simplifications,
     tracker_notes,
     versions,
     write_results,
@@ -188,7 +188,7 @@ def _run(
                 *(f"{each}." for each in warnings),
                 *notes_of(handed),
                 *tracker_notes(fed.at_work, scenario.faults),
-                *SIMPLIFICATIONS,
+                *simplifications(scenario),
             ),
         )
         result = write_results(folder, facts, evaluate_trackers(folder, fed.at_work, truth), fed, truth, place)

@@ -22,15 +22,21 @@ from twin.report.page import RunFacts, Still, TrackerResult, write_report
 from twin.report.scan_density import ScanDensity
 from twin.run.feed import Feed
 from twin.run.tracker_at_work import TrackerAtWork, file_name
+from twin.scenario import Scenario
 from twin.sensors.fault_kinds import Fault
 from twin.sensors.render import GlInfo
 
-SIMPLIFICATIONS = (
+_SIMPLIFICATIONS = (
     "People are kinematic: the standing foot is planted and the body follows it, but no forces act on it.",
     "Laser beams are rays: a mixed pixel at an edge is drawn at random, and every surface reflects alike.",
-    "Images are rasterised at one instant (several, averaged, with motion blur): no shadows, no mirror images.",
+    "Images are rasterised at one instant (several, averaged, with motion blur): {no}no mirror images.",
 )
-"""What the twin leaves out of the physics, for whoever reads a report."""
+
+
+def simplifications(scenario: Scenario | None) -> list[str]:
+    """What the twin leaves out of the physics, for whoever reads a report; of an unknown scenario None."""
+    cast = scenario is not None and scenario.rendering.shadows
+    return [each.format(no="" if cast else "no shadows, ") for each in _SIMPLIFICATIONS]
 
 
 @dataclass(frozen=True, eq=False)

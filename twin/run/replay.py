@@ -34,11 +34,11 @@ from twin.run.feed import feed
 from twin.run.knowledge import files_for, notes_of
 from twin.run.out_folder import OutFolder, out_folder
 from twin.run.outcome import (
-    SIMPLIFICATIONS,
     Place,
     RunResult,
     evaluate_trackers,
     left_alone,
+    simplifications,
     tracker_notes,
     versions,
     write_results,
@@ -168,7 +168,7 @@ def _track(
         notes=(
             *notes_of(files),
             *tracker_notes(fed.at_work, faults),
-            *(SIMPLIFICATIONS if bag.is_twin else ()),
+            *(simplifications(scenario) if bag.is_twin else ()),
         ),
     )
     results = evaluate_trackers(folder, fed.at_work, truth)

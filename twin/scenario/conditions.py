@@ -6,7 +6,7 @@ from twin.scenario.model import Scenario
 
 
 def conditions_of(scenario: Scenario) -> list[str]:
-    """One sentence each on faults, changes of the light, and what trackers are made to believe; none where nothing is."""
+    """One sentence each on faults, lights, rendering, and what trackers are made to believe; none where nothing is."""
     told = []
     if scenario.faults:
         faults = (
@@ -17,6 +17,8 @@ def conditions_of(scenario: Scenario) -> list[str]:
     if scenario.lights:
         changes = (f"{change.name} to {change.brightness:g} from {change.at_s:g} s" for change in scenario.lights)
         told.append(f"Light: {'; '.join(changes)}.")
+    if str(scenario.rendering):
+        told.append(f"Pictures are drawn with {scenario.rendering}.")
     misled = [name for name, sensor in scenario.sensors.items() if sensor.believed is not None]
     if misled:
         told.append(f"Trackers believe another pose, lens or clock than the true one of: {', '.join(misled)}.")

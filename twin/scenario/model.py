@@ -15,6 +15,7 @@ from twin.scenario.behaviour import PersonName, companions
 from twin.scenario.housings import Housing, check_believed, check_on_housing, check_place
 from twin.scenario.lights import LightChange
 from twin.scenario.people import Person
+from twin.scenario.rendering import PLAIN, Rendering
 from twin.scenario.sensors import SensorDescription
 from twin.sensors.fault_kinds import FaultDescription, check_fault
 
@@ -77,6 +78,11 @@ class Scenario(Strict):
         default=10, ge=1, le=1000, description="observations a sensor takes of the empty room"
     )
     lights: tuple[LightChange, ...] = Field(default=(), description="how the room's light changes during the run")
+    rendering: Rendering = Field(
+        default=PLAIN,
+        description="how pictures are drawn: with shadows, with several samples a pixel; none: plainly and fast",
+        exclude_if=lambda rendering: rendering == PLAIN,
+    )
     people: dict[Name, Person] = Field(description="who is in the room, by name")
     sensors: dict[Name, SensorDescription] = Field(description="what watches the room, by name")
     main_sensor: Name | None = Field(

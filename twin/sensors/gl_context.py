@@ -57,17 +57,23 @@ def make_context() -> Any:
     return context
 
 
-def make_mjr_context(model: mujoco.MjModel, context: Any, samples: int) -> mujoco.MjrContext:
-    """MuJoCo's side of a context: the model's meshes and textures, a buffer with this many samples a pixel (0: one)."""
+def make_mjr_context(model: mujoco.MjModel, context: Any, samples: int, shadow_map_px: int | None) -> mujoco.MjrContext:
+    """MuJoCo's side of a context: the model's meshes and textures, a buffer with this many samples a pixel (0: one).
+
+    shadow_map_px: the side of the map of a lamp's shadows; None: as the model says.
+    """
     quality = model.vis.quality
-    own, quality.offsamples = quality.offsamples, samples
+    own = quality.offsamples, quality.shadowsize
+    quality.offsamples = samples
+    if shadow_map_px is not None:
+        quality.shadowsize = shadow_map_px
     try:
         mjr = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
     except mujoco.FatalError as error:
         context.free()
         raise InputError(_no_egl(error)) from error
     finally:
-        quality.offsamples = own
+        quality.offsamples, quality.shadowsize = own
     mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, mjr)
     # The framebuffer's own layout: reading RGB instead costs ten times as much.
     mjr.readPixelFormat = _GL_RGBA

@@ -17,14 +17,17 @@ from twin.sensors.view import Mark, View
 
 __all__ = ["INSTALL_EGL", "GlInfo", "Mark", "OffscreenRenderer", "RendererOnDemand", "View"]
 
+_SHADOW_MAP_PX = 1024
+"""Side of a lamp's map of shadows: of a room of 5 m it shows 6 mm, and twice the side costs half as much again."""
+
 
 class OffscreenRenderer:
     """Draws one model from any eye point; for use in the thread that made it, closed when done.
 
-    Shadows are off unless asked for (each view draws the shadow map again: it more than doubles the cost), and so is
-    multisampling, without which alone depth and numbers are true; reflections and fog are off: fog follows the depth
-    along each view's own axis and would step where views meet. What each costs is measured in
-    `scripts/bench --only switches`.
+    Shadows are off unless asked for (each view draws the shadow map again: it more than doubles the cost): see
+    `let_a_lamp_cast`. So is multisampling; depth and numbers, which it would mix, are then drawn once more without.
+    Reflections and fog are off: fog follows the depth along each view's own axis and would step where views meet. What
+    each costs is measured in `scripts/bench --only switches`.
     Sites, joints and the other decorations of MuJoCo are not drawn. Geoms outside a view are left out of it, since in
     software the cost of a view is mostly that of its vertices.
 
@@ -48,10 +51,13 @@ class OffscreenRenderer:
         """
         self._context: Any = None
         self._mjr: mujoco.MjrContext | None = None
+        self._exact: mujoco.MjrContext | None = None  # without samples
         self._thread = threading.get_ident()
         self.model = model
         self._context = make_context()
-        self._mjr = make_mjr_context(model, self._context, samples)
+        if shadows:
+            let_a_lamp_cast(model)
+        self._mjr = make_mjr_context(model, self._context, samples, _SHADOW_MAP_PX if shadows else None)
         self._samples = samples
         self._scene = mujoco.MjvScene(model, model.ngeom + model.nskin + model.nflex + 1 + most_marks)
         self._scene.flags[:] = 0
@@ -102,36 +108,44 @@ class OffscreenRenderer:
         sizes = {each.shape[:2] for each in (out, depth, numbers) if each is not None}
         if len(sizes) != 1:
             raise ValueError(f"pictures of sizes {sorted(sizes)} are asked for; one size is drawn at a time")
-        if self._samples and (depth is not None or numbers is not None):
-            raise ValueError("a multisampled picture mixes depths and numbers; they need a renderer without samples")
         ((height, width),) = sizes
-        self._fit_buffer(width, height)
+        mjr = self._fitted(self._mjr, width, height)
+        is_exact_asked = depth is not None or numbers is not None
+        exact = self._fitted(self._without_samples(), width, height) if is_exact_asked else mjr
         self._update_scene(data, eye_m, views[0])
         for mark in marks:
             self._add(mark)
         rectangle = mujoco.MjrRect(0, 0, width, height)
         drawn = self._scene_geoms()
         seen = self._seen(drawn, data, eye_m, views) if self._leave_out_unseen else None
-        if out is not None or depth is not None:
-            self._draw(drawn, seen, eye_m, views)
-            mujoco.mjr_readPixels(out, depth, rectangle, self._mjr)
-            if depth is not None:
-                self._make_metres(depth)
+        passes = [(exact, out, depth)] if exact is mjr or out is None else [(mjr, out, None), (exact, None, depth)]
+        for context, colours, depths in passes:
+            if colours is not None or depths is not None:
+                self._draw(context, drawn, seen, eye_m, views)
+                mujoco.mjr_readPixels(colours, depths, rectangle, context)
+        if depth is not None:
+            self._make_metres(depth)
         if numbers is None:
             return np.empty(0, dtype=np.intp)
-        self._draw_numbers(drawn, seen, eye_m, views)
-        mujoco.mjr_readPixels(numbers, None, rectangle, self._mjr)
+        self._draw_numbers(exact, drawn, seen, eye_m, views)
+        mujoco.mjr_readPixels(numbers, None, rectangle, exact)
         return drawn.geom_of_number()
 
     def _draw(
-        self, drawn: SceneGeoms, seen: NDArray[np.bool_] | None, eye_m: NDArray[np.float64], views: Sequence[View]
+        self,
+        context: mujoco.MjrContext,
+        drawn: SceneGeoms,
+        seen: NDArray[np.bool_] | None,
+        eye_m: NDArray[np.float64],
+        views: Sequence[View],
     ) -> None:
         """Draw the scene as it was last updated; `seen` (n_view, n_scene_geom), None: every geom."""
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)  # the other context's may be bound
         for place, view in enumerate(views):
             if seen is not None:
                 drawn.show_only(seen[place])
             self._point_cameras(eye_m, view)
-            mujoco.mjr_render(mujoco.MjrRect(*view.viewport), self._scene, self._mjr)
+            mujoco.mjr_render(mujoco.MjrRect(*view.viewport), self._scene, context)
 
     def _make_metres(self, depth: NDArray[np.float32]) -> None:
         """Turn the depth buffer's values, 1 at the near plane and 0 at the far one, into distances [m], in place."""
@@ -149,7 +163,12 @@ class OffscreenRenderer:
         return self.render(data, eye_m, views, None, numbers=out)
 
     def _draw_numbers(
-        self, drawn: SceneGeoms, seen: NDArray[np.bool_] | None, eye_m: NDArray[np.float64], views: Sequence[View]
+        self,
+        context: mujoco.MjrContext,
+        drawn: SceneGeoms,
+        seen: NDArray[np.bool_] | None,
+        eye_m: NDArray[np.float64],
+        views: Sequence[View],
     ) -> None:
         """Draw every geom of the scene in the colour that is its number."""
         flags = self._scene.flags
@@ -157,7 +176,7 @@ class OffscreenRenderer:
         flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
         try:
-            self._draw(drawn, seen, eye_m, views)
+            self._draw(context, drawn, seen, eye_m, views)
         finally:
             flags[:] = before
 
@@ -205,9 +224,22 @@ class OffscreenRenderer:
             camera.frustum_bottom = near * view.bottom
             camera.frustum_top = near * view.top
 
-    def _fit_buffer(self, width: int, height: int) -> None:
-        if self._mjr is not None and (width > self._mjr.offWidth or height > self._mjr.offHeight):
-            mujoco.mjr_resizeOffscreen(max(width, self._mjr.offWidth), max(height, self._mjr.offHeight), self._mjr)
+    def _without_samples(self) -> mujoco.MjrContext:
+        """The context that draws one sample a pixel."""
+        assert self._mjr is not None
+        if not self._samples:
+            return self._mjr
+        if self._exact is None:
+            self._exact = make_mjr_context(self.model, self._context, 0, 0)
+        return self._exact
+
+    @staticmethod
+    def _fitted(mjr: mujoco.MjrContext | None, width: int, height: int) -> mujoco.MjrContext:
+        """The context with a buffer of at least this size."""
+        assert mjr is not None
+        if width > mjr.offWidth or height > mjr.offHeight:
+            mujoco.mjr_resizeOffscreen(max(width, mjr.offWidth), max(height, mjr.offHeight), mjr)
+        return mjr
 
     def _make_current(self) -> None:
         if self._context is None:
@@ -220,8 +252,10 @@ class OffscreenRenderer:
         """Free the context; may be called twice."""
         if self._mjr is not None and self._context is not None:
             with self._context.as_current():
-                self._mjr.free()
-        self._mjr = None
+                for each in (self._mjr, self._exact):
+                    if each is not None:
+                        each.free()
+        self._mjr = self._exact = None
         if self._context is not None:
             self._context.free()
         self._context = None
@@ -234,6 +268,17 @@ class OffscreenRenderer:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def let_a_lamp_cast(model: mujoco.MjModel) -> None:
+    """Where no lamp of a model throws shadows, the one that shines most steeply down does from now on.
+
+    What it throws only shows where shadows are drawn. In a lamp's shadow MuJoCo leaves out its ambient light too, so that
+    a lamp with any is chosen where there is no other.
+    """
+    if model.nlight and not model.light_castshadow.any():
+        steepness = model.light_dir[:, 2] + 2 * model.light_ambient.any(axis=1)
+        model.light_castshadow[np.argmin(steepness)] = True
 
 
 class RendererOnDemand:

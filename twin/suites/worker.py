@@ -123,10 +123,13 @@ def resolved_scenario(case: Case) -> Scenario:
 
 
 def renderer_of(scenario: Scenario) -> str:
-    """The OpenGL that draws here, or NO_RENDERER for a scenario without cameras; raises InputError where there is none."""
+    """The OpenGL that draws here and with what switched on, or NO_RENDERER for a scenario without cameras.
+
+    Raises InputError where there is no OpenGL.
+    """
     if all(sensor.kind in NO_CAMERA for sensor in scenario.sensors.values()):
         return NO_RENDERER
-    return _renderer()
+    return f"{_renderer()}, with {scenario.rendering}" if str(scenario.rendering) else _renderer()
 
 
 @cache

@@ -80,7 +80,9 @@ class Simulation:
     ) -> None:
         self.scenario = scenario
         self.world = World(scenario)
-        self._renderer = RendererOnDemand(lambda: self.world.scene.model)
+        self._renderer = RendererOnDemand(
+            lambda: self.world.scene.model, shadows=scenario.rendering.shadows, samples=scenario.rendering.samples
+        )
         self._descriptions = {
             name: in_the_room(scenario, name)
             for name, description in scenario.sensors.items()

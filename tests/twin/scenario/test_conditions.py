@@ -10,8 +10,11 @@ from pathlib import Path
 import pytest
 
 from twin import Simulation, cli, run_scenario
+from twin.run.outcome import simplifications
 from twin.scenario import load_scenario
 from twin.scenario.conditions import conditions_of, never_begins
+from twin.scenario.load import dump_scenario
+from twin.suites.worker import renderer_of
 
 pytestmark = pytest.mark.slow
 
@@ -31,6 +34,15 @@ NEVER = [
 
 def test_a_scenario_that_does_nothing_to_them_is_passed_over() -> None:
     assert conditions_of(load_scenario("lab-five-people")) == []
+
+
+def test_how_pictures_are_drawn_is_named() -> None:
+    home = load_scenario("home-cameras", ["rendering={shadows: true, samples: 4}"])
+    assert conditions_of(home) == ["Pictures are drawn with shadows and 4 samples a pixel."]
+    assert conditions_of(load_scenario("home-cameras", ["rendering.shadows=false"])) == []
+    assert "no shadows" in simplifications(None)[-1] and "no shadows" not in simplifications(home)[-1]
+    assert renderer_of(home).endswith(", with shadows and 4 samples a pixel")
+    assert "rendering" in dump_scenario(home) and "rendering" not in dump_scenario(load_scenario("home-cameras"))
 
 
 def test_faults_and_beliefs_are_named_with_their_times() -> None:

@@ -164,13 +164,22 @@ def test_colour_depth_and_numbers_share_one_scene_update(monkeypatch: pytest.Mon
     assert (snapshot.person_of_geom[shown[shown >= 0]] > 0).any()
 
 
-def test_depth_and_numbers_are_refused_where_samples_would_mix_them():
+def test_samples_soften_colours_and_leave_depth_and_numbers_as_they_are():
     world = CapsuleWorld(capsule_model())
     rig = describe().rig_sensor("camera")
     view = pinhole_view(rig.intrinsics, rig.room_from_sensor).view
-    depth = np.zeros((150, 200), dtype=np.float32)
-    with OffscreenRenderer(world.model, samples=4) as renderer, pytest.raises(ValueError, match="without samples"):
-        renderer.render(world.snapshot(0.0).data, np.zeros(3), [view], None, depth=depth)
+    drawn = []
+    for samples in (0, 4):
+        out, numbers = np.zeros((2, 150, 200, 4), dtype=np.uint8)
+        depth = np.zeros((150, 200), dtype=np.float32)
+        with OffscreenRenderer(world.model, samples=samples) as renderer:
+            eye_m = rig.room_from_sensor.translation
+            renderer.render(world.snapshot(0.0).data, eye_m, [view], out, depth=depth, numbers=numbers)
+        drawn.append((out, depth, numbers))
+    (plain, depth, numbers), (soft, soft_depth, soft_numbers) = drawn
+    np.testing.assert_array_equal(depth, soft_depth)
+    np.testing.assert_array_equal(numbers, soft_numbers)
+    assert 0 < (plain != soft).any(axis=-1).mean() < 0.2, "edges alone"
 
 
 def test_another_models_renderer_is_refused():

@@ -6,16 +6,20 @@ import os
 import subprocess
 import sys
 import threading
+from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from capsule_room import ROOM, CapsuleWorld, capsule_model
 from numpy.typing import NDArray
 
 from trackers.cameras import FisheyeIntrinsics
-from twin.sensors.fisheye_faces import FaceTable, build_face_table
+from twin.scenario import Scenario
+from twin.sensors.fisheye_faces import FaceTable, _nearest_face, build_face_table
 from twin.sensors.lens import Lens
 from twin.sensors.render import INSTALL_EGL, OffscreenRenderer, RendererOnDemand
+from twin.world.simulation import Simulation
 
 EYE_M = np.array([0.0, 0.2, 1.0])
 LENS: FisheyeIntrinsics = Lens(width=200, height=200, fx=45, field_of_view_deg=220).intrinsics()
@@ -35,9 +39,11 @@ def draw(renderer: OffscreenRenderer, world: CapsuleWorld) -> NDArray[np.uint8]:
 
 
 def test_leaving_out_the_unseen_changes_no_pixel():
-    # With shadows on nothing is left out; without lights that cast them the picture must be the same.
-    world = CapsuleWorld(capsule_model(room=ROOM.replace("<light ", '<light castshadow="false" ')))
-    with OffscreenRenderer(world.model) as leaving_out, OffscreenRenderer(world.model, shadows=True) as drawing_all:
+    world = CapsuleWorld(capsule_model())
+    with (
+        OffscreenRenderer(world.model) as leaving_out,
+        OffscreenRenderer(world.model, leave_out_unseen=False) as drawing_all,
+    ):
         picture = draw(leaving_out, world)
         np.testing.assert_array_equal(picture, draw(drawing_all, world))
         assert picture[..., :3].any()
@@ -122,3 +128,55 @@ def test_without_egl_the_error_says_what_to_install(prelude: str, surroundings: 
     assert done.returncode == 0, done.stderr
     assert INSTALL_EGL in done.stdout
     assert len(done.stdout.strip().splitlines()) == 1
+
+
+_VIEW = {"vertical_field_of_view_deg": 59}
+SENSING_ROOM_CAMERAS = {
+    "camera": {"kind": "camera", **_VIEW, "mount": {"xyz": [-2.35, -1.95, 2.4], "yaw_deg": 40, "pitch_deg": 25}},
+    "stereo": {"kind": "stereo", **_VIEW, "mount": {"xyz": [2.35, -1.95, 2.4], "yaw_deg": 140, "pitch_deg": 25}},
+    "fisheye": {"kind": "fisheye", "mount": {"xyz": [-1.0, -2.0, 1.05], "yaw_deg": 90}},
+}
+
+
+def home_pictures(rendering: dict[str, Any]) -> dict[str, NDArray[np.int16]]:
+    size = {"camera": [160, 120], "stereo": [160, 120], "fisheye": [160, 160]}
+    content = {
+        "name": "home",
+        "room": "sensing_room",
+        "duration_s": 1,
+        "people": {"ann": {"start": [0, 0], "script": {"kind": "stand"}}},
+        "sensors": {
+            name: {**sensor, "rate_hz": 5, "noise": "off", "size": size[name]}
+            for name, sensor in SENSING_ROOM_CAMERAS.items()
+        },
+        **rendering,
+    }
+    content["sensors"]["stereo"] |= {"baseline_m": 0.1, "mode": "ideal"}
+    with Simulation(Scenario.model_validate(content)) as simulation:
+        return {name: seen.rgb.astype(np.int16) for name, seen in simulation.look(0).items()}  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_a_scenario_s_rendering_reaches_every_kind_of_camera():
+    plain = home_pictures({})
+    for name, picture in home_pictures({"rendering": {"shadows": False, "samples": 0}}).items():
+        np.testing.assert_array_equal(picture, plain[name])
+    shadowed = home_pictures({"rendering": {"shadows": True, "samples": 4}})
+    for name, picture in shadowed.items():
+        darker = (picture - plain[name]).sum(axis=-1) < -60
+        assert 0.02 < darker.mean() < 0.5, f"{name}: a lamp's shadows, not the night"
+
+
+def test_shadows_leave_no_seam_between_the_faces_of_a_fisheye():
+    """What shadows change must not jump from one face of the cube to the next."""
+    world = CapsuleWorld(capsule_model({}, room=ROOM.replace('shadowsize="0"', 'shadowsize="1024"')))
+    table, bent = faces(), []
+    for shadows in (False, True):
+        with OffscreenRenderer(world.model, shadows=shadows) as renderer:
+            drawn = cv2.remap(draw(renderer, world), table.column, table.row, cv2.INTER_LINEAR)
+        bent.append(drawn[..., :3].astype(np.int16))
+    change = (bent[1] - bent[0]).sum(axis=-1)
+    face = _nearest_face(LENS.pixel_rays())
+    at_seam = (face[:, 1:] != face[:, :-1]) & (face[:, 1:] >= 0) & (face[:, :-1] >= 0)
+    shadowed = at_seam & (change[:, 1:] < -60) & (change[:, :-1] < -60)
+    lit_beside = at_seam & ((change[:, 1:] < -60) != (change[:, :-1] < -60))
+    assert shadowed.sum() > 3 * lit_beside.sum(), "who is in the shadow on one side of a seam is so on the other"
