@@ -1,0 +1,1 @@
+"""Classifiers that learn while they are used. They know no tracker and no sensor: samples, weights and labels alone."""

@@ -1,0 +1,143 @@
+"""Classification trees of depth 2 on weighted samples (CART: Breiman, Friedman, Olshen and Stone, 1984), many at once.
+
+A tree asks one question of a sample, feature > threshold, and then one of two others; four leaves say +1 or −1. Each question is
+the one that leaves the least weighted Gini impurity. A side of a split with weight W, and S of it more for +1 than for −1,
+has the impurity (W − S² / W) / 2; so the gain of a split is, up to a constant of the node,
+(S_no − W_no S / W)² / (W_no W_yes), and running sums of the samples in order of a feature give it for every threshold. That
+order does not depend on the weights: it is found once a frame, and every tree, for several people together, is trained from it.
+
+Thresholds lie midway between samples. Samples of weight 0 are not there. Values less than 10⁻⁷ apart are the same. These are
+the rules of scikit-learn's `DecisionTreeClassifier(max_depth=2)`, which gives the same labels. A question that gains
+nothing is not asked: its threshold is ∞.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+from jaxtyping import Bool, Complex, Float, Int
+from numpy.typing import NDArray
+
+from trackers.arrays import Array, Index, Mask
+from trackers.filters.rows import Rows
+
+_SAME = 1e-7
+_NOTHING = 1e-15
+"""Of weights that sum to 1: what rounding leaves of nothing."""
+
+
+class Questions(NamedTuple):
+    """n questions, whether feature > threshold."""
+
+    feature: Int[Index, "n"]
+    threshold: Float[Array, "n"]
+
+
+class Grown(NamedTuple):
+    """A tree for each of n rows of weights, and what it says of the samples that it was trained on."""
+
+    root: Questions
+    branches: Questions  # of 2 n nodes: where the root's answer was no, then where it was yes
+    leaves: Float[Array, "4 n"]  # labels: no and no, yes and no, no and yes, yes and yes
+    says: Float[Array, "n k"]
+
+
+@dataclass(frozen=True, eq=False)
+class Trees(Rows):
+    """n sets of m trees."""
+
+    feature: Int[Index, "n m 3"]  # of the first question, of the one where the answer is no, of the one where it is yes
+    threshold: Float[Array, "n m 3"]
+    label: Float[Array, "n m 4"]  # +1 or −1: after no and no, no and yes, yes and no, yes and yes
+
+    @classmethod
+    def undivided(cls, n: int, m: int) -> Self:
+        """Trees that say −1 of everything."""
+        return cls(np.zeros((n, m, 3), np.intp), np.full((n, m, 3), np.inf), np.full((n, m, 4), -1.0))
+
+    @classmethod
+    def grown(cls, trees: Sequence[Grown]) -> Self:
+        """m trees for each of n rows, at least one."""
+        n = len(trees[0].root.feature)
+        feature = np.stack([np.concatenate([tree.root.feature, tree.branches.feature]) for tree in trees])
+        threshold = np.stack([np.concatenate([tree.root.threshold, tree.branches.threshold]) for tree in trees])
+        label = np.stack([tree.leaves for tree in trees]).reshape(-1, 2, 2, n).swapaxes(1, 2).reshape(-1, 4, n)
+        feature, threshold = feature.reshape(-1, 3, n), threshold.reshape(-1, 3, n)
+        return cls(feature.transpose(2, 0, 1), threshold.transpose(2, 0, 1), label.transpose(2, 0, 1))
+
+    def of_each(self, tree: Int[Index, "n k"]) -> Self:
+        """k trees of each set, by their places in it."""
+        return self._field_by_field(lambda each: np.take_along_axis(each, tree[..., None], axis=1), lambda batch: batch)
+
+    def followed_by(self, other: Self) -> Self:
+        """The trees of each set, and then those of `other`."""
+        return self._field_by_field(lambda mine, more: np.concatenate([mine, more], axis=1), lambda batch: batch, other)
+
+    def says(self, samples: Float[Array, "k features"]) -> Float[Array, "n m k"]:
+        """What every tree says of every sample: +1 or −1."""
+        first, after_no, after_yes = np.moveaxis(samples.T[self.feature] > self.threshold[..., None], 2, 0)
+        no_no, no_yes, yes_no, yes_yes = np.moveaxis(self.label[..., None], 2, 0)
+        return np.where(first, np.where(after_yes, yes_yes, yes_no), np.where(after_no, no_yes, no_no))
+
+
+@dataclass(frozen=True, eq=False)
+class SortedSamples:
+    """The samples of a frame in the order of each feature, for all trees that are trained on them."""
+
+    by_feature: Float[Array, "features k"]
+    order: Int[Index, "features k"]
+    in_order: Float[Array, "features k"]
+    parts: Float[Array, "features places"]  # 1 where the values before and after a place differ, else 0
+
+    @classmethod
+    def of(cls, samples: Float[Array, "k features"]) -> Self:
+        """From at least one sample of at least one feature."""
+        by_feature = np.ascontiguousarray(samples.T)
+        order = by_feature.argsort(axis=1, kind="stable")
+        in_order = np.take_along_axis(by_feature, order, axis=1)
+        return cls(by_feature, order, in_order, (in_order[:, 1:] - in_order[:, :-1] > _SAME).astype(float))
+
+    def grow(self, weight: Float[Array, "n k"], label: Float[Array, "n k"]) -> Grown:
+        """A tree for each of n rows of weights, which sum to 1, and labels, +1 or −1.
+
+        A sample's weight and its weight times its label are kept as one complex number, so that one pass sums both.
+        """
+        n = len(weight)
+        weighed = weight + 1j * (weight * label)
+        root, yes = self._asked(weighed)
+        where_yes = weighed * yes
+        in_branch = np.concatenate([weighed - where_yes, where_yes])
+        branches, answers = self._asked(in_branch)
+        signed = in_branch.imag
+        of_yes = (signed * answers).sum(axis=1)
+        leaves = np.where(np.concatenate([signed.sum(axis=1) - of_yes, of_yes]) > 0, 1.0, -1.0)
+        said = np.where(answers, leaves[2 * n :, None], leaves[: 2 * n, None])
+        return Grown(root, branches, leaves, np.where(yes, said[n:], said[:n]))
+
+    def _asked(self, weighed: Complex[NDArray[np.complex128], "n k"]) -> tuple[Questions, Bool[Mask, "n k"]]:
+        """The best question for each of n nodes, and of which samples the answer is yes."""
+        n = len(weighed)
+        if self.parts.shape[1] == 0:
+            return Questions(np.zeros(n, np.intp), np.full(n, np.inf)), np.zeros(weighed.shape, np.bool_)
+        sums = weighed.take(self.order, axis=1).cumsum(axis=2)
+        W, S = sums.real[:, :1, -1:], sums.imag[:, :1, -1:]
+        W_no = sums.real[..., :-1]
+        gain = W_no * (S / np.maximum(W, _NOTHING))
+        gain -= sums.imag[..., :-1]
+        gain *= gain
+        both = W - W_no
+        both *= W_no
+        gain /= np.maximum(both, _NOTHING, out=both)
+        gain *= self.parts
+        gain = gain.reshape(n, -1)
+        best = gain.argmax(axis=1)
+        asked = gain.max(axis=1) > _NOTHING
+        feature, place = np.divmod(best, self.parts.shape[1])
+        # the first of equal gains: the sample before it is in the node, the one after it need not be
+        value, low = self.by_feature[feature], self.in_order[feature, place]
+        high = np.where((value > low[:, None]) & (weighed.real > 0), value, np.inf).min(axis=1)
+        threshold = np.where(asked, low + 0.5 * (high - low), np.inf)
+        return Questions(feature, threshold), value > threshold[:, None]
