@@ -17,6 +17,7 @@ from twin.evaluate.frames import Frame, align, inside_area, wrap_angle
 from twin.evaluate.hota import hota
 from twin.evaluate.identity import identity
 from twin.evaluate.set_distance import gospa, ospa
+from twin.recording.situations import SituationTable
 from twin.recording.tables import TrackTable, TruthTable
 
 DEFAULT_GATE_M = 0.5
@@ -44,6 +45,7 @@ class Evaluation:
     match_track_ids: NDArray[np.int64]  # (k,)
     match_distances_m: NDArray[np.float64]  # (k,)
     events: tuple[Event, ...]  # by stamp
+    situations: SituationTable | None  # of pairs of people, by which it was judged
 
 
 def evaluate_tracks(truth: TruthTable, tracks: TrackTable, gate_m: float = DEFAULT_GATE_M) -> dict[str, Any]:
@@ -54,7 +56,9 @@ def evaluate_tracks(truth: TruthTable, tracks: TrackTable, gate_m: float = DEFAU
     return evaluate_with_details(truth, tracks, gate_m).metrics
 
 
-def evaluate_with_details(truth: TruthTable, tracks: TrackTable, gate_m: float = DEFAULT_GATE_M) -> Evaluation:
+def evaluate_with_details(
+    truth: TruthTable, tracks: TrackTable, gate_m: float = DEFAULT_GATE_M, situations: SituationTable | None = None
+) -> Evaluation:
     """The figures of one tracker, and what stands behind them; raises as `evaluate_tracks`.
 
     Head errors are mean absolute differences over the matches in which truth and track both have a value, yaw the
@@ -100,6 +104,7 @@ def evaluate_with_details(truth: TruthTable, tracks: TrackTable, gate_m: float =
         match_track_ids=np.concatenate([f.track_ids[p.columns] for f, p in zip(judged, matches, strict=True)]),
         match_distances_m=np.concatenate([pairs.distances for pairs in matches]),
         events=tuple(sorted([*switches, *misidentifications, *lost], key=lambda event: event.stamp_ns)),
+        situations=situations,
     )
 
 

@@ -78,14 +78,11 @@ class CsvColumns:
 
     def words(self, name: str, valid: Sequence[str]) -> NDArray[np.str_]:
         """Words of a fixed choice, (n,)."""
-
-        def convert(text: str) -> str:
+        cells = self.cells[name]
+        for text in dict.fromkeys(cells):
             if text not in valid:
-                raise ValueError
-            return text
-
-        converted = self._convert(name, convert, " or ".join(repr(word) for word in valid))
-        return np.array(converted, dtype=f"<U{max(len(word) for word in valid)}")
+                self.refuse(cells.index(text), name, " or ".join(repr(word) for word in valid))
+        return np.array(cells, dtype=f"<U{max(len(word) for word in valid)}")
 
     def numbers(self, name: str, *, may_be_empty: bool) -> NDArray[np.float64]:
         """Finite numbers, (n,); NaN for an empty cell where one is allowed."""

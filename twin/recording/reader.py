@@ -14,8 +14,10 @@ from twin.recording.bag import Bag, Topic, normal_topic, open_bag
 from twin.recording.depth_pairs import DepthPairs
 from twin.recording.depth_picture import decode_depth
 from twin.recording.messages import COMPRESSED_IMAGE, LASER_SCAN, RAW_IMAGE, STRING, from_message, stamp_of
+from twin.recording.situations import decode_situation
 from twin.recording.tables import TruthFrame
 from twin.recording.truth_messages import decode_people
+from twin.truth.frames import Situation
 
 _PICTURES = (COMPRESSED_IMAGE, RAW_IMAGE)
 _MSGTYPES = {
@@ -99,6 +101,18 @@ class Recording:
             for topic, log_time_ns, message in bag.messages([topics.TRUTH_PEOPLE]):
                 try:
                     yield decode_people(message.data, log_time_ns)
+                except InputError as error:
+                    raise InputError(f"{self.path}: topic {topic}: {error}") from error
+
+    def situations(self) -> Iterator[Situation]:
+        """The situations of two people, in the order in which they end; nothing in a robot's bag. Raises as `truth`."""
+        if topics.TRUTH_SITUATIONS not in self.topics:
+            return
+        self._require_string(topics.TRUTH_SITUATIONS)
+        with open_bag(self.path) as bag:
+            for topic, _, message in bag.messages([topics.TRUTH_SITUATIONS]):
+                try:
+                    yield decode_situation(message.data)
                 except InputError as error:
                     raise InputError(f"{self.path}: topic {topic}: {error}") from error
 

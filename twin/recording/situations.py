@@ -2,32 +2,36 @@
 
 One row a situation, in the order in which they end; what the kinds mean stands in `twin.truth.situations`. `start_t` is the
 first frame in which it holds, `end_t` the first in which it no longer does; where `complete` is 0 the run ended before
-that, and `end_t` is its end. `sensor` is empty but for merged; `how` says in which way a merged pair is not separated;
-`least_m` is the least distance (interaction, merged) or gap (correlated) during it.
+that, and `end_t` is its end. `sensor` is empty but for merged; `how` says in which way a merged pair, of one scanner or of
+the rig, is not separated; `least_m` is the least distance, or gap (correlated), during it.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from math import isnan
+from math import isnan, nan
 from pathlib import Path
-from typing import TextIO
+from typing import TextIO, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.recording.csv_columns import read_csv_columns
 from twin.recording.detail_rows import json_string
 from twin.recording.tables import number_cell, seconds_cell
 from twin.recording.whole_file import whole_file
-from twin.truth.frames import Situation, SituationKind
+from twin.truth.frames import Separation, Situation, SituationKind
 
 SITUATION_COLUMNS = ("kind", "first_id", "second_id", "sensor", "start_t", "end_t", "complete", "how", "least_m")
-KINDS: tuple[SituationKind, ...] = ("interaction", "correlated", "merged")
-HOW = ("", "joined", "hidden", "both")
+KINDS: tuple[SituationKind, ...] = ("interaction", "correlated", "merged", "merged_rig")
+HOW: tuple[Separation, ...] = ("", "joined", "hidden", "both")
+
+Word = TypeVar("Word", bound=str)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,6 +166,30 @@ def encode_situation(situation: Situation) -> memoryview:
         least_m,
     )  # fmt: skip
     return json_string([dict(zip(SITUATION_COLUMNS, values, strict=True))])
+
+
+def decode_situation(text: str) -> Situation:
+    """The situation in such a string; raises InputError for a text that is something else."""
+    try:
+        (row,) = json.loads(text)
+        return Situation(
+            _one_of(row["kind"], KINDS),
+            int(row["first_id"]),
+            int(row["second_id"]),
+            row["sensor"] or "",
+            round(row["start_t"] * NS_PER_S),
+            round(row["end_t"] * NS_PER_S),
+            bool(row["complete"]),
+            _one_of(row["how"] or "", HOW),
+            nan if row["least_m"] is None else float(row["least_m"]),
+        )
+    except (ValueError, KeyError, TypeError) as error:
+        columns = ",".join(SITUATION_COLUMNS)
+        raise InputError(f"holds {text[:60]!r}; a JSON list of one object with {columns} is expected") from error
+
+
+def _one_of(word: str, choice: Sequence[Word]) -> Word:
+    return choice[choice.index(word)]  # pyright: ignore[reportArgumentType]
 
 
 def _words(words: Sequence[str], choice: Sequence[str] = ()) -> NDArray[np.str_]:

@@ -155,12 +155,15 @@ def _section(
         "n_events_left_out": 0,
         "distances": "",
         "timeline": "",
+        "merges": 0,
     }
     if truth is not None and evaluation is not None:
         section["tiles"] = [(figure, text_of(figure, value_of(figures, figure))) for figure in headline_figures()]
         section["gate"] = f"{evaluation.metrics['gate_m']:g} m"
         section["distances"] = Markup(distance_chart(axis, truth, tracks, evaluation, colours, names))
         section["timeline"] = Markup(identity_timeline(axis, truth, tracks, evaluation, colours, names))
+        situations = evaluation.situations
+        section["merges"] = 0 if situations is None else len(situations.select("merged_rig"))
         section["events"] = [
             (axis.text(event.stamp_ns), EVENT_NAMES[event.kind], describe(event, names))
             for event in evaluation.events[:_MOST_EVENTS]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from twin.evaluate.continuity import Event
 from twin.evaluate.summary import Evaluation
+from twin.recording.situations import SituationTable
 from twin.recording.tables import TrackTable, TruthTable
 from twin.report.palette import IDENTITY_COLOURS, IdentityColours, is_light
 from twin.report.spans import Span, spans, usual_period_ns, without
@@ -54,7 +55,8 @@ def identity_timeline(
 ) -> str:
     """SVG: a row a person, coloured by the track that follows; marks where it breaks; false tracks below.
 
-    The strips under a row say how hidden the person is from each sensor (one strip a sensor, darker the more hidden).
+    The line over a row says when the scanners together cannot tell the person from another; the strips under it, how hidden
+    the person is from each sensor (one strip a sensor, darker the more hidden).
     """
     period = usual_period_ns(truth.frame_stamps_ns, tracks.frame_stamps_ns)
     strips = len(truth.visible)
@@ -71,6 +73,7 @@ def identity_timeline(
         for place, (sensor, share) in enumerate(truth.visible.items()):
             top = bar + _BAR + 2 + place * (_STRIP + 1)
             parts.append(_hidden_strip(axis, truth.stamps_ns[rows], share[rows], period, top, sensor))
+        parts.append(_merged(axis, evaluation.situations, person, bar - 4, names))
         parts.append(_marks(axis, [event for event in evaluation.events if event.person_id == person], y + 8, names))
         y = bar + _BAR + strips * (_STRIP + 1) + 6
     false_stamps, false_ids = false_tracks(truth, tracks, evaluation)
@@ -230,6 +233,21 @@ def _hidden_strip(
     )
     seen = f'<path class="seen" d="{boxes[0]}"/>' if 0 in boxes else ""
     return f"<g>{seen}{shaded}<title>{escape(sensor)}: hidden where dark</title></g>"
+
+
+def _merged(axis: TimeAxis, situations: SituationTable | None, person: int, y: float, names: Mapping[int, str]) -> str:
+    """Lines for the merges of a person with others, those for all scanners of the rig."""
+    if situations is None:
+        return ""
+    merged = situations.select("merged_rig")
+    parts = []
+    for row in np.flatnonzero((merged.first_id == person) | (merged.second_id == person)).tolist():
+        other = int(merged.first_id[row] + merged.second_id[row]) - person
+        start_ns, end_ns = int(merged.start_ns[row]), int(merged.end_ns[row])
+        said = f"merged with {names.get(other, f'person {other}')}, {axis.text(start_ns)} to {axis.text(end_ns)}"
+        line = f"M{_clip(axis, start_ns):.1f} {y:.1f}H{_clip(axis, end_ns):.1f}"
+        parts.append(f'<path class="merged" d="{line}"><title>{escape(said)}</title></path>')
+    return "".join(parts)
 
 
 def _lanes(stretches: Sequence[Span]) -> list[list[Span]]:

@@ -19,6 +19,7 @@ from twin.progress import OnProgress, OnWarning
 from twin.recording.details import DETAIL_FILES, detail_writer
 from twin.recording.feet import feet_writer
 from twin.recording.people import write_people
+from twin.recording.situations import read_situations
 from twin.recording.tables import read_truth, truth_writer
 from twin.recording.track_messages import TrackTopics
 from twin.recording.whole_file import whole_file
@@ -173,7 +174,7 @@ def _run(
     result = RunResult(None, {}, told)
     if chosen:
         on_progress("evaluating and reporting", 0, 1)
-        truth = read_truth(files["truth"])
+        truth, situations = read_truth(files["truth"]), read_situations(files["truth_situations"])
         facts = RunFacts(
             title=scenario.name,
             description=scenario.description,
@@ -191,7 +192,8 @@ def _run(
                 *simplifications(scenario),
             ),
         )
-        result = write_results(folder, facts, evaluate_trackers(folder, fed.at_work, truth), fed, truth, place)
+        results = evaluate_trackers(folder, fed.at_work, truth, situations)
+        result = write_results(folder, facts, results, fed, truth, place)
         on_progress("evaluating and reporting", 1, 1)
     files |= result.files
     out.finish(list(files.values()))

@@ -15,6 +15,7 @@ from trackers.rig import Rig
 from trackers.tracks import background_learned_causally, unused_sensors
 from twin.evaluate import evaluate_with_details
 from twin.evaluate.summary import Evaluation
+from twin.recording.situations import SituationTable
 from twin.recording.tables import TruthTable, read_tracks
 from twin.recording.whole_file import whole_file
 from twin.report.birdseye import Polygon
@@ -65,14 +66,16 @@ class Place:
     true_rig: Rig | None = None  # where the sensors truly are; `rig` is what trackers are told
 
 
-def evaluate_trackers(folder: Path, at_work: Sequence[TrackerAtWork], truth: TruthTable | None) -> list[TrackerResult]:
+def evaluate_trackers(
+    folder: Path, at_work: Sequence[TrackerAtWork], truth: TruthTable | None, situations: SituationTable
+) -> list[TrackerResult]:
     """The table of each tracker that has not failed, from `folder/tracks`, with its figures where there is truth."""
     results = []
     for each in at_work:
         if each.failure:
             continue
         tracks = read_tracks(folder / "tracks" / f"{file_name(each.name)}.csv")
-        evaluation = evaluate_with_details(truth, tracks) if truth is not None else None
+        evaluation = evaluate_with_details(truth, tracks, situations=situations) if truth is not None else None
         results.append(TrackerResult(each.name, tracks, evaluation, each.ms_per_frame()))
     return results
 

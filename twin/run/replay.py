@@ -23,6 +23,7 @@ from trackers.tracks import TrackFrame
 from twin.progress import OnProgress, OnWarning
 from twin.recording.details import DETAIL_FILES
 from twin.recording.reader import Recording
+from twin.recording.situations import situation_table
 from twin.recording.tables import truth_table
 from twin.recording.track_messages import check_copy, copy_with_tracks
 from twin.report.birdseye import Polygon
@@ -122,6 +123,7 @@ def _track(
     title = scenario.name if scenario is not None else recording.stem
     truth_frames = list(bag.truth())
     truth = truth_table(truth_frames, str(recording)) if truth_frames else None
+    situations = situation_table(bag.situations(), str(recording))
     person_names = {number: name for number, name in enumerate(scenario.people, start=1)} if scenario else None
     outline = _outline(scenario) if report or video else []
     faults = scenario.faults if scenario is not None else {}
@@ -171,7 +173,7 @@ def _track(
             *(simplifications(scenario) if bag.is_twin else ()),
         ),
     )
-    results = evaluate_trackers(folder, fed.at_work, truth)
+    results = evaluate_trackers(folder, fed.at_work, truth, situations)
     result = write_results(folder, facts, results, fed, truth, place, report=report)
     out.finish(
         list(result.files.values()),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from math import nan
 from typing import Literal
 
-SituationKind = Literal["interaction", "correlated", "merged"]
+SituationKind = Literal["interaction", "correlated", "merged", "merged_rig"]
 Separation = Literal["", "joined", "hidden", "both"]
 
 

@@ -7,13 +7,15 @@
   `joined` where beams on both belong to one cluster; `hidden` where one of them returns no beam at all since the other
   stands before, less than 1.5 m away (somebody who is hidden from farther away is only occluded, which
   visible_<sensor> in truth.csv tells); `both` where an event holds frames of either sort. least_m: as of an interaction.
+- merged_rig: all scanners of the rig together cannot (`twin.truth.rig_merging`), whatever a tracker makes of it. Breaks
+  of up to 0.4 s belong to the event; events shorter than 0.2 s are none. how and least_m: as of merged.
 
-A cluster, as a clusterer without any other knowledge forms it: beams on people that follow one another, at most one beam
-that looks past between them, and whose points lie no farther apart than 0.15 m plus two spacings of the beams at the
-nearer one's range. Clusters do not go on from the last beam of a full turn to the first.
+A cluster of one scanner, as a clusterer without any other knowledge forms it: beams on people that follow one another, at
+most one beam that looks past between them, and whose points lie no farther apart than 0.15 m plus two spacings of the beams
+at the nearer one's range. Clusters do not go on from the last beam of a full turn to the first.
 
-Frames of interaction and correlation are the stamps of all sensors, frames of merging those of the scanner. Everything
-holds for people in the room, whether or not in the tracked area.
+Frames of interaction and correlation are the stamps of all sensors, frames of merging those of the scanner, or of all
+scanners. Everything holds for people in the room, whether or not in the tracked area.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from math import nan
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.observations import NS_PER_S
 from twin.truth.frames import Separation, Situation, SituationKind
 from twin.truth.pairs import Pair
 
@@ -34,6 +37,10 @@ CORRELATED_M = 0.3
 JUMP_M = 0.15
 JUMP_SPACINGS = 2.0
 MAX_GAP_BEAMS = 1
+RIG_BREAK_S = 0.4
+RIG_SHORTEST_S = 0.2
+_BREAK_NS: Mapping[SituationKind, int] = {"merged_rig": round(RIG_BREAK_S * NS_PER_S)}
+_SHORTEST_NS: Mapping[SituationKind, int] = {"merged_rig": round(RIG_SHORTEST_S * NS_PER_S)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,27 +56,37 @@ class _Open:
     start_ns: int
     how: Separation
     least_m: float
+    break_ns: int | None = None  # since when it does not hold, as long as it may go on
 
 
 class OpenSituations:
-    """Situations that hold, frame by frame: what holds without a break is one."""
+    """Situations that hold, frame by frame: what holds without a break, or one that its kind allows, is one."""
 
     def __init__(self) -> None:
         self._open: dict[tuple[SituationKind, str], dict[Pair, _Open]] = {}
 
+    @property
+    def first_break_ns(self) -> int | None:
+        """Since when the first of those does not hold that may go on; None where there is none."""
+        breaks = [one.break_ns for open_ in self._open.values() for one in open_.values() if one.break_ns is not None]
+        return min(breaks, default=None)
+
     def update(self, kind: SituationKind, sensor: str, stamp_ns: int, holding: Mapping[Pair, Held]) -> list[Situation]:
         """Those that end with this frame, by pair; `holding`: the pairs (first id < second id) for whom it holds."""
         open_ = self._open.setdefault((kind, sensor), {})
-        ended = [
-            _situation(kind, sensor, pair, open_.pop(pair), stamp_ns, complete=True)
-            for pair in sorted(open_.keys() - holding.keys())
-        ]
+        ended = []
+        for pair in sorted(open_.keys() - holding.keys()):
+            one = open_[pair]
+            one.break_ns = stamp_ns if one.break_ns is None else one.break_ns
+            if stamp_ns - one.break_ns >= _BREAK_NS.get(kind, 0):
+                ended += _situation(kind, sensor, pair, open_.pop(pair), stamp_ns)
         for pair in sorted(holding):
             held = holding[pair]
             one = open_.get(pair)
             if one is None:
                 open_[pair] = _Open(stamp_ns, held.how, held.least_m)
             else:
+                one.break_ns = None
                 one.how = one.how if one.how == held.how else "both"
                 one.least_m = min(one.least_m, held.least_m)
         return ended
@@ -77,16 +94,22 @@ class OpenSituations:
     def finish(self, end_ns: int) -> list[Situation]:
         """Those that hold when the run ends, by kind, sensor and pair."""
         rest = [
-            _situation(kind, sensor, pair, open_[pair], end_ns, complete=False)
+            situation
             for (kind, sensor), open_ in sorted(self._open.items())
             for pair in sorted(open_)
+            for situation in _situation(kind, sensor, pair, open_[pair], end_ns)
         ]
         self._open.clear()
         return rest
 
 
-def _situation(kind: SituationKind, sensor: str, pair: Pair, one: _Open, end_ns: int, *, complete: bool) -> Situation:
-    return Situation(kind, *pair, sensor, one.start_ns, end_ns, complete, one.how, one.least_m)
+def _situation(kind: SituationKind, sensor: str, pair: Pair, one: _Open, end_ns: int) -> list[Situation]:
+    """A situation, where it is long enough: complete where it no longer holds, else up to the end of the run."""
+    complete = one.break_ns is not None
+    end_ns = one.break_ns if one.break_ns is not None else end_ns
+    if end_ns - one.start_ns < _SHORTEST_NS.get(kind, 0):
+        return []
+    return [Situation(kind, *pair, sensor, one.start_ns, end_ns, complete, one.how, one.least_m)]
 
 
 def joined_pairs(

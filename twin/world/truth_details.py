@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from operator import attrgetter
 from typing import Protocol
 
 import numpy as np
@@ -15,6 +17,7 @@ from twin.truth.boxes import SeesPeople, person_boxes
 from twin.truth.frames import BoxFrame, RayFrame, Situation, TruthDetail, TruthFrame
 from twin.truth.pairs import Pair, ordered_pairs, pairs_within
 from twin.truth.ray_runs import person_runs
+from twin.truth.rig_merging import Look, look_of, merged_pairs
 from twin.truth.situations import (
     CORRELATED_M,
     INTERACTION_M,
@@ -63,12 +66,16 @@ class TruthDetails:
         self._ids = np.array([world.scene.ids[name] for name in world.scene.names], dtype=np.int16)
         self._situations = OpenSituations()
         self._last_period: dict[str, int] = {}
+        self._untold: list[Situation] = []
+        self._looks: dict[str, Look] = {}
+        self._scanned_ns: int | None = None  # the frame of merging for the rig that is not judged yet
         self._near: dict[Pair, float] = {}
         self._present = np.zeros(0, dtype=np.int16)
         self._place_m = np.zeros((0, 2))
 
     def people(self, frame: TruthFrame, snapshot: Snapshot) -> None:
         """Take the truth of a stamp and the world as it is then."""
+        self._merge_for_the_rig()
         self._present = np.array([person.id for person in frame.people], dtype=np.int16)
         self._place_m = np.array([(person.x, person.y) for person in frame.people], dtype=float).reshape(-1, 2)
         self._near = pairs_within(self._present, self._place_m, INTERACTION_M)
@@ -90,11 +97,30 @@ class TruthDetails:
 
     def finish(self, end_ns: int) -> None:
         """End what still holds at the end of the run."""
+        self._merge_for_the_rig()
         self._tell_all(self._situations.finish(end_ns))
 
+    def _places(self) -> dict[int, np.ndarray]:
+        """Where everybody is at the stamp told last, (2,) [m] by id."""
+        return dict(zip(self._present.tolist(), self._place_m, strict=True))
+
+    def _merge_for_the_rig(self) -> None:
+        """Judge the frame in which scanners looked last, now that all have that look at its stamp."""
+        if self._scanned_ns is None:
+            return
+        stamp_ns, self._scanned_ns = self._scanned_ns, None
+        merged = merged_pairs(self._looks, stamp_ns, self._near, self._places())
+        self._tell_all(self._situations.update("merged_rig", "", stamp_ns, merged))
+
     def _tell_all(self, ended: list[Situation]) -> None:
-        for situation in ended:
-            self._tell(situation)
+        """Tell those that have ended in the order in which they did: none while an earlier end may still be found."""
+        self._untold += ended
+        unsure = [ns for ns in (self._situations.first_break_ns, self._scanned_ns) if ns is not None]
+        settled = [each for each in self._untold if not unsure or each.end_ns <= min(unsure)]
+        if settled:
+            self._untold = [each for each in self._untold if unsure and each.end_ns > min(unsure)]
+            for situation in sorted(settled, key=attrgetter("end_ns")):
+                self._tell(situation)
 
     def _is_due(self, camera: str, stamp_ns: int) -> bool:
         """Whether this is the camera's first picture in its period of 1 / boxes_hz."""
@@ -112,21 +138,24 @@ class TruthDetails:
     def _scan(self, sensor: str, stamp_ns: int, reading: Reading, scan: LaserScan) -> None:
         person_of_ray = reading.truth["person_of_ray"]
         self._tell(RayFrame(stamp_ns, sensor, person_runs(person_of_ray)))
-        merged = {
-            pair: Held("hidden", self._near[pair]) for pair in self._hidden_pairs(sensor, stamp_ns, person_of_ray)
-        }
-        place = dict(zip(self._present.tolist(), self._place_m, strict=True))
+        unmet, hidden = self._hidden(sensor, stamp_ns, person_of_ray)
+        merged = {pair: Held("hidden", self._near[pair]) for pair in hidden}
+        place = self._places()
         for first, second in joined_pairs(reading.truth["range_m"], person_of_ray, scan.angle_increment_rad):
             apart_m = float(np.hypot(*(place[first] - place[second])))
             merged[first, second] = Held("joined", apart_m)
         self._tell_all(self._situations.update("merged", sensor, stamp_ns, merged))
+        ideal = replace(scan, stamp_ns=stamp_ns, ranges_m=reading.truth["range_m"])
+        self._looks[sensor] = look_of(ideal, person_of_ray, self._views[sensor], unmet)
+        self._scanned_ns = stamp_ns
 
-    def _hidden_pairs(self, sensor: str, stamp_ns: int, person_of_ray: np.ndarray) -> list[Pair]:
-        """Pairs near each other of whom one returns no beam because of the other."""
+    def _hidden(self, sensor: str, stamp_ns: int, person_of_ray: np.ndarray) -> tuple[frozenset[int], list[Pair]]:
+        """Whom a scanner has in its plane and field, near somebody, and meets with no beam; and the pairs near each other
+        of whom one is so because of the other."""
         unmet = set(self._present.tolist()) - set(np.unique(person_of_ray).tolist())
         hidden = sorted(unmet & {id_ for pair in self._near for id_ in pair})
         if not hidden:
-            return []
+            return frozenset(), []
         snapshot = self._world.snapshot(stamp_ns / NS_PER_S)
         rows = np.flatnonzero(np.isin(self._ids, hidden))
         points = snapshot.data.site_xpos[self._world.scene.bodies.point_site[rows]]
@@ -136,4 +165,4 @@ class TruthDetails:
             before = np.unique(whom[whom > 0])
             own = np.full(before.shape, self._ids[row])
             pairs += [pair for pair in ordered_pairs(own, before) if pair[0] != pair[1] and pair in self._near]
-        return pairs
+        return frozenset(self._ids[rows[(met >= 0).any(axis=1)]].tolist()), pairs

@@ -16,7 +16,7 @@ from twin.recording.boxes import read_boxes
 from twin.recording.details import DETAIL_FILES, DETAIL_TOPICS, detail_writer, encode_detail
 from twin.recording.messages import STRING, TYPESTORE
 from twin.recording.rays import read_rays
-from twin.recording.situations import read_situations, situation_table
+from twin.recording.situations import decode_situation, read_situations, situation_table
 from twin.truth.frames import Box, BoxFrame, RayFrame, RayRun, Situation, TruthDetail
 
 BOX_HEADER = "t,camera,id,left,top,width,height,visible_px,truncated"
@@ -74,6 +74,16 @@ def test_situations_read_back(folder: Path):
     read, made = read_situations(folder / "truth_situations.csv"), situation_table(SITUATIONS)
     for name in ("kind", "first_id", "second_id", "sensor", "start_ns", "end_ns", "complete", "how", "least_m"):
         np.testing.assert_array_equal(getattr(read, name), getattr(made, name), err_msg=name)
+
+
+def test_situations_come_out_of_the_bag_as_they_went_in():
+    merged = Situation("merged_rig", 2, 7, "", 40_000_000, 1_720_000_000, complete=False, how="both", least_m=0.61)
+    for situation in (*SITUATIONS[1:], merged):
+        _, _, data = encode_detail(situation)
+        assert repr(decode_situation(TYPESTORE.deserialize_cdr(data, STRING).data)) == repr(situation)
+    for text in ("nothing", "[]", '[{"kind": "near"}]'):
+        with pytest.raises(InputError, match=r"a JSON list of one object with kind,first_id"):
+            decode_situation(text)
 
 
 def test_frames_of_situations():
@@ -152,6 +162,7 @@ def test_a_number_that_is_none_is_not_written(tmp_path: Path):
         ),
         (read_situations, SITUATION_HEADER, ["merged,1,2,,0,1,1,hidden,"], "sensor is empty; the name of a scanner"),
         (read_situations, SITUATION_HEADER, ["correlated,1,2,a,0,1,1,,"], "sensor is 'a'; an empty cell"),
+        (read_situations, SITUATION_HEADER, ["merged_rig,1,2,a,0,1,1,both,"], "sensor is 'a'; an empty cell"),
         (read_situations, SITUATION_HEADER, ["correlated,1,2,,3,1,1,,"], "end_t is '1'; a time from start_t, 3, on"),
         (
             read_situations,

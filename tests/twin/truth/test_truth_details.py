@@ -122,6 +122,45 @@ def test_who_walks_behind_another_merges_and_splits():
     assert (from_table.start_ns, from_table.end_ns) == (interaction.start_ns, interaction.end_ns)
 
 
+EAST = WAIST | {"mount": {"xyz": [6, 0, 1.0], "yaw_deg": 180}}
+
+
+def test_what_one_scanner_hides_the_other_sees():
+    people = {"a": standing(2, 0), "b": standing(3, 0)}
+    details, _ = details_of(scenario(people, {"waist": WAIST}))
+    (alone,) = situations(details, "merged_rig")
+    assert (alone.first_id, alone.second_id, alone.sensor, alone.how) == (1, 2, "", "hidden")
+    details, _ = details_of(scenario(people, {"waist": WAIST, "east": EAST}))
+    assert {each.sensor for each in situations(details, "merged")} == {"waist", "east"}
+    assert situations(details, "merged_rig") == []
+
+
+def test_close_together_the_whole_rig_merges_them():
+    people = {"a": standing(2.5, -0.3, 180), "b": standing(2.5, 0.3, 180)}
+    details, _ = details_of(scenario(people, {"waist": WAIST, "east": EAST}))
+    (merged,) = situations(details, "merged_rig")
+    assert (merged.start_ns, merged.end_ns, merged.complete, merged.how) == (0, 350_000_000, False, "joined")
+    assert merged.least_m == pytest.approx(0.6, abs=0.05)
+
+
+def test_who_lies_out_of_every_scan_is_not_merged_for_the_rig():
+    high = WAIST | {"mount": {"xyz": [0, 0, 1.9]}}
+    people = {"a": standing(2, 0) | {"height_m": 2.1}, "b": standing(3, 0) | {"height_m": 1.6}}
+    details, _ = details_of(scenario(people, {"high": high, "higher": EAST | {"mount": {"xyz": [6, 0, 1.95]}}}))
+    assert situations(details, "merged_rig") == []
+
+
+def test_situations_are_told_in_the_order_of_their_ends():
+    two = {"waist": WAIST | {"rate_hz": 25}, "east": EAST | {"rate_hz": 10, "phase_s": 0.03}}
+    people = {name: {"script": {"kind": "wander"}} for name in "abcdefgh"}
+    crowd = scenario(people, two, 12.0, area=[[-2, -1.5], [2, -1.5], [2, 1.5], [-2, 1.5]])
+    details, _ = details_of(crowd)
+    told = [each for each in details if isinstance(each, Situation) and each.complete]
+    assert {each.kind for each in told} == {"interaction", "correlated", "merged", "merged_rig"}
+    ends = [each.end_ns for each in told if each.end_ns <= 11_500_000_000]
+    assert ends == sorted(ends)
+
+
 def test_rays_come_in_order_of_stamps_whatever_their_delay():
     late = WAIST | {"rate_hz": 20, "delay_s": 0.1, "jitter_s": 0.3, "dropout": 0.2}
     details, _ = details_of(scenario({"a": standing(2, 0)}, {"late": late, "waist": WAIST}, 1.0))
