@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import entry_points
@@ -113,6 +114,8 @@ def make_tracker(
     maker, given = _load(preset.target, name), laid_over(preset.options, options or {})
     try:
         return maker(rig, Knowledge.of(background), rng, **given)
+    except InputError as error:  # a class calls itself by one name, whatever it was asked for by
+        raise InputError(re.sub(r"^tracker [\w-]+: ", f"tracker {name}: ", str(error), flags=re.MULTILINE)) from error
     except TypeError as error:
         if error.__traceback__ is None or error.__traceback__.tb_next is not None:
             raise  # from within the class

@@ -44,6 +44,11 @@ def test_an_unknown_name_lists_the_valid_ones():
         make_tracker("laser-fish", rig())
 
 
+def test_a_wrong_option_is_told_of_under_the_name_that_was_asked_for():
+    with pytest.raises(InputError, match="^tracker waist-fisheye-kalman: camra: unknown key; did you mean 'camera'"):
+        make_tracker("waist-fisheye-kalman", rig(), options={"camra": False})
+
+
 def test_a_class_of_ones_own_by_module_and_name(tmp_path, monkeypatch):
     (tmp_path / "my_lab_tracker.py").write_text(
         "class Mine:\n"

@@ -36,8 +36,12 @@ class ScenarioFile(Scenario):
     )
 
 
-def load_scenario(name: str | Path, overrides: Sequence[str] = ()) -> Scenario:
+def load_scenario(
+    name: str | Path, overrides: Sequence[str] = (), *, suites: Sequence[str] = (), folder: Path = Path()
+) -> Scenario:
     """The scenario of this name (shipped) or path, with overrides like 'sensors.waist.rate_hz=20' applied.
+
+    suites: overrides applied before those, whose paths are relative to `folder`, a suite's.
 
     `extends: NAME` starts from another scenario: mappings merge, everything else replaces, null removes an entry (among a
     tracker's options it is a value: some may be none).
@@ -46,11 +50,12 @@ def load_scenario(name: str | Path, overrides: Sequence[str] = ()) -> Scenario:
     """
     path = models.find("scenarios", str(name))
     content = _read(path, ())
+    content = apply_overrides(content, suites)
+    _resolve(content, folder, "set: room")
     content = apply_overrides(content, overrides)
-    _resolve_room(content, Path(), "--set room")
-    _resolve_pedestrians(content, Path())
-    _resolve_knowledge(content, Path())
-    source = str(path) if not overrides else f"{path} with {' '.join(map(_said, overrides))}"
+    _resolve(content, Path(), "--set room")
+    said = " ".join(map(_said, (*suites, *overrides)))
+    source = f"{path} with {said}" if said else str(path)
     content = _without_removed(content)
     _bring_pedestrians(content, source)
     return validate(Scenario, content, source)
@@ -60,9 +65,7 @@ def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:
     """The content of a scenario file over that of the scenario it extends."""
     expected = "a scenario (room, people, sensors, duration_s)"
     content = parse_yaml(read_text(path, expected), str(path), expected)
-    _resolve_room(content, path.parent, f"{path}: room")
-    _resolve_pedestrians(content, path.parent)
-    _resolve_knowledge(content, path.parent)
+    _resolve(content, path.parent, f"{path}: room")
     parent = content.pop("extends", None)
     if parent is None:
         check_removals(ScenarioFile, {}, content, str(path))
@@ -79,26 +82,22 @@ def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:
     return laid_over(base, content)
 
 
-def _resolve_room(content: dict[str, Any], folder: Path, asked_by: str) -> None:
-    """Make the path of a user's room absolute, so that the resolved scenario runs from anywhere."""
+def _resolve(content: dict[str, Any], folder: Path, asked_by: str) -> None:
+    """Make paths of a user's room, pedestrians and knowledge, relative to `folder`, absolute: it then runs from anywhere.
+
+    asked_by: where the room was named.
+    """
     room = content.get("room")
     if isinstance(room, str):
         found = models.find("rooms", room, folder, asked_by)
         if found.parent != models.MODELS / "rooms":
             content["room"] = str(found.resolve())
-
-
-def _resolve_pedestrians(content: dict[str, Any], folder: Path) -> None:
-    """Make the path of a file of paths absolute: it is relative to the file that names it."""
     pedestrians = content.get("pedestrians")
     if isinstance(pedestrians, dict) and isinstance(pedestrians.get("file"), str):
         path = folder / pedestrians["file"]
         with suppress(ValueError):  # a NUL in it: reading it says so
             path = path.resolve()
         pedestrians["file"] = str(path)
-
-
-def _resolve_knowledge(content: dict[str, Any], folder: Path) -> None:
     if "knowledge" in content:
         content["knowledge"] = files_within(content["knowledge"], folder)
 

@@ -22,7 +22,7 @@ from twin.scenario.model import TrackerChoice
 from twin.scenario.size import RunSize, check_size, size_of
 from twin.suites.description import Changes, Suite, find_scenario
 from twin.suites.fitness import TrackerCheck
-from twin.suites.written import as_texts, variants, within
+from twin.suites.written import as_texts, variants
 
 MOST_CASES = 5000
 
@@ -136,7 +136,7 @@ def _of_entry(
         overrides = as_texts(variant.overrides)
         told = ", ".join(_short(text) for text in as_texts(variant.own))
         try:
-            scenario = load_scenario(scenario_path, [*as_texts(within(variant.overrides, path.parent)), *changes])
+            scenario = load_scenario(scenario_path, changes, suites=overrides, folder=path.parent)
             if limits:
                 check_size(scenario)
             label = entry.name or scenario.name

@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
-from trackers.knowledge_files import files_within
 from twin.suites.description import Changes, Suite, SuiteScenario
 
 
@@ -73,14 +71,6 @@ def variants(suite: Suite, number: int, changes: Sequence[str] = ()) -> Iterator
 def as_texts(changes: Changes) -> tuple[str, ...]:
     """Changes as 'path=value', the value as JSON, which is YAML too."""
     return tuple(f"{path}={json.dumps(value, ensure_ascii=False)}" for path, value in changes.items())
-
-
-def within(changes: Changes, folder: Path) -> Changes:
-    """Changes with the files of knowledge absolute, of a suite that names them in `folder`."""
-    return {
-        path: files_within(value, folder) if path.strip().split(".")[0] == "knowledge" else value
-        for path, value in changes.items()
-    }
 
 
 def _reached(path: str, field: str) -> str | None:

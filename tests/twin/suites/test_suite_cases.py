@@ -60,6 +60,22 @@ scenarios:
     assert len(without_pink) == 24 and all("pink" not in case.resolved for case in without_pink)
 
 
+def test_rooms_and_pedestrians_of_a_suite_lie_beside_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "mine.xml").write_text((models.MODELS / "rooms" / "plaza.xml").read_text())
+    (tmp_path / "paths.csv").write_text("t,id,x,y\n0.0,1,0.0,1.0\n4.0,1,3.0,1.0\n")
+    monkeypatch.chdir("/")
+    text = """
+scenarios:
+  - scenario: plaza-runners
+    set: {room: mine.xml, pedestrians.file: paths.csv}
+"""
+    case = cases_of(tmp_path, text)[0]
+    assert f"room: {tmp_path / 'mine.xml'}" in case.resolved and "walker-1" in case.resolved
+    assert case.overrides == ('room="mine.xml"', 'pedestrians.file="paths.csv"')
+    with pytest.raises(InputError, match=r"s.yaml: scenarios.0: set: room: there is no room 'your.xml'"):
+        cases_of(tmp_path, text.replace("mine.xml", "your.xml"))
+
+
 def test_ids_stay_the_same_whatever_else_is_in_the_suite(tmp_path: Path) -> None:
     one = cases_of(tmp_path, "scenarios: [{scenario: lab-five-people}]")
     two = cases_of(

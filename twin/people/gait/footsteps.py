@@ -54,6 +54,7 @@ UNLOADED = 0.02
 _SIDE = np.array([[1.0], [-1.0]])
 _OUT = TOES_OUT_RAD * _SIDE
 _FEET = np.array([[0], [1]])
+_PLACE, _YAW = 0, 1
 _NEVER = 9.0
 _BUMP = 1.0 / ((3 / 7) ** 1.5 * (4 / 7) ** 2)
 
@@ -120,18 +121,18 @@ class Footsteps:
     @property
     def place(self) -> Planar:
         """Where the feet are, (2, n) [m]."""
-        return self.spots[0]
+        return self.spots[_PLACE]
 
     @property
     def yaw(self) -> Array:
         """Where they point, (2, n) [rad]."""
-        return self.spots[1].real
+        return self.spots[_YAW].real
 
     def stand(self, who: Mask, bodies: Bodies, style: GaitStyle) -> None:
         """Put the feet of `who` (n,) flat under their bodies, side by side, whatever they did before."""
         home = bodies.place + 0.5j * style.step_width * bodies.facing * _SIDE
-        self.spots[0][:, who] = home[:, who]
-        self.spots[1][:, who] = (bodies.heading + _OUT)[:, who]
+        self.place[:, who] = home[:, who]
+        self.spots[_YAW][:, who] = (bodies.heading + _OUT)[:, who]
         for feet in (self.height, self.pitch, self._pitch_at_lift, self.in_air, self._lifted_at, self.own):
             feet[:, who] = 0
         self._start[..., who] = self._target[..., who] = self.spots[..., who]
@@ -146,8 +147,8 @@ class Footsteps:
         progress = 0.5 * (1.0 + np.minimum(style.double_support, 0.0))
         step = bodies.velocity / self.rate
         # the left foot stands as far before or behind the body as it is through its stance; the right one swings past
-        self.spots[0][0, who] += ((style.lands_ahead - progress) * step)[who]
-        self._start[0][1, who] += ((style.lands_ahead - progress - 1.0) * step)[who]
+        self.place[0, who] += ((style.lands_ahead - progress) * step)[who]
+        self._start[_PLACE][1, who] += ((style.lands_ahead - progress - 1.0) * step)[who]
         self.progress[who] = progress[who]
         self.stepping[who] = True
         self.lands[:, who] = _FEET == 1
@@ -170,8 +171,8 @@ class Footsteps:
 
     def time(self, bodies: Bodies, course: Course, style: GaitStyle, still: Mask | None, dt: float) -> None:
         """Advance, end and begin steps; those who are `still` (n,) begin none."""
-        self.seen = (self.spots[0] - bodies.place) * course.seen_from
-        twist = self.spots[1].real - (bodies.heading + _OUT)
+        self.seen = (self.place - bodies.place) * course.seen_from
+        twist = self.yaw - (bodies.heading + _OUT)
         # a heel comes up for a body that has gone ahead, but not for one that has gone back
         far = np.maximum(np.abs(self.seen), BEFORE_COUNTS * self.seen.real)
         strain = np.maximum(far * (self._per_leg / style.reach), np.abs(twist) * (1.0 / TWIST_RAD))
@@ -274,12 +275,12 @@ class Footsteps:
         wanted = bodies.place + bodies.velocity * (remaining + lands * step_time)
         width = 0.5 * style.step_width
         # no track across the other foot's
-        apart = ((wanted - self.spots[0, ::-1]) * left.conj()).real
+        apart = ((wanted - self.place[::-1]) * left.conj()).real
         wanted += left * (np.maximum(width, self._apart - apart * _SIDE) * _SIDE)
         share = np.minimum(np.maximum((self.own - self._lifted_at) / (1.0 - self._lifted_at), 0.0), 1.0)
         open_yet = share < TARGET_FIXED_AT
-        np.copyto(self._target[0], wanted, where=open_yet)
-        np.copyto(self._target[1], (bodies.heading + _OUT) + turn, where=open_yet)
+        np.copyto(self._target[_PLACE], wanted, where=open_yet)
+        np.copyto(self._target[_YAW], (bodies.heading + _OUT) + turn, where=open_yet)
         square = share * share
         gone = square * (3.0 - ARRIVES_AT - (2.0 - ARRIVES_AT) * share)
         self.spots = np.where(self.in_air, self._start + gone * (self._target - self._start), self.spots)
