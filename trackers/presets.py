@@ -38,6 +38,7 @@ class Preset:
 
 
 _BAI = "Bai, Takahashi: Identification and Tracking Using Laser and Vision of Maneuvering People"
+_SONG = "Song, Zhao, Cui, Shao, Shibasaki, Zha: Fusion of Laser and Vision for Multiple Targets Tracking via On-line Learning"
 _LASER_FISHEYE = "trackers.laser_fisheye_imm.tracker:LaserFisheyeImm"
 
 PRESETS: Mapping[str, Preset] = {
@@ -66,6 +67,11 @@ PRESETS: Mapping[str, Preset] = {
     ),
     "laser-fisheye-imm-paper": Preset(
         _LASER_FISHEYE, "the full system with every rule that is ours and not the paper's switched off", _BAI, PAPER
+    ),
+    "laser-vision-learning-laser": Preset(
+        "trackers.laser_vision_learning.tracker:LaserVisionLearning",
+        "every knee scanner's points, a particle filter a person with a two-feet walking model: the laser half",
+        _SONG,
     ),
     "sort": Preset(
         "trackers.sort:Sort",

@@ -76,7 +76,7 @@ def find_clusters(scan: LaserScan, foreground: Mask, options: ClusterOptions) ->
         return _none()
     increment = abs(scan.angle_increment_rad)
     near = ranges[beams]
-    points = near * _directions(scan.angle_min_rad, scan.angle_increment_rad, ranges.size)[:, beams]  # (2, n)
+    points = near * directions(scan)[:, beams]  # (2, n)
 
     step = points[:, 1:] - points[:, :-1]
     jump = options.jump_m + options.jump_spacings * (increment * np.minimum(near[1:], near[:-1]))
@@ -107,9 +107,13 @@ def find_clusters(scan: LaserScan, foreground: Mask, options: ClusterOptions) ->
     )
 
 
+def directions(scan: LaserScan) -> Array:
+    """The unit vectors along the beams of a scan, (2, n_beam)."""
+    return _directions(scan.angle_min_rad, scan.angle_increment_rad, scan.ranges_m.size)
+
+
 @lru_cache(maxsize=16)
 def _directions(angle_min_rad: float, angle_increment_rad: float, n_beam: int) -> Array:
-    """The unit vectors along the beams, (2, n_beam)."""
     bearing = angle_min_rad + angle_increment_rad * np.arange(n_beam)
     return np.array([np.cos(bearing), np.sin(bearing)])
 

@@ -10,20 +10,33 @@ nearer than the gate to what another sees of them may be fused with each other's
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import reduce
 from itertools import compress
 
 import numpy as np
+from jaxtyping import Float
 
 from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.detections import Detection
 from trackers.filters.gating import global_nearest_neighbour
 from trackers.filters.motion import MEASUREMENT_VARIANCE_M2
+from trackers.filters.rows import Rows
 from trackers.laser.grouping import distances, pair_off, take_legs
 from trackers.laser.layer import Detections, KneeOptions, LaserLayer, LayerOptions, WaistOptions
 from trackers.laser.roles import scanners_by_role
-from trackers.observations import LaserScan, Observation
+from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.rig import LaserSensor, Rig, Role
+
+
+@dataclass(frozen=True, eq=False)
+class Points(Rows):
+    """k samples of one moment in front of the room, of all scanners of a role."""
+
+    place: Float[Array, "k 2"]  # the axis of what the beam met, in the room frame [m]
+    width_m: Float[Array, "k"]  # how much of its width the beam covers: the spacing of the beams there
+    late_s: Float[Array, "k"]  # how much later than the moment the scan was taken
 
 
 class ScannerGroup:
@@ -63,6 +76,24 @@ class ScannerGroup:
             if isinstance(scan, LaserScan):
                 together = fused(together, layer.detect(scan).of_scanner(column, n_scanner), self._gate_m)
         return together
+
+    def points(self, observations: Mapping[str, Observation], ns: int) -> Points:
+        """Every sample in front of the room of the group's scans among `observations`, for a moment [ns].
+
+        Without those at which another scanner looks past: a beam that meets half a leg and half the wall says something
+        between.
+        """
+        scans = {name: scan for name in self.layers if isinstance(scan := observations.get(name), LaserScan)}
+        found = [Points(np.empty((0, 2)), np.empty(0), np.empty(0))]
+        for name, scan in scans.items():
+            place, width_m = self.layers[name].points(scan)
+            kept = np.ones(len(place), np.bool_)
+            for other, seen in scans.items():
+                if other != name:
+                    kept &= ~self.layers[other].passes(seen, place.T)
+            late_s = np.full(len(place), (scan.stamp_ns - ns) / NS_PER_S)
+            found.append(Points(place, width_m, late_s).select(kept))
+        return reduce(Points.joined, found)
 
     def told(self, detections: Detections, role: Role, ns: int) -> list[Detection]:
         """Detections of this group at a moment [ns] one by one; a whole cluster's variance is that of the measurement."""

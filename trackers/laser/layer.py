@@ -11,12 +11,15 @@ from pydantic import Field
 
 from trackers.arrays import Array
 from trackers.configuration import Strict
-from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground
-from trackers.laser.clusters import ClusterOptions, Clusters, find_clusters, pushed_back
+from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground, returns
+from trackers.laser.clusters import ClusterOptions, Clusters, directions, find_clusters, pushed_back
 from trackers.laser.free_space import FreeSpace, FreeSpaceOptions
 from trackers.laser.grouping import trunks
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor
+
+_NARROW_M, _BEHIND_M, _SURE = 0.06, 0.15, 0.9
+"""Half the width of the narrowest thing looked for, and how far behind it a beam has passed it [m]; any probability."""
 
 
 class LayerOptions(Strict):
@@ -216,6 +219,9 @@ class LaserLayer:
         self.options = options
         self.learns_background = not empty_scans
         self._free_space = FreeSpace(sensor, options.free_space)
+        self._past_a_thing = FreeSpace(
+            sensor, FreeSpaceOptions(half_width_m=_NARROW_M, behind_m=_BEHIND_M, detected=_SURE)
+        )
         self._room_from_scan = sensor.room_from_sensor.rotation[:2, :2].T.copy()
         self._origin_m = sensor.room_from_sensor.translation[:2]
         self._background = (
@@ -248,6 +254,24 @@ class LaserLayer:
         )
         return detections.select(kept)
 
+    def points(self, scan: LaserScan) -> tuple[Array, Array]:
+        """The samples in front of the room, each moved back to the axis of what it met: (k, 2) [m] in the room frame.
+
+        And how much of a thing's width each beam covers, (k,) [m]: the spacing of the beams at its range. A lone sample beside
+        a nearer one is left out: a beam on an edge, half on what is nearer and half on what is behind, reports a range between.
+        """
+        ranges, _, _ = returns(scan)
+        foreground = self._background.foreground(scan)
+        padded = np.pad(np.where(np.isnan(ranges), np.inf, ranges), 1, constant_values=np.inf)
+        beams = foreground.nonzero()[0]
+        near = ranges[beams]
+        beside = np.stack([padded[beams], padded[beams + 2]]) - near
+        jump_m = self.options.cluster.jump_m + abs(scan.angle_increment_rad) * near
+        on_edge = (np.abs(beside) > jump_m).all(axis=0) & (beside < 0).any(axis=0)
+        beams, near = beams[~on_edge], near[~on_edge]
+        points = (near + self.options.half_depth_m) * directions(scan)[:, beams]
+        return self._in_room(points.T), abs(scan.angle_increment_rad) * near
+
     def _half_depth_m(self, width_m: Array, hidden: NDArray[np.bool_]) -> Array | float:
         """How far behind the middle of what is seen of them the axes of bodies seen so wide (k,) lie (k,).
 
@@ -266,6 +290,13 @@ class LaserLayer:
     def missed(self, scan: LaserScan, points: Array) -> Array:
         """How probably the scan shows nothing of somebody at room points (2, ...), (...)."""
         return 1 - self._free_space.seen(scan, points)
+
+    def passes(self, scan: LaserScan, points: Array) -> NDArray[np.bool_]:
+        """Whether the scan's beams go on behind room points (2, ...) on either side of them, and stand close enough to tell."""
+        apart = np.hypot(*(points - self._origin_m.reshape(2, *[1] * (points.ndim - 1)))) * abs(
+            scan.angle_increment_rad
+        )
+        return (self._past_a_thing.seen(scan, points) >= _SURE) & (apart < _NARROW_M)
 
     def _completed(self, clusters: Clusters) -> Array:
         """Middles (k, 2), shifted across the beam where one side of a body is hidden behind something nearer."""

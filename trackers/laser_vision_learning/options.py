@@ -1,0 +1,56 @@
+"""The options of `laser-vision-learning`, gathered from its parts."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from trackers.configuration import Strict
+from trackers.laser.layer import KneeOptions
+from trackers.laser_vision_learning.points import PointOptions
+from trackers.laser_vision_learning.walking import WalkingOptions
+
+
+class LifeOptions(Strict):
+    """When somebody is seen, confirmed, out of sight, gone or new."""
+
+    seen_legs: float = Field(
+        default=0.25, gt=0, description="least legs' widths of points by which a person counts as measured (ours)"
+    )
+    new_legs: float = Field(default=0.4, gt=0, description="least legs' widths of points that make somebody new (ours)")
+    confirm_hits: int = Field(default=6, ge=1, description="measurements that confirm a track (ours)")
+    tentative_s: float = Field(default=0.15, ge=0, description="how long a tentative track goes unmeasured [s] (ours)")
+    coast_s: float = Field(default=1.0, ge=0, description="how long a track may be missing in plain view [s] (ours)")
+    coast_hidden_s: float = Field(
+        default=3.0, ge=0, description="how long where no scan would show it, behind others and pillars [s] (ours)"
+    )
+    found: float = Field(
+        default=0.5, gt=0, description="how much of that time a second of being seen makes good (ours)"
+    )
+    show_s: float = Field(default=0.6, ge=0, description="up to which of that time a track is reported [s] (ours)")
+    apart_m: float = Field(
+        default=0.5,
+        ge=0,
+        description="no track starts nearer than this to another, nor goes on unconfirmed within half of it [m] (ours)",
+    )
+    area_margin_m: float = Field(
+        default=0.3, ge=0, description="how far outside the area people are reported [m] (ours)"
+    )
+    before_m: float = Field(
+        default=1.5, ge=0, description="how far outside the area people are followed already [m] (ours)"
+    )
+
+
+class LaserVisionLearningOptions(Strict):
+    """Every option, by part."""
+
+    particles: int = Field(default=500, ge=1, description="particles a person (not given in the paper)")
+    resampling: str = Field(
+        default="systematic", description="resampling scheme: systematic, stratified, residual or plain"
+    )
+    resample_below: float = Field(
+        default=0.5, ge=0, le=1, description="effective share of the particles at which they are resampled (ours)"
+    )
+    scanner: KneeOptions = Field(default=KneeOptions(), description="the scanners, and what of a scan is the room")
+    walking: WalkingOptions = Field(default=WalkingOptions(), description="the two-feet walking model")
+    points: PointOptions = Field(default=PointOptions(), description="how laser points speak of people")
+    life: LifeOptions = Field(default=LifeOptions(), description="arrival, leaving, and what lies between")

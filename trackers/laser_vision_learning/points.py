@@ -1,0 +1,121 @@
+"""What laser points say of people: whose each point is, how likely a particle is by its own, and who is new.
+
+A point belongs to the nearest of the predicted people, softly: with d the distance to a person's nearer expected leg, its share
+in person p is exp(−½ d_p² / s²) / (Σ_q exp(−½ d_q² / s²) + exp(−½ g² / s²)), the last term standing for somebody unknown at the
+gate g. A particle's likelihood is the similarity of its two legs with the points of its person,
+
+    log L = − k/2 Σ_i w_i min(d_i², c²) / σ²
+
+d_i the distance of point i to the nearer leg, w_i its share times the width of the leg that its beam covers (in legs): a leg
+near by is met by many beams and tells no more than a far one; what lies farther than c is somebody else's or nobody's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from pydantic import Field
+from scipy.sparse.csgraph import connected_components
+
+from trackers.arrays import Array
+from trackers.configuration import Strict
+from trackers.filters.gating import distances
+from trackers.laser.group import Points
+
+
+class PointOptions(Strict):
+    """How laser points are similar to predicted legs."""
+
+    leg_m: float = Field(default=0.1, gt=0, description="width of a leg at the scanner's height [m] (ours)")
+    sigma_m: float = Field(
+        default=0.06, gt=0, description="standard deviation of a point about its leg's axis [m] (ours)"
+    )
+    cut_m: float = Field(
+        default=0.25, gt=0, description="distance from a leg beyond which a point tells nothing more [m] (ours)"
+    )
+    weight: float = Field(
+        default=2.0, gt=0, description="how many independent measurements a whole leg counts for (ours)"
+    )
+    soft_m: float = Field(
+        default=0.12, gt=0, description="how softly points are shared between two who are near them [m] (ours)"
+    )
+    gate_m: float = Field(
+        default=0.45, gt=0, description="distance from every expected leg at which a point is nobody's known [m] (ours)"
+    )
+    own_m: float = Field(
+        default=0.12,
+        ge=0,
+        description="points this near to a leg of somebody known for longer make nobody else measured [m]; "
+        "0: they do (ours)",
+    )
+    most: int = Field(default=32, ge=4, description="points a person at most, the weightiest (ours)")
+    link_m: float = Field(
+        default=0.4, gt=0, description="single linkage of points that nobody explains, to somebody new [m] (ours)"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Shares:
+    """Whose the points of a moment are."""
+
+    share: Float[Array, "n k"]  # of each point in each person, sums over people to at most 1
+    weight: Float[Array, "k"]  # what of a leg's width each beam covers
+    legs: Float[Array, "n"]  # legs' widths of points that each person is nearest to and nobody before them stands at
+
+    @property
+    def unknown(self) -> Float[Array, "k"]:
+        """What of each point is nobody's."""
+        return 1 - self.share.sum(axis=0)
+
+
+def shares(points: Points, legs: Float[Array, "2 2 n"], options: PointOptions) -> Shares:
+    """Whose the points are, given everybody's expected legs (side, x or y, person) [m], the longest known first."""
+    off = points.place[:, :, None] - legs[:, None]  # (side, k, xy, n)
+    square = (off**2).sum(axis=2).min(axis=0).T
+    likeness = np.exp(-square / (2 * options.soft_m**2))
+    unknown = np.exp(-(options.gate_m**2) / (2 * options.soft_m**2))
+    share, weight = likeness / (likeness.sum(axis=0) + unknown), np.minimum(points.width_m / options.leg_m, 1.0)
+    if share.size == 0:
+        return Shares(share, weight, np.zeros(len(share)))
+    taken = np.minimum.accumulate(square, axis=0)[:-1] < options.own_m**2
+    own = (share == share.max(axis=0)) & (square < options.gate_m**2)
+    own[1:] &= ~taken
+    return Shares(share, weight, own @ weight)
+
+
+def log_likelihood(
+    points: Points, whose: Shares, legs: Float[Array, "2 2 n p"], options: PointOptions
+) -> Float[Array, "n p"]:
+    """How similar the points are to each particle's legs."""
+    weight = whose.share * whose.weight
+    count = min(int((weight > 0.01).sum(axis=1).max(initial=0)), options.most)
+    if count == 0:
+        return np.zeros(legs.shape[2:])
+    chosen = np.argpartition(-weight, min(count, weight.shape[1]) - 1, axis=1)[:, :count]  # (n, k)
+    weight = np.take_along_axis(weight, chosen, axis=1).astype(np.float32)
+    origin = legs[:, :, :, :1].mean(
+        axis=0
+    )  # (xy, n, 1): small numbers keep single precision exact to far below a millimetre
+    place = (points.place.T[:, chosen] - origin).astype(np.float32)  # (xy, n, k)
+    near = (legs - origin).astype(np.float32)
+    # d² = |leg|² + |point|² − 2 leg·point, as one product of matrices
+    of_legs = np.stack([near[:, 0], near[:, 1], (near**2).sum(axis=1), np.ones_like(near[:, 0])], axis=-1)
+    of_points = np.stack([-2 * place[0], -2 * place[1], np.ones_like(place[0]), (place**2).sum(axis=0)], axis=1)
+    left, right = of_legs @ of_points  # (n, p, k) each
+    square = np.minimum(np.minimum(left, right, out=left), np.float32(options.cut_m**2), out=left)
+    scale = -options.weight / (2 * options.sigma_m**2)
+    return scale * (square @ weight[..., None])[..., 0].astype(float)
+
+
+def newcomers(points: Points, unknown: Float[Array, "k"], options: PointOptions) -> tuple[Array, Array]:
+    """Places (m, 2) [m] of whoever nobody's points make up, all scanners together, and their legs' widths of points, (m,)."""
+    free = unknown > 0.5
+    place, weight = points.place[free], np.minimum(points.width_m[free] / options.leg_m, 1.0)
+    if len(place) == 0:
+        return place, weight
+    count, group = connected_components(distances(place, place) < options.link_m, directed=False)
+    total = np.bincount(group, weight, count).astype(float)
+    middle = np.stack([np.bincount(group, weight * each, count) / total for each in place.T], axis=-1)
+    return middle, total

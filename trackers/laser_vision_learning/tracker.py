@@ -1,0 +1,88 @@
+"""People followed by two low scanners and one high camera, after Song et al.: "Fusion of Laser and Vision for Multiple Targets
+Tracking via On-line Learning".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from trackers.area import Area
+from trackers.configuration import validate
+from trackers.laser.group import ScannerGroup
+from trackers.laser.roles import scanners_by_role
+from trackers.laser_vision_learning.options import LaserVisionLearningOptions
+from trackers.laser_vision_learning.walkers import Walkers
+from trackers.observations import Observation
+from trackers.rig import Rig
+from trackers.tracking.lifecycle import measured_now
+from trackers.tracking.moments import Moment, MomentGatherer, MomentRules
+from trackers.tracks import Track, TrackFrame
+
+
+class LaserVisionLearning:
+    """Tracker of people from every knee scanner of a rig (see module).
+
+    background: observations of the empty room; a scanner without any learns its background as it goes. Options are those of
+    `LaserVisionLearningOptions`. Raises InputError for a wrong option, and for a rig without a knee scanner.
+    """
+
+    takes_any_order = True  # the gatherer waits for what comes late, and drops what comes twice
+
+    def __init__(
+        self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
+    ) -> None:
+        self.options = validate(LaserVisionLearningOptions, options, "tracker laser-vision-learning")
+        lasers, names = rig.lasers(), scanners_by_role(rig, ("knee",))["knee"]
+        life = self.options.life
+        self._scanners = ScannerGroup({name: lasers[name] for name in names}, list(background), self.options.scanner)
+        self._area = None if rig.area is None else Area(rig.area, life.area_margin_m)
+        followed = None if rig.area is None else Area(rig.area, life.before_m)
+        self._walkers = Walkers(self._scanners, followed, self.options, rng or np.random.default_rng(0))
+        clock = () if rig.main_sensor in names else (rig.main_sensor,)  # whose stamps the frames take
+        self._gatherer = MomentGatherer(MomentRules(names, joins=clock, main=rig.main_sensor))
+        self.unused_sensors = [name for name in rig.sensors if name not in names]
+
+    @property
+    def background_learned_causally(self) -> bool:
+        """Whether a scanner came without scans of the empty room."""
+        return self._scanners.learns_background
+
+    @property
+    def discarded(self) -> int:
+        """Observations dropped so far because they came too late or twice."""
+        return self._gatherer.discarded
+
+    def update(self, observation: Observation) -> list[TrackFrame]:
+        """Take one observation; the frames it completes, oldest first. Sensors that are not used are ignored."""
+        return [self._work(moment) for moment in self._gatherer.add(observation)]
+
+    def finish(self) -> list[TrackFrame]:
+        """The frames still held back when the observations have ended."""
+        return [self._work(moment) for moment in self._gatherer.finish()]
+
+    def tracks(self) -> list[Track]:
+        """Everyone confirmed in the area, as of the last frame, by id."""
+        people, roster = self._walkers.people, self._walkers.people.roster
+        places, velocities = people.places, people.velocities
+        shown = roster.confirmed & (people.missing_s <= self.options.life.show_s)
+        if self._area is not None:
+            shown &= self._area.contains(places)
+        shown = shown.nonzero()[0]
+        shown = shown[roster.id[shown].argsort()]
+        columns = (
+            roster.id[shown],
+            *places[shown].T,
+            *velocities[shown].T,
+            measured_now(roster, self._walkers.ns)[shown],
+        )
+        return [
+            Track(number, x, y, vx, vy, status="confirmed" if seen else "coasting")
+            for number, x, y, vx, vy, seen in zip(*(column.tolist() for column in columns), strict=True)
+        ]
+
+    def _work(self, moment: Moment) -> TrackFrame:
+        self._walkers.step(moment.observations, moment.ns)
+        return TrackFrame(moment.ns, tuple(self.tracks()))

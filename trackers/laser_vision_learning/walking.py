@@ -1,0 +1,139 @@
+"""The two-feet walking model: how a person's particles move, and where their legs are in a scanner's plane.
+
+State (x, y, θ, v, φ): ground point under the pelvis [m], heading [rad], speed ≥ 0 [m/s], phase of the stride in [0, 1). One foot
+stands while the other swings past it: seen from the body, a leg goes evenly from before it to behind it while it stands and
+back while it swings, the other leg the other way round. With the length of a step l = c √v and the legs' reach a = s l / 2 at
+the height of the scanner,
+
+    left leg  = p + a(v) τ(φ) h + w n      right leg = p − a(v) τ(φ) h − w n      φ' = φ + v T / (2 l(v))
+
+h the unit vector along the heading, n that to its left, τ the triangle wave from 1 (φ = 0) to −1 (φ = ½) and back: half a
+stride is one step (Shao et al., IROS 2007, and Zhao and Shibasaki, 2005, have two feet that alternate so; the shape of the
+wave and the constants are ours).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from pydantic import Field
+
+from trackers.arrays import Array
+from trackers.configuration import Strict
+
+STATE_SIZE = 5
+X, Y, HEADING, SPEED, PHASE = range(STATE_SIZE)
+
+
+class WalkingOptions(Strict):
+    """How people walk, and how freely their walk may change."""
+
+    step: float = Field(
+        default=0.62, gt=0, description="length of a step at 1 m/s [m]; it grows with the root of the speed (ours)"
+    )
+    reach_share: float = Field(
+        default=0.7,
+        ge=0,
+        le=1,
+        description="how far the legs come apart at the scanner's height, as a share of the step on the floor (ours)",
+    )
+    half_width_m: float = Field(
+        default=0.09, ge=0, description="half the distance between the legs across the way [m] (ours)"
+    )
+    acceleration_m_s2: float = Field(
+        default=0.7, gt=0, description="random walk of the speed: its standard deviation after a second [m/s] (ours)"
+    )
+    turn_rad: float = Field(
+        default=0.6,
+        gt=0,
+        description="random walk of the heading: its standard deviation after a second at speed [rad] (ours)",
+    )
+    turn_slow_rad: float = Field(
+        default=4.0, ge=0, description="the same added for who stands, fading over 0.5 m/s [rad] (ours)"
+    )
+    turn_about: float = Field(
+        default=2.0, ge=0, description="how often people turn about, to any heading [1/s]; 0: never at once (ours)"
+    )
+    drift_m: float = Field(
+        default=0.08,
+        ge=0,
+        description="random walk of the place beside the walk itself: its standard deviation after a second [m] (ours)",
+    )
+    phase: float = Field(
+        default=0.35,
+        ge=0,
+        description="random walk of the phase: its standard deviation after a second of walking, in strides (ours)",
+    )
+    speed_start_m_s: float = Field(
+        default=1.0, gt=0, description="standard deviation of the speed of who is seen first [m/s] (ours)"
+    )
+    place_start_m: float = Field(
+        default=0.12, gt=0, description="standard deviation of their place on each axis [m] (ours)"
+    )
+    slowdown_s: float = Field(
+        default=0.7, gt=0, description="time constant at which the speed of who is not seen fades [s] (ours)"
+    )
+
+
+class WalkingModel:
+    """The model as a proposal: particles of n people move on by it, batched."""
+
+    def __init__(self, options: WalkingOptions) -> None:
+        self.options = options
+
+    def start(self, place: Float[Array, "n 2"], n_particle: int, rng: np.random.Generator) -> Float[Array, "5 n p"]:
+        """Particles of people first seen at `place` [m]: any heading and phase, any speed of people."""
+        options, shape = self.options, (len(place), n_particle)
+        state = np.empty((STATE_SIZE, *shape))
+        state[:2] = place.T[..., None] + options.place_start_m * rng.standard_normal((2, *shape))
+        state[HEADING] = rng.uniform(-np.pi, np.pi, shape)
+        state[SPEED] = np.abs(options.speed_start_m_s * rng.standard_normal(shape))
+        state[PHASE] = rng.random(shape)
+        return state
+
+    def move(
+        self, state: Float[Array, "5 n p"], elapsed_s: float, unseen: Float[Array, "n"], rng: np.random.Generator
+    ) -> Float[Array, "5 n p"]:
+        """The particles `elapsed_s` later; unseen: 1 for whoever was not seen last and is likelier to stop, else 0."""
+        options, root = self.options, np.float32(np.sqrt(elapsed_s))
+        noise = rng.standard_normal(state.shape, dtype=np.float32)
+        noise *= root
+        _, _, heading, speed, phase = state
+        # changes in single precision, which is many times faster and exact to far below a millimetre; their sums in double
+        before = (speed * np.exp(-elapsed_s / options.slowdown_s * unseen)[:, None]).astype(np.float32)
+        after = np.abs(before + options.acceleration_m_s2 * noise[SPEED])
+        mean = np.float32(0.5) * (before + after)
+        turned = (options.turn_rad + options.turn_slow_rad * np.exp(-2 * mean)) * noise[HEADING]
+        about = rng.random(mean.shape, dtype=np.float32)
+        chance = max(options.turn_about * elapsed_s, 1e-12)
+        turned += np.where(about < chance, np.float32(2 * np.pi / chance) * about, np.float32(0))
+        moved = np.empty_like(state)
+        np.add(heading, turned, out=moved[HEADING])
+        way = moved[HEADING].astype(np.float32)
+        travelled, drift = np.float32(elapsed_s) * mean, np.float32(options.drift_m)
+        np.add(state[X], travelled * np.cos(way) + drift * noise[X], out=moved[X])
+        np.add(state[Y], travelled * np.sin(way) + drift * noise[Y], out=moved[Y])
+        moved[SPEED] = after
+        # half a stride is a step: v T / (2 c √v)
+        strides = np.sqrt(mean) * np.float32(elapsed_s / (2 * options.step))
+        strides += np.float32(options.phase) * noise[PHASE] * np.minimum(mean, 1)
+        np.add(phase, strides, out=moved[PHASE])
+        moved[PHASE] -= np.floor(moved[PHASE])
+        moved[HEADING] -= (2 * np.pi) * np.rint(moved[HEADING] / (2 * np.pi))
+        return moved
+
+    def legs(self, state: Float[Array, "5 *batch"]) -> Float[Array, "2 2 *batch"]:
+        """Where the left leg and the right one are at the scanner's height: (side, x or y, ...) [m]."""
+        options = self.options
+        heading, speed, phase = state[HEADING:].astype(np.float32)
+        cos, sin, half_width = np.cos(heading), np.sin(heading), np.float32(options.half_width_m)
+        reach = np.float32(0.5 * options.reach_share * options.step)
+        ahead = reach * np.sqrt(speed) * (4 * np.abs(phase - np.float32(0.5)) - 1)
+        off_x = ahead * cos - half_width * sin
+        off_y = ahead * sin + half_width * cos
+        legs = np.empty((2, 2, *state.shape[1:]))
+        np.add(state[X], off_x, out=legs[0, 0])
+        np.add(state[Y], off_y, out=legs[0, 1])
+        np.subtract(state[X], off_x, out=legs[1, 0])
+        np.subtract(state[Y], off_y, out=legs[1, 1])
+        return legs
