@@ -72,10 +72,10 @@ class StrongClassifiers(Rows):
         return cls(Trees.undivided(n, n_tree), np.zeros((n, n_tree)), np.zeros(n, np.intp))
 
     def scores(self, samples: Float[Array, "k features"]) -> Float[Array, "n k"]:
-        """H(s) / Σ_j α_j of every sample, in [−1, 1]; 0 where no tree has a say."""
+        """H(s) / Σ_j α_j of the same samples by every classifier, in [−1, 1]; 0 where no tree has a say."""
         total = self.alpha.sum(axis=1)[:, None, None]
         share = self.alpha[:, None] / np.where(total > 0, total, 1.0)
-        return np.matmul(share, self.trees.says(samples))[:, 0]
+        return np.matmul(share, self.trees.says(samples[None]))[:, 0]
 
 
 _Grow = Callable[[Array, Array], Grown]
@@ -93,20 +93,19 @@ class OnlineBoosting:
         return StrongClassifiers.untrained(n, self.options.trees)
 
     def learned(
-        self, strong: StrongClassifiers, samples: Float[Array, "k features"], label: Float[Array, "n k"]
+        self, strong: StrongClassifiers, samples: Float[Array, "n k features"], label: Float[Array, "n k"]
     ) -> StrongClassifiers:
-        """The classifiers after a frame whose samples have the label +1 or −1 for each of them, or 0: none of its samples."""
+        """The classifiers after a frame with k samples for each of them, of the label +1 or −1; 0: it is no sample."""
         taught = (label > 0).any(axis=1) & (label < 0).any(axis=1)
         if not taught.any():
             return strong
-        grow = self._learner(samples)
         for n_tree in np.unique(strong.n_tree[taught]):  # those whose first training is over have as many, all of them
             rows = (taught & (strong.n_tree == n_tree)).nonzero()[0]
-            strong = strong.replaced(rows, self._boosted(strong.select(rows), int(n_tree), samples, label[rows], grow))
+            strong = strong.replaced(rows, self._boosted(strong.select(rows), int(n_tree), samples[rows], label[rows]))
         return strong
 
     def _boosted(
-        self, old: StrongClassifiers, n_old: int, samples: Array, label: Float[Array, "n k"], grow: _Grow
+        self, old: StrongClassifiers, n_old: int, samples: Array, label: Float[Array, "n k"]
     ) -> StrongClassifiers:
         """Classifiers with `n_old` trees each after a frame that teaches them all."""
         options, n = self.options, len(old)
@@ -125,12 +124,14 @@ class OnlineBoosting:
                 excluded[rows, best] = np.inf
                 odds, weight = self._reweighted(weight, wrong[rows, best], each[rows, best])
                 all_odds.append(odds)
-        for _ in range(n_new):
-            tree = grow(weight, label)
-            grown.append(tree)
-            wrong = (tree.says != label).astype(float)
-            odds, weight = self._reweighted(weight, wrong, (weight * wrong).sum(axis=1))
-            all_odds.append(odds)
+        if n_new:
+            grow = self._learner(samples)
+            for _ in range(n_new):
+                tree = grow(weight, label)
+                grown.append(tree)
+                wrong = (tree.says != label).astype(float)
+                odds, weight = self._reweighted(weight, wrong, (weight * wrong).sum(axis=1))
+                all_odds.append(odds)
         n_absent = options.trees - n_kept - n_new
         trees = Trees.undivided(n, n_absent)
         if grown:

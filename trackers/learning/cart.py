@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -76,32 +77,44 @@ class Trees(Rows):
         """The trees of each set, and then those of `other`."""
         return self._field_by_field(lambda mine, more: np.concatenate([mine, more], axis=1), lambda batch: batch, other)
 
-    def says(self, samples: Float[Array, "k features"]) -> Float[Array, "n m k"]:
-        """What every tree says of every sample: +1 or −1."""
-        first, after_no, after_yes = np.moveaxis(samples.T[self.feature] > self.threshold[..., None], 2, 0)
+    def says(self, samples: Float[Array, "sets k features"]) -> Float[Array, "n m k"]:
+        """What every tree says of every sample, +1 or −1; samples are one set for all, or a set for each."""
+        rows = np.arange(len(samples))[:, None, None]
+        first, after_no, after_yes = np.moveaxis(
+            samples.swapaxes(1, 2)[rows, self.feature] > self.threshold[..., None], 2, 0
+        )
         no_no, no_yes, yes_no, yes_yes = np.moveaxis(self.label[..., None], 2, 0)
         return np.where(first, np.where(after_yes, yes_yes, yes_no), np.where(after_no, no_yes, no_no))
 
 
 @dataclass(frozen=True, eq=False)
 class SortedSamples:
-    """The samples of a frame in the order of each feature, for all trees that are trained on them."""
+    """n sets of k samples in the order of each feature, for all trees that are trained on them."""
 
-    by_feature: Float[Array, "features k"]
-    order: Int[Index, "features k"]
-    in_order: Float[Array, "features k"]
-    parts: Float[Array, "features places"]  # 1 where the values before and after a place differ, else 0
+    by_feature: Float[Array, "n features k"]
+    in_order: Float[Array, "n features k"]
+    order: Int[Index, "n features k"]  # of the samples of all sets, one set after the other
+    parts: Float[Array, "n features places"]  # 1 where the values before and after a place differ, else 0
 
     @classmethod
-    def of(cls, samples: Float[Array, "k features"]) -> Self:
-        """From at least one sample of at least one feature."""
-        by_feature = np.ascontiguousarray(samples.T)
-        order = by_feature.argsort(axis=1, kind="stable")
-        in_order = np.take_along_axis(by_feature, order, axis=1)
-        return cls(by_feature, order, in_order, (in_order[:, 1:] - in_order[:, :-1] > _SAME).astype(float))
+    def of(cls, samples: Float[Array, "n k features"]) -> Self:
+        """From sets of at least one sample of at least one feature."""
+        by_feature = np.ascontiguousarray(samples.swapaxes(1, 2))
+        order = by_feature.argsort(axis=2, kind="stable")
+        in_order = np.take_along_axis(by_feature, order, axis=2)
+        parts = (in_order[..., 1:] - in_order[..., :-1] > _SAME).astype(float)
+        n, _, k = order.shape
+        return cls(by_feature, in_order, order + k * np.arange(n)[:, None, None], parts)
+
+    @cached_property
+    def _of_branches(self) -> SortedSamples:
+        """The same sets as they are asked twice, for either branch of the trees."""
+        twice = {name: np.concatenate([each, each]) for name, each in vars(self).items() if name != "_of_branches"}
+        twice["order"][len(self.order) :] += self.order.shape[0] * self.order.shape[2]
+        return SortedSamples(**twice)
 
     def grow(self, weight: Float[Array, "n k"], label: Float[Array, "n k"]) -> Grown:
-        """A tree for each of n rows of weights, which sum to 1, and labels, +1 or −1.
+        """A tree for each set, whose weights sum to 1 and whose labels are +1 or −1.
 
         A sample's weight and its weight times its label are kept as one complex number, so that one pass sums both.
         """
@@ -110,7 +123,7 @@ class SortedSamples:
         root, yes = self._asked(weighed)
         where_yes = weighed * yes
         in_branch = np.concatenate([weighed - where_yes, where_yes])
-        branches, answers = self._asked(in_branch)
+        branches, answers = self._of_branches._asked(in_branch)
         signed = in_branch.imag
         of_yes = (signed * answers).sum(axis=1)
         leaves = np.where(np.concatenate([signed.sum(axis=1) - of_yes, of_yes]) > 0, 1.0, -1.0)
@@ -118,11 +131,11 @@ class SortedSamples:
         return Grown(root, branches, leaves, np.where(yes, said[n:], said[:n]))
 
     def _asked(self, weighed: Complex[NDArray[np.complex128], "n k"]) -> tuple[Questions, Bool[Mask, "n k"]]:
-        """The best question for each of n nodes, and of which samples the answer is yes."""
-        n = len(weighed)
-        if self.parts.shape[1] == 0:
+        """The best question for each set, and of which samples the answer is yes."""
+        n, _, places = self.parts.shape
+        if places == 0:
             return Questions(np.zeros(n, np.intp), np.full(n, np.inf)), np.zeros(weighed.shape, np.bool_)
-        sums = weighed.take(self.order, axis=1).cumsum(axis=2)
+        sums = weighed.take(self.order).cumsum(axis=2)
         W, S = sums.real[:, :1, -1:], sums.imag[:, :1, -1:]
         W_no = sums.real[..., :-1]
         gain = W_no * (S / np.maximum(W, _NOTHING))
@@ -133,11 +146,11 @@ class SortedSamples:
         gain /= np.maximum(both, _NOTHING, out=both)
         gain *= self.parts
         gain = gain.reshape(n, -1)
-        best = gain.argmax(axis=1)
+        best, rows = gain.argmax(axis=1), np.arange(n)
         asked = gain.max(axis=1) > _NOTHING
-        feature, place = np.divmod(best, self.parts.shape[1])
+        feature, place = np.divmod(best, places)
         # the first of equal gains: the sample before it is in the node, the one after it need not be
-        value, low = self.by_feature[feature], self.in_order[feature, place]
+        value, low = self.by_feature[rows, feature], self.in_order[rows, feature, place]
         high = np.where((value > low[:, None]) & (weighed.real > 0), value, np.inf).min(axis=1)
         threshold = np.where(asked, low + 0.5 * (high - low), np.inf)
         return Questions(feature, threshold), value > threshold[:, None]

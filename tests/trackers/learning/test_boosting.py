@@ -23,11 +23,16 @@ def frame(seed: int, n: int = 1, k: int = 40, apart: float = 0.6) -> tuple[np.nd
     return samples, label * np.where(np.arange(n) % 2, -1.0, 1.0)[:, None]
 
 
+def each_their_own(samples: np.ndarray, label: np.ndarray) -> np.ndarray:
+    """The same samples for every classifier."""
+    return np.tile(samples, (len(label), 1, 1))
+
+
 def after(options: BoostingOptions, *frames: tuple[np.ndarray, np.ndarray]) -> StrongClassifiers:
     boosting = OnlineBoosting(options)
     strong = boosting.untrained(len(frames[0][1]))
     for samples, label in frames:
-        strong = boosting.learned(strong, samples, label)
+        strong = boosting.learned(strong, each_their_own(samples, label), label)
     return strong
 
 
@@ -116,7 +121,7 @@ def test_it_is_figure_7_written_out(kept: int) -> None:
     strong, old = boosting.untrained(1), []
     for seed in range(3):
         samples, label = frame(seed, apart=0.3)
-        strong = boosting.learned(strong, samples, label)
+        strong = boosting.learned(strong, each_their_own(samples, label), label)
         trees = [Tree(strong.trees, place) for place in range(7)]
         alphas = follow(trees, old, samples, label[0], kept)
         np.testing.assert_allclose(strong.alpha[0], alphas, rtol=1e-9, atol=1e-12)
@@ -190,10 +195,10 @@ def test_the_first_training_may_be_spread_over_frames() -> None:
 def test_a_frame_without_both_labels_teaches_nothing(label: float) -> None:
     options = BoostingOptions(trees=5, kept=3)
     strong = after(options, frame(0))
-    assert OnlineBoosting(options).learned(strong, frame(1)[0], np.full((1, 40), label)) is strong
+    assert OnlineBoosting(options).learned(strong, frame(1)[0][None], np.full((1, 40), label)) is strong
     untrained = StrongClassifiers.untrained(1, 5)
     assert (
-        OnlineBoosting(options).learned(untrained, frame(1)[0], np.full((1, 40), label)).scores(frame(1)[0]) == 0
+        OnlineBoosting(options).learned(untrained, frame(1)[0][None], np.full((1, 40), label)).scores(frame(1)[0]) == 0
     ).all()
 
 
@@ -202,7 +207,7 @@ def test_only_who_has_both_labels_learns() -> None:
     strong = after(options, frame(0, n=2))
     samples, label = frame(1, n=2)
     label[1] = 1.0
-    learned = OnlineBoosting(options).learned(strong, samples, label)
+    learned = OnlineBoosting(options).learned(strong, each_their_own(samples, label), label)
     assert_equal(learned.select(np.array([1])), strong.select(np.array([1])))
     assert not np.array_equal(learned.alpha[0], strong.alpha[0])
 

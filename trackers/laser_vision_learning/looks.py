@@ -1,0 +1,229 @@
+"""What people look like: for every track a classifier that tells patches of its own from those of the people around it.
+
+While somebody is near enough to others to be taken for them, and each of them can be told by the scanners, patches are cut where
+they stand: their own are positive samples, those of the others negative, and the classifier learns a frame
+(`trackers.learning.boosting`). It lives as long as its track. A frame trains no more than a few classifiers, those first that
+have waited longest, so that its cost is bounded however many people meet.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+from numpy.typing import NDArray
+from pydantic import Field, NonNegativeInt, PositiveInt
+
+from trackers.arrays import Array, Index, Mask
+from trackers.cameras import PlacedCamera
+from trackers.configuration import Strict
+from trackers.filters.particle import LogLikelihood
+from trackers.filters.rows import Rows, written
+from trackers.laser_vision_learning.score_maps import ScoreMapOptions, ScoreMaps
+from trackers.learning.boosting import BoostingOptions, OnlineBoosting, StrongClassifiers
+from trackers.vision.patch_features import FeatureOptions, PatchDescriber
+from trackers.vision.patches import Patches, PatchOptions, PatchSampler
+
+Picture = UInt8[NDArray[np.uint8], "height width 3"]
+_NEVER_NS = -1
+
+
+class LooksOptions(Strict):
+    """How people's looks are learned."""
+
+    patches: PatchOptions = Field(default=PatchOptions(), description="how patches are drawn on a body")
+    features: FeatureOptions = Field(default=FeatureOptions(), description="what describes a patch")
+    boosting: BoostingOptions = Field(default=BoostingOptions(), description="the classifier of a track")
+    maps: ScoreMapOptions = Field(default=ScoreMapOptions(), description="score maps of people who meet")
+    classifiers_a_frame: PositiveInt = Field(
+        default=3, description="classifiers that a picture trains at most, those first that have waited longest (ours)"
+    )
+    least_patches: PositiveInt = Field(
+        default=10, description="patches of a body that must be in sight for it to be learned from or looked at (ours)"
+    )
+    background: NonNegativeInt = Field(
+        default=0, description="patches beside a body, on nobody, that are negative samples too (ours)"
+    )
+    least_foreground: float = Field(
+        default=0.0,
+        ge=0,
+        le=1,
+        description="share of a patch that must differ from the empty room for it to count; 0: the empty room is not asked "
+        "(ours)",
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Looks(Rows):
+    """What n tracks look like."""
+
+    strong: StrongClassifiers
+    learned_ns: Int[Index, "n"]  # stamp of the last picture learned from, −1 before any
+
+    @classmethod
+    def unknown(cls, n: int, options: LooksOptions) -> Self:
+        """Of tracks that start."""
+        return cls(StrongClassifiers.untrained(n, options.boosting.trees), np.full(n, _NEVER_NS))
+
+    @property
+    def known(self) -> Bool[Mask, "n"]:
+        """Whose classifier has learned anything."""
+        return self.learned_ns != _NEVER_NS
+
+
+@dataclass(frozen=True, eq=False)
+class Described:
+    """Patches on n bodies as one picture shows them."""
+
+    features: Float[Array, "n k features"]  # 0 where a patch is not `usable`
+    usable: Bool[Mask, "n k"]
+
+
+class Learner:
+    """Learns looks from the pictures of one camera, and recognises them; the looks are passed in and handed back."""
+
+    def __init__(self, camera: PlacedCamera, options: LooksOptions | None = None) -> None:
+        self.options = options or LooksOptions()
+        self.boosting = OnlineBoosting(self.options.boosting)
+        self.describer = PatchDescriber(self.options.features)
+        self.sampler = PatchSampler(camera, self.options.patches)
+
+    @property
+    def needs_foreground(self) -> bool:
+        """Whether pictures come with the mask of what differs from the empty room."""
+        return self.options.least_foreground > 0
+
+    def trained(
+        self,
+        looks: Looks,
+        rgb: Picture,
+        positions_m: Float[Array, "n 2"],
+        near: Bool[Mask, "n n"],
+        clear: Bool[Mask, "n"],
+        ns: int,
+        rng: np.random.Generator,
+        foreground: Bool[Mask, "height width"] | None = None,
+    ) -> Looks:
+        """The looks after a picture. near: who may be taken for whom; clear: whose place can be trusted to be theirs alone.
+
+        Trained is who is clear and has somebody clear near; where nobody is, the picture is not looked at.
+        """
+        confusable = near & clear & clear[:, None]
+        waiting = confusable.any(axis=1).nonzero()[0]
+        if waiting.size == 0:
+            return looks
+        # of those who have waited as long none is always the last
+        longest_first = np.lexsort((rng.random(waiting.size), looks.learned_ns[waiting]))
+        served = np.sort(waiting[longest_first[: self.options.classifiers_a_frame]])
+        pictured = (confusable[served].any(axis=0) | np.isin(np.arange(len(looks)), served)).nonzero()[0]
+        # everybody who is there may stand before somebody, and is not learned from
+        described = self._described(rgb, positions_m, pictured, rng, foreground)
+        samples, label = self._samples(
+            described, np.searchsorted(pictured, served), confusable[np.ix_(served, pictured)], rng
+        )
+        taught = (label > 0).any(axis=1) & (label < 0).any(axis=1)
+        if self.options.background:
+            beside = self.sampler.drawn_beside(positions_m, self.options.background, rng)
+            room = self._looked_at(rgb, beside.select(served), None)
+            samples = np.concatenate([samples, room.features], axis=1)
+            label = np.concatenate([label, np.where(room.usable, -1.0, 0.0)], axis=1)
+        strong = self.boosting.learned(looks.strong.select(served[taught]), samples[taught], label[taught])
+        # who waits in vain, hidden from the camera, waits on behind the others
+        return looks.changed(
+            strong=looks.strong.replaced(served[taught], strong),
+            learned_ns=written(looks.learned_ns, served[taught], ns),
+        )
+
+    def scores(
+        self,
+        looks: Looks,
+        rgb: Picture,
+        positions_m: Float[Array, "q 2"],
+        rows: Int[Index, "m"],
+        rng: np.random.Generator,
+        foreground: Bool[Mask, "height width"] | None = None,
+    ) -> Float[Array, "q m"]:
+        """How much the body at each place looks like each of the tracks at `rows`, from −1 to 1.
+
+        The mean over its patches of their scores. NaN where the track is unknown, or too little of the body in sight.
+        """
+        described = self._described(rgb, positions_m, np.arange(len(positions_m)), rng, foreground)
+        usable, chosen = described.usable, looks.select(rows)
+        scores = np.full((len(usable), len(rows)), np.nan)
+        if not usable.any() or len(rows) == 0:
+            return scores
+        each = np.zeros((len(rows), *usable.shape))
+        each[:, usable] = chosen.strong.scores(described.features[usable])
+        count = usable.sum(axis=1)
+        mean = each.sum(axis=2).T / np.maximum(count, 1)[:, None]
+        return np.where((count >= self.options.least_patches)[:, None] & chosen.known, mean, np.nan)
+
+    def score_maps(
+        self,
+        looks: Looks,
+        rgb: Picture,
+        positions_m: Float[Array, "m 2"],
+        rows: Int[Index, "m"],
+        rng: np.random.Generator,
+        foreground: Bool[Mask, "height width"] | None = None,
+    ) -> ScoreMaps:
+        """The score maps of a group, whose members are expected at these places and are the tracks at `rows`."""
+        options, chosen = self.options.maps, looks.select(rows)
+        patches = self.sampler.drawn_around(positions_m, options.reach_m, options.patches, rng)
+        described = self._looked_at(rgb, patches, foreground)
+        usable = described.usable
+        features = described.features[usable]
+        score = chosen.strong.scores(features) if len(features) else np.zeros((len(rows), 0))
+        return ScoreMaps.of(patches.centre[usable], score, float(patches.side.mean()), options)
+
+    def likelihood(self, maps: ScoreMaps) -> LogLikelihood:
+        """Of the particles of the group (components, m, p), the first two of them x and y [m], by its score maps."""
+
+        def log_likelihood(state: Array) -> Array:
+            places = state[:2].reshape(2, -1).T
+            return maps.log_likelihood(
+                self.sampler.middles(places).reshape(*state.shape[1:], 2), self.options.maps.doubt
+            )
+
+        return log_likelihood
+
+    def _described(
+        self,
+        rgb: Picture,
+        positions_m: Float[Array, "all 2"],
+        whose: Int[Index, "n"],
+        rng: np.random.Generator,
+        foreground: Bool[Mask, "height width"] | None,
+    ) -> Described:
+        """The patches of those at `whose`, among all who may stand before them."""
+        everyone = self.sampler.drawn(positions_m, rng)
+        return self._looked_at(rgb, everyone.select(whose), foreground)
+
+    def _looked_at(self, rgb: Picture, patches: Patches, foreground: Bool[Mask, "height width"] | None) -> Described:
+        usable = patches.shown.copy()
+        side = np.broadcast_to(patches.side[:, None], usable.shape)
+        if foreground is not None and self.needs_foreground and usable.any():
+            share = cv2.boxFilter(foreground.astype(np.float32), -1, (int(np.rint(patches.side.max())),) * 2)
+            u, v = np.rint(patches.centre[usable]).astype(np.intp).T
+            usable[usable] = share[v, u] >= self.options.least_foreground
+        features = np.zeros((*usable.shape, self.describer.size))
+        if usable.any():
+            features[usable] = self.describer.described(rgb, patches.centre[usable], side[usable])
+        return Described(features, usable)
+
+    def _samples(
+        self, described: Described, served: Int[Index, "s"], others: Bool[Mask, "s n"], rng: np.random.Generator
+    ) -> tuple[Float[Array, "s k features"], Float[Array, "s k"]]:
+        """For each of those served as many patches of the others as of itself, and their labels; 0: no sample."""
+        usable, count = described.usable, described.usable.shape[1]
+        enough = usable.sum(axis=1) >= self.options.least_patches
+        own = np.where(usable & enough[:, None], 1.0, 0.0)[served]
+        allowed = (others[:, :, None] & (usable & enough[:, None])).reshape(len(served), -1)
+        order = np.where(allowed, rng.random(allowed.shape), 2.0).argpartition(count - 1, axis=1)[:, :count]
+        features = described.features.reshape(-1, described.features.shape[2])
+        negative = np.where(np.take_along_axis(allowed, order, axis=1), -1.0, 0.0)
+        samples = np.concatenate([described.features[served], features[order]], axis=1)
+        return samples, np.concatenate([own, negative], axis=1)

@@ -1,0 +1,130 @@
+"""Random patches on people: where in the picture small squares of their bodies are (after Lu and Hager, "Dynamic
+foreground/background extraction from images and videos using random patches", 2006).
+
+A body is an upright rectangle over its place on the floor that faces the camera. A place is drawn at random on it and
+projected, so that patches lie along the body's axis however the camera is turned and whatever its lens. Patches are squares of a
+fixed size on the body, and so the smaller in the picture the farther away it stands.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from pydantic import Field, PositiveInt, model_validator
+
+from trackers.arrays import Array, Mask
+from trackers.cameras import PlacedCamera
+from trackers.configuration import Strict
+from trackers.filters.rows import Rows
+
+
+class PatchOptions(Strict):
+    """How many patches are drawn on a body, and from where on it."""
+
+    count: PositiveInt = Field(default=40, description="patches drawn on a body")
+    size_m: float = Field(default=0.2, gt=0, description="side of a patch on the body [m]")
+    width_m: float = Field(
+        default=0.36, ge=0, description="breadth of the body over which centres of patches are drawn [m]"
+    )
+    low_m: float = Field(default=0.15, ge=0, description="lowest centre of a patch above the floor [m]")
+    high_m: float = Field(default=1.65, gt=0, description="highest centre of a patch above the floor [m]")
+
+    @model_validator(mode="after")
+    def _upright(self) -> PatchOptions:
+        if self.high_m <= self.low_m:
+            raise ValueError(f"high_m must be more than low_m = {self.low_m}")
+        return self
+
+
+@dataclass(frozen=True, eq=False)
+class Patches(Rows):
+    """k patches on each of n bodies."""
+
+    centre: Float[Array, "n k 2"]  # [px]
+    side: Float[Array, "n"]  # [px], at least 2
+    shown: Bool[Mask, "n k"]  # whether the picture shows the patch, and no other of the bodies stands before it
+
+
+class PatchSampler:
+    """Draws patches on bodies before one camera."""
+
+    def __init__(self, camera: PlacedCamera, options: PatchOptions | None = None) -> None:
+        self.camera, self.options = camera, options or PatchOptions()
+
+    def drawn(self, positions_m: Float[Array, "n 2"], rng: np.random.Generator) -> Patches:
+        """Patches on bodies that stand at these places on the floor; not shown where another stands before them."""
+        centre, shown = self._drawn(positions_m, rng, self.options.count, 0.0, 0.5 * self.options.width_m)
+        axis, side = self._axes(positions_m)
+        distance = np.hypot(*(positions_m - self.camera.eye_m[:2]).T)
+        nearer = distance[None] < distance[:, None]
+        hidden = (self._covered(centre, axis, side) & nearer[:, None]).any(axis=-1)
+        return Patches(centre, side, shown & ~hidden)
+
+    def drawn_beside(self, positions_m: Float[Array, "n 2"], count: int, rng: np.random.Generator) -> Patches:
+        """So many patches beside each body, within its breadth of its sides; not shown where they are on anybody."""
+        half = 0.5 * (self.options.width_m + self.options.size_m)
+        centre, shown = self._drawn(positions_m, rng, count, half, 3 * half)
+        axis, side = self._axes(positions_m)
+        return Patches(centre, side, shown & ~self._covered(centre, axis, side).any(axis=-1))
+
+    def drawn_around(
+        self, positions_m: Float[Array, "n 2"], reach_m: float, count: int, rng: np.random.Generator
+    ) -> Patches:
+        """So many patches for each place, each on a body of its own that stands no farther than `reach_m` from it."""
+        options, n = self.options, len(positions_m)
+        turn, out, aside, up = rng.random((4, n, count))
+        off = reach_m * np.sqrt(out) * np.exp(2j * np.pi * turn)
+        places = (positions_m[:, None] + np.stack([off.real, off.imag], axis=-1)).reshape(-1, 2)
+        aside_m = (aside - 0.5) * options.width_m
+        heights_m = options.low_m + up * (options.high_m - options.low_m)
+        centre, shown = self._projected(places, aside_m.reshape(-1, 1), heights_m.reshape(-1, 1))
+        return Patches(centre.reshape(n, count, 2), self._axes(positions_m)[1], shown.reshape(n, count))
+
+    def middles(self, positions_m: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
+        """The pixels of the middles of bodies."""
+        heights = np.full((len(positions_m), 1), 0.5 * (self.options.low_m + self.options.high_m))
+        return self._projected(positions_m, np.zeros_like(heights), heights)[0][:, 0]
+
+    def _projected(
+        self, positions_m: Float[Array, "n 2"], aside_m: Float[Array, "n k"], heights_m: Float[Array, "n k"]
+    ) -> tuple[Float[Array, "n k 2"], Bool[Mask, "n k"]]:
+        """Pixels of points so far to one side of bodies' axes, seen from the camera, and so far up; whether they are shown."""
+        towards = positions_m - self.camera.eye_m[:2]
+        distance = np.hypot(towards[:, 0], towards[:, 1])[:, None]
+        across = towards[:, ::-1] * (-1, 1) / np.maximum(distance, 1e-9)  # under the camera a body has no side
+        points = np.empty((*heights_m.shape, 3))
+        points[..., :2] = positions_m[:, None] + aside_m[..., None] * across[:, None]
+        points[..., 2] = heights_m
+        return self.camera.project(points)
+
+    def _axes(self, positions_m: Float[Array, "n 2"]) -> tuple[Float[Array, "n 2 2"], Float[Array, "n"]]:
+        """Pixels of the lower and the upper end of bodies' axes, and the side of a patch half-way up, [px]."""
+        options, n = self.options, len(positions_m)
+        half, middle = 0.5 * options.size_m, 0.5 * (options.low_m + options.high_m)
+        aside, heights = np.array([0.0, 0.0, -half, half]), np.array([options.low_m, options.high_m, middle, middle])
+        pixels, _ = self._projected(positions_m, np.tile(aside, (n, 1)), np.tile(heights, (n, 1)))
+        return pixels[:, :2], np.maximum(np.hypot(*(pixels[:, 3] - pixels[:, 2]).T), 2.0)
+
+    def _drawn(
+        self, positions_m: Float[Array, "n 2"], rng: np.random.Generator, count: int, least_m: float, most_m: float
+    ) -> tuple[Float[Array, "n k 2"], Bool[Mask, "n k"]]:
+        """Random points between two distances aside of bodies' axes, on either side, and at any height of them."""
+        options = self.options
+        aside, up = rng.random((2, len(positions_m), count))
+        aside = 2 * aside - 1
+        aside_m = np.copysign(least_m, aside) + aside * (most_m - least_m)
+        return self._projected(positions_m, aside_m, options.low_m + up * (options.high_m - options.low_m))
+
+    def _covered(
+        self, centre: Float[Array, "n k 2"], axis: Float[Array, "m 2 2"], side: Float[Array, "m"]
+    ) -> Bool[Mask, "n k m"]:
+        """Which of m bodies have each patch within half their breadth of their axes."""
+        low, along = axis[:, 0], axis[:, 1] - axis[:, 0]
+        off = centre[:, :, None] - low
+        share = (off * along).sum(axis=-1) / np.maximum((along**2).sum(axis=-1), 1e-9)
+        off -= np.clip(share, 0, 1)[..., None] * along
+        half_px = 0.5 * side / self.options.size_m * (self.options.width_m + self.options.size_m)
+        with np.errstate(invalid="ignore"):  # what lies behind a pinhole has no pixels, and hides nothing
+            return (off**2).sum(axis=-1) < half_px**2
