@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from twin.evaluate.clear import PairMatrix, match_frames
+from twin.evaluate.clear import FrameMatches, PairMatrix, match_frames
 from twin.recording.tables import TrackTable, TruthTable
 
 MAX_TRUTH_GAP_NS = NS_PER_S // 4
@@ -90,14 +90,19 @@ def align(truth: TruthTable, tracks: TrackTable) -> list[Frame]:
     return frames
 
 
-def inside_area(frames: Sequence[Frame], gate_m: float) -> list[Frame]:
+def everybody_matched(frames: Sequence[Frame], gate_m: float) -> list[FrameMatches]:
+    """The tracks of each frame matched with all people, inside the area and outside (CLEAR correspondence)."""
+    return match_frames([frame.pair_matrix() for frame in frames], gate_m)
+
+
+def inside_area(frames: Sequence[Frame], matches: Sequence[FrameMatches]) -> list[Frame]:
     """The frames without the people outside the tracked area and without the tracks that follow them.
 
-    Per frame the tracks are matched with all people, inside and outside (CLEAR correspondence, same gate); a track
-    whose match is outside is left out there, neither owed nor punished.
+    `matches`: of everybody (see `everybody_matched`); a track whose match is outside is left out there, neither owed nor
+    punished.
     """
     kept = []
-    for frame, pairs in zip(frames, match_frames([f.pair_matrix() for f in frames], gate_m), strict=True):
+    for frame, pairs in zip(frames, matches, strict=True):
         judged = np.ones(frame.track_ids.size, dtype=np.bool_)
         judged[pairs.columns[~frame.in_area[pairs.rows]]] = False
         kept.append(

@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
+from twin.evaluate.accuracy import PersonFrames, person_frames
 from twin.evaluate.clear import FrameMatches, PairMatrix, clear, find_switches, match_frames
 from twin.evaluate.continuity import Event, continuity, switch_events
-from twin.evaluate.frames import Frame, align, inside_area, wrap_angle
+from twin.evaluate.disposal import disposal
+from twin.evaluate.frames import Frame, align, everybody_matched, inside_area, wrap_angle
 from twin.evaluate.hota import hota
 from twin.evaluate.identity import identity
 from twin.evaluate.set_distance import gospa, ospa
@@ -45,15 +47,18 @@ class Evaluation:
     match_track_ids: NDArray[np.int64]  # (k,)
     match_distances_m: NDArray[np.float64]  # (k,)
     events: tuple[Event, ...]  # by stamp
+    people: PersonFrames  # the failures behind the accuracy
     situations: SituationTable | None  # of pairs of people, by which it was judged
 
 
-def evaluate_tracks(truth: TruthTable, tracks: TrackTable, gate_m: float = DEFAULT_GATE_M) -> dict[str, Any]:
+def evaluate_tracks(
+    truth: TruthTable, tracks: TrackTable, gate_m: float = DEFAULT_GATE_M, situations: SituationTable | None = None
+) -> dict[str, Any]:
     """The figures of one tracker as `metrics.json` holds them (without ms_per_frame); None where one does not apply.
 
     Raises InputError for a gate that is not positive and for tables that share no moment (see `frames.align`).
     """
-    return evaluate_with_details(truth, tracks, gate_m).metrics
+    return evaluate_with_details(truth, tracks, gate_m, situations).metrics
 
 
 def evaluate_with_details(
@@ -62,12 +67,14 @@ def evaluate_with_details(
     """The figures of one tracker, and what stands behind them; raises as `evaluate_tracks`.
 
     Head errors are mean absolute differences over the matches in which truth and track both have a value, yaw the
-    shorter way round. OSPA (c = 1 m, p = 1) and GOSPA (c = 1 m, p = 2, α = 2) are means over the frames.
+    shorter way round. Disposal (`twin.evaluate.disposal`) needs the `situations` of the run and is None without. OSPA
+    (c = 1 m, p = 1) and GOSPA (c = 1 m, p = 2, α = 2) are means over the frames.
     """
     if not (isfinite(gate_m) and gate_m > 0):
         raise InputError(f"gate is {gate_m} m; a positive number of metres is expected")
     frames = align(truth, tracks)
-    judged = inside_area(frames, gate_m)
+    everybody = everybody_matched(frames, gate_m)
+    judged = inside_area(frames, everybody)
     pair_matrices = [frame.pair_matrix() for frame in judged]
     matches = match_frames(pair_matrices, gate_m)
     switches = switch_events(judged, find_switches(pair_matrices, matches))
@@ -75,7 +82,10 @@ def evaluate_with_details(
     ospa_m = np.array([ospa(pairs.values, CUTOFF_M, OSPA_ORDER) for pairs in pair_matrices])
     gospa_m = np.array([gospa(pairs.values, CUTOFF_M, GOSPA_ORDER).distance for pairs in pair_matrices])
     scores = clear(pair_matrices, gate_m, matches)
-    at_1m = _matrix_figures([frame.pair_matrix() for frame in inside_area(frames, WIDE_GATE_M)], WIDE_GATE_M)
+    wide = inside_area(frames, everybody_matched(frames, WIDE_GATE_M))
+    at_1m = _matrix_figures([frame.pair_matrix() for frame in wide], WIDE_GATE_M)
+    stamps = np.array([frame.stamp_ns for frame in judged], dtype=np.int64)
+    people = person_frames(frames, everybody, gate_m)
     head_error_m, head_yaw_error_rad = _head_errors(judged, matches)
     metrics: dict[str, Any] = {
         **_matrix_figures(pair_matrices, gate_m, matches),
@@ -85,13 +95,14 @@ def evaluate_with_details(
         "misses": scores.misses,
         "misidentifications": len(misidentifications),
         "lost_tracks": len(lost),
+        **people.figures(),
+        "disposal": disposal(people, stamps, situations) if situations is not None else None,
         "head_error_m": head_error_m,
         "head_yaw_error_rad": head_yaw_error_rad,
         "gate_m": float(gate_m),
         "at_1m": {name: at_1m[name] for name in ("mota", "motp_m", "idf1", "hota", "id_switches")},
     }
     n_matches = np.array([pairs.rows.size for pairs in matches])
-    stamps = np.array([frame.stamp_ns for frame in judged], dtype=np.int64)
     return Evaluation(
         metrics=metrics,
         stamps_ns=stamps,
@@ -104,6 +115,7 @@ def evaluate_with_details(
         match_track_ids=np.concatenate([f.track_ids[p.columns] for f, p in zip(judged, matches, strict=True)]),
         match_distances_m=np.concatenate([pairs.distances for pairs in matches]),
         events=tuple(sorted([*switches, *misidentifications, *lost], key=lambda event: event.stamp_ns)),
+        people=people,
         situations=situations,
     )
 

@@ -44,6 +44,16 @@ _MAIN = (
     Figure("misses", "Misses", "", "people without a track, summed over frames", "less", 0),
     Figure("false_positives", "False positives", "", "tracks without a person, summed over frames", "less", 0),
 )
+_ACCURACY = (
+    Figure("accuracy", "Accuracy", "", "1 − (missed + false locations + identity wrong) / people", "more", 3),
+    Figure("failures.missed", "Missed", "", "people with no track near, summed over frames", "less", 0),
+    Figure("failures.false_location", "False locations", "", "tracks near nobody, summed over frames", "less", 0),
+    Figure(
+        "failures.identity_wrong", "Identity wrong", "", "people with another's track, summed over frames", "less", 0
+    ),
+    Figure("disposal.correlated.share", "Correlated, right", "", "pairs less than 0.3 m apart, both right", "more", 3),
+    Figure("disposal.merge_split.share", "Merges, right", "", "both right from the merge to 1 s after", "more", 3),
+)
 _HEAD = (
     Figure("head_error_m.x", "Head, x", "m", "mean absolute error", "less", 3),
     Figure("head_error_m.y", "Head, y", "m", "mean absolute error", "less", 3),
@@ -59,7 +69,7 @@ _COST = (
     Figure("ms_per_frame.mean", "Time per frame, mean", "ms", "tracker only, on one core", "less", 2),
     Figure("ms_per_frame.p95", "Time per frame, 95 %", "ms", "19 of 20 frames take less", "less", 2),
 )
-FIGURES = (*_MAIN, *_HEAD, *_WIDE, *_COST)
+FIGURES = (*_MAIN, *_ACCURACY, *_HEAD, *_WIDE, *_COST)
 """Every figure there is, those of the narrow gate first."""
 _NONE = "–"
 HEADLINES = ("mota", "motp_m", "idf1", "hota", "misidentifications", "lost_tracks")
@@ -75,7 +85,8 @@ def grouped_rows(trackers: Sequence[Mapping[str, Any]]) -> list[tuple[str, list[
     gates = sorted({float(tracker["gate_m"]) for tracker in trackers if tracker.get("gate_m") is not None})
     main = "Gate " + " / ".join(f"{gate:g} m" for gate in gates)
     groups = []
-    for heading, figures in ((main, _MAIN), ("Gate 1 m", _WIDE), ("Head", _HEAD), ("Cost", _COST)):
+    headed = {main: _MAIN, "Accuracy": _ACCURACY, "Gate 1 m": _WIDE, "Head": _HEAD, "Cost": _COST}
+    for heading, figures in headed.items():
         values = [[value_of(tracker, figure) for tracker in trackers] for figure in figures]
         if any(value is not None for row in values for value in row):
             groups.append((heading, [_row(figure, row) for figure, row in zip(figures, values, strict=True)]))

@@ -74,6 +74,9 @@ def test_perfect_tracks():
         "misses": 0,
         "misidentifications": 0,
         "lost_tracks": 0,
+        "accuracy": 1.0,
+        "failures": {"person_frames": 60, "missed": 0, "false_location": 0, "identity_wrong": 0},
+        "disposal": None,
         "head_error_m": {"x": None, "y": None, "z": None},
         "head_yaw_error_rad": None,
         "gate_m": 0.5,
@@ -384,7 +387,8 @@ def test_names_do_not_matter(run):
         tracks_of({names[t]: path for t, path in tracks.items()}, steps),
     )
     at_1m, renamed_at_1m = metrics.pop("at_1m"), renamed.pop("at_1m")
-    assert renamed.pop("head_error_m") == metrics.pop("head_error_m")
+    for whole in ("head_error_m", "failures"):
+        assert renamed.pop(whole) == metrics.pop(whole)
     assert renamed == pytest.approx(metrics)
     assert renamed_at_1m == pytest.approx(at_1m)
 
