@@ -8,11 +8,9 @@ row with only `t`. `cells_<floor>` holds the numbers of the cells a foot loads, 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from math import isnan
-from operator import attrgetter
 from pathlib import Path
 from typing import TextIO
 
@@ -23,15 +21,14 @@ from rosbags.typesys.stores.ros2_humble import std_msgs__msg__String as String
 from trackers.observations import NS_PER_S
 from twin.recording.csv_columns import read_csv_columns
 from twin.recording.messages import STRING, TYPESTORE
-from twin.recording.tables import number_cell, seconds_cell
+from twin.recording.tables import Row, cell, plain, seconds_cell
 from twin.recording.whole_file import whole_file
-from twin.truth.frames import FootTruth, TruthFrame
+from twin.truth.frames import FootTruth, PersonTruth, TruthFrame
 
 _NUMBERS = ("x", "y", "z", "yaw", "load_n", "pressure_x", "pressure_y")
 FEET_COLUMNS = ("t", "id", "foot", *_NUMBERS, "contact")
 SIDES = ("left", "right")
 _CELLS = "cells_"
-_numbers = attrgetter(*_NUMBERS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,16 +68,9 @@ class FeetWriter:
     def write(self, frame: TruthFrame) -> None:
         """Write one frame; raises ValueError for a number that is infinite."""
         t = seconds_cell(frame.stamp_ns)
-        lines = [
-            ",".join([t, str(person.id), foot.side, *self._cells(foot)]) + "\n"
-            for person in frame.people
-            for foot in person.feet
-        ]
+        rows = [_row(person, foot, self._floors) for person in frame.people for foot in person.feet]
+        lines = [",".join([t, *map(cell, row.values())]) + "\n" for row in rows]
         self._stream.write("".join(lines) or t + self._empty_cells + "\n")
-
-    def _cells(self, foot: FootTruth) -> list[str]:
-        loaded = [" ".join(map(str, foot.cells.get(floor, ()))) for floor in self._floors]
-        return [*(number_cell(value) for value in _numbers(foot)), "1" if foot.contact else "0", *loaded]
 
 
 @contextmanager
@@ -119,14 +109,12 @@ def read_feet(path: Path) -> FeetTable:
 def encode_feet(frame: TruthFrame) -> memoryview:
     """A `std_msgs/String` (CDR) with a JSON list: one object a foot, the columns of truth_feet.csv, null where unknown."""
     t = frame.stamp_ns / NS_PER_S
-    feet = []
-    for person in frame.people:
-        for foot in person.feet:
-            columns: dict[str, float | int | str | list[int] | None] = {"t": t, "id": person.id, "foot": foot.side}
-            columns |= {
-                name: None if isnan(value) else value for name, value in zip(_NUMBERS, _numbers(foot), strict=True)
-            }
-            columns["contact"] = int(foot.contact)
-            columns |= {_CELLS + floor: list(loaded) for floor, loaded in foot.cells.items()}
-            feet.append(columns)
+    feet = [{"t": t} | plain(_row(person, foot, foot.cells)) for person in frame.people for foot in person.feet]
     return TYPESTORE.serialize_cdr(String(json.dumps(feet, allow_nan=False)), STRING)
+
+
+def _row(person: PersonTruth, foot: FootTruth, floors: Iterable[str]) -> Row:
+    """A foot's row after t, with a column cells_<floor> each."""
+    numbers = {name: float(getattr(foot, name)) for name in _NUMBERS}
+    loaded = {_CELLS + floor: foot.cells.get(floor, ()) for floor in floors}
+    return {"id": person.id, "foot": foot.side, **numbers, "contact": int(foot.contact), **loaded}

@@ -9,10 +9,10 @@ the rig, is not separated; `least_m` is the least distance, or gap (correlated),
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from math import isnan, nan
+from math import nan
 from pathlib import Path
 from typing import TextIO, TypeVar
 
@@ -23,7 +23,7 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.recording.csv_columns import read_csv_columns
 from twin.recording.detail_rows import json_string
-from twin.recording.tables import number_cell, seconds_cell
+from twin.recording.tables import Row, cell, plain, seconds_cell
 from twin.recording.whole_file import whole_file
 from twin.truth.frames import Separation, Situation, SituationKind
 
@@ -95,12 +95,7 @@ class SituationWriter:
 
     def write(self, situation: Situation) -> None:
         """Write one situation; raises ValueError for a number that is infinite."""
-        cells = [
-            situation.kind, str(situation.first_id), str(situation.second_id), situation.sensor,
-            seconds_cell(situation.start_ns), seconds_cell(situation.end_ns), str(int(situation.complete)),
-            situation.how, number_cell(situation.least_m),
-        ]  # fmt: skip
-        self._stream.write(",".join(cells) + "\n")
+        self._stream.write(",".join(map(cell, _row(situation, seconds_cell).values())) + "\n")
 
 
 @contextmanager
@@ -159,13 +154,22 @@ def situation_table(situations: Iterable[Situation], source: str = "situations")
 
 def encode_situation(situation: Situation) -> memoryview:
     """A `std_msgs/String` (CDR) with a JSON list of one object, the columns of truth_situations.csv, null where unknown."""
-    least_m = None if isnan(situation.least_m) else situation.least_m
-    values = (
-        situation.kind, situation.first_id, situation.second_id, situation.sensor or None,
-        situation.start_ns / NS_PER_S, situation.end_ns / NS_PER_S, int(situation.complete), situation.how or None,
-        least_m,
-    )  # fmt: skip
-    return json_string([dict(zip(SITUATION_COLUMNS, values, strict=True))])
+    return json_string([plain(_row(situation, lambda ns: ns / NS_PER_S))])
+
+
+def _row(situation: Situation, time: Callable[[int], float | str]) -> Row:
+    """Its row, stamps [ns] written by `time`."""
+    return {
+        "kind": situation.kind,
+        "first_id": situation.first_id,
+        "second_id": situation.second_id,
+        "sensor": situation.sensor or None,
+        "start_t": time(situation.start_ns),
+        "end_t": time(situation.end_ns),
+        "complete": int(situation.complete),
+        "how": situation.how or None,
+        "least_m": float(situation.least_m),
+    }
 
 
 def decode_situation(text: str) -> Situation:

@@ -8,13 +8,12 @@ radians, metres per second.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import isfinite, isnan, nan
-from operator import attrgetter
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +34,6 @@ MOST_TABLE_BYTES = 256 * 1024 * 1024
 """A table larger than this takes gigabytes to read: somebody must have meant it."""
 
 _VISIBLE = "visible_"
-_truth_numbers = attrgetter(*_TRUTH_NUMBERS)
-_track_numbers = attrgetter(*_TRACK_NUMBERS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,9 +100,7 @@ class TruthWriter:
         self._rows.write(frame.stamp_ns, frame.people, self._cells)
 
     def _cells(self, person: PersonTruth) -> list[str]:
-        cells = [number_cell(value) for value in _truth_numbers(person)]
-        visible = [number_cell(person.visible.get(sensor, nan)) for sensor in self._sensors]
-        return [*cells, "1" if person.in_area else "0", *visible]
+        return [cell(value) for value in list(person_row(person, self._sensors).values())[1:]]
 
 
 class TrackWriter:
@@ -122,7 +117,33 @@ class TrackWriter:
     def _cells(track: Track) -> list[str]:
         if track.status not in STATUSES:
             raise ValueError(f"track {track.id}: status {track.status!r} is none of {STATUSES}")
-        return [*(number_cell(value) for value in _track_numbers(track)), track.status]
+        return [cell(value) for value in list(track_row(track).values())[1:]]
+
+
+def person_row(person: PersonTruth, sensors: Iterable[str]) -> Row:
+    """A person's row of `truth.csv` after t, with a column visible_<sensor> each."""
+    numbers = {name: float(getattr(person, name)) for name in _TRUTH_NUMBERS}
+    visible = {_VISIBLE + sensor: person.visible.get(sensor, nan) for sensor in sensors}
+    return {"id": person.id, **numbers, "in_area": int(person.in_area), **visible}
+
+
+def track_row(track: Track) -> Row:
+    """A track's row of `tracks/<tracker>.csv` after t."""
+    return {"id": track.id, **{name: float(getattr(track, name)) for name in _TRACK_NUMBERS}, "status": track.status}
+
+
+def person_of(row: Mapping[str, Any]) -> PersonTruth:
+    """The person of such a row as JSON holds it, null for a number that is not known; raises as a mapping or number does."""
+
+    def number(name: str) -> float:
+        return nan if row[name] is None else float(row[name])
+
+    return PersonTruth(
+        id=int(row["id"]),
+        **dict[str, Any]({name: number(name) for name in _TRUTH_NUMBERS}),
+        in_area=bool(row["in_area"]),
+        visible={name.removeprefix(_VISIBLE): number(name) for name in row if name.startswith(_VISIBLE)},
+    )
 
 
 @contextmanager
@@ -238,6 +259,25 @@ def seconds_cell(stamp_ns: int) -> str:
     """A stamp as these tables write it: seconds with nine decimals."""
     whole, rest = divmod(abs(int(stamp_ns)), NS_PER_S)
     return f"{'-' if stamp_ns < 0 else ''}{whole}.{rest:09d}"
+
+
+Value = float | str | Sequence[int] | None
+Row = dict[str, Value]
+"""A row of a table by its columns: the same in the file (`cell`) and in a message (`plain`)."""
+
+
+def cell(value: Value) -> str:
+    """A value as these tables write it: empty for None and NaN, whole numbers parted by blanks."""
+    if isinstance(value, float):
+        return number_cell(value)
+    if value is None or isinstance(value, str):
+        return value or ""
+    return str(value) if isinstance(value, int) else " ".join(map(str, value))
+
+
+def plain(row: Mapping[str, Value]) -> Row:
+    """A row as JSON holds it: null for NaN."""
+    return {name: None if isinstance(value, float) and isnan(value) else value for name, value in row.items()}
 
 
 def number_cell(value: float) -> str:

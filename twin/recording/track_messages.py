@@ -11,14 +11,13 @@ from rosbags.typesys.stores.ros2_humble import std_msgs__msg__String as String
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from trackers.tracks import Track, TrackFrame
+from trackers.tracks import TrackFrame
 from twin.recording.bag import open_bag
 from twin.recording.mcap_file import McapFile
 from twin.recording.messages import STRING, TYPESTORE
-from twin.recording.tables import TRACK_COLUMNS
-from twin.recording.truth_messages import MARKER_ARRAY, MarkerStyle, PeopleMarkers, null_if_nan
+from twin.recording.tables import plain, track_row
+from twin.recording.truth_messages import MARKER_ARRAY, MarkerStyle, PeopleMarkers
 
-_NUMBERS = TRACK_COLUMNS[2:-1]  # between t, id and status
 _STYLE = MarkerStyle("tracks", "ids", width_m=0.3, opacity=0.8, id_prefix="#")  # within the truth's cylinders
 
 
@@ -40,13 +39,9 @@ def markers_topic(topic: str) -> str:
 
 def encode_tracks(frame: TrackFrame) -> memoryview:
     """A `std_msgs/String` (CDR) with a JSON list: one object a track, the columns of the table, null where not estimated."""
-    rows = [_row(frame.stamp_ns, track) for track in frame.tracks]
+    t = frame.stamp_ns / NS_PER_S
+    rows = [{"t": t} | plain(track_row(track)) for track in frame.tracks]
     return TYPESTORE.serialize_cdr(String(json.dumps(rows, allow_nan=False)), STRING)
-
-
-def _row(stamp_ns: int, track: Track) -> dict[str, float | int | str | None]:
-    numbers = {name: null_if_nan(getattr(track, name)) for name in _NUMBERS}
-    return {"t": stamp_ns / NS_PER_S, "id": track.id, **numbers, "status": track.status}
 
 
 class TrackTopics:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from math import isnan, nan
-from typing import Any
+from math import isnan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,13 +28,10 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.tracks import Track
 from twin.recording.messages import STRING, TYPESTORE, time_message
-from twin.recording.tables import TRUTH_COLUMNS, PersonTruth, TruthFrame
+from twin.recording.tables import TRUTH_COLUMNS, PersonTruth, TruthFrame, person_of, person_row, plain
 from twin.recording.topics import ROOM_FRAME
 
 MARKER_ARRAY = "visualization_msgs/msg/MarkerArray"
-
-_NUMBERS = TRUTH_COLUMNS[2:-1]  # between t, id and in_area
-_VISIBLE = "visible_"
 
 _HEAD_TOP_M = 0.12  # from the centre of the head to its top
 _UNKNOWN_HEIGHT_M = 1.7  # drawn where the truth does not tell the head's place
@@ -61,33 +57,14 @@ TRUTH_STYLE = MarkerStyle("people", "names", width_m=0.45, opacity=0.4)
 def encode_people(frame: TruthFrame) -> memoryview:
     """A `std_msgs/String` (CDR) with a JSON list: one object a person, the columns of truth.csv, null where unknown."""
     t = frame.stamp_ns / NS_PER_S
-    people = []
-    for person in frame.people:
-        columns: dict[str, float | int | None] = {"t": t, "id": person.id}
-        columns |= {name: null_if_nan(getattr(person, name)) for name in _NUMBERS}
-        columns["in_area"] = int(person.in_area)
-        columns |= {_VISIBLE + sensor: null_if_nan(share) for sensor, share in person.visible.items()}
-        people.append(columns)
+    people = [{"t": t} | plain(person_row(person, person.visible)) for person in frame.people]
     return TYPESTORE.serialize_cdr(String(json.dumps(people, allow_nan=False)), STRING)
 
 
 def decode_people(text: str, stamp_ns: int) -> TruthFrame:
     """The truth in such a string; raises InputError for a text that is something else."""
     try:
-        rows = json.loads(text)
-        people = tuple(
-            PersonTruth(
-                id=int(row["id"]),
-                **dict[str, Any]({name: _nan_if_null(row[name]) for name in _NUMBERS}),
-                in_area=bool(row["in_area"]),
-                visible={
-                    name.removeprefix(_VISIBLE): _nan_if_null(share)
-                    for name, share in row.items()
-                    if name.startswith(_VISIBLE)
-                },
-            )
-            for row in rows
-        )
+        people = tuple(person_of(row) for row in json.loads(text))
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         columns = ",".join(TRUTH_COLUMNS)
         raise InputError(f"holds {text[:60]!r}; a JSON list of objects with {columns} is expected") from error
@@ -209,12 +186,3 @@ def _marker(
         mesh_file=MeshFile("", nothing),
         mesh_use_embedded_materials=False,
     )
-
-
-def null_if_nan(value: float) -> float | None:
-    """A number as JSON holds it."""
-    return None if isnan(value) else float(value)
-
-
-def _nan_if_null(value: float | None) -> float:
-    return nan if value is None else float(value)
