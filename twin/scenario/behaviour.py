@@ -222,12 +222,38 @@ class Look(_Action):
 
 
 class Follow(_Lasting):
-    """Walk after somebody at a distance, as they go."""
+    """Walk after somebody at a distance, as they go; or, with `beside`, abreast of them where there is room, else behind.
+
+    Whoever walks beside falls behind before a wall, furniture or somebody who comes their way, and draws level again.
+    """
 
     kind: Literal["follow"] = Field(default="follow", description="the action: walk after somebody")
     person: PersonName = Field(description="name of the person who is followed")
-    distance_m: float = Field(default=1.2, ge=0.8, le=20, description="how far behind the follower keeps [m]")
+    beside: Literal["left", "right"] | None = Field(
+        default=None, description="the side of the other to walk on, abreast; none: behind"
+    )
+    distance_m: float | None = Field(
+        default=None,
+        ge=0.65,
+        le=20,
+        description="how far from the other the follower keeps, from middle to middle [m]; "
+        "none: 1.2 behind, where at least 0.8 is expected, 0.7 beside, where at most 1.5 is",
+    )
     speed_m_s: WalkSpeed = Field(default=1.8, description="the fastest that the follower walks [m/s]")
+
+    @property
+    def keeps_m(self) -> float:
+        """How far from the other the follower keeps [m]."""
+        default_m = 1.2 if self.beside is None else 0.7
+        return default_m if self.distance_m is None else self.distance_m
+
+    @model_validator(mode="after")
+    def _a_distance_to_keep(self) -> Follow:
+        low, high = (0.8, 20.0) if self.beside is None else (0.65, 1.5)
+        if not low <= self.keeps_m <= high:
+            where = "behind somebody" if self.beside is None else "beside somebody"
+            raise ValueError(f"distance_m {self.keeps_m:g} cannot be kept {where}; {low:g} to {high:g} is expected")
+        return self
 
 
 class Meet(_Action):

@@ -212,6 +212,51 @@ def test_followers_keep_their_distance() -> None:
     assert max(gaps) < 2.4
 
 
+def level_with(people: dict[str, Any], seconds: float, room: str) -> np.ndarray:
+    """Of ben, as anna sees him at every `DT`: how far ahead of her he is, how far to her left, and their distance [m]."""
+    world = World(scenario(people, room=room))
+    rows = []
+    for k in range(int(seconds / DT)):
+        frame = {person.id: person for person in world.truth(round(k * DT * 1e9), {}).people}
+        anna, ben = frame[world.scene.ids["anna"]], frame[world.scene.ids["ben"]]
+        from_anna = complex(ben.x - anna.x, ben.y - anna.y) * np.exp(-1j * anna.yaw)
+        rows.append((from_anna.real, from_anna.imag, abs(from_anna)))
+    return np.array(rows)
+
+
+def abreast(side: str, start: list[float], way: list[list[float]], **more: Any) -> dict[str, Any]:
+    """Anna walks a way, and ben beside her."""
+    return {
+        "anna": act({"kind": "walk", "waypoints": way, "speed_m_s": 1.1}, start=start),
+        "ben": act({"kind": "follow", "person": "anna", "beside": side}, start=[start[0], start[1] - 1.2]),
+    } | more
+
+
+def test_companions_walk_abreast_and_stand_abreast() -> None:
+    ahead, left, apart_m = level_with(abreast("right", [-6.0, 0.0], [[3.0, 0.0]]), 13, "plaza").T
+    walking = slice(30, 80)
+    assert np.abs(ahead[walking]).max() < 0.2
+    assert -0.85 < left[walking].min() <= left[walking].max() < -0.6
+    assert apart_m.min() > 0.6
+    assert apart_m[-10:].max() < 0.9
+
+
+def test_a_companion_falls_behind_before_who_comes_their_way() -> None:
+    towards = act({"kind": "walk", "waypoints": [[-7.0, -0.7]]}, start=[5.0, -0.7], heading_deg=180.0)
+    ahead, left, _ = level_with(abreast("right", [-6.0, 0.0], [[8.0, 0.0]], cleo=towards), 14, "plaza").T
+    behind = ahead < -0.5
+    assert behind[20:70].any()
+    assert np.abs(left[behind]).min() < 0.4
+    assert ahead[-10:].min() > -0.5  # and has drawn level again
+
+
+def test_a_companion_falls_behind_where_there_is_no_room() -> None:
+    # into a passage whose wall leaves nobody room on her left
+    ahead, _, _ = level_with(abreast("left", [-9.0, -0.6], [[-13.9, -0.6]]), 5, "library_hall").T
+    assert ahead[20:25].min() > -0.4
+    assert ahead[-8:].max() < -0.5
+
+
 def test_who_meet_stand_face_to_face_and_part() -> None:
     script = [{"kind": "meet", "person": "ben", "for_s": 3.0}, {"kind": "walk", "waypoints": [[-1.0, -0.5]]}]
     people = {

@@ -123,6 +123,7 @@ class Crowd:
         self._repels = np.ones(self._clearance.shape)
         self._heeds_walls = np.full(count, _PASSES)  # share of their repulsion per distance to the goal [1/m]
         self._self_far = np.where(np.eye(count, dtype=bool), 1e3, 0.0)
+        self._companions = np.zeros((count, count), dtype=bool)  # who walks with whom
         self._numbers = np.arange(count)
 
     def order(self, person: int, order: Order) -> None:
@@ -140,6 +141,7 @@ class Crowd:
         self._hold[person] = 0.0 if order.heading is None else order.heading
         self._may_move[person] = 0.0 if order.firm or self._fixed[person] else 1.0
         self._heeds_walls[person] = 1.0 / HALTING_M if order.halt else _PASSES
+        self._companions[person] = self._numbers == (-1 if order.companion is None else order.companion)
         near = self._furniture.belong_to(order.near)
         self._clearance[person, : len(near)] = np.where(near, NEAR_M, KEEP_FROM_FURNITURE_M)
         self._repels[person, : len(near)] = ~near
@@ -199,7 +201,7 @@ class Crowd:
         self_far = self._self_far[: len(place), : len(place)]
         distance = np.maximum(np.abs(between), _ROUNDING_M_S) + self_far  # recorded paths may meet in one point
         towards = between / distance
-        push += repulsion(between, distance, towards, before, facing, going, self_far)
+        push += repulsion(between, distance, towards, before, facing, going, self._unfelt(rows, self_far))
         outwards, room = self._barriers.gaps(place)
         room = room - self._clearance[rows]
         from_walls = self._repels[rows] * np.exp(np.maximum(room, 0.0) * (-1.0 / WALL_RANGE_M)) * outwards
@@ -227,6 +229,13 @@ class Crowd:
         self.velocity = self._spread(self.velocity, rows, velocity)
         self.place = self._spread(self.place, rows, after)
         self._turn(rows, velocity + (0.4 * going) * way, dt)
+
+    def _unfelt(self, rows: Any, self_far: Array) -> Array:
+        """A great length (n, n) [m] where one of those present does not feel the other: themselves, and companions."""
+        if not np.count_nonzero(self._companions):
+            return self_far
+        together = self._companions[rows][:, rows]
+        return np.where(together | together.T, 1e3, self_far)
 
     @staticmethod
     def _spread(whole: NDArray[Any], rows: Any, part: NDArray[Any]) -> NDArray[Any]:

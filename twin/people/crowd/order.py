@@ -20,7 +20,8 @@ class Order:
     `arrive_m`: how near counts as having arrived; `halt`: slow down to stop at the goal instead of passing it;
     `heading`: where to face meanwhile [rad], None: where one goes. Who goes and holds a heading steps sideways and
     backwards; who stands turns on the spot. `near`: furniture by name that may be come up to closely, for the last
-    steps to a seat, a bed or a shelf; `firm`: do not give way to others, as people who sit, lie or bend do not.
+    steps to a seat, a bed or a shelf; `firm`: do not give way to others, as people who sit, lie or bend do not;
+    `companion`: the number of somebody whom one walks with: neither feels the other's repulsion.
     """
 
     goal: tuple[float, float] | None
@@ -31,4 +32,5 @@ class Order:
     heading: float | None = None
     near: frozenset[str] = frozenset()
     firm: bool = False
+    companion: int | None = None
     done: Callable[[], bool] | None = None

@@ -14,6 +14,7 @@ import numpy as np
 from trackers.arrays import Array
 from twin.people.crowd.order import End, Order
 from twin.people.posture.posture import Part
+from twin.people.script.abreast import walk_beside
 from twin.people.script.actor import Actor
 from twin.people.script.wandering import wander
 from twin.room.furniture import Bed, Seat
@@ -251,10 +252,13 @@ def _look(actor: Actor, action: Look) -> Doing:
 
 def _follow(actor: Actor, action: Follow) -> Doing:
     yield from _upright(actor)
+    if action.beside is not None:
+        yield from walk_beside(actor, action)
+        return
     ends_at = actor.ends_at(action.for_s)
     while actor.t < ends_at and not actor.is_gone(action.person):
         until = min(actor.t + 2 * _LOOKS_AGAIN_S, ends_at)
-        gap = actor.distance_to(action.person) - action.distance_m
+        gap = actor.distance_to(action.person) - action.keeps_m
         if gap == inf:
             yield Order(None, until=until)
             continue
@@ -265,7 +269,7 @@ def _follow(actor: Actor, action: Follow) -> Doing:
             yield Order(None, until=until, heading=actor.bearing_of(action.person))
         else:
             speed = min(action.speed_m_s, max(ahead + 2 * gap, _WALKS_ON_M_S))
-            yield from _one_step_on(actor, action.person, speed, until, 0.0 if walks_on else action.distance_m)
+            yield from _one_step_on(actor, action.person, speed, until, 0.0 if walks_on else action.keeps_m)
 
 
 def _one_step_on(actor: Actor, person: str, speed_m_s: float, until: float, distance_m: float) -> Doing:
