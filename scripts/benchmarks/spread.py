@@ -7,11 +7,9 @@ harmless change; three seeds with a pair each are what `smoke` would see of it. 
 
 from __future__ import annotations
 
-import json
 import sys
 import tempfile
 from collections.abc import Iterator
-from itertools import permutations
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +21,7 @@ from twin.scenario import load_scenario
 from twin.suites.baseline import read_results
 from twin.suites.cache import RecordingCache, cache_folder, cache_limit_bytes
 from twin.suites.description import Suite, SuiteScenario
-from twin.suites.figures import GATED, allowed_by_default, worsening
+from twin.suites.figures import GATED, allowed_by_default
 from twin.suites.results import GroupKey, Results
 from twin.suites.run import run_suite
 
@@ -33,13 +31,10 @@ _TRACKERS = ("laser-fisheye-imm", "waist-fisheye-imm", "laser-fisheye-kalman", "
 _CAMERA = "fisheye"
 _FIRST_SEED, _N_SEED, _N_NOISE = 1000, 6, 4
 _SEEDS_OF_A_RUN = 3
-_N_TRIAL = 20_000
-_CHANGES = 20
-"""So many harmless changes are to raise no alarm (`suite-harmless`)."""
 
 
 def measure() -> Iterator[Figure]:
-    """Each figure's spread beside what it is allowed, and how likely a harmless change raises an alarm."""
+    """Each figure's spread beside what it is allowed."""
     with tempfile.TemporaryDirectory() as folder:
         run_suite(_suite(), Path("spread.yaml"), Path(folder), RecordingCache(cache_folder(), cache_limit_bytes()))
         values = _values(read_results(Path(folder)))
@@ -56,9 +51,6 @@ def measure() -> Iterator[Figure]:
         yield Figure(f"{metric}: σ of the mean over three seeds when only the image's noise changes", sigma, "", "")
         needed = SIGMA * sigma / allowed_by_default(metric, level)
         yield Figure(f"{metric}: {SIGMA:g} σ over what is allowed at {level:.3g}", needed, "", "<= 1")
-    alarms = _alarms(values, np.random.default_rng(0))
-    yield Figure("chance that one harmless change raises an alarm, lab, four trackers", alarms, "", "")
-    yield Figure(f"the same of {_CHANGES}", 1 - (1 - alarms) ** _CHANGES, "", "<= 0.05")
 
 
 def other_noise(number: int, *sensors: str) -> dict[str, Any]:
@@ -93,21 +85,3 @@ def _sigma(values: list[Array]) -> float:
     """σ of the change, from one draw of noise to another, of a mean over the seeds of a run; pooled over trackers."""
     variance = np.mean([each.var(axis=1, ddof=1).mean() for each in values])
     return float(np.sqrt(2 * variance / _SEEDS_OF_A_RUN))
-
-
-def _alarms(values: dict[tuple[str, str], Array], rng: np.random.Generator) -> float:
-    """The share of random harmless changes after which some figure is worse in every seed and beyond what is allowed."""
-    pairs = np.array(list(permutations(range(_N_NOISE), 2)))
-    seeds = rng.permuted(np.tile(np.arange(_N_SEED), (_N_TRIAL, 1)), axis=1)[:, :_SEEDS_OF_A_RUN]
-    before, now = np.moveaxis(pairs[rng.integers(len(pairs), size=seeds.shape)], -1, 0)
-    alarm = np.zeros(_N_TRIAL, dtype=bool)
-    causes = {}
-    for (tracker, metric), each in values.items():
-        was = each[seeds, before]  # (n_trial, n_seed of a run)
-        change = worsening(metric, 1.0) * (each[seeds, now] - was)
-        allowed = np.array([allowed_by_default(metric, mean) for mean in was.mean(axis=1)])
-        worse = (change > 0).all(axis=1) & (change.mean(axis=1) > allowed)
-        causes[f"{tracker} {metric}"] = float(worse.mean())
-        alarm |= worse
-    sys.stderr.write(json.dumps({name: share for name, share in causes.items() if share}) + "\n")
-    return float(alarm.mean())

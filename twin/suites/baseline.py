@@ -26,8 +26,9 @@ class _BaselineGroup(Strict):
     variant: str
     overrides: str
     tracker: str
-    image_based: bool
+    image_based: bool | None = None  # in baselines of before recordings were told apart
     seeds: dict[int, dict[str, float | None]]
+    recordings: dict[int, str] = Field(default_factory=dict)
 
 
 class _Baseline(Strict):
@@ -46,7 +47,9 @@ def read_baseline(path: Path) -> Results:
         versions=held.versions,
         renderers=tuple(held.renderers),
         groups={
-            GroupKey(each.scenario, each.overrides, each.tracker): Group(each.variant, each.image_based, each.seeds)
+            GroupKey(each.scenario, each.overrides, each.tracker): Group(
+                each.variant, each.seeds, recordings=each.recordings
+            )
             for each in held.groups
         },
     )
@@ -75,7 +78,7 @@ def write_baseline(path: Path, results: Results) -> None:
             "variant": group.variant,
             "overrides": key.overrides,
             "tracker": key.tracker,
-            "image_based": group.image_based,
+            "recordings": {str(seed): digest for seed, digest in sorted(group.recordings.items())},
         }
         groups.append(f'    {json.dumps(about, ensure_ascii=False)[:-1]}, "seeds": {{\n{seeds}}}}}')
     text = json.dumps(head, ensure_ascii=False, indent=2)[:-2]

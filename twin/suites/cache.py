@@ -197,12 +197,17 @@ def _write_sums(folder: Path) -> None:
     (folder / _SUMS).write_text(json.dumps(sums), encoding="utf-8")
 
 
+def digests_of(entry: Path) -> dict[str, str]:
+    """The SHA-256 of each file of a recording that is whole, by its name."""
+    return json.loads((entry / _SUMS).read_text(encoding="utf-8"))
+
+
 def _fault(entry: Path) -> str | None:
     """In what a recording is not as it was written; None where it is."""
     if not entry.exists():
         return "is not there"
     try:
-        sums = json.loads((entry / _SUMS).read_text(encoding="utf-8"))
+        sums = digests_of(entry)
         for name, digest in sums.items():
             if _digest(entry / name) != digest:
                 return f"{name} is damaged"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,10 +13,9 @@ from pydantic import JsonValue
 
 from trackers.errors import InputError
 from trackers.knowledge_files import NO_FILES, KnowledgeFiles
-from trackers.presets import PRESETS
 from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
 from twin.run.tracker_at_work import file_name
-from twin.scenario import Scenario, load_scenario
+from twin.scenario import load_scenario
 from twin.scenario.load import dump_scenario
 from twin.scenario.model import TrackerChoice
 from twin.scenario.size import RunSize, check_size, size_of
@@ -35,7 +34,7 @@ class Case:
     """One scenario as resolved, recorded with one seed, and one tracker on it.
 
     overrides: 'path=value' texts, all of them; variant: those that tell it from the suite's other cases of the scenario;
-    report: whether it gets a page of its own; image_based: whether what the tracker says may depend on the renderer.
+    report: whether it gets a page of its own; require: bounds of figures that its tracker is to reach.
     """
 
     id: str
@@ -46,7 +45,7 @@ class Case:
     tracker: str
     limit_s: float
     report: bool
-    image_based: bool
+    require: Mapping[str, str]
     resolved: str  # YAML, without trackers and what they may know: what is simulated
     tracker_changes: tuple[str, ...]  # 'trackers.NAME=...' for those that the scenario defines
     knowledge: KnowledgeFiles
@@ -157,7 +156,7 @@ def _of_entry(
                     tracker=tracker,
                     limit_s=entry.limit_s or suite.limit_s,
                     report=suite.reports,
-                    image_based=_uses_images(scenario, tracker),
+                    require={**suite.require.get(tracker, {}), **entry.require.get(tracker, {})},
                     resolved=resolved,
                     size=size_of(scenario),
                     knowledge=scenario.knowledge,
@@ -185,13 +184,3 @@ def _case_id(label: str, overrides: tuple[str, ...], seed: int, tracker: str) ->
     """A name for files and rows that is the same wherever and whenever the case is run."""
     digest = hashlib.sha256(json.dumps([label, overrides, seed, tracker]).encode()).hexdigest()[:8]
     return f"{label}-{seed}-{re.sub(r'[^A-Za-z0-9._-]', '-', file_name(tracker))}-{digest}"
-
-
-def _uses_images(scenario: Scenario, name: str) -> bool:
-    """Whether there is a camera and the tracker, as far as we can know, uses it."""
-    if all(sensor.kind in NO_CAMERA for sensor in scenario.sensors.values()):
-        return False
-    choice = scenario.trackers.get(name, TrackerChoice())
-    preset = PRESETS.get(choice.preset or name)
-    options = {**(preset.options if preset else {}), **choice.options}
-    return options.get("camera") is not False

@@ -1,42 +1,47 @@
-"""Is anything worse than it was? Figures paired by seed, an interval for each, and all of them judged together.
+"""Is anything worse than it was? Figures paired by case, judged together, and nothing waved through for want of seeds.
 
-The change of a figure is the mean over the seeds of a group of (now − before). Its interval is the percentile bootstrap's
-over the seeds (Efron and Tibshirani, An Introduction to the Bootstrap, 1993, section 13.3), its p the share of replicates
-beyond 0, twice the smaller one. Over all figures of all groups Holm's step-down procedure (Scandinavian Journal of
-Statistics 6, 1979) keeps the chance of any false alarm at 5 %, as far as the bootstrap's p can be trusted: of three seeds it
-says little more than that all three changed the same way, which also chance does. So an alarm needs the tolerance passed too.
+The twin is deterministic: where recordings and figures have the same bits, nothing changed. Else three questions are asked.
+
+- Did the mean of a figure get worse by more than it may? Of a tracker in one scenario; of a tracker over all its scenarios;
+  and of events that are rare, of all trackers together. More than it may: than its tolerance, a mean over G groups than one
+  of them by √G. By more than chance: `twin.suites.evidence`.
+- Did one case fall beyond any noise? By ten times what the mean may and four standard deviations between the seeds before.
+- Is a figure gone that was measured before?
+
+Where a recording is not the one before (other noise, another scenario or renderer, other code that simulates) two runs of a
+seed are no pair but draws from two populations: there a mean may also move by twice its standard error, and a case has to
+fall below the worst seed before.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
-from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from twin.streams import stream
+from twin.suites.evidence import ALPHA, family_wise_p, fewest_for_an_alarm
 from twin.suites.figures import GATED, worsening
 from twin.suites.results import Group, GroupKey, Results
 
-ALPHA = 0.05
-"""The chance of a false alarm anywhere in a suite, as far as the bootstrap's p can be trusted."""
-FEWEST_SEEDS = 3
-RELAXED = 3.0
-"""The tolerance of figures that images take part in grows by this factor where another renderer drew them."""
+EVERY_SCENARIO, EVERY_TRACKER = "every scenario", "every tracker"
+"""Stand for a group's scenario and tracker where several are judged together."""
+RARE = ("misidentifications", "lost_tracks", "id_switches", "misses")
+"""Events that are counted over all trackers and cases together: too rare to tell anything of one."""
 
-_FEWEST_REPLICATES = 10_000
-_REPLICATES_PER_TEST = 4 / ALPHA
-"""So many that the smallest p there can be is half of what Holm asks of the first of all tests."""
+_BEYOND_NOISE, _BEYOND_SPREAD = 10.0, 4.0
+_STANDARD_ERRORS = 2.0
 
 
 @dataclass(frozen=True)
 class Change:
-    """A figure of a group, before and now: means over the seeds that both have, and the interval of their difference.
+    """A figure of a group, or of several together, before and now: means over the seeds that both have; totals of rare events.
 
-    low, high: at the level at which Holm's procedure judged it; allowed: how much worse it may be; worst_seed: where it got
-    worst (of now's, None where the figure is gone altogether).
+    p: how likely chance makes any figure of the suite change so much for the worse; p_better: for the better. allowed: how
+    much worse it may be. worst_seed: where it got worst (of now's; None: over several groups, or gone). fallen: a seed whose
+    case fell beyond any noise.
     """
 
     key: GroupKey
@@ -44,12 +49,12 @@ class Change:
     metric: str
     before: float
     now: float | None
-    low: float
-    high: float
+    p: float
+    p_better: float
     n_seed: int
     allowed: float
-    significant: bool
-    worst_seed: int | None
+    worst_seed: int | None = None
+    fallen: int | None = None
 
     @property
     def change(self) -> float:
@@ -58,13 +63,28 @@ class Change:
 
     @property
     def worse(self) -> bool:
-        """Whether the interval says so and the tolerance is passed, or the figure is gone."""
-        return self.now is None or (self.significant and worsening(self.metric, self.change) > self.allowed)
+        """Whether the mean got worse by more than it may and than chance, one case fell, or the figure is gone."""
+        if self.now is None or self.fallen is not None:
+            return True
+        return self.p <= ALPHA and worsening(self.metric, self.change) > self.allowed
 
     @property
     def better(self) -> bool:
-        """The same the other way."""
-        return self.now is not None and self.significant and -worsening(self.metric, self.change) > self.allowed
+        """Whether the mean got better by as much."""
+        return self.now is not None and self.p_better <= ALPHA and -worsening(self.metric, self.change) > self.allowed
+
+
+@dataclass(frozen=True)
+class Power:
+    """The smallest loss of a figure, in its unit, that would be noticed, whichever tracker and scenario has it.
+
+    everywhere: of one tracker in all its scenarios; in_scenario: in all seeds of one scenario; in_case: in one case alone.
+    """
+
+    metric: str
+    everywhere: float
+    in_scenario: float
+    in_case: float
 
 
 @dataclass(frozen=True)
@@ -73,6 +93,8 @@ class Comparison:
 
     changes: tuple[Change, ...]
     warnings: tuple[str, ...]
+    power: tuple[Power, ...] = ()
+    identical: bool = False  # recordings and figures all have the same bits
 
     @property
     def worse(self) -> list[Change]:
@@ -86,8 +108,8 @@ class Comparison:
 
 
 @dataclass(frozen=True)
-class _Paired:
-    """One figure of one group in the n seeds that both have."""
+class _Pair:
+    """One figure of one group in the n seeds that both have, and how much worse its mean and one case may be."""
 
     key: GroupKey
     group: Group
@@ -95,67 +117,41 @@ class _Paired:
     seeds: tuple[int, ...]
     before: Array  # (n,)
     now: Array  # (n,)
+    allowed: float
+    allowed_in_case: float
+    paired: bool  # the recordings are the same
+
+    @property
+    def worsened(self) -> Array:
+        """By how much each seed got worse, (n,)."""
+        return worsening(self.metric, 1.0) * (self.now - self.before)
+
+    @property
+    def fallen(self) -> int | None:
+        """The seed that fell furthest beyond any noise."""
+        sign = worsening(self.metric, 1.0)
+        before = sign * self.before
+        by = sign * self.now - (before if self.paired else before.max())
+        worst = int(np.argmax(by))
+        return self.seeds[worst] if by[worst] > self.allowed_in_case else None
 
 
 def compare(
     before: Results, now: Results, allowed: Callable[[str, float], float], before_name: str = "the baseline"
 ) -> Comparison:
     """Every figure of `now` against `before`; `allowed(metric, before)`: how much worse it may be, in its unit."""
-    other_renderer = bool(before.renderers and now.renderers and set(before.renderers) != set(now.renderers))
-    pairs, gone = list(_pairs(before, now)), list(_gone(before, now))
-    tested = [pair for pair in pairs if len(pair.seeds) >= FEWEST_SEEDS]
-    n_replicate = max(_FEWEST_REPLICATES, int(np.ceil(_REPLICATES_PER_TEST * max(1, len(tested)))))
-    replicates = [_replicated_means(pair.now - pair.before, n_replicate) for pair in tested]
-    p = np.array([_two_sided_p(means) for means in replicates])
-    levels, significant = holm(p)
-    changes = []
-    for pair, means, level, found in zip(tested, replicates, levels, significant, strict=True):
-        low, high = np.quantile(means, [level / 2, 1 - level / 2])
-        was = float(pair.before.mean())
-        worst = int(np.argmax([worsening(pair.metric, change) for change in pair.now - pair.before]))
-        changes.append(
-            Change(
-                key=pair.key,
-                variant=pair.group.variant,
-                metric=pair.metric,
-                before=was,
-                now=float(pair.now.mean()),
-                low=float(low),
-                high=float(high),
-                n_seed=len(pair.seeds),
-                allowed=allowed(pair.metric, was) * (RELAXED if other_renderer and pair.group.image_based else 1.0),
-                significant=bool(found),
-                worst_seed=pair.seeds[worst],
-            )
-        )
-    warnings = _warnings(before, now, before_name, other_renderer, len(pairs) - len(tested))
-    return Comparison((*gone, *changes), tuple(warnings))
+    pairs = list(_pairs(before, now, allowed))
+    tests = [[pair] for pair in pairs] + [*_over_scenarios(pairs), *_rare_events(pairs)]
+    shares, allowances = _shares(tests)
+    p, p_better = family_wise_p(shares), family_wise_p(-shares)
+    changes = [_change(*each) for each in zip(tests, p, p_better, allowances, strict=True)]
+    gone = list(_gone(before, now))
+    identical = bool(pairs) and not gone and all(each.paired and (each.before == each.now).all() for each in pairs)
+    warnings = tuple(_warnings(before, now, before_name, pairs))
+    return Comparison((*gone, *changes), warnings, tuple(_power(pairs)), identical)
 
 
-def holm(p: Array, alpha: float = ALPHA) -> tuple[Array, NDArray[np.bool_]]:
-    """Holm's step-down procedure on m p-values: the level each is judged at, and which are significant, (m,) each."""
-    m = len(p)
-    levels, significant = np.empty(m), np.zeros(m, dtype=bool)
-    order = np.argsort(p, kind="stable")
-    levels[order] = alpha / np.arange(m, 0, -1)
-    failing = np.flatnonzero(p[order] > levels[order])
-    significant[order[: failing[0] if failing.size else m]] = True
-    return levels, significant
-
-
-def _replicated_means(differences: Array, n_replicate: int) -> Array:
-    """Bootstrap replicates of the mean of n differences, (n_replicate,); as many seeds, the same draws."""
-    n = len(differences)
-    drawn = stream(n, "suite", "comparison").multinomial(n, np.full(n, 1 / n), size=n_replicate)
-    return drawn @ differences / n
-
-
-def _two_sided_p(means: Array) -> float:
-    smaller = min(np.count_nonzero(means <= 0), np.count_nonzero(means >= 0))
-    return min(1.0, 2 * (smaller + 1) / (len(means) + 1))
-
-
-def _pairs(before: Results, now: Results) -> Iterator[_Paired]:
+def _pairs(before: Results, now: Results, allowed: Callable[[str, float], float]) -> Iterator[_Pair]:
     for key, group in now.groups.items():
         was = before.groups.get(key)
         if was is None:
@@ -166,9 +162,95 @@ def _pairs(before: Results, now: Results) -> Iterator[_Paired]:
                 for seed, figures in sorted(group.seeds.items())
                 if (old := was.seeds.get(seed, {}).get(metric)) is not None and (new := figures.get(metric)) is not None
             ]
-            if both:
-                seeds, old, new = zip(*both, strict=True)
-                yield _Paired(key, group, metric, seeds, np.array(old), np.array(new))
+            if not both:
+                continue
+            seeds, old, new = zip(*both, strict=True)
+            old, new, n = np.array(old), np.array(new), len(both)
+            paired = all(_same(was.recordings.get(seed), group.recordings.get(seed)) for seed in seeds)
+            spread = float(old.std(ddof=1)) if n > 1 else 0.0
+            mean = allowed(metric, float(old.mean()))
+            error = 0.0 if paired or n < 2 else float(np.hypot(spread, new.std(ddof=1)) / np.sqrt(n))
+            yield _Pair(
+                key,
+                group,
+                metric,
+                seeds,
+                old,
+                new,
+                allowed=mean + _STANDARD_ERRORS * error,
+                allowed_in_case=_BEYOND_NOISE * mean + _BEYOND_SPREAD * spread,
+                paired=paired,
+            )
+
+
+def _same(before: str | None, now: str | None) -> bool:
+    return before is not None and before == now
+
+
+def _over_scenarios(pairs: Sequence[_Pair]) -> Iterator[list[_Pair]]:
+    """A figure of a tracker in all its scenarios, where there are several."""
+    by_tracker = sorted(pairs, key=lambda pair: (pair.key.tracker, pair.metric))
+    for _, found in groupby(by_tracker, key=lambda pair: (pair.key.tracker, pair.metric)):
+        if len(several := list(found)) > 1:
+            yield several
+
+
+def _rare_events(pairs: Sequence[_Pair]) -> Iterator[list[_Pair]]:
+    """Rare events of all trackers, where there are several."""
+    for metric in RARE:
+        found = [pair for pair in pairs if pair.metric == metric]
+        if len({pair.key.tracker for pair in found}) > 1:
+            yield found
+
+
+def _shares(tests: Sequence[Sequence[_Pair]]) -> tuple[Array, list[float]]:
+    """What each recording adds to each test's statistic, (r, t), and how much the test's mean may get worse, a number each.
+
+    A test is of one group, of a tracker's groups, or of all trackers': of several the mean over groups is judged, and what it
+    is allowed is the mean allowance over the root of their number G. With d, what a recording got worse in units of that, the
+    statistic is Σ d / √(Σ d² + n): a signal over its noise, in which what is far less than allowed counts for nothing (the
+    constant under the root: Tusher, Tibshirani, Chu, PNAS 98, 2001).
+    """
+    place: dict[tuple[str, str, int], int] = {}
+    for pairs in tests:
+        for pair in pairs:
+            for seed in pair.seeds:
+                place.setdefault((pair.key.scenario, pair.key.overrides, seed), len(place))
+    shares, allowances = np.zeros((len(place), len(tests))), []
+    for number, pairs in enumerate(tests):
+        allowances.append(float(np.mean([pair.allowed for pair in pairs])) / np.sqrt(len(pairs)))
+        for pair in pairs:
+            rows = [place[pair.key.scenario, pair.key.overrides, seed] for seed in pair.seeds]
+            shares[rows, number] += pair.worsened / max(allowances[-1], 1e-12)
+    n = np.array([sum(len(pair.seeds) for pair in pairs) for pairs in tests], dtype=float)
+    return shares / np.sqrt((shares**2).sum(axis=0) + n), allowances
+
+
+def _change(pairs: Sequence[_Pair], p: float, p_better: float, allowed: float) -> Change:
+    first = pairs[0]
+    if len(pairs) == 1:
+        worst = first.seeds[int(np.argmax(first.worsened))]
+        before, now = float(first.before.mean()), float(first.now.mean())
+        n_seed = len(first.seeds)
+        return Change(
+            first.key,
+            first.group.variant,
+            first.metric,
+            before,
+            now,
+            float(p),
+            float(p_better),
+            n_seed,
+            allowed,
+            worst,
+            first.fallen,
+        )
+    trackers = {pair.key.tracker for pair in pairs}
+    key = GroupKey(EVERY_SCENARIO, "[]", first.key.tracker if len(trackers) == 1 else EVERY_TRACKER)
+    before = float(np.mean([pair.before.mean() for pair in pairs]))
+    now = float(np.mean([pair.now.mean() for pair in pairs]))
+    n_seed = sum(len(pair.seeds) for pair in pairs)
+    return Change(key, "", first.metric, before, now, float(p), float(p_better), n_seed, allowed)
 
 
 def _gone(before: Results, now: Results) -> Iterator[Change]:
@@ -180,25 +262,52 @@ def _gone(before: Results, now: Results) -> Iterator[Change]:
         for metric in GATED:
             values = was.values(metric)
             if values and not group.values(metric):
-                nan = float("nan")
-                yield Change(
-                    key, group.variant, metric, float(np.mean(values)), None, nan, nan, len(values), 0.0, True, None
-                )
+                yield Change(key, group.variant, metric, float(np.mean(values)), None, 0.0, 1.0, len(values), 0.0)
 
 
-def _warnings(before: Results, now: Results, before_name: str, other_renderer: bool, n_untested: int) -> Iterator[str]:
+def _power(pairs: Sequence[_Pair]) -> Iterator[Power]:
+    """Of each figure, the smallest loss that is noticed wherever it happens, while nothing else changes."""
+    fewest = fewest_for_an_alarm()
+    by_metric: Mapping[str, list[_Pair]] = {
+        metric: [pair for pair in pairs if pair.metric == metric] for metric in GATED
+    }
+    for metric, found in by_metric.items():
+        if not found:
+            continue
+        in_case = max(pair.allowed_in_case for pair in found)
+        in_scenario = max(pair.allowed if len(pair.seeds) >= fewest else pair.allowed_in_case for pair in found)
+        everywhere = in_scenario
+        together = list(_over_scenarios(found))
+        if together and len({pair.key.tracker for pair in found}) == len(together):
+            everywhere = max(
+                float(np.mean([pair.allowed for pair in pairs])) / np.sqrt(len(pairs))
+                if sum(len(pair.seeds) for pair in pairs) >= fewest
+                else in_scenario
+                for pairs in together
+            )
+        yield Power(metric, everywhere, in_scenario, in_case)
+
+
+def _warnings(before: Results, now: Results, before_name: str, pairs: Sequence[_Pair]) -> Iterator[str]:
     if before.suite != now.suite:
         yield f"{before_name} is of the suite {before.suite}, this one is {now.suite}"
-    if other_renderer:
+    changed = {pair.key: pair for pair in pairs if not pair.paired}
+    if changed:
         yield (
-            f"{before_name} was drawn by {_listed(before.renderers)}, here it is {_listed(now.renderers)}: figures that "
-            f"images take part in are given {RELAXED:g} times their tolerance"
+            f"the recordings of {_names(list(changed))} are not those of {before_name}: other noise, another scenario, "
+            "renderer, or code that simulates; seeds are then two populations and no pairs"
         )
+    if before.renderers and now.renderers and set(before.renderers) != set(now.renderers):
+        yield f"{before_name} was drawn by {_listed(before.renderers)}, here it is {_listed(now.renderers)}"
     old, new = before.versions.get("mujoco"), now.versions.get("mujoco")
     if old != new:
         yield f"{before_name} was made with MuJoCo {old}, here it is {new}: contacts and pictures may differ"
-    if n_untested:
-        yield f"{n_untested} figures have fewer than {FEWEST_SEEDS} seeds in common and were not compared"
+    few = {pair.key: pair for pair in pairs if len(pair.seeds) < fewest_for_an_alarm()}
+    if few:
+        yield (
+            f"{_names(list(few))} have fewer than {fewest_for_an_alarm()} seeds in common: there alone, only one that "
+            "falls beyond any noise is noticed"
+        )
     missing = [key for key in before.groups if key not in now.groups]
     added = [key for key in now.groups if key not in before.groups]
     if missing:

@@ -14,6 +14,7 @@ from trackers.plain_data import parse_yaml
 from trackers.text_file import read_text
 from twin import models
 from twin.scenario.model import Name
+from twin.suites.bounds import Required
 from twin.suites.expected import list_of, mapping_of, refused, single
 from twin.suites.figures import GATED
 
@@ -79,6 +80,9 @@ class SuiteScenario(Strict):
     limit_s: Limit | None = Field(
         default=None, description="how long a case may take, recording and tracking [s]; none: the suite's"
     )
+    require: Required = Field(
+        default={}, description="what figures trackers are to reach here, beside and before what the suite says"
+    )
     set: Changes = Field(default={}, description="changes to every case, by path")
     grid: Annotated[dict[str, Values], mapping_of("a mapping of paths to lists, as in {duration_s: [5, 10]},")] = Field(
         default={}, description="values by path, every combination"
@@ -119,6 +123,11 @@ class Suite(Strict):
         description="whether each case gets a page of its own, 1 to 3 s of its time; figures, tracks and moments are the "
         "same without",
     )
+    require: Required = Field(
+        default={},
+        description="what figures trackers are to reach, as a mean over the seeds of each scenario and whatever the baseline "
+        "says: a number, or a bound",
+    )
     set: Changes = Field(default={}, description="changes to every case of every scenario, by path")
     scenarios: Annotated[
         list[Annotated[SuiteScenario, BeforeValidator(_entry)]],
@@ -148,6 +157,13 @@ class Suite(Strict):
         named = {name for entry in self.scenarios for name in entry.trackers or self.trackers}
         if self.beside is not None and self.beside not in named:
             raise ValueError(f"beside: {self.beside!r} is none of the trackers; valid are {', '.join(sorted(named))}")
+        for number, entry in ((None, self), *enumerate(self.scenarios)):
+            where = "" if number is None else f"scenarios.{number}."
+            has = named if number is None else set(entry.trackers or self.trackers)
+            for name in sorted(set(entry.require) - has):
+                raise ValueError(
+                    f"{where}require: {name!r} is none of the trackers; valid are {', '.join(sorted(has))}"
+                )
         return self
 
     @property

@@ -12,17 +12,18 @@ from twin.console import print_paths
 from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
 from twin.suites.baseline import read_baseline, read_results, write_baseline
 from twin.suites.cache import RecordingCache, cache_folder, cache_limit_bytes
-from twin.suites.comparison import FEWEST_SEEDS, Comparison, compare
+from twin.suites.comparison import Comparison, compare
 from twin.suites.description import Suite, load_suite
 from twin.suites.figures import allowed_by_default
 from twin.suites.junit import write_junit
 from twin.suites.markdown import markdown_table
 from twin.suites.page import write_comparison_page, write_page
+from twin.suites.promises import Kept, promises_of
 from twin.suites.results import Results, results_of
 from twin.suites.run import Place, run_suite, tolerances_of
 from twin.suites.store import ResultStore, read_store
 from twin.suites.summary import write_summary
-from twin.suites.terminal import print_comparison, print_results, suite_progress
+from twin.suites.terminal import print_comparison, print_promises, print_results, suite_progress
 
 
 def run_and_judge(
@@ -38,7 +39,7 @@ def run_and_judge(
     limits: bool = True,
     trusted: TrustedClasses = NONE_TRUSTED,
 ) -> bool:
-    """Run a suite and say whether all went well: no case failed, and nothing is worse than in the baseline.
+    """Run a suite and say whether all went well: no case failed, promises are kept, nothing is worse than in the baseline.
 
     Leaves results.sqlite, summary.json, report.html and junit.xml in `out` (default: out/suite-<name>). Raises
     InputError for bad input, before the first case where that can be.
@@ -67,17 +68,20 @@ def run_and_judge(
         if before is not None:
             comparison = compare(before, results, tolerances_of(store.facts()))
             store.note(baseline=str(baseline.resolve()) if baseline is not None else None)
+        promises = promises_of(store.facts(), results)
         print_results(results, store.facts().get("beside"))
         if comparison is not None:
             print_comparison(comparison, results, store, folder, shown=("worse",))
-        files = _write(folder, store, results, comparison, before)
+        print_promises(promises)
+        files = _write(folder, store, results, comparison, promises, before)
         print_paths(files)
         if comparison is not None:
             _check_compared(comparison, f"--baseline {baseline}")
         if baseline is not None and update_baseline and not results.failed:
             write_baseline(baseline, results)
             print_paths({"baseline": baseline})
-    return not results.failed and (comparison is None or not comparison.worse)
+    kept = not any(each.broken for each in promises)
+    return not results.failed and kept and (comparison is None or not comparison.worse)
 
 
 def _baseline_of(suite: Suite, baseline: Path | None, update: bool) -> Results | None:
@@ -110,14 +114,16 @@ def show_results(folder: Path) -> None:
     with read_store(folder) as store:
         results, facts = results_of(store), store.facts()
         print_results(results, store.facts().get("beside"))
+        promises = promises_of(facts, results)
         before = comparison = None
         baseline = Path(facts["baseline"]) if facts.get("baseline") else None
         if baseline is not None and baseline.is_file():
             before = read_baseline(baseline)
             comparison = compare(before, results, tolerances_of(facts))
             print_comparison(comparison, results, store, folder, shown=("worse",))
+        print_promises(promises)
         page = folder / "report.html"
-        write_page(page, store, results, comparison, folder, before)
+        write_page(page, store, results, comparison, folder, before, promises)
         print_paths({"results": store.path, "report": page})
 
 
@@ -125,8 +131,7 @@ def _check_compared(comparison: Comparison, what: str) -> None:
     """Raise InputError where not one figure could be compared: that nothing is worse would say nothing."""
     if not comparison.changes:
         raise InputError(
-            f"{what}: nothing could be compared; the same scenarios, changes and trackers, and at least "
-            f"{FEWEST_SEEDS} seeds of each, are expected in both"
+            f"{what}: nothing could be compared; the same scenarios, changes, trackers and seeds are expected in both"
         )
 
 
@@ -156,7 +161,12 @@ def compare_results(before: Path, now: Path, out: Path | None) -> bool:
 
 
 def _write(
-    folder: Path, store: ResultStore, results: Results, comparison: Comparison | None, before: Results | None
+    folder: Path,
+    store: ResultStore,
+    results: Results,
+    comparison: Comparison | None,
+    promises: Sequence[Kept],
+    before: Results | None,
 ) -> dict[str, Path]:
     files = {
         "results": store.path,
@@ -164,7 +174,7 @@ def _write(
         "junit": folder / "junit.xml",
         "report": folder / "report.html",
     }
-    write_summary(files["summary"], store, results, comparison)
-    write_junit(files["junit"], results.suite, store.cases(), comparison)
-    write_page(files["report"], store, results, comparison, folder, before)
+    write_summary(files["summary"], store, results, comparison, promises)
+    write_junit(files["junit"], results.suite, store.cases(), comparison, promises)
+    write_page(files["report"], store, results, comparison, folder, before, promises)
     return files

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -18,9 +18,12 @@ from twin.recording.whole_file import whole_file
 from twin.report.palette import IDENTITY_COLOURS, hex_colour
 from twin.suites.beside import COMPARED, Beside, beside
 from twin.suites.comparison import Change, Comparison
+from twin.suites.evidence import ALPHA
 from twin.suites.figures import FIGURE, GATED, SHOWN, written
+from twin.suites.junit import evidence
 from twin.suites.moments import look_at, page_of
 from twin.suites.multiples import multiple, scale_of
+from twin.suites.promises import Kept
 from twin.suites.results import Group, GroupKey, Results, mean_over_seeds
 from twin.suites.store import ResultStore
 
@@ -32,6 +35,7 @@ def write_page(
     comparison: Comparison | None,
     folder: Path,
     before: Results | None = None,
+    promises: Sequence[Kept] = (),
 ) -> None:
     """Write the page of a run into its folder; it takes its name when it is whole. Raises InputError as a file does."""
     facts = store.facts()
@@ -42,6 +46,7 @@ def write_page(
         results=results,
         before=before,
         comparison=comparison,
+        promises=promises,
         looks=_looks(comparison, results, store, folder, path.parent),
         sections=[
             section | {"strip": _strip(section["cases"], facts.get("strips", {}), store, folder)}
@@ -83,6 +88,7 @@ def write_comparison_page(
         results=now,
         before=before,
         comparison=comparison,
+        promises=(),
         looks=_looks(comparison, now, *run, path.parent) if run is not None else {},
         sections=sections,
         seconds=None,
@@ -96,6 +102,7 @@ def _write(
     *,
     results: Results,
     comparison: Comparison | None,
+    promises: Sequence[Kept],
     looks: Mapping[int, tuple[str, str]],
     reference: str | None,
     **content: Any,
@@ -110,6 +117,17 @@ def _write(
         compared=comparison is not None,
         warnings=comparison.warnings if comparison is not None else (),
         n_compared=len(comparison.changes) if comparison is not None else 0,
+        identical=comparison is not None and comparison.identical,
+        alpha=ALPHA,
+        power=[
+            (
+                FIGURE[each.metric],
+                *(written(each.metric, loss) for loss in (each.everywhere, each.in_scenario, each.in_case)),
+            )
+            for each in (comparison.power if comparison is not None else ())
+        ],
+        broken=[(each, FIGURE[each.metric].name) for each in promises if each.broken],
+        n_promise=len(promises),
         worse=[_change(each, looks) for each in comparison.worse] if comparison is not None else [],
         better=[_change(each, looks) for each in comparison.better] if comparison is not None else [],
         reference=reference,
@@ -185,8 +203,8 @@ def _change(change: Change, looks: Mapping[int, tuple[str, str]]) -> dict[str, A
         "before": written(metric, change.before),
         "now": "gone" if gone else written(metric, change.now),
         "change": "" if gone else written(metric, change.change, sign=True),
-        "interval": "" if gone else f"{written(metric, change.low, True)} to {written(metric, change.high, True)}",
         "allowed": "" if gone else written(metric, change.allowed),
+        "evidence": evidence(change),
         "look": looks.get(id(change)),
     }
 

@@ -29,12 +29,15 @@ class GroupKey:
 
 @dataclass(frozen=True)
 class Group:
-    """The figures of each seed, by name; None where a figure does not apply. `cases`: the case's id by seed, if known."""
+    """The figures of each seed, by name; None where a figure does not apply.
+
+    cases: the case's id by seed, if known; recordings: the digest of its recording, if known.
+    """
 
     variant: str
-    image_based: bool
     seeds: Mapping[int, Mapping[str, float | None]]
     cases: Mapping[int, str] = field(default_factory=dict)
+    recordings: Mapping[int, str] = field(default_factory=dict)
 
     def values(self, metric: str) -> list[float]:
         """The figure in each seed that has it."""
@@ -56,9 +59,10 @@ class Results:
 
 def results_of(store: ResultStore) -> Results:
     """What a run has given until now."""
-    facts, cases, metrics = store.facts(), store.cases(), store.metrics()
+    facts, cases, metrics, digests = store.facts(), store.cases(), store.metrics(), store.recordings()
     seeds: dict[GroupKey, dict[int, Mapping[str, float | None]]] = {}
     ids: dict[GroupKey, dict[int, str]] = {}
+    recordings: dict[GroupKey, dict[int, str]] = {}
     first: dict[GroupKey, StoredCase] = {}
     for case in cases:
         if case.status == DONE:
@@ -70,11 +74,13 @@ def results_of(store: ResultStore) -> Results:
             first.setdefault(key, case)
             seeds.setdefault(key, {})[case.seed] = metrics[case.id]
             ids.setdefault(key, {})[case.seed] = case.id
+            if digests.get(case.id):
+                recordings.setdefault(key, {})[case.seed] = digests[case.id]
     return Results(
         suite=facts["suite"],
         versions=facts["versions"],
         renderers=tuple(name for name in facts.get("renderers", ()) if name != NO_RENDERER),
-        groups={key: Group(case.variant, bool(case.image_based), seeds[key], ids[key]) for key, case in first.items()},
+        groups={key: Group(case.variant, seeds[key], ids[key], recordings.get(key, {})) for key, case in first.items()},
         failed=tuple(case for case in cases if case.status == FAILED),
         unfinished=sum(case.status not in (DONE, FAILED) for case in cases),
     )

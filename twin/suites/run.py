@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from twin.suites.engine import run_on
 from twin.suites.figures import allowed_by_default, flat
 from twin.suites.fingerprint import recording_key, whole_code
 from twin.suites.store import ResultStore, open_store
-from twin.suites.stored import DONE, FAILED
+from twin.suites.stored import DONE, FAILED, Promise
 from twin.suites.strips import StripWork, draw_strip
 from twin.suites.tasks import Ended, Listener, State, Task, run_here
 from twin.suites.worker import WORST, CaseResult, CaseWork, run_case
@@ -92,6 +93,14 @@ def run_suite(
         "versions": {name: value for name, value in versions(None).items() if not name.startswith("gl_")},
         "changes": list(changes),
         "tolerances": {name: each.model_dump() for name, each in suite.tolerances.items()},
+        "promises": [
+            asdict(each)
+            for each in dict.fromkeys(
+                Promise(case.scenario, json.dumps(case.overrides, ensure_ascii=False), case.tracker, metric, bound)
+                for case in cases
+                for metric, bound in case.require.items()
+            )
+        ],
         "seconds": 0.0,
         "renderers": [],
     }
@@ -146,7 +155,7 @@ def _run_cases(
         for warning in result.warnings:
             watcher.warned(warning)
         _write_files(folder / "cases" / case.id, result.files)
-        store.finished(case, end.attempts, end.seconds, flat(result.metrics), result.moments)
+        store.finished(case, end.attempts, end.seconds, flat(result.metrics), result.moments, result.recording)
         if result.renderer not in renderers:
             renderers.add(result.renderer)
             store.note(renderers=sorted(renderers))

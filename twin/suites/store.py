@@ -1,7 +1,8 @@
 """Results in one SQLite file, written case by case; whatever kills the run, what was finished before is there.
 
 Tables: `cases` (case_id, status, attempts, seconds, error), `results` (case_id, scenario, seed, overrides, tracker,
-metric, value), `definitions` (what each case is, in order), `moments` (where in a case to look), `facts` (about the run).
+metric, value), `definitions` (what each case is, in order), `recordings` (a digest of what each case was recorded as), `moments`
+(where in a case to look), `facts` (about the run).
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from twin.run.out_folder import locked_folder
 from twin.suites.cases import Case
 from twin.suites.stored import (
     CASES,
+    DIGESTS,
     DONE,
     EXPECTED,
     FACTS,
@@ -38,11 +40,12 @@ FILE = "results.sqlite"
 _SCHEMA = """
 CREATE TABLE facts (name TEXT PRIMARY KEY, value TEXT);
 CREATE TABLE definitions (case_id TEXT PRIMARY KEY, place INTEGER UNIQUE, scenario TEXT, variant TEXT, overrides TEXT,
-    seed INTEGER, tracker TEXT, image_based INTEGER, knowledge TEXT);
+    seed INTEGER, tracker TEXT, knowledge TEXT);
 CREATE TABLE cases (case_id TEXT PRIMARY KEY REFERENCES definitions, status TEXT, attempts INTEGER, seconds REAL,
     error TEXT);
 CREATE TABLE results (case_id TEXT REFERENCES definitions, scenario TEXT, seed INTEGER, overrides TEXT, tracker TEXT,
     metric TEXT, value REAL, PRIMARY KEY (case_id, metric));
+CREATE TABLE recordings (case_id TEXT PRIMARY KEY REFERENCES definitions, digest TEXT);
 CREATE TABLE moments (case_id TEXT REFERENCES definitions, t_s REAL, kind TEXT, what TEXT, severity REAL);
 CREATE INDEX moments_of_case ON moments (case_id);
 """
@@ -63,9 +66,15 @@ class ResultStore:
             )
 
     def finished(
-        self, case: Case, attempts: int, seconds: float, metrics: Mapping[str, float | None], moments: Sequence[Moment]
+        self,
+        case: Case,
+        attempts: int,
+        seconds: float,
+        metrics: Mapping[str, float | None],
+        moments: Sequence[Moment],
+        recording: str = "",
     ) -> None:
-        """Write a case's figures, all or none."""
+        """Write a case's figures and the digest of its recording, all or none."""
         overrides = json.dumps(case.overrides, ensure_ascii=False)
         with self._writing():
             self._connection.executemany(
@@ -79,6 +88,7 @@ class ResultStore:
                 "INSERT INTO moments VALUES (?, ?, ?, ?, ?)",
                 [(case.id, moment.t_s, moment.kind, moment.what, moment.severity) for moment in moments],
             )
+            self._connection.execute("INSERT OR REPLACE INTO recordings VALUES (?, ?)", (case.id, recording))
             self._connection.execute(
                 "UPDATE cases SET status = ?, attempts = ?, seconds = ?, error = NULL WHERE case_id = ?",
                 (DONE, attempts, seconds, case.id),
@@ -110,7 +120,7 @@ class ResultStore:
     def cases(self) -> list[StoredCase]:
         """Every case, in the suite's order."""
         rows = self._connection.execute(
-            "SELECT case_id, scenario, variant, overrides, seed, tracker, image_based, status, attempts, seconds, error "
+            "SELECT case_id, scenario, variant, overrides, seed, tracker, status, attempts, seconds, error "
             "FROM definitions JOIN cases USING (case_id) ORDER BY place"
         )
         names = [field.name for field in fields(StoredCase)]
@@ -122,6 +132,16 @@ class ResultStore:
         for case_id, metric, value in self._connection.execute("SELECT case_id, metric, value FROM results"):
             found.setdefault(case_id, {})[metric] = value
         return checked(METRICS, found, f"{self.path}: results")
+
+    def recordings(self) -> dict[str, str]:
+        """The digest of each finished case's recording, by the case's id; none in files of before they were kept."""
+        if not self._connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'recordings'").fetchone():
+            return {}
+        return checked(
+            DIGESTS,
+            dict(self._connection.execute("SELECT case_id, digest FROM recordings")),
+            f"{self.path}: recordings",
+        )
 
     def moments(self, case_id: str) -> list[Moment]:
         """The moments of a case, the worst second first, then in order of time."""
@@ -135,7 +155,7 @@ class ResultStore:
         self._connection.executescript(f"BEGIN IMMEDIATE;{_SCHEMA}COMMIT;")
         with self._writing():
             self._connection.executemany(
-                "INSERT INTO definitions VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                "INSERT INTO definitions VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
                 [
                     (
                         case.id,
@@ -145,7 +165,6 @@ class ResultStore:
                         json.dumps(case.overrides, ensure_ascii=False),
                         case.seed,
                         case.tracker,
-                        case.image_based,
                         case.knowledge_digest,
                     )
                     for place, case in enumerate(cases)

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, Json, TypeAdapter, ValidationError
 
 from trackers.errors import InputError
+from twin.suites.bounds import Bound
 from twin.suites.description import Tolerance
 from twin.suites.worker import Moment
 
@@ -36,11 +37,21 @@ class StoredCase:
     overrides: Annotated[str, AfterValidator(_list_of_texts)]  # JSON, a list of texts
     seed: int
     tracker: str
-    image_based: bool  # SQLite: 0 or 1
     status: Literal["waiting", "running", "done", "failed"]
     attempts: int
     seconds: FiniteFloat | None
     error: str | None
+
+
+@dataclass(frozen=True)
+class Promise:
+    """A bound of a figure that a tracker is to reach in a scenario, as a mean over its seeds."""
+
+    scenario: str
+    overrides: Annotated[str, AfterValidator(_list_of_texts)]  # JSON, a list of texts
+    tracker: str
+    metric: str
+    bound: Bound
 
 
 class Facts(BaseModel):
@@ -54,6 +65,7 @@ class Facts(BaseModel):
     versions: dict[str, str | None]
     changes: list[str]
     tolerances: dict[str, Tolerance]
+    promises: list[Promise] = Field(default_factory=list)
     seconds: FiniteFloat
     renderers: list[str]
     strips: dict[str, FiniteFloat] = Field(default_factory=dict)
@@ -63,6 +75,7 @@ class Facts(BaseModel):
 
 FACTS = TypeAdapter(Facts)
 CASES = TypeAdapter(list[StoredCase])
+DIGESTS = TypeAdapter(dict[str, str])
 METRICS = TypeAdapter(dict[str, dict[str, FiniteFloat | None]])
 MOMENTS = TypeAdapter(list[Moment])
 

@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from twin.recording.whole_file import whole_file
 from twin.suites.comparison import Change, Comparison
+from twin.suites.promises import Kept
 from twin.suites.results import Results, gated_values
 from twin.suites.store import ResultStore
 
 
-def write_summary(path: Path, store: ResultStore, results: Results, comparison: Comparison | None) -> None:
+def write_summary(
+    path: Path,
+    store: ResultStore,
+    results: Results,
+    comparison: Comparison | None,
+    promises: Sequence[Kept] = (),
+) -> None:
     """Write the means over seeds with their 95 % intervals, what failed, and what changed; raises InputError as a file does."""
     facts, cases = store.facts(), store.cases()
     document: dict[str, Any] = {
@@ -45,14 +53,31 @@ def write_summary(path: Path, store: ResultStore, results: Results, comparison: 
             "worse": [_row(change) for change in comparison.worse],
             "better": [_row(change) for change in comparison.better],
             "warnings": list(comparison.warnings),
+            "identical": comparison.identical,
+            "smallest_loss_noticed": {
+                each.metric: {"everywhere": each.everywhere, "in_scenario": each.in_scenario, "in_case": each.in_case}
+                for each in comparison.power
+            },
         }
+    if promises:
+        document["promises"] = [
+            {
+                "scenario": each.key.scenario,
+                "variant": each.variant,
+                "tracker": each.key.tracker,
+                "metric": each.metric,
+                "bound": each.bound,
+                "mean": each.mean,
+                "kept": not each.broken,
+            }
+            for each in promises
+        ]
     with whole_file(path) as stream:
         json.dump(document, stream, indent=2, ensure_ascii=False, allow_nan=False)
         stream.write("\n")
 
 
 def _row(change: Change) -> dict[str, Any]:
-    gone = change.now is None
     return {
         "scenario": change.key.scenario,
         "variant": change.variant,
@@ -60,7 +85,9 @@ def _row(change: Change) -> dict[str, Any]:
         "metric": change.metric,
         "before": change.before,
         "now": change.now,
-        "interval": None if gone else [change.low, change.high],
         "allowed": change.allowed,
+        "p": change.p,
+        "p_better": change.p_better,
+        "fallen_seed": change.fallen,
         "seeds": change.n_seed,
     }

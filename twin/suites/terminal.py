@@ -15,7 +15,9 @@ from rich.table import Table
 from twin.suites.beside import COMPARED, beside
 from twin.suites.comparison import Change, Comparison
 from twin.suites.figures import FIGURE, SHOWN, written
+from twin.suites.junit import evidence
 from twin.suites.moments import look_at
+from twin.suites.promises import Kept
 from twin.suites.results import MeanOverSeeds, Results, mean_over_seeds
 from twin.suites.run import Watcher
 from twin.suites.store import ResultStore
@@ -163,21 +165,55 @@ def print_comparison(
                 look.text() for change in changes[:_MOST_ROWS] if (look := look_at(change, results, store, folder))
             ):
                 console.print(f"look at {line}", markup=False, highlight=False, soft_wrap=True)
-    if not comparison.worse:
+    if comparison.identical:
+        console.print(
+            f"every recording and figure has the same bits: {len(comparison.changes)} compared", highlight=False
+        )
+    elif not comparison.worse:
         console.print(f"nothing got worse: {len(comparison.changes)} figures compared", highlight=False)
+    console.print("the smallest loss that would be noticed, wherever it happens", highlight=False)
+    console.print(_power_table(comparison))
+
+
+def _power_table(comparison: Comparison) -> Table:
+    """What the suite can notice, for the figures that a table has room for."""
+    table = Table()
+    table.add_column("noticed where it is lost")
+    shown = [each for each in comparison.power if each.metric in SHOWN]
+    for each in shown:
+        table.add_column(_heading(each.metric), justify="right")
+    for name, losses in (
+        ("in all scenarios of a tracker", [each.everywhere for each in shown]),
+        ("in all seeds of a scenario", [each.in_scenario for each in shown]),
+        ("in one case", [each.in_case for each in shown]),
+    ):
+        table.add_row(name, *(written(each.metric, loss).split()[0] for each, loss in zip(shown, losses, strict=True)))
+    return table
+
+
+def print_promises(promises: Sequence[Kept]) -> None:
+    """The promises that are broken, and how many are kept."""
+    if not promises:
+        return
+    console = _console()
+    broken = [each for each in promises if each.broken]
+    for each in broken[:_MOST_ROWS]:
+        name = f"{each.key.scenario} ({each.variant})" if each.variant else each.key.scenario
+        text = f"promise broken: {name}, {each.key.tracker}: {each.sentence()}"
+        console.print(text, markup=False, highlight=False, soft_wrap=True)
+    console.print(f"{len(promises) - len(broken)} of {len(promises)} promises kept", highlight=False)
 
 
 def _changes_table(changes: Sequence[Change]) -> Table:
     table = Table()
     for name in ("scenario", "tracker", "figure"):
         table.add_column(name)
-    for name in ("before", "now", "change", "interval", "allowed"):
+    for name in ("before", "now", "change", "allowed", "p", "seeds"):
         table.add_column(name, justify="right")
     for change in changes:
         metric = change.metric
         name = f"{change.key.scenario} ({change.variant})" if change.variant else change.key.scenario
         gone = change.now is None
-        interval = f"{written(metric, change.low, True)} to {written(metric, change.high, True)}"
         table.add_row(
             name,
             change.key.tracker,
@@ -185,8 +221,9 @@ def _changes_table(changes: Sequence[Change]) -> Table:
             written(metric, change.before),
             "gone" if gone else written(metric, change.now),
             "" if gone else written(metric, change.change, sign=True),
-            "" if gone else interval,
             "" if gone else written(metric, change.allowed),
+            evidence(change),
+            str(change.n_seed),
         )
     return table
 

@@ -23,7 +23,7 @@ from twin.run.replay import track_recording
 from twin.run.tracker_at_work import file_name
 from twin.scenario import Scenario
 from twin.sensors.render import OffscreenRenderer
-from twin.suites.cache import RecordingCache
+from twin.suites.cache import RecordingCache, digests_of
 from twin.suites.cases import NO_CAMERA, Case
 from twin.suites.fingerprint import recording_key, whole_code
 
@@ -38,6 +38,8 @@ _WINDOW_S = 1.0
 _START_S = 1.0
 """So long a tracker may take to confirm the people it finds; what is bad before says nothing."""
 _MOST_EVENTS = 20
+_DIGEST = 16
+"""So many characters of a recording's digest tell it from every other."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,10 @@ class Moment:
 
 @dataclass(frozen=True)
 class CaseResult:
-    """What a case gave: the tracker's entry of `metrics.json`, the moments, the files of its folder, how it was made."""
+    """What a case gave: the tracker's entry of `metrics.json`, the moments, the files of its folder, how it was made.
+
+    recording: a digest of what was recorded, bit by bit.
+    """
 
     metrics: dict[str, Any]
     moments: tuple[Moment, ...]
@@ -69,6 +74,7 @@ class CaseResult:
     renderer: str
     recorded: bool  # False: the recording was in the cache
     record_s: float
+    recording: str = ""
     warnings: tuple[str, ...] = ()
 
 
@@ -113,6 +119,7 @@ def run_case(work: CaseWork) -> CaseResult:
                 renderer=renderer,
                 recorded=not found,
                 record_s=record_s,
+                recording=digests_of(entry)[RECORDING][:_DIGEST],
                 warnings=tuple(warnings),
             )
 

@@ -78,4 +78,5 @@ def result_of(work: CaseWork) -> CaseResult:
         renderer="none",
         recorded=True,
         record_s=0.0,
+        recording=f"{case.scenario} {case.seed}",
     )

@@ -19,7 +19,7 @@ def results(**by_tracker: list[float | None]) -> Results:
             for seed, value in enumerate(values)
             if value is not None
         }
-        groups[GroupKey("lab", "[]", tracker)] = Group("", False, done)
+        groups[GroupKey("lab", "[]", tracker)] = Group("", done)
     return Results("ablation", {}, (), groups)
 
 

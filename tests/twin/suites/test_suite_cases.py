@@ -52,7 +52,6 @@ scenarios:
     assert cases[0].seed == 0 and "seed: 0" in cases[0].resolved and "duration_s: 5" in cases[0].resolved
     assert cases[0].variant == "people.white.shirt=red, background_frames=5"
     assert cases[0].overrides[0] == "duration_s=5"
-    assert [case.image_based for case in cases[:3]] == [False, True, False]
     assert cases[-1].limit_s == 30 and cases[-1].scenario == "other" and cases[0].limit_s == 600
     assert "trackers: {}" in cases[0].resolved and cases[0].resolved == cases[2].resolved
     assert any(change.startswith("trackers.mine={") for change in cases[0].tracker_changes)
@@ -135,8 +134,8 @@ def test_bad_suites_are_told_with_the_field(tmp_path: Path, text: str, said: str
         ("tolerances: {mota: 1}", "tolerances.mota: a mapping, as in {absolute: 0.01}, is expected (got 1)"),
         (
             "scenarios: [{scenario: lab-five-people, sceanrio: x}]",
-            "scenarios.0.sceanrio: unknown key; did you mean 'scenario'? valid here: grid, limit_s, name, scenario, seeds, "
-            "set, trackers, variants",
+            "scenarios.0.sceanrio: unknown key; did you mean 'scenario'? valid here: grid, limit_s, name, require, scenario, "
+            "seeds, set, trackers, variants",
         ),
         (
             "scenarios: [{scenario: lab-five-people, seeds: {a: 1}}]",

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 
-from twin.suites.comparison import compare, holm
-from twin.suites.figures import GATED, allowed_by_default
+from twin.suites.comparison import EVERY_SCENARIO, EVERY_TRACKER, Comparison, compare
+from twin.suites.evidence import family_wise_p, fewest_for_an_alarm
+from twin.suites.figures import GATED, allowed_by_default, worsening
 from twin.suites.results import Group, GroupKey, Results, mean_over_seeds
 
 TRACKERS = ("full", "lasers")
@@ -17,17 +20,22 @@ SPREAD = {"mota": 0.02, "motp_m": 0.005, "idf1": 0.03, "hota": 0.02, "misidentif
 """How much a figure differs between seeds."""
 NOISE = {"mota": 0.001, "motp_m": 0.0004, "idf1": 0.003, "hota": 0.003, "misidentifications": 0.2}
 """How much a harmless change moves it."""
+FULL_IN_ROOM_0 = GroupKey("room-0", "[]", "full")
+
+Shift = Callable[[str, str, int, str], float]
+"""What is added to a figure: by scenario, tracker, seed and figure."""
 
 
 def results(
     noise: int | None = None,
-    n_seed: int = 3,
-    shift: Mapping[str, float] | None = None,
+    n_seed: int = 6,
+    shift: Shift = lambda scenario, tracker, seed, metric: 0.0,
     renderer: str = "llvmpipe",
-    **more: object,
+    recording: str = "as it was",
+    draw: int = 1,
 ) -> Results:
-    """A suite's figures; `noise` draws a harmless change, `shift` is added to the tracker `full`'s in room-0."""
-    base, change = np.random.default_rng(1), np.random.default_rng(noise)
+    """A suite's figures; `noise` draws a harmless change, `draw` other figures altogether."""
+    base, change = np.random.default_rng(draw), np.random.default_rng(noise)
     groups = {}
     for scenario in SCENARIOS:
         for tracker in TRACKERS:
@@ -36,111 +44,203 @@ def results(
                 figures = {}
                 for metric, spread in SPREAD.items():
                     value = 0.9 + spread * base.standard_normal() if metric != "motp_m" else 0.07
+                    if metric == "motp_m":
+                        value += spread * base.standard_normal()
                     if metric == "misidentifications":
                         value = float(base.poisson(spread))
                     if noise is not None:
                         moved = NOISE[metric] * change.standard_normal()
                         value += round(moved) if metric == "misidentifications" else moved
-                    if scenario == "room-0" and tracker == "full":
-                        value += (shift or {}).get(metric, 0.0)
-                    figures[metric] = value
+                    figures[metric] = value + shift(scenario, tracker, seed, metric)
                 seeds[seed] = figures
-            groups[GroupKey(scenario, "[]", tracker)] = Group("", tracker == "full", seeds)
-    return Results("made-up", {"mujoco": "4.0.0", **more}, (renderer,), groups)
+            recordings = {seed: f"{scenario} {seed} {recording}" for seed in seeds}
+            groups[GroupKey(scenario, "[]", tracker)] = Group("", seeds, recordings=recordings)
+    return Results("made-up", {"mujoco": "4.0.0"}, (renderer,), groups)
+
+
+def in_room_0(metric: str, by: float, seeds: Mapping[int, float] | None = None) -> Shift:
+    """A change of the tracker `full` in room-0: of every seed, or of some by this much each."""
+
+    def shift(scenario: str, tracker: str, seed: int, which: str) -> float:
+        if (scenario, tracker, which) != ("room-0", "full", metric):
+            return 0.0
+        return by if seeds is None else seeds.get(seed, 0.0)
+
+    return shift
+
+
+def found(before: Results, now: Results) -> Comparison:
+    return compare(before, now, allowed_by_default)
 
 
 def judged(before: Results, now: Results) -> list[tuple[str, str, str]]:
-    found = compare(before, now, allowed_by_default)
-    return [(change.key.scenario, change.key.tracker, change.metric) for change in found.worse]
+    return [(change.key.scenario, change.key.tracker, change.metric) for change in found(before, now).worse]
 
 
-def test_nothing_changed_is_nothing_worse_and_nothing_better() -> None:
-    found = compare(results(), results(), allowed_by_default)
-    assert not found.worse and not found.better and not found.warnings
-    assert len(found.changes) == len(SCENARIOS) * len(TRACKERS) * len(SPREAD)
+def test_the_same_bits_are_said_to_be_the_same() -> None:
+    same = found(results(), results())
+    assert same.identical and not same.worse and not same.better and not same.warnings
+    pooled = len(TRACKERS) * len(SPREAD) + 1  # over scenarios; misidentifications over trackers too
+    assert len(same.changes) == len(SCENARIOS) * len(TRACKERS) * len(SPREAD) + pooled
+    assert not found(results(), results(recording="drawn anew")).identical
+    assert not found(results(), results(shift=in_room_0("mota", 1e-12))).identical
 
 
-@pytest.mark.parametrize("noise", range(20))
+@pytest.mark.parametrize("noise", range(40))
 def test_harmless_changes_raise_no_alarm(noise: int) -> None:
     assert judged(results(), results(noise)) == []
+
+
+@pytest.mark.parametrize("draw", range(2, 22))
+def test_other_recordings_of_the_same_people_raise_no_alarm_though_figures_spread(draw: int) -> None:
+    other = results(draw=draw, recording="drawn anew")
+    assert judged(results(), other) == []
+    (warning,) = found(results(), other).warnings
+    assert "the recordings of room-0 with full" in warning and "two populations" in warning
+
+
+def test_noise_doubled_is_noticed_though_every_recording_is_another() -> None:
+    def noisier(scenario: str, tracker: str, seed: int, metric: str) -> float:
+        return {"motp_m": 0.02, "mota": -0.01}.get(metric, 0.0)
+
+    assert ("every scenario", "full", "motp_m") in judged(
+        results(), results(draw=5, recording="drawn anew", shift=noisier)
+    )
 
 
 @pytest.mark.parametrize(
     ("metric", "by"), [("mota", -0.03), ("motp_m", 0.01), ("hota", -0.04), ("misidentifications", 2.0)]
 )
-def test_a_figure_that_gets_worse_in_every_seed_is_caught_and_no_other(metric: str, by: float) -> None:
-    now = results(noise=3, shift={metric: by})
-    assert judged(results(), now) == [("room-0", "full", metric)]
-    change = compare(results(), now, allowed_by_default).worse[0]
-    assert change.n_seed == 3 and change.worst_seed in range(3)
-    assert min(change.low, change.high) <= change.change <= max(change.low, change.high)
-    assert change.change == pytest.approx(by, abs=5 * NOISE[metric])
+def test_a_figure_that_gets_worse_in_every_seed_of_a_scenario_is_caught(metric: str, by: float) -> None:
+    now = results(noise=3, shift=in_room_0(metric, by))
+    assert ("room-0", "full", metric) in judged(results(), now)
+    change = next(each for each in found(results(), now).worse if each.key == FULL_IN_ROOM_0)
+    assert change.n_seed == 6 and change.worst_seed in range(6) and change.p <= 0.05
+    assert change.change == pytest.approx(by, abs=5 * NOISE[metric] + (0.5 if metric == "misidentifications" else 0))
+
+
+def test_a_loss_in_one_place_is_not_hidden_by_a_gain_in_another() -> None:
+    def shift(scenario: str, tracker: str, seed: int, metric: str) -> float:
+        return {("room-0", "mota"): -0.02, ("room-1", "mota"): 0.3}.get((scenario, metric), 0.0)
+
+    both = found(results(), results(shift=shift))
+    assert ("room-0", "full") in {(each.key.scenario, each.key.tracker) for each in both.worse}
+    assert ("room-1", "full") in {(each.key.scenario, each.key.tracker) for each in both.better}
+
+
+def test_a_minority_of_seeds_is_enough_where_they_fall_far() -> None:
+    # two of three seeds at MOTA 0 with 20 misidentifications, the third as it was
+    for metric, by in (("mota", -0.9), ("misidentifications", 20.0)):
+        now = results(n_seed=3, shift=in_room_0(metric, 0, {0: by, 2: by}))
+        caught = {(each.key, each.metric): each for each in found(results(n_seed=3), now).worse}
+        assert caught[FULL_IN_ROOM_0, metric].fallen in (0, 2)
+
+
+def test_one_case_that_falls_beyond_any_noise_is_an_alarm_by_itself_and_says_which() -> None:
+    now = results(noise=2, shift=in_room_0("hota", 0, {1: -0.5}))
+    (change,) = found(results(), now).worse
+    assert (change.key, change.metric, change.fallen) == (FULL_IN_ROOM_0, "hota", 1) and change.p > 0.05
+
+
+def test_a_small_loss_everywhere_is_caught_where_no_scenario_alone_shows_it() -> None:
+    def shift(scenario: str, tracker: str, seed: int, metric: str) -> float:
+        return -0.004 if (tracker, metric) == ("full", "hota") else 0.0  # half of what one scenario's may lose
+
+    assert judged(results(), results(shift=shift)) == [(EVERY_SCENARIO, "full", "hota")]
+
+
+def test_rare_events_are_counted_over_all_trackers_and_scenarios() -> None:
+    def shift(scenario: str, tracker: str, seed: int, metric: str) -> float:
+        return float(
+            metric == "misidentifications" and seed == 0
+        )  # one a scenario and tracker: too few for any of them
+
+    found_now = found(results(), results(shift=shift))
+    everybody = [each for each in found_now.worse if each.key.tracker == EVERY_TRACKER]
+    assert [each.metric for each in everybody] == ["misidentifications"]
+    assert all(each.key.scenario == EVERY_SCENARIO for each in found_now.worse)
 
 
 def test_what_gets_better_is_no_alarm() -> None:
-    found = compare(results(), results(shift={"hota": 0.05}), allowed_by_default)
-    assert not found.worse and [change.metric for change in found.better] == ["hota"]
+    better = found(results(), results(shift=in_room_0("hota", 0.05)))
+    assert not better.worse and (FULL_IN_ROOM_0, "hota") in [(each.key, each.metric) for each in better.better]
 
 
-def test_the_tolerance_holds_where_the_interval_alone_would_alarm() -> None:
-    now = results(shift={"motp_m": 0.0008})
-    change = next(each for each in compare(results(), now, allowed_by_default).changes if each.change > 0)
-    assert change.significant and not change.worse
-    assert compare(results(), now, lambda metric, before: 0.0005).worse == [
-        next(each for each in compare(results(), now, lambda metric, before: 0.0005).changes if each.change > 0)
-    ]
+def test_the_tolerance_holds_where_evidence_alone_would_alarm() -> None:
+    now = results(shift=in_room_0("motp_m", 0.0008))
+    change = next(each for each in found(results(), now).changes if each.change > 0 and each.key == FULL_IN_ROOM_0)
+    assert change.p <= 0.05 and not change.worse
+    strict = compare(results(), now, lambda metric, before: 0.0005).worse
+    assert (FULL_IN_ROOM_0, "motp_m") in [(each.key, each.metric) for each in strict]
 
 
-def test_one_seed_alone_that_gets_much_worse_is_no_evidence() -> None:
-    now = results()
-    seeds = {seed: dict(figures) for seed, figures in now.groups[GroupKey("room-0", "[]", "full")].seeds.items()}
-    seeds[1]["hota"] -= 0.5
-    groups = {**now.groups, GroupKey("room-0", "[]", "full"): Group("", True, seeds)}
-    assert judged(results(), Results("made-up", now.versions, now.renderers, groups)) == []
+def somewhere(
+    metric: str, by: float, scenario: str | None = None, tracker: str | None = None, seed: int | None = None
+) -> Shift:
+    """A figure's loss in one scenario, tracker and seed; None: in all of them."""
+
+    def shift(*at: object) -> float:
+        wanted = (scenario, tracker, seed, metric)
+        return (
+            worsening(metric, by) if all(each in (None, place) for each, place in zip(wanted, at, strict=True)) else 0.0
+        )
+
+    return shift
+
+
+@pytest.mark.parametrize("n_seed", [1, 3, 6, 10])
+def test_what_is_said_to_be_noticed_is_noticed_and_less_is_not(n_seed: int) -> None:
+    before = results(n_seed=n_seed)
+    for power in found(before, before).power:
+        metric = power.metric
+        for shift in (
+            somewhere(metric, 1.001 * power.in_case, "room-0", "full", 0),
+            somewhere(metric, 1.001 * power.in_scenario, "room-0", "full"),
+            somewhere(metric, 1.001 * power.everywhere, tracker="full"),
+        ):
+            assert any(each.metric == metric for each in found(before, results(n_seed=n_seed, shift=shift)).worse), (
+                power
+            )
+        small = somewhere(metric, 0.2 * min(power.everywhere, power.in_scenario))
+        assert not found(before, results(n_seed=n_seed, shift=small)).worse
 
 
 def test_a_figure_that_is_no_longer_there_is_worse() -> None:
     now = results()
-    seeds = {
-        seed: {**figures, "hota": None} for seed, figures in now.groups[GroupKey("room-0", "[]", "full")].seeds.items()
-    }
-    groups = {**now.groups, GroupKey("room-0", "[]", "full"): Group("", True, seeds)}
-    assert judged(results(), Results("made-up", now.versions, now.renderers, groups)) == [("room-0", "full", "hota")]
-
-
-def test_another_renderer_relaxes_the_figures_of_images_alone_and_is_told() -> None:
-    shift = {"motp_m": 0.003}
-    now = results(shift=shift, renderer="NVIDIA H200")
-    assert judged(results(), results(shift=shift)) == [("room-0", "full", "motp_m")]
-    assert judged(results(), now) == []  # `full` is image-based
-    (warning,) = compare(results(), now, allowed_by_default).warnings
-    assert "llvmpipe" in warning and "NVIDIA H200" in warning
-    lasers = {
-        key: Group(group.variant, False, group.seeds) if key.scenario == "room-0" else group
-        for key, group in now.groups.items()
-    }
-    now = Results(now.suite, now.versions, now.renderers, lasers)
-    assert judged(results(), now) == [("room-0", "full", "motp_m")]
+    group = now.groups[FULL_IN_ROOM_0]
+    without = replace(group, seeds={seed: {**figures, "hota": None} for seed, figures in group.seeds.items()})
+    now = replace(now, groups={**now.groups, FULL_IN_ROOM_0: without})
+    assert judged(results(), now) == [("room-0", "full", "hota")]
 
 
 def test_what_cannot_be_compared_is_told() -> None:
-    found = compare(results(n_seed=2), results(n_seed=2), allowed_by_default)
-    assert not found.changes and "fewer than 3 seeds" in found.warnings[0]
+    few = " | ".join(found(results(n_seed=2), results(n_seed=2)).warnings)
+    assert f"fewer than {fewest_for_an_alarm()} seeds in common" in few
     before = results()
-    less = Results("other", {"mujoco": "4.1.0"}, before.renderers, dict(list(before.groups.items())[2:]))
-    warnings = " | ".join(compare(before, less, allowed_by_default).warnings)
+    less = Results("other", {"mujoco": "4.1.0"}, ("NVIDIA H200",), dict(list(before.groups.items())[2:]))
+    warnings = " | ".join(found(before, less).warnings)
     assert "MuJoCo 4.0.0, here it is 4.1.0" in warnings and "has what this run has not: room-0 with full" in warnings
+    assert "drawn by llvmpipe, here it is NVIDIA H200" in warnings
     assert "is of the suite made-up, this one is other" in warnings
-    assert "not in the baseline: room-0 with full" in " | ".join(compare(less, before, allowed_by_default).warnings)
+    assert "not in the baseline: room-0 with full" in " | ".join(found(less, before).warnings)
 
 
-def test_holm_is_holms() -> None:
-    # The example of Wright, Adjusted p-values for simultaneous inference, Biometrics 48 (1992): levels 0.05 / (m - k).
-    levels, significant = holm(np.array([0.01, 0.04, 0.03, 0.005]))
-    np.testing.assert_allclose(levels, [0.05 / 3, 0.05, 0.05 / 2, 0.05 / 4])
-    assert significant.tolist() == [True, False, False, True]
-    assert holm(np.array([]))[1].size == 0
-    assert holm(np.full(5, 1e-4))[1].all()
+def test_p_is_that_of_all_signs_written_out() -> None:
+    shares = np.random.default_rng(4).normal(size=(5, 3))
+    largest = [max(np.array(signs) @ shares) for signs in product((1, -1), repeat=5)]
+    expected = [np.mean([each >= statistic - 1e-9 for each in largest]) for statistic in shares.sum(axis=0)]
+    np.testing.assert_allclose(family_wise_p(shares), expected)
+    assert family_wise_p(np.zeros((3, 2))).tolist() == [1, 1]
+    assert family_wise_p(np.ones((5, 1)))[0] == 1 / 32 and family_wise_p(-np.ones((5, 1)))[0] == 1
+
+
+def test_chance_alone_is_significant_in_five_of_a_hundred_suites_however_figures_depend() -> None:
+    rng, n_suite = np.random.default_rng(0), 400
+    alarms = 0
+    for _ in range(n_suite):
+        common = rng.standard_normal((9, 1))
+        alarms += (family_wise_p(common + 0.5 * rng.standard_normal((9, 30))) <= 0.05).any()
+    assert alarms / n_suite <= 0.05 + 2.5 * np.sqrt(0.05 * 0.95 / n_suite)
 
 
 def test_the_mean_over_seeds_has_an_interval_that_holds_it() -> None:

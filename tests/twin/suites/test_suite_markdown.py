@@ -7,7 +7,7 @@ from twin.suites.results import Group, GroupKey, Results
 
 
 def group(*seeds: dict[str, float | None], variant: str = "") -> Group:
-    return Group(variant, False, dict(enumerate(seeds)))
+    return Group(variant, dict(enumerate(seeds)))
 
 
 def test_a_row_a_tracker_with_means_over_seeds_and_the_best_of_each_scenario_in_bold() -> None:

@@ -205,10 +205,10 @@ def test_the_gate_passes_then_fails_and_says_where_to_look(
     content = json.loads(Path(baseline).read_text())
     assert content["versions"]["mujoco"] and content["renderers"] == []
     code, text, _ = command(monkeypatch, *common, "--out", str(tmp_path / "b"))
-    assert code == 0 and "nothing got worse: 18 figures compared" in text
+    assert code == 0 and "every recording and figure has the same bits: 25 compared" in text
     monkeypatch.setenv("SYNTHETIC_WORSE_M", "0.02")
     code, text, _ = command(monkeypatch, *common, "--out", str(tmp_path / "c"))
-    assert code == 1 and "6 figures got worse" in text and "+0.020 m" in text
+    assert code == 1 and "8 figures got worse" in text and "+0.020 m" in text
     look = re.search(r"look at (\S+report.html) at ([\d.]+) s \(blue → white\)", text)
     assert look is not None and Path(look[1]).is_file()
     summary = json.loads((tmp_path / "c" / "summary.json").read_text())
@@ -217,14 +217,14 @@ def test_the_gate_passes_then_fails_and_says_where_to_look(
     junit = ElementTree.parse(tmp_path / "c" / "junit.xml").getroot()
     assert [(each.get("tests"), each.get("failures"), each.get("errors")) for each in junit] == [
         (str(N_CASE), "0", "0"),
-        ("6", "6", "0"),
+        ("9", "8", "0"),  # six groups, two trackers over all scenarios, and rare events of all trackers
     ]
     assert junit.find(".//failure") is not None and "MOTP 0.0" in (junit.find(".//failure").text or "")
     page = (tmp_path / "c" / "report.html").read_text()
-    assert "6 of 18 figures got worse" in page and "<svg" in page and "nan" not in page
+    assert "8 of 25 figures got worse" in page and "<svg" in page and "nan" not in page
     assert "http://" not in page and "https://" not in page
     code, text, _ = command(monkeypatch, "show", str(tmp_path / "c"))
-    assert code == 0 and "6 figures got worse" in text
+    assert code == 0 and "8 figures got worse" in text
     code, text, _ = command(monkeypatch, "show", str(tmp_path / "c"), "--markdown")
     assert code == 0 and text.startswith("| scenario | tracker |") and text.count("\n") == 2 + 6
     page = tmp_path / "compare.html"
@@ -233,7 +233,49 @@ def test_the_gate_passes_then_fails_and_says_where_to_look(
     (link, *_) = re.findall(r'href="(c/cases/[^"]+/report.html)"', page.read_text())
     assert (tmp_path / link).is_file()
     code, text, _ = command(monkeypatch, "compare", str(tmp_path / "c"), str(tmp_path / "b"))
-    assert code == 0 and "6 figures got better" in text
+    assert code == 0 and "figures got better" in text
+
+
+def test_promises_hold_or_the_run_falls_short_whatever_the_baseline_says(
+    suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    promised = "require: {laser-imm: {mota: '>= 0.915', misidentifications: 0.5, hota: '> 0.5'}}\n"
+    suite.write_text(
+        promised + SUITE.replace("    name: plain\n", "    name: plain\n    require: {laser-imm: {hota: '> 0'}}\n")
+    )
+    code, text, _ = command(monkeypatch, "run", str(suite), "--jobs", "1", "--out", str(tmp_path / "a"))
+    # MOTA .915 and half a misidentification are the very means; HOTA is not among the made-up figures
+    assert code == 1 and "6 of 9 promises kept" in text
+    assert "promise broken: plain, laser-imm: HOTA is not measured, promised > 0\n" in text
+    assert "promise broken: shirts (people.white.shirt=red), laser-imm: HOTA is not measured, promised > 0.5" in text
+    page = (tmp_path / "a" / "report.html").read_text()
+    assert "6 of 9 promises kept" in page and "Promises broken" in page
+    junit = ElementTree.parse(tmp_path / "a" / "junit.xml").getroot()
+    assert [(each.get("tests"), each.get("failures")) for each in junit][1:] == [("3", "3")]
+    summary = json.loads((tmp_path / "a" / "summary.json").read_text())
+    assert [row["kept"] for row in summary["promises"]].count(False) == 3
+    code, text, _ = command(monkeypatch, "show", str(tmp_path / "a"))
+    assert "6 of 9 promises kept" in text
+    suite.write_text(SUITE + "\nrequire: {laser-imm: {mota: 0.915}, laser-kalman: {motp_m: '<= 0.07'}}\n")
+    code, text, _ = command(monkeypatch, "run", str(suite), "--jobs", "1", "--out", str(tmp_path / "b"))
+    assert code == 0 and "6 of 6 promises kept" in text and "promise broken" not in text
+
+
+@pytest.mark.parametrize(
+    ("require", "said"),
+    [
+        ("{laser-im: {mota: 1}}", "require: 'laser-im' is none of the trackers; valid are laser-imm, laser-kalman"),
+        ("{laser-imm: {moto: 1}}", "there is no figure 'moto'; valid are mota"),
+        ("{laser-imm: {mota: about 1}}", 'a number, or a bound as in ">= 0.97", is expected'),
+        ("{laser-imm: [mota]}", 'a mapping of figures, as in {mota: ">= 0.97"}, is expected'),
+        ("[laser-imm]", "a mapping of trackers, as in {sort:"),
+    ],
+)
+def test_a_promise_that_cannot_be_is_told(suite: Path, require: str, said: str) -> None:
+    suite.write_text(SUITE + f"\nrequire: {require}\n")
+    with pytest.raises(InputError) as told:
+        load_suite(suite)
+    assert said in str(told.value) and "require" in str(told.value)
 
 
 def test_without_reports_the_page_leads_to_the_folders_of_the_cases(suite: Path, tmp_path: Path) -> None:
@@ -250,15 +292,16 @@ def test_a_baseline_that_nothing_can_be_compared_with_does_not_pass(
     suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     baseline = tmp_path / "baseline.json"
-    suite.write_text(SUITE.replace("seeds: 4", "seeds: 2"))
+    suite.write_text(SUITE.replace("seeds: 4", "seeds: [0, 1]"))
     common = ["run", str(suite), "--jobs", "1", "--baseline", str(baseline)]
     assert command(monkeypatch, *common, "--out", str(tmp_path / "a"), "--update-baseline")[0] == 0
+    suite.write_text(SUITE.replace("seeds: 4", "seeds: [2, 3]"))
     code, _, error = command(monkeypatch, *common, "--out", str(tmp_path / "b"))
     assert code and isinstance(error, InputError) and "nothing could be compared; the same scenarios" in str(error)
     assert rows(tmp_path / "b", "SELECT status, COUNT(*) FROM cases GROUP BY status") == [("done", N_CASE // 2)]
-    for now in (baseline, tmp_path / "b"):
+    for was in (baseline, tmp_path / "a"):
         code, text, error = command(
-            monkeypatch, "compare", str(tmp_path / "a"), str(now), "--out", str(tmp_path / "no.html")
+            monkeypatch, "compare", str(was), str(tmp_path / "b"), "--out", str(tmp_path / "no.html")
         )
         assert code and isinstance(error, InputError) and "nothing could be compared" in str(error)
         assert "nothing got worse" not in text and not (tmp_path / "no.html").exists()
