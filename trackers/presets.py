@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any
 
+from trackers.camera_floor_particle import rules as floor_rules
 from trackers.errors import InputError
 from trackers.laser_fisheye_imm.rules import PAPER
 from trackers.merging import laid_over
@@ -39,6 +40,12 @@ class Preset:
 
 _BAI = "Bai, Takahashi: Identification and Tracking Using Laser and Vision of Maneuvering People"
 _SONG = "Song, Zhao, Cui, Shao, Shibasaki, Zha: Fusion of Laser and Vision for Multiple Targets Tracking via On-line Learning"
+_MORI = (
+    "Mori, Matsumoto, Shimosaka, Noguchi, Sato: Multiple Persons Tracking with Data Fusion of Multiple Cameras "
+    "and Floor Sensors Using Particle Filters"
+)
+_CAMERA_FLOOR = "trackers.camera_floor_particle.tracker:CameraFloorParticle"
+_CLUSTERS = "trackers.camera_floor_particle.baseline:ClusterKalman"
 _LASER_FISHEYE = "trackers.laser_fisheye_imm.tracker:LaserFisheyeImm"
 
 PRESETS: Mapping[str, Preset] = {
@@ -77,6 +84,40 @@ PRESETS: Mapping[str, Preset] = {
         "trackers.sort:Sort",
         "every scanner's clusters fused, a Kalman filter a person, optimal assignment: the plain baseline",
         "Bewley, Ge, Ott, Ramos, Upcroft: Simple Online and Realtime Tracking (2016), here on the ground plane",
+    ),
+    "camera-floor-particle": Preset(
+        _CAMERA_FLOOR,
+        "body and head of everybody in 3-D by cameras and a pressure floor, a pair of particle filters each",
+        _MORI,
+    ),
+    "camera-floor-particle-paper": Preset(
+        _CAMERA_FLOOR, "the same with every rule as the paper has it", _MORI, floor_rules.PAPER
+    ),
+    "camera-floor-particle-floor": Preset(
+        _CAMERA_FLOOR, "the same by the floor alone, without any picture", _MORI, floor_rules.FLOOR_ONLY
+    ),
+    "camera-floor-particle-colour": Preset(
+        _CAMERA_FLOOR, "the same by the cameras alone; the floor only detects", _MORI, floor_rules.COLOUR_ONLY
+    ),
+    "camera-floor-particle-no-exclusion": Preset(
+        _CAMERA_FLOOR,
+        "the same without the exclusion of particles of different persons",
+        _MORI,
+        floor_rules.NO_EXCLUSION,
+    ),
+    "camera-floor-particle-no-mixture": Preset(
+        _CAMERA_FLOOR, "the same without head particles drawn about the body", _MORI, floor_rules.NO_MIXTURE
+    ),
+    "floor-kalman": Preset(
+        _CLUSTERS,
+        "clusters of a pressure floor, a Kalman filter a person, nearest neighbours: the naive baseline",
+        "Kalman (1960); nearest neighbours by optimal assignment",
+    ),
+    "floor-colour-kalman": Preset(
+        _CLUSTERS,
+        "the same with the colours that cameras see over each cluster",
+        "Kalman (1960); nearest neighbours by optimal assignment",
+        {"colour": 1.0},
     ),
 }
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import synthetic_home
 from synthetic_room import empty_room, observe, rig, straight_walk
 
 from trackers import tracks as tracks_module
@@ -33,22 +34,34 @@ RIG = rig()
 BACKGROUND = empty_room(np.random.default_rng(99), 5)
 WALK = straight_walk([(-1.2, 1.2), (1.2, 2.2), (0.0, 2.5)], [(0.5, 0.0), (-0.5, 0.0), (0.0, -0.2)], 24)
 OBSERVATIONS = observe(WALK, 5)
+HOME = synthetic_home.rig()
+"""For the trackers that need a pressure floor and cameras."""
+
+
+def world_of(name):
+    """A rig that the tracker fits, the empty room, and a recording."""
+    if "floor" not in name:
+        return RIG, BACKGROUND, OBSERVATIONS
+    return HOME, synthetic_home.empty_room(HOME), synthetic_home.observe(HOME, synthetic_home.walks(2, 18))
 
 
 @pytest.mark.parametrize("name", PRESETS)
-@pytest.mark.parametrize("background", [BACKGROUND, []], ids=["empty room", "no background"])
-def test_every_preset_keeps_the_contract(name, background):
+@pytest.mark.parametrize("known", [True, False], ids=["empty room", "no background"])
+def test_every_preset_keeps_the_contract(name, known):
     def make(on, room, rng):
         return make_tracker(name, on, room, rng)
 
-    observations = OBSERVATIONS if background else observe(WALK, 5)[9:]  # learned: the walkers' start is the room
-    assert check_tracker(make, RIG, observations, background) == []
+    on, room, observations = world_of(name)
+    if on is RIG and not known:
+        observations = observe(WALK, 5)[9:]  # learned: the walkers' start is the room
+    assert check_tracker(make, on, observations, room if known else []) == []
 
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_every_preset_reports_a_frame_at_every_stamp_of_the_main_sensor(name):
-    frames = list(track_frames(make_tracker(name, RIG, BACKGROUND), RIG, OBSERVATIONS))
-    stamps = [item.stamp_ns for item in OBSERVATIONS if item.sensor == RIG.main_sensor]
+    on, room, observations = world_of(name)
+    frames = list(track_frames(make_tracker(name, on, room), on, observations))
+    stamps = [item.stamp_ns for item in observations if item.sensor == on.main_sensor]
     assert [frame.stamp_ns for frame in frames] == stamps
 
 

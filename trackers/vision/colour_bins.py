@@ -82,7 +82,8 @@ class BinnedPicture:
     def _within(self, coordinates: Array, axis: int) -> NDArray[np.intp]:
         """The index in the bordered picture of the pixels that coordinates fall in; the border's beyond the edges."""
         place = np.floor(coordinates + 1.5)  # pixel i covers [i − ½, i + ½), and the border comes first
-        return np.clip(np.nan_to_num(place, copy=False, nan=0.0), 0, self.number.shape[1 + axis] + 1).astype(np.intp)
+        within = np.fmin(np.fmax(place, 0.0), self.number.shape[1 + axis] + 1)  # the border for NaN
+        return within.astype(np.intp)
 
     def _gathered(self, index: NDArray[np.intp]) -> BinnedSamples:
         number, weight = self._bordered

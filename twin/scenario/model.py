@@ -17,6 +17,7 @@ from twin.scenario.lights import LightChange
 from twin.scenario.people import Person
 from twin.scenario.rendering import PLAIN, Rendering
 from twin.scenario.sensors import SensorDescription
+from twin.scenario.vary import STEADY, Vary
 from twin.sensors.fault_kinds import FaultDescription, check_fault
 
 Name = PersonName
@@ -84,6 +85,11 @@ class Scenario(Strict):
         exclude_if=lambda rendering: rendering == PLAIN,
     )
     people: dict[Name, Person] = Field(description="who is in the room, by name")
+    vary: Vary = Field(
+        default=STEADY,
+        description="how far starts, times and speeds of people differ from seed to seed; none: not at all",
+        exclude_if=lambda vary: vary == STEADY,
+    )
     sensors: dict[Name, SensorDescription] = Field(description="what watches the room, by name")
     main_sensor: Name | None = Field(
         default=None,

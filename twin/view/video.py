@@ -24,6 +24,7 @@ from twin.report.video import TIME_BASE, VideoFile
 from twin.room.outline import room_outline
 from twin.run.preview import true_poses
 from twin.scenario import Scenario
+from twin.scenario.vary import varied
 from twin.sensors.render import Mark, RendererOnDemand
 from twin.view.camera_man import CameraMan
 from twin.view.occasions import verb
@@ -104,7 +105,7 @@ def _check(scenario: Scenario, path: Path, start_s: float, end_s: float, follow:
 
 def _whereabouts(scenario: Scenario, scene: Scene, start_s: float, end_s: float) -> NDArray[np.float64]:
     """Feet, hips and heads of everybody from one time to another, (k, 3) [m]; the area's corners without anybody."""
-    population = populate(scenario, scene)
+    population = populate(varied(scenario), scene)
     places = []
     for t in np.arange(start_s, end_s, _SAMPLE_S).tolist():
         population.advance(t)

@@ -24,6 +24,7 @@ from twin.scenario.conditions import never_begins
 from twin.scenario.floor import FloorDescription, check_floor
 from twin.scenario.housings import believed_sensor, in_the_room
 from twin.scenario.sensors import CAMERA_KINDS, build_sensor
+from twin.scenario.vary import varied
 from twin.sensors.faults import with_faults
 from twin.sensors.floor import Floor
 from twin.sensors.message_faults import MessageFaultsOf
@@ -78,7 +79,7 @@ class Simulation:
         on_truth: Callable[[TruthFrame], object] | None = None,
         on_detail: Callable[[TruthDetail], object] | None = None,
     ) -> None:
-        self.scenario = scenario
+        self.scenario = scenario = varied(scenario)
         self.world = World(scenario)
         self._renderer = RendererOnDemand(
             lambda: self.world.scene.model, shadows=scenario.rendering.shadows, samples=scenario.rendering.samples

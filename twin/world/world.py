@@ -15,6 +15,7 @@ from twin.instant.snapshot import Snapshot
 from twin.people.casts import casts_of
 from twin.room.lighting import Lighting
 from twin.scenario import Scenario
+from twin.scenario.vary import varied
 from twin.truth.frames import FootTruth, PersonTruth, TruthFrame
 from twin.truth.visibility import SensorView, visible_share
 from twin.world.scene import build_scene, populate
@@ -30,7 +31,7 @@ class World:
     """A scene stepped on a clock: snapshots go forward in time and back by at most the people's short history."""
 
     def __init__(self, scenario: Scenario) -> None:
-        self._scenario = scenario
+        self._scenario = scenario = varied(scenario)
         self.scene = build_scene(scenario)
         """The scene with the bodies of those who are there or were just now; another one once others come."""
         self._casts = casts_of(scenario.people)

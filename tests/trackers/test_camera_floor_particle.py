@@ -1,0 +1,207 @@
+"""The tracker by cameras and a pressure floor: who is followed, and what it lives through."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+from synthetic_home import LOAD, PERIOD_S, empty_room, observe, rig, walks
+
+from trackers.camera_floor_particle.exclusion import excluded
+from trackers.camera_floor_particle.loads import FloorWatch
+from trackers.camera_floor_particle.options import CameraFloorParticleOptions, ExclusionOptions
+from trackers.camera_floor_particle.people import PAN_BINS, pan_bin
+from trackers.errors import InputError
+from trackers.observations import NS_PER_S, FloorFrame, Image
+from trackers.presets import make_tracker
+from trackers.tracks import TrackFrame, track_frames
+
+RIG, ROOM = rig(), empty_room(rig())
+WALK = walks(3, 40)
+SEEN = observe(RIG, WALK)
+
+
+def follow(observations=SEEN, on=RIG, room=ROOM, name="camera-floor-particle", **options) -> list[TrackFrame]:
+    return list(track_frames(make_tracker(name, on, room, np.random.default_rng(0), options), on, observations))
+
+
+def end_errors(frames, walk=WALK):
+    """Distance of each person to the nearest track at the end, and the tracks' numbers [m]."""
+    last = np.array([[track.x, track.y] for track in frames[-1].tracks]).reshape(-1, 2)
+    away = np.linalg.norm(walk[len(frames) - 1][:, None] - last, axis=-1)
+    return away.min(axis=1, initial=9.0), [frames[-1].tracks[k].id for k in away.argmin(axis=1)] if len(last) else []
+
+
+def changed(kind, change, from_s=0.0, sensors=None):
+    """The recording with observations of a kind changed from a time on; None takes one away."""
+    found = []
+    for each in SEEN:
+        due = isinstance(each, kind) and each.t >= from_s and (sensors is None or each.sensor in sensors)
+        each = change(each) if due else each
+        found += [] if each is None else [each]
+    return found
+
+
+def black(image):
+    return replace(image, rgb=np.zeros_like(image.rgb))
+
+
+def floor_of(values):
+    return lambda frame: replace(frame, values=np.full_like(frame.values, values))
+
+
+def test_three_people_keep_their_numbers_and_heads_are_on_top():
+    frames = follow()
+    errors, ids = end_errors(frames)
+    assert (errors < 0.15).all() and sorted(ids) == [1, 2, 3]
+    began = {track.id: (track.x, track.y) for frame in frames for track in reversed(frame.tracks)}
+    assert len(began) == 3
+    for track in frames[-1].tracks:
+        assert 1.4 < track.head_z < 1.8 and 0.6 < track.z < 1.3
+        assert np.hypot(track.head_x - track.x, track.head_y - track.y) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("what", "spoiled"),
+    [
+        ("a black camera", changed(Image, black, 1.0, ["camera_1"])),
+        ("three black cameras", changed(Image, black, 2.0, ["camera_1", "camera_2", "camera_3"])),
+        ("a silent camera", changed(Image, lambda _: None, 1.0, ["camera_2"])),
+        (
+            "a late camera",
+            changed(Image, lambda each: replace(each, stamp_ns=each.stamp_ns + NS_PER_S // 50), 1.0, ["camera_2"]),
+        ),
+        ("less light", changed(Image, lambda each: replace(each, rgb=(each.rgb * 0.5).astype(np.uint8)), 1.0)),
+        ("a floor of zeros", changed(FloorFrame, floor_of(0), 1.5)),
+        ("a saturated floor", changed(FloorFrame, floor_of(255), 1.5)),
+        ("a silent floor", changed(FloorFrame, lambda _: None, 1.5)),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_people_are_followed_through(what, spoiled):
+    frames = follow(spoiled)
+    errors, ids = end_errors(frames)
+    assert (errors < 0.4).all(), what
+    assert sorted(ids) == [1, 2, 3], what
+
+
+def test_a_frozen_camera_says_nothing():
+    first = {}
+    frozen = changed(
+        Image, lambda each: replace(first.setdefault(each.sensor, each), stamp_ns=each.stamp_ns), 1.0, ["camera_1"]
+    )
+    errors, _ = end_errors(follow(frozen))
+    assert (errors < 0.3).all()
+
+
+@pytest.mark.parametrize("n_camera", [1, 2, 3])
+def test_fewer_cameras_do(n_camera):
+    on = rig(n_camera)
+    errors, ids = end_errors(follow(observe(on, WALK), on, empty_room(on)))
+    assert (errors < 0.45).all() and len(set(ids)) == 3
+
+
+def test_without_cameras_the_floor_alone_is_followed():
+    on = rig(0)
+    frames = follow(observe(on, WALK), on, empty_room(on))
+    assert (end_errors(frames)[0] < 0.4).all()
+    assert all(np.isnan([track.z, track.head_x, track.head_yaw]).all() for track in frames[-1].tracks)
+
+
+def test_without_a_floor_it_says_what_is_missing():
+    with pytest.raises(InputError, match="camera-floor-particle: none of the rig's sensors.*kind floor"):
+        follow(on=rig(floor=False))
+
+
+def test_without_an_empty_room_it_is_learned_and_said():
+    tracker = make_tracker("camera-floor-particle", RIG, [], np.random.default_rng(0))
+    assert getattr(tracker, "background_learned_causally", False)
+    seen = [*observe(RIG, np.empty((10, 0, 2)), 2), *observe(RIG, WALK, start_s=1.0)]
+    assert len(follow(seen, room=[])[-1].tracks) >= 3
+
+
+def test_pictures_of_another_size_are_refused():
+    with pytest.raises(InputError, match="rig's intrinsics say"):
+        follow(changed(Image, lambda each: replace(each, rgb=each.rgb[::2]), 1.0))
+
+
+@pytest.mark.parametrize("n_person", [0, 5])
+def test_nobody_and_many(n_person):
+    walk = walks(n_person, 12)
+    frames = follow(observe(RIG, walk))
+    assert len(frames[-1].tracks) == n_person
+
+
+def test_a_stuck_element_is_nobody_and_hides_nobody():
+    def stuck(frame):
+        values = frame.values.copy()
+        values[1, 16] = LOAD
+        return replace(frame, values=values)
+
+    frames = follow(changed(FloorFrame, stuck))
+    assert {len(frame.tracks) for frame in frames[4:]} == {3}
+
+
+def test_who_comes_back_in_the_same_clothes_has_the_old_number():
+    walk = WALK[:, :2]
+    alone, both = walk[:, :1], walk
+    seen = [*observe(RIG, both[:10]), *observe(RIG, alone[10:25], start_s=1.0), *observe(RIG, both[25:35], start_s=2.5)]
+    frames = follow(seen, detection={"gone_s": 0.5})
+    assert len(frames[22].tracks) == 1
+    errors, ids = end_errors(frames, walk)
+    assert (errors < 0.3).all() and sorted(ids) == [1, 2]
+
+
+def test_the_same_recording_gives_the_same_bits():
+    assert repr(follow()[-1]) == repr(follow()[-1])
+
+
+def test_everybody_dropped_coasts_and_says_so():
+    frames = follow(changed(FloorFrame, floor_of(0), 2.0), body={"no_load": "drop", "floor_smoothing_m": 0.0})
+    assert {track.status for track in frames[25].tracks} == {"coasting"}
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(2, 4), st.integers(1, 30), st.integers(0, 2**32 - 1))
+def test_exclusion_by_the_grid_is_that_of_all_pairs(n_person, n_particle, seed):
+    rng = np.random.default_rng(seed)
+    places = rng.integers(0, 60, (2, n_person, n_particle)) * 0.02 + 0.01
+    options = ExclusionOptions(likelier_stays=False)
+    off = np.abs(places[:, :, :, None, None] - places[:, None, None]).max(axis=0)  # (n, p, n, p)
+    others = ~np.eye(n_person, dtype=bool)[:, None, :, None]
+    expected = ((off < options.side_m + 0.011) & others).any(axis=(2, 3))
+    np.testing.assert_array_equal(excluded(places, np.arange(float(n_person)), options), expected)
+    ours = excluded(places, np.arange(float(n_person)), ExclusionOptions())
+    assert not ours[-1].any() and not (ours & ~expected).any(), "the likeliest keeps all particles"
+
+
+def test_the_load_over_a_cluster_is_its_share_by_element_or_smoothed():
+    floor = RIG.floors()["floor"]
+    values = np.zeros((14, 18), np.uint8)
+    values[3, 4], values[3, 5] = 100, 50
+    centres = floor.centres[3, [4, 5, 9]].T
+    paper = CameraFloorParticleOptions.model_validate({"body": {"floor_smoothing_m": 0.0, "no_load": "drop"}})
+    loads = FloorWatch(floor, [], paper).loads(FloorFrame("floor", 0, values), 0)
+    assert loads is not None
+    load_n = floor.load_n(values)
+    share = np.exp(loads.log_likelihood(centres, paper.body))
+    np.testing.assert_allclose(share, [load_n[3, 4] / load_n.sum(), load_n[3, 5] / load_n.sum(), 0.0])
+    ours = CameraFloorParticleOptions()
+    smoothed = FloorWatch(floor, [], ours).loads(FloorFrame("floor", 0, values), 0)
+    assert smoothed is not None
+    between = smoothed.log_likelihood(centres, ours.body)
+    assert between[0] > between[2] > -np.inf
+
+
+def test_old_and_broken_frames_say_nothing():
+    watch = FloorWatch(RIG.floors()["floor"], [], CameraFloorParticleOptions())
+    frame = FloorFrame("floor", 0, np.full((14, 18), 90, np.uint8))
+    assert watch.loads(frame, 0) is None and watch.loads(None, 0) is None
+    assert watch.loads(replace(frame, values=np.zeros((14, 18), np.uint8)), round(PERIOD_S * 20 * NS_PER_S)) is None
+
+
+def test_pans_come_round():
+    turn = 2 * np.pi / PAN_BINS
+    np.testing.assert_array_equal(pan_bin(np.array([0, turn, -turn, 2 * np.pi])), [0, 1, PAN_BINS - 1, 0])

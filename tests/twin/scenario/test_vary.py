@@ -1,0 +1,58 @@
+"""Scenarios whose people start elsewhere, later and faster by the seed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from trackers.errors import InputError
+from twin.scenario import load_scenario
+from twin.scenario.behaviour import Path, Walk
+from twin.scenario.load import dump_scenario
+from twin.scenario.vary import varied
+from twin.world.world import World
+
+MOVEMENTS = ("movements-crossing", "movements-turning", "movements-going-around", "movements-going-back")
+
+
+def test_a_scenario_without_it_is_itself():
+    scenario = load_scenario("home-cameras")
+    assert varied(scenario) is scenario
+    assert "vary" not in dump_scenario(scenario)
+
+
+def test_seeds_differ_within_bounds_and_the_same_seed_does_not():
+    scenario = load_scenario("movements-crossing")
+    runs = [varied(scenario.model_copy(update={"seed": seed})) for seed in range(40)]
+    for name, person in scenario.people.items():
+        starts = np.array([run.people[name].start for run in runs]) - np.array(person.start)
+        assert (np.abs(starts) <= 0.15).all() and (np.ptp(starts, axis=0) > 0.2).all()
+        for number, action in enumerate(person.script):
+            assert isinstance(action, Walk) and action.at_s is not None
+            drawn = [run.people[name].script[number] for run in runs]
+            later = np.array([each.at_s for each in drawn]) - action.at_s
+            faster = np.array([each.speed_m_s for each in drawn]) / action.speed_m_s
+            assert 0.2 < np.abs(later).max() <= 0.3 and 0.06 < np.abs(faster - 1).max() <= 0.1 + 1e-9
+    assert varied(runs[3]) is runs[3]
+    assert varied(scenario.model_copy(update={"seed": 3})) == runs[3]
+
+
+def test_a_path_is_moved_as_a_whole_and_walked_at_another_pace():
+    scenario = load_scenario("straight-course", ["seed=1000"])
+    (before,), (after,) = (each.people["anna"].script for each in (scenario, varied(scenario)))
+    assert isinstance(before, Path) and isinstance(after, Path)
+    moved = np.array(after.points)[:, 1:] - np.array(before.points)[:, 1:]
+    np.testing.assert_allclose(moved, np.broadcast_to(moved[0], moved.shape), atol=1e-12)
+    pace = np.diff([t for t, _, _ in after.points][1:]) / np.diff([t for t, _, _ in before.points][1:])
+    assert np.ptp(pace) < 1e-9 and 0.9 <= 1 / pace[0] <= 1.1
+
+
+@pytest.mark.parametrize("name", [*MOVEMENTS, "pair", "straight-course"])
+def test_the_shipped_movements_can_be_walked_with_any_seed(name):
+    for seed in (2100, 2101, 2102):
+        World(load_scenario(name, [f"seed={seed}"]))
+
+
+def test_bounds_are_checked():
+    with pytest.raises(InputError, match="vary.speed"):
+        load_scenario("pair", ["vary.speed=0.9"])

@@ -1,0 +1,101 @@
+"""The body's filter (section 4): particles x, y, z that move as the person did, and the paper's order of weighting."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from trackers.area import Area
+from trackers.arrays import Array, Index, Mask
+from trackers.camera_floor_particle.exclusion import excluded
+from trackers.camera_floor_particle.loads import Loads
+from trackers.camera_floor_particle.options import CameraFloorParticleOptions, MotionOptions, Ruling
+from trackers.camera_floor_particle.people import People
+from trackers.camera_floor_particle.views import View, similarity
+from trackers.filters.particle import Cloud, ParticleFilter
+from trackers.filters.staged import LikelihoodStage, staged
+
+FILTER = ParticleFilter(threshold=1.0)
+_COURSE_S = 0.4
+"""Time over which the velocity is averaged that tells where somebody walks."""
+
+
+def spread(velocity: Float[Array, "n 3"], motion: MotionOptions) -> Float[Array, "3 n"]:
+    """Standard deviations of ω in x, y, z, which grow with the person's speed [m]."""
+    aside = motion.still_m + motion.per_speed_s * np.hypot(velocity[:, 0], velocity[:, 1])
+    return np.stack([aside, aside, np.full(len(velocity), motion.up_m)])
+
+
+def ruled(kept: Mask, ruling: Ruling) -> Array:
+    """Log-likelihoods: 0 where a check (bool) is passed, what the ruling says where it is not."""
+    return np.where(kept, 0.0, -np.inf if ruling == "drop" else ruling)
+
+
+def in_room(area: Area | None) -> LikelihoodStage:
+    """The first check: a particle out of the room is dropped."""
+    return lambda state, of: np.zeros(of.size) if area is None else np.where(area.contains(state[:2].T), 0.0, -np.inf)
+
+
+class BodyFilter:
+    """Moves and weights the body particles of everybody at once."""
+
+    def __init__(self, options: CameraFloorParticleOptions, area: Area | None) -> None:
+        self._options = options
+        self._area = area
+
+    def step(
+        self, people: People, dt: float, loads: Loads | None, views: Sequence[View], rng: np.random.Generator
+    ) -> People:
+        """Everybody `dt` seconds later, by the floor and the cameras that say something."""
+        options = self._options.body
+        sigma = spread(people.velocity, options.motion)[..., None]
+        shift = (people.velocity * dt).T[..., None]
+
+        on_floor = loads if self._options.use_floor else None
+
+        def move(state: Array, rng: np.random.Generator) -> Array:
+            return state + shift + sigma * rng.standard_normal(state.shape)
+
+        def log_likelihood(state: Array) -> Array:
+            out = excluded(state[:2], people.body.weights.log_mean, self._options.exclusion).ravel()
+            stages: list[LikelihoodStage] = [
+                lambda _, __: np.where(out, -np.inf, 0.0),
+                in_room(self._area),
+            ]
+            if on_floor is not None:
+                stages.append(lambda particles, _: on_floor.log_likelihood(particles[:2], options))
+            stages += [self._seen_by(view, people) for view in views]
+            return staged(stages)(state)
+
+        cloud = FILTER.step(people.body, move, log_likelihood, rng)
+        place = cloud.expectation(cloud.state).T
+        memory = options.motion.memory
+        velocity = memory * people.velocity + (1 - memory) * (place - people.place) / dt
+        kept = np.exp(-dt / _COURSE_S)
+        course = kept * people.course + (1 - kept) * (place - people.place)[:, :2] / dt
+        return people.changed(body=cloud, place=place, velocity=velocity, course=course, lost=cloud.weights.lost)
+
+    def _seen_by(self, view: View, people: People) -> LikelihoodStage:
+        """A camera's part: in its view, on foreground, in the person's colours."""
+        options = self._options.body
+        clothes = people.clothes[:, view.number]
+
+        def log_likelihood(state: Array, of: Index) -> Array:
+            pixels, seen, on_foreground = view.look(state)
+            total = ruled(seen, options.unseen)
+            total = np.where(seen & ~on_foreground, ruled(on_foreground, options.no_foreground), total)
+            looked = np.flatnonzero(seen & ~np.isneginf(total))
+            if looked.size:
+                histograms = view.histograms(state[:, looked], pixels[looked], options.window)
+                total[looked] += options.colour * (similarity(histograms, clothes, of[looked]) - 1)
+            return total
+
+        return log_likelihood
+
+
+def started(place: Float[Array, "n 3"], n_particle: int, rng: np.random.Generator) -> Cloud:
+    """Body particles about places where people were detected [m]: 8 cm about in x and y, 5 cm in z."""
+    covariance = np.broadcast_to(np.diag([0.08, 0.08, 0.05]) ** 2, (len(place), 3, 3))
+    return Cloud.normal(place, covariance, n_particle, rng)

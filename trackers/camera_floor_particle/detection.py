@@ -1,0 +1,162 @@
+"""Who is new (section 3.1): clusters that no known person explains, and over which the cameras see somebody.
+
+Where the head is at first, and which pan is forward, the paper does not say. Here (ours) the silhouettes of all cameras
+carve a small hull over the cluster: its top is the head's. The pan is at first the direction in which the head shows the most
+skin, and is corrected by the first steps (`trackers.camera_floor_particle.head`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float
+
+from trackers.arrays import Array, Mask
+from trackers.camera_floor_particle import body, head
+from trackers.camera_floor_particle.loads import Loads
+from trackers.camera_floor_particle.options import CameraFloorParticleOptions
+from trackers.camera_floor_particle.people import PAN_BINS, People
+from trackers.camera_floor_particle.views import View
+from trackers.filters.particle import Cloud
+from trackers.observations import NS_PER_S
+
+_ASIDE_M = np.arange(-0.28, 0.29, 0.07)
+_LAYER_M = 0.04
+_UP_M = np.arange(0.3, 2.2, _LAYER_M)
+_HULL = np.stack(np.meshgrid(_ASIDE_M, _ASIDE_M, _UP_M, indexing="ij"), axis=-1).reshape(-1, 3)
+_LEAST_HULL = 120
+"""Points of the hull from which on there is somebody."""
+_LEAST_AT_TOP = 3
+"""Points of a layer of the hull that is still a head."""
+_HEAD_M = 0.25
+"""Height of a head with its neck: what of a hull is above belongs to it."""
+_PELVIS = 0.54
+"""Height of the pelvis as a share of the stature."""
+_UNSEEN_HEIGHT_M = 1.7
+"""Of somebody whom no camera sees."""
+_DARKEST, _LIGHTEST = (0, 48, 50), (25, 180, 255)
+"""Skin in OpenCV's HSV: red to orange, neither grey nor garish."""
+
+
+class Newcomers:
+    """Clusters that may be somebody, since when."""
+
+    def __init__(self, options: CameraFloorParticleOptions, n_camera: int) -> None:
+        self._options = options
+        self._n_camera = n_camera
+        self._waiting: list[tuple[Array, int]] = []  # places (2,) [m], since when [ns]
+
+    def unexplained(self, people: People | None, loads: Loads) -> Bool[Mask, "k"]:
+        """Clusters that no known person explains: far from all, and more than all of them weigh."""
+        options, load_n = self._options.detection, loads.clusters.load_n
+        new = load_n >= options.least_load_n
+        if people is not None and len(people):
+            near = loads.cluster_near(people.place[:, :2], options.apart_m)
+            known_n = people.weight_n[near.any(axis=1)].sum()
+            new &= ~near.any(axis=0) & (load_n.sum() - known_n >= options.unexplained * load_n)
+        return new
+
+    def confirmed(self, places: Float[Array, "k 2"], ns: int) -> Bool[Mask, "k"]:
+        """Which of these places have been waiting for long enough; the others are remembered."""
+        waiting, due = [], np.zeros(len(places), np.bool_)
+        for number, place in enumerate(places):
+            near = [
+                since
+                for other, since in self._waiting
+                if np.linalg.norm(other - place) < self._options.detection.apart_m
+            ]
+            since = min(near, default=ns)
+            due[number] = ns - since >= self._options.detection.confirm_s * NS_PER_S
+            if not due[number]:
+                waiting.append((place, since))
+        self._waiting = waiting
+        return due
+
+    def person(
+        self,
+        place: Float[Array, "2"],
+        load_n: float,
+        hull: Float[Array, "k 3"],
+        views: Sequence[View],
+        ns: int,
+        rng: np.random.Generator,
+    ) -> People:
+        """Somebody new over a cluster, as floor and hull show them."""
+        options = self._options
+        if len(hull):
+            heights, n_point = np.unique(hull[:, 2], return_counts=True)
+            top_m = float(heights[n_point >= _LEAST_AT_TOP].max(initial=heights[0])) + 0.5 * _LAYER_M
+            crown = hull[hull[:, 2] > top_m - _HEAD_M]
+            skull = np.append(crown[:, :2].mean(axis=0), top_m - 0.12)
+            middle = np.append((place + skull[:2]) / 2, _PELVIS * top_m)
+        else:
+            top_m = _UNSEEN_HEIGHT_M
+            middle, skull = np.append(place, _PELVIS * top_m), np.append(place, top_m - 0.12)
+        clothes = np.zeros((self._n_camera, options.histogram.size))
+        faces, skin, from_east = [], [], []
+        for view in views:
+            for where, window in ((middle, options.body.window), (skull, options.head.window)):
+                pixels, seen, _ = view.look(where[:, None])
+                if not seen[0]:
+                    continue
+                only = window.model_copy(update={"pixels": "foreground"})
+                root = head.unit(np.sqrt(view.histograms(where[:, None], pixels, only)))[0]
+                if where is middle:
+                    clothes[view.number] = root
+                elif root.any():
+                    faces.append(root)
+                    skin.append(_skin_share(view, pixels[0]))
+                    from_east.append(np.arctan2(*(view.camera.eye_m - where)[[1, 0]]))
+        seen_by = clothes.any(axis=1)
+        if seen_by.any():
+            clothes[~seen_by] = head.unit(clothes[seen_by].mean(axis=0))
+        pan = float(np.angle(np.sum(np.array(skin) * np.exp(1j * np.array(from_east))))) if faces else 0.0
+        hair = np.zeros((PAN_BINS, options.histogram.size))
+        if faces:
+            hair = head.around(np.array(faces), np.array(from_east) - pan)
+        return People(
+            body=body.started(middle[None], options.body.particles, rng),
+            head=Cloud.normal(
+                np.append(skull, pan)[None],
+                np.diag([0.04, 0.04, 0.04, 0.5])[None] ** 2,
+                options.head.particles,
+                rng,
+            ),
+            place=middle[None],
+            velocity=np.zeros((1, 3)),
+            head_place=skull[None],
+            head_velocity=np.zeros((1, 3)),
+            pan=np.array([pan]),
+            clothes=clothes[None],
+            hair=hair[None],
+            course=np.zeros((1, 2)),
+            pan_known=np.zeros(1, np.bool_),
+            weight_n=np.array([load_n]),
+            height_m=np.array([top_m]),
+            shown_ns=np.array([ns]),
+            lost=np.zeros(1, np.bool_),
+        )
+
+
+def hull_over(place: Float[Array, "2"], views: Sequence[View]) -> Float[Array, "k 3"]:
+    """Points above a place that the cameras that see them show as foreground, one of three or four apart [m]; none: nobody."""
+    points = _HULL + np.append(place, 0.0)
+    n_missing, n_seen = np.zeros((2, len(points)), np.intp)
+    for view in views:
+        _, seen, on_foreground = view.look(points.T)
+        n_missing += seen & ~on_foreground
+        n_seen += seen
+    hull = points[(n_seen > 0) & (n_missing <= (n_seen > 2))]
+    return hull if len(hull) >= _LEAST_HULL else hull[:0]
+
+
+def _skin_share(view: View, pixel: Float[Array, "2"]) -> float:
+    """How much of a head at this pixel is skin."""
+    x, y = np.rint(pixel).astype(int)
+    window = np.s_[max(0, y - 8) : y + 9, max(0, x - 6) : x + 7]
+    part, mask = view.rgb[window], view.mask[window]
+    if not mask.any():
+        return 0.0
+    return float(cv2.inRange(cv2.cvtColor(part, cv2.COLOR_RGB2HSV), _DARKEST, _LIGHTEST)[mask].mean() / 255)

@@ -1,0 +1,208 @@
+"""The options of `camera-floor-particle`: every rule of the paper, and what we put in its place."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, PositiveInt
+
+from trackers.configuration import Strict
+from trackers.floor.clusters import FloorClusterOptions
+from trackers.vision.colour_bins import HueSaturationValueBins
+from trackers.vision.foreground import ForegroundOptions
+
+Ruling = float | Literal["drop"]
+"""What a failed check does to a particle: "drop" it, or add this to its log-likelihood."""
+
+
+class WindowOptions(Strict):
+    """The window of pixels that a particle looks at."""
+
+    width_px: PositiveInt = Field(description="width of the window [px]")
+    height_px: PositiveInt = Field(description="height of the window [px]")
+    size_m: tuple[float, float] | None = Field(
+        description="width and height of what the window shows, so that it is smaller farther off (ours) [m]; none: it has its "
+        "width and height in pixels everywhere (the paper)",
+    )
+    stride: PositiveInt = Field(
+        default=4,
+        le=8,
+        description="of every so many pixels, along rows and columns, one is looked at; as many of a window of another size",
+    )
+    pixels: Literal["all", "foreground"] = Field(
+        default="foreground",
+        description="all pixels of the window count (the paper), or those of the foreground, as a share of the window (ours)",
+    )
+
+
+class MotionOptions(Strict):
+    """How particles move: s' = s + τ v + ω (eq. 1), ω normal, growing with the person's speed."""
+
+    still_m: float = Field(
+        default=0.015, gt=0, description="standard deviation of ω of somebody who stands, x and y [m]"
+    )
+    per_speed_s: float = Field(
+        default=0.03, ge=0, description="what it grows by with the person's speed, in x and y [m per m/s]"
+    )
+    up_m: float = Field(default=0.015, ge=0, description="standard deviation of ω in z [m]")
+    memory: float = Field(
+        default=0.7,
+        ge=0,
+        lt=1,
+        description="share of the last velocity that is kept in the next (ours); 0: (p_t − p_{t−1}) / τ alone (eq. 2)",
+    )
+
+
+class BodyOptions(Strict):
+    """The body's particles, and how they are weighted."""
+
+    particles: PositiveInt = Field(default=250, le=10_000, description="N, body particles a person")
+    motion: MotionOptions = Field(default=MotionOptions(), description="how they move")
+    window: WindowOptions = Field(
+        default=WindowOptions(width_px=30, height_px=100, size_m=(0.42, 1.4), stride=5),
+        description="the window about a body particle",
+    )
+    colour: float = Field(default=30.0, gt=0, description="λ of the colour likelihood exp(−λ D²) (eq. 5)")
+    unseen: Ruling = Field(
+        default=-4.0,
+        description='a particle that a camera does not see: "drop" it (the paper), or this is added (ours)',
+    )
+    no_foreground: Ruling = Field(
+        default=-4.0,
+        description='a particle whose pixel is not foreground: "drop" it (the paper), or this is added (ours)',
+    )
+    no_load: Ruling = Field(
+        default=-3.0,
+        description='a particle over an element without load: "drop" it (the paper), or it weighs exp of this (ours)',
+    )
+    floor_smoothing_m: float = Field(
+        default=0.15,
+        ge=0,
+        description="standard deviation by which the cluster's load is smoothed over the floor (ours) [m]; 0: by element (eq. 3)",
+    )
+
+
+class HeadOptions(Strict):
+    """The head's particles, and how they are weighted."""
+
+    particles: PositiveInt = Field(default=150, le=10_000, description="M, head particles a person")
+    motion: MotionOptions = Field(
+        default=MotionOptions(still_m=0.012, per_speed_s=0.02, up_m=0.012), description="how they move"
+    )
+    turn_deg: float = Field(default=8.0, gt=0, description="standard deviation of ω of the pan [°]")
+    share: float = Field(
+        default=0.3,
+        ge=0,
+        le=1,
+        description="α, the share of particles drawn about the body by the last offset of the head (eq. 6)",
+    )
+    window: WindowOptions = Field(
+        default=WindowOptions(width_px=16, height_px=18, size_m=(0.23, 0.255), stride=2),
+        description="the window about a head particle",
+    )
+    colour: float = Field(default=30.0, gt=0, description="λ of the colour likelihood exp(−λ D²) (eq. 5)")
+    nearest_m: float = Field(default=0.3, ge=0, description="a head nearer to the middle of its body is dropped [m]")
+    farthest_m: float = Field(
+        default=0.95, gt=0, description="a head farther from the middle of its body is dropped [m]"
+    )
+    unseen: Ruling = Field(
+        default=-4.0,
+        description='a particle that a camera does not see: "drop" it (the paper), or this is added (ours)',
+    )
+    no_foreground: Ruling = Field(
+        default=-4.0,
+        description='a particle whose pixel is not foreground: "drop" it (the paper), or this is added (ours)',
+    )
+    crown_m: float = Field(
+        default=0.18,
+        ge=0,
+        description="a point so far above the middle of a head is above all of it (ours) [m]; 0: not looked at (the paper)",
+    )
+    covered: float = Field(
+        default=-1.5,
+        le=0,
+        description="what is added where that point is foreground all the same, for each camera (ours)",
+    )
+    learning: float = Field(
+        default=0.05,
+        ge=0,
+        lt=1,
+        description="share of a new look in the reference of the pan that it shows (ours); 0: as at detection (the paper)",
+    )
+    walking: float = Field(
+        default=3.0,
+        ge=0,
+        description="how surely people look where they walk: concentration of the pan about the heading at 1 m/s (ours); 0: not",
+    )
+
+
+class ExclusionOptions(Strict):
+    """Squares about particles on the floor: where those of two persons overlap, both weigh nothing."""
+
+    side_m: float = Field(default=0.1, ge=0, description="side of a particle's square [m]; 0: no exclusion")
+    grid_m: float = Field(default=0.02, gt=0, description="side of the elements of the grid it is worked out on [m]")
+    likelier_stays: bool = Field(
+        default=True,
+        description="of two persons the one whom the last measurement made likelier keeps the particles (ours); false: "
+        "neither does (the paper)",
+    )
+
+
+class DetectionOptions(Strict):
+    """When a cluster on the floor is somebody new, and when somebody is gone."""
+
+    confirm_s: float = Field(default=0.15, ge=0, description="a cluster that stays this long is somebody [s]")
+    least_load_n: float = Field(default=80.0, ge=0, description="and bears at least this [N]")
+    apart_m: float = Field(
+        default=0.45, gt=0, description="a cluster with an element this near to a known person is theirs [m]"
+    )
+    unexplained: float = Field(
+        default=0.3,
+        ge=0,
+        le=1,
+        description="the floor must bear this share of the cluster more than the known persons' learned weights together",
+    )
+    stuck_s: float = Field(
+        default=3.0,
+        gt=0,
+        description="a load that no camera shows anybody on for so long is the floor's own (ours) [s]",
+    )
+    gone_s: float = Field(
+        default=2.5, gt=0, description="whom neither floor nor cameras have shown for so long is gone [s]"
+    )
+    least_alike: float = Field(
+        default=0.3,
+        ge=0,
+        le=1,
+        description="cameras show somebody where colours are so similar (1 − D²), on average over cameras and particles",
+    )
+    same_below: float = Field(
+        default=0.35,
+        ge=0,
+        le=1,
+        description="somebody new at a smaller distance D in colour from somebody gone is that person again; 0: nobody is",
+    )
+
+
+class CameraFloorParticleOptions(Strict):
+    """The whole system; its defaults are what works, the preset `camera-floor-particle-paper` is the paper's own."""
+
+    use_floor: bool = Field(default=True, description="whether the floor weighs particles; it detects in any case")
+    use_cameras: bool = Field(default=True, description="whether pictures are looked at at all")
+    floor: FloorClusterOptions = Field(default=FloorClusterOptions(), description="what counts as load")
+    foreground: ForegroundOptions = Field(default=ForegroundOptions(), description="what counts as foreground")
+    histogram: HueSaturationValueBins = Field(default=HueSaturationValueBins(), description="the bins of colours")
+    detection: DetectionOptions = Field(default=DetectionOptions(), description="who comes and goes")
+    body: BodyOptions = Field(default=BodyOptions(), description="the body's filter")
+    head: HeadOptions = Field(default=HeadOptions(), description="the head's filter")
+    exclusion: ExclusionOptions = Field(default=ExclusionOptions(), description="particles of different persons")
+    room_margin_m: float = Field(
+        default=0.8,
+        ge=0,
+        description="how far beyond the tracked area people are followed before they are out of the room [m]",
+    )
+    gain_from: float = Field(
+        default=0.08,
+        ge=0,
+        description="a picture lighter or darker than the empty room by more than this share is set right (ours); 0: never",
+    )

@@ -1,0 +1,41 @@
+"""Who is tracked: the two clouds of particles of each person, and what each looks like to each camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from trackers.arrays import Array, Index, Mask
+from trackers.filters.particle import Cloud
+from trackers.filters.rows import Rows
+
+PAN_BINS = 12
+"""References of the head, one for each 30° under which a camera sees it; 0 is the face."""
+
+
+@dataclass(frozen=True, eq=False)
+class People(Rows):
+    """n persons. Histograms are kept as their roots, which is what similarity takes."""
+
+    body: Cloud  # x, y, z of the middle of the body [m]
+    head: Cloud  # x, y, z of the middle of the head [m], pan [rad]
+    place: Float[Array, "n 3"]  # the body's estimate [m]
+    velocity: Float[Array, "n 3"]  # [m/s]
+    head_place: Float[Array, "n 3"]
+    head_velocity: Float[Array, "n 3"]
+    pan: Float[Array, "n"]  # [rad]
+    clothes: Float[Array, "n cameras bins"]
+    hair: Float[Array, "n pans bins"]
+    course: Float[Array, "n 2"]  # velocity over the last half second [m/s]
+    pan_known: Bool[Mask, "n"]  # whether steps have told where forward is
+    weight_n: Float[Array, "n"]  # on the floor, learned [N]
+    height_m: Float[Array, "n"]
+    shown_ns: Int[Index, "n"]  # when floor or cameras last showed the person
+    lost: Bool[Mask, "n"]  # nothing was left of the particles: they coast
+
+
+def pan_bin(angle: Array) -> Index:
+    """The reference of a head seen at this angle from its face [rad]."""
+    return np.rint(angle * (PAN_BINS / (2 * np.pi))).astype(np.intp) % PAN_BINS

@@ -1,0 +1,180 @@
+"""The tracker `camera-floor-particle`: a pair of particle filters a person, that meet only where they would overlap."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import nan
+from typing import Any
+
+import numpy as np
+
+from trackers.area import Area
+from trackers.camera_floor_particle.body import BodyFilter
+from trackers.camera_floor_particle.detection import Newcomers, hull_over
+from trackers.camera_floor_particle.head import HeadFilter, unit
+from trackers.camera_floor_particle.loads import FloorWatch, Loads
+from trackers.camera_floor_particle.options import CameraFloorParticleOptions
+from trackers.camera_floor_particle.people import People
+from trackers.camera_floor_particle.views import View, Watchers
+from trackers.configuration import validate
+from trackers.errors import InputError
+from trackers.observations import NS_PER_S, FloorFrame, Observation
+from trackers.rig import Rig
+from trackers.tracking.moments import Moment, MomentGatherer, MomentRules
+from trackers.tracks import Track, TrackFrame
+
+_LEAST_SHOWN = 0.5
+"""Share of the cameras that see a place from which, showing foreground there, they show somebody."""
+_WEIGHT_MEMORY = 0.9
+_LONGEST_S = 0.5
+"""However long nothing came, people move for no longer at once."""
+
+
+def the_floor(rig: Rig, tracker: str) -> str:
+    """The name of the rig's pressure floor, the first of several; raises InputError where there is none."""
+    for name in rig.floors():
+        return name
+    raise InputError(
+        f"tracker {tracker}: none of the rig's sensors ({', '.join(rig.sensors)}) is a pressure floor; one of kind floor, "
+        "which detects people, is needed"
+    )
+
+
+class CameraFloorParticle:
+    """Cameras open a moment, the pressure floor's newest frame is held; without cameras the floor alone opens.
+
+    Raises InputError for a rig without a pressure floor, which detects people, and for wrong options.
+    """
+
+    takes_any_order = True  # moments bring them into order
+
+    def __init__(
+        self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
+    ) -> None:
+        self.options = validate(CameraFloorParticleOptions, options, "tracker camera-floor-particle")
+        self._floor = the_floor(rig, "camera-floor-particle")
+        cameras = rig.cameras() if self.options.use_cameras else {}
+        self.unused_sensors = [name for name in rig.sensors if name not in cameras and name != self._floor]
+        area = Area(rig.area, self.options.room_margin_m) if rig.area else None
+        empty_room = list(background)
+        self._rng = np.random.default_rng(0) if rng is None else rng
+        self._watchers = Watchers(cameras, empty_room, self.options)
+        empty_floor = [each for each in empty_room if isinstance(each, FloorFrame) and each.sensor == self._floor]
+        self._watch = FloorWatch(rig.floors()[self._floor], empty_floor, self.options)
+        self._bodies, self._heads = BodyFilter(self.options, area), HeadFilter(self.options, area)
+        self._newcomers = Newcomers(self.options, len(cameras))
+        self.background_learned_causally = self._watchers.learns_background
+        opens, held = (tuple(cameras), (self._floor,)) if cameras else ((self._floor,), ())
+        main = rig.main_sensor if rig.main_sensor in opens else None
+        self._moments = MomentGatherer(MomentRules(opens, held=held, main=main, awaited=(*opens, *held)))
+        self._has_pictures = bool(cameras)
+        self._people: People | None = None
+        self._ids = np.empty(0, np.intp)
+        self._gone: dict[int, People] = {}
+        self._last_id, self._ns = 0, 0
+
+    @property
+    def discarded(self) -> int:
+        """Observations that came too late or twice."""
+        return self._moments.discarded
+
+    def update(self, observation: Observation) -> list[TrackFrame]:
+        """Take an observation; the frames that are complete with it."""
+        return [self._work(moment) for moment in self._moments.add(observation)]
+
+    def finish(self) -> list[TrackFrame]:
+        """The frames still held back."""
+        return [self._work(moment) for moment in self._moments.finish()]
+
+    def tracks(self) -> list[Track]:
+        """Everybody, as of the moment worked last."""
+        people = self._people
+        if people is None:
+            return []
+        z, head, pan = people.place[:, 2], people.head_place, people.pan
+        if not self._has_pictures:  # a floor tells no heights
+            z, head, pan = np.full(z.shape, nan), np.full(head.shape, nan), np.full(pan.shape, nan)
+        rows = np.column_stack([people.place[:, :2], people.velocity[:, :2], z, head, pan]).tolist()
+        status = np.where(people.lost | (people.shown_ns < self._ns), "coasting", "confirmed").tolist()
+        return [
+            Track(number, *row, status=each) for number, row, each in zip(self._ids.tolist(), rows, status, strict=True)
+        ]
+
+    def _work(self, moment: Moment) -> TrackFrame:
+        dt = min((moment.ns - self._ns) / NS_PER_S, _LONGEST_S) if self._ns else 0.0
+        self._ns = moment.ns
+        frame = {**moment.held, **moment.observations}.get(self._floor)
+        frame = frame if isinstance(frame, FloorFrame) else None
+        is_new = self._watch.is_new(frame, moment.ns)
+        loads = self._watch.loads(frame, moment.ns)
+        views = self._watchers.views(moment.observations)
+        if self._people is not None and len(self._people) and dt > 0:
+            offset = self._people.head_place - self._people.place
+            self._people = self._bodies.step(self._people, dt, loads, views, self._rng)
+            if self._has_pictures:
+                self._people = self._heads.step(self._people, offset, dt, views, self._rng)
+            self._look_after(loads, views, is_new=is_new)
+        if loads is not None and is_new:
+            self._detect(loads, views)
+        return TrackFrame(moment.ns, tuple(self.tracks()))
+
+    def _look_after(self, loads: Loads | None, views: list[View], *, is_new: bool) -> None:
+        """Who is shown by floor or cameras; whoever is not for long is gone."""
+        people = self._people
+        assert people is not None
+        looks = [view.look(people.place.T)[1:] for view in views]
+        n_seen, n_shown = np.sum(looks, axis=0) if looks else np.zeros((2, len(people)))
+        shown = (n_shown > 0) & (n_shown >= _LEAST_SHOWN * n_seen) & ~people.lost
+        alike = 1 + people.body.weights.log_mean / (self.options.body.colour * max(len(views), 1))
+        shown &= alike >= self.options.detection.least_alike
+        if loads is not None:
+            near = loads.cluster_near(people.place[:, :2], self.options.detection.apart_m)
+            shown |= near.any(axis=1) if not views else False
+            alone = near & (near.sum(axis=0) == 1)
+            load_n = alone @ loads.clusters.load_n
+            learned = _WEIGHT_MEMORY * people.weight_n + (1 - _WEIGHT_MEMORY) * load_n
+            if is_new:
+                people = people.changed(weight_n=np.where(load_n > 0, learned, people.weight_n))
+        people = people.changed(shown_ns=np.where(shown, self._ns, people.shown_ns))
+        stays = self._ns - people.shown_ns <= self.options.detection.gone_s * NS_PER_S
+        for row in np.flatnonzero(~stays):
+            self._gone[int(self._ids[row])] = people.select(np.array([row]))
+        self._people, self._ids = people.select(stays), self._ids[stays]
+
+    def _detect(self, loads: Loads, views: list[View]) -> None:
+        """Clusters that are somebody new, or somebody again."""
+        new = self._newcomers.unexplained(self._people, loads)
+        centroid = loads.clusters.centroid
+        hulls = {k: hull_over(centroid[k], views) for k in np.flatnonzero(new)}
+        if views:
+            nobody = np.zeros(len(new), np.bool_)
+            nobody[[k for k, hull in hulls.items() if not len(hull)]] = True
+            self._watch.learn_own(loads, nobody, self._ns)
+            new &= ~nobody
+        places = np.flatnonzero(new)
+        for k in places[self._newcomers.confirmed(centroid[places], self._ns)]:
+            load_n = float(loads.clusters.load_n[k])
+            person = self._newcomers.person(centroid[k], load_n, hulls[k], views, self._ns, self._rng)
+            self._join(person)
+
+    def _join(self, person: People) -> None:
+        """Take somebody in: under the number of who is gone and looks the same, else under a new one."""
+        number = self._recognised(person)
+        if number:
+            del self._gone[number]
+        else:
+            self._last_id = number = self._last_id + 1
+        self._people = person if self._people is None else self._people.joined(person)
+        self._ids = np.append(self._ids, number)
+
+    def _recognised(self, person: People) -> int:
+        """Who of those gone wears these clothes, by D of eq. 4 of the colours of all cameras together; 0: none."""
+        if not self._gone or not person.clothes.any():
+            return 0
+        look = unit(person.clothes[0].mean(axis=0))
+        distance = {
+            number: np.sqrt(max(0.0, 1 - float(look @ unit(gone.clothes[0].mean(axis=0)))))
+            for number, gone in self._gone.items()
+        }
+        best = min(distance, key=distance.__getitem__)
+        return best if distance[best] < self.options.detection.same_below else 0

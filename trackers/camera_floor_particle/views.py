@@ -1,0 +1,131 @@
+"""The pictures of one moment as particles look at them: foreground, colours, and windows of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy.typing import NDArray
+
+from trackers.arrays import Array, Index, Mask
+from trackers.camera_floor_particle.options import CameraFloorParticleOptions, WindowOptions
+from trackers.cameras.placed import PlacedCamera
+from trackers.observations import DepthImage, Image, Observation
+from trackers.rig import CameraSensor, placed_camera
+from trackers.vision.colour_bins import BinnedPicture
+from trackers.vision.foreground import Foreground
+
+_BLIND_FROM = 0.6
+"""Share of a picture that is foreground from which it shows no people but a covered lens, or another light."""
+_NEAREST_M = 0.3
+"""Whoever is nearer to a camera than this fills no larger a window."""
+_EVERY = 8
+"""So many pixels apart, along rows and columns, are the samples by which brightness is compared."""
+_FROZEN_AFTER = 2
+"""So many times the same picture again are not the world's stillness."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One camera's picture at one moment. number: of the camera, as references count them."""
+
+    number: int
+    camera: PlacedCamera
+    rgb: NDArray[np.uint8]
+    mask: Bool[Mask, "height width"]
+    binned: BinnedPicture
+    binned_foreground: BinnedPicture
+
+    def look(self, places: Float[Array, "3 k"]) -> tuple[Float[Array, "k 2"], Bool[Mask, "k"], Bool[Mask, "k"]]:
+        """Pixels of places in the room [m], which of them the picture shows, and at which it shows foreground."""
+        pixels, seen = self.camera.project(places.T)
+        at = np.rint(np.where(seen[:, None], pixels, 0.0)).astype(np.intp)
+        at = np.minimum(at, np.array(self.mask.shape)[::-1] - 1)
+        return pixels, seen, seen & self.mask[at[:, 1], at[:, 0]]
+
+    def histograms(
+        self, places: Float[Array, "3 k"], pixels: Float[Array, "k 2"], window: WindowOptions
+    ) -> Float[Array, "k bins"]:
+        """The colours in windows about places [m] that the picture shows at these pixels, as shares of the window's pixels."""
+        width, height = window.width_px, window.height_px
+        size: Array = np.array([width, height], float)
+        if window.size_m is not None:
+            away_m = np.maximum(np.linalg.norm(places.T - self.camera.eye_m, axis=1), _NEAREST_M)
+            size = np.array(window.size_m) * (self.camera.intrinsics.fx / away_m)[:, None]
+        samples = (max(1, width // window.stride), max(1, height // window.stride))
+        binned = self.binned_foreground if window.pixels == "foreground" else self.binned
+        counts = binned.windows(pixels, size, samples).histograms()
+        if window.pixels == "foreground":
+            return counts / (samples[0] * samples[1])
+        return counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
+
+
+def similarity(
+    histograms: Float[Array, "k bins"], root_references: Float[Array, "n bins"], of: Int[Index, "k"]
+) -> Float[Array, "k"]:
+    """Σ √(p q), 1 − D² of eq. 4, of each histogram and the reference (as its root) at `of`."""
+    return np.einsum("kb,kb->k", np.sqrt(histograms), root_references[of])
+
+
+class Watchers:
+    """The cameras of a rig, each with its empty room; makes views of a moment's pictures.
+
+    Raises InputError for pictures of the empty room of another size than the rig says.
+    """
+
+    def __init__(
+        self,
+        cameras: Mapping[str, CameraSensor],
+        background: Sequence[Observation],
+        options: CameraFloorParticleOptions,
+    ) -> None:
+        self._options = options
+        self._cameras = cameras
+        empty = {name: [each for each in background if each.sensor == name] for name in cameras}
+        pictures = {name: [each for each in empty[name] if isinstance(each, Image | DepthImage)] for name in cameras}
+        self._foreground = {
+            name: Foreground(sensor.intrinsics, pictures[name], options.foreground) for name, sensor in cameras.items()
+        }
+        self._brightness = {name: _brightness(pictures[name][-1]) for name in cameras if pictures[name]}
+        self._shapes = {name: each[-1].rgb.shape for name, each in pictures.items() if each}
+        self._last: dict[str, tuple[NDArray[np.uint8], int]] = {}  # the picture, how often it came again
+        self.learns_background = any(each.learns_background for each in self._foreground.values())
+
+    def views(self, observations: Mapping[str, Observation]) -> list[View]:
+        """What the cameras show that see anything. Raises InputError for pictures of another size than the rig says."""
+        found = []
+        for number, (name, sensor) in enumerate(self._cameras.items()):
+            image = observations.get(name)
+            if not isinstance(image, Image | DepthImage) or self._is_frozen(name, image):
+                continue
+            image = self._set_right(name, image)
+            mask = self._foreground[name].mask(image)
+            if mask.mean() > _BLIND_FROM:
+                continue
+            binned = self._options.histogram.picture(image.rgb)
+            found.append(View(number, placed_camera(sensor), image.rgb, mask, binned, binned.where(mask)))
+        return found
+
+    def _is_frozen(self, name: str, image: Image | DepthImage) -> bool:
+        """Whether the very same picture comes for the third time."""
+        last, again = self._last.get(name, (None, 0))
+        again = again + 1 if last is not None and np.array_equal(last, image.rgb) else 0
+        self._last[name] = image.rgb, again
+        return again >= _FROZEN_AFTER
+
+    def _set_right(self, name: str, image: Image | DepthImage) -> Image | DepthImage:
+        """The picture as bright as the empty room was, where the light has changed."""
+        before = self._brightness.get(name)
+        if before is None or not self._options.gain_from or image.rgb.shape != self._shapes[name]:
+            return image
+        gain = float(np.median(_brightness(image) / np.maximum(before, 1.0)))
+        if abs(gain - 1) <= self._options.gain_from or gain < 0.1:
+            return image
+        return replace(image, rgb=cv2.convertScaleAbs(image.rgb, alpha=1 / gain).astype(np.uint8))
+
+
+def _brightness(image: Image | DepthImage) -> NDArray[np.uint8]:
+    return image.rgb[::_EVERY, ::_EVERY].max(axis=-1)
