@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from trackers.observations import NS_PER_S
+from trackers.rig import PinholeSensor
+from twin.recording.situations import situation_table
 from twin.scenario import load_scenario
 from twin.truth.frames import Situation, TruthDetail, TruthFrame
 from twin.truth.situations import INTERACTION_M
@@ -50,10 +52,8 @@ class Afternoon:
         )
 
 
-@pytest.fixture(scope="module")
-def afternoon() -> Afternoon:
-    slower = [f"sensors.{name}.rate_hz=5" for name in SCANNERS]
-    scenario = load_scenario("library-hall", [f"seed={SEED}", "background=none", *slower])
+def run_of(name: str, *changes: str) -> Afternoon:
+    scenario = load_scenario(name, [f"seed={SEED}", "background=none", *changes])
     frames: list[TruthFrame] = []
     details: list[TruthDetail] = []
     with Simulation(scenario, images=False, on_truth=frames.append, on_detail=details.append) as simulation:
@@ -68,6 +68,16 @@ def afternoon() -> Afternoon:
         frames=frames,
         situations=[each for each in details if isinstance(each, Situation)],
     )
+
+
+@pytest.fixture(scope="module")
+def afternoon() -> Afternoon:
+    return run_of("library-hall", *(f"sensors.{name}.rate_hz=5" for name in SCANNERS))
+
+
+@pytest.fixture(scope="module")
+def busy() -> Afternoon:
+    return run_of("library-hall-busy", "duration_s=40")
 
 
 def places(frame: TruthFrame) -> np.ndarray:
@@ -138,3 +148,27 @@ def test_each_scanner_merges_people_and_parts_them_again(afternoon):
         merged = [each for each in afternoon.of("merged") if each.sensor == scanner]
         assert sum(each.complete for each in merged) >= 4
     assert sum(each.complete for each in afternoon.of("correlated")) >= 5
+
+
+def test_the_picture_shows_the_area(afternoon):
+    """Of people in the area the ground point is in the picture in at least 99 of 100 frames."""
+    with Simulation(load_scenario("library-hall", ["background=none"])) as simulation:
+        camera = simulation.true_rig.sensors["camera"]
+    assert isinstance(camera, PinholeSensor)
+    inside_m = np.concatenate([places(frame)[inside(frame)] for frame in afternoon.frames])
+    on_floor = np.column_stack([inside_m, np.zeros(len(inside_m))])
+    pose, lens = camera.room_from_sensor, camera.intrinsics
+    _, seen = lens.project((on_floor - pose.translation) @ pose.rotation)
+    assert seen.mean() >= 0.99
+
+
+def test_in_the_busy_place_somebody_is_close_all_the_time(busy):
+    assert len(busy.names) == 11
+    stamps = np.array([frame.stamp_ns for frame in busy.frames])
+    assert all(inside(frame).all() for frame in busy.frames)
+    table = situation_table(busy.situations)
+    assert 0.5 < table.select("correlated").pair_frames(stamps) / len(stamps) < 1.2
+    merged = table.select("merged_rig")
+    lasts_s = (merged.end_ns - merged.start_ns) / NS_PER_S
+    assert len(merged) * 60 / 40 >= 15
+    assert (lasts_s >= 0.5).mean() >= 0.4
