@@ -83,6 +83,25 @@ def continuity(
     return misidentifications, lost
 
 
+def right_at_end(judged: Sequence[Frame], matches: Sequence[FrameMatches]) -> float | None:
+    """The share of the people inside the area in the last frame who have their own track there; None: nobody is.
+
+    One's own is the track that one was matched with first, if that had been nobody else's before.
+    """
+    if not judged or not judged[-1].person_ids.size:
+        return None
+    first_track: dict[int, int] = {}
+    first_person: dict[int, int] = {}
+    last: list[tuple[int, int]] = []
+    for frame, pairs in zip(judged, matches, strict=True):
+        last = list(zip(frame.person_ids[pairs.rows].tolist(), frame.track_ids[pairs.columns].tolist(), strict=True))
+        for person, track in last:
+            first_track.setdefault(person, track)
+            first_person.setdefault(track, person)
+    right = sum(first_track[person] == track and first_person[track] == person for person, track in last)
+    return right / judged[-1].person_ids.size
+
+
 def _stays(frames: Sequence[Frame], index: int, person: int) -> bool:
     """Whether a person is inside the area in this frame and until the grace is over."""
     until_ns = frames[index].stamp_ns + LEAVING_GRACE_NS

@@ -25,11 +25,11 @@ class Frame:
     stamp_ns: int
     person_ids: NDArray[np.int64]  # (n,)
     person_xy: NDArray[np.float64]  # (n, 2)
-    person_head: NDArray[np.float64]  # (n, 4) x, y, z, yaw
+    person_pose: NDArray[np.float64]  # (n, 5) head x, y, z, yaw; height of the pelvis
     in_area: NDArray[np.bool_]  # (n,)
     track_ids: NDArray[np.int64]  # (m,)
     track_xy: NDArray[np.float64]  # (m, 2)
-    track_head: NDArray[np.float64]  # (m, 4) x, y, z, yaw; NaN where not estimated
+    track_pose: NDArray[np.float64]  # (m, 5) the same; NaN where not estimated
     confirmed: NDArray[np.bool_]  # (m,) false: coasting
 
     @property
@@ -65,7 +65,7 @@ def align(truth: TruthTable, tracks: TrackTable) -> list[Frame]:
     silent = _silent_stamps(truth.frame_stamps_ns, tracks.frame_stamps_ns)
     stamps = np.union1d(reported, silent)
     persons, xy, head, in_area, present = _people_at(truth, stamps)
-    track_numbers = np.column_stack([tracks.head_x, tracks.head_y, tracks.head_z, tracks.head_yaw])
+    track_numbers = np.column_stack([tracks.head_x, tracks.head_y, tracks.head_z, tracks.head_yaw, tracks.z])
     track_xy = np.column_stack([tracks.x, tracks.y])
     confirmed = tracks.status == "confirmed"
     first = np.searchsorted(tracks.stamps_ns, stamps, side="left")
@@ -79,11 +79,11 @@ def align(truth: TruthTable, tracks: TrackTable) -> list[Frame]:
                 stamp_ns=stamp,
                 person_ids=persons[here],
                 person_xy=xy[here, index],
-                person_head=head[here, index],
+                person_pose=head[here, index],
                 in_area=in_area[here, index],
                 track_ids=tracks.id[rows],
                 track_xy=track_xy[rows],
-                track_head=track_numbers[rows],
+                track_pose=track_numbers[rows],
                 confirmed=confirmed[rows],
             )
         )
@@ -110,11 +110,11 @@ def inside_area(frames: Sequence[Frame], matches: Sequence[FrameMatches]) -> lis
                 frame,
                 person_ids=frame.person_ids[frame.in_area],
                 person_xy=frame.person_xy[frame.in_area],
-                person_head=frame.person_head[frame.in_area],
+                person_pose=frame.person_pose[frame.in_area],
                 in_area=frame.in_area[frame.in_area],
                 track_ids=frame.track_ids[judged],
                 track_xy=frame.track_xy[judged],
-                track_head=frame.track_head[judged],
+                track_pose=frame.track_pose[judged],
                 confirmed=frame.confirmed[judged],
             )
         )
@@ -163,10 +163,10 @@ def _silent_stamps(truth_stamps: NDArray[np.int64], track_stamps: NDArray[np.int
 def _people_at(
     truth: TruthTable, stamps: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
-    """Ids (p,), ground points (p, f, 2) [m], heads (p, f, 4), in the area (p, f), and whether there at all (p, f)."""
+    """Ids (p,), ground points (p, f, 2) [m], poses as in `Frame` (p, f, 5), in the area (p, f), and whether there at all (p, f)."""
     persons = np.unique(truth.id)
-    values = np.column_stack([truth.x, truth.y, truth.head_x, truth.head_y, truth.head_z, truth.head_yaw])  # (n, 6)
-    positions = np.full((persons.size, stamps.size, 6), np.nan)
+    values = np.column_stack([truth.x, truth.y, truth.head_x, truth.head_y, truth.head_z, truth.head_yaw, truth.z])
+    positions = np.full((persons.size, stamps.size, 7), np.nan)
     in_area = np.zeros((persons.size, stamps.size), dtype=np.bool_)
     present = np.zeros((persons.size, stamps.size), dtype=np.bool_)
     for index, person in enumerate(persons):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from trackers.errors import InputError
 from twin.evaluate.accuracy import PersonFrames, person_frames
 from twin.evaluate.clear import FrameMatches, PairMatrix, clear, find_switches, match_frames
-from twin.evaluate.continuity import Event, continuity, switch_events
+from twin.evaluate.continuity import Event, continuity, right_at_end, switch_events
 from twin.evaluate.disposal import disposal
 from twin.evaluate.frames import Frame, align, everybody_matched, inside_area, wrap_angle
 from twin.evaluate.hota import hota
@@ -66,8 +66,8 @@ def evaluate_with_details(
 ) -> Evaluation:
     """The figures of one tracker, and what stands behind them; raises as `evaluate_tracks`.
 
-    Head errors are mean absolute differences over the matches in which truth and track both have a value, yaw the
-    shorter way round. Disposal (`twin.evaluate.disposal`) needs the `situations` of the run and is None without. OSPA
+    Errors of heads and of the pelvis's height are mean absolute differences over the matches in which truth and track both
+    have a value, yaw the shorter way round, and its median too. Disposal (`twin.evaluate.disposal`) needs the `situations` of the run and is None without. OSPA
     (c = 1 m, p = 1) and GOSPA (c = 1 m, p = 2, α = 2) are means over the frames.
     """
     if not (isfinite(gate_m) and gate_m > 0):
@@ -86,7 +86,7 @@ def evaluate_with_details(
     at_1m = _matrix_figures([frame.pair_matrix() for frame in wide], WIDE_GATE_M)
     stamps = np.array([frame.stamp_ns for frame in judged], dtype=np.int64)
     people = person_frames(frames, everybody, gate_m)
-    head_error_m, head_yaw_error_rad = _head_errors(judged, matches)
+    pose_errors = _pose_errors(judged, matches)
     metrics: dict[str, Any] = {
         **_matrix_figures(pair_matrices, gate_m, matches),
         "gospa_m": float(gospa_m.mean()),
@@ -97,8 +97,8 @@ def evaluate_with_details(
         "lost_tracks": len(lost),
         **people.figures(),
         "disposal": disposal(people, stamps, situations) if situations is not None else None,
-        "head_error_m": head_error_m,
-        "head_yaw_error_rad": head_yaw_error_rad,
+        **pose_errors,
+        "right_at_end": right_at_end(judged, matches),
         "gate_m": float(gate_m),
         "at_1m": {name: at_1m[name] for name in ("mota", "motp_m", "idf1", "hota", "id_switches")},
     }
@@ -142,19 +142,23 @@ def _matrix_figures(
     }
 
 
-def _head_errors(
-    judged: Sequence[Frame], matches: Sequence[FrameMatches]
-) -> tuple[dict[str, float | None], float | None]:
-    """Mean absolute head error per axis [m] and in yaw [rad]; None where nothing was estimated."""
+def _pose_errors(judged: Sequence[Frame], matches: Sequence[FrameMatches]) -> dict[str, Any]:
+    """Absolute errors of the head per axis [m] and in yaw [rad], and of the pelvis's height [m]; None: not estimated."""
     gaps = np.concatenate(
         [
-            frame.track_head[pairs.columns] - frame.person_head[pairs.rows]
+            frame.track_pose[pairs.columns] - frame.person_pose[pairs.rows]
             for frame, pairs in zip(judged, matches, strict=True)
         ]
-    )  # (k, 4)
+    )  # (k, 5)
     gaps[:, 3] = wrap_angle(gaps[:, 3])
-    means = [_mean_absolute(gaps[:, axis]) for axis in range(4)]
-    return dict(zip("xyz", means[:3], strict=True)), means[3]
+    means = [_mean_absolute(gaps[:, axis]) for axis in range(5)]
+    turned = np.abs(gaps[:, 3][~np.isnan(gaps[:, 3])])
+    return {
+        "head_error_m": dict(zip("xyz", means[:3], strict=True)),
+        "head_yaw_error_rad": means[3],
+        "head_yaw_median_rad": float(np.median(turned)) if turned.size else None,
+        "body_height_error_m": means[4],
+    }
 
 
 def _mean_absolute(values: NDArray[np.float64]) -> float | None:

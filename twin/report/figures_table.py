@@ -59,6 +59,16 @@ _HEAD = (
     Figure("head_error_m.y", "Head, y", "m", "mean absolute error", "less", 3),
     Figure("head_error_m.z", "Head, z", "m", "mean absolute error", "less", 3),
     Figure("head_yaw_error_rad", "Head, yaw", "rad", "mean absolute error", "less", 3),
+    Figure("head_yaw_median_rad", "Head, yaw, median", "rad", "median absolute error", "less", 3),
+    Figure("body_height_error_m", "Body, height", "m", "mean absolute error of the pelvis's height", "less", 3),
+    Figure(
+        "right_at_end",
+        "Right at the end",
+        "",
+        "people whose track is their first one still, in the last frame",
+        "more",
+        3,
+    ),
 )
 _WIDE = tuple(
     Figure(f"at_1m.{figure.key}", figure.name, figure.unit, figure.meaning, figure.better, figure.decimals)

@@ -79,6 +79,9 @@ def test_perfect_tracks():
         "disposal": None,
         "head_error_m": {"x": None, "y": None, "z": None},
         "head_yaw_error_rad": None,
+        "head_yaw_median_rad": None,
+        "body_height_error_m": None,
+        "right_at_end": 1.0,
         "gate_m": 0.5,
         "at_1m": {"mota": 1.0, "motp_m": 0.0, "idf1": 1.0, "hota": 1.0, "id_switches": 0},
     }
@@ -285,7 +288,7 @@ def test_yaw_is_interpolated_the_shorter_way_round():
     people = [PersonTruth(1, 0, 0, head_x=0, head_y=0, head_z=1.6, head_yaw=yaw) for yaw in (pi - 0.1, -pi + 0.1)]
     truth = truth_table([TruthFrame(ns(0), (people[0],)), TruthFrame(ns(2), (people[1],))])
     (frame,) = align(truth, tracks_of({7: {1: (0, 0)}}))
-    assert abs(frame.person_head[0, 3]) == pytest.approx(pi)
+    assert abs(frame.person_pose[0, 3]) == pytest.approx(pi)
 
 
 def test_truth_is_not_interpolated_across_a_wide_gap():
@@ -339,14 +342,32 @@ def test_truth_without_any_row_is_refused():
 
 
 def test_head_errors_per_axis_where_estimated():
-    person = PersonTruth(1, 0, 0, head_x=0.0, head_y=0.0, head_z=1.6, head_yaw=pi - 0.1)
+    person = PersonTruth(1, 0, 0, z=0.9, head_x=0.0, head_y=0.0, head_z=1.6, head_yaw=pi - 0.1)
     truth = truth_table([TruthFrame(ns(step), (person,)) for step in range(4)])
     guess = Track(7, 0, 0, head_x=0.1, head_y=-0.2, head_z=1.9, head_yaw=-pi + 0.2)
     frames = [TrackFrame(ns(step), (guess,)) for step in range(3)]
     frames.append(TrackFrame(ns(3), (replace(guess, head_x=0.3, head_yaw=float("nan")),)))
+    frames[1] = TrackFrame(ns(1), (replace(guess, head_yaw=pi - 0.1, z=1.0),))
     metrics = evaluate_tracks(truth, track_table(frames))
     assert metrics["head_error_m"] == pytest.approx({"x": 0.15, "y": 0.2, "z": 0.3})
-    assert metrics["head_yaw_error_rad"] == pytest.approx(0.3)
+    assert metrics["head_yaw_error_rad"] == pytest.approx(0.2)
+    assert metrics["head_yaw_median_rad"] == pytest.approx(0.3)
+    assert metrics["body_height_error_m"] == pytest.approx(0.1)
+
+
+def test_who_is_right_at_the_end():
+    """Of three people one has another's track at last, one a track of nobody before, one their own after a detour."""
+    places = (0.0, 2.0, 4.0)
+    truth = truth_of({k: still(x, 0, range(10)) for k, x in enumerate(places, start=1)})
+    exchanged = {
+        5: {**still(0, 0, range(5)), **still(2.0, 0, range(5, 10))},
+        6: still(4.0, 0, [0, 1, 2, 6, 7, 8, 9]),
+        7: still(2.0, 0, range(5)),
+        8: still(0.0, 0, range(5, 10)),
+    }
+    assert evaluate_tracks(truth, tracks_of(exchanged))["right_at_end"] == pytest.approx(1 / 3)
+    assert evaluate_tracks(truth, tracks_of({5: still(0, 0, range(10))}))["right_at_end"] == pytest.approx(1 / 3)
+    assert evaluate_tracks(truth_of({}, range(10)), tracks_of({}, range(10)))["right_at_end"] is None
 
 
 # --- properties
