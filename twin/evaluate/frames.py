@@ -163,7 +163,7 @@ def _silent_stamps(truth_stamps: NDArray[np.int64], track_stamps: NDArray[np.int
 def _people_at(
     truth: TruthTable, stamps: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
-    """Ids (p,), ground points (p, f, 2) [m], poses as in `Frame` (p, f, 5), in the area (p, f), and whether there at all (p, f)."""
+    """Ids (p,), ground points (p, f, 2) [m], poses (p, f, 5), in the area (p, f), and whether there at all (p, f)."""
     persons = np.unique(truth.id)
     values = np.column_stack([truth.x, truth.y, truth.head_x, truth.head_y, truth.head_z, truth.head_yaw, truth.z])
     positions = np.full((persons.size, stamps.size, 7), np.nan)

@@ -67,7 +67,8 @@ def evaluate_with_details(
     """The figures of one tracker, and what stands behind them; raises as `evaluate_tracks`.
 
     Errors of heads and of the pelvis's height are mean absolute differences over the matches in which truth and track both
-    have a value, yaw the shorter way round, and its median too. Disposal (`twin.evaluate.disposal`) needs the `situations` of the run and is None without. OSPA
+    have a value, yaw the shorter way round, and its median too. Disposal (`twin.evaluate.disposal`) needs the
+    `situations` of the run and is None without. OSPA
     (c = 1 m, p = 1) and GOSPA (c = 1 m, p = 2, α = 2) are means over the frames.
     """
     if not (isfinite(gate_m) and gate_m > 0):
