@@ -9,7 +9,7 @@ have waited longest, so that its cost is bounded however many people meet.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Literal, Self
 
 import cv2
 import numpy as np
@@ -24,28 +24,35 @@ from trackers.filters.particle import LogLikelihood
 from trackers.filters.rows import Rows, written
 from trackers.laser_vision_learning.score_maps import ScoreMapOptions, ScoreMaps
 from trackers.learning.boosting import BoostingOptions, OnlineBoosting, StrongClassifiers
+from trackers.vision.histogram import ColourHistogram, HistogramOptions
 from trackers.vision.patch_features import FeatureOptions, PatchDescriber
 from trackers.vision.patches import Patches, PatchOptions, PatchSampler
 
 Picture = UInt8[NDArray[np.uint8], "height width 3"]
 _NEVER_NS = -1
+HISTOGRAM = ColourHistogram(HistogramOptions())
+"""Of the colours of a body, where histograms are compared instead."""
 
 
 class LooksOptions(Strict):
     """How people's looks are learned."""
 
+    by: Literal["classifier", "histogram"] = Field(
+        default="classifier", description="what tells people apart; a colour histogram of the body is an ablation"
+    )
     patches: PatchOptions = Field(default=PatchOptions(), description="how patches are drawn on a body")
     features: FeatureOptions = Field(default=FeatureOptions(), description="what describes a patch")
+    height: bool = Field(default=True, description="how high on the body a patch was drawn is a feature too (ours)")
     boosting: BoostingOptions = Field(default=BoostingOptions(), description="the classifier of a track")
     maps: ScoreMapOptions = Field(default=ScoreMapOptions(), description="score maps of people who meet")
     classifiers_a_frame: PositiveInt = Field(
-        default=3, description="classifiers that a picture trains at most, those first that have waited longest (ours)"
+        default=5, description="classifiers that a picture trains at most, those first that have waited longest (ours)"
     )
     least_patches: PositiveInt = Field(
         default=10, description="patches of a body that must be in sight for it to be learned from or looked at (ours)"
     )
     background: NonNegativeInt = Field(
-        default=0, description="patches beside a body, on nobody, that are negative samples too (ours)"
+        default=20, description="patches beside a body, on nobody, that are negative samples too (ours)"
     )
     least_foreground: float = Field(
         default=0.0,
@@ -62,11 +69,15 @@ class Looks(Rows):
 
     strong: StrongClassifiers
     learned_ns: Int[Index, "n"]  # stamp of the last picture learned from, −1 before any
+    reference: Float[
+        Array, "n bins"
+    ]  # colour histogram, where these are learned instead (`histograms`); else of no bins
 
     @classmethod
     def unknown(cls, n: int, options: LooksOptions) -> Self:
         """Of tracks that start."""
-        return cls(StrongClassifiers.untrained(n, options.boosting.trees), np.full(n, _NEVER_NS))
+        bins = HISTOGRAM.size if options.by == "histogram" else 0
+        return cls(StrongClassifiers.untrained(n, options.boosting.trees), np.full(n, _NEVER_NS), np.zeros((n, bins)))
 
     @property
     def known(self) -> Bool[Mask, "n"]:
@@ -150,7 +161,8 @@ class Learner:
 
         The mean over its patches of their scores. NaN where the track is unknown, or too little of the body in sight.
         """
-        described = self._described(rgb, positions_m, np.arange(len(positions_m)), rng, foreground)
+        drawn = self.sampler.drawn(positions_m, rng, self.options.maps.patches)
+        described = self._looked_at(rgb, drawn, foreground)
         usable, chosen = described.usable, looks.select(rows)
         scores = np.full((len(usable), len(rows)), np.nan)
         if not usable.any() or len(rows) == 0:
@@ -159,7 +171,8 @@ class Learner:
         each[:, usable] = chosen.strong.scores(described.features[usable])
         count = usable.sum(axis=1)
         mean = each.sum(axis=2).T / np.maximum(count, 1)[:, None]
-        return np.where((count >= self.options.least_patches)[:, None] & chosen.known, mean, np.nan)
+        in_sight = usable.mean(axis=1) >= self.options.least_patches / self.options.patches.count
+        return np.where(in_sight[:, None] & chosen.known, mean, np.nan)
 
     def score_maps(
         self,
@@ -209,9 +222,12 @@ class Learner:
             share = cv2.boxFilter(foreground.astype(np.float32), -1, (int(np.rint(patches.side.max())),) * 2)
             u, v = np.rint(patches.centre[usable]).astype(np.intp).T
             usable[usable] = share[v, u] >= self.options.least_foreground
-        features = np.zeros((*usable.shape, self.describer.size))
+        size = self.describer.size
+        features = np.zeros((*usable.shape, size + self.options.height))
         if usable.any():
-            features[usable] = self.describer.described(rgb, patches.centre[usable], side[usable])
+            features[usable, :size] = self.describer.described(rgb, patches.centre[usable], side[usable])
+        if self.options.height:
+            features[..., size] = np.where(usable, patches.height_m, 0.0)
         return Described(features, usable)
 
     def _samples(

@@ -34,7 +34,7 @@ class ScoreMapOptions(Strict):
     reach_m: float = Field(
         default=0.4, ge=0, description="how far from a person's predicted place patches are drawn [m]"
     )
-    deviation: float = Field(default=1.5, gt=0, description="σ of eq. 1, in sides of a patch")
+    deviation: float = Field(default=1.0, gt=0, description="σ of eq. 1, in sides of a patch")
     doubt: float = Field(
         default=0.1, gt=0, description="least likelihood of a place, as a share of the mean over the map (ours)"
     )

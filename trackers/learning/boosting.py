@@ -30,9 +30,9 @@ from trackers.learning.cart import Grown, SortedSamples, Trees
 class BoostingOptions(Strict):
     """How many trees a classifier has, and how many of them a frame exchanges."""
 
-    trees: PositiveInt = Field(default=50, description="trees of a classifier (M)")
+    trees: PositiveInt = Field(default=30, description="trees of a classifier (M)")
     kept: NonNegativeInt = Field(
-        default=35,
+        default=25,
         description="trees that live on when a new frame is learned, the best ones; the rest is trained anew (K)",
     )
     trained_a_frame: PositiveInt | None = Field(

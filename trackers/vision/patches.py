@@ -43,6 +43,7 @@ class Patches(Rows):
     """k patches on each of n bodies."""
 
     centre: Float[Array, "n k 2"]  # [px]
+    height_m: Float[Array, "n k"]  # above the floor, on the body that it was drawn on
     side: Float[Array, "n"]  # [px], at least 2
     shown: Bool[Mask, "n k"]  # whether the picture shows the patch, and no other of the bodies stands before it
 
@@ -53,21 +54,22 @@ class PatchSampler:
     def __init__(self, camera: PlacedCamera, options: PatchOptions | None = None) -> None:
         self.camera, self.options = camera, options or PatchOptions()
 
-    def drawn(self, positions_m: Float[Array, "n 2"], rng: np.random.Generator) -> Patches:
-        """Patches on bodies that stand at these places on the floor; not shown where another stands before them."""
-        centre, shown = self._drawn(positions_m, rng, self.options.count, 0.0, 0.5 * self.options.width_m)
+    def drawn(self, positions_m: Float[Array, "n 2"], rng: np.random.Generator, count: int | None = None) -> Patches:
+        """`count` patches (none: as many as the options say) on bodies at these places; not shown where another stands before."""
+        count, half_m = count or self.options.count, 0.5 * self.options.width_m
+        centre, heights_m, shown = self._drawn(positions_m, rng, count, 0.0, half_m)
         axis, side = self._axes(positions_m)
         distance = np.hypot(*(positions_m - self.camera.eye_m[:2]).T)
         nearer = distance[None] < distance[:, None]
         hidden = (self._covered(centre, axis, side) & nearer[:, None]).any(axis=-1)
-        return Patches(centre, side, shown & ~hidden)
+        return Patches(centre, heights_m, side, shown & ~hidden)
 
     def drawn_beside(self, positions_m: Float[Array, "n 2"], count: int, rng: np.random.Generator) -> Patches:
         """So many patches beside each body, within its breadth of its sides; not shown where they are on anybody."""
         half = 0.5 * (self.options.width_m + self.options.size_m)
-        centre, shown = self._drawn(positions_m, rng, count, half, 3 * half)
+        centre, heights_m, shown = self._drawn(positions_m, rng, count, half, 3 * half)
         axis, side = self._axes(positions_m)
-        return Patches(centre, side, shown & ~self._covered(centre, axis, side).any(axis=-1))
+        return Patches(centre, heights_m, side, shown & ~self._covered(centre, axis, side).any(axis=-1))
 
     def drawn_around(
         self, positions_m: Float[Array, "n 2"], reach_m: float, count: int, rng: np.random.Generator
@@ -80,7 +82,7 @@ class PatchSampler:
         aside_m = (aside - 0.5) * options.width_m
         heights_m = options.low_m + up * (options.high_m - options.low_m)
         centre, shown = self._projected(places, aside_m.reshape(-1, 1), heights_m.reshape(-1, 1))
-        return Patches(centre.reshape(n, count, 2), self._axes(positions_m)[1], shown.reshape(n, count))
+        return Patches(centre.reshape(n, count, 2), heights_m, self._axes(positions_m)[1], shown.reshape(n, count))
 
     def middles(self, positions_m: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
         """The pixels of the middles of bodies."""
@@ -109,13 +111,15 @@ class PatchSampler:
 
     def _drawn(
         self, positions_m: Float[Array, "n 2"], rng: np.random.Generator, count: int, least_m: float, most_m: float
-    ) -> tuple[Float[Array, "n k 2"], Bool[Mask, "n k"]]:
-        """Random points between two distances aside of bodies' axes, on either side, and at any height of them."""
+    ) -> tuple[Float[Array, "n k 2"], Float[Array, "n k"], Bool[Mask, "n k"]]:
+        """Random points between two distances aside of bodies' axes, either side, at any height: pixels, heights, shown."""
         options = self.options
         aside, up = rng.random((2, len(positions_m), count))
         aside = 2 * aside - 1
         aside_m = np.copysign(least_m, aside) + aside * (most_m - least_m)
-        return self._projected(positions_m, aside_m, options.low_m + up * (options.high_m - options.low_m))
+        heights_m = options.low_m + up * (options.high_m - options.low_m)
+        centre, shown = self._projected(positions_m, aside_m, heights_m)
+        return centre, heights_m, shown
 
     def _covered(
         self, centre: Float[Array, "n k 2"], axis: Float[Array, "m 2 2"], side: Float[Array, "m"]

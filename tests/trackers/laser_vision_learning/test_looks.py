@@ -10,6 +10,7 @@ import pytest
 
 from trackers.cameras import PinholeIntrinsics, PlacedCamera
 from trackers.filters.particle import Cloud
+from trackers.laser_vision_learning.histograms import learner_of
 from trackers.laser_vision_learning.looks import Learner, Looks, LooksOptions
 from trackers.laser_vision_learning.score_maps import in_levels
 from trackers.learning.boosting import BoostingOptions
@@ -38,7 +39,7 @@ def drawn(positions: np.ndarray, colours: list[tuple[int, int, int]], seed: int 
 
 def taught(options: LooksOptions = SMALL, pictures: int = 3, colours: Any = (RED, BLUE)) -> tuple[Learner, Looks]:
     learner, rng = Learner(CAMERA, options), np.random.default_rng(0)
-    looks = Looks.unknown(2, options)
+    looks = Looks.unknown(2, learner.options)
     for ns in range(pictures):
         looks = learner.trained(looks, drawn(PAIR, list(colours), ns), PAIR, EVERYBODY, np.ones(2, bool), ns, rng)
     return learner, looks
@@ -62,7 +63,7 @@ def test_the_same_pictures_teach_the_same_bits() -> None:
 @pytest.mark.parametrize("why", ["nobody near", "nobody clear", "one clear"])
 def test_with_nobody_to_learn_from_the_picture_is_not_looked_at(why: str) -> None:
     learner = Learner(CAMERA, SMALL)
-    looks = Looks.unknown(2, SMALL)
+    looks = Looks.unknown(2, learner.options)
     near = EVERYBODY & (why != "nobody near")
     clear = np.array([why != "nobody clear", why == "nobody near"])
     unseen = np.empty((0, 0, 3), np.uint8)
@@ -84,7 +85,7 @@ def test_who_has_waited_longest_is_served_first() -> None:
 def test_who_is_hidden_from_the_camera_learns_nothing_and_teaches_nothing() -> None:
     learner, rng = Learner(CAMERA, SMALL), np.random.default_rng(0)
     behind = np.array([[0.0, 0.0], [0.0, 0.25]])
-    looks = Looks.unknown(2, SMALL)
+    looks = Looks.unknown(2, learner.options)
     after = learner.trained(looks, drawn(behind, [RED, BLUE]), behind, EVERYBODY, np.ones(2, bool), 1, rng)
     assert not after.known.any()
     _, known = taught()
@@ -103,7 +104,7 @@ def test_who_is_cut_by_the_border_is_looked_at_as_far_as_can_be() -> None:
 
 def test_an_unknown_track_scores_nothing() -> None:
     learner, looks = taught()
-    more = looks.joined(Looks.unknown(1, SMALL))
+    more = looks.joined(Looks.unknown(1, learner.options))
     scores = learner.scores(more, drawn(PAIR, [RED, BLUE]), PAIR, np.array([0, 2]), np.random.default_rng(0))
     assert np.isfinite(scores[:, 0]).all()
     assert np.isnan(scores[:, 1]).all()
@@ -119,11 +120,25 @@ def test_a_foreground_mask_keeps_patches_of_the_room_out() -> None:
     options = SMALL.model_copy(update={"least_foreground": 0.5})
     learner, rng = Learner(CAMERA, options), np.random.default_rng(0)
     assert learner.needs_foreground
-    rgb, looks = drawn(PAIR, [RED, BLUE]), Looks.unknown(2, options)
+    rgb, looks = drawn(PAIR, [RED, BLUE]), Looks.unknown(2, learner.options)
     nothing, everything = np.zeros((240, 320), bool), np.ones((240, 320), bool)
     clear = np.ones(2, bool)
     assert not learner.trained(looks, rgb, PAIR, EVERYBODY, clear, 1, rng, nothing).known.any()
     assert learner.trained(looks, rgb, PAIR, EVERYBODY, clear, 1, rng, everything).known.all()
+
+
+def test_histograms_instead_tell_colours_apart_too_and_have_no_maps() -> None:
+    options = SMALL.model_copy(update={"by": "histogram"})
+    learner, rng, looks = learner_of(CAMERA, options), np.random.default_rng(0), Looks.unknown(2, options)
+    for ns in range(3):
+        looks = learner.trained(looks, drawn(PAIR, [RED, BLUE], ns), PAIR, EVERYBODY, np.ones(2, bool), ns, rng)
+    assert looks.known.all()
+    rows, rgb = np.array([0, 1]), drawn(PAIR[::-1], [BLUE, RED], 9)
+    scores = learner.scores(looks, rgb, PAIR, rows, rng)
+    assert (scores.diagonal() > scores[[0, 1], [1, 0]] + 0.5).all()
+    assert not learner.score_maps(looks, rgb, PAIR, rows, rng).told.any()
+    far = PAIR + 100.0
+    assert np.isnan(learner.scores(looks, rgb, far, rows, rng)).all()
 
 
 def test_particles_are_drawn_to_where_the_map_shows_their_own() -> None:
@@ -145,7 +160,7 @@ def test_particles_are_drawn_to_where_the_map_shows_their_own() -> None:
 def test_the_maps_of_who_is_unknown_say_nothing() -> None:
     learner = Learner(CAMERA, SMALL)
     maps = learner.score_maps(
-        Looks.unknown(2, SMALL), drawn(PAIR, [RED, BLUE]), PAIR, np.array([0, 1]), np.random.default_rng(0)
+        Looks.unknown(2, learner.options), drawn(PAIR, [RED, BLUE]), PAIR, np.array([0, 1]), np.random.default_rng(0)
     )
     assert not maps.told.any()
     assert (learner.likelihood(maps)(np.zeros((3, 2, 10))) == 0).all()

@@ -1,0 +1,169 @@
+"""Who is who at a split, by classifiers alone: how often they say it rightly where everybody's true position is known.
+
+The classifiers learn and judge a recording's pictures as a tracker's would, with people's true positions for those of
+tracks: a person is learned from while nobody is so near that a tracker could take one for the other. Whenever two
+people part, their classifiers, as they were when the two met, say of either body whose it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.laser_vision_learning.histograms import learner_of
+from trackers.laser_vision_learning.identities import IdentityOptions, decided
+from trackers.laser_vision_learning.looks import Learner, Looks, LooksOptions
+from trackers.observations import Image
+from trackers.rig import FisheyeSensor, PinholeSensor, placed_camera
+from twin.recording.reader import Recording
+from twin.recording.situations import situation_table
+from twin.recording.tables import truth_table
+from twin.streams import stream
+from twin.truth.frames import SituationKind
+
+NEAR_M = 1.5
+_BLUE = ("#2456c4", "#2858c2", "#2253c8", "#265abf", "#2054c0")
+_NAVY = ("#232c48", "#252e4a", "#212a46")
+
+
+def near_identical_clothes(people: Iterable[str]) -> list[str]:
+    """Overrides of a scenario that dress these people in shirts and trousers which differ by a few levels of 255."""
+    return [
+        f"people.{name}.{garment}='{colours[place % len(colours)]}'"
+        for place, name in enumerate(people)
+        for garment, colours in (("shirt", _BLUE), ("trousers", _NAVY))
+    ]
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What classifiers said of two people who parted: `margin` below 0 where they exchanged them, 0 where they knew neither."""
+
+    first_id: int
+    second_id: int
+    parted_s: float
+    margin: float
+
+    @property
+    def right(self) -> bool:
+        """Whether either was taken for itself."""
+        return self.margin > 0
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """What is true in a recording, at each of k stamps."""
+
+    ids: NDArray[np.int64]  # (n,)
+    stamps_ns: NDArray[np.int64]  # (k,)
+    positions_m: NDArray[np.float64]  # (k, n, 2) NaN for who is not there
+    apart: NDArray[np.bool_]  # (k, n) whether a tracker can tell the person from everybody
+    parted: Sequence[
+        tuple[int, int, int, int]
+    ]  # the two as columns, and the places at which they meet and are apart again
+
+
+@dataclass
+class _Open:
+    """Two people who have parted, and how their classifiers see them, picture by picture."""
+
+    columns: NDArray[np.intp]
+    looks: Looks
+    at_s: float
+    scores: list[NDArray[np.float64]] = field(default_factory=list)
+
+
+class SplitTrial:
+    """One choice of options, fed with the pictures of a recording."""
+
+    def __init__(self, learner: Learner, moments: Moments, identity: IdentityOptions, seed: int) -> None:
+        self.decisions: list[Decision] = []
+        self._learner, self._moments, self._identity = learner, moments, identity
+        self._looks = Looks.unknown(len(moments.ids), learner.options)
+        self._met: dict[tuple[int, int, int, int], Looks] = {}
+        self._open: list[_Open] = []
+        self._rng, self._last = stream(seed, "reproduce", "splits"), -1
+
+    def look(self, picture: Image) -> None:
+        """The next picture."""
+        moments, rgb, last = self._moments, picture.rgb, self._last
+        self._last = place = int(np.searchsorted(moments.stamps_ns, picture.stamp_ns, side="right")) - 1
+        position = moments.positions_m[place]
+        here = np.isfinite(position[:, 0])
+        # who is not there stands nowhere near anybody
+        position = np.where(here[:, None], position, 1e6)
+        for pair in moments.parted:
+            if last < pair[2] <= place:
+                self._met[pair] = self._looks
+            if last < pair[3] <= place:
+                columns = np.array(pair[:2])
+                self._open.append(_Open(columns, self._met.pop(pair, self._looks), picture.t))
+        for each in self._open:
+            scores = self._learner.scores(each.looks, rgb, position, each.columns, self._rng)[each.columns]
+            each.scores.append(scores)
+        self._close([each for each in self._open if len(each.scores) >= self._identity.pictures])
+        distance = np.linalg.norm(position[:, None] - position, axis=2)
+        near = (distance < NEAR_M) & ~np.eye(len(here), dtype=bool) & here
+        apart = moments.apart[place] & here
+        self._looks = self._learner.trained(self._looks, rgb, position, near, apart, picture.stamp_ns, self._rng)
+
+    def _close(self, due: list[_Open]) -> None:
+        for each in due:
+            self._open.remove(each)
+            seen = [scores for scores in each.scores if np.isfinite(scores).any()]
+            mean = np.nansum(seen, axis=0) / len(seen) if seen else np.full((2, 2), np.nan)
+            by_looks = decided(mean, np.zeros((2, 2)), self._identity)
+            margin = float(by_looks.margin[0]) * (1 if by_looks.member[0] == 0 or not by_looks.margin[0] else -1)
+            first, second = self._moments.ids[each.columns].tolist()
+            self.decisions.append(Decision(first, second, each.at_s, margin))
+
+
+def decide(
+    recording: Path,
+    variants: Mapping[str, LooksOptions],
+    kind: SituationKind,
+    identity: IdentityOptions | None = None,
+    seed: int = 0,
+) -> dict[str, list[Decision]]:
+    """What the classifiers of every variant say when two people whom this kind of situation joined part again.
+
+    All variants go through the recording at once, since reading its pictures is not free.
+    """
+    bag = Recording(recording)
+    name, camera = next((n, s) for n, s in bag.rig.sensors.items() if isinstance(s, PinholeSensor | FisheyeSensor))
+    placed, moments = placed_camera(camera), moments_of(bag, kind)
+    identity = identity or IdentityOptions()
+    trials = {
+        variant: SplitTrial(learner_of(placed, options), moments, identity, seed)
+        for variant, options in variants.items()
+    }
+    for picture in bag.observations():
+        if isinstance(picture, Image) and picture.sensor == name:
+            for trial in trials.values():
+                trial.look(picture)
+    return {variant: trial.decisions for variant, trial in trials.items()}
+
+
+def moments_of(bag: Recording, kind: SituationKind) -> Moments:
+    """The truth of a recording: who is apart is in no correlated pair and not joined by a situation of this kind."""
+    truth, situations = truth_table(bag.truth()), situation_table(bag.situations())
+    stamps_ns, ids = truth.frame_stamps_ns, np.unique(truth.id)
+    positions = np.full((len(stamps_ns), len(ids), 2), np.nan)
+    at = np.searchsorted(stamps_ns, truth.stamps_ns), np.searchsorted(ids, truth.id)
+    positions[at] = np.stack([truth.x, truth.y], axis=1)
+    apart, parted = np.ones(positions.shape[:2], bool), []
+    kinds: set[SituationKind] = {"correlated", kind}
+    for each in sorted(kinds):
+        chosen = situations.select(each)
+        first, second = np.searchsorted(ids, chosen.first_id), np.searchsorted(ids, chosen.second_id)
+        for row, column in zip(*chosen.frames(stamps_ns).nonzero(), strict=True):
+            apart[column, [first[row], second[row]]] = False
+        if each == kind:
+            starts, ends = np.searchsorted(stamps_ns, chosen.start_ns), np.searchsorted(stamps_ns, chosen.end_ns)
+            rows = np.flatnonzero(chosen.complete & (ends < len(stamps_ns)))
+            parted = [(int(first[i]), int(second[i]), int(starts[i]), int(ends[i])) for i in rows]
+    return Moments(ids, stamps_ns, positions, apart, parted)
