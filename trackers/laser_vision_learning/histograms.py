@@ -65,9 +65,10 @@ class HistogramLearner(Learner):
         rows: Int[Index, "m"],
         rng: np.random.Generator,
         foreground: Bool[Mask, "height width"] | None = None,
+        others_m: Float[Array, "others 2"] | None = None,
     ) -> Float[Array, "q m"]:
         """1 for histograms that are the same, −1 for such as have nothing in common; NaN for the unknown and the unseen."""
-        histogram, seen = self._seen(rgb, positions_m, rng)
+        histogram, seen = self._seen(rgb, positions_m, rng, others_m)
         chosen = looks.select(rows)
         alike = 1 - 2 * chi_squared_distance(histogram, chosen.reference)
         return np.where(seen[:, None] & chosen.known, alike, np.nan)
@@ -85,9 +86,13 @@ class HistogramLearner(Learner):
         return ScoreMaps.of(np.empty((0, 2)), np.empty((len(rows), 0)), 0.0, self.options.maps)
 
     def _seen(
-        self, rgb: Picture, positions_m: Float[Array, "n 2"], rng: np.random.Generator
+        self,
+        rgb: Picture,
+        positions_m: Float[Array, "n 2"],
+        rng: np.random.Generator,
+        others_m: Float[Array, "others 2"] | None = None,
     ) -> tuple[Float[Array, "n bins"], Bool[Mask, "n"]]:
         """Everybody's histogram, and of whom enough is in sight."""
-        points = self.sampler.drawn(positions_m, rng)
+        points = self.sampler.drawn(positions_m, rng, None, others_m)
         histogram = HISTOGRAM.of_windows(rgb, points.centre[:, :, None], points.shown[:, :, None])
         return histogram, points.shown.mean(axis=1) >= self.options.least_patches / self.options.patches.count

@@ -156,12 +156,14 @@ class Learner:
         rows: Int[Index, "m"],
         rng: np.random.Generator,
         foreground: Bool[Mask, "height width"] | None = None,
+        others_m: Float[Array, "others 2"] | None = None,
     ) -> Float[Array, "q m"]:
         """How much the body at each place looks like each of the tracks at `rows`, from −1 to 1.
 
         The mean over its patches of their scores. NaN where the track is unknown, or too little of the body in sight.
+        others_m: everybody who may stand before them (none: only these themselves).
         """
-        drawn = self.sampler.drawn(positions_m, rng, self.options.maps.patches)
+        drawn = self.sampler.drawn(positions_m, rng, self.options.maps.patches, others_m)
         described = self._looked_at(rgb, drawn, foreground)
         usable, chosen = described.usable, looks.select(rows)
         scores = np.full((len(usable), len(rows)), np.nan)

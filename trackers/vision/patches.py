@@ -19,6 +19,8 @@ from trackers.cameras import PlacedCamera
 from trackers.configuration import Strict
 from trackers.filters.rows import Rows
 
+_SAME_M = 1e-6
+
 
 class PatchOptions(Strict):
     """How many patches are drawn on a body, and from where on it."""
@@ -54,15 +56,24 @@ class PatchSampler:
     def __init__(self, camera: PlacedCamera, options: PatchOptions | None = None) -> None:
         self.camera, self.options = camera, options or PatchOptions()
 
-    def drawn(self, positions_m: Float[Array, "n 2"], rng: np.random.Generator, count: int | None = None) -> Patches:
-        """`count` patches (none: as many as the options say) on bodies at these places; not shown where another stands before."""
+    def drawn(
+        self,
+        positions_m: Float[Array, "n 2"],
+        rng: np.random.Generator,
+        count: int | None = None,
+        others_m: Float[Array, "m 2"] | None = None,
+    ) -> Patches:
+        """`count` patches (none: the options' number) on bodies at these places; not shown where another stands before.
+
+        others_m: everybody who may stand before them (none: only these themselves).
+        """
         count, half_m = count or self.options.count, 0.5 * self.options.width_m
         centre, heights_m, shown = self._drawn(positions_m, rng, count, 0.0, half_m)
-        axis, side = self._axes(positions_m)
-        distance = np.hypot(*(positions_m - self.camera.eye_m[:2]).T)
-        nearer = distance[None] < distance[:, None]
-        hidden = (self._covered(centre, axis, side) & nearer[:, None]).any(axis=-1)
-        return Patches(centre, heights_m, side, shown & ~hidden)
+        everybody_m = positions_m if others_m is None else others_m
+        distance, theirs = (np.hypot(*(each - self.camera.eye_m[:2]).T) for each in (positions_m, everybody_m))
+        nearer = theirs < distance[:, None] - _SAME_M  # nobody stands before themselves
+        hidden = (self._covered(centre, *self._axes(everybody_m)) & nearer[:, None]).any(axis=-1)
+        return Patches(centre, heights_m, self._axes(positions_m)[1], shown & ~hidden)
 
     def drawn_beside(self, positions_m: Float[Array, "n 2"], count: int, rng: np.random.Generator) -> Patches:
         """So many patches beside each body, within its breadth of its sides; not shown where they are on anybody."""

@@ -50,6 +50,14 @@ def test_who_stands_behind_somebody_shows_what_sticks_out() -> None:
     assert patches.centre[1][hidden][:, 1].mean() > patches.centre[1][~hidden][:, 1].mean()  # the legs
 
 
+def test_others_may_stand_before_those_who_are_looked_at() -> None:
+    both, sampler = np.array([[0.0, 0.0], [0.05, 0.8]]), PatchSampler(CAMERAS[0])
+    alone = sampler.drawn(both[1:], np.random.default_rng(0))
+    behind = sampler.drawn(both[1:], np.random.default_rng(0), None, both)
+    assert alone.shown.all()
+    assert 0 < behind.shown.sum() < behind.shown.size
+
+
 def test_what_the_picture_does_not_show_is_no_patch() -> None:
     camera = CAMERAS[0]
     ray = camera.rays(np.array([0.0, 120.0]))

@@ -103,7 +103,8 @@ class SplitTrial:
                 columns = np.array(pair[:2])
                 self._open.append(_Open(columns, self._met.pop(pair, self._looks), picture.t))
         for each in self._open:
-            scores = self._learner.scores(each.looks, rgb, position, each.columns, self._rng)[each.columns]
+            two = position[each.columns]
+            scores = self._learner.scores(each.looks, rgb, two, each.columns, self._rng, None, position)
             each.scores.append(scores)
         self._close([each for each in self._open if len(each.scores) >= self._identity.pictures])
         distance = np.linalg.norm(position[:, None] - position, axis=2)
