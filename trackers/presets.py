@@ -80,6 +80,11 @@ PRESETS: Mapping[str, Preset] = {
         "every knee scanner's points, a particle filter a person with a two-feet walking model: the laser half",
         _SONG,
     ),
+    "laser-vision-learning-vision": Preset(
+        "trackers.laser_vision_learning.vision_only.tracker:VisionOnly",
+        "one camera alone: background subtraction, a learned detector of people, a particle filter a person",
+        "Song, Cui, Zha, Zhao: Probabilistic Detection-Based Particle Filter for Multi-target Tracking (BMVC 2008)",
+    ),
     "sort": Preset(
         "trackers.sort:Sort",
         "every scanner's clusters fused, a Kalman filter a person, optimal assignment: the plain baseline",

@@ -27,6 +27,7 @@ from benchmarks import (
     tracking,
     truth,
     vision,
+    vision_only,
 )
 from benchmarks.figure import Figure
 from benchmarks.fuzz import run as fuzz
@@ -63,6 +64,7 @@ BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
     "table-one": tracking.table_one,
     "tracker-cost": tracking.cost,
     "imm": filters.imm,
+    "vision-only": vision_only.measure,
     "figure-7": filters.figure7,
     "labelled-legs": recorded_legs.measure,
     "real-time": runs.real_time,

@@ -86,11 +86,11 @@ class TorsoProjector:
         pixels, inside = self._camera.project(points)
         usable = (inside.mean(axis=(1, 2)) >= options.min_inside) & (detections.width_m >= options.min_width_m)
         clear = usable & (detections.width_m >= options.learn_width_m)
-        clear &= _largest_overlap(pixels) <= options.max_overlap
+        clear &= largest_overlap(pixels) <= options.max_overlap
         return TorsoWindows(pixels, inside, usable, clear)
 
 
-def _largest_overlap(pixels: Array) -> Array:
+def largest_overlap(pixels: Array) -> Array:
     """For each window the largest share of its bounding box that another's covers, (k,)."""
     k = len(pixels)
     if k < 2:

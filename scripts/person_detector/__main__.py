@@ -1,0 +1,108 @@
+"""What trackers know of people's silhouettes: recorded by the twin, learned by scikit-learn, written as plain arrays.
+
+    scripts/train-person-detector [--recordings FOLDER] [--out FILE]
+
+Every place of the floor with some foreground in its window is a sample, so that the model is learned on the very windows that it
+is asked about. It prints what it finds in a recording that it was not fitted to. The same recordings make the same file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+from person_detector.found import found
+from person_detector.samples import Samples, Scene, samples_of, scenes
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.neural_network import MLPRegressor
+
+from trackers.vision.person_model import INPUTS, SHIPPED, Network, PersonModel
+from twin.run.live import run_scenario
+from twin.scenario import load_scenario
+
+_HALL = ("sensors.camera.rate_hz=2", "sensors.west=null", "sensors.east=null")
+_FROM_ABOVE = (
+    *_HALL,
+    "sensors.camera.mount={xyz: [0, -1, 8], yaw_deg: 90, pitch_deg: 85}",
+    "sensors.camera.vertical_field_of_view_deg=95",
+)
+_HOME = tuple(f"sensors.camera_{number}.rate_hz=2" for number in range(1, 5))
+LEARNED = (
+    *(("hall", seed, "library-hall", 70, _HALL) for seed in range(1100, 1107)),
+    *(("over", seed, "library-hall", 25, _FROM_ABOVE) for seed in range(1110, 1113)),
+    *(("home", seed, "home-cameras", 12, _HOME) for seed in range(1200, 1202)),
+)
+"""What each recording is called, seed, scenario, seconds and changes; seeds from 1000 to 1999 are there to be learned from."""
+HELD_OUT = (("hall", 1107, "library-hall", 40, _HALL), ("over", 1113, "library-hall", 25, _FROM_ABOVE))
+_HEAT_M = 0.15
+_NEAR_M = 0.4
+"""Whoever is nearer than this to a window's place is the person that it means."""
+
+
+def main() -> None:
+    """Record what is not recorded yet, learn, print what is found, write."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--recordings", type=Path, default=Path("out/person-detector"), help="kept here, and taken up")
+    parser.add_argument("--out", type=Path, default=SHIPPED)
+    arguments = parser.parse_args()
+    cv2.setNumThreads(1)
+    untaught = PersonModel(*(_silent(outputs) for outputs in (1, 2)), np.ones(2))
+    learned = Samples.joined([samples_of(scene, untaught) for scene in _scenes(LEARNED, arguments.recordings)])
+    print(f"{len(learned.inputs)} windows, {int((learned.distance_m < _NEAR_M).sum())} of them near somebody")
+    nearness = _fitted(learned, np.ones(len(learned.inputs), bool), np.exp(-0.5 * (learned.distance_m / _HEAT_M) ** 2))
+    offset = _fitted(learned, learned.distance_m < _NEAR_M, learned.offset_m)
+    held_out = list(_scenes(HELD_OUT, arguments.recordings))
+    windows = Samples.joined([samples_of(scene, untaught) for scene in held_out])
+    near = windows.distance_m < _NEAR_M
+    deviation_m = (offset(windows.inputs[near]) - windows.offset_m[near]).std(axis=0)
+    model = PersonModel(nearness, offset, deviation_m.astype(float))
+    for scene in held_out:
+        recall, precision, error_m = found(scene, model)
+        print(f"{scene.name}: recall {recall:.3f}, precision {precision:.3f}, off by {error_m:.3f} m on average")
+    model.save(arguments.out)
+    print(
+        f"{arguments.out}: {arguments.out.stat().st_size / 1000:.0f} kB, deviations {deviation_m.round(3).tolist()} m"
+    )
+
+
+def _scenes(plan: Sequence[tuple[str, int, str, int, tuple[str, ...]]], folder: Path) -> Iterator[Scene]:
+    for name, seed, scenario_name, duration_s, changes in plan:
+        out = folder / f"{name}-{seed}"
+        if not (out / "recording.mcap").is_file():
+            print(f"recording {out}", flush=True)
+            scenario = load_scenario(scenario_name, [f"seed={seed}", f"duration_s={duration_s}", *changes])
+            run_scenario(scenario, trackers=(), out=out, video=False)
+        yield from scenes(out)
+
+
+def _fitted(samples: Samples, which: np.ndarray, targets: np.ndarray) -> Network:
+    """A network fitted to samples and to their mirror images."""
+    inputs, targets = samples.inputs[which], np.atleast_2d(targets.T).T[which]
+    mirrored = targets * [-1, 1] if targets.shape[1] == 2 else targets
+    regressor = MLPRegressor(
+        hidden_layer_sizes=(32,),
+        alpha=1e-3,
+        learning_rate_init=2e-3,
+        max_iter=20,
+        n_iter_no_change=20,
+        batch_size=256,
+        random_state=0,
+    )
+    whole = np.concatenate([inputs, samples.mirrored()[which]])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)  # so many passes are meant
+        regressor.fit(whole, np.squeeze(np.concatenate([targets, mirrored])))
+    parts = [each for pair in zip(regressor.coefs_, regressor.intercepts_, strict=True) for each in pair]
+    return Network(*(np.asarray(part, np.float32) for part in parts))
+
+
+def _silent(outputs: int) -> Network:
+    return Network(*(np.zeros(shape, np.float32) for shape in ((INPUTS, 1), (1,), (1, outputs), (outputs,))))
+
+
+if __name__ == "__main__":
+    main()

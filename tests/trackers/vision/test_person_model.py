@@ -1,0 +1,51 @@
+"""The learned model of people, as a file."""
+
+import numpy as np
+import pytest
+
+from trackers.errors import InputError
+from trackers.vision.person_model import INPUTS, SHIPPED, PersonModel
+
+
+def test_the_shipped_model_is_small_and_needs_no_pickle():
+    model = PersonModel.load()
+    assert SHIPPED.stat().st_size < 100_000
+    assert model.nearness(np.zeros((3, INPUTS), np.float32)).shape == (3, 1)
+    assert model.offset(np.zeros((0, INPUTS), np.float32)).shape == (0, 2)
+    assert (model.deviation_m < 0.2).all()
+
+
+def test_a_model_read_is_the_model_written(tmp_path):
+    model = PersonModel.load()
+    model.save(tmp_path / "people.npz")
+    again, inputs = PersonModel.load(tmp_path / "people.npz"), np.random.default_rng(0).random((5, INPUTS), np.float32)
+    np.testing.assert_array_equal(again.nearness(inputs), model.nearness(inputs))
+    np.testing.assert_array_equal(again.offset(inputs), model.offset(inputs))
+    np.testing.assert_array_equal(again.deviation_m, model.deviation_m)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda held: held.pop("offset_out"), "lacks offset_out"),
+        (lambda held: held.update(nearness_into=held["nearness_into"][:5]), r"nearness_into is float32 of shape \(5,"),
+        (lambda held: held.update(nearness_out=held["nearness_out"] * np.nan), "finite float32"),
+        (lambda held: held.update(deviation_m=np.zeros(2)), "two lengths above 0"),
+        (lambda held: held.update(deviation_m=np.array([None, 1], object)), "cannot be read as a model of people"),
+    ],
+)
+def test_a_file_that_is_no_such_model_is_refused(tmp_path, change, says):
+    with np.load(SHIPPED) as file:
+        held = dict(file)
+    change(held)
+    path = tmp_path / "people.npz"
+    np.savez(path, **held)
+    with pytest.raises(InputError, match=f"people.npz: .*{says}"):
+        PersonModel.load(path)
+
+
+def test_a_file_that_is_missing_or_cut_is_refused(tmp_path):
+    (tmp_path / "cut.npz").write_bytes(SHIPPED.read_bytes()[:5000])
+    for name in ("cut.npz", "none.npz"):
+        with pytest.raises(InputError, match=f"{name}: cannot be read as a model of people"):
+            PersonModel.load(tmp_path / name)

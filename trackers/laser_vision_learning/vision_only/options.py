@@ -1,0 +1,108 @@
+"""The options of `laser-vision-learning-vision`; the paper gives no constant of its baseline, so that all are ours."""
+
+from __future__ import annotations
+
+from pydantic import Field, PositiveInt
+
+from trackers.configuration import Strict
+from trackers.vision.foreground import ForegroundOptions
+from trackers.vision.histogram import HistogramOptions
+from trackers.vision.person_detector import SILHOUETTES, DetectorOptions
+
+
+class ParticleOptions(Strict):
+    """How the particles of a person move, and how a picture weighs them."""
+
+    particles: PositiveInt = Field(default=100, description="particles a person")
+    acceleration: float = Field(
+        default=1.0, gt=0, description="spectral density of a person's acceleration, white noise [m²/s³]"
+    )
+    start_speed_m_s: float = Field(default=1.0, gt=0, description="standard deviation of a new person's speed [m/s]")
+    slowdown_s: float = Field(
+        default=0.6, gt=0, description="time constant with which the speed of who is not detected fades [s]"
+    )
+    detected_share: float = Field(
+        default=0.1, ge=0, lt=1, description="share of a detected person's particles that are drawn about the detection"
+    )
+    outlier: float = Field(
+        default=1e-3,
+        gt=0,
+        description="likelihood of a place far from the detection, of that in its middle; and of one at which the detector sees "
+        "nobody",
+    )
+    colour_sharpness: float = Field(
+        default=10.0,
+        ge=0,
+        description="λ of the likelihood exp(−λ D²) of the colours at the particles of who is not detected (Pérez et al.)",
+    )
+    claimed_m: float = Field(
+        default=0.3, gt=0, description="standard deviation about a detected person within which scores are theirs [m]"
+    )
+
+
+class LifeOptions(Strict):
+    """Which detection is whose, and when a track starts, is confirmed and ends."""
+
+    gate: float = Field(default=4.0, gt=0, description="largest Mahalanobis distance of a track and a detection")
+    radius_m: float = Field(default=1.2, gt=0, description="and their largest distance [m]")
+    colour_weight: float = Field(
+        default=6.0, ge=0, description="weight of the colours' distance E beside the Mahalanobis distance"
+    )
+    unknown_colour: float = Field(
+        default=0.3, ge=0, le=1, description="E where a track or a detection has no histogram yet"
+    )
+    foreign_above: float = Field(
+        default=0.8, ge=0, le=1, description="E above which a track and a detection never belong together"
+    )
+    start_score: float = Field(default=0.4, ge=0, le=1, description="score from which a detection starts a track")
+    start_covered: float = Field(
+        default=0.6,
+        ge=0,
+        le=1,
+        description="share of a detection's window that another's may cover when it starts a track: what is left of somebody in "
+        "front looks like another behind",
+    )
+    apart_m: float = Field(default=0.5, ge=0, description="no track starts nearer than this to another [m]")
+    confirm_after_s: float = Field(
+        default=0.2, ge=0, description="a tentative track detected for longer than this is confirmed [s]"
+    )
+    tentative_coast_s: float = Field(
+        default=0.1, ge=0, description="a tentative track not detected for longer ends [s]"
+    )
+    show_s: float = Field(default=0.4, ge=0, description="how long a person who is not detected is reported [s]")
+    coast_s: float = Field(default=2.0, ge=0, description="and how long they are looked for [s]")
+    margin_m: float = Field(
+        default=0.3, ge=0, description="how far outside the rig's area people are still followed [m]"
+    )
+    learn_covered: float = Field(
+        default=0.25,
+        ge=0,
+        le=1,
+        description="share of a person's window that another may cover when colours are learned",
+    )
+    memory: float = Field(
+        default=0.8, ge=0, lt=1, description="share of the old colours kept when new ones are learned"
+    )
+
+
+class VisionOnlyOptions(Strict):
+    """Every constant of the baseline by the camera alone."""
+
+    camera: str | None = Field(
+        default=None,
+        description="name of the camera; none: the rig's main sensor where it is one, else the first by name",
+    )
+    most_foreground: float = Field(
+        default=0.5,
+        gt=0,
+        le=1,
+        description="share of foreground above which a picture says nothing: light or lens changed",
+    )
+    foreground: ForegroundOptions = Field(default=SILHOUETTES, description="what in a picture is not the empty room")
+    detector: DetectorOptions = Field(default=DetectorOptions(), description="the detector of people")
+    histogram: HistogramOptions = Field(
+        default=HistogramOptions(hue_bins=36, grey_bins=10, smoothing_deg=10.0),
+        description="colour histograms, one of the upper and one of the lower half of a person",
+    )
+    filter: ParticleOptions = Field(default=ParticleOptions(), description="the particle filter")
+    life: LifeOptions = Field(default=LifeOptions(), description="association, and the life of a track")

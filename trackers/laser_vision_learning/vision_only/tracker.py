@@ -1,0 +1,234 @@
+"""People tracking by one camera alone: the paper's baseline by vision, a detection-based particle filter a person.
+
+After X. Song, J. Cui, H. Zha, H. Zhao: "Probabilistic detection-based particle filter for multi-target tracking" (BMVC 2008), of
+which the paper under test says no more than the name. Per picture: background subtraction; a detector learned beforehand
+judges the window of a person at every place of the floor; detections go to tracks by optimal assignment on distance and
+colours; a detected person's particles move, a share of them drawn about the detection, and are weighted by it; another's
+are weighted by the scores that no detected person has claimed and by the colours that they would show. So a person whom
+another covers in part is followed where the detector has no peak of their own.
+
+A picture that is foreground throughout, black or white say, tells nothing. Who leaves the area or the picture ends at once when
+not detected there: what the camera cannot see is nobody's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, cast
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from trackers.area import Area
+from trackers.arrays import Array, Index, Mask
+from trackers.configuration import validate
+from trackers.detections import Detection
+from trackers.errors import InputError
+from trackers.filters.gating import distances, mahalanobis
+from trackers.filters.particle import Cloud, ParticleFilter
+from trackers.filters.proposal import MixtureProposal
+from trackers.knowledge import Knowledge
+from trackers.laser_vision_learning.vision_only.clothes import Clothes
+from trackers.laser_vision_learning.vision_only.motion import WhiteAcceleration
+from trackers.laser_vision_learning.vision_only.options import VisionOnlyOptions
+from trackers.laser_vision_learning.vision_only.people import People
+from trackers.laser_vision_learning.vision_only.weighing import AtDetections, WithoutDetection
+from trackers.observations import NS_PER_S, DepthImage, Image, Observation
+from trackers.rig import Rig, placed_camera
+from trackers.tracking.association import Stage, associate, left_over
+from trackers.tracking.lifecycle import clear_of, coasting_within, measured_for_longer, measured_now
+from trackers.tracks import Track, TrackFrame
+from trackers.vision.foreground import Foreground
+from trackers.vision.person_detector import PeopleSeen, PersonDetector
+from trackers.vision.person_model import SHIPPED, PersonModel
+
+LEARNED = "people"
+"""Name under which `background.learned` may hold another model of people than the shipped one."""
+
+
+class VisionOnly:
+    """Tracker of people by one camera (see module). Options are those of `VisionOnlyOptions`.
+
+    background: pictures of the empty room; without any the background is learned as pictures come, and whoever stands still from
+    the start is found when they move. Its `learned` may hold another model of people under "people"
+    (`scripts/train-person-detector` makes one). Frames carry the pictures' stamps.
+
+    Raises InputError for a wrong option, for a rig without a camera, and for a picture of another size than the rig says.
+    """
+
+    def __init__(
+        self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
+    ) -> None:
+        self.options = validate(VisionOnlyOptions, options, "tracker laser-vision-learning-vision")
+        self.camera = _camera_of(rig, self.options.camera)
+        self.unused_sensors = [name for name in rig.sensors if name != self.camera]
+        self.discarded = 0
+        known, sensor = Knowledge.of(background), rig.cameras()[self.camera]
+        empty_room = [cast("Image | DepthImage", each) for each in known if each.sensor == self.camera]
+        self._foreground = Foreground(sensor.intrinsics, empty_room, self.options.foreground)
+        self.background_learned_causally = self._foreground.learns_background
+        camera, model = placed_camera(sensor), PersonModel.load(known.learned.get(LEARNED, SHIPPED))
+        self._detector = PersonDetector(camera, rig.area, self.options.detector, model)
+        self._area = None if rig.area is None else Area(rig.area, self.options.life.margin_m)
+        self._clothes = Clothes(camera, self.options.histogram)
+        self._filter, self._rng = ParticleFilter(), rng or np.random.default_rng(0)
+        self._people = People.nobody(self.options.filter.particles, self._clothes.size)
+        self._next_id, self._ns = 1, -1
+        self._told: list[Detection] = []
+
+    def update(self, observation: Observation) -> list[TrackFrame]:
+        """Take one observation; the frame of a picture. Other sensors than the camera are ignored."""
+        self._told = []
+        if observation.sensor != self.camera:
+            return []
+        if observation.stamp_ns <= self._ns:
+            self.discarded += 1
+            return []
+        self._work(cast("Image | DepthImage", observation))
+        return [TrackFrame(self._ns, tuple(self.tracks()))]
+
+    def tracks(self) -> list[Track]:
+        """Everyone confirmed, by id: who is detected, and for a while who is not."""
+        roster = self._people.roster
+        shown = roster.confirmed & coasting_within(roster, self._ns, self.options.life.show_s, 0)
+        if self._area is not None:
+            shown &= self._area.contains(self._people.positions)
+        rows = shown.nonzero()[0][roster.id[shown].argsort()]
+        means = roster.state.expectation(roster.state.state)[:, rows].T.tolist()
+        measured = measured_now(roster, self._ns)[rows].tolist()
+        return [
+            Track(number, *mean, status="confirmed" if is_measured else "coasting")
+            for number, mean, is_measured in zip(roster.id[rows].tolist(), means, measured, strict=True)
+        ]
+
+    def detections(self) -> list[Detection]:
+        """Whom the last picture showed, see `trackers.detections`."""
+        return self._told
+
+    def _work(self, picture: Image | DepthImage) -> None:
+        ns, life = picture.stamp_ns, self.options.life
+        elapsed_s = (ns - self._ns) / NS_PER_S if self._ns >= 0 else 0.0
+        mask = self._foreground.mask(picture)
+        if mask.mean() > self.options.most_foreground:
+            mask = np.zeros_like(mask)
+        self._ns = ns
+        # after a gap in the pictures nobody is where they were
+        self._people = self._people.select(coasting_within(self._people.roster, ns, life.coast_s, life.coast_s))
+        seen = self._detector.detect(mask)
+        self._told = [
+            Detection(ns, (self.camera,), "person", *position, variance_m2=trace / 2)
+            for position, trace in zip(seen.position.tolist(), seen.covariance.trace(0, 1, 2).tolist(), strict=True)
+        ]
+        looks, known, covered = self._clothes.looks(picture.rgb, mask, seen.position)
+        unlike = self._people.clothes.distance(looks, known)
+        if unlike is None:
+            unlike = np.full((len(self._people), len(seen)), np.nan)
+        track, found = self._matches(seen, unlike, elapsed_s)
+        self._filter_on(picture, mask, seen, track, found, elapsed_s)
+        clear = known & (covered <= life.learn_covered)
+        of_clear = clear[found]
+        self._people = self._people.learned(
+            track[of_clear], looks[found[of_clear]], unlike[:, found[of_clear]], life.memory, ns
+        )
+        self._confirm()
+        self._end()
+        free = left_over(len(seen), found)
+        self._start(seen, free[covered[free] <= life.start_covered], looks, clear)
+
+    def _matches(
+        self, seen: PeopleSeen, unlike: Float[Array, "n k"], elapsed_s: float
+    ) -> tuple[Int[Index, "p"], Int[Index, "p"]]:
+        """Which tracks are which detections: confirmed ones first, by where they would be by now and what they wear."""
+        life = self.options.life
+        mean, covariance = self._people.expected(elapsed_s)
+        noise = seen.covariance.mean(axis=0) if len(seen) else np.eye(2)
+        deviations = mahalanobis(mean[:, None], covariance[:, None] + noise, seen.position)
+        terms = [deviations, life.colour_weight * np.nan_to_num(unlike, nan=life.unknown_colour)]
+        vetoes = [
+            deviations > life.gate,
+            distances(mean, seen.position) > life.radius_m,
+            np.nan_to_num(unlike, nan=0.0) > life.foreign_above,
+        ]
+        confirmed = self._people.roster.confirmed
+        return associate([Stage(confirmed, terms, vetoes), Stage(~confirmed, terms, vetoes)])
+
+    def _filter_on(
+        self,
+        picture: Image | DepthImage,
+        mask: Mask,
+        seen: PeopleSeen,
+        track: Int[Index, "p"],
+        found: Int[Index, "p"],
+        elapsed_s: float,
+    ) -> None:
+        """Move and weigh everybody's particles."""
+        options, roster, clothes = self.options.filter, self._people.roster, self._people.clothes
+        before, kept = roster.state.select(track), np.ones(track.size)
+        by = AtDetections(seen.position[found], seen.covariance[found], before.state[2:], options.outlier)
+        proposal = MixtureProposal(
+            options.detected_share, WhiteAcceleration(elapsed_s, options.acceleration, kept), by.draw
+        )
+        after = self._filter.step_proposed(before, proposal, by.log_likelihood, self._rng)
+        state, rest = roster.state.replaced(track, after), left_over(len(roster), track)
+        if rest.size:
+            kept = np.full(rest.size, np.exp(-elapsed_s / options.slowdown_s))
+            without = WithoutDetection(
+                scores=lambda positions: self._detector.places.read(seen.scores, positions),
+                looks=lambda places: self._clothes.looks(picture.rgb, mask, places)[:2],
+                taken=seen.position[found],
+                reference=clothes.reference[rest],
+                known=clothes.known[rest],
+                options=options,
+            )
+            coast = WhiteAcceleration(elapsed_s, options.acceleration, kept)
+            after = self._filter.step(state.select(rest), coast, without.log_likelihood, self._rng)
+            state = state.replaced(rest, after)
+        self._people = self._people.changed(roster=roster.measured(track, self._ns, state))
+
+    def _confirm(self) -> None:
+        roster = self._people.roster
+        new = measured_for_longer(roster, self._ns, self.options.life.confirm_after_s, 0)
+        self._people = self._people.changed(roster=roster.confirm(new, self._next_id))
+        self._next_id += int(new.sum())
+
+    def _end(self) -> None:
+        """Let go of whoever was not detected for too long, or is gone from the area or the picture."""
+        life, roster, positions = self.options.life, self._people.roster, self._people.positions
+        kept = coasting_within(roster, self._ns, life.coast_s, life.tentative_coast_s)
+        kept &= self._detector.places.shows(positions) | measured_now(roster, self._ns)
+        if self._area is not None:
+            kept &= self._area.contains(positions)
+        self._people = self._people.select(kept)
+
+    def _start(
+        self, seen: PeopleSeen, free: Int[Index, "f"], looks: Float[Array, "k bins"], clear: Bool[Mask, "k"]
+    ) -> None:
+        """Start tracks at good detections that are nobody's, clear of everybody."""
+        life, options = self.options.life, self.options.filter
+        free = free[seen.score[free] >= life.start_score]
+        free = free[clear_of(seen.position[free], self._people.positions, life.apart_m)]
+        if self._area is not None:
+            free = free[self._area.contains(seen.position[free])]
+        if free.size == 0:
+            return
+        position, at_rest = seen.position[free], np.zeros((free.size, 2))
+        covariance = np.zeros((free.size, 4, 4))
+        covariance[:, :2, :2] = seen.covariance[free]
+        covariance[:, 2:, 2:] = options.start_speed_m_s**2 * np.eye(2)
+        cloud = Cloud.normal(np.concatenate([position, at_rest], axis=1), covariance, options.particles, self._rng)
+        self._people = self._people.joined(People.started(cloud, looks[free], clear[free], self._ns, position))
+
+
+def _camera_of(rig: Rig, name: str | None) -> str:
+    """The camera to use. Raises InputError where the rig has none, or none of that name."""
+    cameras = rig.cameras()
+    if not cameras:
+        raise InputError(
+            f"tracker laser-vision-learning-vision: the rig has no camera (its sensors are {', '.join(rig.sensors)}); "
+            "one of kind camera, fisheye or stereo is expected"
+        )
+    if name is not None and name not in cameras:
+        raise InputError(
+            f"tracker laser-vision-learning-vision: camera: {name!r} is no camera of the rig; valid are {', '.join(cameras)}"
+        )
+    return name or (rig.main_sensor if rig.main_sensor in cameras else min(cameras))
