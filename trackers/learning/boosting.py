@@ -26,6 +26,9 @@ from trackers.configuration import Strict
 from trackers.filters.rows import Rows
 from trackers.learning.cart import Grown, SortedSamples, Trees
 
+_TAKEN = 1e6
+"""What a tree that is already chosen has wrong in every sample, so that no other is chosen after it."""
+
 
 class BoostingOptions(Strict):
     """How many trees a classifier has, and how many of them a frame exchanges."""
@@ -116,21 +119,19 @@ class OnlineBoosting:
         chosen, grown, all_odds = [], [], []
         if n_kept:
             rows, wrong = np.arange(n), (old.trees.says(samples)[:, :n_old] != label[:, None]).astype(float)
-            excluded = np.zeros((n, n_old))
             for _ in range(n_kept):
-                each = np.matmul(wrong, weight[..., None])[..., 0] + excluded
+                each = np.matmul(wrong, weight[..., None])[..., 0]
                 best = each.argmin(axis=1)
                 chosen.append(best)
-                excluded[rows, best] = np.inf
-                odds, weight = self._reweighted(weight, wrong[rows, best], each[rows, best])
+                odds, weight = self._reweighted(weight, weight * wrong[rows, best])
+                wrong[rows, best] = _TAKEN
                 all_odds.append(odds)
         if n_new:
             grow = self._learner(samples)
             for _ in range(n_new):
                 tree = grow(weight, label)
                 grown.append(tree)
-                wrong = (tree.says != label).astype(float)
-                odds, weight = self._reweighted(weight, wrong, (weight * wrong).sum(axis=1))
+                odds, weight = self._reweighted(weight, weight * (tree.says != label))
                 all_odds.append(odds)
         n_absent = options.trees - n_kept - n_new
         trees = Trees.undivided(n, n_absent)
@@ -142,12 +143,13 @@ class OnlineBoosting:
         return StrongClassifiers(trees, alpha, np.full(n, n_kept + n_new))
 
     def _reweighted(
-        self, weight: Float[Array, "n k"], wrong: Float[Array, "n k"], error: Float[Array, "n"]
+        self, weight: Float[Array, "n k"], wrong: Float[Array, "n k"]
     ) -> tuple[Float[Array, "n"], Float[Array, "n k"]]:
-        """(1 − err) / err of a tree, and the weights, again of sum 1, that it leaves to the next."""
+        """(1 − err) / err of a tree, and the weights, again of sum 1, that it leaves to the next; wrong: weights it has wrong."""
+        error = wrong.sum(axis=1)
         odds = 1 / np.minimum(np.maximum(error, self.options.least_error), 0.5) - 1
-        left = 1 / (1 + error * (odds - 1))  # for the samples that it has right
-        return odds, weight * (left[:, None] + wrong * (left * (odds - 1))[:, None])
+        more = odds - 1
+        return odds, (weight + more[:, None] * wrong) / (1 + more * error)[:, None]
 
     def _learner(self, samples: Array) -> _Grow:
         if self.options.learner == "own":
