@@ -43,7 +43,9 @@ class LooksOptions(Strict):
     patches: PatchOptions = Field(default=PatchOptions(), description="how patches are drawn on a body")
     features: FeatureOptions = Field(default=FeatureOptions(), description="what describes a patch")
     height: bool = Field(default=True, description="how high on the body a patch was drawn is a feature too (ours)")
-    boosting: BoostingOptions = Field(default=BoostingOptions(), description="the classifier of a track")
+    boosting: BoostingOptions = Field(
+        default=BoostingOptions(first_a_frame=10), description="the classifier of a track"
+    )
     maps: ScoreMapOptions = Field(default=ScoreMapOptions(), description="score maps of people who meet")
     classifiers_a_frame: PositiveInt = Field(
         default=5, description="classifiers that a picture trains at most, those first that have waited longest (ours)"

@@ -38,10 +38,10 @@ class BoostingOptions(Strict):
         default=25,
         description="trees that live on when a new frame is learned, the best ones; the rest is trained anew (K)",
     )
-    trained_a_frame: PositiveInt | None = Field(
+    first_a_frame: PositiveInt | None = Field(
         default=None,
-        description="trees that a frame trains at most: the first training is spread over as many frames as it takes, during "
-        "which no tree is exchanged; none: every frame trains all that are missing (ours)",
+        description="trees that a frame of the first training trains at most: it takes several frames then, during "
+        "which no tree is exchanged; none: the first frame trains all (ours)",
     )
     least_error: float = Field(
         default=0.01,
@@ -112,8 +112,9 @@ class OnlineBoosting:
     ) -> StrongClassifiers:
         """Classifiers with `n_old` trees each after a frame that teaches them all."""
         options, n = self.options, len(old)
-        n_kept = min(options.kept, n_old) if n_old == options.trees else n_old
-        n_new = min(options.trees - n_kept, options.trained_a_frame or options.trees)
+        n_kept, n_new = options.kept, options.trees - options.kept
+        if n_old < options.trees:
+            n_kept, n_new = n_old, min(options.trees - n_old, options.first_a_frame or options.trees)
         weight = np.abs(label)
         weight /= weight.sum(axis=1, keepdims=True)
         chosen, grown, all_odds = [], [], []

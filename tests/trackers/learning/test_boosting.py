@@ -148,6 +148,8 @@ def test_with_k_equal_to_m_it_never_trains_again() -> None:
 def test_with_k_0_every_frame_is_a_fresh_classifier() -> None:
     options = BoostingOptions(trees=8, kept=0)
     assert_equal(after(options, frame(0), frame(1), frame(2)), after(options, frame(2)))
+    spread = BoostingOptions(trees=8, kept=0, first_a_frame=4)
+    assert_equal(after(spread, frame(0), frame(1), frame(2)), after(options, frame(2)))
 
 
 def test_scikit_learn_learns_as_well() -> None:
@@ -179,7 +181,7 @@ def test_a_sample_of_nobodys_is_not_there() -> None:
 
 
 def test_the_first_training_may_be_spread_over_frames() -> None:
-    options = BoostingOptions(trees=10, kept=7, trained_a_frame=4)
+    options = BoostingOptions(trees=10, kept=7, first_a_frame=4)
     counts = [int(after(options, *[frame(seed) for seed in range(n)]).n_tree[0]) for n in range(1, 6)]
     assert counts == [4, 8, 10, 10, 10]
     one = after(options, frame(0))
