@@ -77,16 +77,6 @@ def test_fewer_samples_than_a_thing_returns_are_noise_and_more_so_near_by():
         assert len(clusters_of(scan(ranges), min_samples=3, min_width_m=0.05)) == expected, (range_m, n)
 
 
-def test_two_who_touch_are_cut_where_asked():
-    ranges = np.full(361, 4.0)
-    angles = -np.pi / 2 + INCREMENT * np.arange(361)
-    wide = np.abs(1.5 * np.tan(angles)) < 0.45
-    ranges[wide] = 1.5 / np.cos(angles[wide])
-    assert len(clusters_of(scan(ranges))) == 1
-    cut = clusters_of(scan(ranges), split_width_m=0.65)
-    np.testing.assert_allclose(cut.middle, [(1.5, -0.225), (1.5, 0.225)], atol=0.03)
-
-
 @pytest.mark.parametrize("value", [np.nan, np.inf, 0.0])
 def test_scans_without_anything(value):
     given = scan(np.full(361, value))

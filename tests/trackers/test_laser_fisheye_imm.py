@@ -48,18 +48,17 @@ def test_ids_count_from_one_and_nobody_is_shown_before_a_third_of_a_second():
     assert {track.id for frame in frames for track in frame.tracks} == {1, 2, 3, 4, 5}
 
 
-@pytest.mark.parametrize(("trunk_from", "believed_at_s"), [(0, 0.3), (6, 0.6), (99, 1.0)])
-def test_legs_without_a_trunk_take_longer_to_be_somebody(trunk_from, believed_at_s):
+@pytest.mark.parametrize(("by_trunks", "first_k"), [(True, 9), (False, 3)])
+def test_where_waists_are_scanned_a_track_starts_by_a_trunk(by_trunks, first_k):
     walk = straight_walk([(-1.6, 1.0)], [(0.4, 0.0)], 20)
     hidden, rng = straight_walk([(9.0, 9.0)], [(0.0, 0.0)], 20), np.random.default_rng(5)
     given = [
-        scan(hidden if height == "waist" and k < trunk_from else walk, k, height, round((1 + 0.1 * k) * NS_PER_S), rng)
+        scan(hidden if height == "waist" and k < 6 else walk, k, height, round((1 + 0.1 * k) * NS_PER_S), rng)
         for k in range(20)
         for height in ("waist", "knee")
     ]
-    frames, _ = tracked(walk, name="laser-imm", observations=given)
-    first = next(frame for frame in frames if frame.tracks)
-    assert first.stamp_ns - frames[0].stamp_ns == pytest.approx(believed_at_s * NS_PER_S)
+    frames, _ = tracked(walk, name="laser-imm", observations=given, start_by_trunks=by_trunks)
+    assert next(k for k, frame in enumerate(frames) if frame.tracks) == first_k
 
 
 def test_velocities_are_the_walkers():
@@ -102,64 +101,6 @@ def test_whoever_stops_out_of_sight_is_looked_for_where_nobody_could_see_them():
         return max(coasting)
 
     assert farthest_off() < 0.2 < 0.3 < farthest_off(free_space={"detected": 0})
-
-
-def test_whoever_is_hidden_for_longer_than_tracks_coast_is_known_again():
-    # in behind the other, a second and a half there, and back to where they came from
-    walk = straight_walk([(0.0, 0.8), (-1.3, 2.3)], [(0.0, 0.0), (0.8, 0.0)], 45)
-    position = walk.position.copy()
-    position[14:29, 1] = position[14, 1]
-    position[29:, 1] = position[14, 1] - [0.08, 0] * np.arange(16)[:, None]
-    walk = replace(walk, position=position)
-
-    def ids(**management):
-        frames, _ = tracked(walk, layers=("waist",), management=management)
-        return {track.id for frame in frames for track in frame.tracks if track.y > 1.7}
-
-    assert len(ids()) == 1
-    assert len(ids(coast_hidden_s=1.5)) == 2
-
-
-def test_whoever_is_found_anew_while_their_track_is_on_anothers_legs_keeps_their_number():
-    # from one scan to the next their trunk is a metre further on, and somebody's legs are where they stood
-    before, after = (straight_walk([(x, 1.6)], [(0.0, 0.0)], 24) for x in (-0.6, 0.5))
-    seen, legs = observe(before, 3), observe(before, 4)
-    moved = {(o.sensor, o.stamp_ns): o for o in observe(after, 5)}
-    change_ns = round(2.2 * NS_PER_S)
-    given = [
-        o if o.stamp_ns < change_ns else leg if o.sensor == "knee" else moved[o.sensor, o.stamp_ns]
-        for o, leg in zip(seen, legs, strict=True)
-    ]
-
-    def ids(**options):
-        frames, _ = tracked(after, observations=given, **options)
-        return [{track.id: track.x for track in frame.tracks} for frame in frames]
-
-    shown = ids()
-    assert set().union(*shown) == {1}
-    assert shown[12][1] == pytest.approx(-0.6, abs=0.15)  # still on the legs
-    assert shown[-1][1] == pytest.approx(0.5, abs=0.15)
-    assert set().union(*ids(recognised_below=0)) == {1, 2}
-
-
-@pytest.mark.parametrize(
-    ("gone", "looks", "believed_after_s"),
-    [(True, 3, 1.0), (True, 0, 0.3), (False, 3, 0.3)],
-    ids=("", "not asked", "seen"),
-)
-def test_whoever_shows_little_of_a_shirt_where_somebody_hidden_can_have_come_takes_longer(
-    gone, looks, believed_after_s
-):
-    # one with a broad front, looked upon; then somebody else seen from the side, too narrow to be looked upon
-    far, slow = (9.0, 9.0), 0.001
-    alone = straight_walk([(-0.6, 2.0), far], [(0.0, -slow), (slow, 0.0)], 30)
-    after = straight_walk([far if gone else (-0.6, 2.0), (0.3, 1.8)], [(0.0, -slow), (slow, 0.0)], 30)
-    change_ns = round(2.2 * NS_PER_S)
-    given = [o for o in observe(alone, 3) if o.stamp_ns < change_ns]
-    given += [o for o in observe(after, 5) if o.stamp_ns >= change_ns]
-    frames, _ = tracked(after, observations=given, torso={"learn_width_m": 0.3}, management={"confirm_looks": looks})
-    believed = next(frame.stamp_ns for frame in frames if any(track.x > 0 for track in frame.tracks))
-    assert (believed - change_ns) / NS_PER_S == pytest.approx(believed_after_s, abs=0.01)
 
 
 def test_knees_help_where_the_waist_is_hidden_and_never_both_count():

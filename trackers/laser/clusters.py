@@ -36,14 +36,6 @@ class ClusterOptions(Strict):
         ge=0,
         description="least width of a cluster, as the number of beams that a thing so wide returns at its range [m]",
     )
-    split_width_m: float | None = Field(
-        default=None,
-        gt=0,
-        description="width above which a cluster is split into several people side by side [m]; null: never (ours)",
-    )
-    person_width_m: float = Field(
-        default=0.45, gt=0, description="width of each of several people side by side in one cluster [m] (ours)"
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +76,6 @@ def find_clusters(scan: LaserScan, foreground: Mask, options: ClusterOptions) ->
     splits = (np.hypot(step[0], step[1]) > jump) | (seen_past[1:] - seen_past[:-1] > options.max_gap_beams)
     edges = np.concatenate([[0], splits.nonzero()[0] + 1, [beams.size]])
     starts, stops = edges[:-1], edges[1:]
-    if options.split_width_m is not None:
-        starts, stops = _split_wide(points, starts, stops, options.split_width_m, options.person_width_m)
 
     n_sample = stops - starts
     middle = np.add.reduceat(points, starts, axis=1) / n_sample
@@ -125,22 +115,6 @@ def pushed_back(middle: Array, depth_m: Array | float) -> Array:
     """
     range_m = np.maximum(np.hypot(middle[:, 0], middle[:, 1]), 1e-9)
     return middle * (1 + depth_m / range_m)[:, None]
-
-
-def _split_wide(
-    points: Array, starts: NDArray[np.intp], stops: NDArray[np.intp], split_width_m: float, person_width_m: float
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Cut clusters that are too wide for one person into parts of equally many samples."""
-    width = _width(points, starts, stops)
-    wide = width > split_width_m
-    if not wide.any():
-        return starts, stops
-    parts = np.where(wide, np.maximum(np.round(width / person_width_m), 2), 1).astype(np.intp)
-    parts = np.minimum(parts, stops - starts)
-    owner = np.repeat(np.arange(starts.size), parts)
-    part = np.arange(owner.size) - np.repeat(np.cumsum(parts) - parts, parts)
-    cuts = starts[owner] + (part * (stops - starts)[owner]) // parts[owner]
-    return cuts, np.append(cuts[1:], stops[-1])
 
 
 def _width(points: Array, starts: NDArray[np.intp], stops: NDArray[np.intp]) -> Array:

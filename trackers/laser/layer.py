@@ -79,9 +79,7 @@ def _told(field: str) -> str | None:
 class WaistOptions(LayerOptions):
     """The scanner at waist height: one trunk a person, arms beside it."""
 
-    cluster: ClusterOptions = Field(
-        default=ClusterOptions(jump_m=0.08, min_width_m=0.06, split_width_m=0.65), description=_told("cluster")
-    )
+    cluster: ClusterOptions = Field(default=ClusterOptions(jump_m=0.08, min_width_m=0.06), description=_told("cluster"))
     radius_m: float = Field(default=1.0, gt=0, description=_told("radius_m"))
     half_depth_m: float = Field(default=0.11, ge=0, description=_told("half_depth_m"))
     side_half_depth_m: float | None = Field(default=0.168, ge=0, description=_told("side_half_depth_m"))

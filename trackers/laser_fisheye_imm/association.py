@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackers.arrays import Array, Index, Mask
-from trackers.filters.gating import distances, global_nearest_neighbour, mahalanobis, validation_region
+from trackers.filters.gating import distances, mahalanobis, validation_region
 from trackers.filters.imm import Imm
 from trackers.laser.grouping import pair_off, take_legs
 from trackers.laser_fisheye_imm.detection import Seen
@@ -16,7 +16,6 @@ from trackers.laser_fisheye_imm.people import People
 from trackers.observations import NS_PER_S
 from trackers.tracking.association import Stage, associate, left_over
 from trackers.tracking.lifecycle import nanoseconds
-from trackers.vision.histogram import chi_squared_distance
 
 _NOBODY = np.empty(0, np.intp)
 
@@ -32,20 +31,6 @@ class Matches:
     new_position: Array  # (q, 2) measurements that no track took
     new_trunk: Index  # (q,)
     new_clearance: Array  # (q,) how far from everybody else somebody new must be to be believed [m]
-    colour: Array | None  # (n, k) E of every track and trunk, NaN where unknown; None where nobody's is known
-
-    def like_anothers(self, below: float) -> Mask:
-        """In which pairs (p,) the shirt is like another track's, by an E up to `below`, and not like the track's own.
-
-        Then the window is on whoever stands before the person. (Where the light fails all shirts grow alike, but none
-        grows unlike itself from one look to the next.)
-        """
-        if self.colour is None:
-            return np.zeros(self.track.size, np.bool_)
-        E, pair = np.where(np.isnan(self.colour), np.inf, self.colour)[:, self.trunk], np.arange(self.track.size)
-        own = E[self.track, pair]
-        E[self.track, pair] = np.inf
-        return (self.trunk >= 0) & (E.min(axis=0) <= below) & (own > below)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,13 +74,12 @@ class Association:
             new_position=np.concatenate([seen.trunks.position[new_trunk], walkers[new_walker]]),
             new_trunk=np.concatenate([new_trunk, np.full(new_walker.size, -1)]),
             new_clearance=np.concatenate([np.full(new_trunk.size, body), clearance]),
-            colour=colour,
         )
 
     def _match(
         self, tracks: Index, position: Array, radius_m: float, whole: Mask, colour: Array | None
     ) -> tuple[Index, Index]:
-        """Pairs (track, measurement) among `tracks` (p,) and measurements (k, 2); confirmed tracks choose first.
+        """Pairs (track, measurement) among `tracks` (p,) and measurements (k, 2): first whom a prediction explains.
 
         `whole` (k,): what is a person rather than one leg, which may be anything; `colour`: E of all tracks (n, k), NaN
         where unknown.
@@ -108,42 +92,23 @@ class Association:
         out_of_gate = ~validation_region(state.positions, position, radius_m)
         if self.options.max_deviations is not None:
             out_of_gate |= distance > self.options.max_deviations
-        confirmed = people.confirmed[tracks]
-        if not self.options.confirmed_first:
-            confirmed = np.ones_like(confirmed)
-        hidden = people.confirmed[tracks] & self._hidden(tracks)
-        terms, vetoes = [distance], [out_of_gate]
+        terms = [distance]
         if colour is not None:
-            terms.append(self.options.colour_weight * np.nan_to_num(colour[tracks], nan=self.options.unknown_colour))
-            vetoes.append(self._foreign(tracks, colour, distance))
-        # first whom a prediction explains, then the occluded by what else tells them, then who is tentative
-        stages = [Stage(confirmed, terms, vetoes)]
+            terms.append(self.options.colour_weight * np.nan_to_num(colour[tracks]))
+        hidden = people.confirmed[tracks] & self._hidden(tracks)
+        stages = [Stage(np.ones_like(hidden), terms, [out_of_gate])]
         if hidden.any() and self.options.reach_m_s is not None:
             recognised = self._recognised(tracks, hidden, position, radius_m, colour) & whole
-            in_sight = confirmed & ~hidden
-            explained = ((distance <= self.options.expected_below) & in_sight[:, None]).any(axis=0)
+            explained = ((distance <= self.options.expected_below) & ~hidden[:, None]).any(axis=0)
             stages.append(Stage(hidden, terms, [~recognised | explained]))
-        stages.append(Stage(~confirmed, terms, vetoes))
         rows, columns = associate(stages)
         return tracks[rows], columns
-
-    def _foreign(self, tracks: Index, colour: Array, distance: Array) -> Mask:
-        """Pairs (p, k) in which the shirt is another's: not the track's own, and known well, somebody else's, or far off.
-
-        A reference from a few looks may be of an arm or of whoever stood before the person.
-        """
-        E = colour[tracks]
-        anothers = (colour <= self.options.recognised_below).any(axis=0)
-        known_well = self.people.clothes.n_look[tracks] >= self.options.looks_to_know
-        return (self.options.foreign_above < E) & (
-            anothers | known_well[:, None] | (distance > self.options.expected_below)
-        )
 
     def _recognised(self, tracks: Index, hidden: Mask, position: Array, radius_m: float, colour: Array | None) -> Mask:
         """Pairs (p, k) of a `hidden` track (p,) and somebody whom it can have become meanwhile, by all that tells.
 
-        Its prediction says little after a while: what it can have walked since it was seen is asked instead, and what
-        shirt it wears. Nothing tells whose legs they are but that only one of the hidden can be there.
+        Its prediction says little after a while: what it can have walked since it was measured is asked instead, and what
+        shirt it wears; nothing tells whose legs they are but that only one of the hidden can be there.
         """
         unseen_s = (self.ns - self.people.roster.measured_ns[tracks]) / NS_PER_S
         reach_m = radius_m + (self.options.reach_m_s or 0.0) * unseen_s
@@ -190,36 +155,3 @@ class Association:
         distance[~can_be] = np.inf
         best, second = np.partition(distance, 1, axis=0)[:2]
         return second >= best + self.options.knee.clear_by
-
-
-def known_again(people: People, new: Index, options: LaserFisheyeImmOptions) -> tuple[Index, Index]:
-    """Who of the `new` tracks that would be confirmed now is somebody known: pairs (confirmed track, new track).
-
-    A track may be astray, on another's legs or on what shows no shirt. If its shirt is seen on somebody new where it can
-    have walked to, more than anybody else's, and was not seen on itself since, then the new one is the same person.
-    """
-    known, new = _known(people, options), new[people.clothes.known[new]]
-    if options.reach_m_s is None or known.size == 0 or new.size == 0:
-        return _NOBODY, _NOBODY
-    E = chi_squared_distance(people.clothes.reference[known], people.clothes.reference[new])
-    can_be = _can_be(people, known, new, options) & (options.recognised_below >= E) & (E.min(axis=0) >= E)
-    rows, columns = global_nearest_neighbour(E, can_be)
-    return known[rows], new[columns]
-
-
-def may_be_known(people: People, options: LaserFisheyeImmOptions) -> Mask:
-    """Which tracks began where somebody known can have come unseen, (n,)."""
-    can_be = _can_be(people, _known(people, options), np.arange(len(people)), options)
-    return np.count_nonzero(can_be, axis=0) > 0
-
-
-def _known(people: People, options: LaserFisheyeImmOptions) -> Index:
-    """Whose shirts are known well."""
-    return (people.confirmed & (people.clothes.n_look >= options.looks_to_know)).nonzero()[0]
-
-
-def _can_be(people: People, known: Index, new: Index, options: LaserFisheyeImmOptions) -> Mask:
-    """Which of the `new` (k,) began where the `known` (p,) can have walked to since their shirts were last seen, (p, k)."""
-    since_s = (people.roster.born_ns[new] - people.clothes.looked_ns[known, None]) / NS_PER_S
-    reach_m = options.waist.radius_m + (options.reach_m_s or 0.0) * since_s
-    return (since_s > 0) & (distances(people.clothes.looked_at[known], people.born_at[new]) <= reach_m)

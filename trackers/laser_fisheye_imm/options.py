@@ -35,17 +35,6 @@ class ManagementOptions(Strict):
         description="the time to confirm a tentative track where the background is learned from the scans [s] (the "
         "paper's)",
     )
-    confirm_unsure_after_s: float = Field(
-        default=1.0,
-        ge=0,
-        description="the time to confirm a tentative track that may be an occluded person: in a rig with a waist scanner "
-        "one "
-        "without a trunk; with a camera as well one with fewer clear looks than `confirm_looks` where a known person can have "
-        "come unseen [s]; 0: as any other (ours)",
-    )
-    confirm_looks: int = Field(
-        default=3, ge=0, description="clear looks at a torso after which a tentative track's appearance is known (ours)"
-    )
     confirm_moved_m: float = Field(
         default=0.15,
         ge=0,
@@ -54,18 +43,6 @@ class ManagementOptions(Strict):
         "since a standing person looks like furniture [m]; 0: anywhere (ours)",
     )
     coast_s: float = Field(default=1.5, ge=0, description="a confirmed track not measured for longer ends [s]")
-    coast_hidden_s: float = Field(
-        default=3.0,
-        ge=0,
-        description="an occluded track not measured for longer ends: one that no scan would have shown, in a rig with an "
-        "area [s]; `coast_s` or less: no difference (ours)",
-    )
-    hidden_above: float = Field(
-        default=0.2,
-        ge=0,
-        le=1,
-        description="probability of a missed detection at the last moment above which a track counts as occluded (ours)",
-    )
     coast_slowdown_s: float | None = Field(
         default=0.6,
         gt=0,
@@ -121,29 +98,17 @@ class LaserFisheyeImmOptions(Strict):
         default=True,
         description="whether a track takes its velocity from its first two measurements; else it starts at rest (ours)",
     )
-    confirmed_first: bool = Field(
+    start_by_trunks: bool = Field(
         default=True,
-        description="whether confirmed tracks are associated before tentative ones; else all at once (ours)",
+        description="whether in a rig with a waist scanner a track starts by a trunk alone; else by legs as well (ours)",
     )
     colour_weight: float = Field(
         default=10.0, ge=0, description="weight w of the appearance in the distance d = N + w E (inferred)"
-    )
-    unknown_colour: float = Field(
-        default=0.3,
-        ge=0,
-        description="E where a track or a measurement has no histogram; 0: as if they were alike (ours)",
     )
     max_deviations: float | None = Field(
         default=4.0,
         gt=0,
         description="gate on N, the Mahalanobis distance; null: the validation region alone gates (ours)",
-    )
-    foreign_above: float = Field(
-        default=0.6,
-        ge=0,
-        description="gate on E: a pair above it is forbidden where the look is another track's or the track is known "
-        "well; "
-        "1: no such gate (ours)",
     )
     recognised_below: float = Field(
         default=0.3,
@@ -153,18 +118,8 @@ class LaserFisheyeImmOptions(Strict):
     expected_below: float = Field(
         default=2.0,
         ge=0,
-        description="N up to which a track in sight explains a measurement, so that no occluded track is re-identified in"
-        " it "
-        "and a track known little may look different (ours)",
-    )
-    looks_to_know: int = Field(
-        default=5, ge=0, description="clear looks at a torso after which a track's appearance is known well (ours)"
-    )
-    doubt_looks: int = Field(
-        default=5,
-        ge=0,
-        description="how many clear looks in a row that resemble another track more than their own are not learned from; "
-        "0: every clear look is learned from, as in the paper (ours)",
+        description="N up to which a track in sight explains a measurement, so that no occluded track is re-identified in "
+        "it (ours)",
     )
     reach_m_s: float | None = Field(
         default=1.5,
@@ -183,7 +138,9 @@ class LaserFisheyeImmOptions(Strict):
     waist: WaistOptions = Field(default=WaistOptions(), description="scanners at waist height")
     knee: KneeOptions = Field(default=KneeOptions(), description="scanners at knee height")
     torso: TorsoOptions = Field(default=TorsoOptions(), description="torso windows in the camera's picture")
-    histogram: HistogramOptions = Field(default=HistogramOptions(), description="colour histograms of torsos")
+    histogram: HistogramOptions = Field(
+        default=HistogramOptions(grey_bins=0), description="colour histograms of torsos"
+    )
     management: ManagementOptions = Field(
         default=ManagementOptions(), description="when tracks are confirmed, coast, end and start"
     )

@@ -1,4 +1,4 @@
-"""The people this tracker follows: a roster of IMM states, their clothes, and where they were measured, by what."""
+"""The people this tracker follows: a roster of IMM states, their clothes, and where they were measured."""
 
 from __future__ import annotations
 
@@ -21,7 +21,6 @@ class People(Rows):
 
     roster: Roster[ImmState]
     clothes: Appearance
-    shown_trunk: Mask  # (n,) whether ever measured by a trunk
     born_at: Array  # (n, 2) first measured position [m]
     measured_at: Array  # (n, 2) last measured position [m]
 
@@ -31,13 +30,12 @@ class People(Rows):
         state: ImmState,
         position: Array,
         ns: int,
-        by_trunk: Mask,
         reference: Array,
         n_look: NDArray[np.int64],
     ) -> Self:
-        """Tentative tracks first measured at `position` (n, 2) at stamp ns, some of them by their trunk, (n,)."""
+        """Tentative tracks first measured at `position` (n, 2) at stamp ns."""
         clothes = Appearance.started(reference, n_look, ns, position)
-        return cls(Roster.started(state, ns), clothes, by_trunk, position, position)
+        return cls(Roster.started(state, ns), clothes, position, position)
 
     @property
     def state(self) -> ImmState:
@@ -58,28 +56,9 @@ class People(Rows):
         """These tracks with another state."""
         return self.changed(roster=self.roster.changed(state=state))
 
-    def measured(self, track: Index, position: Array, ns: int, by_trunk: Mask, state: ImmState) -> Self:
-        """These tracks in `state`, with those at `track` (p,) measured at `position` (p, 2) at ns, by trunks or legs."""
+    def measured(self, track: Index, position: Array, ns: int, state: ImmState) -> Self:
+        """These tracks in `state`, with those at `track` (p,) measured at `position` (p, 2) at ns."""
         return self.changed(
             roster=self.roster.measured(track, ns, state),
             measured_at=written(self.measured_at, track, position),
-            shown_trunk=written(self.shown_trunk, track, self.shown_trunk[track] | by_trunk),
         )
-
-    def merged(self, track: Index, other: Index) -> Self:
-        """These tracks with those at `track` (p,) gone on as those at `other` (p,), which are no more."""
-        if track.size == 0:
-            return self
-        roster, clothes = self.roster, self.clothes
-        roster = roster.changed(
-            state=roster.state.replaced(track, roster.state.select(other)),
-            measured_ns=written(roster.measured_ns, track, roster.measured_ns[other]),
-        )
-        clothes = clothes.changed(
-            looked_ns=written(clothes.looked_ns, track, clothes.looked_ns[other]),
-            looked_at=written(clothes.looked_at, track, clothes.looked_at[other]),
-        )
-        measured_at = written(self.measured_at, track, self.measured_at[other])
-        kept = np.ones(len(self), np.bool_)
-        kept[other] = False
-        return self.changed(roster=roster, clothes=clothes, measured_at=measured_at).select(kept)

@@ -13,9 +13,9 @@ Simplified: the sensors of one moment are taken to look at one time (they differ
 to be taken at once.
 
 Ours, not the paper's, each an option: the correction from a cluster's middle to the body's axis, the completion of half
-hidden clusters, the grouping of arms and legs, confirmed tracks associated before tentative ones, the velocity of a new track
-from its first two measurements, brightness bins for shirts without hue, that beams which go on show where nobody is, and
-that whoever may be somebody known who is out of sight is believed later, or known again by the shirt.
+hidden clusters, the grouping of arms and legs, that tracks start by trunks, the velocity of a new track from its first two
+measurements, that beams which go on show where nobody is, and that an occluded person is re-identified by the shirt, or in
+what only that one of the occluded can have become.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from trackers.filters.motion import (
     MotionModel,
     transition_matrix,
 )
-from trackers.laser_fisheye_imm.association import Association, Matches, known_again, may_be_known
+from trackers.laser_fisheye_imm.association import Association, Matches
 from trackers.laser_fisheye_imm.detection import Detector, Seen
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
@@ -90,8 +90,8 @@ class LaserFisheyeImm:
                 max_wait_s=self.options.max_wait_s,
             )
         )
-        nobody, no_colours = np.empty(0, np.bool_), np.empty((0, self._detector.histogram.size))
-        self._people = self._born(np.empty((0, 2)), 0, nobody, no_colours, nobody)
+        no_colours = np.empty((0, self._detector.histogram.size))
+        self._people = self._born(np.empty((0, 2)), 0, no_colours, np.empty(0, np.bool_))
         self._next_id = 1
         self._ns: int | None = None
         self._windows: list[tuple[int | None, Array]] = []
@@ -161,8 +161,9 @@ class LaserFisheyeImm:
         self._update(matches, moment.ns)
         self._learn_colours(matches, seen, moment.ns)
         self._note_windows(matches, seen)
-        self._confirm(seen, moment.ns)
-        self._end(moment.ns, self._miss(moment))
+        self._confirm(moment.ns)
+        self._miss(moment)
+        self._end(moment.ns)
         self._start(matches, seen, moment.ns)
         return TrackFrame(moment.ns, tuple(self.tracks()))
 
@@ -174,9 +175,7 @@ class LaserFisheyeImm:
         rules, period_s, elapsed_s = self.options.management, self.options.period_s, (ns - last_ns) / NS_PER_S
         period_ns = round(period_s * NS_PER_S)
         if ns - last_ns > period_ns:
-            # nobody counts as hidden from looks that were not made: a long gap ends everybody
-            looked = elapsed_s <= rules.coast_s + period_s
-            self._people = self._people.select(self._alive(ns - period_ns, looked))
+            self._people = self._people.select(self._alive(ns - period_ns))
         state, slowdown_s = self._people.state, rules.coast_slowdown_s
         if slowdown_s is not None:
             # whoever is out of sight is likelier to stop or turn back than to walk on for all of the coasting time
@@ -197,20 +196,15 @@ class LaserFisheyeImm:
             R, speed_variance = self.options.measurement_variance_m2, self.options.start_speed_m_s**2
             moving = self._imm.start_from_two(people.born_at[fresh], now_at, elapsed_s, R, speed_variance)
             state = state.replaced(fresh, moving)
-        self._people = people.measured(track, matches.position, ns, matches.trunk >= 0, state)
+        self._people = people.measured(track, matches.position, ns, state)
 
-    def _miss(self, moment: Moment) -> Mask:
-        """Whoever was looked for and not seen is likelier where nothing would show them; who may well be there, (n,)."""
+    def _miss(self, moment: Moment) -> None:
+        """Whoever was looked for and not seen is likelier where nothing would show them."""
         people = self._people
         missed = (people.confirmed & ~measured_now(people.roster, moment.ns)).nonzero()[0]
-        hidden = np.zeros(len(people), np.bool_)
-        if missed.size == 0:
-            return hidden
-        state, chance = not_seen(people.state.select(missed), lambda points: self._detector.missed(moment, points))
-        self._people = people.in_state(people.state.replaced(missed, state))
-        if self._area is not None:  # else there is always somewhere, behind the walls
-            hidden[missed] = chance > self.options.management.hidden_above
-        return hidden
+        if missed.size:
+            state, _ = not_seen(people.state.select(missed), lambda points: self._detector.missed(moment, points))
+            self._people = people.in_state(people.state.replaced(missed, state))
 
     def _learn_colours(self, matches: Matches, seen: Seen, ns: int) -> None:
         if seen.windows is None:
@@ -219,13 +213,13 @@ class LaserFisheyeImm:
         looked = looked[seen.clear[matches.trunk[looked]]]
         if looked.size == 0:
             return
-        options, track = self.options, matches.track[looked]
+        track = matches.track[looked]
         clothes = self._people.clothes.learned(
             track,
             seen.histograms[matches.trunk[looked]],
-            matches.like_anothers(options.recognised_below)[looked],
-            options.doubt_looks,
-            options.histogram.memory,
+            np.zeros(track.size, np.bool_),
+            0,
+            self.options.histogram.memory,
             ns,
             self._people.measured_at[track],
         )
@@ -233,41 +227,30 @@ class LaserFisheyeImm:
 
     # --- confirm, end, start
 
-    def _confirm(self, seen: Seen, ns: int) -> None:
+    def _confirm(self, ns: int) -> None:
         people, rules = self._people, self.options.management
         if people.confirmed.all():
             return
         learns = self._detector.learns_background
         after_s = rules.confirm_learned_after_s if learns else rules.confirm_after_s
-        if self._detector.sees_waists:
-            unsure = ~people.shown_trunk
-            if seen.windows is not None:
-                unsure |= (people.clothes.n_look < rules.confirm_looks) & may_be_known(people, self.options)
-            after_s = np.where(unsure, max(after_s, rules.confirm_unsure_after_s), after_s)
         new = measured_for_longer(people.roster, ns, after_s, self.options.period_s)
         if learns:
             moved = people.measured_at - people.born_at
             new &= np.hypot(moved[:, 0], moved[:, 1]) >= rules.confirm_moved_m
         new = new.nonzero()[0]
-        if new.size == 0:
-            return
-        again, as_new = known_again(people, new, self.options)
-        unknown = np.setdiff1d(new, as_new)
-        roster = people.roster.confirm(unknown, self._next_id)
-        self._next_id += unknown.size
-        self._people = people.changed(roster=roster).merged(again, as_new)
+        self._people = people.changed(roster=people.roster.confirm(new, self._next_id))
+        self._next_id += new.size
 
-    def _end(self, ns: int, hidden: Mask) -> None:
-        kept = self._alive(ns, hidden)
+    def _end(self, ns: int) -> None:
+        kept = self._alive(ns)
         # a prediction that strays out of the area is not yet a person who has left it
         kept &= self._inside() | ~measured_now(self._people.roster, ns)
         self._people = self._people.select(kept)
 
-    def _alive(self, ns: int, hidden: Mask | bool) -> Mask:
-        """Who is followed on, (n,): for longer who likely could not be seen (`hidden`, (n,))."""
+    def _alive(self, ns: int) -> Mask:
+        """Who is followed on, (n,)."""
         rules = self.options.management
-        coast_s = np.where(hidden, max(rules.coast_s, rules.coast_hidden_s), rules.coast_s)
-        return coasting_within(self._people.roster, ns, coast_s, rules.tentative_coast_s)
+        return coasting_within(self._people.roster, ns, rules.coast_s, rules.tentative_coast_s)
 
     def _inside(self) -> Mask:
         """Which tracks are in the area or its margin, (n,)."""
@@ -276,23 +259,24 @@ class LaserFisheyeImm:
         return self._area.contains(self._people.positions)
 
     def _start(self, matches: Matches, seen: Seen, ns: int) -> None:
-        position, trunk = matches.new_position, matches.new_trunk
-        if len(position) == 0:
+        if len(matches.new_position) == 0:
             return
         bodies = np.concatenate([self._people.positions, matches.position])
-        free = clear_of(position, bodies, matches.new_clearance)
-        position, trunk = position[free], trunk[free]
+        free = clear_of(matches.new_position, bodies, matches.new_clearance)
+        if self.options.start_by_trunks and self._detector.sees_waists:
+            free &= matches.new_trunk >= 0
+        position, trunk = matches.new_position[free], matches.new_trunk[free]
         histograms = np.zeros((len(position), self._detector.histogram.size))
         by_trunk = trunk >= 0
         has_reference = by_trunk.copy()
         has_reference[by_trunk] = seen.clear[trunk[by_trunk]]
         histograms[has_reference] = seen.histograms[trunk[has_reference]]
-        self._people = self._people.joined(self._born(position, ns, by_trunk, histograms, has_reference))
+        self._people = self._people.joined(self._born(position, ns, histograms, has_reference))
 
-    def _born(self, position: Array, ns: int, by_trunk: Mask, reference: Array, has_reference: Mask) -> People:
+    def _born(self, position: Array, ns: int, reference: Array, has_reference: Mask) -> People:
         options = self.options
         state = self._imm.start(position, None, options.measurement_variance_m2, options.start_speed_m_s**2)
-        return People.started(state, position, ns, by_trunk, reference, has_reference.astype(np.int64))
+        return People.started(state, position, ns, reference, has_reference.astype(np.int64))
 
     def _note_windows(self, matches: Matches, seen: Seen) -> None:
         self._windows = []

@@ -47,7 +47,6 @@ def lab_content(lab: LabRuns, strips: Sequence[Strip]) -> dict[str, Any]:
         "filters": [(filter_, SENSOR_SETS) for filter_ in (IMM, KALMAN)],
         "full": FULL.name,
         "coast_s": COAST_S,
-        "coast_hidden_s": ManagementOptions().coast_hidden_s,
         "papers": _condition(papers, papers=True),
         "n_person": papers.n_person,
         "n_scan": lab.n_scan,
