@@ -14,40 +14,45 @@ from twin.reproduce.laser_vision_learning.choice import VARIANTS
 from twin.reproduce.laser_vision_learning.splits import Decision, decide, near_identical_clothes
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
+from twin.truth.frames import SituationKind
 
-_DURATION_S = 100
+_SCENARIO, _DURATION_S = "library-hall-busy", 100
 _FRESH, _DEVELOPMENT = (2100, 2101), (1003,)
+_KINDS: tuple[SituationKind, ...] = ("correlated", "merged_rig")
 _TARGETS = {"mixed": ">= 0.99", "near-identical": ">= 0.95"}
 
 
 def figure() -> Iterator[Figure]:
-    """Two runs of each kind of clothes: about 200 splits."""
+    """Two runs of each kind of clothes: some 300 correlated pairs that part, and the splits of merges among them."""
     for clothes, target in _TARGETS.items():
-        decisions = _decided(clothes, _FRESH, {"": LooksOptions()})[""]
-        yield Figure(f"splits, {clothes} clothes: seen", len(decisions), "splits", "")
-        right = float(np.mean([each.right for each in decisions]))
-        yield Figure(f"splits, {clothes} clothes: identities right, classifiers alone", right, "", target)
+        for kind, decisions in _decided(clothes, _FRESH, {"": LooksOptions()}, _KINDS).items():
+            right = float(np.mean([each.right for each in decisions[""]]))
+            name = f"identities right, classifiers alone, {clothes} clothes, {len(decisions[''])} that were {kind}"
+            yield Figure(name, right, "", target)
 
 
 def choice() -> Iterator[Figure]:
     """What each other choice makes of near-identical clothes; the margin is what tells choices apart that are all right."""
-    for name, decisions in _decided("near-identical", _DEVELOPMENT, VARIANTS).items():
+    for name, decisions in _decided("near-identical", _DEVELOPMENT, VARIANTS, _KINDS[:1])[_KINDS[0]].items():
         margin = np.array([each.margin for each in decisions])
         yield Figure(f"choice: {name}, identities right of {len(margin)}", float((margin > 0).mean()), "", "")
         yield Figure(f"choice: {name}, mean margin over its deviation", float(margin.mean() / margin.std()), "", "")
 
 
-def _decided(clothes: str, seeds: Sequence[int], variants: Mapping[str, LooksOptions]) -> dict[str, list[Decision]]:
-    found: dict[str, list[Decision]] = {name: [] for name in variants}
+def _decided(
+    clothes: str, seeds: Sequence[int], variants: Mapping[str, LooksOptions], kinds: Sequence[SituationKind]
+) -> dict[SituationKind, dict[str, list[Decision]]]:
+    """Decisions of every variant over the runs of these seeds, by the kind of situation that ended."""
+    found: dict[SituationKind, dict[str, list[Decision]]] = {kind: {name: [] for name in variants} for kind in kinds}
     with tempfile.TemporaryDirectory() as folder:
         for seed in seeds:
             changes = [f"seed={seed}", f"duration_s={_DURATION_S}", "background=none"]
-            scenario = load_scenario("library-hall-busy", changes)
+            scenario = load_scenario(_SCENARIO, changes)
             if clothes == "near-identical":
-                changes += near_identical_clothes(scenario.people)
-                scenario = load_scenario("library-hall-busy", changes)
+                scenario = load_scenario(_SCENARIO, changes + near_identical_clothes(scenario.people))
             out = Path(folder) / str(seed)
             run_scenario(scenario, trackers=(), out=out, video=False)
-            for name, decisions in decide(out / "recording.mcap", variants, "merged_rig").items():
-                found[name] += decisions
+            for kind in kinds:
+                for name, decisions in decide(out / "recording.mcap", variants, kind).items():
+                    found[kind][name] += decisions
     return found
