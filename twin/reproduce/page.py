@@ -15,7 +15,19 @@ from numpy.typing import NDArray
 from twin.recording.whole_file import whole_file
 from twin.reproduce.results import Result
 
-_DECIMALS = {"1": 3, "%": 1, "BW": 3, "m": 3, "m/s": 2, "s": 3, "steps/min": 1, "/run": 2, "/person-min": 2}
+_DECIMALS = {
+    "1": 3,
+    "%": 1,
+    "BW": 3,
+    "m": 3,
+    "m/s": 2,
+    "s": 3,
+    "steps/min": 1,
+    "/run": 2,
+    "/person-min": 2,
+    "/min": 1,
+    "ms": 2,
+}
 
 Row = tuple[Result, str, str, str]
 """A result, and the paper's figure, ours and its interval as written."""

@@ -71,6 +71,13 @@ REPRODUCTIONS: Mapping[str, Reproduction] = {
         takes=OF_SUITES | {"--runs"},
         beyond="beyond the paper",
     ),
+    "laser-vision-learning": Reproduction(
+        "the paper's tables I and II and figures 10 and 11, and beyond",
+        "twin.reproduce.laser_vision_learning.reproduction",
+        n_seed=4,
+        takes=OF_SUITES,
+        beyond="beyond the paper",
+    ),
     "gait": Reproduction(
         "how people load the floor", "twin.reproduce.gait.reproduction", n_seed=100, takes=frozenset({"--data"})
     ),

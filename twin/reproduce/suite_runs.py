@@ -85,9 +85,14 @@ def run_in(
 
 
 def read_runs(
-    suite: Suite, path: Path, folder: Path, cache: RecordingCache, trackers: Collection[str], fewest: int = 2
+    suite: Suite,
+    path: Path,
+    folder: Path,
+    cache: RecordingCache,
+    trackers: Collection[str] | None = None,
+    fewest: int = 2,
 ) -> SuiteRuns:
-    """What `run_in` has left in `folder`. A run counts where all of `trackers` are done.
+    """What `run_in` has left in `folder`. A run counts where all of `trackers` (None: all of its condition's) are done.
 
     Raises InputError where a condition has fewer than `fewest` such runs.
     """
@@ -101,12 +106,11 @@ def read_runs(
     wanted = [case.id for by_seed in by_condition.values() for cases in by_seed.values() for case in cases.values()]
     whole = {}
     for name, by_seed in by_condition.items():
-        whole[name] = {
-            seed: cases for seed, cases in by_seed.items() if all(cases[each].id in done for each in trackers)
-        }
+        asked = trackers or next(iter(by_seed.values()))
+        whole[name] = {seed: cases for seed, cases in by_seed.items() if all(cases[each].id in done for each in asked)}
         if len(whole[name]) < fewest:
             raise InputError(
-                f"{folder}: {name} has {len(whole[name])} runs in which all of {', '.join(trackers)} are done; {fewest} or "
+                f"{folder}: {name} has {len(whole[name])} runs in which all of {', '.join(asked)} are done; {fewest} or "
                 "more are expected, and --resume does the rest"
             )
     return SuiteRuns(whole, metrics, moments, cache, folder, tuple(each for each in wanted if each not in done))
