@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from benchmarks import (
+    camera_floor,
     cameras,
     environment,
     faults,
@@ -53,6 +54,7 @@ BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
     "learning": learning.measure,
     "splits": splits.figure,
     "splits-choice": splits.choice,
+    "camera-floor": camera_floor.measure,
     "scanner-noise": faults.scanner_noise,
     "faults": faults.cost,
     "suite-speed": suites.speed_up,

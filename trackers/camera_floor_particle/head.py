@@ -49,8 +49,11 @@ class HeadFilter:
         def move(state: Array, rng: np.random.Generator) -> Array:
             return state + shift + sigma * rng.standard_normal(state.shape)
 
+        wide = sigma.copy()
+        wide[3] = np.deg2rad(options.turn_about_deg)
+
         def draw(count: int, rng: np.random.Generator) -> Array:
-            return about + sigma * rng.standard_normal((4, len(people), count))
+            return about + wide * rng.standard_normal((4, len(people), count))
 
         stages: list[LikelihoodStage] = [in_room(self._area), self._near_body(people), self._ahead(people)]
         stages += [self._seen_by(view, people) for view in views]
@@ -119,12 +122,15 @@ class HeadFilter:
 
     def _learned(self, people: People, views: Sequence[View]) -> People:
         """The references of the pans that cameras see of who walks, ahead, a little more like what they see."""
-        hair, options = people.hair.copy(), self._options.head
         heading, speed = _walk(people)
+        walks = (speed > _SURE_M_S) & ~people.lost
+        if not walks.any():
+            return people
+        hair, options = people.hair.copy(), self._options.head
         state = np.concatenate([people.head_place.T, heading[None]])
         for view in views:
             pixels, seen, on_foreground = view.look(state[:3])
-            looked = np.flatnonzero(seen & on_foreground & (speed > _SURE_M_S) & ~people.lost)
+            looked = np.flatnonzero(seen & on_foreground & walks)
             if not looked.size:
                 continue
             root = np.sqrt(view.histograms(state[:3, looked], pixels[looked], options.window))

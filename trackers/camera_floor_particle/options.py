@@ -39,10 +39,10 @@ class MotionOptions(Strict):
     """How particles move: s' = s + τ v + ω (eq. 1), ω normal, growing with the person's speed."""
 
     still_m: float = Field(
-        default=0.015, gt=0, description="standard deviation of ω of somebody who stands, x and y [m]"
+        default=0.025, gt=0, description="standard deviation of ω of somebody who stands, x and y [m]"
     )
     per_speed_s: float = Field(
-        default=0.03, ge=0, description="what it grows by with the person's speed, in x and y [m per m/s]"
+        default=0.05, ge=0, description="what it grows by with the person's speed, in x and y [m per m/s]"
     )
     up_m: float = Field(default=0.015, ge=0, description="standard deviation of ω in z [m]")
     memory: float = Field(
@@ -62,7 +62,7 @@ class BodyOptions(Strict):
         default=WindowOptions(width_px=30, height_px=100, size_m=(0.42, 1.4), stride=5),
         description="the window about a body particle",
     )
-    colour: float = Field(default=30.0, gt=0, description="λ of the colour likelihood exp(−λ D²) (eq. 5)")
+    colour: float = Field(default=15.0, gt=0, description="λ of the colour likelihood exp(−λ D²) (eq. 5)")
     unseen: Ruling = Field(
         default=-4.0,
         description='a particle that a camera does not see: "drop" it (the paper), or this is added (ours)',
@@ -90,6 +90,11 @@ class HeadOptions(Strict):
         default=MotionOptions(still_m=0.012, per_speed_s=0.02, up_m=0.012), description="how they move"
     )
     turn_deg: float = Field(default=8.0, gt=0, description="standard deviation of ω of the pan [°]")
+    turn_about_deg: float = Field(
+        default=60.0,
+        gt=0,
+        description="the same of the particles drawn about the body (ours: wide, so that a head that has turned is found) [°]",
+    )
     share: float = Field(
         default=0.3,
         ge=0,
@@ -130,7 +135,7 @@ class HeadOptions(Strict):
         description="share of a new look in the reference of the pan that it shows (ours); 0: as at detection (the paper)",
     )
     walking: float = Field(
-        default=3.0,
+        default=8.0,
         ge=0,
         description="how surely people look where they walk: concentration of the pan about the heading at 1 m/s (ours); 0: not",
     )

@@ -19,6 +19,7 @@ PAPER: Mapping[str, Any] = {
         **_CHECKS,
         "motion": {"memory": 0.0},
         "window": {"width_px": 20, "height_px": 20, "size_m": None, "pixels": "all"},
+        "turn_about_deg": 8.0,
         "crown_m": 0.0,
         "learning": 0.0,
         "walking": 0.0,

@@ -83,7 +83,7 @@ class Watchers:
         options: CameraFloorParticleOptions,
     ) -> None:
         self._options = options
-        self._cameras = cameras
+        self._placed = {name: placed_camera(sensor) for name, sensor in cameras.items()}
         empty = {name: [each for each in background if each.sensor == name] for name in cameras}
         pictures = {name: [each for each in empty[name] if isinstance(each, Image | DepthImage)] for name in cameras}
         self._foreground = {
@@ -97,23 +97,24 @@ class Watchers:
     def views(self, observations: Mapping[str, Observation]) -> list[View]:
         """What the cameras show that see anything. Raises InputError for pictures of another size than the rig says."""
         found = []
-        for number, (name, sensor) in enumerate(self._cameras.items()):
+        for number, (name, camera) in enumerate(self._placed.items()):
             image = observations.get(name)
             if not isinstance(image, Image | DepthImage) or self._is_frozen(name, image):
                 continue
             image = self._set_right(name, image)
             mask = self._foreground[name].mask(image)
-            if mask.mean() > _BLIND_FROM:
+            if cv2.countNonZero(mask.view(np.uint8)) > _BLIND_FROM * mask.size:
                 continue
             binned = self._options.histogram.picture(image.rgb)
-            found.append(View(number, placed_camera(sensor), image.rgb, mask, binned, binned.where(mask)))
+            found.append(View(number, camera, image.rgb, mask, binned, binned.where(mask)))
         return found
 
     def _is_frozen(self, name: str, image: Image | DepthImage) -> bool:
-        """Whether the very same picture comes for the third time."""
+        """Whether the very same picture, as far as samples of it tell, comes for the third time."""
+        samples = image.rgb[::_EVERY, ::_EVERY]
         last, again = self._last.get(name, (None, 0))
-        again = again + 1 if last is not None and np.array_equal(last, image.rgb) else 0
-        self._last[name] = image.rgb, again
+        again = again + 1 if last is not None and np.array_equal(last, samples) else 0
+        self._last[name] = samples, again
         return again >= _FROZEN_AFTER
 
     def _set_right(self, name: str, image: Image | DepthImage) -> Image | DepthImage:

@@ -1,0 +1,72 @@
+"""What a moment costs `camera-floor-particle` against people, particles and the stride of windows, pictures decoded."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+
+from benchmarks.figure import Figure
+from trackers.knowledge import Knowledge
+from trackers.observations import Observation
+from trackers.presets import make_tracker
+from trackers.rig import Rig
+from twin import Simulation, load_scenario
+
+_S = 4
+_STARTS = [*((x, y) for y in (-0.2, -1.15, 0.7) for x in (-1.35, -0.35, 0.55)), (1.3, -1.15)]
+_Recorded = tuple[Rig, Knowledge, Sequence[Observation], int]
+
+
+def measure() -> Iterator[Figure]:
+    """CPU time on one core of the moments after the first second, four cameras of 320 × 240 at 20 Hz."""
+    cv2.setNumThreads(1)
+    few, many = _recorded(3), _recorded(10)
+    cost = _cost(few)
+    yield Figure("camera-floor-particle, 3 people, a moment", float(np.median(cost)), "ms", "<= 12")
+    yield Figure(
+        "the same, 95th percentile over the median", float(np.quantile(cost, 0.95) / np.median(cost)), "×", "<= 1.5"
+    )
+    all_ten = float(np.median(_cost(many)))
+    yield Figure("camera-floor-particle, 10 people, a moment", all_ten, "ms", "<= 36")
+    nobody = float(np.median(_cost(_recorded(0))))
+    per_person = [(float(np.median(cost)) - nobody) / 3, (all_ten - nobody) / 10]
+    yield Figure("a person of ten over a person of three", per_person[1] / per_person[0], "×", "<= 1.2")
+    yield Figure("camera-floor-particle, nobody: masks and bins", nobody, "ms", "")
+    for what, options in (
+        ("half the particles", {"body": {"particles": 125}, "head": {"particles": 75}}),
+        ("strides of 8 and 4", {"body": {"window": {"stride": 8}}, "head": {"window": {"stride": 4}}}),
+    ):
+        yield Figure(f"the same with 3 people, {what}", float(np.median(_cost(few, options))), "ms", "")
+
+
+def _recorded(n_person: int) -> _Recorded:
+    people = ", ".join(
+        f"p{k}: {{start: [{x}, {y}], script: {{kind: stand}}}}" for k, (x, y) in enumerate(_STARTS[:n_person])
+    )
+    removed = "anna: null, ben: null, cleo: null"
+    change = f"people={{{removed}{', ' if people else ''}{people}}}"
+    scenario = load_scenario("home-cameras", [f"duration_s={_S}", change])
+    with Simulation(scenario) as simulation:
+        background = Knowledge.of(simulation.background())
+        return simulation.rig, background, list(simulation), n_person
+
+
+def _cost(recorded: _Recorded, options: Mapping[str, Any] | None = None) -> np.ndarray:
+    """CPU time of each moment from the second second on [ms]."""
+    rig, background, observations, n_person = recorded
+    tracker, costs = make_tracker("camera-floor-particle", rig, background, np.random.default_rng(0), options), []
+    spent = 0.0
+    for observation in observations:
+        start = time.process_time()
+        frames = tracker.update(observation)
+        spent += time.process_time() - start
+        if frames:
+            if observation.t > 1:
+                costs.append(1e3 * spent / len(frames))
+            spent = 0.0
+    assert len(tracker.tracks()) == n_person, f"{len(tracker.tracks())} of {n_person} people are tracked"
+    return np.array(costs)
