@@ -53,8 +53,6 @@ class BodyFilter:
         sigma = spread(people.velocity, options.motion)[..., None]
         shift = (people.velocity * dt).T[..., None]
 
-        on_floor = loads if self._options.use_floor else None
-
         def move(state: Array, rng: np.random.Generator) -> Array:
             return state + shift + sigma * rng.standard_normal(state.shape)
 
@@ -64,8 +62,8 @@ class BodyFilter:
                 lambda _, __: np.where(out, -np.inf, 0.0),
                 in_room(self._area),
             ]
-            if on_floor is not None:
-                stages.append(lambda particles, _: on_floor.log_likelihood(particles[:2], options))
+            if loads is not None and self._options.use_floor:
+                stages.append(self._over(loads))
             stages += [self._seen_by(view, people) for view in views]
             return staged(stages)(state)
 
@@ -76,6 +74,10 @@ class BodyFilter:
         kept = np.exp(-dt / _COURSE_S)
         course = kept * people.course + (1 - kept) * (place - people.place)[:, :2] / dt
         return people.changed(body=cloud, place=place, velocity=velocity, course=course, lost=cloud.weights.lost)
+
+    def _over(self, loads: Loads) -> LikelihoodStage:
+        """The floor's part."""
+        return lambda state, _: loads.log_likelihood(state[:2], self._options.body)
 
     def _seen_by(self, view: View, people: People) -> LikelihoodStage:
         """A camera's part: in its view, on foreground, in the person's colours."""
