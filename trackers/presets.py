@@ -46,6 +46,7 @@ _MORI = (
 )
 _CAMERA_FLOOR = "trackers.camera_floor_particle.tracker:CameraFloorParticle"
 _CLUSTERS = "trackers.camera_floor_particle.baseline:ClusterKalman"
+_LASER_LEARNING = "trackers.laser_vision_learning.tracker:LaserVisionLearning"
 _LASER_FISHEYE = "trackers.laser_fisheye_imm.tracker:LaserFisheyeImm"
 
 PRESETS: Mapping[str, Preset] = {
@@ -75,10 +76,16 @@ PRESETS: Mapping[str, Preset] = {
     "laser-fisheye-imm-paper": Preset(
         _LASER_FISHEYE, "the full system with every rule that is ours and not the paper's switched off", _BAI, PAPER
     ),
+    "laser-vision-learning": Preset(
+        _LASER_LEARNING,
+        "the points of low scanners while people are apart, classifiers of a camera's patches learned on-line when they meet",
+        _SONG,
+    ),
     "laser-vision-learning-laser": Preset(
-        "trackers.laser_vision_learning.tracker:LaserVisionLearning",
+        _LASER_LEARNING,
         "every knee scanner's points, a particle filter a person with a two-feet walking model: the laser half",
         _SONG,
+        {"camera": False},
     ),
     "laser-vision-learning-vision": Preset(
         "trackers.laser_vision_learning.vision_only.tracker:VisionOnly",

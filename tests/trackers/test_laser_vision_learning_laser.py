@@ -4,43 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic_room import AREA, Walk, scan, score, straight_walk
+from synthetic_room import AREA, Walk, score, straight_walk
+from two_scanners import EMPTY, RIG, laser, observed, one_scan
 
 from trackers.errors import InputError
 from trackers.laser.group import ScannerGroup
 from trackers.laser.layer import KneeOptions
-from trackers.observations import NS_PER_S
 from trackers.presets import make_tracker
-from trackers.rig import LaserSensor, Pose, Rig
+from trackers.rig import Rig
 from trackers.tracks import track_frames
 
 PRESET = "laser-vision-learning-laser"
-AWAY_M = 3.6  # how far ahead the second scanner stands, looking back
-
-
-def laser(back: bool, role: str = "knee") -> LaserSensor:
-    place = (0, AWAY_M if back else 0, 0.45)
-    return LaserSensor(
-        topic=f"/{back}", role=role, room_from_sensor=Pose(xyz=place, rpy=(0, 0, -np.pi / 2 if back else np.pi / 2))
-    )
-
-
-RIG = Rig(sensors={"front": laser(False), "back": laser(True)}, area=AREA)
-
-
-def one_scan(walk: Walk | None, k: int, t: float, back: bool, seed: int):
-    if walk is not None and back:
-        walk = Walk(np.array([0.0, AWAY_M]) - walk.position, walk.heading + np.pi, walk.phase)
-    observed = scan(walk, k, "knee", round(t * NS_PER_S), np.random.default_rng([seed, k, back]))
-    return replace(observed, sensor="back" if back else "front")
-
-
-EMPTY = [one_scan(None, k, 0.1 * k, back, 7) for k in range(6) for back in (False, True)]
-
-
-def observed(walk: Walk, late_s: float = 0.0):
-    """Both scanners' scans of a walk; the second's `late_s` after the first's."""
-    return [one_scan(walk, k, 1 + 0.1 * k + late_s * back, back, 3) for k in range(len(walk)) for back in (False, True)]
 
 
 def followed(walk: Walk, on: Rig = RIG, empty=tuple(EMPTY), late_s: float = 0.0, **options):

@@ -6,7 +6,11 @@ from pydantic import Field
 
 from trackers.configuration import Strict
 from trackers.laser.layer import KneeOptions
+from trackers.laser_vision_learning.identities import IdentityOptions
+from trackers.laser_vision_learning.looks import LooksOptions
 from trackers.laser_vision_learning.points import PointOptions
+from trackers.laser_vision_learning.recognition import RecognitionOptions
+from trackers.laser_vision_learning.situations import SituationOptions
 from trackers.laser_vision_learning.walking import WalkingOptions
 
 
@@ -25,6 +29,12 @@ class LifeOptions(Strict):
     )
     found: float = Field(
         default=0.5, gt=0, description="how much of that time a second of being seen makes good (ours)"
+    )
+    again_m: float = Field(
+        default=0.6, ge=0, description="how near to somebody out of sight whoever appears is them again [m] (ours)"
+    )
+    again_m_s: float = Field(
+        default=1.0, ge=0, description="and how much farther for every second out of sight [m/s] (ours)"
     )
     show_s: float = Field(default=0.6, ge=0, description="up to which of that time a track is reported [s] (ours)")
     apart_m: float = Field(
@@ -53,4 +63,13 @@ class LaserVisionLearningOptions(Strict):
     scanner: KneeOptions = Field(default=KneeOptions(), description="the scanners, and what of a scan is the room")
     walking: WalkingOptions = Field(default=WalkingOptions(), description="the two-feet walking model")
     points: PointOptions = Field(default=PointOptions(), description="how laser points speak of people")
+    camera: bool = Field(default=True, description="a camera, where the rig has one, tells who is who; no: laser only")
+    recognition: RecognitionOptions = Field(
+        default=RecognitionOptions(), description="when looks are asked, and how much they count"
+    )
+    looks: LooksOptions = Field(default=LooksOptions(), description="how people's looks are learned")
+    identities: IdentityOptions = Field(
+        default=IdentityOptions(margin=0.3), description="when a split is decided, and by what"
+    )
+    situations: SituationOptions = Field(default=SituationOptions(), description="who interacts, is correlated, merges")
     life: LifeOptions = Field(default=LifeOptions(), description="arrival, leaving, and what lies between")

@@ -15,11 +15,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from pydantic import Field
 from scipy.sparse.csgraph import connected_components
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Index
 from trackers.configuration import Strict
 from trackers.filters.gating import distances
 from trackers.laser.group import Points
@@ -63,6 +63,13 @@ class Shares:
     share: Float[Array, "n k"]  # of each point in each person, sums over people to at most 1
     weight: Float[Array, "k"]  # what of a leg's width each beam covers
     legs: Float[Array, "n"]  # legs' widths of points that each person is nearest to and nobody before them stands at
+
+    @property
+    def owner(self) -> Int[Index, "k"]:
+        """Whose each point is most, −1 where it is rather nobody's."""
+        if len(self.share) == 0:
+            return np.full(self.weight.size, -1)
+        return np.where(self.unknown < 0.5, self.share.argmax(axis=0), -1)
 
     @property
     def unknown(self) -> Float[Array, "k"]:

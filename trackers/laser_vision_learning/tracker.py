@@ -14,8 +14,10 @@ from trackers.configuration import validate
 from trackers.laser.group import ScannerGroup
 from trackers.laser.roles import scanners_by_role
 from trackers.laser_vision_learning.options import LaserVisionLearningOptions
+from trackers.laser_vision_learning.recognition import Decision, Recognition
+from trackers.laser_vision_learning.situations import Situation, told
 from trackers.laser_vision_learning.walkers import Walkers
-from trackers.observations import Observation
+from trackers.observations import DepthImage, Image, Observation
 from trackers.rig import Rig
 from trackers.tracking.lifecycle import measured_now
 from trackers.tracking.moments import Moment, MomentGatherer, MomentRules
@@ -34,16 +36,38 @@ class LaserVisionLearning:
     def __init__(
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
     ) -> None:
+        background = list(background)
         self.options = validate(LaserVisionLearningOptions, options, "tracker laser-vision-learning")
         lasers, names = rig.lasers(), scanners_by_role(rig, ("knee",))["knee"]
         life = self.options.life
-        self._scanners = ScannerGroup({name: lasers[name] for name in names}, list(background), self.options.scanner)
+        self._scanners = ScannerGroup({name: lasers[name] for name in names}, background, self.options.scanner)
         self._area = None if rig.area is None else Area(rig.area, life.area_margin_m)
         followed = None if rig.area is None else Area(rig.area, life.before_m)
         self._walkers = Walkers(self._scanners, followed, self.options, rng or np.random.default_rng(0))
-        clock = () if rig.main_sensor in names else (rig.main_sensor,)  # whose stamps the frames take
-        self._gatherer = MomentGatherer(MomentRules(names, joins=clock, main=rig.main_sensor))
-        self.unused_sensors = [name for name in rig.sensors if name not in names]
+        self._camera = self._chosen_camera(rig) if self.options.camera else None
+        self._recognition = None
+        if self._camera is not None:
+            pictures = [each for each in background if isinstance(each, Image | DepthImage)]
+            self._recognition = Recognition(
+                rig.cameras()[self._camera],
+                [each for each in pictures if each.sensor == self._camera],
+                self.options.recognition,
+                self.options.looks,
+                self.options.identities,
+                self._walkers.rng,
+            )
+        joins = () if self._camera is None else (self._camera,)
+        if rig.main_sensor not in (*names, *joins):
+            joins = (*joins, rig.main_sensor)  # whose stamps the frames take
+        self._gatherer = MomentGatherer(MomentRules(names, joins=joins, main=rig.main_sensor))
+        self.unused_sensors = [name for name in rig.sensors if name not in (*names, self._camera)]
+        self._decisions: list[Decision] = []
+
+    @staticmethod
+    def _chosen_camera(rig: Rig) -> str | None:
+        """A pinhole camera first, then a fisheye, then a stereo camera's left view, by name."""
+        kinds = ("camera", "fisheye", "stereo")
+        return min(rig.cameras(), key=lambda name: (kinds.index(rig.sensors[name].kind), name), default=None)
 
     @property
     def background_learned_causally(self) -> bool:
@@ -57,11 +81,11 @@ class LaserVisionLearning:
 
     def update(self, observation: Observation) -> list[TrackFrame]:
         """Take one observation; the frames it completes, oldest first. Sensors that are not used are ignored."""
-        return [self._work(moment) for moment in self._gatherer.add(observation)]
+        return self._work_all(self._gatherer.add(observation))
 
     def finish(self) -> list[TrackFrame]:
         """The frames still held back when the observations have ended."""
-        return [self._work(moment) for moment in self._gatherer.finish()]
+        return self._work_all(self._gatherer.finish())
 
     def tracks(self) -> list[Track]:
         """Everyone confirmed in the area, as of the last frame, by id."""
@@ -83,6 +107,29 @@ class LaserVisionLearning:
             for number, x, y, vx, vy, seen in zip(*(column.tolist() for column in columns), strict=True)
         ]
 
+    def situations(self) -> dict[int, Situation]:
+        """By id, in what situation everybody confirmed is, as of the last frame."""
+        people = self._walkers.people
+        deciding = np.zeros(len(people), np.bool_)
+        if self._recognition is not None:
+            deciding = self._recognition.deciding(people.serial)
+        names = told(self._walkers.situations.of(people.serial), deciding)
+        return {number: name for number, name in zip(people.roster.id.tolist(), names, strict=True) if number}
+
+    def decisions(self) -> list[Decision]:
+        """Who was said to be who after splits, and by what, in the moments worked by the last `update` or `finish`."""
+        return self._decisions
+
+    def _work_all(self, moments: list[Moment]) -> list[TrackFrame]:
+        self._decisions = []
+        return [self._work(moment) for moment in moments]
+
     def _work(self, moment: Moment) -> TrackFrame:
-        self._walkers.step(moment.observations, moment.ns)
+        walkers = self._walkers
+        walkers.step(moment.observations, moment.ns)
+        if self._recognition is not None:
+            image = moment.observations.get(self._camera or "")
+            picture = image if isinstance(image, Image | DepthImage) else None
+            walkers.people = self._recognition.work(walkers.people, walkers.situations, picture, moment.ns)
+            self._decisions += self._recognition.decisions
         return TrackFrame(moment.ns, tuple(self.tracks()))

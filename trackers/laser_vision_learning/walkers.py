@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from jaxtyping import Float
@@ -12,45 +10,16 @@ from jaxtyping import Float
 from trackers.area import Area
 from trackers.arrays import Array
 from trackers.filters.absence import cloud_not_seen
-from trackers.filters.gating import distances
+from trackers.filters.gating import distances, global_nearest_neighbour
 from trackers.filters.particle import Cloud, ParticleFilter
-from trackers.filters.rows import Rows
 from trackers.laser.group import ScannerGroup
 from trackers.laser_vision_learning.options import LaserVisionLearningOptions
+from trackers.laser_vision_learning.people import People
 from trackers.laser_vision_learning.points import log_likelihood, newcomers, shares
-from trackers.laser_vision_learning.walking import HEADING, SPEED, STATE_SIZE, WalkingModel
+from trackers.laser_vision_learning.situations import Situations, assessed
+from trackers.laser_vision_learning.walking import STATE_SIZE, WalkingModel
 from trackers.observations import NS_PER_S, Observation
 from trackers.tracking.lifecycle import clear_of, measured_now, measured_often
-from trackers.tracking.roster import Roster
-
-
-@dataclass(frozen=True, eq=False)
-class People(Rows):
-    """n tracks, oldest first."""
-
-    roster: Roster[Cloud]
-    missing_s: Float[Array, "n"]  # for how long they should have been seen and were not, less what they were seen since
-
-    @classmethod
-    def started(cls, state: Cloud, ns: int) -> Self:
-        """Tentative tracks in `state`, first measured at stamp ns."""
-        return cls(Roster.started(state, ns), np.zeros(len(state)))
-
-    @property
-    def cloud(self) -> Cloud:
-        """Their particles."""
-        return self.roster.state
-
-    @property
-    def places(self) -> Float[Array, "n 2"]:
-        """Where everybody is [m]."""
-        return self.cloud.expectation(self.cloud.state[:2]).T
-
-    @property
-    def velocities(self) -> Float[Array, "n 2"]:
-        """How everybody goes [m/s]."""
-        heading, speed = self.cloud.state[[HEADING, SPEED]].astype(np.float32)
-        return self.cloud.expectation(np.stack([speed * np.cos(heading), speed * np.sin(heading)])).T
 
 
 class Walkers:
@@ -62,11 +31,12 @@ class Walkers:
     def __init__(
         self, scanners: ScannerGroup, area: Area | None, options: LaserVisionLearningOptions, rng: np.random.Generator
     ) -> None:
-        self.options, self._scanners, self._area, self._rng = options, scanners, area, rng
+        self.options, self.rng, self._scanners, self._area = options, rng, scanners, area
         self._model = WalkingModel(options.walking)
         self._filter = ParticleFilter(options.resampling, options.resample_below)
-        self.people = People.started(Cloud.of(np.empty((STATE_SIZE, 0, options.particles))), 0)
-        self._next_id, self.ns = 1, 0
+        self.people = People.started(Cloud.of(np.empty((STATE_SIZE, 0, options.particles))), 0, 0)
+        self.situations = Situations.none(self.people.serial)
+        self._next_id, self._next_serial, self.ns = 1, 0, 0
 
     def step(self, observations: Mapping[str, Observation], ns: int) -> None:
         """Everybody at a moment [ns] that its scans show."""
@@ -78,14 +48,25 @@ class Walkers:
         if elapsed_s > life.coast_hidden_s:
             self.people = self.people.select(np.zeros(len(self.people), bool))
         unseen = (self.people.roster.measured_ns < before).astype(float)
-        cloud = self._filter.resampled(self.people.cloud, self._rng)
-        cloud = Cloud(self._model.move(cloud.state, elapsed_s, unseen, self._rng), cloud.weights)
+        cloud = self._filter.resampled(self.people.cloud, self.rng)
+        cloud = Cloud(self._model.move(cloud.state, elapsed_s, unseen, self.rng), cloud.weights)
         legs = self._model.legs(cloud.state)
         whose = shares(points, cloud.expectation(legs), options.points)
         seen = whose.legs >= life.seen_legs
         weights = cloud.weights.updated(log_likelihood(points, whose, legs, options.points))
         roster = self.people.roster.measured(np.flatnonzero(seen), ns, Cloud(cloud.state, weights))
         self.people = self._missed(self.people.changed(roster=roster), observations, elapsed_s)
+        self.situations = assessed(
+            self.situations,
+            self.people.serial,
+            self.people.places,
+            roster.confirmed,
+            (ns - roster.measured_ns) / NS_PER_S,
+            points,
+            whose.owner,
+            ns,
+            options.situations,
+        )
         self._confirm()
         self._end()
         self._start(*newcomers(points, whose.unknown, options.points))
@@ -107,10 +88,20 @@ class Walkers:
         return people.changed(roster=roster, missing_s=missing_s)
 
     def _confirm(self) -> None:
-        roster = self.people.roster
-        new = np.flatnonzero(measured_often(roster, self.ns, self.options.life.confirm_hits))
-        self.people = self.people.changed(roster=roster.confirm(new, self._next_id))
-        self._next_id += new.size
+        """Who was measured often enough is somebody new, or somebody known who was out of sight near by."""
+        people, roster, life = self.people, self.people.roster, self.options.life
+        new = np.flatnonzero(measured_often(roster, self.ns, life.confirm_hits))
+        if new.size == 0:
+            return
+        gone = np.flatnonzero(roster.confirmed & ~measured_now(roster, self.ns))
+        apart_m = distances(people.places[gone], people.places[new])
+        reach_m = life.again_m + life.again_m_s * (self.ns - roster.measured_ns[gone]) / NS_PER_S
+        known, again = global_nearest_neighbour(apart_m, apart_m <= reach_m[:, None])
+        people = people.gone_on_as(gone[known], new[again])
+        unknown = np.delete(new, again)
+        people = people.changed(roster=people.roster.confirm(unknown, self._next_id))
+        self._next_id += unknown.size
+        self.people = people.select(np.delete(np.arange(len(people)), new[again]))
 
     def _end(self) -> None:
         life, people, places = self.options.life, self.people, self.people.places
@@ -126,5 +117,6 @@ class Walkers:
         life = self.options.life
         new = (legs >= life.new_legs) & clear_of(place, self.people.places, life.apart_m)
         if new.any():
-            state = Cloud.of(self._model.start(place[new], self.options.particles, self._rng))
-            self.people = self.people.joined(People.started(state, self.ns))
+            state = Cloud.of(self._model.start(place[new], self.options.particles, self.rng))
+            self.people = self.people.joined(People.started(state, self.ns, self._next_serial))
+            self._next_serial += len(state)

@@ -1,0 +1,203 @@
+"""Who is who after a merge: by looks where they are known, by motion where not, and told either way."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from trackers.cameras import PinholeIntrinsics
+from trackers.errors import InputError
+from trackers.filters.particle import Cloud
+from trackers.laser_vision_learning.identities import IdentityOptions
+from trackers.laser_vision_learning.looks import LooksOptions
+from trackers.laser_vision_learning.people import People
+from trackers.laser_vision_learning.recognition import Recognition, RecognitionOptions
+from trackers.laser_vision_learning.situations import Situations
+from trackers.learning.boosting import BoostingOptions
+from trackers.observations import Image
+from trackers.pose import Pose
+from trackers.rig import PinholeSensor, placed_camera
+from trackers.tracking.roster import Roster
+
+SENSOR = PinholeSensor(
+    topic="/camera/image/compressed",
+    room_from_sensor=Pose(xyz=(0.0, -6.0, 6.0), rpy=(-2.2, 0.0, 0.0)),
+    intrinsics=PinholeIntrinsics(width=320, height=240, fx=250, fy=250, cx=159.5, cy=119.5),
+)
+RED, BLUE, GREEN = (180, 40, 40), (40, 40, 180), (40, 160, 40)
+PERIOD_NS = 40_000_000
+LOOKS = LooksOptions(boosting=BoostingOptions(trees=10, kept=7))
+
+
+def picture(places, colours, ns: int) -> Image:
+    """People as boxes of one colour, the nearer ones before the others, with noise."""
+    rgb = np.full((240, 320, 3), 120.0)
+    boxes, _ = placed_camera(SENSOR).person_boxes(np.array(places, float), 1.75, 0.45)
+    for one in np.argsort([-y for _, y in places]):
+        left, top, right, bottom = (round(each) for each in boxes[one])
+        cv2.rectangle(rgb, (left, top), (right, bottom), colours[one], -1)
+    rgb += np.random.default_rng(ns).normal(0, 12, rgb.shape)
+    return Image("camera", ns, np.clip(rgb, 0, 255).astype(np.uint8))
+
+
+class Meeting:
+    """Tracks that are told where they are and in what situation; the recognition deals out their identities."""
+
+    def __init__(self, n: int, **options):
+        self.recognition = Recognition(
+            SENSOR, [], RecognitionOptions(**options), LOOKS, IdentityOptions(margin=0.3), np.random.default_rng(0)
+        )
+        self.ids, self.serial, self.ns, self.decisions = np.arange(1, n + 1), np.arange(n), 0, []
+
+    def frames(self, count: int, places, colours=None, interacting=True, together=(), wide_m=0.05) -> People | None:
+        """`together`: index pairs who are merged and confused; `colours` None: no picture comes."""
+        n = len(places)
+        confused = np.zeros((n, n), bool)
+        for one, other in together:
+            confused[one, other] = confused[other, one] = True
+        people, near = None, np.full((n, n), interacting) & ~np.eye(n, dtype=bool)
+        for _ in range(count):
+            self.ns += PERIOD_NS
+            state = np.zeros((5, n, 60))
+            state[:2] = np.array(places, float).T[..., None]
+            state[:2] += np.random.default_rng(self.ns).normal(0, wide_m, (2, n, 60))
+            born, now_ns, many = np.zeros(n, int), np.full(n, self.ns), np.full(n, 9)
+            roster = Roster(self.ids, Cloud.of(state), born, now_ns, many, np.ones(n, bool))
+            now = Situations(self.serial, near, confused, confused, np.full((n, n), self.ns), confused)
+            image = None if colours is None else picture(places, colours, self.ns)
+            people = self.recognition.work(People(self.serial, roster, np.zeros(n)), now, image, self.ns)
+            self.ids = people.roster.id
+            self.decisions += self.recognition.decisions
+        return people
+
+
+APART = [(-0.6, 0.0), (0.6, 0.0)]
+TOGETHER = [(-0.1, 0.0), (0.1, 0.0)]
+
+
+def met_and_parted(colours_after, colours=(RED, BLUE), pictures_before=8, **options) -> Meeting:
+    two = Meeting(2, **options)
+    two.frames(pictures_before, APART, colours)
+    two.frames(5, TOGETHER, colours, together=[(0, 1)])
+    two.frames(20, APART, colours_after)
+    return two
+
+
+def test_who_was_exchanged_in_a_merge_is_exchanged_back_by_looks_and_who_was_not_stays():
+    exchanged = met_and_parted((BLUE, RED))
+    assert exchanged.ids.tolist() == [2, 1]
+    (decision,) = exchanged.decisions
+    assert decision.before == (1, 2) and decision.after == (2, 1) and decision.by_looks == (True, True)
+    same = met_and_parted((RED, BLUE))
+    assert same.ids.tolist() == [1, 2]
+    assert same.decisions[0].by_looks == (True, True)
+
+
+def test_looks_go_with_the_identity():
+    """A second merge after an exchange is decided as well as the first."""
+    two = met_and_parted((BLUE, RED))
+    two.frames(5, TOGETHER, (BLUE, RED), together=[(0, 1)])
+    two.frames(20, APART, (RED, BLUE))
+    assert two.ids.tolist() == [1, 2]
+
+
+@pytest.mark.parametrize(
+    ("why", "after", "options"),
+    [
+        ("untrained", (BLUE, RED), {"pictures_before": 0}),
+        ("alike", (RED, RED), {"colours": (RED, RED)}),
+        ("no picture comes", None, {}),
+        ("switched off", (BLUE, RED), {"at_splits": False}),
+    ],
+)
+def test_where_looks_say_nothing_motion_decides_and_that_is_told(why, after, options):
+    two = met_and_parted(after, **options)
+    assert two.ids.tolist() == [1, 2]
+    (decision,) = two.decisions
+    assert decision.before == decision.after
+    assert decision.by_looks == (False, False)
+
+
+def test_of_three_one_comes_out_and_two_go_on():
+    three = Meeting(3)
+    places, colours = [(-1.0, 0.0), (0.0, 0.0), (1.0, 0.0)], (RED, BLUE, GREEN)
+    three.frames(12, places, colours)
+    three.frames(5, [(-0.1, 0), (0.0, 0.1), (0.1, 0)], colours, together=[(0, 1), (1, 2), (0, 2)])
+    # the track of the first goes off with the third person, the others stay together
+    three.frames(20, [(1.2, 0.0), (-0.3, 0.0), (0.2, 0.0)], (GREEN, BLUE, RED), together=[(1, 2)])
+    assert three.ids[0] == 3
+    three.frames(20, [(1.2, 0.0), (-0.6, 0.0), (0.3, 0.0)], (GREEN, BLUE, RED))
+    assert three.ids.tolist() == [3, 2, 1]
+
+
+def test_a_member_that_leaves_meanwhile_is_nobodys_identity():
+    two = Meeting(2)
+    two.frames(8, APART, (RED, BLUE))
+    two.frames(5, TOGETHER, (RED, BLUE), together=[(0, 1)])
+    two.frames(2, APART, (BLUE, RED))
+    two.ids, two.serial = two.ids[:1], two.serial[:1]
+    two.frames(20, APART[:1], (BLUE,))
+    assert two.ids.tolist() == [1] and two.decisions == []
+
+
+def test_while_nobody_interacts_the_picture_is_not_read():
+    class Unread:
+        @property
+        def shape(self):
+            raise AssertionError("the picture was read")
+
+    two = Meeting(2)
+    people = two.frames(3, APART, None, interacting=False)
+    now = Situations.none(two.serial)
+    two.recognition.work(people, now, Image("camera", two.ns, Unread()), two.ns)  # type: ignore[arg-type]
+
+
+def test_a_frozen_camera_teaches_nothing_and_another_size_is_refused():
+    two = Meeting(2)
+    image = picture(APART, (RED, BLUE), 0)
+    people = two.frames(1, APART, None)
+    now = Situations(
+        two.serial,
+        ~np.eye(2, dtype=bool),
+        *(np.zeros((2, 2), bool),) * 2,
+        np.zeros((2, 2), int),
+        np.zeros((2, 2), bool),
+    )
+    for _ in range(3):
+        two.recognition.work(people, now, image, two.ns)
+    assert (two.recognition._looks.learned_ns == two.ns).sum() == 2
+    learned = two.recognition._looks
+    two.recognition.work(people, now, image, two.ns + PERIOD_NS)
+    assert two.recognition._looks is learned
+    half = Image("camera", two.ns, image.rgb[::2, ::2])
+    with pytest.raises(InputError, match=r"picture of 'camera' at .* is 160 x 120; 320 x 240"):
+        two.recognition.work(people, now, half, two.ns)
+
+
+@pytest.mark.parametrize("place", [(-3.6, 0.0), (9.0, 0.0)], ids=["at the border", "outside"])
+def test_who_is_cut_by_the_border_or_outside_harms_nobody(place):
+    two = Meeting(2)
+    beside = (place[0] + 0.6, place[1])
+    two.frames(6, [place, beside], (RED, BLUE))
+    two.frames(4, [place, (place[0] + 0.1, 0.0)], (RED, BLUE), together=[(0, 1)])
+    two.frames(20, [place, beside], (RED, BLUE))
+    assert two.ids.tolist() == [1, 2] and len(two.decisions) == 1
+
+
+def test_who_is_correlated_and_seen_by_no_scanner_is_drawn_to_their_looks():
+    two = Meeting(2)
+    two.frames(10, APART, (RED, BLUE))
+    truly = [(-0.6, 0.0), (-0.2, 0.0)]
+    believed = [(-0.6, 0.0), (-0.35, 0.15)]
+    n, pairs = 2, ~np.eye(2, dtype=bool)
+    two.ns += PERIOD_NS
+    people = two.frames(1, believed, None, wide_m=0.2)
+    unseen = people.roster.changed(measured_ns=np.array([two.ns, two.ns - PERIOD_NS]))
+    people = people.changed(roster=unseen)
+    now = Situations(two.serial, pairs, pairs, ~pairs & False, np.zeros((n, n), int), np.zeros((n, n), bool))
+    drawn = two.recognition.work(people, now, picture(truly, (RED, BLUE), two.ns), two.ns)
+    assert len(two.recognition.maps) == 1
+    before, after = (np.hypot(*(each.places[1] - truly[1])) for each in (people, drawn))
+    assert after < 0.8 * before
+    np.testing.assert_array_equal(drawn.places[0], people.places[0])  # whom the scanners see, they place

@@ -1,0 +1,55 @@
+"""What is known of every track: its particles, its life, its number."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from trackers.arrays import Array, Index
+from trackers.filters.particle import Cloud
+from trackers.filters.rows import Rows, written
+from trackers.laser_vision_learning.walking import HEADING, SPEED
+from trackers.tracking.roster import Roster
+
+
+@dataclass(frozen=True, eq=False)
+class People(Rows):
+    """n tracks, oldest first."""
+
+    serial: Int[Index, "n"]  # their number in the order of their starts; identities may change hands, these do not
+    roster: Roster[Cloud]
+    missing_s: Float[Array, "n"]  # for how long they should have been seen and were not, less what they were seen since
+
+    @classmethod
+    def started(cls, state: Cloud, ns: int, first: int) -> Self:
+        """Tentative tracks in `state`, first measured at stamp ns, numbered from `first` on."""
+        n = len(state)
+        return cls(first + np.arange(n), Roster.started(state, ns), np.zeros(n))
+
+    @property
+    def cloud(self) -> Cloud:
+        """Their particles."""
+        return self.roster.state
+
+    @property
+    def places(self) -> Float[Array, "n 2"]:
+        """Where everybody is [m]."""
+        return self.cloud.expectation(self.cloud.state[:2]).T
+
+    @property
+    def velocities(self) -> Float[Array, "n 2"]:
+        """How everybody goes [m/s]."""
+        heading, speed = self.cloud.state[[HEADING, SPEED]].astype(np.float32)
+        return self.cloud.expectation(np.stack([speed * np.cos(heading), speed * np.sin(heading)])).T
+
+    def gone_on_as(self, track: Int[Index, "p"], other: Int[Index, "p"]) -> Self:
+        """These tracks with those at `track` where those at `other` are, who have turned out to be them."""
+        roster, source = self.roster, self.roster.select(other)
+        roster = roster.changed(
+            state=roster.state.replaced(track, source.state),
+            measured_ns=written(roster.measured_ns, track, source.measured_ns),
+        )
+        return self.changed(roster=roster, missing_s=written(self.missing_s, track, self.missing_s[other]))

@@ -1,0 +1,255 @@
+"""Learning for tracking: who is who among people who met, by classifiers that learned them while they could be told apart.
+
+A picture is looked at while somebody interacts, and at no other time. It trains the classifiers of those who interact and stand
+alone; it draws the particles of those who are correlated to where the score maps have them (eq. 1); and when a group splits, the
+scores of all who were in it, summed over a few pictures, say who is where. Identities are then dealt out among the tracks of the
+group, so that trajectories are linked through the merge. Where looks are doubtful, untrained, or no picture comes, everybody
+stays who their motion says they are; either way it is told (`Decision`).
+
+Ours: a merged group keeps a set of particles for each member, all of them at its place, rather than one for the group, since two
+scanners seldom lose a body wholly; to change identities at a split is then to exchange those of tracks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+from numpy.typing import NDArray
+from pydantic import Field
+from scipy.sparse.csgraph import connected_components
+
+from trackers.arrays import Array, Index, Mask
+from trackers.configuration import Strict
+from trackers.errors import InputError
+from trackers.filters.rows import written
+from trackers.laser_vision_learning.identities import Identities, IdentityOptions, decided
+from trackers.laser_vision_learning.looks import Learner, Looks, LooksOptions
+from trackers.laser_vision_learning.people import People
+from trackers.laser_vision_learning.score_maps import ScoreMaps, in_levels
+from trackers.laser_vision_learning.situations import Situations
+from trackers.observations import NS_PER_S, DepthImage, Image
+from trackers.rig import CameraSensor, placed_camera
+from trackers.tracking.lifecycle import measured_now, nanoseconds
+from trackers.vision.foreground import Foreground
+
+
+class RecognitionOptions(Strict):
+    """When looks are asked, and how much they count beside motion."""
+
+    at_splits: bool = Field(
+        default=True, description="looks decide who is who when a group splits; no: motion (ablation)"
+    )
+    correlated: bool = Field(default=True, description="score maps draw the particles of who is correlated (eq. 1)")
+    within_s: float = Field(default=0.6, gt=0, description="how long a decision waits for its pictures [s] (ours)")
+    spread_m: float = Field(
+        default=0.02, ge=0, description="how far apart particles drawn to one place are put [m] (ours)"
+    )
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Who is who after a split: ids in the order of the tracks as they were taken before and as they are now."""
+
+    stamp_ns: int
+    before: tuple[int, ...]
+    after: tuple[int, ...]
+    by_looks: tuple[bool, ...]  # else by motion
+    margin: tuple[float, ...]
+
+
+@dataclass
+class _Split:
+    """A group that came apart, until its q members are identified."""
+
+    serial: Int[Index, "q"]
+    since_ns: int
+    score: Float[Array, "q q"]  # sum over pictures
+    n_score: Float[Array, "q q"]  # of how many
+    n_picture: int = 0
+
+    @classmethod
+    def of(cls, serial: Int[Index, "q"], ns: int) -> _Split:
+        """One of which no picture was seen yet."""
+        return cls(serial, ns, np.zeros((serial.size,) * 2), np.zeros((serial.size,) * 2))
+
+    def add(self, score: Float[Array, "q q"]) -> None:
+        """One more picture; NaN where it says nothing."""
+        told = np.isfinite(score)
+        self.score, self.n_score = self.score + np.where(told, score, 0.0), self.n_score + told
+        self.n_picture += 1
+
+    @property
+    def mean(self) -> Float[Array, "q q"]:
+        """Over the pictures; NaN where none said anything."""
+        return np.where(self.n_score > 0, self.score / np.maximum(self.n_score, 1), np.nan)
+
+    def among(self, serial: Int[Index, "n"]) -> _Split:
+        """The same without those who are no more."""
+        kept = np.isin(self.serial, serial)
+        both = np.ix_(kept, kept)
+        return _Split(self.serial[kept], self.since_ns, self.score[both], self.n_score[both], self.n_picture)
+
+
+@dataclass(frozen=True, eq=False)
+class _Shown:
+    """What a picture shows, and where everybody was as it was taken."""
+
+    rgb: UInt8[NDArray[np.uint8], "height width 3"]
+    foreground: Bool[Mask, "height width"] | None
+    places: Float[Array, "n 2"]
+
+
+class Recognition:
+    """What one camera knows of the people that scanners follow.
+
+    empty_room: pictures of the room without people; without any, everything counts as foreground.
+    """
+
+    def __init__(
+        self,
+        camera: CameraSensor,
+        empty_room: Sequence[Image | DepthImage],
+        options: RecognitionOptions,
+        looks: LooksOptions,
+        identities: IdentityOptions,
+        rng: np.random.Generator,
+    ) -> None:
+        self.options, self._identities, self._rng = options, identities, rng
+        self.learner = Learner(placed_camera(camera), looks)
+        self._intrinsics, self._last_rgb = camera.intrinsics, np.zeros(0, np.uint8)
+        masked = self.learner.needs_foreground and len(empty_room) > 0
+        self._foreground = Foreground(camera.intrinsics, empty_room) if masked else None
+        self._looks, self._serial = Looks.unknown(0, looks), np.zeros(0, np.int64)
+        self._before = Situations.none(self._serial)
+        self._splits: list[_Split] = []
+        self.decisions: list[Decision] = []
+        """What the last call of `work` decided."""
+        self.maps: list[ScoreMaps] = []
+        """The score maps that it made."""
+
+    def deciding(self, serial: Int[Index, "n"]) -> Bool[Mask, "n"]:
+        """Who came out of a group and is not yet identified."""
+        waiting = [each.serial for each in self._splits]
+        return np.isin(serial, np.concatenate(waiting)) if waiting else np.zeros(serial.size, np.bool_)
+
+    def work(self, people: People, now: Situations, image: Image | DepthImage | None, ns: int) -> People:
+        """The people after a moment [ns] in these situations, and with its picture, if there is one.
+
+        The picture is not looked at while nobody interacts. Raises InputError for one of another size than the camera's.
+        """
+        self.decisions, self.maps = [], []
+        now = now.of(people.serial)
+        self._align(people.serial)
+        self._note_splits(people, now, ns)
+        shown = None
+        if image is not None and (now.interacting.any() or self._splits):
+            shown = self._shown(image, people, ns)
+        if shown is not None:
+            self._look(people, shown)
+            people = self._drawn(people, now, shown, ns)
+        people = self._decide(people, ns)
+        if shown is not None:
+            alone = people.roster.confirmed & measured_now(people.roster, ns) & ~self.deciding(people.serial)
+            alone &= ~(now.merged | now.correlated).any(axis=1)
+            self._looks = self.learner.trained(
+                self._looks, shown.rgb, shown.places, now.interacting, alone, ns, self._rng, shown.foreground
+            )
+        self._before = now
+        return people
+
+    def _shown(self, image: Image | DepthImage, people: People, ns: int) -> _Shown | None:
+        """The picture; None where it is the last one again, to the bit: then the camera has frozen."""
+        expected = (self._intrinsics.height, self._intrinsics.width, 3)
+        if image.rgb.shape != expected:
+            raise InputError(
+                f"picture of {image.sensor!r} at {image.t:.3f} s is {image.rgb.shape[1]} x {image.rgb.shape[0]}; "
+                f"{expected[1]} x {expected[0]}, as its intrinsics in the rig say, is expected"
+            )
+        if np.array_equal(image.rgb, self._last_rgb):
+            return None
+        self._last_rgb = image.rgb
+        foreground = None if self._foreground is None else self._foreground.mask(image)
+        late_s = (image.stamp_ns - ns) / NS_PER_S
+        return _Shown(image.rgb, foreground, people.places + late_s * people.velocities)
+
+    def _align(self, serial: Int[Index, "n"]) -> None:
+        """Looks follow the tracks that there are."""
+        if np.array_equal(serial, self._serial):
+            return
+        kept = np.isin(self._serial, serial)
+        new = np.setdiff1d(serial, self._serial)  # numbers rise, so that who is new comes last
+        self._looks = self._looks.select(kept).joined(Looks.unknown(new.size, self.learner.options))
+        self._serial = serial
+        left = [each.among(serial) for each in self._splits]
+        self._splits = [each for each in left if each.serial.size > 1]
+
+    def _note_splits(self, people: People, now: Situations, ns: int) -> None:
+        """Groups that came apart since the moment before; all who were in one are decided on together."""
+        if not self._before.confused.any():
+            return
+        before, known = self._before.of(people.serial).group, people.roster.confirmed
+        apart = (before[:, None] == before) & (now.group[:, None] != now.group) & known & known[:, None]
+        if not apart.any():
+            return
+        for label in np.unique(before[apart.any(axis=1)]).tolist():
+            members = [people.serial[(before == label) & known]]
+            overlap = [np.isin(each.serial, members[0]).any() for each in self._splits]
+            members += [each.serial for each, with_them in zip(self._splits, overlap, strict=True) if with_them]
+            self._splits = [each for each, with_them in zip(self._splits, overlap, strict=True) if not with_them]
+            self._splits.append(_Split.of(np.unique(np.concatenate(members)), ns))
+
+    def _look(self, people: People, shown: _Shown) -> None:
+        """The scores of those who came apart, in one more picture."""
+        if not self.options.at_splits:
+            return
+        for split in self._splits:
+            rows = np.searchsorted(people.serial, split.serial)
+            score = self.learner.scores(self._looks, shown.rgb, shown.places[rows], rows, self._rng, shown.foreground)
+            split.add(score)
+
+    def _decide(self, people: People, ns: int) -> People:
+        """Identities dealt out where enough pictures were seen, or none came for long."""
+        waiting = []
+        for split in self._splits:
+            patient = self.options.at_splits and ns - split.since_ns < nanoseconds(self.options.within_s)
+            if split.n_picture < self._identities.pictures and patient:
+                waiting.append(split)
+                continue
+            stays = np.eye(split.serial.size)
+            found = decided(split.mean, 1 - stays, self._identities)
+            people = self._dealt_out(people, np.searchsorted(people.serial, split.serial), found, ns)
+        self._splits = waiting
+        return people
+
+    def _dealt_out(self, people: People, rows: Int[Index, "q"], found: Identities, ns: int) -> People:
+        source, ids = rows[found.member], people.roster.id
+        self._looks = self._looks.replaced(rows, self._looks.select(source))
+        told = (ids[rows], ids[source], found.by_looks, found.margin)
+        self.decisions.append(Decision(ns, *(tuple(each.tolist()) for each in told)))
+        return people.changed(roster=people.roster.changed(id=written(ids, rows, ids[source])))
+
+    def _drawn(self, people: People, now: Situations, shown: _Shown, ns: int) -> People:
+        """The particles of correlated people whom no scanner sees drawn to where their looks are in the picture."""
+        known = self._looks.known & people.roster.confirmed & ~self.deciding(people.serial)
+        unseen = known & ~measured_now(people.roster, ns) & now.correlated.any(axis=1)
+        if not (self.options.correlated and unseen.any()):
+            return people
+        label = connected_components(now.correlated & known & known[:, None], directed=False)[1]
+        cloud, levels = people.cloud, self.learner.options.maps.levels
+        for each in np.unique(label[unseen]).tolist():
+            rows = np.flatnonzero((label == each) & known)
+            maps = self.learner.score_maps(
+                self._looks, shown.rgb, shown.places[rows], rows, self._rng, shown.foreground
+            )
+            self.maps.append(maps)
+            drawn = in_levels(cloud.select(rows), self.learner.likelihood(maps), levels, self._spread, self._rng)
+            cloud = cloud.replaced(rows[unseen[rows]], drawn.select(unseen[rows]))
+        return people.changed(roster=people.roster.changed(state=cloud))
+
+    def _spread(self, state: Array, rng: np.random.Generator) -> Array:
+        moved = state.copy()
+        moved[:2] += self.options.spread_m * rng.standard_normal(moved[:2].shape)
+        return moved

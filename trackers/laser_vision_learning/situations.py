@@ -1,0 +1,144 @@
+"""Who is in what situation with whom, from laser points and tracks alone (Song et al., section III and VI).
+
+apart; interacting: nearer than 1.5 m, each may soon be taken for the other; correlated: bodies less than 0.3 m apart; merged: the
+scanners cannot separate them, since single linkage of their points joins them, or since one shows no point and another stands
+next to them. Each holds on a little beyond where it began (hysteresis), so that nobody flickers. Two are separated again, split,
+when merging has ended; whoever shares a merge with somebody is of one group, so that a group may be of three and more, and a
+part of it may go on as a group.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy.typing import NDArray
+from pydantic import Field
+from scipy.sparse.csgraph import connected_components
+
+from trackers.arrays import Array, Index, Mask
+from trackers.configuration import Strict
+from trackers.filters.gating import distances
+from trackers.laser.group import Points
+from trackers.tracking.lifecycle import nanoseconds
+
+Situation = Literal["apart", "interacting", "correlated", "merged", "split"]
+
+
+class SituationOptions(Strict):
+    """When people interact, are correlated, and merge."""
+
+    interacting_m: float = Field(
+        default=1.5, gt=0, description="distance of two below which they may come to be confused"
+    )
+    correlated_m: float = Field(default=0.3, gt=0, description="gap between two bodies below which they are correlated")
+    body_m: float = Field(default=0.4, ge=0, description="width of a body, mean over its sides [m] (ours)")
+    link_m: float = Field(default=0.4, gt=0, description="single linkage of points that merges their people [m] (ours)")
+    beside_m: float = Field(
+        default=1.0, gt=0, description="how near to somebody seen who shows no point is merged with them [m] (ours)"
+    )
+    confused_m: float = Field(
+        default=0.4, ge=0, description="distance below which two who are merged may have been exchanged [m] (ours)"
+    )
+    hidden_s: float = Field(default=0.08, ge=0, description="and for how long they show none [s] (ours)")
+    hysteresis: float = Field(
+        default=1.15, ge=1, description="how much farther than it begins interaction and correlation go on (ours)"
+    )
+    lasting_s: float = Field(
+        default=0.2, ge=0, description="how long two must be separated for a merge to be over [s] (ours)"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Situations:
+    """What holds between n tracks, told apart by a serial number each; all symmetric, nobody with themselves."""
+
+    serial: Int[Index, "n"]  # ascending
+    interacting: Bool[Mask, "n n"]
+    correlated: Bool[Mask, "n n"]
+    merged: Bool[Mask, "n n"]
+    merged_ns: Int[Index, "n n"]  # stamp at which each pair was merged last
+    confused: Bool[Mask, "n n"]  # who came so close, or was hidden, while merged that motion may have exchanged them
+
+    @classmethod
+    def none(cls, serial: Int[Index, "n"]) -> Situations:
+        """Everybody apart."""
+        nobody = np.zeros((serial.size,) * 2, np.bool_)
+        return cls(serial, nobody, nobody, nobody, np.zeros(nobody.shape, np.int64), nobody)
+
+    def of(self, serial: Int[Index, "k"]) -> Situations:
+        """The same between the tracks with these numbers, some of whom may be new."""
+        if np.array_equal(serial, self.serial):
+            return self
+        _, here, there = np.intersect1d(serial, self.serial, assume_unique=True, return_indices=True)
+
+        def carried(between: NDArray[Any]) -> NDArray[Any]:
+            whole = np.zeros((serial.size,) * 2, between.dtype)
+            whole[np.ix_(here, here)] = between[np.ix_(there, there)]
+            return whole
+
+        rest = (self.interacting, self.correlated, self.merged, self.merged_ns, self.confused)
+        return Situations(serial, *map(carried, rest))
+
+    @property
+    def group(self) -> Int[Index, "n"]:
+        """The number of the group of confused people that each is in; those alone have one of their own."""
+        return connected_components(self.confused, directed=False)[1].astype(np.intp)
+
+
+def assessed(
+    before: Situations,
+    serial: Int[Index, "n"],
+    places: Float[Array, "n 2"],
+    sure: Bool[Mask, "n"],
+    unseen_s: Float[Array, "n"],
+    points: Points,
+    owner: Int[Index, "k"],
+    ns: int,
+    options: SituationOptions,
+) -> Situations:
+    """The situations at a moment [ns], after those `before`.
+
+    places: where everybody is [m]; sure: who is confirmed, others take no part; unseen_s: for how long nothing of them was seen;
+    owner: whose each point is, −1: nobody's.
+    """
+    before, apart_m = before.of(serial), distances(places, places)
+    apart_m[~(sure & sure[:, None]) | np.eye(sure.size, dtype=bool)] = np.inf
+    interacting = (apart_m < options.interacting_m) | (
+        before.interacting & (apart_m < options.hysteresis * options.interacting_m)
+    )
+    if not interacting.any():
+        return Situations(serial, interacting, interacting, interacting, before.merged_ns, interacting)
+    correlated_m = options.correlated_m + options.body_m
+    correlated = (apart_m < correlated_m) | (before.correlated & (apart_m < options.hysteresis * correlated_m))
+    hidden = (unseen_s > options.hidden_s)[:, None] & (unseen_s == 0) & (apart_m < options.beside_m)
+    merging = (_joined(points, owner, interacting, options.link_m) | hidden | hidden.T) & interacting
+    merged_ns = np.where(merging, ns, before.merged_ns)
+    merged = merging | (before.merged & (ns - merged_ns <= nanoseconds(options.lasting_s)))
+    confused = merged & (before.confused | hidden | hidden.T | (apart_m < options.confused_m))
+    return Situations(serial, interacting, correlated, merged, merged_ns, confused)
+
+
+def _joined(points: Points, owner: Int[Index, "k"], interacting: Bool[Mask, "n n"], link_m: float) -> Bool[Mask, "n n"]:
+    """Whose points single linkage joins with whose."""
+    joined = np.zeros(interacting.shape, np.bool_)
+    theirs = (owner >= 0) & np.logical_or.reduce(interacting, axis=1)[owner]
+    place, owner = points.place[theirs], owner[theirs]
+    if owner.size == 0:
+        return joined
+    count, cluster = connected_components(distances(place, place) < link_m, directed=False)
+    part = np.zeros((len(joined), count), np.bool_)
+    part[owner, cluster] = True
+    return (part.astype(np.intp) @ part.T > 0) & ~np.eye(len(joined), dtype=bool)
+
+
+def told(situations: Situations, deciding: Bool[Mask, "n"]) -> list[Situation]:
+    """The situation of each person, the gravest of those with others; `deciding`: who was split and is not yet identified."""
+    names: tuple[Situation, ...] = ("apart", "interacting", "correlated", "merged", "split")
+    grave = np.zeros(len(situations.serial), np.intp)
+    for rank, holds in enumerate((situations.interacting, situations.correlated, situations.merged), start=1):
+        grave[holds.any(axis=1)] = rank
+    grave[deciding] = 4
+    return [names[each] for each in grave.tolist()]
