@@ -32,7 +32,7 @@ def followed(walk: Walk, on: Rig = FUSED, images=None, **options):
     tracker, decisions, situations = make_tracker(PRESET, on, EMPTY, np.random.default_rng(0), options), [], set()
     frames = []
     for each in given:
-        new = tracker.update(each)
+        new = tracker.update(each) or []
         frames += new
         if new:
             decisions += tracker.decisions()

@@ -47,8 +47,7 @@ class PointOptions(Strict):
     own_m: float = Field(
         default=0.12,
         ge=0,
-        description="points this near to a leg of somebody known for longer make nobody else measured [m]; "
-        "0: they do (ours)",
+        description="points this near to a leg of somebody surer make nobody else measured [m]; 0: they do (ours)",
     )
     most: int = Field(default=32, ge=4, description="points a person at most, the weightiest (ours)")
     link_m: float = Field(
@@ -62,7 +61,7 @@ class Shares:
 
     share: Float[Array, "n k"]  # of each point in each person, sums over people to at most 1
     weight: Float[Array, "k"]  # what of a leg's width each beam covers
-    legs: Float[Array, "n"]  # legs' widths of points that each person is nearest to and nobody before them stands at
+    legs: Float[Array, "n"]  # legs' widths of points that each person is nearest to and nobody surer stands at
 
     @property
     def owner(self) -> Int[Index, "k"]:
@@ -77,8 +76,13 @@ class Shares:
         return 1 - self.share.sum(axis=0)
 
 
-def shares(points: Points, legs: Float[Array, "2 2 n"], options: PointOptions) -> Shares:
-    """Whose the points are, given everybody's expected legs (side, x or y, person) [m], the longest known first."""
+def shares(
+    points: Points, legs: Float[Array, "2 2 n"], options: PointOptions, first: Int[Index, "n"] | None = None
+) -> Shares:
+    """Whose the points are, given everybody's expected legs (side, x or y, person) [m].
+
+    first: the people in the order in which they are believed, the surest first (None: as they come).
+    """
     off = points.place[:, :, None] - legs[:, None]  # (side, k, xy, n)
     square = (off**2).sum(axis=2).min(axis=0).T
     likeness = np.exp(-square / (2 * options.soft_m**2))
@@ -86,9 +90,10 @@ def shares(points: Points, legs: Float[Array, "2 2 n"], options: PointOptions) -
     share, weight = likeness / (likeness.sum(axis=0) + unknown), np.minimum(points.width_m / options.leg_m, 1.0)
     if share.size == 0:
         return Shares(share, weight, np.zeros(len(share)))
-    taken = np.minimum.accumulate(square, axis=0)[:-1] < options.own_m**2
+    first = np.arange(len(share)) if first is None else first
+    taken = np.minimum.accumulate(square[first], axis=0)[:-1] < options.own_m**2
     own = (share == share.max(axis=0)) & (square < options.gate_m**2)
-    own[1:] &= ~taken
+    own[first[1:]] &= ~taken
     return Shares(share, weight, own @ weight)
 
 

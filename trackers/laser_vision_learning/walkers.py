@@ -51,7 +51,9 @@ class Walkers:
         cloud = self._filter.resampled(self.people.cloud, self.rng)
         cloud = Cloud(self._model.move(cloud.state, elapsed_s, unseen, self.rng), cloud.weights)
         legs = self._model.legs(cloud.state)
-        whose = shares(points, cloud.expectation(legs), options.points)
+        # a track that nobody was seen by for a while is no surer than one that was seen all along
+        surest = np.where(self.people.roster.confirmed, self.people.missing_s, np.inf).argsort(kind="stable")
+        whose = shares(points, cloud.expectation(legs), options.points, surest)
         seen = whose.legs >= life.seen_legs
         weights = cloud.weights.updated(log_likelihood(points, whose, legs, options.points))
         roster = self.people.roster.measured(np.flatnonzero(seen), ns, Cloud(cloud.state, weights))
