@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from twin.recording.whole_file import whole_file
+from twin.reproduce.laser_vision_learning.choosing import CHOICE, SEED, choices
 from twin.reproduce.laser_vision_learning.conditions import SYSTEMS, Condition, HallRuns
 from twin.reproduce.laser_vision_learning.merges import merges_of, moments_of
 from twin.reproduce.laser_vision_learning.plots import densities_svg, figure11_svg
@@ -29,6 +30,7 @@ from twin.reproduce.registry import Asked, Found, OnProgress
 from twin.reproduce.results import Result, write_results
 from twin.reproduce.suite_runs import read_runs, run_in, suite_of, tell_failure
 from twin.suites.run import Place
+from twin.suites.worker import resolved_scenario
 
 
 def reproduce(folder: Path, asked: Asked, on_progress: OnProgress | None = None) -> Found:
@@ -46,15 +48,19 @@ def reproduce(folder: Path, asked: Asked, on_progress: OnProgress | None = None)
     moments = moments_of(hall.busy, merges_of(hall.busy))
     strips = draw_strips(moments, names, cache, place, on_progress, lambda what: tell_failure("strip", what))
     command = asked.command + (f" --suite {shlex.quote(asked.suite)}" if asked.suite else "")
-    return write_all(folder, hall, strips, command)
+    pictures = any(
+        sensor.kind == "camera" for sensor in resolved_scenario(next(iter(hall.busy.cases.values()))).sensors.values()
+    )
+    chosen = choices(cache, on_progress) if pictures else []
+    return write_all(folder, hall, strips, chosen, command)
 
 
-def write_all(folder: Path, hall: HallRuns, strips: Sequence[Strip], command: str) -> Found:
+def write_all(folder: Path, hall: HallRuns, strips: Sequence[Strip], chosen: Sequence[Result], command: str) -> Found:
     """Write what was found: results, table of runs, plots, strips, page. Raises InputError as files do."""
-    results = hall_results(hall)
+    results = [*hall_results(hall), *chosen]
     conditions = hall.conditions
     drawn = {"figure11": figure11_svg(hall.hall, conditions["hall"])}
-    if len(hall.densities) > 1:
+    if hall.densities:
         drawn["densities"] = densities_svg([conditions["busy"], *hall.densities])
     paths = {"results": folder / "results.json", "runs": folder / "runs.csv"}
     paths |= {name: folder / f"{name}.svg" for name in drawn} | {"page": folder / "report.html"}
@@ -69,13 +75,15 @@ def write_all(folder: Path, hall: HallRuns, strips: Sequence[Strip], command: st
         drawn,
         rows=rows_of([each for each in results if each.where == PLACE]),
         tables=[_grid(results, TABLE_ONE), _grid(results, TABLE_TWO)],
-        beyond={where: grid for where in (CHANGED, DENSITY, ABLATION) if (grid := _grid(results, where))},
+        beyond={where: grid for where in (CHANGED, DENSITY, ABLATION, CHOICE) if (grid := _grid(results, where))},
         busy=_facts(conditions["busy"]),
         hall=_facts(conditions["hall"]),
         fits=_fits(hall),
         merges=merges_of(hall.busy)[:1],
         strips=[(each, "data:image/jpeg;base64," + base64.b64encode(each.picture).decode()) for each in strips],
         not_done=hall.not_done,
+        n_decided=chosen[0].runs if chosen else 0,
+        choice_seed=SEED,
     )
     return results, paths
 
