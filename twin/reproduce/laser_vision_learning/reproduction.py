@@ -6,6 +6,7 @@ import base64
 import csv
 import shlex
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from twin.recording.whole_file import whole_file
@@ -114,16 +115,17 @@ def _fits(hall: HallRuns) -> list[tuple[str, str]]:
 
 
 def _grid(results: Sequence[Result], where: str) -> dict[str, object] | None:
-    """Results of one kind as a table: a row a figure of a condition, a column a tracker."""
-    own = [each for each in results if each.where == where]
+    """Results of one kind as a table: a row a figure of a condition, a column a tracker; of the many ablations turned."""
+    own = [replace(each, row=each.row.removeprefix("ablation, ")) for each in results if each.where == where]
     if not own:
         return None
-    columns = list(dict.fromkeys(each.column for each in own))
-    rows = list(dict.fromkeys(each.row for each in own))
     found = {
         (result.row, result.column): (ours, spread, "" if result.paper is None else paper)
         for result, paper, ours, spread in rows_of(own)
     }
+    rows, columns = (list(dict.fromkeys(names)) for names in zip(*found, strict=True))
+    if where == ABLATION:
+        return {"columns": rows, "rows": [(each, [found.get((row, each)) for row in rows]) for each in columns]}
     return {"columns": columns, "rows": [(row, [found.get((row, column)) for column in columns]) for row in rows]}
 
 
