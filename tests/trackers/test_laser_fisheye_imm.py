@@ -336,3 +336,19 @@ def test_waiting_frames_come_with_finish():
     assert len(frames) == len(CROSSING) - 2
     assert len(tracker.finish()) == 2
     assert tracker.finish() == []
+
+
+def test_whoever_is_hidden_for_longer_than_tracks_coast_is_known_again():
+    # in behind the other, a second and a half there, and back to where they came from
+    walk = straight_walk([(0.0, 0.8), (-1.3, 2.3)], [(0.0, 0.0), (0.8, 0.0)], 45)
+    position = walk.position.copy()
+    position[14:29, 1] = position[14, 1]
+    position[29:, 1] = position[14, 1] - [0.08, 0] * np.arange(16)[:, None]
+    walk = replace(walk, position=position)
+
+    def ids(**management):
+        frames, _ = tracked(walk, layers=("waist",), management=management)
+        return {track.id for frame in frames for track in frame.tracks if track.y > 1.7}
+
+    assert len(ids()) == 1
+    assert len(ids(coast_hidden_s=1.5)) == 2

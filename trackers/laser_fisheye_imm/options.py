@@ -43,6 +43,18 @@ class ManagementOptions(Strict):
         "since a standing person looks like furniture [m]; 0: anywhere (ours)",
     )
     coast_s: float = Field(default=1.5, ge=0, description="a confirmed track not measured for longer ends [s]")
+    coast_hidden_s: float = Field(
+        default=3.0,
+        ge=0,
+        description="an occluded track not measured for longer ends: one that no scan would have shown, in a rig with an "
+        "area [s]; `coast_s` or less: no difference (ours)",
+    )
+    hidden_above: float = Field(
+        default=0.2,
+        ge=0,
+        le=1,
+        description="probability of a missed detection at the last moment above which a track counts as occluded (ours)",
+    )
     coast_slowdown_s: float | None = Field(
         default=0.6,
         gt=0,

@@ -44,7 +44,7 @@ from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
 from trackers.observations import NS_PER_S, Observation
 from trackers.rig import Rig
-from trackers.tracking.lifecycle import clear_of, coasting_within, measured_for_longer, measured_now
+from trackers.tracking.lifecycle import clear_of, coasting_within, measured_for_longer, measured_now, nanoseconds
 from trackers.tracking.moments import Moment, MomentGatherer, MomentRules
 from trackers.tracks import Track, TrackFrame
 
@@ -127,13 +127,17 @@ class LaserFisheyeImm:
         return [each for ns, seen in self._seen for each in self._detector.told(seen, ns)]
 
     def tracks(self) -> list[Track]:
-        """Everyone confirmed in the area, as of the last frame, by id."""
+        """Everyone confirmed in the area, as of the last frame, by id; whom nothing shows for long is kept in mind alone."""
         people = self._people
         if self._ns is None:
             return []
         roster = people.roster
         measured = measured_now(roster, self._ns)  # in the area, or the track would have ended
-        shown = (people.confirmed if measured.all() else people.confirmed & (measured | self._inside())).nonzero()[0]
+        shown = people.confirmed
+        if not measured.all():
+            lately = self._ns - roster.measured_ns <= nanoseconds(self.options.management.coast_s)
+            shown = shown & (measured | (self._inside() & lately))
+        shown = shown.nonzero()[0]
         shown = shown[roster.id[shown].argsort()]
         x, y, heading, speed, _ = people.state.mode_average[:, shown]
         columns = roster.id[shown], x, y, speed * np.cos(heading), speed * np.sin(heading), measured[shown]
@@ -162,8 +166,7 @@ class LaserFisheyeImm:
         self._learn_colours(matches, seen, moment.ns)
         self._note_windows(matches, seen)
         self._confirm(moment.ns)
-        self._miss(moment)
-        self._end(moment.ns)
+        self._end(moment.ns, self._miss(moment))
         self._start(matches, seen, moment.ns)
         return TrackFrame(moment.ns, tuple(self.tracks()))
 
@@ -175,7 +178,9 @@ class LaserFisheyeImm:
         rules, period_s, elapsed_s = self.options.management, self.options.period_s, (ns - last_ns) / NS_PER_S
         period_ns = round(period_s * NS_PER_S)
         if ns - last_ns > period_ns:
-            self._people = self._people.select(self._alive(ns - period_ns))
+            # nobody counts as hidden from looks that were not made: a long gap ends everybody
+            looked = elapsed_s <= rules.coast_s + period_s
+            self._people = self._people.select(self._alive(ns - period_ns, looked))
         state, slowdown_s = self._people.state, rules.coast_slowdown_s
         if slowdown_s is not None:
             # whoever is out of sight is likelier to stop or turn back than to walk on for all of the coasting time
@@ -198,13 +203,18 @@ class LaserFisheyeImm:
             state = state.replaced(fresh, moving)
         self._people = people.measured(track, matches.position, ns, state)
 
-    def _miss(self, moment: Moment) -> None:
-        """Whoever was looked for and not seen is likelier where nothing would show them."""
+    def _miss(self, moment: Moment) -> Mask:
+        """Whoever was looked for and not seen is likelier where nothing would show them; who may well be there, (n,)."""
         people = self._people
         missed = (people.confirmed & ~measured_now(people.roster, moment.ns)).nonzero()[0]
-        if missed.size:
-            state, _ = not_seen(people.state.select(missed), lambda points: self._detector.missed(moment, points))
-            self._people = people.in_state(people.state.replaced(missed, state))
+        hidden = np.zeros(len(people), np.bool_)
+        if missed.size == 0:
+            return hidden
+        state, chance = not_seen(people.state.select(missed), lambda points: self._detector.missed(moment, points))
+        self._people = people.in_state(people.state.replaced(missed, state))
+        if self._area is not None:  # else there is always somewhere, behind the walls
+            hidden[missed] = chance > self.options.management.hidden_above
+        return hidden
 
     def _learn_colours(self, matches: Matches, seen: Seen, ns: int) -> None:
         if seen.windows is None:
@@ -241,16 +251,17 @@ class LaserFisheyeImm:
         self._people = people.changed(roster=people.roster.confirm(new, self._next_id))
         self._next_id += new.size
 
-    def _end(self, ns: int) -> None:
-        kept = self._alive(ns)
+    def _end(self, ns: int, hidden: Mask) -> None:
+        kept = self._alive(ns, hidden)
         # a prediction that strays out of the area is not yet a person who has left it
         kept &= self._inside() | ~measured_now(self._people.roster, ns)
         self._people = self._people.select(kept)
 
-    def _alive(self, ns: int) -> Mask:
-        """Who is followed on, (n,)."""
+    def _alive(self, ns: int, hidden: Mask | bool) -> Mask:
+        """Who is followed on, (n,): for longer who likely could not be seen (`hidden`, (n,))."""
         rules = self.options.management
-        return coasting_within(self._people.roster, ns, rules.coast_s, rules.tentative_coast_s)
+        coast_s = np.where(hidden, max(rules.coast_s, rules.coast_hidden_s), rules.coast_s)
+        return coasting_within(self._people.roster, ns, coast_s, rules.tentative_coast_s)
 
     def _inside(self) -> Mask:
         """Which tracks are in the area or its margin, (n,)."""
