@@ -127,7 +127,8 @@ def test_track_on_the_recording_gives_the_same_tracks_to_the_bit(run_folder: Pat
 
 
 def test_evaluate_prints_the_same_figures(run_folder: Path) -> None:
-    done = twin("evaluate", run_folder / "truth.csv", run_folder / "tracks/laser-imm.csv")
+    situations = ["--situations", run_folder / "truth_situations.csv"]
+    done = twin("evaluate", run_folder / "truth.csv", run_folder / "tracks/laser-imm.csv", *situations)
     figures = json.loads(done.stdout)
     stored = json.loads((run_folder / "metrics.json").read_text())["trackers"]["laser-imm"]
     assert figures == {name: value for name, value in stored.items() if name != "ms_per_frame"}
