@@ -71,7 +71,7 @@ def test_a_beam_that_another_scanner_denies_is_no_point():
     ranges[[100, 101]] = 1.0  # in the open, before the wall: where the scanner ahead looks past
     scans["front"] = replace(scans["front"], ranges_m=ranges)
     front, both = (
-        ScannerGroup({name: RIG.lasers()[name] for name in names}, EMPTY, KneeOptions()).points(scans, 10**9)
+        ScannerGroup({name: RIG.lasers()[name] for name in names}, EMPTY, KneeOptions()).points(scans)
         for names in (("front",), ("front", "back"))
     )
     ghost = [np.hypot(*(each.place - [0.64, 0.76]).T).min() < 0.3 for each in (front, both)]

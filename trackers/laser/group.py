@@ -26,7 +26,7 @@ from trackers.filters.rows import Rows
 from trackers.laser.grouping import distances, pair_off, take_legs
 from trackers.laser.layer import Detections, KneeOptions, LaserLayer, LayerOptions, WaistOptions
 from trackers.laser.roles import scanners_by_role
-from trackers.observations import NS_PER_S, LaserScan, Observation
+from trackers.observations import LaserScan, Observation
 from trackers.rig import LaserSensor, Rig, Role
 
 
@@ -36,7 +36,6 @@ class Points(Rows):
 
     place: Float[Array, "k 2"]  # the axis of what the beam met, in the room frame [m]
     width_m: Float[Array, "k"]  # how much of its width the beam covers: the spacing of the beams there
-    late_s: Float[Array, "k"]  # how much later than the moment the scan was taken
 
 
 class ScannerGroup:
@@ -77,22 +76,21 @@ class ScannerGroup:
                 together = fused(together, layer.detect(scan).of_scanner(column, n_scanner), self._gate_m)
         return together
 
-    def points(self, observations: Mapping[str, Observation], ns: int) -> Points:
-        """Every sample in front of the room of the group's scans among `observations`, for a moment [ns].
+    def points(self, observations: Mapping[str, Observation]) -> Points:
+        """Every sample in front of the room of the group's scans among `observations`.
 
         Without those at which another scanner looks past: a beam that meets half a leg and half the wall says something
         between.
         """
         scans = {name: scan for name in self.layers if isinstance(scan := observations.get(name), LaserScan)}
-        found = [Points(np.empty((0, 2)), np.empty(0), np.empty(0))]
+        found = [Points(np.empty((0, 2)), np.empty(0))]
         for name, scan in scans.items():
             place, width_m = self.layers[name].points(scan)
             kept = np.ones(len(place), np.bool_)
             for other, seen in scans.items():
                 if other != name:
                     kept &= ~self.layers[other].passes(seen, place.T)
-            late_s = np.full(len(place), (scan.stamp_ns - ns) / NS_PER_S)
-            found.append(Points(place, width_m, late_s).select(kept))
+            found.append(Points(place, width_m).select(kept))
         return reduce(Points.joined, found)
 
     def told(self, detections: Detections, role: Role, ns: int) -> list[Detection]:

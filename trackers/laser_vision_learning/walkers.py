@@ -42,7 +42,7 @@ class Walkers:
         """Everybody at a moment [ns] that its scans show."""
         options, life, before = self.options, self.options.life, self.ns
         elapsed_s, self.ns = (ns - before) / NS_PER_S, ns
-        points = self._scanners.points(observations, ns)
+        points = self._scanners.points(observations)
         if self._area is not None:
             points = points.select(self._area.contains(points.place))
         if elapsed_s > life.coast_hidden_s:

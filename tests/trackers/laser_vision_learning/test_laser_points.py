@@ -12,7 +12,7 @@ NOWHERE = np.zeros((2, 2, 0))
 
 def points(place, width_m=0.03) -> Points:
     place = np.asarray(place, float).reshape(-1, 2)
-    return Points(place, np.full(len(place), width_m), np.zeros(len(place)))
+    return Points(place, np.full(len(place), width_m))
 
 
 def scalar_log_likelihood(seen: Points, share, weight, legs, options) -> np.ndarray:

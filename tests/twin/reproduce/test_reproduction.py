@@ -186,7 +186,9 @@ def test_bad_input_is_named(tmp_path):
         reproduce("laser-fisheye-imm", seeds=1)
     with pytest.raises(InputError, match="--runs 1: .* 2 or more"):
         reproduce("laser-fisheye-imm", runs=1)
-    with pytest.raises(InputError, match="--jobs: is an option of `reproduce laser-fisheye-imm, laser-vision-learning` only"):
+    with pytest.raises(
+        InputError, match="--jobs: is an option of `reproduce laser-fisheye-imm, laser-vision-learning` only"
+    ):
         reproduce("gait", jobs=2)
     with pytest.raises(InputError, match="suite 'tables'"):
         reproduce("laser-fisheye-imm", suite="tables", out=tmp_path)
