@@ -173,7 +173,7 @@ def test_bad_trackers_are_exit_2_before_any_case_and_leave_nothing(
     with pytest.raises(SystemExit) as way_out:
         cli.main()
     assert way_out.value.code == 2 and not out.exists()
-    said = capsys.readouterr().err.removeprefix("twin: to make: 18 cases\n")
+    said = capsys.readouterr().err.removeprefix("twin: to make: 36 cases\n")
     assert said.count("\n") == 1 and f"--set {change}: " in said and "background" not in said
 
 
