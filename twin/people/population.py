@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from trackers.arrays import Array, Mask
-from twin.instant.feet import Feet, on_the_floor
 from twin.people.body.appearance import Appearance
-from twin.people.body.skeleton import Skeleton
 from twin.people.crowd.crowd import Crowd, planar
 from twin.people.crowd.ground import Ground
 from twin.people.crowd.order import End
-from twin.people.gait.gait import GRAVITY_M_S2, Gait
-from twin.people.gait.pose import HEADING, Moment, foot_loads, joint_coordinates
+from twin.people.gait.gait import Gait
+from twin.people.motion import Motion
+from twin.people.poses import Poses
 from twin.people.posture.gaze import FreeGaze
-from twin.people.posture.lay import apply
 from twin.people.posture.measures import BodyMeasures
-from twin.people.posture.memory import TICK_S, Memory
+from twin.people.posture.memory import TICK_S
 from twin.people.posture.posture import Part, Postures
-from twin.people.posture.rows import HANDS, LOOK, OFF_FEET, PELVIS_PITCH, active, faced
-from twin.people.posture.weight import pressure_shift_m, support
+from twin.people.posture.rows import HANDS, LOOK, OFF_FEET, PELVIS_PITCH
 from twin.people.script.actions import perform
 from twin.people.script.actor import Actor, Stage
 from twin.people.script.arrivals import first_heading, start_places
@@ -36,25 +31,7 @@ _BLOCKED_FOR_S = 0.8
 _NEAR_ENOUGH_M, _HALTS_FOR_S = 0.2, 1.5
 
 
-@dataclass(frozen=True, eq=False)
-class PopulationTruth:
-    """Where everybody is at one time, room frame, people in the order of their names.
-
-    present: who is in the room, (n,); x, y, z: the pelvis (middle between the hip joints) [m]; yaw: where the person faces,
-    for somebody who lies on the back where the feet point [rad]; vx, vy: velocity of the ground point under the pelvis
-    [m/s].
-    """
-
-    present: Mask
-    x: Array
-    y: Array
-    z: Array
-    yaw: Array
-    vx: Array
-    vy: Array
-
-
-class Population:
+class Population(Poses):
     """The people of a scenario, in the order of their names: so the order of listing changes nothing.
 
     `advance(t)` steps them; `qpos(t)`, `feet(t)` and `truth(t)` may be asked for any t from `memory.HISTORY_S` before the last
@@ -85,10 +62,8 @@ class Population:
         heading = np.array([first_heading(*each) for each in zip(described, position, random, strict=True)], float)
         areas = [_kept_in(person, ground) for person in described]
         self._crowd = Crowd(planar(position), heading, areas, np.zeros(count, dtype=bool), ground.obstacles)
-        self._skeleton = Skeleton([appearances[name].proportions for name in self.names])
-        self._weight_n = GRAVITY_M_S2 * np.array([appearances[name].mass_kg for name in self.names], dtype=float)
+        super().__init__(self.names, appearances, measures)
         self._gait = Gait(self._skeleton, self._crowd)
-        self._measures = measures
         self._postures = Postures(self._measures, self._crowd.place, self._crowd.heading)
         self._stage = Stage(self.names, self._crowd, self._postures, ground, doing=["stand"] * count)
         self._acting = [
@@ -115,13 +90,8 @@ class Population:
         self._crowd.present[:] = False
         self._crowd.driven[self._recorded.numbers] = True
         self._tick = 0
-        self._memory = Memory(count)
-        self._asked: tuple[float, int, Array] | None = None  # time, tick and coordinates last asked for
         self._enter_and_leave()
         self._remember()
-
-    def __len__(self) -> int:
-        return len(self.names)
 
     @property
     def in_use(self) -> dict[str, str]:
@@ -144,63 +114,13 @@ class Population:
         """Who keeps the head turned to somebody, to a place or by an angle, as of the last step, (n,)."""
         return self._postures.rows[LOOK] == 1.0
 
-    def advance(self, t: float) -> None:
-        """Step until the clock has reached time t [s] since the start; does nothing where it has already."""
-        while self._tick * TICK_S < t:
+    def motion(self, until_s: float) -> Motion:
+        """Step everybody from the start to `until_s` [s]; how they moved, tick by tick. Of a population not stepped yet."""
+        ticks = [self._memory.last()]
+        while self._memory.tick * TICK_S < until_s:
             self._step()
-
-    def present(self, t: float) -> Mask:
-        """Who is in the room at time t [s], (n,)."""
-        return self._memory.present(t)
-
-    def qpos(self, t: float) -> Array:
-        """Joint coordinates (n, NQ_PERSON) at time t [s], laid out as `twin.people.body.body.JOINTS` says.
-
-        Those who are not present have the coordinates of when they were, or will be.
-        """
-        if self._asked is None or self._asked[:2] != (t, self._tick):
-            self._asked = t, self._tick, self._coordinates(*self._memory.at(t))
-        return self._asked[2].copy()
-
-    def feet(self, t: float) -> Feet:
-        """Everybody's soles and the weight on them at time t [s]."""
-        moment, posture = self._memory.at(t)
-        present = self.present(t)
-        feet = foot_loads(moment, self._skeleton)
-        on_feet, acceleration = support(posture)
-        load = on_the_floor(feet.load, feet.height)
-        load_n = load * (on_feet * np.maximum(1.0 + acceleration / GRAVITY_M_S2, 0.0) * self._weight_n)
-        return Feet(
-            place=np.stack([feet.place.real, feet.place.imag], axis=-1).transpose(1, 0, 2),
-            yaw=feet.yaw.T,
-            height=feet.height.T,
-            load_n=np.where(present, load_n, 0.0).T,
-            pressure_ahead_m=(feet.pressure_ahead + pressure_shift_m(posture)).T,
-            present=present,
-        )
-
-    def truth(self, t: float) -> PopulationTruth:
-        """Where everybody is at time t [s]."""
-        moment, posture = self._memory.at(t)
-        qpos = self.qpos(t)
-        velocity = moment.pelvis_velocity + self._posture_velocity(t)
-        yaw = (faced(moment.rows[HEADING], posture) + np.pi) % (2 * np.pi) - np.pi
-        x, y, z = qpos[:, :3].T.copy()
-        return PopulationTruth(self.present(t), x, y, z, yaw, velocity.real, velocity.imag)
-
-    def _coordinates(self, moment: Moment, posture: Array) -> Array:
-        return apply(joint_coordinates(moment, self._skeleton), posture, self._measures)
-
-    def _posture_velocity(self, t: float) -> NDArray[np.complex128]:
-        """What sitting down, bending and the like add to the velocity of the ground point under the pelvis, (n,) [m/s]."""
-        around = self._memory.ticks_around(t)
-        if not any(len(active(posture)) for _, posture in around):
-            return np.zeros(len(self), dtype=complex)
-        ends = []
-        for moment, posture in around:
-            qpos = self._coordinates(moment, posture)
-            ends.append(qpos[:, 0] + 1j * qpos[:, 1] - moment.pelvis)
-        return (ends[1] - ends[0]) / TICK_S
+            ticks.append(self._memory.last())
+        return Motion(*(np.stack(each) for each in zip(*ticks, strict=True)))
 
     def _remember(self) -> None:
         self._memory.remember(self._gait.moment, self._postures.rows, self._crowd.present)

@@ -15,28 +15,28 @@ def check_mount(model: mujoco.MjModel, data: mujoco.MjData, field: str, xyz: NDA
         if model.body_weldid[model.geom_bodyid[geom]] != 0 or model.geom_rgba[geom, 3] == 0:
             continue
         local = (xyz - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
-        if _inside(model.geom_type[geom], model.geom_size[geom], local):
+        if inside_geom(model.geom_type[geom], model.geom_size[geom], local[None]).any():
             thing = model.geom(geom).name or f"geom {geom}"
             where = f"[{xyz[0]:g}, {xyz[1]:g}, {xyz[2]:g}]"
             raise InputError(f"{field}: {where} is inside {thing!r} of the room; a point in free space is expected")
 
 
-def _inside(kind: int, size: NDArray[np.float64], local: NDArray[np.float64]) -> bool:
-    """Whether a point in the geom's frame lies inside it; meshes and height fields are taken as empty."""
+def inside_geom(kind: int, size: NDArray[np.float64], local: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which points (n, 3) in the geom's frame lie inside it, (n,); meshes and height fields are taken as empty."""
     match kind:
         case mujoco.mjtGeom.mjGEOM_PLANE:
             # One-sided: behind it is inside the wall. A size of 0 means endless.
-            return bool(local[2] < 0 and np.all((np.abs(local[:2]) <= size[:2]) | (size[:2] == 0)))
+            return (local[:, 2] < 0) & ((np.abs(local[:, :2]) <= size[:2]) | (size[:2] == 0)).all(axis=1)
         case mujoco.mjtGeom.mjGEOM_BOX:
-            return bool(np.all(np.abs(local) <= size))
+            return (np.abs(local) <= size).all(axis=1)
         case mujoco.mjtGeom.mjGEOM_SPHERE:
-            return bool(local @ local <= size[0] ** 2)
+            return (local * local).sum(axis=1) <= size[0] ** 2
         case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-            return bool(np.sum((local / size) ** 2) <= 1)
+            return ((local / size) ** 2).sum(axis=1) <= 1
         case mujoco.mjtGeom.mjGEOM_CYLINDER:
-            return bool(np.hypot(local[0], local[1]) <= size[0] and abs(local[2]) <= size[1])
+            return (np.hypot(local[:, 0], local[:, 1]) <= size[0]) & (np.abs(local[:, 2]) <= size[1])
         case mujoco.mjtGeom.mjGEOM_CAPSULE:
-            along = np.clip(local[2], -size[1], size[1])
-            return bool(np.linalg.norm(local - [0, 0, along]) <= size[0])
+            beyond = local[:, 2] - np.clip(local[:, 2], -size[1], size[1])
+            return local[:, 0] ** 2 + local[:, 1] ** 2 + beyond**2 <= size[0] ** 2
         case _:
-            return False
+            return np.zeros(len(local), dtype=bool)

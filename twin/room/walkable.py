@@ -50,7 +50,7 @@ _ALIKE_DEG, _AGREED = 1.0, 0.2
 _FAR, _NEAR = (slice(1, None), slice(None)), (slice(-1), slice(None))
 _RIGHT, _LEFT = (slice(None), slice(1, None)), (slice(None), slice(-1))
 _SHIFT = 8  # fractional bits of OpenCV's coordinates
-_ENCLOSED_M2 = 4.0
+ENCLOSED_M2 = 4.0
 _LEAST_M2 = 1.0
 _WAY_M, _BAY_M = 0.4, 0.6
 """Widths of the area below which nobody can pass, and below which nobody walks unless it leads on [m]."""
@@ -65,12 +65,12 @@ def walkable_area(model: mujoco.MjModel, data: mujoco.MjData, floor: Sequence[Ar
     `floor`: convex pieces (k, 2) [m]; `data` needs kinematics. Raises InputError, naming `source`, where there is no such
     place.
     """
-    walls, standing = _standing(model, data)
-    plan = _Plan.over(floor, standing, _direction(walls or floor))
+    walls, standing = standing_footprints(model, data)
+    plan = Plan.over(floor, standing, common_direction(walls or floor))
     wall = plan.drawn(walls)
     ground = plan.within(_closed(plan.drawn(floor), plan.cells(_SEAM_M))) & ~wall
-    outdoors = _outdoors(plan.drawn(standing), plan)
-    for outside, least_m2 in ((outdoors, _ENCLOSED_M2), (np.zeros_like(outdoors), _LEAST_M2)):
+    outdoors = outdoors_of(plan.drawn(standing), plan)
+    for outside, least_m2 in ((outdoors, ENCLOSED_M2), (np.zeros_like(outdoors), _LEAST_M2)):
         area = _walked(ground & ~outside, outside, plan)
         if np.count_nonzero(area) * plan.cell_m**2 >= least_m2:
             return _polygon(area, plan, source)
@@ -81,7 +81,7 @@ def walkable_area(model: mujoco.MjModel, data: mujoco.MjData, floor: Sequence[Ar
 
 
 @dataclass(frozen=True)
-class _Plan:
+class Plan:
     """A grid over the floor: the room turned by -turn [rad], from `low` (2,) [m] in cells of `cell_m` [m].
 
     Around the part that counts there is an edge, wider than a door, that is outdoors.
@@ -93,7 +93,7 @@ class _Plan:
     cell_m: float
 
     @classmethod
-    def over(cls, floor: Sequence[Array], standing: Sequence[Array], turn: float) -> _Plan:
+    def over(cls, floor: Sequence[Array], standing: Sequence[Array], turn: float) -> Plan:
         """The grid that holds the floor, as far as it counts."""
         points = _turned(np.concatenate(floor), -turn)
         low, high = points.min(axis=0), points.max(axis=0)
@@ -113,7 +113,7 @@ class _Plan:
         """The convex polygons (k, 2) [m] filled with 1; each cell that one touches counts."""
         mask = np.zeros(self.shape, dtype=np.uint8)
         for shape in shapes:
-            cells = (_turned(shape, -self.turn) - self.low) / self.cell_m
+            cells = self.cells_of(shape)
             cv2.fillConvexPoly(mask, np.round(cells * 2**_SHIFT).astype(np.int32), 1, shift=_SHIFT)
         return mask
 
@@ -124,12 +124,16 @@ class _Plan:
         inner[edge:-edge, edge:-edge] = mask[edge:-edge, edge:-edge]
         return inner
 
+    def cells_of(self, places: Array) -> Array:
+        """The cells (n, 2), column and row and not rounded, of places (n, 2) [m] of the room frame."""
+        return (_turned(places, -self.turn) - self.low) / self.cell_m
+
     def places(self, cells: Array) -> Array:
         """The places (n, 2) [m] of cells (n, 2), in the room frame."""
         return _turned(cells * self.cell_m + self.low, self.turn)
 
 
-def _standing(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[list[Array], list[Array]]:
+def standing_footprints(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[list[Array], list[Array]]:
     """The footprints (k, 2) [m] of the walls, and of all that is in people's way, walls included."""
     walls, standing = [], []
     for geom in range(model.ngeom):
@@ -156,7 +160,7 @@ def _outline(points: Array) -> Array:
         return points[[int(along.argmin()), int(along.argmax())]]
 
 
-def _direction(shapes: Iterable[Array]) -> float:
+def common_direction(shapes: Iterable[Array]) -> float:
     """The angle [rad], from -45 to 45 degrees, that most of the edges of shapes (k, 2), by length, lie along or across."""
     ways = np.concatenate([(np.roll(shape, -1, axis=0) - shape) @ np.array([1, 1j]) for shape in shapes])
     degrees, length = np.rad2deg(np.angle(ways)) % 90, np.abs(ways)
@@ -167,7 +171,7 @@ def _direction(shapes: Iterable[Array]) -> float:
     return float(np.angle(np.sum((length * np.exp(4j * np.angle(ways)))[most])) / 4)
 
 
-def _outdoors(standing: Mask, plan: _Plan) -> Mask:
+def outdoors_of(standing: Mask, plan: Plan) -> Mask:
     """The cells that a square as wide as a door reaches from the edge of the grid."""
     door = plan.cells(_DOOR_M)
     middles = cv2.erode(1 - standing, _square(door), borderType=cv2.BORDER_CONSTANT, borderValue=1)
@@ -177,7 +181,7 @@ def _outdoors(standing: Mask, plan: _Plan) -> Mask:
     return cv2.dilate(from_outside, _square(door)).astype(np.uint8)
 
 
-def _walked(free: Mask, outdoors: Mask, plan: _Plan) -> Mask:
+def _walked(free: Mask, outdoors: Mask, plan: Plan) -> Mask:
     """The largest part of the free cells in which a body's middle can walk about."""
     margin = plan.cells(OBSTACLE_REACH_M)
     area = cv2.erode(free, _square(2 * margin), borderType=cv2.BORDER_CONSTANT, borderValue=0).astype(np.uint8)
@@ -212,7 +216,7 @@ def _without_dead_ends(area: Mask, cells: int, only_at: Mask | None = None) -> M
     return wide | stays[narrow].astype(np.uint8)
 
 
-def _polygon(area: Mask, plan: _Plan, source: str) -> Array:
+def _polygon(area: Mask, plan: Plan, source: str) -> Array:
     """The outline of a part, as simple as it must be to keep from its edge."""
     outlines, _ = cv2.findContours(area, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     outline = max(outlines, key=cv2.contourArea)

@@ -20,6 +20,7 @@ from twin.scenario.load import dump_scenario
 from twin.scenario.model import TrackerChoice
 from twin.scenario.size import RunSize, check_size, size_of
 from twin.suites.description import Changes, Suite, find_scenario
+from twin.suites.fingerprint import people_key
 from twin.suites.fitness import TrackerCheck
 from twin.suites.written import as_texts, variants
 
@@ -69,6 +70,8 @@ class Case:
             )
 
     size: RunSize  # of its recording
+    people: str = ""
+    """The key of its people's motion: cases with the same one differ in their sensors alone."""
 
 
 def check_number(suite: Suite, path: Path) -> None:
@@ -145,7 +148,7 @@ def _of_entry(
             raise InputError("\n".join(f"{path}: scenarios.{number}: {line}" for line in lines)) from error
         for seed in entry.seeds or suite.seeds:
             seeded = scenario.model_copy(update={"seed": seed, "trackers": {}, "knowledge": NO_FILES})
-            resolved = dump_scenario(seeded)
+            resolved, people = dump_scenario(seeded), people_key(seeded)
             for tracker in variant.trackers:
                 yield Case(
                     id=_case_id(label, overrides, seed, tracker),
@@ -159,6 +162,7 @@ def _of_entry(
                     require={**suite.require.get(tracker, {}), **entry.require.get(tracker, {})},
                     resolved=resolved,
                     size=size_of(scenario),
+                    people=people,
                     knowledge=scenario.knowledge,
                     knowledge_digest=digest,
                     tracker_changes=as_texts(

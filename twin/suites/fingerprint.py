@@ -16,10 +16,13 @@ import trackers
 import twin
 from twin.models import MODELS
 from twin.room.files import room_files
+from twin.scenario import Scenario
 
 _PACKAGES = {"twin": Path(twin.__file__).parent, "trackers": Path(trackers.__file__).parent}
 _SIMULATING = ("twin.world.simulation", "twin.recording.writer")
 """What makes a recording; `twin.run.live` only passes on what the first gives to the second."""
+_MOVING = ("twin.world.staged",)
+"""What moves people, whatever sensors look at them."""
 _LIBRARIES = ("mujoco", "numpy", "scipy", "opencv-python-headless", "rosbags")
 
 
@@ -32,14 +35,23 @@ def recording_key(resolved: str, renderer: str) -> str:
     return digest.hexdigest()[:32]
 
 
+def people_key(scenario: Scenario) -> str:
+    """The name under which the motion of a scenario's people is kept: of whatever they depend on, sensors left out."""
+    digest = hashlib.sha256()
+    people = scenario.model_dump_json(include={"room", "area", "duration_s", "seed", "people", "vary"})
+    for part in (people, simulation_code(_MOVING), *_room(scenario.room)):
+        _add(digest, part.encode() if isinstance(part, str) else part)
+    return f"people-{digest.hexdigest()[:32]}"
+
+
 @cache
-def simulation_code() -> str:
+def simulation_code(modules: tuple[str, ...] = _SIMULATING) -> str:
     """A digest of every module that takes part in a recording, of the models, and of the libraries' versions.
 
     Trackers, metrics and reports are no part of it: changing them leaves every recording as it is.
     """
     digest = hashlib.sha256()
-    for path in sorted([*_modules(_SIMULATING), *_files(MODELS / "people"), *_files(MODELS / "rooms")]):
+    for path in sorted([*_modules(modules), *_files(MODELS / "people"), *_files(MODELS / "rooms")]):
         _add(digest, path.name.encode())
         _add(digest, path.read_bytes())
     for library in _LIBRARIES:

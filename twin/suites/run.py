@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
@@ -162,8 +163,14 @@ def _run_cases(
 
     # The renderer's name is not known here; the key without it tells apart what the key with it does.
     keys = {case.resolved: recording_key(case.resolved, "") for case in cases}
+    recorded = Counter(people for _, people in {(case.resolved, case.people) for case in cases})
     tasks = [
-        Task(case.id, CaseWork(case, cache, code), case.limit_s, shares=keys[case.resolved])
+        Task(
+            case.id,
+            CaseWork(case, cache, code, same_people=recorded[case.people] > 1),
+            case.limit_s,
+            shares=keys[case.resolved],
+        )
         for case in cases
         if case.id not in done
     ]

@@ -26,6 +26,8 @@ from twin.sensors.render import OffscreenRenderer
 from twin.suites.cache import RecordingCache, digests_of
 from twin.suites.cases import NO_CAMERA, Case
 from twin.suites.fingerprint import recording_key, whole_code
+from twin.suites.people import staged_in
+from twin.world.staged import Staged
 
 RECORDING, TRUTH = "recording.mcap", "truth.csv"
 NO_RENDERER = "none"
@@ -49,6 +51,8 @@ class CaseWork:
     case: Case
     cache: RecordingCache
     code: str
+    same_people: bool = False
+    """Whether other recordings of the suite have the same people before other sensors: their motion is kept then."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +99,11 @@ def run_case(work: CaseWork) -> CaseResult:
     start = time.perf_counter()
     renderer = renderer_of(scenario)
     key, warnings = recording_key(case.resolved, renderer), []
-    with work.cache.recording(key, lambda folder: record(scenario, folder), warnings.append) as (entry, found):
+
+    def make(folder: Path) -> None:
+        record(scenario, folder, staged_in(work.cache, scenario) if work.same_people else None)
+
+    with work.cache.recording(key, make, warnings.append) as (entry, found):
         record_s = time.perf_counter() - start
         with tempfile.TemporaryDirectory(prefix="roomtwin-case-") as temporary:
             folder = Path(temporary)
@@ -146,9 +154,9 @@ def _renderer() -> str:
     return f"{info.renderer}, OpenGL {info.version}"
 
 
-def record(scenario: Scenario, folder: Path) -> None:
-    """Simulate a scenario into a folder: its recording, and the truth as a table."""
-    run_scenario(scenario, trackers=[], out=folder, video=False)
+def record(scenario: Scenario, folder: Path, staged: Staged | None = None) -> None:
+    """Simulate a scenario into a folder: its recording, and the truth as a table; of people who have moved before, if any."""
+    run_scenario(scenario, trackers=[], out=folder, video=False, staged=staged)
 
 
 def _moments(evaluation: Evaluation, scenario: Scenario) -> list[Moment]:

@@ -18,6 +18,7 @@ from twin.people.body.appearance import Appearance, appearance_of
 from twin.people.casts import casts_of
 from twin.people.crowd.ground import Ground
 from twin.people.crowd.routes import Routes
+from twin.people.motion import Motion, MovedBefore
 from twin.people.population import Population
 from twin.people.posture.measures import BodyMeasures
 from twin.room.files import room_files
@@ -121,6 +122,12 @@ def walkable_in(scenario: Scenario) -> NDArray[np.float64]:
     path = models.find("rooms", scenario.room, asked_by=f"scenario {scenario.name!r}: room")
     spec = _room_spec(path)
     return _where_one_walks(spec, compiled(spec, path), path)[1]
+
+
+def as_before(scene: Scene, motion: Motion) -> MovedBefore:
+    """The scene's people as they moved in a run before, with the same bodies."""
+    measures = BodyMeasures.in_room(scene.model, scene.appearances, scene.bodies.names)
+    return MovedBefore(scene.names, scene.appearances, measures, motion)
 
 
 def populate(scenario: Scenario, scene: Scene) -> Population:

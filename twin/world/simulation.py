@@ -38,6 +38,7 @@ from twin.truth.frames import Box, TruthDetail, TruthFrame
 from twin.truth.sight import sees_some_of
 from twin.truth.visibility import sensor_view
 from twin.world.scene import foot_shapes
+from twin.world.staged import Staged
 from twin.world.truth_details import TruthDetails
 from twin.world.world import World
 
@@ -66,6 +67,9 @@ class Simulation:
     comes. `on_detail` is called with what goes with pictures, scans and situations (`twin.world.truth_details`) as they are
     measured; without it none of that is found out. With `images=False` the cameras are left out, and nothing is rendered.
 
+    `staged`: its people as they have moved before, with their bodies, whatever sensors looked then: nothing of them is done
+    again, and every bit is the same. Without `shares` the truth does not say how much of whom a sensor sees.
+
     `warnings`: what can be, but is hardly meant, one sentence each.
 
     Raises InputError for a scenario that cannot be: a person or sensor in a wall, people in each other.
@@ -78,9 +82,11 @@ class Simulation:
         images: bool = True,
         on_truth: Callable[[TruthFrame], object] | None = None,
         on_detail: Callable[[TruthDetail], object] | None = None,
+        staged: Staged | None = None,
+        shares: bool = True,
     ) -> None:
         self.scenario = scenario = varied(scenario)
-        self.world = World(scenario)
+        self.world = World(scenario, staged)
         self._renderer = RendererOnDemand(
             lambda: self.world.scene.model, shadows=scenario.rendering.shadows, samples=scenario.rendering.samples
         )
@@ -106,7 +112,7 @@ class Simulation:
         believed = {name: believed_sensor(self._descriptions[name], sensor) for name, sensor in true.items()}
         self.rig = Rig(sensors=believed, area=area, room=scenario.room_name, main=main)
         self._check_mounts()
-        self._on_truth = on_truth
+        self._on_truth, self._shares = on_truth, shares
         self.views = {
             name: view
             for name, sensor in self.true_rig.sensors.items()
@@ -216,7 +222,7 @@ class Simulation:
             stamp_ns, sensors = self._next_truth
             if self._on_truth is not None or self._details is not None:
                 floors = {name: cells_of for name, cells_of in self._floors.items() if name in sensors}
-                frame = self.world.truth(stamp_ns, self.views, floors)
+                frame = self.world.truth(stamp_ns, self.views if self._shares else {}, floors)
                 if self._on_truth is not None:
                     self._on_truth(frame)
                 if self._details is not None:

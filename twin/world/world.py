@@ -13,12 +13,15 @@ from trackers.observations import NS_PER_S
 from twin.instant.feet import Feet
 from twin.instant.snapshot import Snapshot
 from twin.people.casts import casts_of
+from twin.people.population import Population
+from twin.people.poses import Poses
 from twin.room.lighting import Lighting
 from twin.scenario import Scenario
 from twin.scenario.vary import varied
 from twin.truth.frames import FootTruth, PersonTruth, TruthFrame
 from twin.truth.visibility import SensorView, visible_share
-from twin.world.scene import build_scene, populate
+from twin.world.scene import as_before, build_scene, populate
+from twin.world.staged import Staged
 
 _OUT_OF_THE_ROOM_M = -100.0
 _SIDES: tuple[Literal["left"], Literal["right"]] = ("left", "right")
@@ -30,33 +33,42 @@ CellsOfFeet = Callable[[Feet], Sequence[tuple[tuple[int, ...], tuple[int, ...]]]
 class World:
     """A scene stepped on a clock: snapshots go forward in time and back by at most the people's short history."""
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, staged: Staged | None = None) -> None:
+        """`staged`: the scenario's people with their bodies, as they move; None: they are made and stepped here."""
         self._scenario = scenario = varied(scenario)
-        self.scene = build_scene(scenario)
+        self.scene = staged.scene_for(scenario) if staged is not None else build_scene(scenario)
         """The scene with the bodies of those who are there or were just now; another one once others come."""
         self._casts = casts_of(scenario.people)
         self._cast = self._casts[0]
         self._area = Area(self.scene.area)
-        self.population = populate(scenario, self.scene)
+        self.people: Poses = (
+            as_before(self.scene, staged.motion) if staged is not None else populate(scenario, self.scene)
+        )
         self.data = mujoco.MjData(self.scene.model)
         self._lighting = self._lit()
         self._ids = np.array([self.scene.ids[name] for name in self.scene.names], dtype=np.int16)
         self._posed_at: float | None = None
         self._feet: Feet | None = None
 
+    @property
+    def population(self) -> Population:
+        """The people who are stepped here; there are none in a world that was staged before."""
+        assert isinstance(self.people, Population), "people who move as before have no scripts"
+        return self.people
+
     def snapshot(self, t: float) -> Snapshot:
         """The world at time t [s] since the start; valid until the next snapshot is taken."""
         self._embody(t)
         if t != self._posed_at:
-            self.population.advance(t)
-            qpos, present, bodies = self.population.qpos(t), self.population.present(t), self.scene.bodies
+            self.people.advance(t)
+            qpos, present, bodies = self.people.qpos(t), self.people.present(t), self.scene.bodies
             assert bodies.there[present].all(), "whoever is in the room has a body"
             qpos[~present, 2] = _OUT_OF_THE_ROOM_M
             self.data.qpos[bodies.qpos_address[bodies.there]] = qpos[bodies.there]
             self._update_poses()
             self._lighting.apply(t)
             self._posed_at = t
-            self._feet = self.population.feet(t)
+            self._feet = self.people.feet(t)
         return Snapshot(t, self.scene.model, self.data, self.scene.person_of_geom, self._feet)
 
     def empty_snapshot(self, t: float) -> Snapshot:
@@ -97,7 +109,7 @@ class World:
         """
         t = stamp_ns / NS_PER_S
         snapshot = self.snapshot(t)
-        scene, pose = self.scene, self.population.truth(t)
+        scene, pose = self.scene, self.people.truth(t)
         head = self.data.site_xpos[scene.bodies.head_site]
         forward = self.data.site_xmat[scene.bodies.head_site].reshape(-1, 3, 3)[:, :, 0]
         points = self.data.site_xpos[scene.bodies.point_site]

@@ -71,6 +71,17 @@ def test_a_case_has_the_figures_of_a_run_and_the_second_tracker_renders_nothing(
     assert set(short.files) == {"metrics.json", tracks} and short.files[tracks] == second.files[tracks]
 
 
+def test_a_case_whose_people_moved_before_is_recorded_to_the_same_bits(cases: list[Case], tmp_path: Path) -> None:
+    caches = [RecordingCache(tmp_path / name, 10**9) for name in ("anew", "moved")]
+    anew, moved = (
+        run_case(CaseWork(cases[1], each, whole_code(), same_people=same))
+        for each, same in zip(caches, (False, True), strict=True)
+    )
+    assert moved.recording == anew.recording
+    assert without_cost(moved.metrics) == without_cost(anew.metrics)
+    assert [each.size()[0] for each in caches] == [1, 2]  # the motion lies beside the recording
+
+
 def test_the_worst_moment_is_drawn(cases: list[Case], cache: RecordingCache) -> None:
     jpeg = draw_strip(StripWork(cases[1], cache, 1.2))
     picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)

@@ -38,6 +38,11 @@ class Memory:
         self._floor[slot], self._rows[slot] = moment.floor, moment.rows
         self._posture[slot], self._present[slot] = posture, present
 
+    def last(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        """What was remembered at the last tick: floor, rows, posture, present; copies."""
+        slot = self.tick % len(self)
+        return tuple(each[slot].copy() for each in (self._floor, self._rows, self._posture, self._present))  # pyright: ignore[reportReturnType]
+
     def present(self, t: float) -> NDArray[np.bool_]:
         """Who was in the room at time t [s], (n,)."""
         return self._present[self._slots(t)[0]].copy()

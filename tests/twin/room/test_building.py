@@ -1,0 +1,77 @@
+"""Where a thing may be put up."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from twin.room.building import Building
+from twin.room.floor import floor_of
+from twin.room.obstacles import Footprints, obstacles_of
+
+SHED = """
+<mujoco><asset><mesh name="block" vertex="1 1 0  1.5 1 0  1.5 1.5 0  1 1.5 0  1 1 2  1.5 1 2  1.5 1.5 2  1 1.5 2"/></asset>
+<worldbody>
+  <geom type="plane" size="30 30 1"/>
+  <geom type="box" pos="-3 0 1.25" size="0.1 2.1 1.25"/> <geom type="box" pos="3 0 1.25" size="0.1 2.1 1.25"/>
+  <geom type="box" pos="0 -2 1.25" size="3.1 0.1 1.25"/> <geom type="box" pos="0 2 1.25" size="3.1 0.1 1.25"/>
+  <geom type="box" pos="0 0 2.6" size="3.1 2.1 0.1"/>
+  <geom type="mesh" mesh="block"/>
+  <geom name="table" type="box" pos="-1.5 -1 0.7" size="0.5 0.4 0.02"/>
+</worldbody></mujoco>
+"""
+
+
+@pytest.fixture(scope="module")
+def shed() -> Building:
+    model = mujoco.MjModel.from_xml_string(SHED)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    walkable = np.array([[-2.7, -1.7], [2.7, -1.7], [2.7, 1.7], [-2.7, 1.7]])
+    return Building.of(model, data, floor_of(model, data, "shed"), walkable, Footprints(obstacles_of(model)))
+
+
+def test_the_walls_are_found(shed: Building) -> None:
+    low, high = shed.outline.min(axis=0), shed.outline.max(axis=0)
+    assert low == pytest.approx([-2.9, -1.9], abs=0.05) and high == pytest.approx([2.9, 1.9], abs=0.05)
+    places = np.array([[0, 0, 1.0], [40, 40, 1], [3.0, 0, 1], [3.3, 0, 1], [0, -5, 1]])
+    assert shed.is_indoors(places).tolist() == [True, False, True, False, False]
+
+
+def test_a_mesh_counts_as_a_wall(shed: Building) -> None:
+    places = np.array([[1.25, 1.25, 1], [1.6, 1.25, 1], [3.0, 0, 1], [0, 0, 2.6], [0, 0, 1], [-1.5, -1, 0.7]])
+    assert shed.is_solid(places).tolist() == [True, False, True, True, False, True]
+
+
+def test_people_walk_amid_the_floor_below_a_height_and_not_above_a_table(shed: Building) -> None:
+    places = np.array([[0, 0, 0.35], [0, 0, 2.3], [0, 1.85, 0.35], [-1.5, -1, 0.9], [1.6, 1.25, 0.4]])
+    assert shed.is_walked(places, 2.2).tolist() == [True, False, False, False, False]
+
+
+def test_places_along_walls_face_the_room(shed: Building) -> None:
+    places, facing = shed.along_walls(0.5, 0.1, [1.0])
+    assert len(places) == pytest.approx(2 * (5.8 + 3.8) / 0.5, abs=4)
+    off = np.minimum(2.9 - np.abs(places[:, 0]), 1.9 - np.abs(places[:, 1]))
+    assert off == pytest.approx(0.1, abs=1e-6) and shed.is_indoors(places).all()
+    ahead = places[:, :2] + 0.3 * np.stack([np.cos(facing), np.sin(facing)], axis=1)
+    assert (np.minimum(2.9 - np.abs(ahead[:, 0]), 1.9 - np.abs(ahead[:, 1])) > 0.05).all()
+
+
+def test_ceilings_cables_and_the_nearest_walls(shed: Building) -> None:
+    assert shed.ceiling_m(np.array([[0.0, 0.0], [20.0, 20.0]])) == pytest.approx([2.5, np.inf])
+    here, there = np.array([0.0, -1.9, 0.3]), np.array([[0.0, 1.8, 2.3], [0.5, -1.9, 0.3]])
+    assert shed.way_along_walls_m(here, there) == pytest.approx([5.8 + 3.8 + 0.1 + 2.0, 0.5], abs=0.2)
+    (first, foot, _), (second, _, _) = shed.walls_nearest(np.array([2.0, 1.7, 1.0]))
+    assert (first, second) == pytest.approx((0.2, 0.9)) and foot == pytest.approx([2.0, 1.9], abs=0.05)
+
+
+def test_a_floor_without_walls_is_all_building(tmp_path: Path) -> None:
+    model = mujoco.MjModel.from_xml_string('<mujoco><worldbody><geom type="plane" size="5 5 1"/></worldbody></mujoco>')
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    walkable = np.array([[-4.8, -4.8], [4.8, -4.8], [4.8, 4.8], [-4.8, 4.8]])
+    yard = Building.of(model, data, floor_of(model, data, "yard"), walkable, Footprints([]))
+    assert yard.is_indoors(np.array([[0, 0, 1.0], [4.9, 4.9, 1], [5.2, 0, 1]])).tolist() == [True, True, False]

@@ -1,0 +1,82 @@
+"""People moved once: whoever looks at them later gets the same bits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from trackers.knowledge import Knowledge
+from trackers.presets import make_tracker
+from trackers.tracks import track_frames
+from twin.people.motion import Motion
+from twin.scenario import Scenario, load_scenario
+from twin.streams import stream
+from twin.truth.frames import TruthFrame
+from twin.world.simulation import Simulation
+from twin.world.staged import Staged, moved
+
+pytestmark = pytest.mark.slow
+
+_SWEEP = ["sensors.waist.sweep_time_s=0.08", "sensors.knee.rate_hz=7.3", "sensors.knee.jitter_s=0.2"]
+
+
+def told(scenario: Scenario, staged: Staged | None) -> tuple[list[bytes], list[TruthFrame]]:
+    truth: list[TruthFrame] = []
+    with Simulation(scenario, on_truth=truth.append, staged=staged) as simulation:
+        background = [bytes(each.data) for each in simulation.background_messages()]
+        return [*background, *(bytes(each.encoded.data) for each in simulation.deliveries())], truth
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("lab-five-people", ["duration_s=0.8", *_SWEEP]),  # scanners that sweep, a fisheye camera
+        ("home-three-people", ["duration_s=0.5", "sensors.floor.rate_hz=17"]),  # a pressure floor
+        ("home-cameras", ["duration_s=0.4", "sensors.camera_1.motion_blur={exposure_s: 0.05, instants: 3}"]),
+        ("meeting-three-people", ["duration_s=0.5"]),  # stereo cameras
+        ("library-hall", ["duration_s=1.1", "sensors.camera=null", "seed=3"]),  # people who come later
+    ],
+)
+def test_every_sensor_reports_the_same_bits_of_people_who_moved_before(
+    name: str, changes: list[str], tmp_path: Path
+) -> None:
+    scenario = load_scenario(name, ["background_frames=2", *changes])
+    moved(scenario).save(tmp_path / "motion.npz")
+    staged = Staged.of(scenario, Motion.load(tmp_path / "motion.npz"))
+
+    assert told(scenario, staged) == told(scenario, None)
+    assert told(scenario, staged)[0] == told(scenario, None)[0]  # and again: one look leaves nothing behind
+
+
+def test_a_motion_keeps_the_sign_of_zero(tmp_path: Path) -> None:
+    motion = moved(load_scenario("lab-five-people", ["duration_s=0.2"]))
+    motion.posture[0, 0, 0] = -0.0
+    motion.save(tmp_path / "motion.npz")
+    assert Motion.load(tmp_path / "motion.npz").same(motion)
+
+
+def test_sensors_elsewhere_change_no_motion() -> None:
+    scenario = load_scenario("lab-five-people", ["duration_s=1"])
+    elsewhere = load_scenario("lab-five-people", ["duration_s=1", "sensors.waist.mount.xyz=[1, 0.1, 0.9]"])
+    assert moved(scenario).same(moved(elsewhere))
+
+
+def test_a_moment_after_the_motion_is_refused() -> None:
+    scenario = load_scenario("lab-five-people", ["duration_s=0.2"])
+    staged = Staged.of(scenario, moved(scenario))
+    with Simulation(scenario, images=False, staged=staged) as simulation, pytest.raises(ValueError, match="ends after"):
+        simulation.world.snapshot(5.0)
+
+
+def test_tracks_are_those_of_a_run(tmp_path: Path) -> None:
+    scenario = load_scenario("lab-five-people", ["duration_s=1.5"])
+    staged = Staged.of(scenario, moved(scenario))
+    frames = []
+    for each in (staged, None):
+        with Simulation(scenario, staged=each) as simulation:
+            knowledge = Knowledge(background=simulation.background())
+            rng = stream(scenario.seed, "tracker", "laser-fisheye-imm")
+            tracker = make_tracker("laser-fisheye-imm", simulation.rig, knowledge, rng)
+            frames.append(list(track_frames(tracker, simulation.rig, simulation)))
+    assert frames[0] == frames[1]

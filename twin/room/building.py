@@ -1,0 +1,164 @@
+"""Where a thing may be put up: inside the building, in free space, out of people's way. Here meshes count as walls."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import Delaunay
+
+from trackers.area import Area
+from trackers.arrays import Array, Mask
+from twin.geometry.geom_hull import hull_points
+from twin.instant.snapshot import RAY_GROUPS
+from twin.room.mounts import inside_geom
+from twin.room.obstacles import OBSTACLE_REACH_M, Footprints
+from twin.room.walkable import ENCLOSED_M2, Plan, common_direction, outdoors_of, standing_footprints
+
+_ROUGH_M = 0.03
+"""How far the outline of the walls may be from their drawing on a grid [m]."""
+_DRAWN_M = 0.1
+"""A wall that a ray meets within this of its outline is that wall, and where the ray meets it is exact [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Building:
+    """A room as somebody with a drill sees it: what is indoors, what is solid, where people walk.
+
+    outline (k, 2): the inner face of the walls around the largest part of the floor, counter-clockwise [m].
+    """
+
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    plan: Plan
+    indoors: NDArray[np.uint8]  # of the plan's cells, walls included
+    outline: Array
+    walkable: Area
+    furniture: Footprints
+
+    @classmethod
+    def of(
+        cls, model: mujoco.MjModel, data: mujoco.MjData, floor: list[Array], walkable: Array, furniture: Footprints
+    ) -> Building:
+        """The building of an empty room; `floor`: convex pieces (k, 2), `walkable` (k, 2): where bodies' middles may go [m]."""
+        walls, standing = standing_footprints(model, data)
+        plan = Plan.over(floor, standing, common_direction(walls or floor))
+        ground = plan.within(plan.drawn(floor))
+        outdoors, wall = outdoors_of(plan.drawn(standing), plan), plan.drawn(walls)
+        indoors = (ground | wall) & ~outdoors & 1
+        if np.count_nonzero(indoors & ~wall) * plan.cell_m**2 < ENCLOSED_M2:  # a yard: all of its floor
+            indoors = ground | plan.within(wall)
+        outlines, _ = cv2.findContours(indoors & ~wall & 1, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        widest = max(outlines, key=cv2.contourArea)
+        corners = plan.places(
+            cv2.approxPolyDP(widest, max(_ROUGH_M / plan.cell_m, 1.0), closed=True)[:, 0].astype(float)
+        )
+        following = np.roll(corners, -1, axis=0)
+        turns_left = np.sum(corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]) > 0
+        return cls(model, data, plan, indoors, corners if turns_left else corners[::-1], Area(walkable), furniture)
+
+    def is_indoors(self, places_m: Array) -> Mask:
+        """Which places (n, 2 or 3) [m] are above the building's floor, or in its walls."""
+        cells = np.rint(self.plan.cells_of(places_m[:, :2])).astype(int)
+        rows, columns = self.plan.shape
+        there = (cells >= 0).all(axis=1) & (cells[:, 0] < columns) & (cells[:, 1] < rows)
+        inside = np.zeros(len(places_m), dtype=bool)
+        inside[there] = self.indoors[cells[there, 1], cells[there, 0]] > 0
+        return inside
+
+    def is_solid(self, places_m: Array) -> Mask:
+        """Which places (n, 3) [m] are in a wall or a thing of the room; a mesh is taken as its convex hull."""
+        model, data = self.model, self.data
+        solid = np.zeros(len(places_m), dtype=bool)
+        for geom in range(model.ngeom):
+            if model.body_weldid[model.geom_bodyid[geom]] != 0 or model.geom_rgba[geom, 3] == 0:
+                continue
+            if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
+                corners = hull_points(model, data, geom)
+                if corners is not None:
+                    solid |= Delaunay(corners, qhull_options="QJ").find_simplex(places_m) >= 0
+                continue
+            local = (places_m - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
+            solid |= inside_geom(model.geom_type[geom], model.geom_size[geom], local)
+        return solid
+
+    def is_walked(self, places_m: Array, below_m: float) -> Mask:
+        """Which places (n, 3) [m] are lower than this where people walk: not right beside, or above, furniture."""
+        walked = (places_m[:, 2] < below_m) & self.walkable.contains(places_m[:, :2])
+        if len(self.furniture) and walked.any():
+            _, gap_m = self.furniture.gaps(places_m[walked, 0] + 1j * places_m[walked, 1])
+            walked[walked] = (gap_m > OBSTACLE_REACH_M).all(axis=1)
+        return walked
+
+    def along_walls(self, every_m: float, off_m: float, heights_m: Sequence[float]) -> tuple[Array, Array]:
+        """Places (n, 3) [m] this far off the walls, at most so far from each other, and where the walls there face (n,) [rad]."""
+        places, facing = [np.zeros((0, 3))], [np.zeros(0)]
+        for start, way in zip(self.outline, np.roll(self.outline, -1, axis=0) - self.outline, strict=True):
+            length = float(np.hypot(*way))
+            if length < 2 * off_m:
+                continue
+            inwards = np.array([-way[1], way[0], 0.0]) / length
+            share = (np.arange(np.ceil(length / every_m - 1e-9)) + 0.5) / np.ceil(length / every_m - 1e-9)
+            on_floor = start + share[:, None] * way + off_m * inwards[:2]
+            for height_m in heights_m:
+                found = np.column_stack([on_floor, np.full(len(on_floor), height_m)])
+                wall_m = np.array([self._free_m(place, -inwards) for place in found])
+                off = np.where(np.abs(wall_m - off_m) < _DRAWN_M, off_m - wall_m, 0.0)
+                places.append(found + off[:, None] * inwards)
+                facing.append(np.full(len(found), np.arctan2(inwards[1], inwards[0])))
+        found = np.concatenate(places)
+        free = self.is_indoors(found)
+        return found[free], np.concatenate(facing)[free]
+
+    def _free_m(self, place_m: Array, direction: Array) -> float:
+        """How far it is from a place (3,) [m] to the first thing of the room in a direction; inf where there is none."""
+        geom = np.zeros(1, dtype=np.int32)
+        found = mujoco.mj_ray(self.model, self.data, place_m, direction, RAY_GROUPS, 1, -1, geom, None)
+        return found if found >= 0 else np.inf
+
+    def ceiling_m(self, places_m: Array) -> Array:
+        """Height (n,) [m] of what is over places (n, 2) [m] of the floor from 2 m on; inf under the sky."""
+        up = np.array([0.0, 0.0, 1.0])
+        return np.array([2.0 + self._free_m(np.array([x, y, 2.0]), up) for x, y in places_m])
+
+    def way_along_walls_m(self, start_m: Array, places_m: Array) -> Array:
+        """Length (n,) [m] of a cable from a point (3,) to places (n, 3): to the wall, along it, up or down, and off it."""
+        ends = np.roll(self.outline, -1, axis=0)
+        way = ends - self.outline
+        length = np.hypot(way[:, 0], way[:, 1])
+        before = np.concatenate([[0.0], np.cumsum(length)])
+
+        def on_the_wall(point: Array) -> tuple[float, float]:
+            along = np.clip(((point[:2] - self.outline) * way).sum(axis=1) / length**2, 0, 1)
+            gap = np.hypot(*(self.outline + along[:, None] * way - point[:2]).T)
+            edge = int(gap.argmin())
+            return before[edge] + along[edge] * length[edge], float(gap[edge])
+
+        s0, gap0 = on_the_wall(start_m)
+        found = np.array([on_the_wall(each) for each in places_m]).reshape(-1, 2)
+        round_m = np.abs(found[:, 0] - s0)
+        return gap0 + found[:, 1] + np.minimum(round_m, before[-1] - round_m) + np.abs(places_m[:, 2] - start_m[2])
+
+    def walls_nearest(self, place_m: Array) -> list[tuple[float, Array, Array]]:
+        """The two nearest walls that lie across each other: distance [m], foot (2,) on the wall, the wall's direction (2,)."""
+        ends = np.roll(self.outline, -1, axis=0)
+        way = ends - self.outline
+        length = np.hypot(way[:, 0], way[:, 1])
+        along = ((place_m[:2] - self.outline) * way).sum(axis=1) / length**2
+        beside = (along >= 0) & (along <= 1)
+        foot = self.outline + np.clip(along, 0, 1)[:, None] * way
+        gap = np.hypot(*(foot - place_m[:2]).T)
+        unit = way / length[:, None]
+        found: list[tuple[float, Array, Array]] = []
+        for edge in sorted(np.flatnonzero(beside), key=lambda each: gap[each]):
+            if all(abs(unit[edge] @ other) < 0.5 for _, _, other in found):
+                outwards = np.array([unit[edge][1], -unit[edge][0], 0.0])
+                exact_m = self._free_m(place_m, outwards)
+                found.append(
+                    (exact_m if abs(exact_m - gap[edge]) < _DRAWN_M else float(gap[edge]), foot[edge], unit[edge])
+                )
+        return found[:2]

@@ -1,0 +1,39 @@
+"""A scenario's people, moved once: their bodies in the room and their motion, for any sensors to look at."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass, replace
+
+from twin.people.motion import Motion
+from twin.scenario import Scenario
+from twin.scenario.vary import varied
+from twin.world.scene import Scene, build_scene, populate
+
+LONGEST_LOOK_S = 1.0
+"""A motion goes on for so long after the scenario's end: a sweep or an exposure begun before takes less [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Staged:
+    """The compiled scene of a scenario as it begins, and its people's motion; for scenarios with the same people."""
+
+    scene: Scene
+    motion: Motion
+
+    @classmethod
+    def of(cls, scenario: Scenario, motion: Motion) -> Staged:
+        """The scenario's people in its room. Raises InputError as `build_scene` does."""
+        return cls(build_scene(varied(scenario)), motion)
+
+    def scene_for(self, scenario: Scenario) -> Scene:
+        """The scene for one world: with a model of its own where the world changes its light."""
+        if not scenario.lights:
+            return self.scene
+        return replace(self.scene, bodies=replace(self.scene.bodies, model=copy.copy(self.scene.model)))
+
+
+def moved(scenario: Scenario) -> Motion:
+    """The motion of a scenario's people, stepped to its end. Raises InputError as `build_scene` does."""
+    scenario = varied(scenario)
+    return populate(scenario, build_scene(scenario)).motion(scenario.duration_s + LONGEST_LOOK_S)
