@@ -8,5 +8,11 @@ import jaxtyping
 os.environ["MUJOCO_GL"] = "egl"
 
 # Before anything imports them: every call into these has its arguments' and its results' types and shapes checked.
-CHECKED = ("trackers.filters", "trackers.laser_vision_learning", "trackers.learning", "trackers.tracking")
+CHECKED = (
+    "trackers.filters",
+    "trackers.laser",
+    "trackers.laser_vision_learning",
+    "trackers.learning",
+    "trackers.tracking",
+)
 jaxtyping.install_import_hook(CHECKED, "shape_checks.checked")

@@ -20,7 +20,8 @@ def detections_at(points, half_width=0.17) -> Detections:
     angle = np.arctan2(points[:, 1], points[:, 0]) - np.pi / 2
     half = half_width / range_m
     width_m, scanner = np.full(len(points), 2 * half_width), np.ones((len(points), 1), np.bool_)
-    return Detections(points, np.zeros(len(points)), width_m, range_m, angle + np.array([-half, half]), scanner)
+    angles = np.stack([angle - half, angle + half], axis=-1)
+    return Detections(points, np.zeros(len(points)), width_m, range_m, angles, scanner)
 
 
 def projector(**options) -> TorsoProjector:

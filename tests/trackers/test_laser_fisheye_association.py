@@ -25,7 +25,7 @@ def detections(*places: tuple[float, float]) -> Detections:
     position = np.array(places, dtype=float).reshape(-1, 2)
     nothing = np.zeros(len(position))
     scanner = np.ones((len(position), 1), np.bool_)
-    return Detections(position, nothing, nothing + 0.1, nothing + 2, np.zeros((2, len(position))), scanner)
+    return Detections(position, nothing, nothing + 0.1, nothing + 2, np.zeros((len(position), 2)), scanner)
 
 
 def followed(people: People, measured_ns: np.ndarray) -> People:

@@ -23,7 +23,7 @@ def detections(*places, variance=0.0, width=0.1, column=0) -> Detections:
     each = np.ones(len(position))
     scanner = np.zeros((len(position), 2), np.bool_)
     scanner[:, column] = True
-    return Detections(position, variance * each, width * each, 2 * each, np.zeros((2, len(position))), scanner)
+    return Detections(position, variance * each, width * each, 2 * each, np.zeros((len(position), 2)), scanner)
 
 
 def test_a_body_seen_by_two_scanners_is_one_detection_between_them():

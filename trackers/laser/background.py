@@ -14,10 +14,10 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float, Int
 from pydantic import Field
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Index, Mask
 from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.observations import LaserScan
@@ -77,11 +77,11 @@ class BackgroundOptions(Strict):
 class Background(Protocol):
     """What a laser layer asks of its background."""
 
-    def foreground(self, scan: LaserScan) -> Mask: ...
+    def foreground(self, scan: LaserScan) -> Bool[Mask, "n_beam"]: ...
 
 
-def returns(scan: LaserScan) -> tuple[Array, Mask, Mask]:
-    """Ranges (n_beam,) [m], which of them are returns, and which beams met nothing."""
+def returns(scan: LaserScan) -> tuple[Float[Array, "n_beam"], Bool[Mask, "n_beam"], Bool[Mask, "n_beam"]]:
+    """Ranges [m], which of them are returns, and which beams met nothing."""
     ranges = scan.ranges_m.astype(float)
     hit = (ranges >= scan.range_min_m) & (ranges <= scan.range_max_m) & (ranges < np.inf)  # NaN is none of these
     return ranges, hit, (ranges > -np.inf) & ~hit
@@ -111,8 +111,8 @@ class KnownBackground:
         self.range_m = room
         self.threshold_m = room - np.maximum(options.margin_m, options.spread_factor * deviation)
 
-    def foreground(self, scan: LaserScan) -> Mask:
-        """Which samples stand in front of the room, (n_beam,)."""
+    def foreground(self, scan: LaserScan) -> Bool[Mask, "n_beam"]:
+        """Which samples stand in front of the room."""
         _check_same_beams(scan, self._first)
         ranges, hit, _ = returns(scan)
         return hit & (ranges < self.threshold_m)
@@ -146,8 +146,8 @@ class LearnedBackground:
         self._weight = 1.0  # grows with time, so that nothing has to be faded at every scan
         self._t = -np.inf
 
-    def foreground(self, scan: LaserScan) -> Mask:
-        """Which samples stand in front of the room as known so far, (n_beam,); the scan is then learned from."""
+    def foreground(self, scan: LaserScan) -> Bool[Mask, "n_beam"]:
+        """Which samples stand in front of the room as known so far; the scan is then learned from."""
         ranges, hit, missed = returns(scan)
         if self._first is None:
             self._first = scan
@@ -166,14 +166,16 @@ class LearnedBackground:
         self._learn(column, hit | missed, scan.t)
         return foreground
 
-    def _column(self, ranges: Array, hit: Mask, missed: Mask) -> NDArray[np.intp]:
+    def _column(
+        self, ranges: Float[Array, "n_beam"], hit: Bool[Mask, "n_beam"], missed: Bool[Mask, "n_beam"]
+    ) -> Int[Index, "n_beam"]:
         """Column of `_seen` for each beam: 1 + bin, so that each bin has neighbours; the last but one for nothing met."""
         column = np.ones(ranges.size, np.intp)
         column[hit] = (np.minimum(ranges[hit], self._farthest_m) / self._options.bin_m).astype(np.intp) + 1
         column[missed] = self._seen.shape[1] - 2
         return column
 
-    def _in_front(self, column: NDArray[np.intp], hit: Mask) -> Mask:
+    def _in_front(self, column: Int[Index, "n_beam"], hit: Bool[Mask, "n_beam"]) -> Bool[Mask, "n_beam"]:
         beams = np.flatnonzero(hit & (self._total > 0))
         here = column[beams]
         near = _around(self._seen, beams, here)
@@ -189,7 +191,7 @@ class LearnedBackground:
         foreground[beams[~room & open_beam]] = True
         return foreground
 
-    def _learn(self, column: NDArray[np.intp], informed: Mask, t: float) -> None:
+    def _learn(self, column: Int[Index, "n_beam"], informed: Bool[Mask, "n_beam"], t: float) -> None:
         elapsed = t - self._t
         if elapsed <= 0:
             return
@@ -216,7 +218,9 @@ class LearnedBackground:
             self._weight = 1.0
 
 
-def _around(table: Array, beams: NDArray[np.intp], column: NDArray[np.intp]) -> Array:
+def _around(
+    table: Float[Array, "n_beam columns"], beams: Int[Index, "k"], column: Int[Index, "k"]
+) -> Float[Array, "k"]:
     """The table's entries at a column and its two neighbours, summed, for each of `beams`."""
     return table[beams, column - 1] + table[beams, column] + table[beams, column + 1]
 

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float, Int
 from pydantic import Field, NonNegativeInt, PositiveInt
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Index, Mask
 from trackers.configuration import Strict
+from trackers.filters.rows import Rows
 from trackers.laser.background import returns
 from trackers.observations import LaserScan
 
@@ -39,24 +40,21 @@ class ClusterOptions(Strict):
 
 
 @dataclass(frozen=True, eq=False)
-class Clusters:
+class Clusters(Rows):
     """k clusters of one scan, by angle."""
 
-    first_beam: NDArray[np.intp]  # (k,)
-    last_beam: NDArray[np.intp]  # (k,)
-    n_sample: NDArray[np.intp]  # (k,)
-    middle: Array  # (k, 2) mean of the samples [m]
-    width_m: Array  # (k,) from the first sample to the last
-    range_m: Array  # (k,) of the middle
-    hidden_before: Mask  # (k,) whether something nearer begins where the cluster starts: it may go on behind it
-    hidden_after: Mask  # (k,) likewise where it ends
-
-    def __len__(self) -> int:
-        return self.first_beam.size
+    first_beam: Int[Index, "k"]
+    last_beam: Int[Index, "k"]
+    n_sample: Int[Index, "k"]
+    middle: Float[Array, "k 2"]  # mean of the samples [m]
+    width_m: Float[Array, "k"]  # from the first sample to the last
+    range_m: Float[Array, "k"]  # of the middle
+    hidden_before: Bool[Mask, "k"]  # whether something nearer begins where the cluster starts: it may go on behind it
+    hidden_after: Bool[Mask, "k"]  # likewise where it ends
 
 
-def find_clusters(scan: LaserScan, foreground: Mask, options: ClusterOptions) -> Clusters:
-    """The clusters among the foreground samples (n_beam,) of a scan.
+def find_clusters(scan: LaserScan, foreground: Bool[Mask, "n_beam"], options: ClusterOptions) -> Clusters:
+    """The clusters among the foreground samples of a scan.
 
     Two foreground samples that follow one another are split where they lie farther apart than `jump_m` plus the spacing of
     the beams, or where more than `max_gap_beams` beams between them looked past. (The paper compares ranges; the distance
@@ -97,19 +95,19 @@ def find_clusters(scan: LaserScan, foreground: Mask, options: ClusterOptions) ->
     )
 
 
-def directions(scan: LaserScan) -> Array:
-    """The unit vectors along the beams of a scan, (2, n_beam)."""
+def directions(scan: LaserScan) -> Float[Array, "2 n_beam"]:
+    """The unit vectors along the beams of a scan."""
     return _directions(scan.angle_min_rad, scan.angle_increment_rad, scan.ranges_m.size)
 
 
 @lru_cache(maxsize=16)
-def _directions(angle_min_rad: float, angle_increment_rad: float, n_beam: int) -> Array:
+def _directions(angle_min_rad: float, angle_increment_rad: float, n_beam: int) -> Float[Array, "2 n"]:
     bearing = angle_min_rad + angle_increment_rad * np.arange(n_beam)
     return np.array([np.cos(bearing), np.sin(bearing)])
 
 
-def pushed_back(middle: Array, depth_m: Array | float) -> Array:
-    """Points (k, 2) moved `depth_m` along their beam, away from the scanner (ours, not the paper's).
+def pushed_back(middle: Float[Array, "k 2"], depth_m: Float[Array, "k"] | float) -> Float[Array, "k 2"]:
+    """Points moved `depth_m` along their beam, away from the scanner (ours, not the paper's).
 
     The samples lie on the near side of a body; its axis is about half a body's depth behind their middle.
     """
@@ -117,15 +115,20 @@ def pushed_back(middle: Array, depth_m: Array | float) -> Array:
     return middle * (1 + depth_m / range_m)[:, None]
 
 
-def _width(points: Array, starts: NDArray[np.intp], stops: NDArray[np.intp]) -> Array:
+def _width(points: Float[Array, "2 n"], starts: Int[Index, "k"], stops: Int[Index, "k"]) -> Float[Array, "k"]:
     """From the first sample of each cluster to its last [m]."""
     ends = points[:, stops - 1] - points[:, starts]
     return np.hypot(ends[0], ends[1])
 
 
 def _hidden(
-    ranges: Array, hit: Mask, first: NDArray[np.intp], last: NDArray[np.intp], range_m: Array, jump_m: float
-) -> tuple[Mask, Mask]:
+    ranges: Float[Array, "n_beam"],
+    hit: Bool[Mask, "n_beam"],
+    first: Int[Index, "k"],
+    last: Int[Index, "k"],
+    range_m: Float[Array, "k"],
+    jump_m: float,
+) -> tuple[Bool[Mask, "k"], Bool[Mask, "k"]]:
     """Whether one of the two beams next to each end of a cluster met something nearer, by more than a jump.
 
     Two, because the beam that straddles an edge may report a range between the two sides.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 from pydantic import Field
 
 from trackers.arrays import Array
@@ -45,8 +46,8 @@ class FreeSpace:
         self._origin_m = sensor.room_from_sensor.translation[:2].copy()
         self._scan_from_room = sensor.room_from_sensor.rotation[:2, :2].T.copy()
 
-    def seen(self, scan: LaserScan, points: Array) -> Array:
-        """How probably a body with its axis at room points (2, ...) would have been seen, (...)."""
+    def seen(self, scan: LaserScan, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
+        """How probably a body with its axis at room points would have been seen."""
         options, count = self.options, scan.ranges_m.size
         reach_m = np.zeros(count + 2)  # beside the scan nothing is seen
         np.copyto(reach_m[1:-1], np.minimum(scan.ranges_m, scan.range_max_m), where=~np.isnan(scan.ranges_m))

@@ -15,15 +15,15 @@ from functools import reduce
 from itertools import compress
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.detections import Detection
-from trackers.filters.gating import global_nearest_neighbour
+from trackers.filters.gating import distances, global_nearest_neighbour
 from trackers.filters.motion import MEASUREMENT_VARIANCE_M2
 from trackers.filters.rows import Rows
-from trackers.laser.grouping import distances, pair_off, take_legs
+from trackers.laser.grouping import pair_off, take_legs
 from trackers.laser.layer import Detections, KneeOptions, LaserLayer, LayerOptions, WaistOptions
 from trackers.laser.roles import scanners_by_role
 from trackers.observations import LaserScan, Observation
@@ -100,8 +100,8 @@ class ScannerGroup:
         rows = zip(sensors, detections.position.tolist(), variance, detections.width_m.tolist(), strict=True)
         return [Detection(ns, seen_by, role, x, y, m2, width) for seen_by, (x, y), m2, width in rows]
 
-    def missed(self, observations: Mapping[str, Observation], points: Array) -> Array:
-        """How probably none of the scans shows anything of somebody at room points (2, ...), (...)."""
+    def missed(self, observations: Mapping[str, Observation], points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
+        """How probably none of the scans shows anything of somebody at room points."""
         chance = np.ones(points.shape[1:])
         for name, layer in self.layers.items():
             scan = observations.get(name)
@@ -153,12 +153,15 @@ def scanner_groups(
 
 
 def people_seen(
-    seen: Mapping[Role, Detections], expected: Array, area: Area | None = None, knee: KneeOptions | None = None
-) -> tuple[Array, Mask]:
-    """People (k, 2) [m] by their trunks, else by their legs; who is surely a person and not a lone leg, (k,).
+    seen: Mapping[Role, Detections],
+    expected: Float[Array, "n 2"],
+    area: Area | None = None,
+    knee: KneeOptions | None = None,
+) -> tuple[Float[Array, "k 2"], Bool[Mask, "k"]]:
+    """People [m] by their trunks, else by their legs; who is surely a person and not a lone leg.
 
-    seen: detections by role, a role only where it is scanned for; expected: where people are expected (n, 2) [m], who take
-    their legs first; area: where people are looked for (None: everywhere). Legs nearer to a trunk than `claim_m` are its own.
+    seen: detections by role, a role only where it is scanned for; expected: where people are expected [m], who take their
+    legs first; area: where people are looked for (None: everywhere). Legs nearer to a trunk than `claim_m` are its own.
     Where no waists are scanned, a lone leg is somebody.
     """
     knee = knee or KneeOptions()

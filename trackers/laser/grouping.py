@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float, Int
 
 from trackers.arrays import Array, Index, Mask
 from trackers.filters.gating import distances
 
 
 def trunks(
-    position: Array, width_m: Array, hidden: Mask, satellite_width_m: float, reach_m: float, arm_reach_m: float
-) -> Mask:
-    """Which of k clusters are trunks, (k,): the widest of every body's pieces.
+    position: Float[Array, "k 2"],
+    width_m: Float[Array, "k"],
+    hidden: Bool[Mask, "k"],
+    satellite_width_m: float,
+    reach_m: float,
+    arm_reach_m: float,
+) -> Bool[Mask, "k"]:
+    """Which of k clusters are trunks: the widest of every body's pieces.
 
     From the widest down, each cluster that is left is a trunk, and takes with it the narrow ones about its axis: up to
     `arm_reach_m` those that nothing hides, for a trunk in full view is never that narrow; up to `reach_m` those that are
-    partly `hidden` (k,), as the far side of a trunk is that the own arm cuts in two. Beyond, a narrow hidden cluster is
+    partly `hidden`, as the far side of a trunk is that the own arm cuts in two. Beyond, a narrow hidden cluster is
     somebody standing behind.
     """
     narrow = width_m < satellite_width_m
@@ -33,23 +38,23 @@ def trunks(
 
 
 def take_legs(
-    legs: Array,
-    expected: Array,
+    legs: Float[Array, "k 2"],
+    expected: Float[Array, "n 2"],
     stride_m: float,
     reach_m: float,
     single_cost_m: float,
     wide_above_m: float = np.inf,
     wide_cost: float = 0.0,
-) -> tuple[Array, NDArray[np.intp], Mask]:
-    """Which legs (k, 2) are those of people expected at (n, 2) [m].
+) -> tuple[Float[Array, "n 2"], Int[Index, "n"], Bool[Mask, "k"]]:
+    """Which legs are those of people expected at these places [m].
 
     Two legs up to `stride_m` apart (a full stride) stand for the middle between them; one leg may stand for a person whose
     other leg is hidden. Nearest first, everybody takes the pair or the single leg that puts them nearest to where they are
     expected, at most `reach_m` off, a single leg counting as `single_cost_m` farther, and a pair as `wide_cost` times what its
     legs are farther apart than `wide_above_m`: the wider, the likelier they are two people's.
 
-    Returns the position of each person (n, 2), how many legs each took (n,), 0 leaving the position as expected, and which
-    legs nobody took (k,).
+    Returns the position of each person, how many legs each took, 0 leaving the position as expected, and which legs nobody
+    took.
     """
     n, k = len(expected), len(legs)
     if n == 0 or k == 0:
@@ -74,8 +79,8 @@ def take_legs(
     return position, np.array(n_leg), np.array(free)
 
 
-def pair_off(legs: Array, pair_m: float) -> tuple[Array, NDArray[np.intp]]:
-    """People (p, 2) from legs (k, 2) that nobody expected, and how many legs each has, (p,).
+def pair_off(legs: Float[Array, "k 2"], pair_m: float) -> tuple[Float[Array, "p 2"], Int[Index, "p"]]:
+    """People from legs that nobody expected, and how many legs each has.
 
     Legs pair off from the closest up, at most `pair_m` apart, so that two people side by side, whose own legs are closer to
     one another than to the neighbour's, stay two.
@@ -94,8 +99,10 @@ def pair_off(legs: Array, pair_m: float) -> tuple[Array, NDArray[np.intp]]:
     return position, np.repeat(np.array([2, 1], np.intp), [len(people), free.sum()])
 
 
-def _pairs(points: Array, limit_m: float) -> tuple[Index, Index, Array]:
-    """All pairs of points (k, 2) nearer than `limit_m`: first, second, distance."""
+def _pairs(
+    points: Float[Array, "k 2"], limit_m: float
+) -> tuple[Int[Index, "pairs"], Int[Index, "pairs"], Float[Array, "pairs"]]:
+    """All pairs of points nearer than `limit_m`: first, second, distance."""
     apart = distances(points, points)
     first, second = (apart < limit_m).nonzero()
     once = first < second  # each pair once, nobody with themselves

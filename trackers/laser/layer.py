@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float
 from pydantic import Field
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Mask
 from trackers.configuration import Strict
+from trackers.filters.rows import Rows
 from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground, returns
 from trackers.laser.clusters import ClusterOptions, Clusters, directions, find_clusters, pushed_back
 from trackers.laser.free_space import FreeSpace, FreeSpaceOptions
@@ -155,56 +156,27 @@ class KneeOptions(LayerOptions):
 
 
 @dataclass(frozen=True, eq=False)
-class Detections:
+class Detections(Rows):
     """k things that the scans of one moment show in front of the room; positions are in the room frame."""
 
-    position: Array  # (k, 2) of the body's or leg's axis [m]
-    variance_m2: Array  # (k,) of the position on each axis, beyond the measurement noise
-    width_m: Array  # (k,)
-    range_m: Array  # (k,) from the first scanner that sees it to the middle of the samples
-    angle: Array  # (2, k) of the first sample and the last in that scanner's frame [rad]
-    scanner: NDArray[np.bool_]  # (k, s) which of s scanners see it
-
-    def __len__(self) -> int:
-        return len(self.position)
-
-    def select(self, kept: NDArray[np.bool_]) -> Detections:
-        """The detections of a mask (k,)."""
-        if kept.all():
-            return self
-        return Detections(
-            self.position[kept],
-            self.variance_m2[kept],
-            self.width_m[kept],
-            self.range_m[kept],
-            self.angle[:, kept],
-            self.scanner[kept],
-        )
-
-    def joined(self, other: Detections) -> Detections:
-        """These followed by `other`."""
-        if len(other) == 0:
-            return self
-        return Detections(
-            np.concatenate([self.position, other.position]),
-            np.concatenate([self.variance_m2, other.variance_m2]),
-            np.concatenate([self.width_m, other.width_m]),
-            np.concatenate([self.range_m, other.range_m]),
-            np.concatenate([self.angle, other.angle], axis=1),
-            np.concatenate([self.scanner, other.scanner]),
-        )
+    position: Float[Array, "k 2"]  # of the body's or leg's axis [m]
+    variance_m2: Float[Array, "k"]  # of the position on each axis, beyond the measurement noise
+    width_m: Float[Array, "k"]
+    range_m: Float[Array, "k"]  # from the first scanner that sees it to the middle of the samples
+    angle: Float[Array, "k 2"]  # of the first sample and the last in that scanner's frame [rad]
+    scanner: Bool[Mask, "k s"]  # which of s scanners see it
 
     def of_scanner(self, column: int, n_scanner: int) -> Detections:
         """The same as seen by one of several scanners."""
         scanner = np.zeros((len(self), n_scanner), np.bool_)
         scanner[:, column] = True
-        return replace(self, scanner=scanner)
+        return self.changed(scanner=scanner)
 
     @classmethod
     def none(cls, n_scanner: int = 1) -> Detections:
         """No detections."""
         nothing, by_nobody = np.empty(0), np.empty((0, n_scanner), np.bool_)
-        return cls(np.empty((0, 2)), nothing, nothing, nothing, np.empty((2, 0)), by_nobody)
+        return cls(np.empty((0, 2)), nothing, nothing, nothing, np.empty((0, 2)), by_nobody)
 
 
 class LaserLayer:
@@ -237,7 +209,7 @@ class LaserLayer:
             width_m=clusters.width_m,
             range_m=clusters.range_m,
             angle=scan.angle_min_rad
-            + scan.angle_increment_rad * np.array([clusters.first_beam, clusters.last_beam], float),
+            + scan.angle_increment_rad * np.stack([clusters.first_beam, clusters.last_beam], axis=-1),
             scanner=np.ones((len(clusters), 1), np.bool_),
         )
         if options.satellite_width_m is None:
@@ -252,11 +224,11 @@ class LaserLayer:
         )
         return detections.select(kept)
 
-    def points(self, scan: LaserScan) -> tuple[Array, Array]:
-        """The samples in front of the room, each moved back to the axis of what it met: (k, 2) [m] in the room frame.
+    def points(self, scan: LaserScan) -> tuple[Float[Array, "k 2"], Float[Array, "k"]]:
+        """The samples in front of the room, each moved back to the axis of what it met, [m] in the room frame.
 
-        And how much of a thing's width each beam covers, (k,) [m]: the spacing of the beams at its range. A lone sample beside
-        a nearer one is left out: a beam on an edge, half on what is nearer and half on what is behind, reports a range between.
+        And how much of a thing's width each beam covers [m]: the spacing of the beams at its range. A lone sample beside a
+        nearer one is left out: a beam on an edge, half on what is nearer and half on what is behind, reports a range between.
         """
         ranges, _, _ = returns(scan)
         foreground = self._background.foreground(scan)
@@ -270,8 +242,8 @@ class LaserLayer:
         points = (near + self.options.half_depth_m) * directions(scan)[:, beams]
         return self._in_room(points.T), abs(scan.angle_increment_rad) * near
 
-    def _half_depth_m(self, width_m: Array, hidden: NDArray[np.bool_]) -> Array | float:
-        """How far behind the middle of what is seen of them the axes of bodies seen so wide (k,) lie (k,).
+    def _half_depth_m(self, width_m: Float[Array, "k"], hidden: Bool[Mask, "k"]) -> Float[Array, "k"] | float:
+        """How far behind the middle of what is seen of them the axes of bodies seen so wide lie.
 
         A trunk is about an ellipse. Its half extents across the beam, p, and along it, q, keep p² + q² the same as it turns,
         and the middle of what a scanner sees of it lies π/4 q before its axis. Where a part is `hidden` the width tells
@@ -285,19 +257,19 @@ class LaserLayer:
         turned = np.minimum(np.sqrt(square), max(front, side))
         return np.where(hidden, (front + side) / 2, turned)
 
-    def missed(self, scan: LaserScan, points: Array) -> Array:
-        """How probably the scan shows nothing of somebody at room points (2, ...), (...)."""
+    def missed(self, scan: LaserScan, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
+        """How probably the scan shows nothing of somebody at room points."""
         return 1 - self._free_space.seen(scan, points)
 
-    def passes(self, scan: LaserScan, points: Array) -> NDArray[np.bool_]:
-        """Whether the scan's beams go on behind room points (2, ...) on either side of them, and stand close enough to tell."""
+    def passes(self, scan: LaserScan, points: Float[Array, "2 *n"]) -> Bool[Mask, "*n"]:
+        """Whether the scan's beams go on behind room points on either side of them, and stand close enough to tell."""
         apart = np.hypot(*(points - self._origin_m.reshape(2, *[1] * (points.ndim - 1)))) * abs(
             scan.angle_increment_rad
         )
         return (self._past_a_thing.seen(scan, points) >= _SURE) & (apart < _NARROW_M)
 
-    def _completed(self, clusters: Clusters) -> Array:
-        """Middles (k, 2), shifted across the beam where one side of a body is hidden behind something nearer."""
+    def _completed(self, clusters: Clusters) -> Float[Array, "k 2"]:
+        """Middles, shifted across the beam where one side of a body is hidden behind something nearer."""
         if self.options.body_width_m is None:
             return clusters.middle
         missing = np.maximum(self.options.body_width_m - clusters.width_m, 0) / 2
@@ -305,6 +277,6 @@ class LaserLayer:
         across = clusters.middle[:, ::-1] * (-1.0, 1.0) / np.maximum(clusters.range_m, 1e-9)[:, None]
         return clusters.middle + across * (side * missing)[:, None]
 
-    def _in_room(self, points: Array) -> Array:
-        """Points (k, 2) of the scan plane as ground points of the room (k, 2) [m]."""
+    def _in_room(self, points: Float[Array, "k 2"]) -> Float[Array, "k 2"]:
+        """Points of the scan plane as ground points of the room [m]."""
         return points @ self._room_from_scan + self._origin_m

@@ -74,7 +74,7 @@ class TorsoProjector:
     def windows(self, detections: Detections) -> TorsoWindows:
         """The windows of k detections."""
         options = self.options
-        first, last = detections.angle
+        first, last = detections.angle.T
         middle = 0.5 * (first + last)
         angles = middle[:, None] + (last - first)[:, None] * self._across  # (k, columns)
         reach = detections.range_m[:, None]
