@@ -9,7 +9,10 @@ os.environ["MUJOCO_GL"] = "egl"
 
 # Before anything imports them: every call into these has its arguments' and its results' types and shapes checked.
 CHECKED = (
+    "trackers.cameras",
+    "trackers.environment",
     "trackers.filters",
+    "trackers.floor",
     "trackers.laser",
     "trackers.laser_vision_learning",
     "trackers.learning",

@@ -10,3 +10,5 @@ Array = NDArray[np.float64]
 ArrayOrNumber = Array | np.float64
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
+Singles = NDArray[np.float32]
+Bytes = NDArray[np.uint8]

@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from trackers.arrays import Array
@@ -23,10 +24,10 @@ _ON_OUTLINE = 8
 
 @dataclass(frozen=True, eq=False)
 class Ellipsoids:
-    """Solid ellipsoids by their centres (n, 3) [m] and shapes (n, 3, 3) [m²]: (x − centre)ᵀ shape⁻¹ (x − centre) = 1."""
+    """Solid ellipsoids by their centres [m] and shapes [m²]: (x − centre)ᵀ shape⁻¹ (x − centre) = 1."""
 
-    centre: Array
-    shape: Array
+    centre: Float[Array, "n 3"]
+    shape: Float[Array, "n 3 3"]
 
     @classmethod
     def upright(cls, centre_m: ArrayLike, semi_axes_m: ArrayLike, yaw_rad: ArrayLike = 0.0) -> Ellipsoids:
@@ -44,28 +45,28 @@ class Ellipsoids:
         shape[:, 2, 2] = up
         return cls(centre, shape)
 
-    def seen_from(self, eye_m: Array, room_from_camera: Array) -> Ellipsoids:
-        """The same in the frame of a camera with this place (3,) [m] and rotation (3, 3)."""
+    def seen_from(self, eye_m: Float[Array, "3"], room_from_camera: Float[Array, "3 3"]) -> Ellipsoids:
+        """The same in the frame of a camera with this place [m] and rotation."""
         centre = (self.centre - eye_m) @ room_from_camera
         return Ellipsoids(centre, room_from_camera.T @ self.shape @ room_from_camera)
 
 
 @dataclass(frozen=True, eq=False)
 class Ellipses:
-    """Ellipses by their centres (n, 2) [px] and shapes (n, 2, 2) [px²]: (q − centre)ᵀ shape⁻¹ (q − centre) = 1.
+    """Ellipses by their centres [px] and shapes [px²]: (q − centre)ᵀ shape⁻¹ (q − centre) = 1.
 
     NaN where the camera sees no ellipse: it is in the ellipsoid or too near to it, or has not all of it ahead.
     """
 
-    centre: Array
-    shape: Array
+    centre: Float[Array, "n 2"]
+    shape: Float[Array, "n 2 2"]
 
     def __len__(self) -> int:
         """How many they are."""
         return len(self.centre)
 
-    def points(self, of_unit_disc: Array) -> Array:
-        """Where points (m, 2) of the unit disc come to lie in each, (n, m, 2) [px]; its rim on the ellipses.
+    def points(self, of_unit_disc: Float[Array, "m 2"]) -> Float[Array, "n m 2"]:
+        """Where points of the unit disc come to lie in each [px]; its rim on the ellipses.
 
         The disc's y axis runs down the picture: points keep their order and spread evenly if they did in the disc.
         """
@@ -78,16 +79,16 @@ class Ellipses:
         v = self.centre[:, 1:] + slant[:, None] * x + down[:, None] * y
         return np.stack([u, v], axis=-1)
 
-    def outline(self, count: int = 32) -> Array:
-        """Points around each, (n, count, 2) [px]."""
+    def outline(self, count: int = 32) -> Float[Array, "n {count} 2"]:
+        """Points around each [px]."""
         return self.points(_circle(count))
 
-    def half_size(self) -> Array:
-        """Half the width and height of each one's upright box, (n, 2) [px]."""
+    def half_size(self) -> Float[Array, "n 2"]:
+        """Half the width and height of each one's upright box [px]."""
         return np.sqrt(np.diagonal(self.shape, axis1=1, axis2=2))
 
-    def semi_axes(self) -> Array:
-        """The longer and the shorter semi-axis of each, (n, 2) [px]."""
+    def semi_axes(self) -> Float[Array, "n 2"]:
+        """The longer and the shorter semi-axis of each [px]."""
         (xx, xy), (_, yy) = np.moveaxis(self.shape, 0, -1)
         middle, off = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
         return np.sqrt(np.stack([middle + off, middle - off], axis=-1))
@@ -119,8 +120,8 @@ def _on_plane(solids: Ellipsoids) -> Ellipses:
     return Ellipses(centre, centre[:, :, None] * centre[:, None, :] - dual)
 
 
-def _fitted(intrinsics: Intrinsics, ideal: Ellipses, towards: Array | None) -> Ellipses:
-    """Ellipses with the mean and second moments of projected points; of the plane z = 1, turned `towards` (n, 3, 3)."""
+def _fitted(intrinsics: Intrinsics, ideal: Ellipses, towards: Float[Array, "n 3 3"] | None) -> Ellipses:
+    """Ellipses with the mean and second moments of projected points; of the plane z = 1, turned `towards`."""
     on_plane = ideal.outline(_ON_OUTLINE)
     directions = np.concatenate([on_plane, np.ones((*on_plane.shape[:2], 1))], axis=-1)
     if towards is not None:
@@ -131,8 +132,8 @@ def _fitted(intrinsics: Intrinsics, ideal: Ellipses, towards: Array | None) -> E
     return Ellipses(centre, 2 / _ON_OUTLINE * np.swapaxes(off, 1, 2) @ off)
 
 
-def _looking_at(places: Array) -> Array:
-    """Rotations (n, 3, 3) that take the frame to one whose z axis points at each place (n, 3)."""
+def _looking_at(places: Float[Array, "n 3"]) -> Float[Array, "n 3 3"]:
+    """Rotations that take the frame to one whose z axis points at each place."""
     ahead = places / np.linalg.norm(places, axis=1, keepdims=True)
     # across to whichever axis is farther off
     aside = np.where(np.abs(ahead[:, 1:2]) < 0.7, (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
@@ -141,7 +142,7 @@ def _looking_at(places: Array) -> Array:
     return np.stack([right, np.cross(ahead, right), ahead], axis=1)
 
 
-def _circle(count: int) -> Array:
-    """Points around the unit circle, (count, 2)."""
+def _circle(count: int) -> Float[Array, "{count} 2"]:
+    """Points around the unit circle."""
     angle = 2 * np.pi * np.arange(count) / count
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)

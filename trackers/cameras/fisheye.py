@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Bool, Float
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 from pydantic import Field, FiniteFloat
 
+from trackers.arrays import Array, ArrayOrNumber, Mask
 from trackers.cameras.intrinsics import Intrinsics, first_turn
 
 _GRID = 4096
@@ -39,8 +40,8 @@ class FisheyeIntrinsics(Intrinsics):
         """The angle from the axis at which r(θ) stops growing [rad]; inf: never."""
         return first_turn(self.radius_of_angle)
 
-    def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Pixel coordinates (..., 2) of points (..., 3) [m] in the camera frame, and whether the picture shows each, (...,).
+    def project(self, points: Float[Array, "*n 3"]) -> tuple[Float[Array, "*n 2"], Bool[Mask, "*n"]]:
+        """Pixel coordinates of points [m] in the camera frame, and whether the picture shows each.
 
         It shows what lies in the field of view, within the picture's edges.
         """
@@ -52,9 +53,9 @@ class FisheyeIntrinsics(Intrinsics):
         radius = theta * (1 + square * (k1 + square * (k2 + square * (k3 + square * k4))))
         scale = np.divide(radius, rho, out=np.zeros_like(radius), where=rho > 0)
         pixels = np.stack([self.fx * scale * x + self.cx, self.fy * scale * y + self.cy], axis=-1)
-        return pixels, (theta <= self.field_of_view_rad / 2) & self.contains(pixels)
+        return pixels, np.asarray((theta <= self.field_of_view_rad / 2) & self.contains(pixels))
 
-    def angle_of_radius(self, radius: NDArray[np.float64]) -> NDArray[np.float64]:
+    def angle_of_radius(self, radius: Float[ArrayOrNumber, "*n"]) -> Float[Array, "*n"]:
         """Angle from the optical axis [rad] at which r(θ) takes each value; NaN outside the field of view.
 
         Needs a lens whose r(θ) grows over all its field of view.
@@ -70,8 +71,8 @@ class FisheyeIntrinsics(Intrinsics):
             theta = theta - (r_of_theta(theta) - wanted) / slope(theta)
         return np.where(inside, theta, np.nan)
 
-    def rays(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Unit vectors (..., 3) that pixel coordinates (..., 2) see, in the camera frame; NaN outside the field of view."""
+    def rays(self, pixels: Float[Array, "*n 2"]) -> Float[Array, "*n 3"]:
+        """Unit vectors that pixel coordinates see, in the camera frame; NaN outside the field of view."""
         x, y = (pixels[..., 0] - self.cx) / self.fx, (pixels[..., 1] - self.cy) / self.fy
         radius = np.hypot(x, y)
         theta = self.angle_of_radius(radius)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 
 import numpy as np
+from jaxtyping import Bool, Float
 from numpy.polynomial import Polynomial
 from pydantic import Field, FiniteFloat, PositiveInt
 
@@ -30,37 +31,37 @@ class Intrinsics(Strict):
     cy: FiniteFloat = Field(description="row of the principal point, pixel centres are integers [px]")
 
     @abstractmethod
-    def project(self, points: Array) -> tuple[Array, Mask]:
-        """Pixel coordinates (..., 2) of points (..., 3) [m] in the camera frame, and whether the picture shows each, (...,).
+    def project(self, points: Float[Array, "*n 3"]) -> tuple[Float[Array, "*n 2"], Bool[Mask, "*n"]]:
+        """Pixel coordinates of points [m] in the camera frame, and whether the picture shows each.
 
         It shows a point whose light the lens takes, within the picture's edges. Pixels of other points are where the
         lens's formula puts them, NaN where it has no place for them: behind a pinhole.
         """
 
     @abstractmethod
-    def rays(self, pixels: Array) -> Array:
-        """Unit vectors (..., 3) that pixel coordinates (..., 2) see, in the camera frame; the way back of `project`.
+    def rays(self, pixels: Float[Array, "*n 2"]) -> Float[Array, "*n 3"]:
+        """Unit vectors that pixel coordinates see, in the camera frame; the way back of `project`.
 
         NaN where the lens sends no light to a place.
         """
 
     @property
-    def matrix(self) -> Array:
-        """The camera matrix, (3, 3)."""
+    def matrix(self) -> Float[Array, "3 3"]:
+        """The camera matrix."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
-    def contains(self, pixels: Array) -> Mask:
-        """Whether pixel coordinates (..., 2) lie within the picture's edges, (...,); NaN does not."""
+    def contains(self, pixels: Float[Array, "*n 2"]) -> Bool[Mask, "*n"]:
+        """Whether pixel coordinates lie within the picture's edges; NaN does not."""
         u, v = pixels[..., 0], pixels[..., 1]
-        return (u >= -0.5) & (u < self.width - 0.5) & (v >= -0.5) & (v < self.height - 0.5)
+        return np.asarray((u >= -0.5) & (u < self.width - 0.5) & (v >= -0.5) & (v < self.height - 0.5))
 
-    def pixel_centres(self) -> Array:
-        """The coordinates (height, width, 2) of the pixels' centres."""
+    def pixel_centres(self) -> Float[Array, "height width 2"]:
+        """The coordinates of the pixels' centres."""
         u, v = np.meshgrid(np.arange(self.width, dtype=float), np.arange(self.height, dtype=float))
         return np.stack([u, v], axis=-1)
 
-    def pixel_rays(self) -> Array:
-        """The unit vectors (height, width, 3) that the pixels' centres see, in the camera frame; NaN without light."""
+    def pixel_rays(self) -> Float[Array, "height width 3"]:
+        """The unit vectors that the pixels' centres see, in the camera frame; NaN without light."""
         return self.rays(self.pixel_centres())
 
 

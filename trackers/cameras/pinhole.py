@@ -5,10 +5,11 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
+from jaxtyping import Bool, Float
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 from pydantic import Field, FiniteFloat
 
+from trackers.arrays import Array, ArrayOrNumber, Mask
 from trackers.cameras.intrinsics import Intrinsics, first_turn
 
 _NEWTON_STEPS = 30
@@ -38,8 +39,8 @@ class PinholeIntrinsics(Intrinsics):
         """The tangent of the angle from the axis at which the radial polynomial stops growing; inf: never."""
         return _fold_radius(self.distortion)
 
-    def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Pixel coordinates (..., 2) of points (..., 3) [m] in the camera frame, and whether the picture shows each, (...,).
+    def project(self, points: Float[Array, "*n 3"]) -> tuple[Float[Array, "*n 2"], Bool[Mask, "*n"]]:
+        """Pixel coordinates of points [m] in the camera frame, and whether the picture shows each.
 
         It shows what lies ahead, before the lens folds back, within the picture's edges. Pixels of points that do not
         lie ahead are NaN.
@@ -53,30 +54,30 @@ class PinholeIntrinsics(Intrinsics):
         seen = ahead & self.contains(pixels)
         if self.is_distorted:
             seen &= np.hypot(x, y) < self.fold_radius
-        return pixels, seen
+        return pixels, np.asarray(seen)
 
-    def unproject(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Directions (..., 3) with z = 1 that pixel coordinates (..., 2) see, in the camera frame; times z: points.
+    def unproject(self, pixels: Float[Array, "*n 2"]) -> Float[Array, "*n 3"]:
+        """Directions with z = 1 that pixel coordinates see, in the camera frame; times z: points.
 
         NaN where the lens sends no light to a place.
         """
         bent_x = (pixels[..., 0] - self.cx) / self.fx
         bent_y = (pixels[..., 1] - self.cy) / self.fy
-        x, y = np.array(bent_x, dtype=float), np.array(bent_y, dtype=float)
-        if self.is_distorted:
-            x, y = self._straighten(bent_x, bent_y)
+        x, y = self._straighten(bent_x, bent_y) if self.is_distorted else (bent_x, bent_y)
         return np.stack([x, y, np.ones_like(x)], axis=-1)
 
-    def rays(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Unit vectors (..., 3) that pixel coordinates (..., 2) see, in the camera frame; NaN without light."""
+    def rays(self, pixels: Float[Array, "*n 2"]) -> Float[Array, "*n 3"]:
+        """Unit vectors that pixel coordinates see, in the camera frame; NaN without light."""
         directions = self.unproject(pixels)
         return directions / np.linalg.norm(directions, axis=-1, keepdims=True)
 
-    def directions(self) -> NDArray[np.float64]:
-        """The directions (height, width, 3) with z = 1 that the pixels' centres see."""
+    def directions(self) -> Float[Array, "height width 3"]:
+        """The directions with z = 1 that the pixels' centres see."""
         return self.unproject(self.pixel_centres())
 
-    def _bend(self, x: NDArray, y: NDArray) -> tuple[NDArray, NDArray]:
+    def _bend(
+        self, x: Float[ArrayOrNumber, "*n"], y: Float[ArrayOrNumber, "*n"]
+    ) -> tuple[Float[ArrayOrNumber, "*n"], Float[ArrayOrNumber, "*n"]]:
         k1, k2, p1, p2, k3 = self.distortion
         square = x * x + y * y
         radial = 1 + square * (k1 + square * (k2 + square * k3))
@@ -86,12 +87,11 @@ class PinholeIntrinsics(Intrinsics):
             y * radial + p1 * (square + 2 * y * y) + 2 * p2 * cross,
         )
 
-    def _straighten(self, bent_x: NDArray, bent_y: NDArray) -> tuple[NDArray, NDArray]:
+    def _straighten(self, bent_x: ArrayOrNumber, bent_y: ArrayOrNumber) -> tuple[Array, Array]:
         """The inverse of the bending by Newton's method, begun at the axis; NaN where it does not converge."""
         k1, k2, p1, p2, k3 = self.distortion
         fold = self.fold_radius
-        x, y = np.array(bent_x, dtype=float), np.array(bent_y, dtype=float)
-        _keep_within(x, y, 0.9 * fold)
+        x, y = _kept_within(bent_x, bent_y, 0.9 * fold)
         for _ in range(_NEWTON_STEPS):
             at_x, at_y = self._bend(x, y)
             miss_x, miss_y = bent_x - at_x, bent_y - at_y
@@ -105,7 +105,7 @@ class PinholeIntrinsics(Intrinsics):
             determinant = np.where(np.abs(determinant) < 1e-12, 1e-12, determinant)
             x = x + (yy * miss_x - xy * miss_y) / determinant
             y = y + (xx * miss_y - xy * miss_x) / determinant
-            _keep_within(x, y, fold)
+            x, y = _kept_within(x, y, fold)
         at_x, at_y = self._bend(x, y)
         found = np.hypot(bent_x - at_x, bent_y - at_y) < _CONVERGED
         return np.where(found, x, np.nan), np.where(found, y, np.nan)
@@ -118,10 +118,7 @@ def _fold_radius(distortion: tuple[float, float, float, float, float]) -> float:
     return first_turn(Polynomial([0, 1, 0, k1, 0, k2, 0, k3]))
 
 
-def _keep_within(x: NDArray, y: NDArray, radius: float) -> None:
-    """Pull places beyond this radius back onto it, in place: behind the fold Newton's method would find another root."""
-    if np.isinf(radius):
-        return
+def _kept_within(x: ArrayOrNumber, y: ArrayOrNumber, radius: float) -> tuple[ArrayOrNumber, ArrayOrNumber]:
+    """Places, those beyond this radius pulled back onto it: behind the fold Newton's method would find another root."""
     scale = np.minimum(1.0, radius / np.maximum(np.hypot(x, y), 1e-300))
-    x *= scale
-    y *= scale
+    return x * scale, y * scale

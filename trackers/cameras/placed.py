@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
+from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike, NDArray
 
 from trackers.arrays import Array, Mask
@@ -24,27 +25,27 @@ class PlacedCamera:
 
     def __init__(self, intrinsics: Intrinsics, room_from_camera: Pose) -> None:
         self.intrinsics = intrinsics
-        self.rotation = room_from_camera.rotation  # (3, 3)
-        self.eye_m = room_from_camera.translation  # (3,)
+        self.rotation: Float[Array, "3 3"] = room_from_camera.rotation
+        self.eye_m: Float[Array, "3"] = room_from_camera.translation
 
-    def project(self, points_m: Array) -> tuple[Array, Mask]:
-        """Pixel coordinates (..., 2) of points (..., 3) [m], and whether the picture shows each, (...,).
+    def project(self, points_m: Float[Array, "*n 3"]) -> tuple[Float[Array, "*n 2"], Bool[Mask, "*n"]]:
+        """Pixel coordinates of points [m], and whether the picture shows each.
 
         See `Intrinsics.project`. That nothing stands before a point is not looked at.
         """
         return self.intrinsics.project((points_m - self.eye_m) @ self.rotation)
 
-    def rays(self, pixels: Array) -> Array:
-        """Unit vectors (..., 3) from the eye that pixel coordinates (..., 2) see; NaN where there is no light."""
+    def rays(self, pixels: Float[Array, "*n 2"]) -> Float[Array, "*n 3"]:
+        """Unit vectors from the eye that pixel coordinates see; NaN where there is no light."""
         return self.intrinsics.rays(pixels) @ self.rotation.T
 
     @cached_property
-    def pixel_rays(self) -> Array:
-        """The unit vectors (height, width, 3) from the eye that the pixels' centres see; NaN where there is no light."""
+    def pixel_rays(self) -> Float[Array, "height width 3"]:
+        """The unit vectors from the eye that the pixels' centres see; NaN where there is no light."""
         return _kept(self.intrinsics.pixel_rays() @ self.rotation.T)
 
-    def points(self, depth_m: NDArray[np.floating]) -> Array:
-        """The point (height, width, 3) [m] that each pixel of a depth picture shows; NaN where the picture is 0.
+    def points(self, depth_m: Float[NDArray[np.floating], "height width"]) -> Float[Array, "height width 3"]:
+        """The point [m] that each pixel of a depth picture shows; NaN where the picture is 0.
 
         Depth is along the optical axis. Raises TypeError for a camera that is no pinhole, ValueError for a picture of
         another size.
@@ -60,21 +61,21 @@ class PlacedCamera:
         return points
 
     @cached_property
-    def _depth_rays(self) -> Array:
-        """What a pixel sees in the depth of 1 m, seen from the eye, (3, height, width): numpy is fastest along long rows."""
+    def _depth_rays(self) -> Float[Array, "3 height width"]:
+        """What a pixel sees in the depth of 1 m, seen from the eye: numpy is fastest along long rows."""
         if not isinstance(self.intrinsics, PinholeIntrinsics):
             raise TypeError(f"{type(self.intrinsics).__name__}: depth along an axis is for pinhole cameras")
         return _kept(np.moveaxis(self.intrinsics.directions() @ self.rotation.T, -1, 0))
 
-    def ellipses(self, solids: Ellipsoids) -> tuple[Ellipses, Mask]:
-        """What the picture shows of ellipsoids: an ellipse each, and whether its centre lies in the picture, (n,)."""
+    def ellipses(self, solids: Ellipsoids) -> tuple[Ellipses, Bool[Mask, "n"]]:
+        """What the picture shows of ellipsoids: an ellipse each, and whether its centre lies in the picture."""
         ellipses = outline_ellipses(self.intrinsics, solids.seen_from(self.eye_m, self.rotation))
         return ellipses, self.project(solids.centre)[1] & self.intrinsics.contains(ellipses.centre)
 
-    def body_axes(self, places_m: ArrayLike, heights_m: ArrayLike) -> tuple[Array, Mask]:
-        """Pixels (n, k, 2) of the axes of upright bodies at places (n, 2) [m], at heights (k,) or (n, k) above the floor.
+    def body_axes(self, places_m: ArrayLike, heights_m: ArrayLike) -> tuple[Float[Array, "n k 2"], Bool[Mask, "n k"]]:
+        """Pixels of the axes of upright bodies at places (n, 2) [m], at heights (k,) or (n, k) above the floor.
 
-        And whether the picture shows each, (n, k).
+        And whether the picture shows each.
         """
         places, heights = np.asarray(places_m, dtype=float), np.asarray(heights_m, dtype=float)
         points = np.empty((len(places), heights.shape[-1], 3))
@@ -82,15 +83,17 @@ class PlacedCamera:
         points[..., 2] = heights
         return self.project(points)
 
-    def person_boxes(self, places_m: ArrayLike, height_m: ArrayLike, width_m: float) -> tuple[Array, Mask]:
-        """Boxes (n, 4) left, top, right, bottom [px] of upright persons, and whether the picture shows some of each, (n,).
+    def person_boxes(
+        self, places_m: ArrayLike, height_m: ArrayLike, width_m: float
+    ) -> tuple[Float[Array, "n 4"], Bool[Mask, "n"]]:
+        """Boxes left, top, right, bottom [px] of upright persons, and whether the picture shows some of each.
 
         A person is a cylinder over the place (n, 2) [m], of this height, one for all or (n,), and width. Boxes go on
         beyond the picture's edges; they are NaN for who is not wholly ahead of a pinhole.
         """
         places = np.asarray(places_m, dtype=float)
         turn = 2 * np.pi * np.arange(_ROUND_A_PERSON) / _ROUND_A_PERSON
-        rim = places[:, None] + width_m / 2 * np.stack([np.cos(turn), np.sin(turn)], axis=-1)  # (n, round, 2)
+        rim = places[:, None] + width_m / 2 * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
         points = np.zeros((len(places), 2 * _ROUND_A_PERSON, 3))
         points[:, :_ROUND_A_PERSON, :2] = points[:, _ROUND_A_PERSON:, :2] = rim  # at the soles, at the crown
         points[:, _ROUND_A_PERSON:, 2] = np.reshape(height_m, (-1, 1))
@@ -98,7 +101,7 @@ class PlacedCamera:
         return np.concatenate([pixels.min(axis=1), pixels.max(axis=1)], axis=-1), np.logical_or.reduce(seen, axis=1)
 
 
-def _kept(array: Array) -> Array:
+def _kept(array: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """A contiguous copy that nobody can change."""
     array = np.ascontiguousarray(array)
     array.setflags(write=False)

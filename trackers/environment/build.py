@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float, Float32, UInt8
+from numpy.typing import ArrayLike
 from pydantic import Field
 from scipy import ndimage
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Bytes, Mask, Singles
 from trackers.configuration import Strict
 from trackers.environment.cloud import PointCloud
 from trackers.environment.grid import FREE, OCCUPIED, UNKNOWN, Grid, count_rays
@@ -48,7 +49,7 @@ def build_environment(
     cloud: PointCloud,
     *,
     room: str = "",
-    area: Array | None = None,
+    area: ArrayLike | None = None,
     options: EnvironmentOptions | None = None,
 ) -> Environment:
     """The environment in a point cloud of the empty room.
@@ -117,16 +118,16 @@ def _grid(cloud: PointCloud, floor_m: float, ceiling_m: float, options: Environm
     return Grid(np.array([*low, bottom]), voxel, (int(shape[0]), int(shape[1]), int(shape[2])))
 
 
-def _has_neighbours(occupied: NDArray[np.bool_], grid: Grid) -> NDArray[np.bool_]:
-    """Whether any of the 26 voxels around each is occupied, (size,)."""
+def _has_neighbours(occupied: Bool[Mask, "size"], grid: Grid) -> Bool[Mask, "size"]:
+    """Whether any of the 26 voxels around each is occupied."""
     block = occupied.reshape(grid.shape).astype(np.uint8)
     for axis in range(3):
         block = ndimage.correlate1d(block, np.ones(3), axis=axis, mode="constant", output=np.uint8)
     return block.ravel() > occupied
 
 
-def _surface(points: Array, grid: Grid, occupied: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """The mean (m, 3) [m] of the points in each occupied voxel, in their order."""
+def _surface(points: Float[Array, "n 3"], grid: Grid, occupied: Bool[Mask, "size"]) -> Float32[Singles, "m 3"]:
+    """The mean [m] of the points in each occupied voxel, in their order."""
     flat, inside = grid.flat(points)
     kept = inside & occupied[flat]
     row = np.cumsum(occupied)[flat[kept]] - 1
@@ -136,9 +137,9 @@ def _surface(points: Array, grid: Grid, occupied: NDArray[np.bool_]) -> NDArray[
 
 
 def _tops(
-    points: Array, grid: Grid, state: NDArray[np.uint8], floor_m: float, furniture_m: float
-) -> NDArray[np.float32]:
-    """Height (nx, ny) [m] of what stands in each column; the floor's where nothing does; NaN where neither was seen.
+    points: Float[Array, "n 3"], grid: Grid, state: UInt8[Bytes, "nx ny nz"], floor_m: float, furniture_m: float
+) -> Float32[Singles, "nx ny"]:
+    """Height [m] of what stands in each column; the floor's where nothing does; NaN where neither was seen.
 
     Gaps that are at most two columns wide take the height of what is about them.
     """

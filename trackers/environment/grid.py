@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Bool, Float, Int, UInt32
 from numpy.typing import NDArray
 
-from trackers.arrays import Array, Index
+from trackers.arrays import Array, Index, Mask
 from trackers.environment.cloud import PointCloud
+
+Counts = NDArray[np.uint32]
 
 UNKNOWN, FREE, OCCUPIED = 0, 1, 2
 """What is known of a voxel: no ray came there; rays passed through; something is there."""
@@ -19,9 +22,9 @@ _SHORT_OF_END = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Cubes of side `voxel_m`, `shape` (nx, ny, nz) of them, from the corner `origin_m` (3,) [m] of the room frame."""
+    """Cubes of side `voxel_m`, `shape` (nx, ny, nz) of them, from the corner `origin_m` [m] of the room frame."""
 
-    origin_m: Array
+    origin_m: Float[Array, "3"]
     voxel_m: float
     shape: tuple[int, int, int]
 
@@ -31,25 +34,25 @@ class Grid:
         return self.shape[0] * self.shape[1] * self.shape[2]
 
     @property
-    def upper_m(self) -> Array:
-        """The corner opposite to the origin, (3,) [m]."""
+    def upper_m(self) -> Float[Array, "3"]:
+        """The corner opposite to the origin [m]."""
         return self.origin_m + self.voxel_m * np.array(self.shape)
 
-    def flat(self, points: Array) -> tuple[Index, NDArray[np.bool_]]:
-        """Flat index of the voxel of each point (n, 3) [m] (0 for those outside), and which points are inside, (n,).
+    def flat(self, points: Float[Array, "n 3"]) -> tuple[Int[Index, "n"], Bool[Mask, "n"]]:
+        """Flat index of the voxel of each point [m] (0 for those outside), and which points are inside.
 
         Raises ValueError for coordinates that are not finite.
         """
         cell, inside = self._cells(points)
         return (cell[0] * self.shape[1] + cell[1]) * self.shape[2] + cell[2], inside
 
-    def column(self, points: Array) -> tuple[Index, NDArray[np.bool_]]:
-        """Flat index of the column of voxels over each place (n, 2 or 3) [m] (0 outside), and which are inside, (n,)."""
+    def column(self, points: Float[Array, "n axes"]) -> tuple[Int[Index, "n"], Bool[Mask, "n"]]:
+        """Flat index of the column of voxels over each place, by 2 or 3 axes [m] (0 outside), and which are inside."""
         cell, inside = self._cells(points[:, :2])
         return cell[0] * self.shape[1] + cell[1], inside
 
-    def _cells(self, points: Array) -> tuple[Index, NDArray[np.bool_]]:
-        """Index of the cell along each axis (d, n) of points (n, d), 0 outside, and which are inside, (n,)."""
+    def _cells(self, points: Float[Array, "n axes"]) -> tuple[Int[Index, "axes n"], Bool[Mask, "n"]]:
+        """Index of the cell along each axis, 0 outside, and which are inside."""
         axes = points.shape[1]
         # An axis a row: numpy is several times faster along long rows.
         place = (np.ascontiguousarray(points.T) - self.origin_m[:axes, None]) * (1 / self.voxel_m)
@@ -59,13 +62,13 @@ class Grid:
         inside = np.logical_and.reduce(within, axis=0)
         return np.where(inside, place, 0.0).astype(np.intp), inside
 
-    def centres(self, flat: Index) -> Array:
-        """Middles (n, 3) [m] of voxels given by flat index (n,)."""
+    def centres(self, flat: Int[Index, "n"]) -> Float[Array, "n 3"]:
+        """Middles [m] of voxels given by flat index."""
         return self.origin_m + self.voxel_m * (np.stack(np.unravel_index(flat, self.shape), axis=-1) + 0.5)
 
 
-def count_rays(cloud: PointCloud, grid: Grid) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
-    """How many points lie in each voxel, and how many rays passed through it, each (size,).
+def count_rays(cloud: PointCloud, grid: Grid) -> tuple[UInt32[Counts, "size"], UInt32[Counts, "size"]]:
+    """How many points lie in each voxel, and how many rays passed through it.
 
     A ray is looked at every voxel's length, so a voxel of which it only clips a corner may be missed, and none counts
     twice for it but by rounding. The stations are in the grid.
@@ -79,8 +82,8 @@ def count_rays(cloud: PointCloud, grid: Grid) -> tuple[NDArray[np.uint32], NDArr
     return hits, passes
 
 
-def _march(points: Array, origin: Array, grid: Grid, passes: NDArray[np.uint32]) -> None:
-    """Add one to every voxel on the way from the origin (3,) to each point (n, 3)."""
+def _march(points: Float[Array, "n 3"], origin: Float[Array, "3"], grid: Grid, passes: UInt32[Counts, "size"]) -> None:
+    """Add one to every voxel on the way from the origin to each point."""
     start = (origin - grid.origin_m) / grid.voxel_m  # all lengths in voxels
     way = (points - origin) / grid.voxel_m
     length = np.linalg.norm(way, axis=1)

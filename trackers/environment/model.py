@@ -6,12 +6,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from jaxtyping import Bool, Float, Float32, Int, UInt8
+from numpy.typing import ArrayLike
 from scipy import ndimage
 
 from trackers.area import Area
-from trackers.arrays import Array, Mask
-from trackers.environment.grid import FREE, OCCUPIED, UNKNOWN, Grid, Index
+from trackers.arrays import Array, Bytes, Index, Mask, Singles
+from trackers.environment.grid import FREE, OCCUPIED, UNKNOWN, Grid
 from trackers.environment.sight import first_met, leaps_between, sees
 from trackers.errors import InputError
 
@@ -23,37 +24,37 @@ _KNOWN_SHARE = 0.8
 class Environment:
     """Walls, furniture and free space of a room, as a range scanner saw them; room frame, metres, z up.
 
-    `room` is the room's name ('' where nobody gave one), `area_m` (k, 2) the tracked area when it was scanned (empty:
-    none), `stations_m` (s, 3) from where. `state` (nx, ny, nz) holds UNKNOWN, FREE or OCCUPIED for each voxel of `grid`,
-    `surface_m` (m, 3) the mean of the points met in each occupied voxel, in C order. `top_m` (nx, ny) is the height of
-    what stands in each column of voxels: furniture, a wall up to `EnvironmentOptions.furniture_m`, else the floor; NaN
-    where neither was seen, gaps of up to two columns closed. `ceiling_m` is NaN where none was seen. `walls_m` (w, 2, 2)
-    are segments in plan, the room to the left of the way from first end to second; a wall goes on above its doors.
+    `room` is the room's name ('' where nobody gave one), `area_m` the tracked area when it was scanned (empty: none),
+    `stations_m` from where. `state` holds UNKNOWN, FREE or OCCUPIED for each voxel of `grid`, `surface_m` the mean of the
+    points met in each occupied voxel, in C order. `top_m` is the height of what stands in each column of voxels: furniture,
+    a wall up to `EnvironmentOptions.furniture_m`, else the floor; NaN where neither was seen, gaps of up to two columns
+    closed. `ceiling_m` is NaN where none was seen. `walls_m` are segments in plan, the room to the left of the way from
+    first end to second; a wall goes on above its doors.
     """
 
     room: str
-    area_m: Array
-    stations_m: Array
+    area_m: Float[Array, "k 2"]
+    stations_m: Float[Array, "s 3"]
     grid: Grid
-    state: NDArray[np.uint8]
-    surface_m: NDArray[np.float32]
-    top_m: NDArray[np.float32]
+    state: UInt8[Bytes, "nx ny nz"]
+    surface_m: Float32[Singles, "m 3"]
+    top_m: Float32[Singles, "nx ny"]
     floor_m: float
     ceiling_m: float
-    walls_m: Array
+    walls_m: Float[Array, "w 2 2"]
 
-    def is_free(self, points: ArrayLike) -> Mask:
-        """Whether rays of the scan passed through the voxel of each point (n, 3), (n,): unknown space is not free."""
+    def is_free(self, points: ArrayLike) -> Bool[Mask, "n"]:
+        """Whether rays of the scan passed through the voxel of each point (n, 3): unknown space is not free."""
         flat, inside = self.grid.flat(_points(points))
         return inside & (self.state.ravel()[flat] == FREE)
 
-    def is_occupied(self, points: ArrayLike) -> Mask:
-        """Whether the scanner met something in the voxel of each point (n, 3), (n,)."""
+    def is_occupied(self, points: ArrayLike) -> Bool[Mask, "n"]:
+        """Whether the scanner met something in the voxel of each point (n, 3)."""
         flat, inside = self.grid.flat(_points(points))
         return inside & (self.state.ravel()[flat] == OCCUPIED)
 
-    def distance_to_surface(self, points: ArrayLike) -> Array:
-        """Distance (n,) [m] from each point (n, 3) to the nearest thing that the scanner met; NaN outside the grid.
+    def distance_to_surface(self, points: ArrayLike) -> Float[Array, "n"]:
+        """Distance [m] from each point (n, 3) to the nearest thing that the scanner met; NaN outside the grid.
 
         Interpolated between voxels: right to about half a voxel. Inside a piece of furniture it is the distance to the
         face that was seen.
@@ -75,16 +76,16 @@ class Environment:
         value = along_y[:, 0] + (along_y[:, 1] - along_y[:, 0]) * share[:, 2]
         return np.where(inside, value, np.nan)
 
-    def height_under(self, places: ArrayLike) -> Array:
-        """Height (n,) [m] of what stands at each place (n, 2 or 3): furniture's top, else the floor; NaN where unknown."""
+    def height_under(self, places: ArrayLike) -> Float[Array, "n"]:
+        """Height [m] of what stands at each place (n, 2 or 3): furniture's top, else the floor; NaN where unknown."""
         places = np.asarray(places, dtype=float)
         column, inside = self.grid.column(places)
         return np.where(inside, self.top_m.ravel()[column], np.nan)
 
     def head_possible(
         self, points: ArrayLike, *, clearance_m: float = 0.1, body_m: float = 0.0, tallest_m: float = 2.1
-    ) -> Mask:
-        """Whether a head can be with its centre at each point (n, 3), (n,).
+    ) -> Bool[Mask, "n"]:
+        """Whether a head can be with its centre at each point (n, 3).
 
         In free space, at least `clearance_m` from every surface, at most `tallest_m` above the floor; with `body_m` > 0,
         nothing is in the way of a body that reaches straight down so far [m] (0.5 for people who sit or stand).
@@ -108,8 +109,8 @@ class Environment:
         odd_height: float = 0.2,
         low_m: float = 0.8,
         high_m: float = 1.9,
-    ) -> Array:
-        """How likely a head is at each point (n, 3), (n,): the environment model of Suzuki et al. 2007, eq. 8.
+    ) -> Float[Array, "n"]:
+        """How likely a head is at each point (n, 3): the environment model of Suzuki et al. 2007, eq. 8.
 
         0 outside the walls and inside things (their region A), `above_furniture` in the column above furniture (B),
         `odd_height` lower than `low_m` or higher than `high_m` above the floor (C), 1 elsewhere; the least where regions
@@ -127,8 +128,8 @@ class Environment:
         weight[height <= 0] = 0.0  # the floor's own layer reaches half a voxel above it
         return weight
 
-    def visible(self, origin: ArrayLike, points: ArrayLike) -> Mask:
-        """Whether nothing that the scanner met stands between the origin (3,) and each point (n, 3), (n,).
+    def visible(self, origin: ArrayLike, points: ArrayLike) -> Bool[Mask, "n"]:
+        """Whether nothing that the scanner met stands between the origin (3,) and each point (n, 3).
 
         What is within 1.5 voxels of either end does not count: cameras hang on walls, heads come close to things. Unknown
         space hides nothing. Beyond the grid nothing is known to stand in the way.
@@ -138,8 +139,8 @@ class Environment:
             raise ValueError(f"origin {origin}: one place (3,) and finite points are expected")
         return sees(self._leaps, self.grid, origin, points)
 
-    def range_along(self, origins: ArrayLike, directions: ArrayLike) -> Array:
-        """How far (n,) [m] it is from one origin (3,) or from each of (n, 3) to the first thing met along directions (n, 3).
+    def range_along(self, origins: ArrayLike, directions: ArrayLike) -> Float[Array, "n"]:
+        """How far [m] it is from one origin (3,) or from each of (n, 3) to the first thing met along directions (n, 3).
 
         Directions may be of any length. inf where nothing is met before the grid ends: through a door, say. Unknown space
         is passed, and what is within 1.5 voxels of an origin does not count. The range is that of the mean of the points
@@ -208,21 +209,21 @@ class Environment:
             )
 
     @cached_property
-    def _occupied(self) -> Index:
-        """Flat indices (m,) of the occupied voxels, ascending: of the same order as their points."""
+    def _occupied(self) -> Int[Index, "m"]:
+        """Flat indices of the occupied voxels, ascending: of the same order as their points."""
         return np.flatnonzero(self.state == OCCUPIED)
 
     @property
-    def _distance(self) -> NDArray[np.float32]:
+    def _distance(self) -> Float32[Singles, "nx ny nz"]:
         """Distance [m] from the middle of each voxel to the mean point of its nearest occupied voxel."""
         return self._fields[0]
 
     @property
-    def _leaps(self) -> NDArray[np.float32]:
+    def _leaps(self) -> Float32[Singles, "nx ny nz"]:
         return self._fields[1]
 
     @cached_property
-    def _fields(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def _fields(self) -> tuple[Float32[Singles, "nx ny nz"], Float32[Singles, "nx ny nz"]]:
         """Distances to surfaces and leaps along lines of sight, worked out when first asked for, both from one transform."""
         occupied = self.state == OCCUPIED
         if not occupied.any():
@@ -242,8 +243,8 @@ class Environment:
         return np.sqrt(square, out=square), leaps_between(steps)
 
     @cached_property
-    def _weight_levels(self) -> tuple[Mask, Mask]:
-        """Which voxels (size,) are in region A, and which in the column of furniture or hidden."""
+    def _weight_levels(self) -> tuple[Bool[Mask, "size"], Bool[Mask, "size"]]:
+        """Which voxels are in region A, and which in the column of furniture or hidden."""
         free, unknown = self.state == FREE, self.state == UNKNOWN
         free_below = np.logical_or.accumulate(free, axis=2)
         middle = self.grid.origin_m[2] + self.grid.voxel_m * (np.arange(self.grid.shape[2]) + 0.5)
@@ -253,7 +254,7 @@ class Environment:
         lower = furniture | unknown | np.isnan(self.top_m)[..., None]
         return never.ravel(), lower.ravel()
 
-    def _weight_by_voxel(self, above_furniture: float) -> Array:
+    def _weight_by_voxel(self, above_furniture: float) -> Float[Array, "size"]:
         never, lower = self._weight_levels
         table = self.__dict__.setdefault("_weights", {})
         if above_furniture not in table:
@@ -264,7 +265,7 @@ class Environment:
         return table[above_furniture]
 
 
-def _points(points: ArrayLike) -> Array:
+def _points(points: ArrayLike) -> Float[Array, "n 3"]:
     points = np.asarray(points, dtype=float)
     if points.ndim != 2 or points.shape[1] != 3:
         raise ValueError(f"points have shape {points.shape}; (n, 3) is expected")

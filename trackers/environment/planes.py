@@ -8,9 +8,9 @@ over the cells of the plan, then laid through the points themselves by total lea
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Mask
 
 _BIN_M = 0.01
 _STRONG = 0.25
@@ -35,25 +35,25 @@ _CORNER_M = 0.25
 _MOST_WALLS = 100
 
 
-def find_floor(z: Array) -> float:
-    """Height of the floor [m] in the heights (n,) of all points: the lowest level that holds many of them."""
+def find_floor(z: Float[Array, "n"]) -> float:
+    """Height of the floor [m] in the heights of all points: the lowest level that holds many of them."""
     edges, counts = _levels(z)
     lowest = int(np.flatnonzero(counts >= _STRONG * counts.max())[0])
     return _settle(z, float(edges[lowest]))
 
 
-def find_ceiling(z: Array, floor_m: float) -> float:
+def find_ceiling(z: Float[Array, "n"], floor_m: float) -> float:
     """Height of the ceiling [m]: the highest level that holds many points; NaN where none was seen."""
     edges, counts = _levels(z)
     strong = np.flatnonzero((counts >= _STRONG * counts.max()) & (edges > floor_m + _ROOM_M))
     return _settle(z, float(edges[strong[-1]])) if strong.size else float("nan")
 
 
-def find_walls(points: Array, floor_m: float, ceiling_m: float) -> Array:
-    """The walls as segments (w, 2, 2) in plan [m], the room to the left of the way from first end to second.
+def find_walls(points: Float[Array, "n 3"], floor_m: float, ceiling_m: float) -> Float[Array, "w 2 2"]:
+    """The walls as segments in plan [m], the room to the left of the way from first end to second.
 
-    points (n, 3) [m] in the room frame. Whatever is flat, upright, at least 0.6 m long and taller than two
-    metres is a wall: the face of a pillar too, and that of a wardrobe which reaches that high.
+    points: in the room frame [m]. Whatever is flat, upright, at least 0.6 m long and taller than two metres is a wall: the
+    face of a pillar too, and that of a wardrobe which reaches that high.
     """
     low = floor_m + WALL_FROM_M
     high = floor_m + WALL_TO_M if np.isnan(ceiling_m) else min(floor_m + WALL_TO_M, ceiling_m - _BELOW_CEILING_M)
@@ -76,7 +76,7 @@ def find_walls(points: Array, floor_m: float, ceiling_m: float) -> Array:
     return _meet_at_corners(walls)
 
 
-def _levels(z: Array) -> tuple[Array, Array]:
+def _levels(z: Float[Array, "n"]) -> tuple[Float[Array, "levels"], Float[Array, "levels"]]:
     """Lower edges and counts of levels of the heights, each smoothed with its neighbours, which noise spreads over."""
     first = np.floor(z.min() / _BIN_M) - 2
     bins = (z / _BIN_M - first).astype(np.intp)
@@ -84,7 +84,7 @@ def _levels(z: Array) -> tuple[Array, Array]:
     return (first + np.arange(len(counts))) * _BIN_M, counts
 
 
-def _settle(z: Array, level: float) -> float:
+def _settle(z: Float[Array, "n"], level: float) -> float:
     """The median height [m] of the points about a level."""
     middle = level + _BIN_M / 2
     for reach in (0.03, 0.02):
@@ -92,8 +92,8 @@ def _settle(z: Array, level: float) -> float:
     return middle
 
 
-def _tall_cells(band: Array, layers: float) -> tuple[Array, Array]:
-    """Mean place (c, 2) [m] and weight (c,) of the plan's cells whose points fill enough of the height of the band."""
+def _tall_cells(band: Float[Array, "n 3"], layers: float) -> tuple[Float[Array, "c 2"], Float[Array, "c"]]:
+    """Mean place [m] and weight of the plan's cells whose points fill enough of the height of the band."""
     low = band.min(axis=0)
     cell = ((band - low) / _CELL_M).astype(np.int64)
     shape = cell.max(axis=0) + 1
@@ -106,8 +106,8 @@ def _tall_cells(band: Array, layers: float) -> tuple[Array, Array]:
     return place[tall], filled[tall].astype(float)
 
 
-def _strongest_line(cells: Array, weights: Array) -> tuple[Array, float]:
-    """Normal (2,) and offset [m] of the line with most weight on it."""
+def _strongest_line(cells: Float[Array, "c 2"], weights: Float[Array, "c"]) -> tuple[Float[Array, "2"], float]:
+    """Normal and offset [m] of the line with most weight on it."""
     angles = np.arange(_ANGLES) * np.pi / _ANGLES
     normals = np.stack([np.cos(angles), np.sin(angles)])  # (2, a)
     offsets = cells @ normals  # (c, a)
@@ -121,8 +121,10 @@ def _strongest_line(cells: Array, weights: Array) -> tuple[Array, float]:
     return normals[:, angle], float(low + place * _CELL_M)
 
 
-def _through_points(places: Array, normal: Array, offset: float, start: float, end: float) -> Array:
-    """The segment (2, 2) laid through the points (n, 2) about a stretch of a line, closer each time."""
+def _through_points(
+    places: Float[Array, "n 2"], normal: Float[Array, "2"], offset: float, start: float, end: float
+) -> Float[Array, "2 2"]:
+    """The segment laid through the points about a stretch of a line, closer each time."""
     ends = normal * offset + np.outer([start, end], _turned(normal))
     along = places @ _turned(normal)
     places = places[(along > start - _CELL_M) & (along < end + _CELL_M)]
@@ -137,20 +139,20 @@ def _through_points(places: Array, normal: Array, offset: float, start: float, e
     return ends - np.outer(ends @ normal - offset, normal)
 
 
-def _beside(cells: Array, wall: Array) -> NDArray[np.bool_]:
-    """Which cells (c,) lie at a segment (2, 2)."""
+def _beside(cells: Float[Array, "c 2"], wall: Float[Array, "2 2"]) -> Bool[Mask, "c"]:
+    """Which cells lie at a segment."""
     way = (wall[1] - wall[0]) / np.linalg.norm(wall[1] - wall[0])
     off = cells - wall[0]
     along, across = off @ way, off @ _turned(way)
     return (np.abs(across) < _NEAR_M) & (along > -_CELL_M) & (along < np.linalg.norm(wall[1] - wall[0]) + _CELL_M)
 
 
-def _turned(normal: Array) -> Array:
-    """The direction (2,) along a line with that normal."""
+def _turned(normal: Float[Array, "2"]) -> Float[Array, "2"]:
+    """The direction along a line with that normal."""
     return np.array([-normal[1], normal[0]])
 
 
-def _runs(along: Array) -> list[tuple[float, float]]:
+def _runs(along: Float[Array, "n"]) -> list[tuple[float, float]]:
     """Starts and ends [m] of the stretches of a line that have no long gap and are not short."""
     along = np.sort(along)
     breaks = np.flatnonzero(np.diff(along) > _GAP_M)
@@ -158,10 +160,10 @@ def _runs(along: Array) -> list[tuple[float, float]]:
     return [(float(a), float(b)) for a, b in zip(starts, ends, strict=True) if b - a >= _SHORTEST_M]
 
 
-def _facing(wall: Array, places: Array, middle: Array) -> Array:
-    """The segment (2, 2) with the room, where more of the points are, to its left."""
+def _facing(wall: Float[Array, "2 2"], places: Float[Array, "n 2"], middle: Float[Array, "2"]) -> Float[Array, "2 2"]:
+    """The segment with the room, where more of the points are, to its left."""
     way = wall[1] - wall[0]
-    left = np.array([-way[1], way[0]]) / np.linalg.norm(way)
+    left = _turned(way) / np.linalg.norm(way)
     beside = (places - wall[0]) @ left
     on_left, on_right = (beside > _NEAR_M).sum(), (beside < -_NEAR_M).sum()
     if on_left == on_right:
@@ -169,7 +171,7 @@ def _facing(wall: Array, places: Array, middle: Array) -> Array:
     return wall if on_left > on_right else wall[::-1]
 
 
-def _meet_at_corners(walls: Array) -> Array:
+def _meet_at_corners(walls: Float[Array, "w 2 2"]) -> Float[Array, "w 2 2"]:
     """The walls with their ends moved along them to where another wall's line is near."""
     met = walls.copy()
     for number, wall in enumerate(walls):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Bool, Float, Float32, Int32
 from numpy.typing import NDArray
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Mask, Singles
 from trackers.environment.grid import Grid
 
-Single = NDArray[np.float32]
+Voxels = NDArray[np.int32]
 
 _ENDS_VOXELS = 1.5
 """What is this near to a line's end does not count: cameras hang on walls, heads come close to things."""
@@ -18,7 +19,7 @@ _ROUNDS, _LEAPS = 3, 8
 """Lines still under way are sorted out after so many leaps, so many times; then the rest is looked at voxel by voxel."""
 
 
-def leaps_between(steps: Array) -> Single:
+def leaps_between(steps: Float[Array, "nx ny nz"]) -> Float32[Singles, "nx ny nz"]:
     """How far one may go from each voxel, in voxels, without jumping over an occupied one; 0 where it is occupied.
 
     steps: from the middle of each to the middle of its nearest occupied one, in voxels. Two voxels' middles are as far
@@ -28,8 +29,10 @@ def leaps_between(steps: Array) -> Single:
     return np.where(steps == 0, 0.0, np.maximum(steps - 1.0, _STEP_VOXELS)).astype(np.float32)
 
 
-def sees(leaps: NDArray[np.float32], grid: Grid, origin: Array, points: Array) -> NDArray[np.bool_]:
-    """Whether no occupied voxel lies between the origin (3,) and each point (n, 3) [m], the ends apart, (n,)."""
+def sees(
+    leaps: Float32[Singles, "nx ny nz"], grid: Grid, origin: Float[Array, "3"], points: Float[Array, "n 3"]
+) -> Bool[Mask, "n"]:
+    """Whether no occupied voxel lies between the origin and each point [m], the ends apart."""
     way = np.ascontiguousarray((points - origin).T)
     length = np.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
     way /= np.maximum(length, 1e-9 * grid.voxel_m)
@@ -37,14 +40,17 @@ def sees(leaps: NDArray[np.float32], grid: Grid, origin: Array, points: Array) -
 
 
 def first_met(
-    leaps: NDArray[np.float32], grid: Grid, origin: Array, way: Array, end: Array | float = np.inf
-) -> NDArray[np.int32]:
-    """The flat index of the first occupied voxel that each line comes to, (n,); −1 where there is none up to the `end`.
+    leaps: Float32[Singles, "nx ny nz"],
+    grid: Grid,
+    origin: Float[Array, "3"] | Float[Array, "n 3"],
+    way: Float[Array, "3 n"],
+    end: Float[Array, "n"] | float = np.inf,
+) -> Int32[Voxels, "n"]:
+    """The flat index of the first occupied voxel that each line comes to; −1 where there is none up to the `end`.
 
-    Lines go from origins (3,) or (n, 3) [m] along unit vectors `way` (3, n), each up to its `end` (n,) in voxels, and begin
-    _ENDS_VOXELS away. They leap as far as `leaps`, of the grid's shape (`leaps_between`), allows (Hart 1996, Sphere tracing).
-    One that comes to an occupied voxel leaps no further, one at its end stays there; so nothing has to be sorted out at every
-    leap.
+    Lines go from one origin or one each [m] along unit vectors `way`, each up to its `end` in voxels, and begin
+    _ENDS_VOXELS away. They leap as far as `leaps` (`leaps_between`) allows (Hart 1996, Sphere tracing). One that comes to an
+    occupied voxel leaps no further, one at its end stays there; so nothing has to be sorted out at every leap.
     """
     from_voxel = ((origin - grid.origin_m) / grid.voxel_m).T.reshape(3, -1)
     enters, leaves = _within(from_voxel, way, grid)
@@ -77,7 +83,9 @@ def first_met(
     return voxel
 
 
-def _flat(start: Single, way: Single, at: Single, grid: Grid) -> NDArray[np.int32]:
+def _flat(
+    start: Float32[Singles, "3 *from"], way: Float32[Singles, "3 *lines"], at: Float32[Singles, "*n"], grid: Grid
+) -> Int32[Voxels, "*n"]:
     """Flat index of the voxel at each distance along each line."""
     row = (start[0] + at * way[0]).astype(np.int32)
     row *= grid.shape[1]
@@ -87,8 +95,10 @@ def _flat(start: Single, way: Single, at: Single, grid: Grid) -> NDArray[np.int3
     return row
 
 
-def _within(start: Array, way: Array, grid: Grid) -> tuple[Array, Array]:
-    """Where each line (3, n) enters and leaves the grid, in voxels from the start; it enters after it leaves if it misses."""
+def _within(
+    start: Float[Array, "3 #n"], way: Float[Array, "3 n"], grid: Grid
+) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
+    """Where each line enters and leaves the grid, in voxels from the start; it enters after it leaves if it misses."""
     across = 1 / np.where(np.abs(way) < 1e-12, 1e-12, way)
     one, other = -start * across, (np.array(grid.shape)[:, None] - start) * across
     margin = 1e-2  # single precision rounds: stay inside

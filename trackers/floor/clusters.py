@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float, Int
 from pydantic import Field, PositiveInt
 from scipy import ndimage
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Index
 from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.observations import FloorFrame
@@ -32,18 +32,18 @@ class FloorClusterOptions(Strict):
 class FloorClusters:
     """k clusters of loaded elements that touch by a side or a corner, in the order of their first element, row by row."""
 
-    load_n: Array  # (k,) their elements' loads together [N]
-    centroid: Array  # (k, 2) middle of that load in the room, x, y [m]
-    n_cell: NDArray[np.intp]  # (k,)
-    cluster_of_cell: NDArray[np.intp]  # (rows, columns) the number of the cluster, −1 in none
-    cell_load_n: Array  # (rows, columns) the load of elements in clusters, 0 elsewhere [N]
+    load_n: Float[Array, "k"]  # their elements' loads together [N]
+    centroid: Float[Array, "k 2"]  # middle of that load in the room, x, y [m]
+    n_cell: Int[Index, "k"]
+    cluster_of_cell: Int[Index, "rows columns"]  # the number of the cluster, −1 in none
+    cell_load_n: Float[Array, "rows columns"]  # the load of elements in clusters, 0 elsewhere [N]
 
     def __len__(self) -> int:
         """How many they are."""
         return len(self.load_n)
 
-    def share_of_cell(self) -> Array:
-        """Each element's share of the load of its cluster, (rows, columns), 0 in none: Mori et al., eq. 3, by element."""
+    def share_of_cell(self) -> Float[Array, "rows columns"]:
+        """Each element's share of the load of its cluster, 0 in none: Mori et al., eq. 3, by element."""
         total_n = np.append(self.load_n, 1.0)[self.cluster_of_cell]  # the last stands for −1
         return self.cell_load_n / total_n
 

@@ -209,7 +209,7 @@ class LaserLayer:
             width_m=clusters.width_m,
             range_m=clusters.range_m,
             angle=scan.angle_min_rad
-            + scan.angle_increment_rad * np.stack([clusters.first_beam, clusters.last_beam], axis=-1),
+            + scan.angle_increment_rad * np.stack([clusters.first_beam, clusters.last_beam], axis=-1).astype(float),
             scanner=np.ones((len(clusters), 1), np.bool_),
         )
         if options.satellite_width_m is None:

@@ -50,6 +50,9 @@ def test_a_place_behind_the_fold_sees_nothing():
     edge = camera.cx + camera.fx * radius * (1 - 0.4 * radius**2)
     assert np.isnan(camera.unproject(np.array([edge + 1, camera.cy]))[:2]).any()
     assert np.isfinite(camera.unproject(np.array([edge - 1, camera.cy]))).all()
+    # One by one as together.
+    pixels = np.stack([np.linspace(-100.0, 740.0, 60), np.full(60, 260.0)], axis=-1)
+    np.testing.assert_array_equal([camera.unproject(pixel) for pixel in pixels], camera.unproject(pixels))
     # Beyond the fold a point's pixel would come back into the picture.
     _, seen = camera.project(np.array([[1.4, 0.0, 1.0], [0.5, 0.0, 1.0]]))
     assert seen.tolist() == [False, True]
