@@ -17,5 +17,6 @@ CHECKED = (
     "trackers.laser_vision_learning",
     "trackers.learning",
     "trackers.tracking",
+    "trackers.vision",
 )
 jaxtyping.install_import_hook(CHECKED, "shape_checks.checked")

@@ -12,11 +12,15 @@ from math import prod
 
 import cv2
 import numpy as np
+from jaxtyping import Bool, Float, Float32, Int, Integer, UInt8
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, NonNegativeInt, PositiveInt
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Bytes, Index, Mask, Singles
 from trackers.configuration import Strict
+
+Bins = NDArray[np.integer]
+Weights = NDArray[np.floating]
 
 _FULL = 255
 _HALF_TURNS = 180
@@ -25,17 +29,17 @@ _HALF_TURNS = 180
 
 @dataclass(frozen=True, eq=False)
 class BinnedSamples:
-    """The bins (planes, k, n) of k sets of n pixels, `size` where a pixel counts in none, and how much it counts there.
+    """The bins of k sets of n pixels, `size` where a pixel counts in none, and how much it counts there (None: 1 each).
 
-    With several planes a pixel counts in several bins. `weight` (planes, k, n); None: 1 each.
+    With several planes a pixel counts in several bins.
     """
 
-    number: NDArray[np.integer]
-    weight: NDArray[np.floating] | None
+    number: Integer[Bins, "planes k n"]
+    weight: Float[Weights, "planes k n"] | None
     size: int
 
-    def histograms(self, inside: Mask | None = None) -> Array:
-        """How much of each set falls in each bin, (k, size); of the pixels `inside` (k, n) alone where given."""
+    def histograms(self, inside: Bool[Mask, "k n"] | None = None) -> Float[Array, "k {self.size}"]:
+        """How much of each set falls in each bin; of the pixels `inside` alone where given."""
         k = self.number.shape[1]
         number = self.number if inside is None else np.where(inside, self.number, self.size)
         row = (self.size + 1) * np.arange(k)[:, None]  # one bin more, for what counts in none
@@ -46,21 +50,18 @@ class BinnedSamples:
 
 @dataclass(frozen=True, eq=False)
 class BinnedPicture:
-    """The bin (planes, height, width) of each pixel, `size` where it counts in none, and how much it counts there.
+    """The bin of each pixel, `size` where it counts in none, and how much it counts there (None: 1 each)."""
 
-    `weight` (planes, height, width); None: 1 each.
-    """
-
-    number: NDArray[np.integer]
-    weight: NDArray[np.floating] | None
+    number: Integer[Bins, "planes height width"]
+    weight: Float[Weights, "planes height width"] | None
     size: int
 
-    def where(self, mask: Mask) -> BinnedPicture:
-        """The same with only the pixels of a mask (height, width) counting: a person's foreground, say."""
+    def where(self, mask: Bool[Mask, "height width"]) -> BinnedPicture:
+        """The same with only the pixels of a mask counting: a person's foreground, say."""
         return BinnedPicture(np.where(mask, self.number, self.number.dtype.type(self.size)), self.weight, self.size)
 
-    def at(self, pixels: Array) -> BinnedSamples:
-        """The samples at k sets of pixel coordinates (k, ..., 2) [px]; those outside the picture, or NaN, count in none."""
+    def at(self, pixels: Float[Array, "k *n 2"]) -> BinnedSamples:
+        """The samples at k sets of pixel coordinates; those outside the picture, or NaN, count in none."""
         pixels = pixels.reshape(len(pixels), prod(pixels.shape[1:-1]), 2)
         column, row = self._within(pixels[..., 0], 1), self._within(pixels[..., 1], 0)
         return self._gathered(row * (self.number.shape[2] + 2) + column)
@@ -79,20 +80,20 @@ class BinnedPicture:
         # People are taller than wide, and numpy is fastest along long rows: column by column.
         return self._gathered((column[:, :, None] + row[:, None, :]).reshape(len(centres), samples[0] * samples[1]))
 
-    def _within(self, coordinates: Array, axis: int) -> NDArray[np.intp]:
+    def _within(self, coordinates: Float[Array, "k n"], axis: int) -> Int[Index, "k n"]:
         """The index in the bordered picture of the pixels that coordinates fall in; the border's beyond the edges."""
         place = np.floor(coordinates + 1.5)  # pixel i covers [i − ½, i + ½), and the border comes first
         within = np.fmin(np.fmax(place, 0.0), self.number.shape[1 + axis] + 1)  # the border for NaN
         return within.astype(np.intp)
 
-    def _gathered(self, index: NDArray[np.intp]) -> BinnedSamples:
+    def _gathered(self, index: Int[Index, "k n"]) -> BinnedSamples:
         number, weight = self._bordered
         taken = number.take(index, axis=1, mode="clip")  # nothing to clip, but numpy does not look twice
         return BinnedSamples(taken, None if weight is None else weight.take(index, axis=1, mode="clip"), self.size)
 
     @cached_property
-    def _bordered(self) -> tuple[NDArray[np.integer], NDArray[np.floating] | None]:
-        """Bins and weights with a border of one pixel that counts in none, (planes, (height + 2) (width + 2))."""
+    def _bordered(self) -> tuple[Integer[Bins, "planes size"], Float[Weights, "planes size"] | None]:
+        """Bins and weights with a border of one pixel that counts in none, size (height + 2) (width + 2)."""
         around = ((0, 0), (1, 1), (1, 1))
         number = np.pad(self.number, around, constant_values=self.size).reshape(len(self.number), -1)
         weight = None if self.weight is None else np.pad(self.weight, around).reshape(len(self.weight), -1)
@@ -120,8 +121,8 @@ class HueSaturationValueBins(Strict):
         """How many bins there are: hue × saturation in rows of hue, then value."""
         return self.hue * self.saturation + self.value
 
-    def picture(self, rgb: NDArray[np.uint8]) -> BinnedPicture:
-        """The bins of a picture (height, width, 3)."""
+    def picture(self, rgb: UInt8[Bytes, "height width 3"]) -> BinnedPicture:
+        """The bins of a picture."""
         hsv = cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV)
         step = np.arange(_FULL + 1)
         per_channel = (
@@ -155,15 +156,17 @@ class HueAndGreyBins:
         """How many bins there are: hue, then brightness."""
         return self.hue + self.grey
 
-    def samples(self, rgb: NDArray[np.uint8]) -> BinnedSamples:
-        """The bins of k sets of n pixels (k, n, 3)."""
+    def samples(self, rgb: UInt8[Bytes, "k n 3"]) -> BinnedSamples:
+        """The bins of k sets of n pixels."""
         return BinnedSamples(*self._binned(rgb), self.size)
 
-    def picture(self, rgb: NDArray[np.uint8]) -> BinnedPicture:
-        """The bins of a picture (height, width, 3)."""
+    def picture(self, rgb: UInt8[Bytes, "height width 3"]) -> BinnedPicture:
+        """The bins of a picture."""
         return BinnedPicture(*self._binned(rgb), self.size)
 
-    def _binned(self, rgb: NDArray[np.uint8]) -> tuple[NDArray[np.intp], NDArray[np.float32] | None]:
+    def _binned(
+        self, rgb: UInt8[Bytes, "k n 3"]
+    ) -> tuple[Int[Index, "planes k n"], Float32[Singles, "planes k n"] | None]:
         hsv = cv2.cvtColor(np.ascontiguousarray(rgb, np.float32) / np.float32(_FULL), cv2.COLOR_RGB2HSV)
         hue, saturation, value = hsv[..., 0], hsv[..., 1], hsv[..., 2]
         hue_bin = (hue * (self.hue / 360)).astype(np.intp) % self.hue

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.ndimage import map_coordinates
 
 from trackers.area import Area
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Index, Mask, Singles
 from trackers.cameras.placed import PlacedCamera
 from trackers.filters.gating import distances
 from trackers.vision.person_windows import person_windows
 
 _LEAST_CELL_PX = 1.0
 """A person with smaller cells is too small to be made out."""
-
-Singles = NDArray[np.float32]
 
 
 class FloorPlaces:

@@ -19,16 +19,14 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Bool, UInt8
 from pydantic import Field, NonNegativeInt, model_validator
 
-from trackers.arrays import Mask
+from trackers.arrays import Bytes, Mask, Singles
 from trackers.cameras.intrinsics import Intrinsics
 from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.observations import DepthImage, Image
-
-Bytes = NDArray[np.uint8]
 
 _FULL = 255
 _HALF_TURNS = 180
@@ -101,7 +99,7 @@ class Foreground:
         self.options = options
         self._shape = (intrinsics.height, intrinsics.width, 3)
         self.learns_background = not empty_room
-        self._levels: NDArray[np.float32] | None = None  # of the learned background, RGB
+        self._levels: Singles | None = None  # of the learned background, RGB
         self._t: float | None = None
         self._background: _Background | None = None
         if empty_room:
@@ -110,8 +108,8 @@ class Foreground:
             median = np.median(np.stack(shown[::every]), axis=0)
             self._background = _Background.of(np.rint(median).astype(np.uint8), options)
 
-    def mask(self, image: Image | DepthImage) -> Mask:
-        """Where a picture shows what is not the empty room, (height, width).
+    def mask(self, image: Image | DepthImage) -> Bool[Mask, "height width"]:
+        """Where a picture shows what is not the empty room.
 
         A learned background is that of the pictures before it; of the first, nothing is foreground. Raises InputError for
         a picture of another size than the camera's.
@@ -127,7 +125,7 @@ class Foreground:
             )
         return image.rgb
 
-    def _learned(self, rgb: Bytes, t: float) -> _Background:
+    def _learned(self, rgb: UInt8[Bytes, "height width 3"], t: float) -> _Background:
         """The background before this picture, which it learns from; one that is no newer than another teaches nothing."""
         if self._levels is None or self._t is None:
             self._levels, self._t = rgb.astype(np.float32), t
@@ -138,7 +136,7 @@ class Foreground:
             self._t = t
         return background
 
-    def _cleaned(self, changed: Mask) -> Mask:
+    def _cleaned(self, changed: Bool[Mask, "height width"]) -> Bool[Mask, "height width"]:
         options = self.options
         mask = changed.view(np.uint8)
         mask = cv2.dilate(cv2.erode(mask, _disc(options.erode_px)), _disc(options.dilate_px))
@@ -152,23 +150,23 @@ class Foreground:
 
 @dataclass(frozen=True, eq=False)
 class _Background:
-    """The empty room in 8-bit HSV, each (height, width), and between which values something is a shadow on it."""
+    """The empty room in 8-bit HSV, and between which values something is a shadow on it."""
 
-    hue: Bytes
-    saturation: Bytes
-    value: Bytes
-    darkest: Bytes
-    lightest: Bytes
+    hue: UInt8[Bytes, "height width"]
+    saturation: UInt8[Bytes, "height width"]
+    value: UInt8[Bytes, "height width"]
+    darkest: UInt8[Bytes, "height width"]
+    lightest: UInt8[Bytes, "height width"]
 
     @classmethod
-    def of(cls, rgb: Bytes, options: ForegroundOptions) -> _Background:
+    def of(cls, rgb: UInt8[Bytes, "height width 3"], options: ForegroundOptions) -> _Background:
         hue, saturation, value = _hsv(rgb)
         level = np.arange(_FULL + 1)
         darkest, lightest = np.ceil(level * options.shadow_darkest), np.floor(level * options.shadow_lightest)
         return cls(hue, saturation, value, *(each.astype(np.uint8)[value] for each in (darkest, lightest)))
 
-    def differs(self, rgb: Bytes, options: ForegroundOptions) -> Mask:
-        """Where a picture has changed and no shadow explains it, (height, width)."""
+    def differs(self, rgb: UInt8[Bytes, "height width 3"], options: ForegroundOptions) -> Bool[Mask, "height width"]:
+        """Where a picture has changed and no shadow explains it."""
         hue, saturation, value = _hsv(rgb)
         hue_off = cv2.absdiff(hue, self.hue)
         hue_off = np.minimum(hue_off, _HALF_TURNS - hue_off)
@@ -186,14 +184,16 @@ class _Background:
         return changed & ~shadow
 
 
-def _hsv(rgb: Bytes) -> tuple[Bytes, Bytes, Bytes]:
-    """Hue in steps of two degrees, saturation and value of a picture, each (height, width)."""
+def _hsv(
+    rgb: UInt8[Bytes, "height width 3"],
+) -> tuple[UInt8[Bytes, "height width"], UInt8[Bytes, "height width"], UInt8[Bytes, "height width"]]:
+    """Hue in steps of two degrees, saturation and value of a picture."""
     hue, saturation, value = (
         np.asarray(channel, np.uint8) for channel in cv2.split(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV))
     )
     return hue, saturation, value
 
 
-def _disc(radius_px: int) -> Bytes:
+def _disc(radius_px: int) -> UInt8[Bytes, "side side"]:
     side = 2 * radius_px + 1
     return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side)).astype(np.uint8)

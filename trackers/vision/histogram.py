@@ -10,10 +10,10 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float, UInt8
 from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Bytes, Mask
 from trackers.configuration import Strict
 from trackers.vision.colour_bins import HueAndGreyBins
 
@@ -53,8 +53,13 @@ class ColourHistogram:
         self.size = self._bins.size
         self._hue_kernel = _gaussian_kernel(self.options.smoothing_deg * self.options.hue_bins / 360)
 
-    def of_windows(self, rgb: NDArray[np.uint8], pixels: Array, inside: NDArray[np.bool_]) -> Array:
-        """Histograms (k, size) of the image (height, width, 3) at pixels (k, rows, columns, 2) that are `inside`.
+    def of_windows(
+        self,
+        rgb: UInt8[Bytes, "height width 3"],
+        pixels: Float[Array, "k rows columns 2"],
+        inside: Bool[Mask, "k rows columns"],
+    ) -> Float[Array, "k {self.size}"]:
+        """Histograms of the image at pixels that are `inside`.
 
         A window with nothing inside has an all-zero histogram.
         """
@@ -66,8 +71,8 @@ class ColourHistogram:
         sampled = rgb[row, column].reshape(k, -1, 3)
         return self.of_pixels(sampled, inside.reshape(k, -1))
 
-    def of_pixels(self, rgb: NDArray[np.uint8], inside: NDArray[np.bool_]) -> Array:
-        """Histograms (k, size) of k sets of n pixels (k, n, 3), those `inside` (k, n) counted."""
+    def of_pixels(self, rgb: UInt8[Bytes, "k n 3"], inside: Bool[Mask, "k n"]) -> Float[Array, "k {self.size}"]:
+        """Histograms of k sets of n pixels, those `inside` counted."""
         options = self.options
         counts = self._bins.samples(rgb).histograms(inside)
         if options.smoothing_deg > 0:
@@ -79,21 +84,23 @@ class ColourHistogram:
         return normalised(counts)
 
 
-def normalised(counts: Array) -> Array:
-    """Histograms (k, b) whose bins sum to 1; one that holds nothing stays all-zero."""
+def normalised(counts: Float[Array, "k bins"]) -> Float[Array, "k bins"]:
+    """Histograms whose bins sum to 1; one that holds nothing stays all-zero."""
     total = counts.sum(axis=1, keepdims=True)
     return np.divide(counts, total, out=np.zeros_like(counts), where=total > 0)
 
 
-def chi_squared_distance(references: Array, histograms: Array) -> Array:
-    """E: ½ Σ (u − v)² / (u + v) between each reference (n, b) and each histogram (k, b), (n, k), in [0, 1] (eq. 6, inferred)."""
+def chi_squared_distance(references: Float[Array, "n bins"], histograms: Float[Array, "k bins"]) -> Float[Array, "n k"]:
+    """E: ½ Σ (u − v)² / (u + v) between each reference and each histogram, in [0, 1] (eq. 6, inferred)."""
     difference = references[:, None] - histograms[None]
     total = references[:, None] + histograms[None]
     return 0.5 * np.divide(difference**2, total, out=np.zeros_like(total), where=total > 0).sum(axis=-1)
 
 
-def bhattacharyya_distance(references: Array, histograms: Array) -> Array:
-    """D = √(1 − Σ √(p q)) between each reference (n, b) and each histogram (k, b), (n, k), in [0, 1].
+def bhattacharyya_distance(
+    references: Float[Array, "n bins"], histograms: Float[Array, "k bins"]
+) -> Float[Array, "n k"]:
+    """D = √(1 − Σ √(p q)) between each reference and each histogram, in [0, 1].
 
     After Comaniciu, Ramesh and Meer (2003) and Pérez et al. (2002), whose likelihood is ∝ exp(−λ D²). An all-zero
     histogram is as far as can be, 1, from everything.
@@ -102,12 +109,14 @@ def bhattacharyya_distance(references: Array, histograms: Array) -> Array:
     return np.sqrt(np.maximum(1 - alike, 0.0))  # of equal ones rounding leaves 1 ± 1e-16
 
 
-def updated_reference(reference: Array, histogram: Array, memory: float) -> Array:
-    """V̄_t = α V̄_{t−1} + (1 − α) V_t with α = `memory` (eq. 7); rows of (n, b)."""
+def updated_reference(
+    reference: Float[Array, "n bins"], histogram: Float[Array, "n bins"], memory: float
+) -> Float[Array, "n bins"]:
+    """V̄_t = α V̄_{t−1} + (1 − α) V_t with α = `memory` (eq. 7)."""
     return memory * reference + (1 - memory) * histogram
 
 
-def _gaussian_kernel(deviation_bins: float) -> Array:
+def _gaussian_kernel(deviation_bins: float) -> Float[Array, "width"]:
     """Weights that sum to 1 out to three standard deviations."""
     reach = int(np.ceil(3 * deviation_bins))
     offsets = np.arange(-reach, reach + 1)
@@ -119,8 +128,10 @@ def _gaussian_kernel(deviation_bins: float) -> Array:
 _GREY_KERNEL = _gaussian_kernel(1.0)
 
 
-def _smoothed(counts: Array, kernel: Array, mode: Literal["wrap", "constant"]) -> Array:
-    """Rows of counts (k, b) spread by a kernel; the circle of hues closes (wrap), brightness ends (constant)."""
+def _smoothed(
+    counts: Float[Array, "k bins"], kernel: Float[Array, "width"], mode: Literal["wrap", "constant"]
+) -> Float[Array, "k bins"]:
+    """Rows of counts spread by a kernel; the circle of hues closes (wrap), brightness ends (constant)."""
     if counts.shape[1] == 0:
         return counts
     reach = kernel.size // 2

@@ -11,12 +11,10 @@ from collections.abc import Iterable
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 from numpy.typing import NDArray
 
-from trackers.arrays import Array, Mask
-
-Bytes = NDArray[np.uint8]
+from trackers.arrays import Array, Bytes, Mask
 
 _SQUARE = 3
 """Averages go over squares of this side [px of the level]."""
@@ -48,8 +46,8 @@ class MaskLevels:
             index[of] = self._start[each] + row * (columns + 2) + column
         return index
 
-    def table(self, mask: Mask) -> UInt8[Bytes, "size"]:
-        """How much of each square a mask (height, width) fills, 0 to 255."""
+    def table(self, mask: Bool[Mask, "height width"]) -> UInt8[Bytes, "size"]:
+        """How much of each square a mask fills, 0 to 255."""
         table = np.zeros(self._length, np.uint8)
         plane, level = np.asarray(mask).view(np.uint8) * np.uint8(255), 0
         for each, (rows, columns) in self._shape.items():

@@ -12,11 +12,10 @@ from typing import Literal
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Int, UInt8
-from numpy.typing import NDArray
+from jaxtyping import Float, Float32, Int, UInt8
 from pydantic import Field, PositiveInt
 
-from trackers.arrays import Array, Index
+from trackers.arrays import Array, Bytes, Index, Singles
 from trackers.configuration import Strict
 
 Feature = Literal["rgb", "edges", "texture"]
@@ -51,7 +50,7 @@ class PatchDescriber:
         self.size = sum(of_kind[kind] for kind in self.options.kinds)
 
     def described(
-        self, rgb: UInt8[NDArray[np.uint8], "height width 3"], centre: Float[Array, "k 2"], side: Float[Array, "k"]
+        self, rgb: UInt8[Bytes, "height width 3"], centre: Float[Array, "k 2"], side: Float[Array, "k"]
     ) -> Float[Array, "k features"]:
         """Features of k square patches by their centres and sides [px], which are moved inside where they leave the picture.
 
@@ -69,7 +68,9 @@ class PatchDescriber:
         makers = {"rgb": self._colours, "edges": self._edges, "texture": self._texture}
         return np.concatenate([makers[kind](crop, corner, size[:, 0]) for kind in self.options.kinds], axis=1)
 
-    def _colours(self, crop: NDArray[np.uint8], corner: Int[Index, "k 2"], size: Int[Index, "k"]) -> Array:
+    def _colours(
+        self, crop: UInt8[Bytes, "height width 3"], corner: Int[Index, "k 2"], size: Int[Index, "k"]
+    ) -> Float[Array, "k colours"]:
         """Mean red, green and blue of each cell."""
         cells = self.options.rgb_cells
         edges = size[:, None] * np.arange(cells + 1) // cells
@@ -80,7 +81,9 @@ class PatchDescriber:
         area = np.maximum(extent[:, :, None] * extent[:, None], 1)
         return (sums / area[..., None]).reshape(len(size), -1)
 
-    def _edges(self, crop: NDArray[np.uint8], corner: Int[Index, "k 2"], size: Int[Index, "k"]) -> Array:
+    def _edges(
+        self, crop: UInt8[Bytes, "height width 3"], corner: Int[Index, "k 2"], size: Int[Index, "k"]
+    ) -> Float[Array, "k orientations"]:
         """Shares of the orientations: of nothing, where there are no edges."""
         options = self.options
         along_u, along_v = cv2.spatialGradient(cv2.cvtColor(crop, cv2.COLOR_RGB2GRAY))
@@ -91,7 +94,9 @@ class PatchDescriber:
         sums = _sums(planes, corner, size)
         return sums / (sums.sum(axis=1) + options.least_edge * size**2)[:, None]
 
-    def _texture(self, crop: NDArray[np.uint8], corner: Int[Index, "k 2"], size: Int[Index, "k"]) -> Array:
+    def _texture(
+        self, crop: UInt8[Bytes, "height width 3"], corner: Int[Index, "k 2"], size: Int[Index, "k"]
+    ) -> Float[Array, "k 5"]:
         """Five of Haralick's features of the pairs of grey levels side by side and one above the other."""
         n = self.options.grey_levels
         level = (cv2.cvtColor(crop, cv2.COLOR_RGB2GRAY).astype(np.intp) * n) // 256
@@ -120,8 +125,10 @@ class PatchDescriber:
         )
 
 
-def _sums(planes: NDArray[np.float32], corner: Int[Index, "k 2"], size: Int[Index, "k"]) -> Array:
-    """Sums of planes (height, width, p) over squares, (k, p)."""
+def _sums(
+    planes: Float32[Singles, "height width p"], corner: Int[Index, "k 2"], size: Int[Index, "k"]
+) -> Float[Array, "k p"]:
+    """Sums of planes over squares."""
     integral = np.asarray(cv2.integral(planes, sdepth=cv2.CV_64F), float)
     (u, v), far_u, far_v = corner.T, corner[:, 0] + size, corner[:, 1] + size
     return integral[far_v, far_u] - integral[v, far_u] - integral[far_v, u] + integral[v, u]

@@ -11,15 +11,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Float32, Int
+from jaxtyping import Bool, Float, Float32, Int
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Index, Mask, Singles
 from trackers.cameras.placed import PlacedCamera
 from trackers.configuration import Strict
 from trackers.filters.gating import distances
-from trackers.vision.floor_places import FloorPlaces, Singles
+from trackers.vision.floor_places import FloorPlaces
 from trackers.vision.foreground import ForegroundOptions
 from trackers.vision.mask_levels import MaskLevels, level_of
 from trackers.vision.person_model import COLUMNS, INPUTS, ROWS, PersonModel
@@ -94,7 +94,7 @@ class PersonDetector:
         self._index = index.reshape(len(index), ROWS * COLUMNS)
         self._besides = np.stack([windows.steepness, self.places.share_inside], axis=1).astype(np.float32)
 
-    def candidates(self, mask: Mask) -> tuple[Int[Index, "c"], Float32[Singles, "c inputs"]]:
+    def candidates(self, mask: Bool[Mask, "height width"]) -> tuple[Int[Index, "c"], Float32[Singles, "c inputs"]]:
         """The places at which somebody may stand, and what the model is told of each one's window."""
         table = self._levels.table(mask)
         filled = table.take(self._middle).sum(axis=1, dtype=np.int64)
@@ -104,8 +104,8 @@ class PersonDetector:
         inputs[:, ROWS * COLUMNS :] = self._besides[index]
         return index, inputs
 
-    def detect(self, mask: Mask) -> PeopleSeen:
-        """The people whom a mask (height, width) shows."""
+    def detect(self, mask: Bool[Mask, "height width"]) -> PeopleSeen:
+        """The people whom a mask shows."""
         options, places = self.options, self.places
         index, inputs = self.candidates(mask)
         score = self.model.nearness(inputs)[:, 0]

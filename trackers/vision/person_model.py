@@ -15,10 +15,8 @@ import numpy as np
 from jaxtyping import Float, Float32
 from numpy.typing import NDArray
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Singles
 from trackers.errors import InputError
-
-Singles = NDArray[np.float32]
 
 ROWS, COLUMNS = 14, 8
 """Cells of a window, of which the model is learned."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Bool, Float
 from pydantic import Field, PositiveInt
 
 from trackers.arrays import Array, Mask
@@ -49,13 +50,13 @@ class TorsoOptions(Strict):
 class TorsoWindows:
     """One window a detection, in detection order."""
 
-    pixels: Array  # (k, rows, columns, 2) u, v
-    inside: Mask  # (k, rows, columns) whether the image shows the sample
-    usable: Mask  # (k,) whether the window may be compared
-    clear: Mask  # (k,) usable, wide enough and not overlapped by another: may be learned from
+    pixels: Float[Array, "k rows columns 2"]  # u, v
+    inside: Bool[Mask, "k rows columns"]  # whether the image shows the sample
+    usable: Bool[Mask, "k"]  # whether the window may be compared
+    clear: Bool[Mask, "k"]  # usable, wide enough and not overlapped by another: may be learned from
 
-    def outline(self, index: int) -> Array:
-        """The border of one window as a polygon of pixels (p, 2), to draw it."""
+    def outline(self, index: int) -> Float[Array, "p 2"]:
+        """The border of one window as a polygon of pixels, to draw it."""
         grid = self.pixels[index]
         return np.concatenate([grid[0], grid[1:, -1], grid[-1, -2::-1], grid[-2:0:-1, 0]])
 
@@ -90,8 +91,8 @@ class TorsoProjector:
         return TorsoWindows(pixels, inside, usable, clear)
 
 
-def largest_overlap(pixels: Array) -> Array:
-    """For each window the largest share of its bounding box that another's covers, (k,)."""
+def largest_overlap(pixels: Float[Array, "k rows columns 2"]) -> Float[Array, "k"]:
+    """For each window the largest share of its bounding box that another's covers."""
     k = len(pixels)
     if k < 2:
         return np.zeros(k)
