@@ -14,6 +14,7 @@ CHECKED = (
     "trackers.filters",
     "trackers.floor",
     "trackers.laser",
+    "trackers.laser_fisheye_imm",
     "trackers.laser_vision_learning",
     "trackers.learning",
     "trackers.tracking",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from trackers.arrays import Array, Index, Mask
 from trackers.filters.gating import distances, mahalanobis, validation_region
@@ -24,13 +25,13 @@ _NOBODY = np.empty(0, np.intp)
 class Matches:
     """Which track was measured where, and what was left over."""
 
-    track: Index  # (p,)
-    position: Array  # (p, 2)
-    variance: Array  # (p,) of the position on each axis
-    trunk: Index  # (p,) the trunk, or -1 where legs were used
-    new_position: Array  # (q, 2) measurements that no track took
-    new_trunk: Index  # (q,)
-    new_clearance: Array  # (q,) how far from everybody else somebody new must be to be believed [m]
+    track: Int[Index, "p"]
+    position: Float[Array, "p 2"]
+    variance: Float[Array, "p"]  # of the position on each axis
+    trunk: Int[Index, "p"]  # the trunk, or -1 where legs were used
+    new_position: Float[Array, "q 2"]  # measurements that no track took
+    new_trunk: Int[Index, "q"]
+    new_clearance: Float[Array, "q"]  # how far from everybody else somebody new must be to be believed [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,12 +78,16 @@ class Association:
         )
 
     def _match(
-        self, tracks: Index, position: Array, radius_m: float, whole: Mask, colour: Array | None
-    ) -> tuple[Index, Index]:
-        """Pairs (track, measurement) among `tracks` (p,) and measurements (k, 2): first whom a prediction explains.
+        self,
+        tracks: Int[Index, "p"],
+        position: Float[Array, "k 2"],
+        radius_m: float,
+        whole: Bool[Mask, "k"],
+        colour: Float[Array, "n k"] | None,
+    ) -> tuple[Int[Index, "pairs"], Int[Index, "pairs"]]:
+        """Pairs (track, measurement) among `tracks` and measurements: first whom a prediction explains.
 
-        `whole` (k,): what is a person rather than one leg, which may be anything; `colour`: E of all tracks (n, k), NaN
-        where unknown.
+        `whole`: what is a person rather than one leg, which may be anything; `colour`: E of all tracks, NaN where unknown.
         """
         if tracks.size == 0 or len(position) == 0:
             return _NOBODY, _NOBODY
@@ -104,8 +109,15 @@ class Association:
         rows, columns = associate(stages)
         return tracks[rows], columns
 
-    def _recognised(self, tracks: Index, hidden: Mask, position: Array, radius_m: float, colour: Array | None) -> Mask:
-        """Pairs (p, k) of a `hidden` track (p,) and somebody whom it can have become meanwhile, by all that tells.
+    def _recognised(
+        self,
+        tracks: Int[Index, "p"],
+        hidden: Bool[Mask, "p"],
+        position: Float[Array, "k 2"],
+        radius_m: float,
+        colour: Float[Array, "n k"] | None,
+    ) -> Bool[Mask, "p k"]:
+        """Pairs of a `hidden` track and somebody whom it can have become meanwhile, by all that tells.
 
         Its prediction says little after a while: what it can have walked since it was measured is asked instead, and what
         shirt it wears; nothing tells whose legs they are but that only one of the hidden can be there.
@@ -118,12 +130,12 @@ class Association:
             return can_be & (colour[tracks] <= self.options.recognised_below)
         return can_be & (np.count_nonzero(can_be, axis=0) == 1)
 
-    def _hidden(self, tracks: Index) -> Mask:
-        """Which of `tracks` (p,) were not measured at the last scan either."""
+    def _hidden(self, tracks: Int[Index, "p"]) -> Bool[Mask, "p"]:
+        """Which of `tracks` were not measured at the last scan either."""
         return self.ns - self.people.roster.measured_ns[tracks] > nanoseconds(1.5 * self.options.period_s)
 
-    def _walkers(self, seen: Seen, unmatched: Index) -> tuple[Array, Index]:
-        """People (p, 2) as their legs show them, and how many legs each shows, (p,).
+    def _walkers(self, seen: Seen, unmatched: Int[Index, "u"]) -> tuple[Float[Array, "p 2"], Int[Index, "p"]]:
+        """People as their legs show them, and how many legs each shows.
 
         Nobody whose trunk is seen, and nobody who may as well be one as another of the `unmatched`: better no one's legs
         than the wrong one's.
@@ -145,8 +157,8 @@ class Association:
         clear = self._clear(hidden, walkers)
         return walkers[clear], np.concatenate([n_leg[n_leg > 0], n_leg_of_strangers])[clear]
 
-    def _clear(self, hidden: Index, walkers: Array) -> Mask:
-        """Which walkers (p, 2) one of the hidden explains clearly better than any other does, or none explains, (p,)."""
+    def _clear(self, hidden: Int[Index, "h"], walkers: Float[Array, "p 2"]) -> Bool[Mask, "p"]:
+        """Which walkers one of the hidden explains clearly better than any other does, or none explains."""
         if hidden.size < 2 or len(walkers) == 0:
             return np.ones(len(walkers), np.bool_)
         state, farthest = self.people.state.select(hidden), self.options.max_deviations or np.inf

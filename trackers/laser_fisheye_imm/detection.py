@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from trackers.area import Area
 from trackers.arrays import Array, Mask
@@ -30,9 +31,9 @@ class Seen:
     trunks: Detections
     legs: Detections
     windows: TorsoWindows | None
-    histograms: Array  # (k, bins) of the trunks; meaningful where comparable
-    comparable: Mask  # (k,)
-    clear: Mask  # (k,) may be learned from
+    histograms: Float[Array, "k bins"]  # of the trunks; meaningful where comparable
+    comparable: Bool[Mask, "k"]
+    clear: Bool[Mask, "k"]  # may be learned from
 
 
 class Detector:
@@ -111,8 +112,8 @@ class Detector:
         shown: dict[Role, Detections] = {"waist": seen.trunks, "knee": seen.legs}
         return [each for role, group in self._groups.items() for each in group.told(shown[role], role, ns)]
 
-    def missed(self, moment: Moment, points: Array) -> Array:
-        """How probably the moment's scans show nothing of somebody at points (2, ...), (...); nobody is outside the area."""
+    def missed(self, moment: Moment, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
+        """How probably the moment's scans show nothing of somebody at points; nobody is outside the area."""
         chance = np.ones(points.shape[1:])
         if self._area is not None:
             chance[~self._area.contains(points.reshape(2, -1).T).reshape(chance.shape)] = 0
@@ -121,7 +122,7 @@ class Detector:
         return chance
 
 
-def _nearest_first(names: tuple[str, ...], rig: Rig, place: Array) -> tuple[str, ...]:
-    """Scanners by their distance from a place (3,) [m], those equally far as they were."""
+def _nearest_first(names: tuple[str, ...], rig: Rig, place: Float[Array, "3"]) -> tuple[str, ...]:
+    """Scanners by their distance from a place [m], those equally far as they were."""
     lasers = rig.lasers()
     return tuple(sorted(names, key=lambda name: np.linalg.norm(lasers[name].room_from_sensor.translation - place)))

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Self
 
-import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float, Int
 
 from trackers.arrays import Array, Index, Mask
 from trackers.filters.imm_state import ImmState
@@ -21,21 +20,20 @@ class People(Rows):
 
     roster: Roster[ImmState]
     clothes: Appearance
-    born_at: Array  # (n, 2) first measured position [m]
-    measured_at: Array  # (n, 2) last measured position [m]
+    born_at: Float[Array, "n 2"]  # first measured position [m]
+    measured_at: Float[Array, "n 2"]  # last measured position [m]
 
     @classmethod
     def started(
         cls,
         state: ImmState,
-        position: Array,
+        position: Float[Array, "n 2"],
         ns: int,
-        reference: Array,
-        n_look: NDArray[np.int64],
+        reference: Float[Array, "n bins"],
+        n_look: Int[Index, "n"],
     ) -> Self:
-        """Tentative tracks first measured at `position` (n, 2) at stamp ns."""
-        clothes = Appearance.started(reference, n_look, ns, position)
-        return cls(Roster.started(state, ns), clothes, position, position)
+        """Tentative tracks first measured at `position` at stamp ns."""
+        return cls(Roster.started(state, ns), Appearance.started(reference, n_look), position, position)
 
     @property
     def state(self) -> ImmState:
@@ -43,21 +41,21 @@ class People(Rows):
         return self.roster.state
 
     @property
-    def confirmed(self) -> Mask:
-        """Who is confirmed, (n,)."""
+    def confirmed(self) -> Bool[Mask, "n"]:
+        """Who is confirmed."""
         return self.roster.confirmed
 
     @property
-    def positions(self) -> Array:
-        """Each track's position over its modes, (n, 2) [m]."""
+    def positions(self) -> Float[Array, "n 2"]:
+        """Each track's position over its modes [m]."""
         return (self.state.mean[:2] * self.state.probability).sum(axis=1).T
 
     def in_state(self, state: ImmState) -> Self:
         """These tracks with another state."""
         return self.changed(roster=self.roster.changed(state=state))
 
-    def measured(self, track: Index, position: Array, ns: int, state: ImmState) -> Self:
-        """These tracks in `state`, with those at `track` (p,) measured at `position` (p, 2) at ns."""
+    def measured(self, track: Int[Index, "p"], position: Float[Array, "p 2"], ns: int, state: ImmState) -> Self:
+        """These tracks in `state`, with those at `track` measured at `position` at ns."""
         return self.changed(
             roster=self.roster.measured(track, ns, state),
             measured_at=written(self.measured_at, track, position),

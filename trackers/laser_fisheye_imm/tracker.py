@@ -25,6 +25,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from jaxtyping import Bool, Float
 
 from trackers.area import Area
 from trackers.arrays import Array, Mask
@@ -146,8 +147,8 @@ class LaserFisheyeImm:
             for number, x, y, vx, vy, is_measured in zip(*(column.tolist() for column in columns), strict=True)
         ]
 
-    def torso_windows(self) -> list[tuple[int | None, Array]]:
-        """The torso windows of the last frame's image: whose (None: nobody's yet), and the outline in pixels (p, 2)."""
+    def torso_windows(self) -> list[tuple[int | None, Float[Array, "p 2"]]]:
+        """The torso windows of the last frame's image: whose (None: nobody's yet), and the outline in pixels."""
         return self._windows
 
     def _work_all(self, moments: list[Moment]) -> list[TrackFrame]:
@@ -163,7 +164,7 @@ class LaserFisheyeImm:
             seen
         )
         self._update(matches, moment.ns)
-        self._learn_colours(matches, seen, moment.ns)
+        self._learn_colours(matches, seen)
         self._note_windows(matches, seen)
         self._confirm(moment.ns)
         self._end(moment.ns, self._miss(moment))
@@ -203,8 +204,8 @@ class LaserFisheyeImm:
             state = state.replaced(fresh, moving)
         self._people = people.measured(track, matches.position, ns, state)
 
-    def _miss(self, moment: Moment) -> Mask:
-        """Whoever was looked for and not seen is likelier where nothing would show them; who may well be there, (n,)."""
+    def _miss(self, moment: Moment) -> Bool[Mask, "n"]:
+        """Whoever was looked for and not seen is likelier where nothing would show them; who may well be there."""
         people = self._people
         missed = (people.confirmed & ~measured_now(people.roster, moment.ns)).nonzero()[0]
         hidden = np.zeros(len(people), np.bool_)
@@ -216,7 +217,7 @@ class LaserFisheyeImm:
             hidden[missed] = chance > self.options.management.hidden_above
         return hidden
 
-    def _learn_colours(self, matches: Matches, seen: Seen, ns: int) -> None:
+    def _learn_colours(self, matches: Matches, seen: Seen) -> None:
         if seen.windows is None:
             return
         looked = (matches.trunk >= 0).nonzero()[0]
@@ -230,8 +231,6 @@ class LaserFisheyeImm:
             np.zeros(track.size, np.bool_),
             0,
             self.options.histogram.memory,
-            ns,
-            self._people.measured_at[track],
         )
         self._people = self._people.changed(clothes=clothes)
 
@@ -251,20 +250,20 @@ class LaserFisheyeImm:
         self._people = people.changed(roster=people.roster.confirm(new, self._next_id))
         self._next_id += new.size
 
-    def _end(self, ns: int, hidden: Mask) -> None:
+    def _end(self, ns: int, hidden: Bool[Mask, "n"]) -> None:
         kept = self._alive(ns, hidden)
         # a prediction that strays out of the area is not yet a person who has left it
         kept &= self._inside() | ~measured_now(self._people.roster, ns)
         self._people = self._people.select(kept)
 
-    def _alive(self, ns: int, hidden: Mask | bool) -> Mask:
-        """Who is followed on, (n,): for longer who likely could not be seen (`hidden`, (n,))."""
+    def _alive(self, ns: int, hidden: Bool[Mask, "n"] | bool) -> Bool[Mask, "n"]:
+        """Who is followed on: for longer who likely could not be seen (`hidden`)."""
         rules = self.options.management
         coast_s = np.where(hidden, max(rules.coast_s, rules.coast_hidden_s), rules.coast_s)
         return coasting_within(self._people.roster, ns, coast_s, rules.tentative_coast_s)
 
-    def _inside(self) -> Mask:
-        """Which tracks are in the area or its margin, (n,)."""
+    def _inside(self) -> Bool[Mask, "n"]:
+        """Which tracks are in the area or its margin."""
         if self._area is None or len(self._people) == 0:
             return np.ones(len(self._people), np.bool_)
         return self._area.contains(self._people.positions)
@@ -284,7 +283,13 @@ class LaserFisheyeImm:
         histograms[has_reference] = seen.histograms[trunk[has_reference]]
         self._people = self._people.joined(self._born(position, ns, histograms, has_reference))
 
-    def _born(self, position: Array, ns: int, reference: Array, has_reference: Mask) -> People:
+    def _born(
+        self,
+        position: Float[Array, "n 2"],
+        ns: int,
+        reference: Float[Array, "n bins"],
+        has_reference: Bool[Mask, "n"],
+    ) -> People:
         options = self.options
         state = self._imm.start(position, None, options.measurement_variance_m2, options.start_speed_m_s**2)
         return People.started(state, position, ns, reference, has_reference.astype(np.int64))

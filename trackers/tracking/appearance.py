@@ -20,16 +20,11 @@ class Appearance(Rows):
     reference: Float[Array, "n bins"]  # colour histogram
     n_look: Int[Index, "n"]  # how often the reference was learned from; 0: there is none
     n_refused: Int[Index, "n"]  # how many looks in a row it was not learned from, as doubtful
-    looked_ns: Int[Index, "n"]  # stamp of the last look learned from; of the track's start where there is none
-    looked_at: Float[Array, "n 2"]  # and where the person was [m]
 
     @classmethod
-    def started(
-        cls, reference: Float[Array, "n bins"], n_look: Int[Index, "n"], ns: int, position: Float[Array, "n 2"]
-    ) -> Self:
-        """Of tracks that start at stamp ns at `position` [m], with a first look (n_look 1) or none (0)."""
-        n = len(reference)
-        return cls(reference, n_look, np.zeros(n, np.int64), np.full(n, ns), position)
+    def started(cls, reference: Float[Array, "n bins"], n_look: Int[Index, "n"]) -> Self:
+        """Of tracks that start, with a first look (n_look 1) or none (0)."""
+        return cls(reference, n_look, np.zeros(len(reference), np.int64))
 
     @property
     def known(self) -> Bool[Mask, "n"]:
@@ -43,10 +38,8 @@ class Appearance(Rows):
         doubtful: Bool[Mask, "p"],
         patience: int,
         memory: float,
-        ns: int,
-        position: Float[Array, "p 2"],
     ) -> Self:
-        """After clear looks upon those at `track` at stamp ns and `position`, which showed these histograms.
+        """After clear looks upon those at `track`, which showed these histograms.
 
         A `doubtful` look, which may be of somebody else, teaches nothing; but after `patience` of them in a row it is
         the clothes that look otherwise now, or the light. memory: the share of the old reference that is kept.
@@ -54,14 +47,12 @@ class Appearance(Rows):
         refused = doubtful & (self.n_refused[track] < patience)
         n_refused = written(self.n_refused, track, np.where(refused, self.n_refused[track] + 1, 0))
         if refused.any():
-            track, histogram, position = track[~refused], histogram[~refused], position[~refused]
+            track, histogram = track[~refused], histogram[~refused]
         blended = updated_reference(self.reference[track], histogram, memory)
         return type(self)(
             reference=written(self.reference, track, np.where(self.known[track, None], blended, histogram)),
             n_look=written(self.n_look, track, self.n_look[track] + 1),
             n_refused=n_refused,
-            looked_ns=written(self.looked_ns, track, ns),
-            looked_at=written(self.looked_at, track, position),
         )
 
     def distance(self, histograms: Float[Array, "k bins"], comparable: Bool[Mask, "k"]) -> Float[Array, "n k"] | None:

@@ -29,20 +29,13 @@ class People(Rows):
     def nobody(cls, particles: int, bins: int) -> Self:
         """No tracks, of as many particles and as many bins of colour as others will have."""
         cloud = Cloud.of(np.empty((4, 0, particles)))
-        return cls.started(cloud, np.empty((0, bins)), np.empty(0, np.bool_), 0, np.empty((0, 2)))
+        return cls.started(cloud, np.empty((0, bins)), np.empty(0, np.bool_), 0)
 
     @classmethod
-    def started(
-        cls,
-        cloud: Cloud,
-        looks: Float[Array, "n bins"],
-        clear: Bool[Mask, "n"],
-        ns: int,
-        position: Float[Array, "n 2"],
-    ) -> Self:
-        """Tentative tracks at `position` [m], with a first look where it is `clear`."""
+    def started(cls, cloud: Cloud, looks: Float[Array, "n bins"], clear: Bool[Mask, "n"], ns: int) -> Self:
+        """Tentative tracks, with a first look where it is `clear`."""
         looks = np.where(clear[:, None], looks, 0.0)
-        return cls(Roster.started(cloud, ns), Appearance.started(looks, clear.astype(np.int64), ns, position))
+        return cls(Roster.started(cloud, ns), Appearance.started(looks, clear.astype(np.int64)))
 
     @property
     def positions(self) -> Float[Array, "n 2"]:
@@ -59,12 +52,7 @@ class People(Rows):
         return mean.T, np.einsum("inp,jnp,np->nij", off, off, cloud.weights.normalised)
 
     def learned(
-        self,
-        track: Int[Index, "p"],
-        looks: Float[Array, "p bins"],
-        unlike: Float[Array, "n p"],
-        memory: float,
-        ns: int,
+        self, track: Int[Index, "p"], looks: Float[Array, "p bins"], unlike: Float[Array, "n p"], memory: float
     ) -> Self:
         """After clear looks at those at `track`; one that is `unlike` another track less than its own is doubted."""
         if track.size == 0:
@@ -74,7 +62,4 @@ class People(Rows):
         own = np.where(np.isinf(to_all[pairs]), 0.0, to_all[pairs])
         to_all[pairs] = np.inf
         doubtful = to_all.min(axis=0) < own
-        positions = self.positions[track]
-        return self.changed(
-            clothes=self.clothes.learned(track, looks, doubtful, _PATIENCE, memory, ns, positions),
-        )
+        return self.changed(clothes=self.clothes.learned(track, looks, doubtful, _PATIENCE, memory))

@@ -128,7 +128,7 @@ class VisionOnly:
         clear = known & (covered <= life.learn_covered)
         of_clear = clear[found]
         self._people = self._people.learned(
-            track[of_clear], looks[found[of_clear]], unlike[:, found[of_clear]], life.memory, ns
+            track[of_clear], looks[found[of_clear]], unlike[:, found[of_clear]], life.memory
         )
         self._confirm()
         self._end()
@@ -216,7 +216,7 @@ class VisionOnly:
         covariance[:, :2, :2] = seen.covariance[free]
         covariance[:, 2:, 2:] = options.start_speed_m_s**2 * np.eye(2)
         cloud = Cloud.normal(np.concatenate([position, at_rest], axis=1), covariance, options.particles, self._rng)
-        self._people = self._people.joined(People.started(cloud, looks[free], clear[free], self._ns, position))
+        self._people = self._people.joined(People.started(cloud, looks[free], clear[free], self._ns))
 
 
 def _camera_of(rig: Rig, name: str | None) -> str:
