@@ -11,7 +11,6 @@ met nothing: many drivers write 0 or a small error code where no light came back
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -72,12 +71,6 @@ class BackgroundOptions(Strict):
         lt=1,
         description="share of the time that something farther must have been measured in a beam for a sample to be foreground",
     )
-
-
-class Background(Protocol):
-    """What a laser layer asks of its background."""
-
-    def foreground(self, scan: LaserScan) -> Bool[Mask, "n_beam"]: ...
 
 
 def returns(scan: LaserScan) -> tuple[Float[Array, "n_beam"], Bool[Mask, "n_beam"], Bool[Mask, "n_beam"]]:

@@ -53,11 +53,6 @@ logger = logging.getLogger(__name__)
 
 _ISOTROPIC = np.eye(2)
 
-CITATION = (
-    "Z. Bai, K. Takahashi: Identification and Tracking Using Laser and Vision of Maneuvering People "
-    "(two-layer laser range sensor, fisheye camera, interacting multiple model estimator)"
-)
-
 
 class LaserFisheyeImm:
     """Tracker of people from a waist scanner, a knee scanner and a fisheye camera; does with less (see module).

@@ -10,16 +10,12 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
-import numpy as np
-from numpy.typing import NDArray
 from rosbags.typesys.stores.ros2_humble import std_msgs__msg__String as String
 
 from trackers.observations import NS_PER_S
-from twin.recording.csv_columns import read_csv_columns
 from twin.recording.messages import STRING, TYPESTORE
 from twin.recording.tables import Row, cell, plain, seconds_cell
 from twin.recording.whole_file import whole_file
@@ -27,32 +23,7 @@ from twin.truth.frames import FootTruth, PersonTruth, TruthFrame
 
 _NUMBERS = ("x", "y", "z", "yaw", "load_n", "pressure_x", "pressure_y")
 FEET_COLUMNS = ("t", "id", "foot", *_NUMBERS, "contact")
-SIDES = ("left", "right")
 _CELLS = "cells_"
-
-
-@dataclass(frozen=True, eq=False)
-class FeetTable:
-    """Truth of feet as columns, one element a foot and moment, in the order of the file; units as in `FootTruth`."""
-
-    source: str
-    stamps_ns: NDArray[np.int64]  # (n,)
-    id: NDArray[np.int64]  # (n,)
-    foot: NDArray[np.str_]  # (n,) of SIDES
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    z: NDArray[np.float64]
-    yaw: NDArray[np.float64]
-    load_n: NDArray[np.float64]
-    pressure_x: NDArray[np.float64]
-    pressure_y: NDArray[np.float64]
-    contact: NDArray[np.bool_]
-    cells: dict[str, tuple[tuple[int, ...], ...]]  # by floor
-
-    @property
-    def t(self) -> NDArray[np.float64]:
-        """Stamps [s], (n,)."""
-        return self.stamps_ns / NS_PER_S
 
 
 class FeetWriter:
@@ -81,29 +52,6 @@ def feet_writer(path: Path, floors: Sequence[str] = ()) -> Iterator[FeetWriter]:
     """
     with whole_file(path) as stream:
         yield FeetWriter(stream, floors)
-
-
-def read_feet(path: Path) -> FeetTable:
-    """Read a `truth_feet.csv`; raises InputError naming file, line, column and value."""
-    columns = read_csv_columns(path, FEET_COLUMNS, "table of feet")
-    somebody = np.flatnonzero(columns.filled(FEET_COLUMNS[1:])) if len(columns) else np.zeros(0, dtype=np.intp)
-    rows = columns.take(somebody)
-    cells = {}
-    for name in columns.cells:
-        if name.startswith(_CELLS):
-            for place, text in enumerate(rows.cells[name]):
-                if not all(part.isdecimal() for part in text.split()):
-                    rows.refuse(place, name, "numbers of cells parted by blanks, or an empty cell")
-            cells[name.removeprefix(_CELLS)] = tuple(tuple(map(int, text.split())) for text in rows.cells[name])
-    return FeetTable(
-        str(path),
-        rows.stamps_ns("t"),
-        rows.integers("id", minimum=1),
-        rows.words("foot", SIDES),
-        **{name: rows.numbers(name, may_be_empty=name.startswith("pressure")) for name in _NUMBERS},
-        contact=rows.flags("contact"),
-        cells=cells,
-    )
 
 
 def encode_feet(frame: TruthFrame) -> memoryview:

@@ -26,7 +26,6 @@ class _BaselineGroup(Strict):
     variant: str
     overrides: str
     tracker: str
-    image_based: bool | None = None  # in baselines of before recordings were told apart
     seeds: dict[int, dict[str, float | None]]
     recordings: dict[int, str] = Field(default_factory=dict)
 

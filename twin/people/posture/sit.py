@@ -33,9 +33,6 @@ SIT_DOWN_S = 2.0
 STAND_UP_S = 1.8
 """How long the movements take [s] (M. Schenkman et al., "Whole-body movements during rising to standing from sitting",
 Physical Therapy 70, 1990: 1.8 s for rising at a pace of one's own; sitting down is a little slower)."""
-SEAT_OFF = 0.66
-"""Progress of sitting down at which the seat is met; rising is the same way back, so it leaves after 34 % of the rise
-(Schenkman et al.: 27 to 36 %)."""
 LEAN_RAD = 0.72
 """Greatest lean of the trunk, just before the seat is met (Schenkman et al.: 40 to 50 degrees)."""
 FEET_SHARE = 0.2
