@@ -23,7 +23,7 @@ class ManagementOptions(Strict):
     """When a tentative track is confirmed, how long a track coasts, and where a new one may start."""
 
     confirm_after_s: float = Field(
-        default=0.3,
+        default=0.25,
         ge=0,
         description="a tentative track measured for longer than this is confirmed, each scan standing for its period [s];"
         " "
@@ -49,6 +49,13 @@ class ManagementOptions(Strict):
         description="an occluded track not measured for longer ends: one that no scan would have shown, in a rig with an "
         "area [s]; `coast_s` or less: no difference (ours)",
     )
+    report_unseen_s: float = Field(
+        default=0.4,
+        ge=0,
+        description="a coasting track is reported for so long, an occluded one, in a rig with an area, for `coast_s` [s]; "
+        "`coast_s` or more: no "
+        "difference (ours)",
+    )
     hidden_above: float = Field(
         default=0.2,
         ge=0,
@@ -68,7 +75,7 @@ class ManagementOptions(Strict):
         "it, as in the paper (ours)",
     )
     body_radius_m: float = Field(
-        default=0.45,
+        default=0.6,
         ge=0,
         description="no track starts nearer than this to a track or a measurement of one [m]; 0: anywhere (ours)",
     )

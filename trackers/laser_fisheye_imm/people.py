@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Self
 
+import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from trackers.arrays import Array, Index, Mask
@@ -22,6 +23,7 @@ class People(Rows):
     clothes: Appearance
     born_at: Float[Array, "n 2"]  # first measured position [m]
     measured_at: Float[Array, "n 2"]  # last measured position [m]
+    occluded: Bool[Mask, "n"]  # not measured at the last moment, and likely where no scan would have shown them
 
     @classmethod
     def started(
@@ -33,7 +35,8 @@ class People(Rows):
         n_look: Int[Index, "n"],
     ) -> Self:
         """Tentative tracks first measured at `position` at stamp ns."""
-        return cls(Roster.started(state, ns), Appearance.started(reference, n_look), position, position)
+        clothes = Appearance.started(reference, n_look)
+        return cls(Roster.started(state, ns), clothes, position, position, np.zeros(len(position), np.bool_))
 
     @property
     def state(self) -> ImmState:

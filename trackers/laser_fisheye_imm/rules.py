@@ -33,6 +33,7 @@ RULES: Mapping[str, Mapping[str, Any]] = {
     "early-confirmation": {"management": {"confirm_after_s": 0.5}},
     "moved-confirmation": {"management": {"confirm_moved_m": 0.0}},
     "occluded-coasting": {"management": {"coast_hidden_s": 0.0}},
+    "coasting-unreported": {"management": {"report_unseen_s": 1.5}},
     "slowing-down": {"management": {"coast_slowdown_s": None}},
     "tentative-coasting": {"management": {"tentative_coast_s": 0.0}},
     "body-spacing": {"management": {"body_radius_m": 0.0}},

@@ -131,8 +131,9 @@ class LaserFisheyeImm:
         measured = measured_now(roster, self._ns)  # in the area, or the track would have ended
         shown = people.confirmed
         if not measured.all():
-            lately = self._ns - roster.measured_ns <= nanoseconds(self.options.management.coast_s)
-            shown = shown & (measured | (self._inside() & lately))
+            rules = self.options.management
+            report_s = np.where(people.occluded, rules.coast_s, min(rules.report_unseen_s, rules.coast_s))
+            shown = shown & (measured | (self._inside() & (self._ns - roster.measured_ns <= nanoseconds(report_s))))
         shown = shown.nonzero()[0]
         shown = shown[roster.id[shown].argsort()]
         x, y, heading, speed, _ = people.state.mode_average[:, shown]
@@ -162,7 +163,8 @@ class LaserFisheyeImm:
         self._learn_colours(matches, seen)
         self._note_windows(matches, seen)
         self._confirm(moment.ns)
-        self._end(moment.ns, self._miss(moment))
+        self._miss(moment)
+        self._end(moment.ns)
         self._start(matches, seen, moment.ns)
         return TrackFrame(moment.ns, tuple(self.tracks()))
 
@@ -199,18 +201,17 @@ class LaserFisheyeImm:
             state = state.replaced(fresh, moving)
         self._people = people.measured(track, matches.position, ns, state)
 
-    def _miss(self, moment: Moment) -> Bool[Mask, "n"]:
-        """Whoever was looked for and not seen is likelier where nothing would show them; who may well be there."""
+    def _miss(self, moment: Moment) -> None:
+        """Whoever was looked for and not seen is likelier where nothing would show them; who may well be there is occluded."""
         people = self._people
         missed = (people.confirmed & ~measured_now(people.roster, moment.ns)).nonzero()[0]
         hidden = np.zeros(len(people), np.bool_)
-        if missed.size == 0:
-            return hidden
-        state, chance = not_seen(people.state.select(missed), lambda points: self._detector.missed(moment, points))
-        self._people = people.in_state(people.state.replaced(missed, state))
-        if self._area is not None:  # else there is always somewhere, behind the walls
-            hidden[missed] = chance > self.options.management.hidden_above
-        return hidden
+        if missed.size:
+            state, chance = not_seen(people.state.select(missed), lambda points: self._detector.missed(moment, points))
+            people = people.in_state(people.state.replaced(missed, state))
+            if self._area is not None:  # else there is always somewhere, behind the walls
+                hidden[missed] = chance > self.options.management.hidden_above
+        self._people = people.changed(occluded=hidden)
 
     def _learn_colours(self, matches: Matches, seen: Seen) -> None:
         if seen.windows is None:
@@ -245,8 +246,8 @@ class LaserFisheyeImm:
         self._people = people.changed(roster=people.roster.confirm(new, self._next_id))
         self._next_id += new.size
 
-    def _end(self, ns: int, hidden: Bool[Mask, "n"]) -> None:
-        kept = self._alive(ns, hidden)
+    def _end(self, ns: int) -> None:
+        kept = self._alive(ns, self._people.occluded)
         # a prediction that strays out of the area is not yet a person who has left it
         kept &= self._inside() | ~measured_now(self._people.roster, ns)
         self._people = self._people.select(kept)
