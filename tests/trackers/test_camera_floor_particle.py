@@ -12,7 +12,8 @@ from synthetic_home import LOAD, PERIOD_S, empty_room, observe, rig, walks
 from trackers.camera_floor_particle.exclusion import excluded
 from trackers.camera_floor_particle.loads import FloorWatch
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions, ExclusionOptions
-from trackers.camera_floor_particle.people import PAN_BINS, pan_bin
+from trackers.camera_floor_particle.pan import GRID, _diffused, drawn, pan_bin
+from trackers.camera_floor_particle.people import PAN_BINS
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, FloorFrame, Image
 from trackers.presets import make_tracker
@@ -167,7 +168,7 @@ def test_everybody_dropped_coasts_and_says_so():
 @given(st.integers(2, 4), st.integers(1, 30), st.integers(0, 2**32 - 1))
 def test_exclusion_by_the_grid_is_that_of_all_pairs(n_person, n_particle, seed):
     rng = np.random.default_rng(seed)
-    places = rng.integers(0, 60, (2, n_person, n_particle)) * 0.02 + 0.01
+    places = rng.integers(0, 60, (2, n_person, n_particle)).astype(float) * 0.02 + 0.01
     options = ExclusionOptions(likelier_stays=False)
     off = np.abs(places[:, :, :, None, None] - places[:, None, None]).max(axis=0)  # (n, p, n, p)
     others = ~np.eye(n_person, dtype=bool)[:, None, :, None]
@@ -205,3 +206,16 @@ def test_old_and_broken_frames_say_nothing():
 def test_pans_come_round():
     turn = 2 * np.pi / PAN_BINS
     np.testing.assert_array_equal(pan_bin(np.array([0, turn, -turn, 2 * np.pi])), [0, 1, PAN_BINS - 1, 0])
+
+
+def test_beliefs_about_the_pan_spread_and_are_drawn_from():
+    belief = np.zeros((1, len(GRID)))
+    belief[0, 0] = 1.0
+    sigma = np.deg2rad(20.0)
+    spread = _diffused(belief, sigma)[0]
+    around = np.arange(-3, 4) * 2 * np.pi
+    wrapped = np.exp(-0.5 * ((GRID[:, None] + around) / sigma) ** 2).sum(axis=1)  # the sum itself
+    np.testing.assert_allclose(spread, wrapped / wrapped.sum(), atol=1e-9)
+    pans = drawn(spread[None], 20_000, np.random.default_rng(0))[0]
+    share = np.bincount(np.rint(pans / GRID[1]).astype(int), minlength=len(GRID)) / 20_000
+    np.testing.assert_allclose(share, spread, atol=0.01)

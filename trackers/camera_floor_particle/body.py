@@ -34,8 +34,13 @@ def ruled(kept: Mask, ruling: Ruling) -> Array:
 
 
 def in_room(area: Area | None) -> LikelihoodStage:
-    """The first check: a particle out of the room is dropped."""
-    return lambda state, of: np.zeros(of.size) if area is None else np.where(area.contains(state[:2].T), 0.0, -np.inf)
+    """The first check: a particle out of the room, or under its floor, is dropped."""
+
+    def log_likelihood(state: Array, of: Index) -> Array:
+        inside = state[2] > 0
+        return np.where(inside if area is None else inside & area.contains(state[:2].T), 0.0, -np.inf)
+
+    return log_likelihood
 
 
 class BodyFilter:

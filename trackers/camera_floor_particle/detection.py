@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
 from trackers.arrays import Array, Mask
-from trackers.camera_floor_particle import body, head
+from trackers.camera_floor_particle import body
 from trackers.camera_floor_particle.loads import Loads
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
+from trackers.camera_floor_particle.pan import GRID, around, bearing, unit
 from trackers.camera_floor_particle.people import PAN_BINS, People
 from trackers.camera_floor_particle.views import View
 from trackers.filters.particle import Cloud
@@ -36,8 +36,12 @@ _PELVIS = 0.54
 """Height of the pelvis as a share of the stature."""
 _UNSEEN_HEIGHT_M = 1.7
 """Of somebody whom no camera sees."""
-_DARKEST, _LIGHTEST = (0, 48, 50), (25, 180, 255)
-"""Skin in OpenCV's HSV: red to orange, neither grey nor garish."""
+_FIRST_LOOKS = 5.0
+"""So many looks are the first ones worth in references that learn."""
+_LEAST_SKIN = 0.1
+"""Share of a window that is skin, all cameras together, from which it tells where the face is."""
+_SKIN_TELLS = 2.0
+"""Concentration of the pan about the direction in which the head shows the most skin."""
 
 
 class Newcomers:
@@ -95,27 +99,31 @@ class Newcomers:
             top_m = _UNSEEN_HEIGHT_M
             middle, skull = np.append(place, _PELVIS * top_m), np.append(place, top_m - 0.12)
         clothes = np.zeros((self._n_camera, options.histogram.size))
-        faces, skin, from_east = [], [], []
+        faces, from_east, skin = [], [], 0j
         for view in views:
             for where, window in ((middle, options.body.window), (skull, options.head.window)):
                 pixels, seen, _ = view.look(where[:, None])
                 if not seen[0]:
                     continue
                 only = window.model_copy(update={"pixels": "foreground"})
-                root = head.unit(np.sqrt(view.histograms(where[:, None], pixels, only)))[0]
+                parts = options.head.parts if where is skull else (1, 1)
+                root = unit(np.sqrt(view.histograms(where[:, None], pixels, only, parts)))[0]
                 if where is middle:
                     clothes[view.number] = root
                 elif root.any():
                     faces.append(root)
-                    skin.append(_skin_share(view, pixels[0]))
-                    from_east.append(np.arctan2(*(view.camera.eye_m - where)[[1, 0]]))
+                    from_east.append(float(bearing(where[:, None], view)[0]))
+                    skin += view.skin(where[:, None], pixels, window)[0] * np.exp(1j * from_east[-1])
         seen_by = clothes.any(axis=1)
         if seen_by.any():
-            clothes[~seen_by] = head.unit(clothes[seen_by].mean(axis=0))
-        pan = float(np.angle(np.sum(np.array(skin) * np.exp(1j * np.array(from_east))))) if faces else 0.0
-        hair = np.zeros((PAN_BINS, options.histogram.size))
+            clothes[~seen_by] = unit(clothes[seen_by].mean(axis=0))
+        pan = float(np.angle(skin))
+        n_colour = options.histogram.size * options.head.parts[0] * options.head.parts[1]
+        hair = np.zeros((PAN_BINS, n_colour))
         if faces:
-            hair = head.around(np.array(faces), np.array(from_east) - pan)
+            mixed = options.head.references == "mixed"
+            hair = _FIRST_LOOKS * around(np.array(faces), np.array(from_east) - pan, mixed=mixed)
+        facing = np.exp(_SKIN_TELLS * np.cos(GRID - pan)) if skin else np.ones(len(GRID))
         return People(
             body=body.started(middle[None], options.body.particles, rng),
             head=Cloud.normal(
@@ -130,9 +138,10 @@ class Newcomers:
             head_velocity=np.zeros((1, 3)),
             pan=np.array([pan]),
             clothes=clothes[None],
+            facing=facing[None] / facing.sum(),
             hair=hair[None],
             course=np.zeros((1, 2)),
-            pan_known=np.zeros(1, np.bool_),
+            pan_known=np.array([abs(skin) > _LEAST_SKIN]),
             weight_n=np.array([load_n]),
             height_m=np.array([top_m]),
             shown_ns=np.array([ns]),
@@ -150,13 +159,3 @@ def hull_over(place: Float[Array, "2"], views: Sequence[View]) -> Float[Array, "
         n_seen += seen
     hull = points[(n_seen > 0) & (n_missing <= (n_seen > 2))]
     return hull if len(hull) >= _LEAST_HULL else hull[:0]
-
-
-def _skin_share(view: View, pixel: Float[Array, "2"]) -> float:
-    """How much of a head at this pixel is skin."""
-    x, y = np.rint(pixel).astype(int)
-    window = np.s_[max(0, y - 8) : y + 9, max(0, x - 6) : x + 7]
-    part, mask = view.rgb[window], view.mask[window]
-    if not mask.any():
-        return 0.0
-    return float(cv2.inRange(cv2.cvtColor(part, cv2.COLOR_RGB2HSV), _DARKEST, _LIGHTEST)[mask].mean() / 255)

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from typing import Literal
 
+import numpy as np
+from jaxtyping import Float
 from pydantic import Field, PositiveInt
 
+from trackers.arrays import Array
+from trackers.cameras.placed import PlacedCamera
 from trackers.configuration import Strict
 from trackers.floor.clusters import FloorClusterOptions
 from trackers.vision.colour_bins import HueSaturationValueBins
@@ -13,6 +17,10 @@ from trackers.vision.foreground import ForegroundOptions
 
 Ruling = float | Literal["drop"]
 """What a failed check does to a particle: "drop" it, or add this to its log-likelihood."""
+
+
+_NEAREST_M = 0.3
+"""Whoever is nearer to a camera than this fills no larger a window."""
 
 
 class WindowOptions(Strict):
@@ -33,6 +41,13 @@ class WindowOptions(Strict):
         default="foreground",
         description="all pixels of the window count (the paper), or those of the foreground, as a share of the window (ours)",
     )
+
+    def size_px(self, camera: PlacedCamera, places: Float[Array, "3 k"]) -> Float[Array, "k 2"]:
+        """Width and height of the windows about places in the room [m], in a camera's picture [px]."""
+        if self.size_m is None:
+            return np.broadcast_to(np.array([self.width_px, self.height_px], float), (places.shape[1], 2))
+        away_m = np.maximum(np.linalg.norm(places.T - camera.eye_m, axis=1), _NEAREST_M)
+        return np.array(self.size_m) * (camera.intrinsics.fx / away_m)[:, None]
 
 
 class MotionOptions(Strict):
@@ -64,8 +79,9 @@ class BodyOptions(Strict):
     )
     colour: float = Field(default=15.0, gt=0, description="λ of the colour likelihood exp(−λ D²) (eq. 5)")
     unseen: Ruling = Field(
-        default=-4.0,
-        description='a particle that a camera does not see: "drop" it (the paper), or this is added (ours)',
+        default=-15.0,
+        description='a particle that a camera does not see: "drop" it (the paper), or this is added: as of a window without any '
+        "of its colours, so that nobody flees to where no camera looks (ours)",
     )
     no_foreground: Ruling = Field(
         default=-4.0,
@@ -90,10 +106,24 @@ class HeadOptions(Strict):
         default=MotionOptions(still_m=0.012, per_speed_s=0.02, up_m=0.012), description="how they move"
     )
     turn_deg: float = Field(default=8.0, gt=0, description="standard deviation of ω of the pan [°]")
-    turn_about_deg: float = Field(
-        default=60.0,
-        gt=0,
-        description="the same of the particles drawn about the body (ours: wide, so that a head that has turned is found) [°]",
+    pan: Literal["particles", "grid"] = Field(
+        default="grid",
+        description="the pan is a component of the particles (the paper), or a distribution over all directions by looks at the "
+        "head's estimate (ours)",
+    )
+    pan_colour: float = Field(default=3.0, gt=0, description="λ of those looks' likelihood exp(−λ D²) (ours)")
+    skin: float = Field(
+        default=10.0,
+        ge=0,
+        description="how surely skin tells the face: concentration of the pan, each moment, about the direction of the skin that "
+        "cameras see, by the share of their windows (ours); 0: not",
+    )
+    parts: tuple[PositiveInt, PositiveInt] = Field(
+        default=(2, 2), description="columns and rows in which those looks compare colours part by part (ours)"
+    )
+    references: Literal["nearest", "mixed"] = Field(
+        default="mixed",
+        description="a pan that no camera shows at detection has the reference of the nearest (the paper), or a mixture (ours)",
     )
     share: float = Field(
         default=0.3,
@@ -111,8 +141,9 @@ class HeadOptions(Strict):
         default=0.95, gt=0, description="a head farther from the middle of its body is dropped [m]"
     )
     unseen: Ruling = Field(
-        default=-4.0,
-        description='a particle that a camera does not see: "drop" it (the paper), or this is added (ours)',
+        default=-30.0,
+        description='a particle that a camera does not see: "drop" it (the paper), or this is added: as of a window without any '
+        "of its colours, so that nobody flees to where no camera looks (ours)",
     )
     no_foreground: Ruling = Field(
         default=-4.0,
@@ -129,15 +160,15 @@ class HeadOptions(Strict):
         description="what is added where that point is foreground all the same, for each camera (ours)",
     )
     learning: float = Field(
-        default=0.05,
+        default=60.0,
         ge=0,
-        lt=1,
-        description="share of a new look in the reference of the pan that it shows (ours); 0: as at detection (the paper)",
+        description="so many of the last looks at a side are in its reference (ours); 0: as at detection (the paper)",
     )
     walking: float = Field(
         default=8.0,
         ge=0,
-        description="how surely people look where they walk: concentration of the pan about the heading at 1 m/s (ours); 0: not",
+        description="how surely people look where they walk: concentration of the pan about the heading after 1 s at 1 m/s "
+        "(ours); 0: not",
     )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from trackers.arrays import Array, Index, Mask
@@ -27,15 +26,11 @@ class People(Rows):
     head_velocity: Float[Array, "n 3"]
     pan: Float[Array, "n"]  # [rad]
     clothes: Float[Array, "n cameras bins"]
-    hair: Float[Array, "n pans bins"]
+    facing: Float[Array, "n steps"]  # how likely each direction of a grid is the pan, from 0 on
+    hair: Float[Array, "n pans colours"]  # of each part of the head's window, one part after another
     course: Float[Array, "n 2"]  # velocity over the last half second [m/s]
     pan_known: Bool[Mask, "n"]  # whether steps have told where forward is
     weight_n: Float[Array, "n"]  # on the floor, learned [N]
     height_m: Float[Array, "n"]
     shown_ns: Int[Index, "n"]  # when floor or cameras last showed the person
     lost: Bool[Mask, "n"]  # nothing was left of the particles: they coast
-
-
-def pan_bin(angle: Array) -> Index:
-    """The reference of a head seen at this angle from its face [rad]."""
-    return np.rint(angle * (PAN_BINS / (2 * np.pi))).astype(np.intp) % PAN_BINS

@@ -11,9 +11,10 @@ import numpy as np
 from trackers.area import Area
 from trackers.camera_floor_particle.body import BodyFilter
 from trackers.camera_floor_particle.detection import Newcomers, hull_over
-from trackers.camera_floor_particle.head import HeadFilter, unit
+from trackers.camera_floor_particle.head import HeadFilter
 from trackers.camera_floor_particle.loads import FloorWatch, Loads
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
+from trackers.camera_floor_particle.pan import unit
 from trackers.camera_floor_particle.people import People
 from trackers.camera_floor_particle.views import View, Watchers
 from trackers.configuration import validate

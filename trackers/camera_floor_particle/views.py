@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 from numpy.typing import NDArray
 
 from trackers.arrays import Array, Index, Mask
@@ -15,13 +15,15 @@ from trackers.camera_floor_particle.options import CameraFloorParticleOptions, W
 from trackers.cameras.placed import PlacedCamera
 from trackers.observations import DepthImage, Image, Observation
 from trackers.rig import CameraSensor, placed_camera
-from trackers.vision.colour_bins import BinnedPicture
+from trackers.vision.colour_bins import BinnedPicture, BinnedSamples
 from trackers.vision.foreground import Foreground
 
 _BLIND_FROM = 0.6
 """Share of a picture that is foreground from which it shows no people but a covered lens, or another light."""
-_NEAREST_M = 0.3
-"""Whoever is nearer to a camera than this fills no larger a window."""
+_ACROSS = np.linspace(-0.5, 0.5, 12, endpoint=False) + 1 / 24
+"""Columns and rows of a window in which skin is looked for, from its middle, in widths and heights."""
+_DARKEST, _LIGHTEST = (2, 50, 100), (17, 165, 255)
+"""Skin in OpenCV's HSV: reddish to orange, neither grey nor garish, neither dark nor shaded as hair."""
 _EVERY = 8
 """So many pixels apart, along rows and columns, are the samples by which brightness is compared."""
 _FROZEN_AFTER = 2
@@ -47,20 +49,40 @@ class View:
         return pixels, seen, seen & self.mask[at[:, 1], at[:, 0]]
 
     def histograms(
-        self, places: Float[Array, "3 k"], pixels: Float[Array, "k 2"], window: WindowOptions
-    ) -> Float[Array, "k bins"]:
-        """The colours in windows about places [m] that the picture shows at these pixels, as shares of the window's pixels."""
+        self,
+        places: Float[Array, "3 k"],
+        pixels: Float[Array, "k 2"],
+        window: WindowOptions,
+        parts: tuple[int, int] = (1, 1),
+    ) -> Float[Array, "k colours"]:
+        """The colours in windows about places [m] that the picture shows at these pixels, as shares of the window's pixels.
+
+        parts: into how many columns and rows a window is cut; the colours of one part come after those of another.
+        """
         width, height = window.width_px, window.height_px
-        size: Array = np.array([width, height], float)
-        if window.size_m is not None:
-            away_m = np.maximum(np.linalg.norm(places.T - self.camera.eye_m, axis=1), _NEAREST_M)
-            size = np.array(window.size_m) * (self.camera.intrinsics.fx / away_m)[:, None]
+        size = window.size_px(self.camera, places)
         samples = (max(1, width // window.stride), max(1, height // window.stride))
         binned = self.binned_foreground if window.pixels == "foreground" else self.binned
-        counts = binned.windows(pixels, size, samples).histograms()
+        samples = (samples[0] // parts[0] * parts[0], samples[1] // parts[1] * parts[1])
+        counts = _parted(binned.windows(pixels, size, samples), samples, parts).histograms().reshape(len(pixels), -1)
         if window.pixels == "foreground":
             return counts / (samples[0] * samples[1])
         return counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
+
+    def skin(
+        self, places: Float[Array, "3 k"], pixels: Float[Array, "k 2"], window: WindowOptions
+    ) -> Complex[NDArray, "k"]:
+        """Where skin is on heads at places [m]: the mean over a window's pixels of e^iφ where there is skin, 0 elsewhere.
+
+        φ is how far the head's surface is turned from the camera there, seen from above, as if it were round [rad].
+        """
+        size = window.size_px(self.camera, places)
+        column = np.rint(pixels[:, :1] + size[:, :1] * _ACROSS).clip(0, self.mask.shape[1] - 1).astype(np.intp)
+        row = np.rint(pixels[:, 1:] + size[:, 1:] * _ACROSS).clip(0, self.mask.shape[0] - 1).astype(np.intp)
+        at = row[:, :, None], column[:, None, :]
+        rgb = self.rgb[at].reshape(-1, len(_ACROSS), 3)
+        found = cv2.inRange(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV), _DARKEST, _LIGHTEST).reshape(self.mask[at].shape) > 0
+        return (found & self.mask[at]).mean(axis=1) @ np.exp(1j * np.arcsin(2 * _ACROSS)) / len(_ACROSS)
 
 
 def similarity(
@@ -68,6 +90,16 @@ def similarity(
 ) -> Float[Array, "k"]:
     """Σ √(p q), 1 − D² of eq. 4, of each histogram and the reference (as its root) at `of`."""
     return np.einsum("kb,kb->k", np.sqrt(histograms), root_references[of])
+
+
+def _parted(windows: BinnedSamples, samples: tuple[int, int], parts: tuple[int, int]) -> BinnedSamples:
+    """The parts of windows, whose samples come column by column, as windows of their own, those of one after another."""
+    if parts == (1, 1):
+        return windows
+    columns, rows = samples[0] // parts[0], samples[1] // parts[1]
+    number = windows.number.reshape(len(windows.number), -1, parts[0], columns, parts[1], rows)
+    number = np.moveaxis(number, 4, 3).reshape(len(windows.number), -1, columns * rows)
+    return BinnedSamples(number, None, windows.size)
 
 
 class Watchers:

@@ -1,0 +1,172 @@
+"""The pan of heads: what a head looks like from every side, learned as people walk, and where it faces.
+
+By the paper the pan is a component of the head's particles. Here (ours) it is a distribution over a grid of directions: every
+camera's picture at the head's estimate is compared, part by part of the window, with the references of all sides. Who walks
+looks ahead, more or less, which is what tells the front of a head from its back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Complex, Float
+from numpy.typing import NDArray
+
+from trackers.arrays import Array, Index
+from trackers.camera_floor_particle.options import HeadOptions
+from trackers.camera_floor_particle.people import PAN_BINS, People
+from trackers.camera_floor_particle.views import View
+from trackers.filters.circular import circular_mean
+from trackers.filters.particle import Cloud
+
+PAN_STEPS = 72
+"""Directions of the grid."""
+GRID = np.linspace(0, 2 * np.pi, PAN_STEPS, endpoint=False)
+SIDES = np.linspace(0, 2 * np.pi, PAN_BINS, endpoint=False)
+"""Angles from the face of the references."""
+SURE_M_S = 0.5
+"""Who walks faster than this knows where forward is, and looks there more often than not."""
+_CLEAR = 0.6
+"""Similarity to one of the sides from which a look at a head is its own, and is learned from."""
+_NARROW = 6.0
+"""Concentration of a look about the angle it is from, as references learn it."""
+_SURE = 0.8
+"""Mean resultant length of a pan that is sure enough to learn from."""
+_LEAST = 1e-4
+"""Share of the belief that is in every direction, so that none is ever ruled out."""
+
+
+class Look(NamedTuple):
+    """What one camera sees of the heads of some people: which, from where [rad], and their colours as roots, part by part."""
+
+    rows: Index
+    bearing: Float[Array, "k"]
+    roots: Float[Array, "k colours"]
+    skin: Complex[NDArray, "k"]  # its share, in the direction that it faces, e^iφ in the room
+
+
+def looks(people: People, views: Sequence[View], options: HeadOptions) -> Iterator[Look]:
+    """What each camera sees at the estimates of the heads, where it sees foreground."""
+    for view in views:
+        pixels, seen, on_foreground = view.look(people.head_place.T)
+        rows = np.flatnonzero(seen & on_foreground)
+        if rows.size:
+            places = people.head_place[rows].T
+            parts = view.histograms(places, pixels[rows], options.window, options.parts)
+            from_east = bearing(places, view)
+            skin = view.skin(places, pixels[rows], options.window) * np.exp(1j * from_east)
+            yield Look(rows, from_east, unit(np.sqrt(parts)), skin)
+
+
+def turned(people: People, dt: float, seen: Sequence[Look], options: HeadOptions) -> People:
+    """Everybody's pan `dt` seconds later: heads have turned, look as they look, and face ahead while they walk."""
+    belief = _diffused(people.facing, np.deg2rad(options.turn_deg))
+    log = np.log(belief + _LEAST / PAN_STEPS)
+    face = np.zeros(len(people), complex)
+    for rows, from_east, roots, skin in seen:
+        face[rows] += skin
+        alike = np.einsum("ksc,kc->ks", unit(people.hair[rows]), roots)
+        at = ((from_east[:, None] - GRID) * (PAN_BINS / (2 * np.pi))) % PAN_BINS
+        below = at.astype(np.intp) % PAN_BINS
+        share = at - np.floor(at)
+        side = np.arange(len(rows))[:, None]
+        log[rows] += options.pan_colour * (
+            (1 - share) * alike[side, below] + share * alike[side, (below + 1) % PAN_BINS]
+        )
+    log += options.skin * (face[:, None] * np.exp(-1j * GRID)).real
+    heading, speed = walk(people)
+    sure = options.walking * np.where(speed > SURE_M_S, speed, 0.0) * dt
+    log += sure[:, None] * np.cos(GRID - heading[:, None])
+    belief = np.exp(log - log.max(axis=1, keepdims=True))
+    belief /= belief.sum(axis=1, keepdims=True)
+    pan, _ = circular_mean(np.broadcast_to(GRID, belief.shape), belief)
+    return people.changed(facing=belief, pan=np.atleast_1d(pan))
+
+
+def drawn(facing: Float[Array, "n g"], n_particle: int, rng: np.random.Generator) -> Float[Array, "n p"]:
+    """Pans from distributions over the grid [rad]."""
+    shares = np.cumsum(facing, axis=1)
+    drawn = rng.random((len(facing), n_particle))
+    step = (drawn[:, :, None] > shares[:, None, :-1]).sum(axis=2)
+    return GRID[step]
+
+
+def aligned(people: People) -> People:
+    """Whose first steps tell where forward is: their pan is turned to it, and their references with it."""
+    heading, speed = walk(people)
+    due = ~people.pan_known & (speed > SURE_M_S)
+    if not due.any():
+        return people
+    turns = np.where(due, pan_bin(heading - people.pan), 0)
+    state = people.head.state.copy()
+    state[3] += (turns * (2 * np.pi / PAN_BINS))[:, None]
+    sides = (np.arange(PAN_BINS) + turns[:, None]) % PAN_BINS
+    steps = (np.arange(PAN_STEPS) - turns[:, None] * (PAN_STEPS // PAN_BINS)) % PAN_STEPS
+    return people.changed(
+        head=Cloud(state, people.head.weights),
+        pan=people.pan + turns * (2 * np.pi / PAN_BINS),
+        facing=np.take_along_axis(people.facing, steps, axis=1),
+        hair=np.take_along_axis(people.hair, sides[..., None], axis=1),
+        pan_known=people.pan_known | due,
+    )
+
+
+def learned(people: People, seen: Sequence[Look], options: HeadOptions) -> People:
+    """The references of the sides that cameras see of whose pan is sure: means of the last looks at each."""
+    _, sure = circular_mean(np.broadcast_to(GRID, people.facing.shape), people.facing)
+    clear = people.pan_known & (sure > _SURE) & ~people.lost
+    hair = people.hair.copy()
+    for rows, from_east, roots, _ in seen:
+        own = clear[rows] & (np.einsum("ksc,kc->ks", unit(hair[rows]), roots).max(axis=1) > _CLEAR)
+        rows, from_east, roots = rows[own], from_east[own], roots[own]
+        about = np.exp(_NARROW * (np.cos(SIDES - (from_east - people.pan[rows])[:, None]) - 1))
+        hair[rows] += about[..., None] * roots[:, None]
+    n_look = np.linalg.norm(hair, axis=-1, keepdims=True)
+    return people.changed(hair=hair * np.minimum(1.0, options.learning / np.maximum(n_look, 1.0)))
+
+
+def walk(people: People) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
+    """Where everybody walks [rad], and how fast [m/s]."""
+    x, y = people.course.T
+    return np.arctan2(y, x), np.hypot(x, y)
+
+
+def bearing(places: Float[Array, "c k"], view: View) -> Float[Array, "k"]:
+    """The direction from places to a camera, seen from above [rad]."""
+    return np.arctan2(view.camera.eye_m[1] - places[1], view.camera.eye_m[0] - places[0])
+
+
+def pan_bin(angle: Array) -> Index:
+    """The reference of a head seen at this angle from its face [rad]."""
+    return np.rint(angle * (PAN_BINS / (2 * np.pi))).astype(np.intp) % PAN_BINS
+
+
+def unit(roots: Float[Array, "*k b"]) -> Float[Array, "*k b"]:
+    """Roots of histograms of length 1, whose squares sum to 1; all-zero ones stay."""
+    length = np.linalg.norm(roots, axis=-1, keepdims=True)
+    return np.divide(roots, length, out=np.zeros_like(roots), where=length > 0)
+
+
+def around(seen: Float[Array, "k b"], from_face: Float[Array, "k"], *, mixed: bool = True) -> Float[Array, "pans b"]:
+    """References for every pan from looks (roots) at these angles from the face [rad].
+
+    In between looks that are less than 90° off they are mixed; farther off, or not `mixed`, it is the nearest look.
+    """
+    away = np.abs(np.angle(np.exp(1j * (SIDES[:, None] - from_face))))
+    share = 1e-6 * (away == away.min(axis=1, keepdims=True))
+    if mixed:
+        share = share + np.maximum(1 - away / (np.pi / 2), 0.0)
+    return unit(share @ seen)
+
+
+def whole(hair: Float[Array, "n pans colours"], n_part: int) -> Float[Array, "n pans b"]:
+    """References of the whole window, as roots, from those of its parts."""
+    return unit(np.sqrt((hair.reshape(*hair.shape[:2], n_part, -1) ** 2).sum(axis=2)))
+
+
+def _diffused(belief: Float[Array, "n g"], sigma_rad: float) -> Float[Array, "n g"]:
+    """A belief about directions after turns, wrapped normal of this deviation: a product of its Fourier coefficients."""
+    damped = np.exp(-0.5 * (np.arange(PAN_STEPS // 2 + 1) * sigma_rad) ** 2)
+    return np.maximum(np.fft.irfft(np.fft.rfft(belief, axis=1) * damped, PAN_STEPS, axis=1), 0.0)
