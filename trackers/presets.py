@@ -17,6 +17,7 @@ from trackers.camera_floor_particle import rules as floor_rules
 from trackers.errors import InputError
 from trackers.laser_fisheye_imm.rules import PAPER
 from trackers.merging import laid_over
+from trackers.rgbd_head import rules as head_rules
 
 if TYPE_CHECKING:
     import numpy as np
@@ -44,6 +45,11 @@ _MORI = (
     "Mori, Matsumoto, Shimosaka, Noguchi, Sato: Multiple Persons Tracking with Data Fusion of Multiple Cameras "
     "and Floor Sensors Using Particle Filters"
 )
+_SUZUKI = (
+    "Suzuki, Iwasaki, Kobayashi, Sato, Sugimoto: "
+    "Incorporating Environment Models for Improving Vision-Based Tracking of People"
+)
+_HEADS = "trackers.rgbd_head.tracker:RgbdHead"
 _CAMERA_FLOOR = "trackers.camera_floor_particle.tracker:CameraFloorParticle"
 _CLUSTERS = "trackers.camera_floor_particle.baseline:ClusterKalman"
 _LASER_LEARNING = "trackers.laser_vision_learning.tracker:LaserVisionLearning"
@@ -119,6 +125,17 @@ PRESETS: Mapping[str, Preset] = {
     ),
     "camera-floor-particle-no-mixture": Preset(
         _CAMERA_FLOOR, "the same without head particles drawn about the body", _MORI, floor_rules.NO_MIXTURE
+    ),
+    "rgbd-head": Preset(
+        _HEADS,
+        "heads in 3-D, place and direction, by stereo cameras and a model of the room, a particle filter each",
+        _SUZUKI,
+    ),
+    "rgbd-head-paper": Preset(_HEADS, "the same by the paper's cues alone", _SUZUKI, head_rules.PAPER),
+    "rgbd-head-paper-colour": Preset(_HEADS, "the paper's by colours and the room alone", _SUZUKI, head_rules.COLOUR),
+    "rgbd-head-paper-depth": Preset(_HEADS, "the paper's by distances and the room alone", _SUZUKI, head_rules.DEPTH),
+    "rgbd-head-paper-no-environment": Preset(
+        _HEADS, "the paper's without the model of the room", _SUZUKI, head_rules.NO_ENVIRONMENT
     ),
     "floor-kalman": Preset(
         _CLUSTERS,

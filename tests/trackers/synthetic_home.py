@@ -22,7 +22,7 @@ LOAD = 120
 """What the element under somebody reads."""
 
 
-def _corner(x: float, y: float) -> Pose:
+def corner(x: float, y: float) -> Pose:
     """A camera in a corner, 2.4 m up, that looks at the middle of the room 0.9 m up."""
     eye, towards = np.array([x, y, 2.4]), np.array([0.0, 0.0, 0.9])
     ahead = (towards - eye) / np.linalg.norm(towards - eye)
@@ -40,7 +40,7 @@ def rig(n_camera: int = 4, *, floor: bool = True) -> Rig:
     corners = [(-2.3, -1.9), (2.3, -1.9), (2.3, 1.9), (-2.3, 1.9)][:n_camera]
     sensors = {
         f"camera_{k}": PinholeSensor(
-            topic=f"/camera_{k}/image/compressed", room_from_sensor=_corner(*xy), intrinsics=LENS
+            topic=f"/camera_{k}/image/compressed", room_from_sensor=corner(*xy), intrinsics=LENS
         )
         for k, xy in enumerate(corners, start=1)
     }

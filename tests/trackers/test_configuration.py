@@ -9,6 +9,7 @@ from typing import Annotated, Any, get_args
 
 import pytest
 import synthetic_home
+import synthetic_meeting
 from hypothesis import given, settings, strategies as st
 from pydantic import BaseModel, Field, ValidationError
 from synthetic_room import rig
@@ -31,7 +32,8 @@ def leaves(model: BaseModel, above: Path = ()) -> dict[Path, Any]:
 
 @cache
 def options_of(preset: str) -> Any:
-    return make_tracker(preset, synthetic_home.rig() if "floor" in preset else rig()).options  # pyright: ignore[reportAttributeAccessIssue]
+    on = synthetic_home.rig() if "floor" in preset else synthetic_meeting.rig() if "rgbd" in preset else rig()
+    return make_tracker(preset, on).options  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def nested(path: Path, value: Any) -> dict[str, Any]:
@@ -81,7 +83,7 @@ def test_setting_one_option_of_a_preset_changes_that_one_alone(data: st.DataObje
     [
         (preset, path)
         for preset, path in EVERY_OPTION
-        if preset in ("laser-fisheye-imm", "camera-floor-particle") and len(path) > 1
+        if preset in ("laser-fisheye-imm", "camera-floor-particle", "rgbd-head") and len(path) > 1
     ],
 )
 def test_a_nested_option_set_to_what_it_is_changes_nothing(preset: str, path: Path) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import synthetic_home
+import synthetic_meeting
 from synthetic_room import empty_room, observe, rig, straight_walk
 
 from trackers import tracks as tracks_module
@@ -36,10 +37,15 @@ WALK = straight_walk([(-1.2, 1.2), (1.2, 2.2), (0.0, 2.5)], [(0.5, 0.0), (-0.5, 
 OBSERVATIONS = observe(WALK, 5)
 HOME = synthetic_home.rig()
 """For the trackers that need a pressure floor and cameras."""
+MEETING = synthetic_meeting.rig()
+"""For the trackers that need stereo cameras."""
 
 
 def world_of(name):
     """A rig that the tracker fits, the empty room, and a recording."""
+    if "rgbd" in name:
+        walks = synthetic_meeting.walks(1, 8)
+        return MEETING, synthetic_meeting.empty_room(MEETING), synthetic_meeting.observe(MEETING, walks)
     if "floor" not in name:
         return RIG, BACKGROUND, OBSERVATIONS
     return HOME, synthetic_home.empty_room(HOME), synthetic_home.observe(HOME, synthetic_home.walks(2, 18))
@@ -48,8 +54,10 @@ def world_of(name):
 @pytest.mark.parametrize("name", PRESETS)
 @pytest.mark.parametrize("known", [True, False], ids=["empty room", "no background"])
 def test_every_preset_keeps_the_contract(name, known):
+    known_start = {"start": [{"place": (0.9, 0.0, 1.6), "yaw_deg": 0.0}]} if "rgbd-head-paper" in name else None
+
     def make(on, room, rng):
-        return make_tracker(name, on, room, rng)
+        return make_tracker(name, on, room, rng, known_start)
 
     on, room, observations = world_of(name)
     if on is RIG and not known:

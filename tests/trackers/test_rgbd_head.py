@@ -1,0 +1,308 @@
+"""The tracker of heads by stereo cameras: ellipses, weights against scalar references, who is followed, what it lives through."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+from synthetic_meeting import HEAD_M, LENS, empty_room, met, observe, rig, walks
+
+from trackers.cameras import Ellipsoids, PlacedCamera
+from trackers.errors import InputError
+from trackers.observations import NS_PER_S, DepthImage
+from trackers.presets import PRESETS, make_tracker
+from trackers.rgbd_head.colours import COLOURS, HeadColours, colour_numbers
+from trackers.rgbd_head.learned import SHIPPED, load_learned
+from trackers.rgbd_head.options import WeightOptions
+from trackers.rgbd_head.outline import cells_shown, inner_points, outlines, ring_points
+from trackers.rgbd_head.picture import Picture, Watcher, expected_share
+from trackers.rgbd_head.rules import PAPER
+from trackers.rgbd_head.tracker import RgbdHead
+from trackers.rig import Rig, StereoSensor
+from trackers.tracks import TrackFrame, track_frames
+
+RIG, ROOM = rig(), empty_room(rig())
+WALK = walks(3, 25)
+SEEN = observe(RIG, WALK)
+LEARNED = load_learned(SHIPPED)
+
+
+def watching(options: WeightOptions) -> tuple[Watcher, Picture]:
+    """The first camera, and its picture of the eleventh moment."""
+    sensor, image = RIG.sensors["stereo_1"], SEEN[40]
+    assert isinstance(sensor, StereoSensor)
+    assert isinstance(image, DepthImage)
+    watcher = Watcher(sensor, [each for each in ROOM if each.sensor == "stereo_1"], LEARNED, options)
+    picture = watcher.ready(image)
+    assert picture is not None
+    return watcher, picture
+
+
+CAMERA = watching(WeightOptions())[0].camera
+
+
+def follow(observations=SEEN, on=RIG, room=ROOM, name="rgbd-head", **options) -> list[TrackFrame]:
+    return list(track_frames(make_tracker(name, on, room, np.random.default_rng(0), options), on, observations))
+
+
+def changed(change, from_s=0.0, sensors=None):
+    """The recording with pictures changed from a time on; None takes one away."""
+    found = []
+    for each in SEEN:
+        each = change(each) if each.t >= from_s and (sensors is None or each.sensor in sensors) else each
+        found += [] if each is None else [each]
+    return found
+
+
+def end_errors(frames, walk=WALK):
+    """How far from each person's head the nearest track's is at the end [m], and where it faces off [rad]."""
+    last = np.array([[t.head_x, t.head_y, t.head_z, t.head_yaw] for t in frames[-1].tracks]).reshape(-1, 4)
+    people = walk[len(frames) - 1]
+    away = np.linalg.norm(people[:, None, :3] - last[:, :3], axis=-1)
+    turned = last[away.argmin(axis=1), 3] - people[:, 3] if len(last) else np.full(len(people), np.pi)
+    return away.min(axis=1, initial=9.0), np.abs((turned + np.pi) % (2 * np.pi) - np.pi)
+
+
+heads_somewhere = st.tuples(
+    st.floats(-1.5, 1.5), st.floats(-1.2, 1.2), st.floats(0.8, 1.8), st.floats(-np.pi, np.pi)
+).map(lambda head: np.array(head)[:, None])
+
+
+@settings(max_examples=60, deadline=None)
+@given(heads_somewhere, st.booleans())
+def test_ellipses_are_those_of_exact_projection(head, bent):
+    lens = LENS.model_copy(update={"distortion": (-0.1, 0.02, 0.001, -0.001, 0.0)}) if bent else LENS
+    camera = PlacedCamera(lens, RIG.sensors["stereo_1"].room_from_sensor)
+    ours = outlines(camera, head, HEAD_M)
+    exact, _ = camera.ellipses(Ellipsoids.upright(head[:3].T, HEAD_M, head[3]))
+    size = exact.semi_axes()[0, 0]
+    axes = np.stack([ours.across[:, 0], ours.down[:, 0]], axis=-1)
+    assert np.abs(ours.centre[:, 0] - exact.centre[0]).max() < 0.03 * size
+    assert np.abs(axes @ axes.T - exact.shape[0]).max() < 0.06 * size**2
+
+
+@settings(max_examples=40, deadline=None)
+@given(heads_somewhere)
+def test_the_surface_is_where_rays_meet_it(head):
+    ours, disc = outlines(CAMERA, head, HEAD_M), inner_points(24)
+    u, v = ours.pixels(disc)
+    rays = CAMERA.rays(np.stack([u[:, 0], v[:, 0]], axis=-1).astype(float))
+    exact, _ = met(rays, CAMERA.eye_m, head[:3, 0], HEAD_M, head[3, 0])
+    inner = np.hypot(*disc.T) < 0.9  # at the rim rays may miss it
+    assert np.abs(exact - ours.range_m - ours.ahead_m(disc)[:, 0])[inner].max() < 0.012
+
+
+def test_a_camera_before_the_face_sees_face_and_one_behind_sees_hair():
+    front = CAMERA.eye_m + np.array([1.5, 1.5, -0.9])
+    bearing = np.arctan2(*(CAMERA.eye_m - front)[1::-1])
+    shares = LEARNED.share[cells_shown(64)]
+    looks = outlines(CAMERA, np.array([[*front, bearing], [*front, bearing + np.pi]]).T, HEAD_M)
+    towards, away = shares[:, looks.aspects()].mean(axis=0)
+    assert towards > 0.4 and away < 0.25
+
+
+def one_by_one(watcher, picture, head, table, options):
+    """The two weights of one head, a pixel at a time, as the paper's equations and our rules say it in words."""
+    seen_as = outlines(watcher.camera, head[:, None], options.semi_axes_m)
+    filled, skin, inside, logs, off, known = 0, 0, 0, 0.0, 0.0, 0
+    inner = inner_points(options.points)
+    for k, (x, y) in enumerate(inner):
+        u, v = seen_as.centre[:, 0] + x * seen_as.across[:, 0] + y * seen_as.down[:, 0]
+        column, row = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
+        within = 0 <= column < LENS.width and 0 <= row < LENS.height
+        code = int(picture.code[row + 1, column + 1]) if within else 0
+        inside, filled, skin = inside + within, filled + bool(code & 1 << 10), skin + bool(code & 1 << 11)
+        if table is not None:
+            step = LEARNED.share_steps[cells_shown(options.points)[k, seen_as.aspects()[0]]]
+            logs += table[step * COLOURS + (code & (COLOURS - 1))]
+        away = float(picture.range_m[row + 1, column + 1]) if within else 0.0
+        if away == 0:
+            continue
+        known += 1
+        surface = seen_as.range_m[0] + seen_as.ahead_m(inner)[k, 0]
+        if options.depth.by_range:
+            sigma = options.depth.sigma_m + options.depth.sigma_per_m * seen_as.range_m[0] ** 2
+            off += min(abs(away - surface) / sigma, options.depth.most)
+        else:
+            on_ray = np.array([np.sqrt(seen_as.aside_m2(inner)[k, 0]), surface])
+            middle = np.array([0.0, seen_as.range_m[0]])
+            point = on_ray / np.linalg.norm(on_ray) * away
+            off += min(abs(np.linalg.norm(point - middle) - np.linalg.norm(on_ray - middle)), options.depth.most_m)
+    n, colour = len(inner), options.colour
+    if table is not None:
+        weight = colour.power * logs / n
+    else:
+        expected = float(expected_share(seen_as.facing, options)[0])
+        weight = np.log(max(colour.linear[0] - colour.linear[1] * abs(skin / inside - expected), 1e-3))
+    if options.silhouette.power:
+        free = 0
+        ring = ring_points(options.silhouette.ring_points, options.silhouette.ring)
+        for x, y in ring:
+            u, v = seen_as.centre[:, 0] + x * seen_as.across[:, 0] + y * seen_as.down[:, 0]
+            column, row = int(np.floor(u + 0.5)), int(np.floor(v + 0.5))
+            within = 0 <= column < LENS.width and 0 <= row < LENS.height
+            free += not (within and picture.code[row + 1, column + 1] & 1 << 10)
+        shares = max(filled / n, options.silhouette.floor) * max(free / len(ring), options.silhouette.floor)
+        weight += options.silhouette.power * np.log(shares)
+    if options.depth.by_range:
+        return weight, -options.depth.power * off / n
+    return weight, np.log(max(options.depth.linear[0] - options.depth.linear[1] * off / known, 1e-3)) if known else 0.0
+
+
+@pytest.mark.parametrize("rules", [{}, PAPER["weights"]], ids=["ours", "paper"])
+def test_weights_are_those_of_one_head_after_another(rules):
+    options = WeightOptions(**rules)
+    watcher, picture = watching(options)
+    rng = np.random.default_rng(3)
+    heads = WALK[10, 0][:, None] + rng.normal(size=(4, 40)) * np.array([[0.1], [0.1], [0.1], [1.0]])
+    heads = heads.astype(np.float32)
+    table = HeadColours.unknown(1).tables(LEARNED.common, options.colour) if options.colour.by_person else None
+    weights = watcher.weights(picture, heads[:, None], table)
+    scalar = [
+        one_by_one(watcher, picture, head, None if table is None else table[0], options)
+        for head in heads.T.astype(float)
+    ]
+    # a point on the border of two pixels may be read from either
+    off = np.abs(np.stack([weights.colour, weights.depth], axis=-1) - scalar)
+    assert np.median(off) < 1e-3 and (off < 0.02).mean() > 0.85 and np.ptp(weights.colour) > 0.2
+
+
+def test_weights_do_not_depend_on_who_else_is_weighed():
+    options = WeightOptions()
+    watcher, picture = watching(options)
+    heads = (WALK[10].T[..., None] + np.linspace(-0.1, 0.1, 64)).astype(np.float32)
+    tables = HeadColours.unknown(3).tables(LEARNED.common, options.colour)
+    together = watcher.weights(picture, heads, tables)
+    for k in range(3):
+        alone = watcher.weights(picture, heads[:, k : k + 1], tables[k : k + 1])
+        assert (alone.colour == together.colour.reshape(3, 64)[k]).all()
+        assert (alone.depth == together.depth.reshape(3, 64)[k]).all()
+
+
+def test_colours_are_learned_as_face_and_as_hair():
+    rng = np.random.default_rng(0)
+    face, hair = (
+        int(colour_numbers(np.full((1, 1, 3), rgb, np.uint8))[0, 0]) for rgb in ((120, 70, 40), (200, 170, 90))
+    )
+    colours, options = HeadColours.unknown(1), WeightOptions().colour
+    for _ in range(20):
+        step = rng.integers(0, 8, 100)
+        shown = np.where(rng.random(100) < step / 7, face, hair)
+        colours = colours.learned(np.zeros(100, int), step, shown, LEARNED.common, options)
+    table = colours.tables(LEARNED.common, options).reshape(8, COLOURS)
+    assert table[7, face] > table[0, face] + 1 and table[0, hair] > table[7, hair] + 1
+
+
+def test_three_heads_are_found_and_followed():
+    frames = follow()
+    away, turned = end_errors(frames)
+    assert (away < 0.06).all() and (turned < 0.7).all()
+    assert {track.id for frame in frames[10:] for track in frame.tracks} == {1, 2, 3}
+    assert all(len(frame.tracks) == 3 for frame in frames[15:])
+    for track in frames[-1].tracks:
+        assert (track.x, track.y) == (track.head_x, track.head_y) and np.isnan(track.z)
+
+
+def test_pictures_are_weighed_at_their_own_stamps():
+    walk, seen = walks(1, 16), []
+    for k, name in enumerate(RIG.sensors):
+        later = walk.copy()  # where everybody is when each camera looks
+        later[..., 0] = 0.9 * np.cos(0.6 * (0.2 * np.arange(16)[:, None] + 0.05 * k))
+        pictures = observe(Rig(sensors={name: RIG.sensors[name]}), later, seed=k)
+        seen += [replace(each, stamp_ns=each.stamp_ns + k * NS_PER_S // 20) for each in pictures]
+    seen.sort(key=lambda each: each.stamp_ns)
+    errors = [
+        np.mean([end_errors(frames[:k], walk)[0] for k in range(8, 16)])
+        for frames in (follow(seen, own_stamps=own) for own in (True, False))
+    ]
+    assert errors[0] < 0.016 < errors[1]
+
+
+def test_a_known_start_is_followed_from_there():
+    start = [{"place": WALK[0, 1, :3].tolist(), "yaw_deg": float(np.degrees(WALK[0, 1, 3]))}]
+    frames = follow(start=start)
+    assert [track.id for track in frames[0].tracks] == [1]
+    assert end_errors(frames)[0][1] < 0.06 and all(len(frame.tracks) == 1 for frame in frames)
+
+
+def test_the_same_seed_gives_the_same_tracks_whatever_order_pictures_come_in():
+    shuffled = [SEEN[k + j] for k in range(0, len(SEEN), 4) for j in (2, 0, 3, 1)]
+    first = follow()  # repr, as NaN is not NaN
+    assert repr(first) == repr(follow())
+    assert repr(follow(shuffled)) == repr(first)
+
+
+def depthless(image):
+    return replace(image, depth_m=np.zeros_like(image.depth_m))
+
+
+def black(image):
+    return replace(image, rgb=np.zeros_like(image.rgb))
+
+
+@pytest.mark.parametrize(
+    ("what", "spoiled"),
+    [
+        ("a depth picture of holes", changed(depthless, 1.0, ["stereo_2"])),
+        ("no depth at all", changed(depthless, 2.0)),
+        ("a blind camera", changed(black, 1.0, ["stereo_1"])),
+        ("three blind cameras", changed(black, 3.0, ["stereo_1", "stereo_2", "stereo_3"])),
+        ("a camera that is gone", changed(lambda _: None, 1.0, ["stereo_3"])),
+        ("a late camera", changed(lambda each: replace(each, stamp_ns=each.stamp_ns + 10**7), 1.0, ["stereo_2"])),
+        ("doubled pictures", [each for one in SEEN for each in (one, one)]),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_heads_are_followed_through(what, spoiled):
+    away, _ = end_errors(follow(spoiled))
+    assert (away < 0.25).all(), what
+
+
+def test_one_camera_is_enough_to_find_and_follow():
+    one = rig(1)
+    frames = follow([each for each in SEEN if each.sensor in one.sensors], one, empty_room(one))
+    assert (np.sort(end_errors(frames)[0])[:2] < 0.25).all()
+
+
+def test_nobody_is_nobody_and_who_leaves_is_gone_after_coasting():
+    assert all(not frame.tracks for frame in follow(observe(RIG, np.empty((8, 0, 4)))))
+    empty = observe(RIG, np.empty((16, 0, 4)), seed=4)
+    gone = [replace(each, stamp_ns=each.stamp_ns + 5 * NS_PER_S) for each in empty]
+    frames = follow([*SEEN, *gone])
+    statuses = {track.status for frame in frames[26:30] for track in frame.tracks}
+    assert statuses == {"coasting"} and not frames[-1].tracks
+
+
+def test_all_backs_and_hidden_faces_are_followed():
+    walk = WALK.copy()
+    heads = [
+        replace(each, rgb=np.where(is_skin(each.rgb)[..., None], (40, 30, 25), each.rgb).astype(np.uint8))
+        for each in observe(RIG, walk)
+    ]
+    assert (end_errors(follow(heads))[0] < 0.08).all()
+
+
+def is_skin(rgb):
+    hue, saturation, value = cv2.split(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV))
+    return (hue > 5) & (hue < 20) & (saturation > 40) & (value > 150)
+
+
+def test_bad_input_is_told():
+    with pytest.raises(InputError, match=r"none of the rig's sensors \(\) is a stereo camera"):
+        RgbdHead(Rig(sensors={}))
+    with pytest.raises(InputError, match="image of 'stereo_1' has shape"):
+        follow([replace(SEEN[0], rgb=np.zeros((60, 80, 3), np.uint8), depth_m=np.ones((60, 80), np.float32))])
+    with pytest.raises(InputError, match="head"):
+        make_tracker("rgbd-head", RIG, ROOM, options={"heads": 0})
+    with pytest.raises(InputError, match="cannot be read"):
+        load_learned(SHIPPED.with_name("nothing.npz"))
+
+
+def test_presets_of_the_paper_have_no_rule_of_ours():
+    for name in [each for each in PRESETS if each.startswith("rgbd-head-paper")]:
+        options = make_tracker(name, RIG, ROOM).options
+        assert not options.weights.colour.by_person and not options.weights.depth.by_range
+        assert options.weights.silhouette.power == 0 and options.motion.walking == 0

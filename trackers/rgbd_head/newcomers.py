@@ -1,0 +1,59 @@
+"""Where somebody is whom nobody follows: a plan of the foreground's points, as people stand upright (ours).
+
+After M. Harville, "Stereo person tracking with adaptive plan-view templates of height and occupancy statistics" (2004): the
+points of all cameras are counted by the area that each shows, in cells of the floor; the highest of a heap tell the head.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from scipy import ndimage
+
+from trackers.arrays import Array
+from trackers.filters.gating import distances
+from trackers.rgbd_head.options import LifeOptions
+
+_CELL_M = 0.1
+_ABOUT_M = 0.3
+"""Points this near to the middle of a heap are one person's."""
+_CROWN = 0.93
+"""The share of somebody's area up to which the crown's level is looked for: what is above is noise of the distances."""
+_BELOW_CROWN_M = 0.1
+_MOST = 3
+"""So many at once."""
+
+
+def newcomers(points: Float[Array, "4 k"], known: Float[Array, "n 2"], options: LifeOptions) -> Float[Array, "m 3"]:
+    """Middles of heads [m] that points (x, y, z [m], area [m²]) of the foreground show away from known places."""
+    found: list[Array] = []
+    for _ in range(_MOST):
+        taken = np.concatenate([known, *(place[None, :2] for place in found)])
+        if len(taken):
+            points = points[:, distances(points[:2].T, taken).min(axis=1, initial=np.inf) > options.apart_m]
+        if points.shape[1] == 0:
+            break
+        low = points[:2].min(axis=1) - 2 * _CELL_M
+        cell = ((points[:2] - low[:, None]) / _CELL_M).astype(np.intp)
+        size = cell.max(axis=1) + 3
+        heap = np.bincount(cell[0] * size[1] + cell[1], points[3], size.prod()).reshape(size)
+        heap = ndimage.uniform_filter(heap, 5, mode="constant") * 25
+        top = np.unravel_index(heap.argmax(), heap.shape)
+        if heap[top] < options.least_m2:
+            break
+        middle = low + (np.array(top) + 0.5) * _CELL_M
+        near = np.hypot(*(points[:2] - middle[:, None])) < _ABOUT_M
+        x, y, z, area = points[:, near]
+        order = np.argsort(z)
+        crown = z[order][np.searchsorted(np.cumsum(area[order]), _CROWN * area.sum())]
+        head = z > crown - 0.25
+        found.append(
+            np.array(
+                [
+                    np.average(x[head], weights=area[head]),
+                    np.average(y[head], weights=area[head]),
+                    crown - _BELOW_CROWN_M,
+                ]
+            )
+        )
+    return np.array(found).reshape(-1, 3)

@@ -1,0 +1,61 @@
+"""Whose heads are followed: a roster of clouds of hypotheses (x, y, z, yaw), and what is known of each person."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from jaxtyping import Float
+
+from trackers.arrays import Array
+from trackers.filters.circular import circular_mean
+from trackers.filters.particle import Cloud
+from trackers.filters.rows import Rows
+from trackers.rgbd_head.colours import HeadColours
+from trackers.tracking.roster import Roster
+
+
+@dataclass(frozen=True, eq=False)
+class People(Rows):
+    """n tracks, oldest first, tentative ones among them. usual: what each camera's pictures usually weigh their heads."""
+
+    roster: Roster[Cloud]
+    velocity: Float[Array, "n 3"]  # [m/s]
+    colours: HeadColours
+    usual: Float[Array, "n cameras"]  # logarithms; NaN before the first picture
+
+    @classmethod
+    def started(cls, cloud: Cloud, ns: int, n_camera: int) -> Self:
+        """Tentative tracks of people who stand."""
+        n = len(cloud)
+        usual = np.full((n, n_camera), np.nan)
+        return cls(Roster.started(cloud, ns), np.zeros((n, 3)), HeadColours.unknown(n), usual)
+
+    @property
+    def place(self) -> Float[Array, "n 3"]:
+        """The middle of each head, the expectation [m]."""
+        cloud = self.roster.state
+        return cloud.expectation(cloud.state[:3]).T
+
+    def direction(self) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
+        """Where each head faces [rad], averaged on the circle, and how sure that is, 0 to 1."""
+        cloud = self.roster.state
+        yaw, length = circular_mean(cloud.state[3], cloud.weights.normalised)
+        return np.asarray(yaw), np.asarray(length)
+
+
+def around(
+    place: Float[Array, "n 3"],
+    yaw_rad: Float[Array, "n"] | None,
+    spread_m: float,
+    n_heads: int,
+    rng: np.random.Generator,
+) -> Cloud:
+    """Hypotheses about places [m]; looking anywhere where the direction is not known."""
+    n = len(place)
+    state = np.empty((4, n, n_heads))
+    state[:3] = place.T[..., None] + spread_m * rng.standard_normal((3, n, n_heads))
+    turned = rng.uniform(-np.pi, np.pi, (n, n_heads))
+    state[3] = turned if yaw_rad is None else yaw_rad[:, None] + np.radians(15) * rng.standard_normal((n, n_heads))
+    return Cloud.of(state)

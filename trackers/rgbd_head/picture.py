@@ -1,0 +1,239 @@
+"""One camera's part (the paper's client): a picture made ready, and the weights that it gives heads.
+
+The weights are a pure function of heads at the picture's stamp, the picture, what is known of each person's colours, and the
+options: the same wherever it is worked out. All weights are logarithms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from numpy.typing import NDArray
+
+from trackers.arrays import Array, Index, Mask
+from trackers.observations import DepthImage, Observation
+from trackers.rgbd_head.colours import COLOURS, SHARES, colour_numbers
+from trackers.rgbd_head.learned import Learned
+from trackers.rgbd_head.options import WeightOptions
+from trackers.rgbd_head.outline import Outlines, Single, cells_shown, inner_points, outlines, ring_points
+from trackers.rig import StereoSensor, placed_camera
+from trackers.vision.foreground import Foreground
+
+_FOREGROUND, _SKIN, _OUTSIDE = 1 << 10, 1 << 11, 1 << 12
+_BLIND_FROM = 0.6
+"""Share of a picture that is foreground from which it shows no people but a covered lens, or another light."""
+_LEAST_DEPTH = 0.02
+"""A depth picture with less than this share of its pixels is broken."""
+_NOTHING = 1e-3
+"""A linear weight (eq. 5, 7) is never less: a floor of 0 would let one blocked camera kill a right hypothesis."""
+_EMPTY = 5
+"""So many depth pictures of the empty room are looked at."""
+_LOOKED_AT = 64
+"""Points looked at in the ellipse of a person's own head."""
+_NEAR_M = 0.2
+"""A pixel this far from the middle of a head may still be on it: noise and hair."""
+_BEFORE_M = 0.3
+"""What is not so far before the empty room belongs to it: the rim of a mask shows the wall behind."""
+_EVERY = 4
+"""So many pixels apart, along rows and columns, are those that are asked for newcomers."""
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A picture made ready, with a border of one pixel of nothing.
+
+    code: the number of each pixel's colour, and whether it is foreground, skin-coloured, outside. range_m: how far along its
+    ray each pixel is, 0 where unknown; None where the whole depth picture is empty.
+    """
+
+    code: NDArray[np.int16]
+    range_m: Single | None
+
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """The logarithms of a picture's two weights of n heads, and which it shows; those it does not show get 0.
+
+    shown: share of foreground in the ellipse times that of background over it: near 1 where a head is.
+    """
+
+    colour: Float[Single, "n"]
+    depth: Float[Single, "n"]
+    shown: Float[Single, "n"]
+    seen: Bool[Mask, "n"]
+
+
+class Watcher:
+    """One stereo camera with its empty room. Raises InputError for pictures of another size than the rig says."""
+
+    def __init__(
+        self, sensor: StereoSensor, empty_room: Sequence[Observation], learned: Learned, options: WeightOptions
+    ) -> None:
+        self.camera = placed_camera(sensor)
+        self._learned, self._options = learned, options
+        pictures = [each for each in empty_room if isinstance(each, DepthImage)]
+        self.foreground = Foreground(sensor.intrinsics, pictures, options.foreground)
+        self._per_depth = np.linalg.norm(sensor.intrinsics.directions(), axis=-1).astype(np.float32)
+        self._wall_m = _farthest(pictures) * self._per_depth
+
+    def ready(self, image: DepthImage) -> Picture | None:
+        """The picture made ready; None where it is blind: nearly all of it has changed."""
+        mask = self.foreground.mask(image).view(np.uint8)
+        if cv2.countNonZero(mask) > _BLIND_FROM * mask.size:
+            return None
+        code = colour_numbers(image.rgb)
+        code += mask * np.int16(_FOREGROUND)
+        if not self._options.colour.by_person:
+            code += self._learned.skin.shown_in(image.rgb).view(np.uint8) * np.int16(_SKIN)
+        code = _bordered(code, _OUTSIDE)
+        if cv2.countNonZero(image.depth_m) < _LEAST_DEPTH * image.depth_m.size:
+            return Picture(code, None)
+        return Picture(code, _bordered(image.depth_m * self._per_depth, 0))
+
+    def weights(
+        self, picture: Picture, heads: Float[Single, "4 n p"], tables: Float[Single, "n entries"] | None
+    ) -> Weights:
+        """The weights of p heads (x, y, z [m], yaw [rad] at the picture's stamp) of each of n people, n · p in a row.
+
+        tables: how likely each colour is at each step of s (`HeadColours.tables`); None: the paper's share of skin.
+        """
+        options = self._options
+        n, p = heads.shape[1:]
+        seen_as = outlines(self.camera, heads.reshape(4, n * p), options.semi_axes_m)
+        inner = inner_points(options.points)
+        at = _index(seen_as, inner, picture)
+        code = picture.code.ravel().take(at)
+        colour = np.zeros(n * p, np.float32)
+        if options.colour.on and tables is not None:
+            entry = self._steps_shown.take(seen_as.aspects(), axis=1)
+            entry += code & np.int16(COLOURS - 1)
+            if n > 1:
+                first = np.repeat(np.arange(n) * (SHARES * COLOURS), p)
+                entry = entry + first
+            colour += np.float32(options.colour.power) * _mean(tables.ravel().take(entry))
+        elif options.colour.on:
+            n_inside = np.maximum(_mean(code < _OUTSIDE), np.float32(1 / len(inner)))
+            skin = _mean((code & _SKIN) > 0) / n_inside
+            colour += _linear(np.abs(skin - expected_share(seen_as.facing, options)), options.colour.linear)
+        filled, free = self._silhouette(picture, seen_as, code)
+        if options.silhouette.power:
+            floor = np.float32(options.silhouette.floor)
+            both = np.maximum(filled, floor) * np.maximum(free, floor)
+            colour += np.float32(options.silhouette.power) * np.log(both)
+        depth = np.zeros(n * p, np.float32)
+        if options.depth.on and picture.range_m is not None:
+            depth += self._depth(seen_as, inner, picture.range_m.ravel().take(at))
+        seen = seen_as.seen
+        colour, depth, shown = (np.where(seen, each, np.float32(0)) for each in (colour, depth, filled * free))
+        return Weights(colour, depth, shown, seen)
+
+    def look(self, picture: Picture, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
+        """The pixels on a head (x, y, z [m], yaw [rad] at the picture's stamp) of each of n people: person, step of s, colour."""
+        seen_as = outlines(self.camera, heads, self._options.semi_axes_m)
+        at = _index(seen_as, inner_points(_LOOKED_AT), picture)
+        code = picture.code.ravel().take(at)
+        on_head = ((code & _FOREGROUND) > 0) & seen_as.seen
+        if picture.range_m is not None:
+            on_head &= np.abs(picture.range_m.ravel().take(at) - seen_as.range_m) < _NEAR_M
+        steps = self._learned.share_steps.take(cells_shown(_LOOKED_AT)).take(seen_as.aspects(), axis=1)
+        person = np.broadcast_to(np.arange(heads.shape[1]), code.shape)
+        return np.stack([person[on_head], steps[on_head], code[on_head] & (COLOURS - 1)]).astype(np.intp)
+
+    def strangers(self, picture: Picture) -> Float[Array, "4 k"]:
+        """Places (x, y, z) [m] of pixels of the foreground before the empty room's, and the area that each shows [m²]."""
+        if picture.range_m is None:
+            return np.empty((4, 0))
+        part = (slice(1, -1, _EVERY), slice(1, -1, _EVERY))
+        range_m = picture.range_m[part]
+        shown = ((picture.code[part] & _FOREGROUND) > 0) & (range_m > 0)
+        shown &= range_m < self._wall_m[::_EVERY, ::_EVERY] - _BEFORE_M
+        away = range_m[shown]
+        places = self.camera.pixel_rays[::_EVERY, ::_EVERY][shown].T * away + self.camera.eye_m[:, None]
+        pixel = _EVERY**2 / (self.camera.intrinsics.fx * self.camera.intrinsics.fy)
+        return np.concatenate([places, [pixel * away**2]]).astype(float)
+
+    @cached_property
+    def _steps_shown(self) -> NDArray[np.int16]:
+        """The first entry of the step of s that each point of the ellipse shows, (points, aspects)."""
+        steps = self._learned.share_steps.take(cells_shown(self._options.points))
+        return (steps * COLOURS).astype(np.int16)
+
+    def _silhouette(
+        self, picture: Picture, seen_as: Outlines, code: NDArray[np.int16]
+    ) -> tuple[Float[Single, "n"], Float[Single, "n"]]:
+        """The share of foreground in each ellipse, and of background in a half ring over it (ours)."""
+        options = self._options.silhouette
+        ring = ring_points(options.ring_points, options.ring)
+        around = picture.code.ravel().take(_index(seen_as, ring, picture))
+        filled, covered = (_mean((each & np.int16(_FOREGROUND)) > 0) for each in (code, around))
+        return filled, 1 - covered
+
+    def _depth(
+        self, seen_as: Outlines, inner: Float[Array, "k 2"], range_m: Float[Single, "k n"]
+    ) -> Float[Single, "n"]:
+        """What the distances of the pixels say; nothing where there are none."""
+        options = self._options.depth
+        middle = seen_as.range_m
+        surface = middle + seen_as.ahead_m(inner)
+        if options.by_range:
+            sure = 1 / (np.float32(options.sigma_m) + np.float32(options.sigma_per_m) * middle**2)
+            off = np.minimum(np.abs(range_m - surface) * sure, np.float32(options.most))
+            off *= range_m > 0
+            return np.float32(-options.power) * _mean(off)
+        aside = seen_as.aside_m2(inner)
+        along = surface / np.sqrt(surface**2 + aside)
+        away = np.sqrt(np.maximum(range_m * (range_m - 2 * middle * along) + middle**2, 0))
+        off = np.minimum(np.abs(away - np.sqrt((surface - middle) ** 2 + aside)), np.float32(options.most_m))
+        known = range_m > 0
+        share = _mean(known)
+        return np.where(share > 0, _linear(_mean(off * known) / np.maximum(share, 1e-6), options.linear), np.float32(0))
+
+
+def _farthest(pictures: Sequence[DepthImage]) -> Single:
+    """How far the empty room is at each pixel along the axis, inf where none of its pictures knows [m]."""
+    if not pictures:
+        return np.full((1, 1), np.inf, np.float32)
+    depth = np.max([each.depth_m for each in pictures[:_EMPTY]], axis=0)
+    return np.where(depth > 0, depth, np.inf).astype(np.float32)
+
+
+def expected_share(facing: Float[Single, "n"], options: WeightOptions) -> Float[Single, "n"]:
+    """ĉ: the share of skin of a head whose nose points `facing` away from the camera [rad], largest from the front."""
+    colour = options.colour
+    return np.float32(colour.behind) + np.float32((colour.front - colour.behind) / 2) * (1 + np.cos(facing))
+
+
+def _linear(off: Array, slope: tuple[float, float]) -> Single:
+    """log(a − b · off), with a floor (eq. 5 and 7)."""
+    a, b = slope
+    return np.log(np.maximum(a - b * off, _NOTHING)).astype(np.float32)
+
+
+def _mean(rows: NDArray) -> Float[Single, "n"]:
+    """The mean over the first axis; by a product, which numpy does fastest."""
+    return np.full(len(rows), 1 / len(rows), np.float32) @ rows.astype(np.float32, copy=False)
+
+
+def _bordered(plane: NDArray, border: float) -> NDArray:
+    return np.asarray(cv2.copyMakeBorder(plane, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=[border]), plane.dtype)
+
+
+def _index(seen_as: Outlines, disc: Float[Array, "k 2"], picture: Picture) -> NDArray[np.int32]:
+    """The index in the bordered picture of the pixel at each point of each ellipse; the border's beyond the edges."""
+    rows, columns = picture.code.shape
+    u, v = seen_as.pixels(disc)
+    u += np.float32(1.5)
+    v += np.float32(1.5)
+    if not (u.min() >= 0 and v.min() >= 0 and u.max() < columns and v.max() < rows):
+        # fmax and fmin take NaN, which no lens has a place for, to the border
+        u = np.fmin(np.fmax(u, np.float32(0)), np.float32(columns - 1))
+        v = np.fmin(np.fmax(v, np.float32(0)), np.float32(rows - 1))
+    at = v.astype(np.int32)
+    at *= columns
+    at += u.astype(np.int32)
+    return at
