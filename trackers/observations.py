@@ -17,7 +17,18 @@ NS_PER_S = 1_000_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class LaserScan:
+class _Stamped:
+    sensor: str
+    stamp_ns: int
+
+    @property
+    def t(self) -> float:
+        """Stamp [s]."""
+        return self.stamp_ns / NS_PER_S
+
+
+@dataclass(frozen=True, eq=False)
+class LaserScan(_Stamped):
     """One sweep of a planar scanner, in the scanner's frame: x ahead, y left, z up, angles counter-clockwise from x.
 
     `ranges_m` follows ROS REP 117: a finite value is a return, +inf no return within range, NaN an invalid reading.
@@ -27,8 +38,6 @@ class LaserScan:
     Raises InputError for ranges that are no row, and for beams or limits that no scanner has.
     """
 
-    sensor: str
-    stamp_ns: int
     ranges_m: NDArray[np.float32]  # (n_beam,)
     angle_min_rad: float
     angle_increment_rad: float
@@ -60,40 +69,26 @@ class LaserScan:
             )
 
     @property
-    def t(self) -> float:
-        """Stamp [s]."""
-        return self.stamp_ns / NS_PER_S
-
-    @property
     def angles_rad(self) -> NDArray[np.float64]:
         """Bearing of each beam in the scanner's frame, (n_beam,)."""
         return self.angle_min_rad + self.angle_increment_rad * np.arange(self.ranges_m.size, dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)
-class Image:
+class Image(_Stamped):
     """One colour image, RGB, as decoded from its message."""
 
-    sensor: str
-    stamp_ns: int
     rgb: NDArray[np.uint8]  # (height, width, 3)
-
-    @property
-    def t(self) -> float:
-        """Stamp [s]."""
-        return self.stamp_ns / NS_PER_S
 
 
 @dataclass(frozen=True, eq=False)
-class DepthImage:
+class DepthImage(_Stamped):
     """A colour image and the depth of each of its pixels, as decoded from their two messages of one stamp.
 
     `depth_m` is the distance along the optical axis, not along the ray, in whole millimetres; 0 where there is none
     (nothing matched, nothing within range). `trackers.rig.StereoSensor.points` makes points of it.
     """
 
-    sensor: str
-    stamp_ns: int
     rgb: NDArray[np.uint8]  # (height, width, 3)
     depth_m: NDArray[np.float32]  # (height, width)
 
@@ -104,21 +99,14 @@ class DepthImage:
                 f"{self.depth_m.shape}; a depth for each pixel is expected"
             )
 
-    @property
-    def t(self) -> float:
-        """Stamp [s]."""
-        return self.stamp_ns / NS_PER_S
-
 
 @dataclass(frozen=True, eq=False)
-class FloorFrame:
+class FloorFrame(_Stamped):
     """One reading of all elements of a pressure floor, 8 bits each, in the floor's frame: x along a row, y from row to row.
 
     What load goes with a value stands in the rig: `trackers.rig.FloorSensor.load_n`.
     """
 
-    sensor: str
-    stamp_ns: int
     values: NDArray[np.uint8]  # (rows, columns)
 
     def __post_init__(self) -> None:
@@ -126,11 +114,6 @@ class FloorFrame:
             raise InputError(
                 f"floor {self.sensor!r}: values have shape {self.values.shape}; rows and columns are expected"
             )
-
-    @property
-    def t(self) -> float:
-        """Stamp [s]."""
-        return self.stamp_ns / NS_PER_S
 
 
 Observation = LaserScan | Image | DepthImage | FloorFrame

@@ -15,8 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.observations import NS_PER_S
-from twin.recording.csv_columns import read_csv_columns
+from twin.recording.csv_columns import StampedRows, read_csv_columns
 from twin.recording.detail_rows import (
     DetailWriter,
     FrameRows,
@@ -33,7 +32,7 @@ _LEAST = {"id": 1, "left": 0, "top": 0, "width": 1, "height": 1, "visible_px": 1
 
 
 @dataclass(frozen=True, eq=False)
-class BoxTable:
+class BoxTable(StampedRows):
     """Boxes as columns, one element a person and picture, in the order of the file; units as in `twin.truth.Box`."""
 
     source: str
@@ -48,11 +47,6 @@ class BoxTable:
     height: NDArray[np.int64]
     visible_px: NDArray[np.int64]
     truncated: NDArray[np.bool_]
-
-    @property
-    def t(self) -> NDArray[np.float64]:
-        """Stamps [s], (n,)."""
-        return self.stamps_ns / NS_PER_S
 
 
 def box_writer(path: Path) -> AbstractContextManager[DetailWriter[BoxFrame]]:

@@ -23,6 +23,17 @@ _MAX_STAMP_S = Decimal(_MAX_INT64 // NS_PER_S)
 _Value = TypeVar("_Value")
 
 
+class StampedRows:
+    """Base of tables as columns: their stamps in seconds."""
+
+    stamps_ns: NDArray[np.int64]
+
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """Stamps [s], (n,)."""
+        return self.stamps_ns / NS_PER_S
+
+
 @dataclass(frozen=True)
 class CsvColumns:
     """The cells of a CSV file by column, as text, with the line each row stands on."""

@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
-from trackers.observations import NS_PER_S
-from twin.recording.csv_columns import CsvColumns, read_csv_columns
+from twin.recording.csv_columns import CsvColumns, StampedRows, read_csv_columns
 from twin.recording.detail_rows import DetailWriter, FrameRows, detail_writer, frame_json, frames_once, split_frames
 from twin.truth.frames import RayFrame
 
@@ -26,7 +25,7 @@ RAY_COLUMNS = ("t", "sensor", "id", "first_beam", "last_beam")
 
 
 @dataclass(frozen=True, eq=False)
-class RayTable:
+class RayTable(StampedRows):
     """Runs of beams as columns, one element a run, in the order of the file."""
 
     source: str
@@ -37,11 +36,6 @@ class RayTable:
     id: NDArray[np.int64]
     first_beam: NDArray[np.int64]
     last_beam: NDArray[np.int64]
-
-    @property
-    def t(self) -> NDArray[np.float64]:
-        """Stamps [s], (n,)."""
-        return self.stamps_ns / NS_PER_S
 
     def person_of_ray(self, sensor: str, stamp_ns: int, n_beam: int) -> NDArray[np.int16]:
         """The id of the person whom each beam of a scan meets, 0 for nobody, (n_beam,).

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import nan
 from pathlib import Path
 from typing import TextIO, TypeVar
@@ -55,18 +55,8 @@ class SituationTable:
     def select(self, kind: SituationKind, sensor: str | None = None) -> SituationTable:
         """The situations of one kind, and of one sensor."""
         rows = self.kind == kind if sensor is None else (self.kind == kind) & (self.sensor == sensor)
-        return SituationTable(
-            self.source,
-            kind=self.kind[rows],
-            first_id=self.first_id[rows],
-            second_id=self.second_id[rows],
-            sensor=self.sensor[rows],
-            start_ns=self.start_ns[rows],
-            end_ns=self.end_ns[rows],
-            complete=self.complete[rows],
-            how=self.how[rows],
-            least_m=self.least_m[rows],
-        )
+        columns = {field.name: getattr(self, field.name)[rows] for field in fields(self)[1:]}
+        return SituationTable(self.source, **columns)
 
     def frames(self, stamps_ns: NDArray[np.int64], after_s: float = 0.0) -> NDArray[np.bool_]:
         """Which of these frames (k,) lie in each situation, (n, k): from its start up to, not at, its end.

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.tracks import Track, TrackFrame
-from twin.recording.csv_columns import CsvColumns, read_csv_columns
+from twin.recording.csv_columns import CsvColumns, StampedRows, read_csv_columns
 from twin.recording.whole_file import whole_file
 from twin.truth.frames import PersonTruth, TruthFrame
 
@@ -37,7 +37,7 @@ _VISIBLE = "visible_"
 
 
 @dataclass(frozen=True, eq=False)
-class TruthTable:
+class TruthTable(StampedRows):
     """Truth as columns, one element a person and moment, ordered by stamp, then id; units as in `PersonTruth`."""
 
     source: str
@@ -57,14 +57,9 @@ class TruthTable:
     in_area: NDArray[np.bool_]
     visible: dict[str, NDArray[np.float64]]  # by sensor
 
-    @property
-    def t(self) -> NDArray[np.float64]:
-        """Stamps [s], (n,)."""
-        return self.stamps_ns / NS_PER_S
-
 
 @dataclass(frozen=True, eq=False)
-class TrackTable:
+class TrackTable(StampedRows):
     """Tracks as columns, one element a track and moment, ordered by stamp, then id; units as in `Track`."""
 
     source: str
@@ -81,11 +76,6 @@ class TrackTable:
     head_z: NDArray[np.float64]
     head_yaw: NDArray[np.float64]
     status: NDArray[np.str_]  # (n,) of STATUSES
-
-    @property
-    def t(self) -> NDArray[np.float64]:
-        """Stamps [s], (n,)."""
-        return self.stamps_ns / NS_PER_S
 
 
 class TruthWriter:
