@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 
 os.environ.setdefault("MUJOCO_GL", "egl")
 
@@ -16,23 +15,18 @@ from twin.people.body.legs import leg_angles
 from twin.people.posture.lay import apply
 from twin.people.posture.measures import BodyMeasures
 from twin.people.posture.posture import Postures
+from twin.room.furniture import Bed, Seat
 from twin.scenario.people import Person
 
 DT = 0.025
 
 
-@dataclass(frozen=True)
-class Seat:
-    place: np.ndarray
-    yaw: float
-    to_front_m: float = 0.21
+def seat(place, yaw):
+    return Seat("chair", np.array(place), yaw, "chair", frozenset(), 0.21)
 
 
-@dataclass(frozen=True)
-class Bed:
-    place: np.ndarray
-    yaw: float
-    to_edge_m: tuple[float, float] = (0.45, 0.45)
+def bed(place, yaw):
+    return Bed("bed", np.array(place), yaw, "bed", frozenset(), np.array([0.45, 0.45]))
 
 
 def looks_of(*statures, seed=3):

@@ -5,36 +5,34 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
-from posture_cast import DT, Bed, Seat, Stage, looks_of, standing
+from posture_cast import DT, Stage, bed, looks_of, seat, standing
 
 from twin.geometry.geom_hull import hull_points
 from twin.people.body.body import JOINT_PLACE, JOINTS, NQ_PERSON
-from twin.people.posture.bed import standing_place_beside
+from twin.people.posture.bed import lair_in
 from twin.people.posture.lay import apply, hand_places, soles
 from twin.people.posture.measures import BodyMeasures
 from twin.people.posture.posture import Postures
 from twin.people.posture.rows import POSTURE_ROWS
-from twin.people.posture.sit import FEET_SHARE, standing_place_before
+from twin.people.posture.sit import FEET_SHARE, spot_on
 from twin.people.posture.weight import pressure_shift_m, support
 
 MOST_PER_TICK_RAD = 0.25
 G = 9.81
-CHAIR = Seat(np.array([0.4, -0.3, 0.45]), 2.5)
-BED = Bed(np.array([1.0, 2.0, 0.5]), -0.7)
+CHAIR = seat((0.4, -0.3, 0.45), 2.5)
+BED = bed((1.0, 2.0, 0.5), -0.7)
 
 
 def before(seat, stature=1.75):
-    stage = Stage(stature)
-    place, heading = standing_place_before(seat, stage.measures, 0)
+    spot = spot_on(seat, Stage(stature).measures, 0)
     # heading wound once more around: it is unwrapped where people have turned
-    return Stage(stature, place + 0.03j, heading + 2 * np.pi + 0.1)
+    return Stage(stature, spot.standing_place + 0.03j, spot.yaw + 2 * np.pi + 0.1)
 
 
 def beside(bed, side, stature=1.75):
-    stage = Stage(stature)
     coming = complex(*bed.place[:2]) + side * 2j * np.exp(1j * bed.yaw)
-    place, heading = standing_place_beside(bed, stage.measures, 0, coming)
-    return Stage(stature, place, heading)
+    edge = lair_in(bed, Stage(stature).measures, 0, coming).edge
+    return Stage(stature, edge.standing_place, edge.yaw)
 
 
 def feet_of(stage, qpos):
@@ -106,11 +104,11 @@ def test_who_has_come_back_keeps_the_very_numbers():
 @pytest.mark.parametrize("stature", [1.2, 1.45, 1.75, 1.95])
 @pytest.mark.parametrize("height", [0.35, 0.45, 0.55])
 def test_sitting_down_and_up_again(stature, height):
-    seat = Seat(np.array([0.4, -0.3, height]), 2.5)
-    stage = before(seat, stature)
+    stool = seat((0.4, -0.3, height), 2.5)
+    stage = before(stool, stature)
     stage.tick()
     at_first = feet_of(stage, stage.standing[0])
-    stage.postures.sit(0, seat)
+    stage.postures.sit(0, stool)
     assert not stage.postures.may_walk()[0]
     down, rows_down = stage.run("body")
     stage.postures.rise(0)
@@ -125,7 +123,7 @@ def test_sitting_down_and_up_again(stature, height):
     # on the seat, not in it
     assert lowest(stage, down[-1], ["hips"]) == pytest.approx(height, abs=0.02)
     assert all(lowest(stage, pose, ["hips"]) > height - 0.02 for pose in poses)
-    facing = np.exp(1j * seat.yaw)
+    facing = np.exp(1j * stool.yaw)
     trunk = stage.pose(down[-1]).body("trunk").xmat.reshape(3, 3)
     assert trunk[2, 2] > np.cos(0.2)
     assert trunk[0, 0] * facing.real + trunk[1, 0] * facing.imag > 0.98
@@ -391,7 +389,7 @@ def test_what_makes_no_sense_is_refused():
     with pytest.raises(ValueError, match="stand up"):
         stage.postures.rise(0)
     with pytest.raises(ValueError, match="stands near"):
-        stage.postures.sit(0, Seat(np.array([3.0, 3.0, 0.45]), 0.0))
+        stage.postures.sit(0, seat((3.0, 3.0, 0.45), 0.0))
     with pytest.raises(ValueError, match="bend"):
         stage.postures.bend(0, 3.0)
     with pytest.raises(ValueError, match="reach"):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -25,6 +24,7 @@ from twin.people.posture.rows import (
     SPINE_PITCH,
 )
 from twin.people.posture.sit import Spot, spot_on
+from twin.room.furniture import Bed, Seat
 
 LIE_DOWN_S = 3.0
 GET_UP_S = 3.0
@@ -38,27 +38,6 @@ _TOWARDS_HEAD_M = 0.04
 """How far towards the head end the middle of one who lies is from the middle of the bed: feet that point down take room [m]."""
 
 
-class BedLike(Protocol):
-    """A bed, such as `twin.room.furniture.Bed`: `place` (3,) middle of the mattress' top [m], `yaw` from feet end to head end
-    [rad], `to_edge_m` (2,) from the middle to the edges left and right [m]."""
-
-    @property
-    def place(self) -> Array: ...
-
-    @property
-    def yaw(self) -> float: ...
-
-    @property
-    def to_edge_m(self) -> Array: ...
-
-
-@dataclass(frozen=True)
-class _Edge:
-    place: Array
-    yaw: float
-    to_front_m: float
-
-
 @dataclass(frozen=True)
 class Lair:
     """Where one person lies: hips x, y, z [m], yaw towards the feet end [rad], unwrapped from the edge's; the edge: where
@@ -70,7 +49,7 @@ class Lair:
     turns_left: bool
 
 
-def lair_in(bed: BedLike, measures: BodyMeasures, person: int, beside: complex) -> Lair:
+def lair_in(bed: Bed, measures: BodyMeasures, person: int, beside: complex) -> Lair:
     """Where this person lies in this bed, who comes from the place `beside` x + iy [m]: on the long side nearest to it.
 
     On the back, the middle of the body in the middle of the bed; in a bed too short the feet hang over its end.
@@ -87,19 +66,12 @@ def lair_in(bed: BedLike, measures: BodyMeasures, person: int, beside: complex) 
     seat = where + (to_edge - 0.5 * _EDGE_DEPTH_M) * outwards
     yaw = float(np.angle(outwards))
     top = float(bed.place[2])
-    edge = spot_on(_Edge(np.array([seat.real, seat.imag, top]), yaw, 0.5 * _EDGE_DEPTH_M), measures, person)
+    place = np.array([seat.real, seat.imag, top])
+    edge = spot_on(Seat(bed.name, place, yaw, bed.furniture, bed.geoms, 0.5 * _EDGE_DEPTH_M), measures, person)
     # facing outwards from the bed's left side, the feet end is to the left
     turn = 0.5 * np.pi if left else -0.5 * np.pi
     height = top + float(max(measures.behind[person], measures.back[person])) - SINK_M
     return Lair((where.real, where.imag, height), yaw + turn, edge, left)
-
-
-def standing_place_beside(
-    bed: BedLike, measures: BodyMeasures, person: int, coming_from: complex
-) -> tuple[complex, float]:
-    """Where a person stands, x + iy [m], and faces [rad], to lie down on a bed: at the long side they come from."""
-    edge = lair_in(bed, measures, person, coming_from).edge
-    return edge.standing_place, edge.yaw
 
 
 def lay_lying(rows: Array, progress: Array, spot: Array, lair: Array, turns_left: Array, drop: Array) -> None:

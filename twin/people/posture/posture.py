@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from twin.people.posture.bed import GET_UP_S, LIE_DOWN_S, SINK_M, BedLike, lair_in, lay_lying
+from twin.people.posture.bed import GET_UP_S, LIE_DOWN_S, SINK_M, lair_in, lay_lying
 from twin.people.posture.course import Course
 from twin.people.posture.look import Looks
 from twin.people.posture.measures import BodyMeasures
@@ -37,8 +37,9 @@ from twin.people.posture.rows import (
     SPINE_YAW,
     faced,
 )
-from twin.people.posture.sit import SIT_DOWN_S, STAND_UP_S, SeatLike, Spot, lay_sitting, spot_on
+from twin.people.posture.sit import SIT_DOWN_S, STAND_UP_S, Spot, lay_sitting, spot_on
 from twin.people.posture.weight import CentreOfMass, hips_up
+from twin.room.furniture import Bed, Seat
 
 Planar = NDArray[np.complex128]
 Hand = Literal["left", "right", "auto"]
@@ -86,16 +87,16 @@ class Postures:
             np.maximum(measures.behind - SINK_M - 1.1 * measures.ankle_height, 0.0) / measures.leg
         )
 
-    def sit(self, person: int, seat: SeatLike) -> None:
-        """Sit down on a seat; the person stands before it, see `posture_sit.standing_place_before`."""
+    def sit(self, person: int, seat: Seat) -> None:
+        """Sit down on a seat; the person stands before it, see `Spot.standing_place`."""
         self._must(person, self._aim[person] == _STANDS and self._sitting[person] == 0, "sit down", "stands")
         spot = spot_on(seat, self.measures, person)
         self._take(person, spot)
         self._in_bed[person] = False
         self._aim[person] = _SITS
 
-    def lie(self, person: int, bed: BedLike) -> None:
-        """Lie down on a bed; the person stands beside it, see `posture_bed.standing_place_beside`, or sits on its edge."""
+    def lie(self, person: int, bed: Bed) -> None:
+        """Lie down on a bed; the person stands beside it, before the edge of their `Lair`, or sits on that."""
         if self._in_bed[person] and self._aim[person] == _SITS and self.done(person, "body"):
             self._aim[person] = _LIES
             self._idle = False

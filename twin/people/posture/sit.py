@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -28,6 +27,7 @@ from twin.people.posture.rows import (
     REST,
     SPINE_PITCH,
 )
+from twin.room.furniture import Seat
 
 SIT_DOWN_S = 2.0
 STAND_UP_S = 1.8
@@ -52,20 +52,6 @@ _PRESSURE_SHIFT_M = 0.035
 _KNEE_HANGING_RAD = 1.22
 
 
-class SeatLike(Protocol):
-    """A seat, such as `twin.room.furniture.Seat`: `place` (3,) middle of the top [m], `yaw` where the sitter looks [rad],
-    `to_front_m` from the middle to the front edge [m]; as much again is taken to lie behind the middle."""
-
-    @property
-    def place(self) -> Array: ...
-
-    @property
-    def yaw(self) -> float: ...
-
-    @property
-    def to_front_m(self) -> float: ...
-
-
 @dataclass(frozen=True)
 class Spot:
     """Where one person sits: hips x, y, z [m], yaw [rad]; feet_ahead_m: ankles before the hips; feet_hang: off the floor."""
@@ -81,8 +67,8 @@ class Spot:
         return complex(self.hips[0], self.hips[1]) + self.feet_ahead_m * complex(np.cos(self.yaw), np.sin(self.yaw))
 
 
-def spot_on(seat: SeatLike, measures: BodyMeasures, person: int) -> Spot:
-    """Where this person sits on this seat.
+def spot_on(seat: Seat, measures: BodyMeasures, person: int) -> Spot:
+    """Where this person sits on this seat, of which as much is taken to lie behind its middle as before it.
 
     As far back as the seat, a bag on the back, or the thighs allow; nearer to the front edge where the seat is
     high, so that the feet stay flat on the floor and the thighs slope down to them; where that would be too near,
@@ -105,12 +91,6 @@ def spot_on(seat: SeatLike, measures: BodyMeasures, person: int) -> Spot:
     hips = complex(seat.place[0], seat.place[1]) + (seat.to_front_m - behind_front) * np.exp(1j * seat.yaw)
     ahead = max(thigh - _ANKLES_BACK_M * scale, behind_front + shank_radius + 0.03)
     return Spot((float(hips.real), float(hips.imag), top + over), float(seat.yaw), ahead, bool(hang))
-
-
-def standing_place_before(seat: SeatLike, measures: BodyMeasures, person: int) -> tuple[complex, float]:
-    """Where a person stands, x + iy [m], and faces [rad], to sit down on a seat."""
-    spot = spot_on(seat, measures, person)
-    return spot.standing_place, spot.yaw
 
 
 def lay_sitting(rows: Array, progress: Array, spot: Array, hang: Array, stature: Array) -> None:

@@ -11,9 +11,9 @@ from trackers.arrays import Array
 from twin.people.crowd.crowd import Crowd
 from twin.people.crowd.ground import Ground
 from twin.people.crowd.order import Order
-from twin.people.posture.bed import standing_place_beside
+from twin.people.posture.bed import lair_in
 from twin.people.posture.posture import Postures
-from twin.people.posture.sit import standing_place_before
+from twin.people.posture.sit import spot_on
 from twin.room.furniture import Bed, Seat
 from twin.scenario.behaviour import Look, Target
 
@@ -119,11 +119,10 @@ class Actor:
         """Where to stand [m], and face [rad], to sit down on a seat or to lie down on a bed."""
         measures = self.stage.postures.measures
         if isinstance(furniture, Seat):
-            place, heading = standing_place_before(furniture, measures, self.number)
+            spot = spot_on(furniture, measures, self.number)
         else:
-            here = complex(self.stage.crowd.place[self.number])
-            place, heading = standing_place_beside(furniture, measures, self.number, here)
-        return (place.real, place.imag), heading
+            spot = lair_in(furniture, measures, self.number, complex(self.stage.crowd.place[self.number])).edge
+        return (spot.standing_place.real, spot.standing_place.imag), spot.yaw
 
     def is_gone(self, name: str) -> bool:
         """Whether somebody has left for good."""
