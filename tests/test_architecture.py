@@ -65,6 +65,7 @@ TWIN_UPWARDS = (
     "environment",
     "suites",
     "reproduce",
+    "studies",
     "check",
     "cli",
     "__main__",

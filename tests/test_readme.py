@@ -23,6 +23,7 @@ from twin.recording.tables import TRUTH_COLUMNS
 from twin.run.live import run_scenario
 from twin.run.replay import track_recording
 from twin.scenario import load_scenario
+from twin.studies.prepare import prepare
 from twin.suites.cases import expand
 from twin.suites.description import load_suite
 from twin.world.simulation import Simulation
@@ -77,8 +78,14 @@ def test_the_scenario_loads_and_starts(tmp_path: Path) -> None:
 
 
 def test_the_rig_loads() -> None:
-    *_, rig = blocks("yaml")
+    *_, rig, _ = blocks("yaml")
     assert Rig.parse(rig, "README.md").main_sensor == "low"
+
+
+def test_the_study_is_ready_to_run(tmp_path: Path) -> None:
+    *_, study = blocks("yaml")
+    (tmp_path / "two-scanners.yaml").write_text(study)
+    assert prepare(tmp_path / "two-scanners.yaml").layout.options
 
 
 def test_the_people_do_what_is_shown(tmp_path: Path) -> None:
@@ -90,7 +97,7 @@ def test_the_people_do_what_is_shown(tmp_path: Path) -> None:
 
 
 def test_the_sensors_faults_and_lights_are_as_shown(tmp_path: Path) -> None:
-    *_, sensors, _ = blocks("yaml")
+    *_, sensors, _, _ = blocks("yaml")
     path = tmp_path / "shown.yaml"
     others = "  waist: null\n  knee: null\n  fisheye: null\n  floor: null\n"
     shown = sensors.replace("sensors:\n", "sensors:\n" + others)

@@ -16,6 +16,7 @@ import typer
 from twin.environment.command import environment as scan_environment
 from twin.interruption import heed_interrupts
 from twin.reproduce.command import reproduce
+from twin.studies.command import app as studies
 from twin.suites.command import app as suites
 
 if TYPE_CHECKING:
@@ -286,6 +287,9 @@ def list_() -> None:
     typer.echo("suites")
     for name in models.names("suites"):
         typer.echo(f"  {name}")
+    typer.echo("studies")
+    for name in models.names("studies"):
+        typer.echo(f"  {name}")
     typer.echo("faults")
     for name, description in models.FAULTS.items():
         typer.echo(f"  {name:24}{description}")
@@ -293,9 +297,9 @@ def list_() -> None:
 
 @app.command(epilog="Example: twin schema > scenario.schema.json")
 def schema(
-    kind: Annotated[str, typer.Argument(help="'scenario', 'suite' or 'rig'.")] = "scenario",
+    kind: Annotated[str, typer.Argument(help="'scenario', 'suite', 'study' or 'rig'.")] = "scenario",
 ) -> None:
-    """The JSON schema of a scenario, a suite or a rig, for editors."""
+    """The JSON schema of a scenario, a suite, a study or a rig, for editors."""
     import json
 
     from trackers.errors import InputError
@@ -304,10 +308,12 @@ def schema(
         from twin.scenario.load import ScenarioFile as Described
     elif kind == "suite":
         from twin.suites.description import Suite as Described
+    elif kind == "study":
+        from twin.studies.description import Study as Described
     elif kind == "rig":
         from trackers.rig import Rig as Described
     else:
-        raise InputError(f"schema: there is none of {kind!r}; valid are scenario, suite, rig")
+        raise InputError(f"schema: there is none of {kind!r}; valid are scenario, suite, study, rig")
     typer.echo(json.dumps(Described.model_json_schema(), indent=2))
 
 
@@ -321,6 +327,7 @@ def check() -> None:
 
 
 app.add_typer(suites, name="suite")
+app.add_typer(studies, name="study")
 app.command(epilog="Example: twin environment home-three-people --out out/home.npz")(scan_environment)
 app.command(epilog="Example: twin reproduce laser-fisheye-imm --seeds 10 --jobs 2")(reproduce)
 

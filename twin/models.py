@@ -11,11 +11,12 @@ from trackers.text_file import is_file
 _PACKAGE = Path(__file__).parent
 MODELS = _PACKAGE / "models" if (_PACKAGE / "models").is_dir() else _PACKAGE.parent / "models"
 
-_SUFFIX = {"rooms": ".xml", "scenarios": ".yaml", "suites": ".yaml"}
+_SUFFIX = {"rooms": ".xml", "scenarios": ".yaml", "suites": ".yaml", "studies": ".yaml"}
+_ONE = {"studies": "study"}
 
 
 def names(folder: str) -> list[str]:
-    """The shipped models in 'rooms', 'scenarios' or 'suites', by name, sorted."""
+    """The shipped models in 'rooms', 'scenarios', 'suites' or 'studies', by name, sorted."""
     return sorted(path.stem for path in (MODELS / folder).glob(f"*{_SUFFIX[folder]}"))
 
 
@@ -36,7 +37,8 @@ def find(folder: str, name: str, relative_to: Path | None = None, asked_by: str 
     hint = f"did you mean {close[0]!r}? " if close else ""
     start = f"{asked_by}: " if asked_by else ""
     raise InputError(
-        f"{start}there is no {folder[:-1]} {name!r}; {hint}valid are {', '.join(valid)} or the path of a {suffix} file"
+        f"{start}there is no {_ONE.get(folder, folder[:-1])} {name!r}; {hint}valid are {', '.join(valid)} or the path of a "
+        f"{suffix} file"
     )
 
 

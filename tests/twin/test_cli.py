@@ -70,7 +70,7 @@ def test_schema_is_json_schema() -> None:
     assert {"scenarios", "seeds", "trackers", "tolerances"} <= set(suite["properties"])
     either = suite["$defs"]["SuiteScenario"]["properties"]["seeds"]["anyOf"]  # `seeds: 3`, a list, or the suite's
     assert [each["type"] for each in either] == ["integer", "array", "null"]
-    refused(twin("schema", "robot"), "'robot'", "scenario, suite, rig")
+    refused(twin("schema", "robot"), "'robot'", "scenario, suite, study, rig")
 
 
 def test_check_names_the_renderer() -> None:

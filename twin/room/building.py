@@ -59,7 +59,15 @@ class Building:
         )
         following = np.roll(corners, -1, axis=0)
         turns_left = np.sum(corners[:, 0] * following[:, 1] - corners[:, 1] * following[:, 0]) > 0
-        return cls(model, data, plan, indoors, corners if turns_left else corners[::-1], Area(walkable), furniture)
+        return cls(
+            model,
+            data,
+            plan,
+            indoors.astype(np.uint8),
+            corners if turns_left else corners[::-1],
+            Area(walkable),
+            furniture,
+        )
 
     def is_indoors(self, places_m: Array) -> Mask:
         """Which places (n, 2 or 3) [m] are above the building's floor, or in its walls."""

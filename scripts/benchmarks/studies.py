@@ -1,0 +1,190 @@
+"""Placement studies: what a candidate costs beside a suite's case, what coverage costs, how fast sets are scored and proven."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Iterator
+from itertools import combinations, islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import spearmanr
+
+from benchmarks.figure import Figure
+from trackers.configuration import validate
+from twin.run.chosen_trackers import ChosenTracker
+from twin.scenario import Scenario, load_scenario
+from twin.studies.coverage import Seen
+from twin.studies.description import Coverage, Study
+from twin.studies.layout import Layout
+from twin.studies.placed import placed
+from twin.studies.scoring import Score, score
+from twin.studies.search import Searcher
+from twin.studies.seen import Crowd, Eye, floor_cells, packed
+from twin.studies.sets import Choice, exact, greedy
+from twin.suites.cache import RecordingCache
+from twin.suites.cases import expand
+from twin.suites.description import Suite, SuiteScenario
+from twin.suites.fingerprint import whole_code
+from twin.suites.worker import CaseWork, run_case
+from twin.world.scene import build_scene
+from twin.world.staged import Staged, moved
+
+_HALL = ["duration_s=25", "sensors.camera=null"]
+_LAB = {"duration_s": 10, "sensors.fisheye": None}
+
+
+def candidate() -> Iterator[Figure]:
+    """A placement sensed again, tracked and judged, lasers only, beside a suite's case recorded and tracked anew; CPU time."""
+    with tempfile.TemporaryDirectory() as folder:
+        cache = RecordingCache(Path(folder), 10**10)
+        for name, set_, tracker, target in (
+            ("lab-five-people", _LAB, "laser-imm", "<= 0.3"),
+            ("library-hall", {"duration_s": 25, "sensors.camera": None}, "sort", "<= 2"),
+        ):
+            scenario = load_scenario(
+                name, [f"{path}={'null' if value is None else value}" for path, value in set_.items()]
+            )
+            work = Score(scenario, (ChosenTracker(tracker, tracker),), cache, whole_code())
+            score(work)  # moves the people, compiles the scene
+            spent = min(_cpu_s(lambda work=work: score(work)) for _ in range(3))
+            entry = SuiteScenario(scenario=name, set=set_)
+            suite = Suite(name="anew", seeds=(0,), trackers=(tracker,), scenarios=[entry])
+            (case,) = expand(suite, Path("anew.yaml"))
+            anew = _cpu_s(lambda case=case: run_case(CaseWork(case, cache, whole_code())))
+            yield Figure(f"study: a candidate of {name} on a seed, CPU time", spent, "s", target)
+            yield Figure(f"study: the same over a suite's case anew, {name}", spent / anew, "×", "<= 0.2")
+
+
+def coverage() -> Iterator[Figure]:
+    """Rays of a scanner's and of a camera's place; CPU time."""
+    hall = load_scenario("library-hall", _HALL)
+    crowd = _crowd(hall, 100)
+    cells = floor_cells(crowd.area, 0.05)
+    eye = Eye(hall, "west", Coverage(of="floor", cell_m=0.05))
+    spent = _cpu_s(lambda: (eye.floor(crowd, cells), eye.people(crowd)))
+    yield Figure(
+        f"study: a scanner's place, 100 moments, {len(cells)} cells and the hall's people", spent, "s", "<= 0.25"
+    )
+    meeting = load_scenario("meeting-three-people")
+    empty = Crowd(meeting, None, [])
+    floor = floor_cells(empty.area, 0.05)
+    camera = Eye(meeting, "stereo_1", Coverage(of="floor", cell_m=0.05))
+    spent = min(_cpu_s(lambda: camera.floor(empty, floor)) for _ in range(3))
+    yield Figure(f"study: a camera's place, {len(floor)} cells at 3 heights", spent, "s", "<= 0.1")
+    watched = load_scenario("library-hall", ["duration_s=25"])
+    camera = Eye(watched, "camera", Coverage(px_per_m=25))
+    yield Figure(
+        "study: a camera's place, the hall's people at 100 moments", _cpu_s(lambda: camera.people(crowd)), "s", "<= 2"
+    )
+
+
+def sets() -> Iterator[Figure]:
+    """Sets of four scored from kept bits; the exact search of 60 places; coverage beside tracking."""
+    with tempfile.TemporaryDirectory() as folder:
+        cache = RecordingCache(Path(folder), 10**10)
+        study, scenario = _hall_study(every_m=1.75), load_scenario("library-hall", _HALL)
+        layout = Layout.of(study, scenario, build_scene(scenario), "hall")
+        seen = Seen(study, layout, cache)
+        first = list(range(len(layout.options)))[:60]
+        bits = np.array([seen.bits(each)[0] for each in first])
+        yield Figure("study: sets of 4 scored, person-moments, a minute", _scored_a_minute(bits), "", ">= 5e6")
+        crowd = seen.rows.crowds[0]
+        cells = floor_cells(crowd.area, 0.05)
+        wide = Coverage(of="floor", cell_m=0.05)
+        rows = []
+        for each in first[:12]:
+            alone = placed(study, scenario, [layout.options[each]])
+            rows.append(packed(Eye(alone, "west", wide).floor(crowd, cells)))
+        yield Figure(
+            "study: sets of 4 scored, hall 5 cm × 100 moments, a minute", _scored_a_minute(np.array(rows)), "", ">= 1e5"
+        )
+        counts, stay, weight = seen.counts(first)
+        for k, target in ((1, "<= 5"), (2, "<= 15")):
+            choice = Choice(counts, stay, weight, k, ["scanner"] * len(first), lambda chosen: True)
+            start = time.process_time()
+            best = exact(choice, {"scanner": 4}, 300)
+            spent = time.process_time() - start
+            yield Figure(f"study: exact, {len(first)} places choose 4, k = {k}, {best.told()}", spent, "s", target)
+            found = greedy(choice, {"scanner": 4}).value / best.value
+            yield Figure(f"study: greedy over exact, k = {k}", found, "", ">= 0.98")
+
+
+def foretold() -> Iterator[Figure]:
+    """Rank correlation of what a single scanner sees of people and how well they are tracked, 26 places of the hall."""
+    with tempfile.TemporaryDirectory() as folder:
+        cache = RecordingCache(Path(folder), 10**10)
+        study, scenario = _hall_study(every_m=4.2), load_scenario("library-hall", _HALL)
+        layout = Layout.of(study, scenario, build_scene(scenario), "hall")
+        seen = Seen(study, layout, cache)
+        chosen = np.linspace(0, len(layout.options) - 1, 26).round().astype(int)
+        shares = [seen.share((int(each),)) for each in chosen]
+        hota = []
+        for each in chosen:
+            alone = placed(study, scenario, [layout.options[int(each)]])
+            seeds = [alone.model_copy(update={"seed": seed, "trackers": {}}) for seed in (1300, 1301)]
+            figures = [score(Score(one, (ChosenTracker("sort", "sort"),), cache, whole_code())) for one in seeds]
+            hota.append(float(np.mean([one["sort"]["hota"] or 0.0 for one in figures])))
+        rho = float(spearmanr(shares, hota).statistic)
+        yield Figure("study: rank correlation of coverage by 6 beams and HOTA, 26 places", rho, "", ">= 0.75")
+
+
+def proven() -> Iterator[Figure]:
+    """Greedy beside exact on the shipped study that exact closes."""
+    from twin.studies.prepare import prepare
+
+    with tempfile.TemporaryDirectory() as folder:
+        prepared = prepare("meeting-room-cameras")
+        seen = Seen(prepared.study, prepared.layout, RecordingCache(Path(folder), 10**10))
+        searcher = Searcher(prepared.study, prepared.layout, seen, lambda trials, number: None)
+        choice = searcher.choice()
+        for number in searcher.numbers():
+            start = time.process_time()
+            best = exact(choice, number, 60)
+            found = greedy(choice, number).value / best.value
+            what = f"meeting-room-cameras, {number['camera']}, {best.told()} in {time.process_time() - start:.1f} s"
+            yield Figure(f"study: greedy over exact, {what}", found, "", ">= 0.98")
+
+
+def _hall_study(every_m: float) -> Study:
+    content: dict[str, Any] = {
+        "name": "hall",
+        "scenarios": [{"scenario": "library-hall"}],
+        "move": {
+            "scanner": {
+                "sensors": ["west", "east"],
+                "walls": {"height_m": [0.35, 0.35], "every_m": every_m, "off_m": 0.2},
+                "count": [1, 4],
+            }
+        },
+        "objectives": [{"kind": "coverage"}],
+        "coverage": {"seeds": [1290], "moments": 100},
+        "search": {"method": "exact"},
+    }
+    return validate(Study, content, "hall")
+
+
+def _crowd(scenario: Scenario, moments: int) -> Crowd:
+    times = ((np.arange(moments) + 0.5) / moments * scenario.duration_s).tolist()
+    return Crowd(scenario, Staged.of(scenario, moved(scenario)), times)
+
+
+def _scored_a_minute(bits: np.ndarray) -> float:
+    """Sets of four in order, those of three kept on the way, each set's rows counted, a minute of CPU time."""
+    n, done = len(bits), 0
+    start = time.process_time()
+    for a, b, c in islice(combinations(range(n), 3), 4000):
+        three = bits[a] | bits[b] | bits[c]
+        if c + 1 < n:
+            done += len(np.bitwise_count(three | bits[c + 1 :]).sum(axis=1))
+        if time.process_time() - start > 5:
+            break
+    return 60 * done / (time.process_time() - start)
+
+
+def _cpu_s(call: Any) -> float:
+    start = time.process_time()
+    call()
+    return time.process_time() - start

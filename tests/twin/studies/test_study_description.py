@@ -1,0 +1,138 @@
+"""Studies as files: what is wrong with one is told in one sentence, all of it at once, and nothing is written."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from small_study import written
+
+from trackers.errors import InputError
+from twin import models
+from twin.studies.description import Study, load_study
+from twin.studies.prepare import prepare
+from twin.studies.run import run_study
+from twin.suites.run import Place
+
+PLACE = {"xyz": [0, 3.6, 0.95], "yaw_deg": -90}
+AMID = {"xyz": [0, 1.5, 0.95]}
+OUTSIDE = {"xyz": [40, 40, 0.95]}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", models.names("studies"))
+def test_shipped_studies_are_ready_to_run(name: str) -> None:
+    prepared = prepare(name)
+    assert prepared.study.name == name and prepared.study.description
+    assert all(prepared.layout.of_device.values())
+
+
+def test_the_schema_describes_every_field() -> None:
+    schema = Study.model_json_schema()
+    definitions = [schema, *schema["$defs"].values()]
+    assert not [
+        field
+        for each in definitions
+        if each.get("title") in ("Study", "Move", "Coverage", "Search", "Objective", "Constraints", "Cable", "Zone")
+        for field, content in each["properties"].items()
+        if "description" not in content
+    ]
+    json.dumps(schema)
+
+
+def test_every_fault_is_told_at_once(tmp_path: Path) -> None:
+    path = written(tmp_path, search__method="magic", move__rig__walls__height_m=[2, 1], seeds=[-1], colour="red")
+    with pytest.raises(InputError) as raised:
+        load_study(path)
+    lines = str(raised.value).splitlines()
+    assert len(lines) == 4 and all(line.startswith(str(path)) for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"move__rig__walls__height_m": [2, 1]}, "height_m: 2 to 1 is upside down; the lower end first is expected, as in"),
+        ({"move__rig__count": [3, 1]}, "count: 3 to 1 is upside down"),
+        ({"held_out__seeds": [1000]}, "held_out.seeds: 1000 is a search seed too; others than 1000, 1001 are expected"),
+        ({"search__replicates": [2, 16]}, "search.replicates: 16 seeds are asked for and seeds has 2"),
+        ({"search__method": "exact"}, "search.method: 'exact' goes by coverage, and objectives.0 is a tracker's figure"),
+        ({"objectives": [{"kind": "metric", "metric": "hot"}]}, "there is no figure 'hot' to go by; valid are mota, motp_m"),
+        ({"objectives": [{"kind": "metric", "metric": "ms_per_frame.mean"}]}, "there is no figure 'ms_per_frame.mean'"),
+        ({"objectives__0__tracker": "sort"}, "objectives.0.tracker: 'sort' is none of the trackers; valid are laser-imm"),
+        ({"trackers": ["laser-omm"]}, "trackers.0: there is no tracker 'laser-omm'; valid are "),
+        ({"move__rig__together": ["waste"]}, "move.rig.together: lab-five-people has no sensor 'waste'; valid are waist, knee"),
+        ({"move__rig__walls": None}, "no place is given; places, walls, ceiling or box is expected"),
+        ({"move__rig__together": None}, "one of sensors, together and housing is expected"),
+        ({"scenarios__0__scenario": "lab"}, "scenarios.0.scenario: there is no scenario 'lab'"),
+        ({"constraints__budget": 100}, "constraints.budget: 100 is below the cheapest set, which costs 1500; at least that"),
+        (
+            {"move__rig__walls": None, "move__rig__places": [AMID]},
+            "move.rig: of its 1 places none is left: 1 where people walk below 2.2 m; other places or weaker constraints",
+        ),
+        (
+            {"move__rig__walls": None, "move__rig__places": [OUTSIDE]},
+            "move.rig: of its 1 places none is left: 1 outside the building",
+        ),
+        (
+            {"move__rig__walls": None, "move__rig__places": [{"xyz": [0, -0.3, 0.95]}]},
+            "none is left: 1 inside a wall or a thing",
+        ),
+        (
+            {"move__rig__count": [2, 2], "constraints__apart_m": 50},
+            "constraints.apart_m and move.rig.count: 2 devices 50 m apart do not fit in",
+        ),
+        (
+            {"constraints__cable": {"from": [0, 0, 0], "most_m": 0.1}},
+            "with more than 0.1 m of cable; other places",
+        ),
+        (
+            {"constraints__keep_free": [{"name": "all", "polygon": [[-9, -9], [9, -9], [9, 9], [-9, 9]]}]},
+            "in the zone 'all'",
+        ),
+        ({"trackers": ["waist-fisheye-imm"], "objectives__0__tracker": "waist-fisheye-imm"},
+         "trackers.0: 'waist-fisheye-imm' makes no use of knee, which the study moves"),
+        ({"search__method": "exhaustive", "move__rig__count": [4, 4], "move__rig__walls__every_m": 0.8},
+         "'exhaustive' would try "),
+        (
+            {"objectives": [{"kind": "metric", "metric": "head_error_m.x"}]},
+            "objectives.0.metric: laser-imm gives no head_error_m.x on lab-five-people; valid are mota, motp_m",
+        ),
+    ],
+)  # fmt: skip
+def test_bad_input_is_one_sentence_and_nothing_is_written(
+    changes: dict[str, Any], sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROOMTWIN_CACHE", str(tmp_path / "cache"))
+    path = written(tmp_path, **changes)
+    with pytest.raises(InputError) as raised, run_study(path, tmp_path / "out", Place(jobs=1)):
+        pass
+    (line,) = str(raised.value).splitlines()
+    assert sentence in line and line.startswith(str(path))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_tracker_that_ignores_what_is_moved_is_refused(tmp_path: Path) -> None:
+    move = {"camera": {"sensors": ["fisheye"], "places": [PLACE]}}
+    path = written(tmp_path, move=move, scenarios=[{"scenario": "lab-five-people"}])
+    with pytest.raises(InputError, match=r"trackers.0: 'laser-imm' makes no use of fisheye, which the study moves"):
+        prepare(path)
+
+
+def test_a_floor_lies_on_the_floor(tmp_path: Path) -> None:
+    move = {"floor": {"sensors": ["floor"], "walls": {"height_m": [1, 1]}}}
+    path = written(tmp_path, move=move, scenarios=[{"scenario": "home-three-people"}], trackers=["floor-kalman"])
+    with pytest.raises(
+        InputError, match=r"move.floor: 'floor' is a pressure floor, which lies on the floor; places or a box"
+    ):
+        prepare(path)
+    move = {"floor": {"sensors": ["floor"], "places": [{"xyz": [0.9, 0, 0]}, {"xyz": [-1.8, -1.4, 0.5]}]}}
+    path = written(tmp_path, move=move, scenarios=[{"scenario": "home-three-people"}], trackers=["floor-kalman"])
+    with pytest.raises(InputError, match=r"of its 2 places none is left: 2 not on the floor of the room"):
+        prepare(path)
+
+
+def test_an_unknown_study_is_named_with_those_there_are() -> None:
+    with pytest.raises(InputError, match=r"there is no study 'lab-scaner-place'; did you mean 'lab-scanner-place'\?"):
+        load_study("lab-scaner-place")

@@ -1,0 +1,109 @@
+"""Where devices may hang, and the scenarios that come of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from small_study import written
+
+from trackers.errors import InputError
+from twin.scenario import load_scenario
+from twin.scenario.housings import in_the_room
+from twin.studies.layout import Layout
+from twin.studies.placed import placed, write_scenario
+from twin.studies.prepare import Prepared, prepare
+
+
+def prepared(folder: Path, **changes: Any) -> Prepared:
+    return prepare(written(folder, **changes))
+
+
+def mounts(layout: Layout) -> list[tuple]:
+    return [mount.xyz for option in layout.options for mount in option.mounts]
+
+
+def test_no_place_is_amid_the_floor_in_a_wall_or_outside(tmp_path: Path) -> None:
+    box = {"x_m": [-4, 4], "y_m": [-2, 5], "z_m": [0.95, 2.45], "every_m": 0.5}
+    move = {"waist": {"sensors": ["waist"], "box": box}}
+    layout = prepared(tmp_path, move=move).layout
+    places = np.array(mounts(layout))
+    walked = (np.abs(places[:, 0]) < 2.2) & (places[:, 1] > 0.4) & (places[:, 1] < 3.0)
+    assert walked.any() and (places[walked, 2] >= 2.2).all()
+    assert np.abs(places[:, 0]).max() <= 3.0 and places[:, 1].min() > -0.3 and places[:, 1].max() < 4.3
+    assert set(layout.refused["waist"]) >= {"outside the building", "where people walk below 2.2 m"}
+    everywhere = prepared(tmp_path, move=move, constraints__walked_below_m=0).layout
+    assert len(everywhere.options) > len(layout.options)
+
+
+def test_a_rig_keeps_its_poses_and_counts_price_cable_and_distance(tmp_path: Path) -> None:
+    ready = prepared(
+        tmp_path, move__rig__count=[1, 2], constraints={"apart_m": 2, "cable": {"from": [0, 0, 0], "price_per_m": 10}}
+    )
+    layout = ready.layout
+    assert layout.prices[0] == pytest.approx(1500 + 10 * layout.options[0].cable_m) and layout.options[0].cable_m > 0.5
+    near = next((a, b) for a in range(9) for b in range(a + 1, 10) if layout.apart_m(a, b) < 2)
+    assert "apart_m" in layout.against(near) and "count" in layout.against((0, 1, 2))
+    moved = placed(ready.study, ready.scenario, [layout.options[0]])
+    waist, knee = (in_the_room(moved, name).mount for name in ("waist", "knee"))
+    assert np.array(waist.xyz) - np.array(knee.xyz) == pytest.approx([0, 0, 0.5])
+    assert waist.xyz == pytest.approx(layout.options[0].mounts[0].xyz) and waist.yaw_deg == pytest.approx(knee.yaw_deg)
+    far = next((a, b) for a in range(9) for b in range(a + 1, 10) if layout.apart_m(a, b) > 2)
+    two = placed(ready.study, ready.scenario, [layout.options[each] for each in far])
+    assert sorted(two.sensors) == ["knee", "knee-rig-2", "waist", "waist-rig-2"]
+
+
+def test_pairs_are_mirrored_and_kinds_change_the_sensor(tmp_path: Path) -> None:
+    waist = {
+        "sensors": ["waist"],
+        "places": [{"xyz": [-2.5, 0.2, 0.9], "yaw_deg": 60}],
+        "mirrored": {"x_m": 0},
+        "kinds": [{"name": "far", "set": {"range_max_m": 20}, "price": 7}, {"name": "near", "set": {"range_max_m": 3}}],
+        "price": 5,
+    }
+    ready = prepared(tmp_path, move={"waist": waist})
+    first, second = ready.layout.options
+    assert [mount.xyz[0] for mount in first.mounts] == [-2.5, 2.5] and first.mounts[1].yaw_deg == pytest.approx(120)
+    assert (first.price, second.price) == (14, 10)
+    moved = placed(ready.study, ready.scenario, [second])
+    assert moved.sensors["waist-2"].range_max_m == 3 and moved.sensors["knee"] == ready.scenario.sensors["knee"]  # pyright: ignore
+
+
+def test_what_cannot_be_is_told(tmp_path: Path) -> None:
+    scenarios = [{"scenario": "lab-faults"}]
+    move = {
+        "waist": {"sensors": ["waist"], "places": [{"xyz": [0, 3.6, 0.9]}], "tilt_deg": [0, 60], "tilt_every_deg": 60}
+    }
+    ready = prepared(tmp_path, move=move, scenarios=scenarios, trackers=["laser-imm"])
+    with pytest.raises(
+        InputError, match=r"sensors.waist.role: a waist scanner scans level, and this one is tilted by 60°"
+    ):
+        placed(ready.study, ready.scenario, [ready.layout.options[1]])
+
+
+def test_the_file_that_is_recommended_loads_to_the_placement(tmp_path: Path) -> None:
+    ready = prepared(tmp_path)
+    own_file = next(iter(ready.files.values()))
+    moved = placed(ready.study, ready.scenario, [ready.layout.options[3]])
+    path = tmp_path / "recommended.yaml"
+    write_scenario(path, load_scenario(own_file), moved, own_file, "there", "moved")
+    loaded = load_scenario(path)
+    assert loaded.sensors == moved.sensors and loaded.duration_s == moved.duration_s and loaded.people == moved.people
+    content = yaml.safe_load(path.read_text())
+    assert content["extends"] == "lab-five-people" and content["sensors"]["fisheye"] is None
+    assert set(content["sensors"]["waist"]) == {"mount"}
+
+
+def test_a_housing_is_moved_with_what_hangs_on_it(tmp_path: Path) -> None:
+    (tmp_path / "poled.yaml").write_text(
+        "extends: lab-five-people\nname: poled\nduration_s: 1\nhousings: {pole: {mount: {xyz: [0, 0, 0]}}}\n"
+        "sensors:\n  fisheye: null\n  waist: {housing: pole}\n  knee: {housing: pole}\n"
+    )
+    move = {"pole": {"housing": "pole", "places": [{"xyz": [2.4, 0.2, 0], "yaw_deg": 90}], "count": [1, 1]}}
+    ready = prepared(tmp_path, move=move, scenarios=[{"scenario": "poled.yaml"}])
+    moved = placed(ready.study, ready.scenario, list(ready.layout.options))
+    assert in_the_room(moved, "waist").mount.xyz == pytest.approx((2.4, 0.2, 0.95))
+    assert in_the_room(moved, "knee").mount.yaw_deg == pytest.approx(180)

@@ -1,0 +1,169 @@
+"""A study run, killed, resumed, on one worker and on two: the same candidates, the same figures, those of a run."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from small_study import written
+
+from trackers.errors import InputError
+from twin.run.live import run_scenario
+from twin.scenario import load_scenario
+from twin.studies import evaluations
+from twin.studies.answers import write_answers
+from twin.studies.run import run_study
+from twin.studies.terminal import print_summary
+from twin.suites.figures import flat
+from twin.suites.run import Place
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROOMTWIN_CACHE", str(cache))
+
+
+def run(path: Path, out: Path, jobs: int = 1, **options: Any) -> dict[str, Any]:
+    with run_study(path, out, Place(jobs=jobs), **options) as (answers, folder):
+        write_answers(folder, answers)
+    return json.loads((out / "summary.json").read_text())
+
+
+def tables(out: Path) -> list[bytes]:
+    return [(out / name).read_bytes() for name in ("candidates.csv", "pareto.csv", "recommended.yaml")]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory, cache: Path) -> tuple[Path, Path, dict[str, Any]]:
+    folder = tmp_path_factory.mktemp("study")
+    path = written(folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROOMTWIN_CACHE", str(cache))
+        return path, folder / "whole", run(path, folder / "whole")
+
+
+def test_a_run_leaves_its_answers(whole: tuple[Path, Path, dict], capsys: pytest.CaptureFixture[str]) -> None:
+    path, out, summary = whole
+    with (out / "candidates.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert rows[0]["candidate"] == "own" and len(rows) == 7
+    assert {row["replicates"] for row in rows} == {"1", "2"}
+    best = max((row for row in rows if row["replicates"] == "2"), key=lambda row: float(row["laser-imm: hota"]))
+    assert summary["best"]["laser-imm: hota"] == pytest.approx(float(best["laser-imm: hota"]), abs=1e-6)
+    assert [row["what"] for row in summary["held_out"]] == ["the study's scenarios"] and summary["held_out"][0][
+        "difference"
+    ]["n"] == 2
+    assert next(row["what"] for row in summary["misplaced"]).startswith("1 mm") and len(summary["misplaced"]) == 5
+    page = (out / "report.html").read_text()
+    assert "1 : 50 on A4" in page and "Hung beside its place" in page
+    print_summary(out)
+    assert "recommended" in capsys.readouterr().out
+
+
+def test_figures_and_tracks_are_those_of_a_run(whole: tuple[Path, Path, dict], tmp_path: Path) -> None:
+    _, out, _ = whole
+    rows = [json.loads(line) for line in (out / evaluations.FILE).read_text().splitlines()[1:]]
+    summary = json.loads((out / "summary.json").read_text())
+    best = summary["best"]["candidate"]
+    row = next(each for each in rows if each["id"].startswith(f"{best} ") and each["id"].endswith(" 1001"))
+    scenario = load_scenario(out / "recommended.yaml", ["seed=1001"])
+    metrics = run_scenario(scenario, trackers=["laser-imm"], out=tmp_path / "run", video=False).metrics
+    assert metrics is not None
+    ours, theirs = row["figures"]["laser-imm"], flat(metrics["trackers"]["laser-imm"])
+    differ = {key for key in theirs if ours.get(key) != theirs[key]}
+    assert {key.split(".")[0] for key in differ} <= {"ms_per_frame", "disposal"}  # what it costs; what needs situations
+
+
+class KilledError(Exception):
+    pass
+
+
+@pytest.mark.parametrize("after", [2, 7, 13])
+def test_a_killed_run_is_resumed_to_the_same_bits(
+    whole: tuple[Path, Path, dict], after: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, before, _ = whole
+    held, count = evaluations.Evaluations.hold, 0
+
+    def hold(self: Any, job: Any, outcome: Any) -> None:
+        nonlocal count
+        held(self, job, outcome)
+        count += 1
+        if count == after:
+            raise KilledError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(evaluations.Evaluations, "hold", hold)
+        with pytest.raises(KilledError):
+            run(path, tmp_path / "out")
+    with (tmp_path / "out" / evaluations.FILE).open("a") as stream:
+        stream.write('{"id": "half a li')  # as a kill in the middle of writing leaves it
+    with pytest.raises(InputError, match="holds the results of an earlier run; --resume"):
+        run(path, tmp_path / "out")
+    run(path, tmp_path / "out", resume=True)
+    assert tables(tmp_path / "out") == tables(before)
+
+
+def test_two_workers_find_what_one_does(whole: tuple[Path, Path, dict], tmp_path: Path) -> None:
+    path, before, _ = whole
+    run(path, tmp_path / "out", jobs=2)
+    assert tables(tmp_path / "out") == tables(before)
+
+
+def test_another_study_or_code_is_not_resumed(
+    whole: tuple[Path, Path, dict], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, before, _ = whole
+    other = written(tmp_path, search__candidates=7)
+    with pytest.raises(InputError, match=r"was made of another study \(search changed\)"):
+        run(other, before, resume=True)
+    with pytest.raises(InputError, match="there is nothing to resume"):
+        run(path, tmp_path / "nothing", resume=True)
+    monkeypatch.setattr(evaluations, "whole_code", lambda: "0123")
+    with pytest.raises(InputError, match="was made by other code"):
+        run(path, before, resume=True)
+
+
+def test_a_candidate_that_fails_is_a_row_with_a_reason(tmp_path: Path) -> None:
+    places = [{"xyz": [0, 3.6, 0.95], "yaw_deg": -90}, {"xyz": [0, 3.6, 0.4], "yaw_deg": -90}]
+    path = written(
+        tmp_path, move__rig__walls=None, move__rig__aim=None, move__rig__places=places, search__method="exhaustive"
+    )  # the knee scanner of the second would be below the floor
+    summary = run(path, tmp_path / "out")
+    assert summary["refused"]["rig"] == {"below the floor": 1}
+    path = written(
+        tmp_path,
+        move={"waist": {"sensors": ["waist"], "places": places[:1], "tilt_deg": [0, 60], "tilt_every_deg": 60}},
+        search__method="exhaustive",
+    )
+    run(path, tmp_path / "tilted")
+    with (tmp_path / "tilted" / "candidates.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert "scans level" in rows[2]["against"] and rows[2]["replicates"] == "0" and not rows[1]["against"]
+
+
+def test_coverage_alone_is_searched_exactly(tmp_path: Path) -> None:
+    path = written(
+        tmp_path,
+        trackers=[],
+        objectives=[{"kind": "coverage"}, {"kind": "price"}],
+        search={"method": "exact"},
+        move__rig__count=[1, 2],
+        held_out=None,
+        coverage={"of": "floor", "moments": 0, "cell_m": 0.2, "beams": 12},
+    )
+    summary = run(path, tmp_path / "out")
+    assert [row["exact_is"] for row in summary["proven"]] == ["optimal", "optimal"]
+    assert all(0.98 <= row["greedy_over_exact"] <= 1 for row in summary["proven"])
+    assert summary["best"]["coverage"] == pytest.approx(max(row["exact"] for row in summary["proven"]))
+    assert summary["best"]["coverage"] >= summary["own"]["coverage"]

@@ -1,0 +1,68 @@
+"""What is seen, beside rays cast one by one and the lens's own arithmetic."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from twin.instant.snapshot import RAY_GROUPS
+from twin.scenario import load_scenario
+from twin.studies.description import Coverage
+from twin.studies.seen import Crowd, Eye, floor_cells
+from twin.world.staged import Staged, moved
+
+COVERAGE = Coverage(beams=6, px_per_m=60, target="head", heights_m=(1.0, 1.6))
+
+
+@pytest.fixture(scope="module")
+def crowd() -> Crowd:
+    scenario = load_scenario("lab-five-people", ["duration_s=2"])
+    return Crowd(scenario, Staged.of(scenario, moved(scenario)), [0.3, 1.1, 1.9])
+
+
+def test_a_scanner_sees_whom_enough_beams_meet(crowd: Crowd) -> None:
+    eye = Eye(crowd.scenario, "waist", COVERAGE)
+    found = eye.people(crowd)
+    expected = []
+    angles = np.deg2rad(np.linspace(-90, 90, 361) + 90)
+    for moment in crowd.moments:
+        snapshot, met = crowd.at(moment), []
+        for angle in angles:
+            geom = np.zeros(1, dtype=np.int32)
+            there = np.array([np.cos(angle), np.sin(angle), 0.0])
+            mujoco.mj_ray(snapshot.model, snapshot.data, np.array([0, 0, 0.95]), there, RAY_GROUPS, 1, -1, geom, None)
+            met.append(int(snapshot.person_of_geom[geom[0]]) if geom[0] >= 0 else 0)
+        expected += [met.count(int(each)) >= 6 for each in moment.ids]
+    assert found.tolist() == expected and len(found) == crowd.n_person_moment == 15
+
+
+def test_a_camera_sees_heads_at_pixels_a_metre(crowd: Crowd) -> None:
+    lens = "size: [320, 240], vertical_field_of_view_deg: 59"
+    camera = f"{{kind: camera, rate_hz: 5, {lens}, mount: {{xyz: [0, 0, 1.6], yaw_deg: 90}}}}"
+    scenario = load_scenario("lab-five-people", [f"sensors.camera={camera}"])
+    eye = Eye(scenario, "camera", COVERAGE)
+    cells = np.array([[0.0, 1.0], [0.0, 2.0], [0.0, 2.8], [0.0, -0.1], [2.9, 0.05]])
+    focal = 120 / np.tan(np.deg2rad(59 / 2))
+    sharp = eye.resolution(crowd.empty(), cells)
+    assert sharp.shape == (2, 5)
+    assert sharp[1, :3] == pytest.approx(focal / cells[:3, 1], rel=0.01)  # straight ahead, at the camera's own height
+    assert not sharp[:, 3:].any()  # behind it, beside its field
+    seen = eye.people(crowd)
+    near = np.concatenate([np.linalg.norm(each.heads_m - [0, 0, 1.6], axis=1) for each in crowd.moments])
+    assert seen.any() and (near[seen] < focal / 60 * 1.3).all()
+
+
+def test_what_stands_before_a_cell_hides_it(crowd: Crowd) -> None:
+    eye = Eye(crowd.scenario, "waist", COVERAGE)
+    moment = crowd.moments[0]
+    cells = floor_cells(crowd.area, 0.1)
+    empty = eye.resolution(crowd.empty(), cells)[0].copy()
+    among = eye.resolution(crowd.at(moment), cells)[0].copy()
+    assert (among <= empty).all() and (among < empty).mean() > 0.02
+    gap = np.hypot(*cells.T)
+    assert empty == pytest.approx(
+        2 * np.degrees(np.arctan2(0.175, gap)) / 0.5
+    )  # nothing hides the lab's floor at 0.95 m
+    one = Eye(crowd.scenario, "waist", Coverage(of="floor", beams=6)).floor(crowd, cells)
+    assert one.shape == (3 * len(cells),)

@@ -1,0 +1,107 @@
+"""`twin study`: search for the best placement of sensors, look at the coverage of those that stand, show what was found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    name="study",
+    help="Where should the sensors go, how many, and what is lost with one fewer?",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+Out = Annotated[Path | None, typer.Option(help="Folder for the results.")]
+
+
+@app.command(epilog="Example: twin study run lab-scanner-place --jobs 2 --out out/place")
+def run(
+    study: Annotated[str, typer.Argument(help="Name of a shipped study (see `twin list`) or path of a YAML file.")],
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            min=1, metavar="N", help="Processes; default: one a core. 1: in this process, no time limit holds."
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler, e.g. tcp://host:8786, instead of --jobs.")
+    ] = None,
+    resource: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=N", help="What an evaluation needs of a worker, e.g. GPU=1. Repeatable."),
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with an interrupted run, to the same results.")
+    ] = False,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Add this to every seed of the study: other people, other noise.")
+    ] = None,
+    allow_plugins: Annotated[
+        bool, typer.Option("--allow-plugins", help="Run the classes (module:Class) that the study names.")
+    ] = False,
+    out: Out = None,
+) -> None:
+    """Search for the best placement; leaves tables, a scenario and a page to build by in out/study-<name>."""
+    from trackers.errors import InputError
+    from twin.console import print_paths
+    from twin.run.chosen_trackers import TrustedClasses
+    from twin.studies.answers import write_answers
+    from twin.studies.run import run_study
+    from twin.studies.terminal import print_summary
+    from twin.suites.cluster import read_resources
+    from twin.suites.run import Place
+
+    if scheduler is not None and jobs is not None:
+        raise InputError(
+            f"--jobs {jobs} --scheduler {scheduler}: a scheduler has its own workers; one of them is expected"
+        )
+    place = Place(jobs, scheduler, read_resources(resource or []))
+    trusted = TrustedClasses(every=allow_plugins)
+    with run_study(study, out, place, resume=resume, seed_offset=seed or 0, trusted=trusted) as (answers, folder):
+        files = write_answers(folder, answers)
+    print_summary(folder)
+    print_paths(files)
+
+
+@app.command(epilog="Example: twin study coverage library-hall --set sensors.west.mount.xyz='[-12.8, 0, 0.9]'")
+def coverage(
+    scenario: Annotated[
+        str, typer.Argument(help="Name of a shipped scenario (see `twin list`) or path of a YAML file.")
+    ],
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="PATH=VALUE", help="Change a field of the scenario. Repeatable."),
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Seed of the people's motion; default: the scenario's.")
+    ] = None,
+    beams: Annotated[int, typer.Option(min=1, help="A scanner sees a body that so many beams meet.")] = 6,
+    px_per_m: Annotated[
+        float, typer.Option(min=1, help="A camera sees at so many pixels a metre (EN 62676-4).")
+    ] = 125.0,
+    moments: Annotated[int, typer.Option(min=1, help="Moments of the run to look at.")] = 100,
+    out: Out = None,
+) -> None:
+    """What the sensors of a scenario see as they stand: figures, and a page with maps."""
+    from twin.console import print_paths
+    from twin.scenario import load_scenario
+    from twin.studies.as_it_stands import print_coverage, write_coverage
+
+    changes = [*(set_ or []), *([f"seed={seed}"] if seed is not None else [])]
+    loaded = load_scenario(scenario, changes)
+    folder = out or Path("out") / f"coverage-{loaded.name}"
+    found = write_coverage(loaded, folder, beams=beams, px_per_m=px_per_m, moments=moments)
+    print_coverage(found)
+    print_paths({"coverage": folder / "coverage.json", "page": folder / "coverage.html"})
+
+
+@app.command(epilog="Example: twin study show out/study-lab-scanner-place")
+def show(folder: Annotated[Path, typer.Argument(help="A folder that `twin study run` has written.")]) -> None:
+    """What a finished study found."""
+    from twin.studies.terminal import print_summary
+
+    print_summary(folder)

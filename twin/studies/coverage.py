@@ -1,0 +1,163 @@
+"""Coverage of every option of a study, kept as packed bits, and of any set of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.arrays import Array
+from trackers.errors import InputError
+from twin.scenario import Scenario
+from twin.scenario.floor import FloorDescription
+from twin.studies.description import Coverage, Study
+from twin.studies.layout import OWN, Candidate, Layout, Option
+from twin.studies.placed import placed
+from twin.studies.seen import Crowd, Eye, floor_cells, packed
+from twin.suites.cache import RecordingCache
+from twin.suites.people import staged_in
+
+Bits = NDArray[np.uint64]  # (sensors, words)
+
+
+class Rows:
+    """What is to be seen: moments of people of the coverage's own seeds, and the floor."""
+
+    def __init__(self, coverage: Coverage, scenario: Scenario, cache: RecordingCache) -> None:
+        self.coverage = coverage
+        share = (np.arange(coverage.moments) + 0.5) / max(coverage.moments, 1)
+        times = (share * scenario.duration_s).tolist()
+        self.crowds = []
+        for seed in coverage.seeds if times else coverage.seeds[:1]:
+            seeded = scenario.model_copy(update={"seed": seed})
+            self.crowds.append(Crowd(seeded, staged_in(cache, seeded), times))
+        self.cells_m = floor_cells(self.crowds[0].area, coverage.cell_m)
+        if coverage.of == "people" and not self.n:
+            raise InputError(
+                f"coverage: nobody is in the tracked area of {scenario.name} at any of {coverage.moments} moments; more of them, "
+                "or of: floor, is expected"
+            )
+
+    @property
+    def n(self) -> int:
+        """How many rows there are; of the floor, without the heights that cameras look for."""
+        if self.coverage.of == "people":
+            return sum(crowd.n_person_moment for crowd in self.crowds)
+        return len(self.cells_m) * max(1, self.coverage.moments) * len(self.crowds) * len(self.coverage.heights_m)
+
+    def seen_by(self, scenario: Scenario, names: Iterable[str]) -> Bits:
+        """What each of a scenario's sensors sees, (sensors, words); a floor sees nothing and is left out."""
+        found = []
+        for name in names:
+            if isinstance(scenario.sensors[name], FloorDescription):
+                continue
+            eye = Eye(scenario, name, self.coverage)
+            if self.coverage.of == "people":
+                seen = np.concatenate([eye.people(crowd) for crowd in self.crowds])
+            else:
+                seen = np.concatenate([self._cells(eye, crowd) for crowd in self.crowds])
+            found.append(packed(seen))
+        return np.array(found) if found else np.zeros((0, -(-self.n // 64)), dtype=np.uint64)
+
+    def _cells(self, eye: Eye, crowd: Crowd) -> NDArray[np.bool_]:
+        """A scanner, which has one height, sees a cell at every height or at none."""
+        seen = eye.floor(crowd, self.cells_m).reshape(max(1, self.coverage.moments), -1, len(self.cells_m))
+        heights = len(self.coverage.heights_m)
+        return np.broadcast_to(seen, (seen.shape[0], heights, seen.shape[2])).reshape(-1)
+
+    def worst_cell(self, covered: Bits) -> float:
+        """Of rows that are seen (words,), the share in the worst place: a cell of the floor, or a square metre of ways."""
+        bits = np.unpackbits(covered.view(np.uint8), count=self.n).astype(float)
+        if self.coverage.of == "floor":
+            return float(bits.reshape(-1, len(self.cells_m)).mean(axis=0).min())
+        places = np.concatenate([each.heads_m[:, :2] for crowd in self.crowds for each in crowd.moments])
+        _, cell = np.unique(np.floor(places), axis=0, return_inverse=True)
+        return float((np.bincount(cell.ravel(), bits) / np.bincount(cell.ravel())).min())
+
+
+def at_least(bits: Bits, k: int) -> NDArray[np.uint64]:
+    """Which rows (words,) at least k of the sensors (m, words) see."""
+    reached = np.zeros((k, bits.shape[1]), dtype=np.uint64)
+    for each in bits:
+        for level in range(k - 1, 0, -1):
+            reached[level] |= reached[level - 1] & each
+        reached[0] |= each
+    return reached[k - 1]
+
+
+def count_bits(words: NDArray[np.uint64]) -> int:
+    """How many bits are set."""
+    return int(np.bitwise_count(words).sum())
+
+
+class Seen:
+    """The bits of a study's options, worked out when they are first asked for, beside those of sensors that stay."""
+
+    def __init__(self, study: Study, layout: Layout, cache: RecordingCache) -> None:
+        self._study = study
+        self._layout = layout
+        self.rows = Rows(study.coverage, layout.scenario, cache)
+        moved = placed(study, layout.scenario, [layout.options[0]])
+        self._own = list(layout.scenario.sensors)
+        self._stay = [name for name in moved.sensors if moved.sensors[name] == layout.scenario.sensors.get(name)]
+        self._bits: dict[int, Bits] = {}
+        self._fixed: Bits | None = None
+
+    @property
+    def fixed(self) -> Bits:
+        """What the sensors see that no option moves."""
+        if self._fixed is None:
+            self._fixed = self.rows.seen_by(self._layout.scenario, self._stay)
+        return self._fixed
+
+    def bits(self, option: int) -> Bits:
+        """What the sensors of one option see, (sensors, words)."""
+        if option not in self._bits:
+            alone = _alone(self._study, self._layout.scenario, self._layout.options[option])
+            names = [name for name in alone.sensors if name not in self._stay]
+            self._bits[option] = self.rows.seen_by(alone, names)
+        return self._bits[option]
+
+    def covered(self, candidate: Candidate) -> NDArray[np.uint64]:
+        """Which rows (words,) enough sensors of a candidate see, those that stay included."""
+        if candidate == OWN:
+            return at_least(self.rows.seen_by(self._layout.scenario, self._own), self._study.coverage.at_least)
+        every = np.concatenate([self.fixed, *(self.bits(each) for each in candidate)])
+        return at_least(every, self._study.coverage.at_least)
+
+    def share(self, candidate: Candidate) -> float:
+        """The share of rows that enough sensors see."""
+        return count_bits(self.covered(candidate)) / self.rows.n
+
+    def worst(self, candidate: Candidate) -> float:
+        """The share in the worst place."""
+        return self.rows.worst_cell(self.covered(candidate))
+
+    def counts(self, options: Sequence[int]) -> tuple[Array, Array, Array]:
+        """Distinct rows: how many sensors of each option see each (n, r), how many of those that stay (r,), and how often (r,).
+
+        Sensors beyond those that are asked for do not count: at most `at_least` each.
+        """
+        most = self._study.coverage.at_least
+        number = np.stack([_summed(self.bits(each), self.rows.n, most) for each in (*options,)])
+        stay = _summed(self.fixed, self.rows.n, most)
+        columns = np.ascontiguousarray(np.concatenate([number, stay[None]]).T)
+        _, first, weight = np.unique(
+            columns.view(np.dtype((np.void, columns.shape[1]))).ravel(), return_index=True, return_counts=True
+        )
+        distinct = columns[first].T
+        return distinct[:-1].astype(float), distinct[-1].astype(float), weight.astype(float)
+
+
+def _summed(bits: Bits, n: int, most: int) -> NDArray[np.uint8]:
+    """How many of the sensors (m, words) see each row, at most so many, (n,)."""
+    if not len(bits):
+        return np.zeros(n, dtype=np.uint8)
+    each = np.unpackbits(np.ascontiguousarray(bits).view(np.uint8), axis=1, count=n)
+    return np.minimum(each.sum(axis=0), most).astype(np.uint8)
+
+
+def _alone(study: Study, scenario: Scenario, option: Option) -> Scenario:
+    """The scenario with one option's devices and no others, its other sensors left out of account; faults do not matter here."""
+    return placed(study, scenario.model_copy(update={"faults": {}}), [option])

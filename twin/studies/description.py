@@ -1,0 +1,411 @@
+"""A placement study as its YAML file describes it: what may hang where, at what price, and what makes a placement good."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, FiniteFloat, model_validator
+
+from trackers.configuration import Strict, validate
+from trackers.plain_data import parse_yaml
+from trackers.pose import Point3
+from trackers.rig import Point2
+from trackers.text_file import read_text
+from twin import models
+from twin.suites.description import Changes, OwnName, Seeds, Text, TrackerName
+from twin.suites.expected import list_of, mapping_of, single
+from twin.suites.figures import FIGURE
+
+Metres = Annotated[FiniteFloat, Field(ge=0, le=1000)]
+Range = tuple[FiniteFloat, FiniteFloat]
+NOT_DETERMINISTIC = ("ms_per_frame.mean", "ms_per_frame.p95")
+"""Figures that depend on who else uses the machine: no study goes by them."""
+
+
+def steps(low_high: Range, every: float) -> list[float]:
+    """The values from the first to the second, at most `every` apart."""
+    low, high = low_high
+    return np.linspace(low, high, 1 + int(np.ceil((high - low) / every - 1e-9))).tolist()
+
+
+def _ascending(name: str, low_high: Range | None) -> None:
+    if low_high is not None and low_high[0] > low_high[1]:
+        raise ValueError(
+            f"{name}: {low_high[0]:g} to {low_high[1]:g} is upside down; the lower end first is expected, "
+            f"as in [{low_high[1]:g}, {low_high[0]:g}]"
+        )
+
+
+class StudyScenario(Strict):
+    """A scenario in which placements are tried, and how much it counts."""
+
+    scenario: Annotated[str, single("the name of a scenario, or the path of its file,")] = Field(
+        description="name of a shipped scenario, or path of a YAML file relative to the study"
+    )
+    weight: float = Field(default=1.0, gt=0, description="how much its figures count in means over scenarios")
+    set: Changes = Field(default={}, description="changes to the scenario, by path")
+
+
+class HeldOut(Strict):
+    """What the recommendation is judged by in the end, and nothing was chosen by."""
+
+    seeds: Seeds = Field(description="a list of seeds, none of them a search seed")
+    scenarios: tuple[StudyScenario, ...] = Field(
+        default=(), description="other scenarios with the same sensors, say another crowd; none: the study's own alone"
+    )
+
+
+class Place(Strict):
+    """One place: where, and how turned."""
+
+    xyz: Point3 = Field(description="x, y, z in the room frame [m]")
+    yaw_deg: FiniteFloat = Field(default=0.0, description="turn about z, counter-clockwise from the room's x [deg]")
+    pitch_deg: FiniteFloat = Field(default=0.0, description="positive looks down [deg]")
+
+
+class Walls(Strict):
+    """Places along the walls, facing into the room."""
+
+    height_m: Range = Field(description="lowest and highest place [m]")
+    height_every_m: float = Field(default=0.25, gt=0, description="largest step between heights [m]")
+    off_m: Metres = Field(default=0.1, description="how far off the wall [m]")
+    every_m: float = Field(default=1.0, gt=0, description="largest step along the wall [m]")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Walls:
+        _ascending("height_m", self.height_m)
+        return self
+
+
+class Ceiling(Strict):
+    """Places below the ceiling, on a grid."""
+
+    every_m: float = Field(default=1.0, gt=0, description="largest step of the grid [m]")
+    off_m: Metres = Field(default=0.1, description="how far below the ceiling [m]")
+
+
+class Box(Strict):
+    """Places on a grid in a box."""
+
+    x_m: Range = Field(description="from and to [m]")
+    y_m: Range = Field(description="from and to [m]")
+    z_m: Range = Field(description="from and to [m]")
+    every_m: float = Field(default=0.5, gt=0, description="largest step of the grid [m]")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Box:
+        for name in ("x_m", "y_m", "z_m"):
+            _ascending(name, getattr(self, name))
+        return self
+
+
+class Kind(Strict):
+    """One of several devices to choose from."""
+
+    name: OwnName = Field(description="what to call it in tables")
+    set: Changes = Field(
+        default={}, description="changes to the sensor, by field: role, rate_hz, field_of_view_deg ..."
+    )
+    price: float | None = Field(default=None, ge=0, description="what one costs; none: the entry's price")
+
+
+AS_IS = (Kind(name="as-is"),)
+
+
+class Mirror(Strict):
+    """Every place comes with its image beyond a line across the room; both are occupied."""
+
+    x_m: FiniteFloat | None = Field(default=None, description="the line x = this [m]")
+    y_m: FiniteFloat | None = Field(default=None, description="the line y = this [m]")
+
+    @model_validator(mode="after")
+    def _one(self) -> Mirror:
+        if (self.x_m is None) == (self.y_m is None):
+            raise ValueError("one line is expected, as in {x_m: 0} or {y_m: 0}")
+        return self
+
+
+class Move(Strict):
+    """A device to place: which sensors of the scenario it stands for, where it may hang, how many, at what price.
+
+    `sensors` are devices alike, each on its own; `together` one device of several sensors, which keep their poses to the first;
+    `housing` one device with all that hangs on it.
+    """
+
+    sensors: tuple[str, ...] = Field(default=(), description="sensors of the scenario that are such devices, one each")
+    together: tuple[str, ...] = Field(default=(), description="sensors of the scenario that are moved as one")
+    housing: str | None = Field(default=None, description="the housing of the scenario that is moved")
+    places: tuple[Place, ...] = Field(default=(), description="places to choose from")
+    walls: Walls | None = Field(default=None, description="places along the walls; none: not there")
+    ceiling: Ceiling | None = Field(default=None, description="places below the ceiling; none: not there")
+    box: Box | None = Field(default=None, description="places in a box; none: not there")
+    yaw_deg: Range | None = Field(
+        default=None,
+        description="turns to try, from the place's own direction, off the wall for one [deg]; none: that alone",
+    )
+    yaw_every_deg: float = Field(default=15.0, gt=0, description="largest step between turns [deg]")
+    tilt_deg: Range | None = Field(
+        default=None, description="how far down to look, from and to [deg]; none: the place's own"
+    )
+    tilt_every_deg: float = Field(default=15.0, gt=0, description="largest step between tilts [deg]")
+    aim: Literal["area"] | None = Field(
+        default=None, description="'area': turned to the middle of the tracked area, cameras tilted to it too"
+    )
+    kinds: Annotated[tuple[Kind, ...], Field(min_length=1)] = Field(
+        default=AS_IS, description="devices to choose from; none: the scenario's own sensor"
+    )
+    mirrored: Mirror | None = Field(default=None, description="places in pairs on both sides of a line; none: single")
+    count: tuple[Annotated[int, Field(ge=0, le=32)], Annotated[int, Field(ge=1, le=32)]] | None = Field(
+        default=None, description="least and most of them (of pairs, where mirrored); none: as many as in the scenario"
+    )
+    price: float = Field(default=0.0, ge=0, description="what one costs")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Move:
+        if sum(map(bool, (self.sensors, self.together, self.housing))) != 1:
+            raise ValueError("one of sensors, together and housing is expected")
+        if not (self.places or self.walls or self.ceiling or self.box):
+            raise ValueError("no place is given; places, walls, ceiling or box is expected")
+        for name in ("yaw_deg", "tilt_deg"):
+            _ascending(name, getattr(self, name))
+        if self.aim and (self.yaw_deg or self.tilt_deg):
+            raise ValueError("aim and yaw_deg or tilt_deg are both given; one of them is expected")
+        if self.count is not None and self.count[0] > self.count[1]:
+            raise ValueError(
+                f"count: {self.count[0]} to {self.count[1]} is upside down; the lower end first is expected"
+            )
+        if len({kind.name for kind in self.kinds}) < len(self.kinds):
+            raise ValueError("kinds: two have the same name; each its own is expected")
+        return self
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Least and most of them."""
+        if self.count is not None:
+            return self.count
+        number = max(1, len(self.sensors) // (2 if self.mirrored else 1))
+        return number, number
+
+
+class Cable(Strict):
+    """What a cable to each device may cost and how long it may be."""
+
+    start: Point3 = Field(alias="from", description="where the cables begin: x, y, z [m]")
+    most_m: float | None = Field(default=None, gt=0, description="longest cable [m]; none: any")
+    along: Literal["walls", "straight"] = Field(default="walls", description="along the walls, or straight")
+    price_per_m: float = Field(default=0.0, ge=0, description="what a metre costs")
+
+
+class Zone(Strict):
+    """A part of the room in which nothing may hang."""
+
+    name: Text = Field(description="what it is, for errors and the plan")
+    polygon: Annotated[tuple[Point2, ...], Field(min_length=3)] = Field(description="its corners on the floor [m]")
+    from_m: Metres = Field(default=0.0, description="lowest height [m]")
+    to_m: Metres = Field(default=1000.0, description="greatest height [m]")
+
+
+class Constraints(Strict):
+    """What every placement but the scenario's own must keep."""
+
+    budget: float | None = Field(
+        default=None, ge=0, description="most that all moved devices and cables cost; none: any"
+    )
+    apart_m: Metres = Field(default=0.0, description="least distance between two devices [m]")
+    cable: Cable | None = Field(default=None, description="cables to every device; none: they are not counted")
+    keep_free: tuple[Zone, ...] = Field(default=(), description="zones in which nothing may hang")
+    walked_below_m: Metres = Field(
+        default=2.2, description="nothing hangs lower than this where people walk [m]; 0: it may"
+    )
+
+
+class Objective(Strict):
+    """One thing that makes a placement good. The first of several decides what is recommended."""
+
+    kind: Literal["metric", "coverage", "price"] = Field(description="a tracker's figure, coverage, or the price")
+    metric: str | None = Field(default=None, description="of a tracker's figure: which, as in metrics.json (hota)")
+    tracker: TrackerName | None = Field(
+        default=None, description="whose figure; none: that of the study's only tracker"
+    )
+    over: Literal["mean", "worst", "quantile"] = Field(default="mean", description="over seeds and scenarios")
+    quantile: float = Field(default=0.1, gt=0, lt=1, description="of 'quantile': the share of seeds that are worse")
+    form: Literal["share", "worst"] = Field(
+        default="share",
+        description="of coverage: the share seen, or the share of moments in which the worst cell is seen",
+    )
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Objective:
+        if self.kind != "metric":
+            if self.metric is not None or self.tracker is not None:
+                raise ValueError(f"metric and tracker are of kind 'metric', not of {self.kind!r}")
+            return self
+        valid = [key for key in FIGURE if key not in NOT_DETERMINISTIC]
+        if self.metric not in valid:
+            raise ValueError(f"there is no figure {self.metric!r} to go by; valid are {', '.join(valid)}")
+        return self
+
+    @property
+    def more_is_better(self) -> bool:
+        """Whether it is to be large."""
+        return self.kind == "coverage" or (self.metric is not None and FIGURE[self.metric].better == "more")
+
+    @property
+    def column(self) -> str:
+        """What it is called in tables."""
+        if self.kind != "metric":
+            return self.kind if self.form == "share" or self.kind == "price" else "coverage_worst"
+        over = {"mean": "", "worst": " (worst)", "quantile": f" ({self.quantile:g} quantile)"}[self.over]
+        return f"{self.tracker}: {self.metric}{over}"
+
+
+class Coverage(Strict):
+    """When a place or a person counts as seen: by resolution on them, not by a line of sight."""
+
+    of: Literal["people", "floor"] = Field(default="people", description="people as they move, or cells of the floor")
+    beams: Annotated[int, Field(ge=1)] = Field(default=6, description="a scanner sees a body that so many beams meet")
+    px_per_m: float = Field(
+        default=125.0,
+        gt=0,
+        description="a camera sees at so many pixels a metre (EN 62676-4: 25 detect, 63 observe, 125 recognise, 250 identify)",
+    )
+    target: Literal["body", "head"] = Field(
+        default="body", description="what cameras are to see: half of a body, or the head"
+    )
+    at_least: Annotated[int, Field(ge=1, le=8)] = Field(default=1, description="so many sensors must see it")
+    seeds: Seeds = Field(
+        default=(900, 901), description="of 'people': seeds of their motion, others than the search seeds"
+    )
+    moments: Annotated[int, Field(ge=0, le=10_000)] = Field(
+        default=100,
+        description="moments of each seed, evenly over the scenario; of 'floor': people then stand in the way, 0: none",
+    )
+    cell_m: float = Field(default=0.1, gt=0.01, description="of 'floor': edge of a cell [m]")
+    heights_m: Annotated[tuple[Metres, ...], Field(min_length=1)] = Field(
+        default=(0.4, 1.0, 1.6), description="of 'floor': heights that cameras look for [m]; scanners have their own"
+    )
+
+
+class Search(Strict):
+    """How placements are searched."""
+
+    method: Literal["exhaustive", "greedy", "exact", "optuna"] = Field(
+        description="all of them; one device after another, by coverage; the best by coverage, proven; or Optuna's TPE (NSGA-II "
+        "for several objectives)"
+    )
+    candidates: Annotated[int, Field(ge=1, le=100_000)] = Field(
+        default=96, description="of 'optuna': placements to try"
+    )
+    generation: Annotated[int, Field(ge=1, le=1000)] = Field(
+        default=16, description="of 'optuna': placements asked for before the next are told from them"
+    )
+    replicates: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(min_length=1)] = Field(
+        default=(2, 4, 8, 16), description="seeds that all get, that the better half gets, the better half of that ..."
+    )
+    limit_s: float = Field(default=60.0, gt=0, description="of 'exact': most time before it settles for a gap [s]")
+    seed: Annotated[int, Field(ge=0)] = Field(default=0, description="of 'optuna': what its draws come from")
+
+    @model_validator(mode="after")
+    def _more(self) -> Search:
+        if list(self.replicates) != sorted(set(self.replicates)):
+            raise ValueError(f"replicates: {list(self.replicates)} does not rise; as in [2, 4, 8, 16] is expected")
+        return self
+
+
+class Study(Strict):
+    """A placement study."""
+
+    name: OwnName = Field(description="name of the study; it becomes the name of a folder")
+    description: Text = Field(default="", description="what the study asks, for readers")
+    scenarios: Annotated[
+        tuple[StudyScenario, ...],
+        Field(min_length=1),
+        list_of("a list of scenarios, as in [{scenario: lab-five-people}],"),
+    ] = Field(description="where placements are tried")
+    trackers: tuple[TrackerName, ...] = Field(default=(), description="trackers to run; none: coverage alone")
+    seeds: Seeds = Field(default=(1000,), description="search seeds: replicates are taken from the front")
+    held_out: HeldOut | None = Field(default=None, description="what the result is judged by; none: it is not judged")
+    move: Annotated[dict[OwnName, Move], Field(min_length=1), mapping_of("a mapping of devices to place,")] = Field(
+        description="what is placed, by name"
+    )
+    constraints: Constraints = Field(default=Constraints(), description="what placements must keep")
+    objectives: Annotated[
+        tuple[Objective, ...], Field(min_length=1), list_of("a list, as in [{kind: metric, metric: hota}],")
+    ] = Field(description="what makes a placement good")
+    coverage: Coverage = Field(default=Coverage(), description="what counts as seen")
+    search: Search = Field(description="how placements are searched")
+    cheapest_within: float | None = Field(
+        default=None,
+        ge=0,
+        description="recommend the cheapest placement this near to the best by the first objective; none: the best",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _only_tracker(cls, content: object) -> object:
+        """An objective without a tracker is of the only one there is."""
+        if not isinstance(content, dict) or not isinstance(content.get("objectives"), list):
+            return content
+        trackers = content.get("trackers") or []
+        if not (isinstance(trackers, list | tuple) and len(trackers) == 1):
+            return content
+        told = [
+            {"tracker": trackers[0], **each} if isinstance(each, dict) and each.get("kind") == "metric" else each
+            for each in content["objectives"]
+        ]
+        return content | {"objectives": told}
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Study:
+        faults = []
+        for place, objective in enumerate(self.objectives):
+            if objective.kind == "metric" and objective.tracker not in self.trackers:
+                valid = ", ".join(self.trackers) or "none, as the study has no trackers"
+                faults.append(
+                    f"objectives.{place}.tracker: {objective.tracker!r} is none of the trackers; valid are {valid}"
+                )
+        if self.held_out is not None and (shared := sorted(set(self.seeds) & set(self.held_out.seeds))):
+            faults.append(
+                f"held_out.seeds: {shared[0]} is a search seed too; others than {_told(self.seeds)} are expected"
+            )
+        if shared := sorted(set(self.coverage.seeds) & set(self.held_out.seeds if self.held_out else ())):
+            faults.append(f"coverage.seeds: {shared[0]} is held out; others are expected")
+        metrics = [each for each in self.objectives if each.kind == "metric"]
+        if metrics and self.search.replicates[-1] > len(self.seeds):
+            faults.append(
+                f"search.replicates: {self.search.replicates[-1]} seeds are asked for and seeds has {len(self.seeds)}; as many "
+                "are expected"
+            )
+        if metrics and self.search.method in ("greedy", "exact"):
+            faults.append(
+                f"search.method: {self.search.method!r} goes by coverage, and objectives.{self.objectives.index(metrics[0])} is "
+                "a tracker's figure; exhaustive or optuna is expected"
+            )
+        if self.search.method in ("greedy", "exact") and self.objectives[0].column != "coverage":
+            faults.append(
+                f"objectives.0: {self.search.method!r} goes by coverage as a share; {{kind: coverage}} is expected first"
+            )
+        used = [(name, sensor) for name, move in self.move.items() for sensor in (*move.sensors, *move.together)]
+        for (one, sensor), (other, again) in combinations(used, 2):
+            if sensor == again:
+                faults.append(f"move.{other}: {sensor!r} is moved by {one!r} already; each sensor once is expected")
+        if len({each.column for each in self.objectives}) < len(self.objectives):
+            faults.append("objectives: one is there twice; each once is expected")
+        if faults:
+            raise ValueError("; ".join(faults))
+        return self
+
+
+def _told(seeds: tuple[int, ...]) -> str:
+    return f"{min(seeds)} to {max(seeds)}" if len(seeds) > 3 else ", ".join(map(str, seeds))
+
+
+def load_study(name: str | Path) -> tuple[Study, Path]:
+    """The study of this name (shipped) or path, and its file. Raises InputError, every fault on one line."""
+    path = models.find("studies", str(name))
+    expected = "a study (name, scenarios, move, objectives, search)"
+    content = parse_yaml(read_text(path, expected), str(path), expected)
+    return validate(Study, content, str(path)), path

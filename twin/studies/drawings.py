@@ -1,0 +1,209 @@
+"""The drawings of a study's page: a plan to scale with dimensions, heat maps, the Pareto front. SVG, by matplotlib."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.arrays import Array
+from twin.reproduce.drawing import INK, QUIET, SHADE, look, svg_of
+from twin.room.building import Building
+from twin.room.outline import room_outline
+from twin.scenario import Scenario
+from twin.scenario.floor import FloorDescription
+from twin.scenario.housings import in_the_room
+from twin.scenario.sensors import LaserDescription
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_MM = 1 / 25.4
+_WIDEST_MM, _HIGHEST_MM = 180.0, 215.0
+_SCALES = (10, 20, 25, 50, 100, 150, 200, 250, 500, 1000)
+_MARGIN_M = 0.4
+_ACCENT, _OLD = "#b5341f", "#98a0ac"
+
+
+@dataclass(frozen=True)
+class Mounted:
+    """A sensor as it hangs: what is read off the plan."""
+
+    number: int
+    name: str
+    kind: str
+    x: float
+    y: float
+    height_m: float
+    yaw_deg: float
+    tilt_deg: float
+    walls_m: tuple[float, ...]
+    """To the nearest two walls that lie across each other [m]."""
+
+
+def mounted(scenario: Scenario, names: Sequence[str], building: Building) -> list[Mounted]:
+    """The named sensors of a scenario, numbered as on the plan."""
+    rows = []
+    for number, name in enumerate(names, start=1):
+        description = in_the_room(scenario, name)
+        mount = description.mount
+        tilt = 0.0 if isinstance(description, FloorDescription) else mount.pitch_deg  # pyright: ignore[reportAttributeAccessIssue]
+        walls = building.walls_nearest(np.array(mount.xyz))
+        rows.append(
+            Mounted(number, name, description.kind, *mount.xyz, mount.yaw_deg, tilt, tuple(each[0] for each in walls))
+        )
+    return rows
+
+
+def plan(
+    scenario: Scenario, own: Scenario, sensors: Sequence[Mounted], building: Building, area: Array
+) -> tuple[str, int, float]:
+    """The plan as SVG, the scale 1 : n that it is drawn to, and its width [mm]."""
+    from matplotlib.figure import Figure
+
+    low, high = building.outline.min(axis=0) - _MARGIN_M, building.outline.max(axis=0) + _MARGIN_M
+    size_m = high - low
+    scale = next(
+        (each for each in _SCALES if 1000 * size_m[0] / each <= _WIDEST_MM and 1000 * size_m[1] / each <= _HIGHEST_MM),
+        _SCALES[-1],
+    )
+    width_mm, height_mm = 1000 * size_m / scale
+    with look():
+        figure = Figure(figsize=(width_mm * _MM, height_mm * _MM))
+        axes = figure.add_axes((0, 0, 1, 1))
+        _room(axes, building, area)
+        for name, each in own.sensors.items():
+            if not isinstance(each, FloorDescription) and scenario.sensors.get(name) != each:
+                x, y, _ = in_the_room(own, name).mount.xyz
+                axes.plot(x, y, "x", color=_OLD, markersize=5, zorder=4)
+        for each in sensors:
+            here = np.array([each.x, each.y, each.height_m])
+            for gap_m, _, along in building.walls_nearest(here):
+                outwards = np.array([along[1], -along[0]])
+                foot = here[:2] + gap_m * outwards
+                axes.annotate(
+                    "",
+                    tuple(here[:2]),
+                    tuple(foot),
+                    arrowprops={"arrowstyle": "<->", "color": _ACCENT, "lw": 0.6, "shrinkA": 0, "shrinkB": 0},
+                )
+                x, y = ((here[:2] + foot) / 2 + 0.0012 * scale * along).tolist()
+                axes.text(x, y, f"{gap_m:.2f}", fontsize=6, color=_ACCENT, ha="center", va="center", zorder=6,
+                          bbox={"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.8})  # fmt: skip
+            yaw = np.deg2rad(each.yaw_deg)
+            reach = 0.007 * scale
+            axes.annotate("", (each.x + reach * np.cos(yaw), each.y + reach * np.sin(yaw)), (each.x, each.y),
+                          arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0})  # fmt: skip
+            axes.plot(each.x, each.y, "o", color=INK, markersize=8.5, zorder=7)
+            axes.text(
+                each.x,
+                each.y,
+                str(each.number),
+                color="white",
+                fontsize=6.5,
+                ha="center",
+                va="center_baseline",
+                zorder=8,
+            )
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xticks=[], yticks=[])
+        for side in axes.spines.values():
+            side.set_visible(False)
+        axes.grid(False)
+        metre = 1.0 if size_m[0] > 3 else 0.5
+        axes.plot([low[0] + 0.1, low[0] + 0.1 + metre], [low[1] + 0.12] * 2, color=INK, lw=1.5)
+        axes.text(low[0] + 0.1 + metre / 2, low[1] + 0.16, f"{metre:g} m", fontsize=6, ha="center", va="bottom")
+        return svg_of(figure), scale, float(width_mm)
+
+
+def _room(axes: Axes, building: Building, area: Array) -> None:
+    data = building.data
+    mujoco.mj_kinematics(building.model, data)
+    for polygon in room_outline(building.model, data):
+        inside = np.ptp(polygon, axis=0) < 0.9 * np.ptp(building.outline, axis=0)
+        if inside.all():
+            axes.fill(*polygon.T, facecolor="#d5d9df", edgecolor="#a9b0bb", linewidth=0.5, zorder=2)
+    axes.fill(*building.outline.T, facecolor="none", edgecolor=INK, linewidth=1.4, zorder=3)
+    axes.fill(*area.T, facecolor="none", edgecolor=QUIET, linewidth=0.7, linestyle="--", zorder=3)
+    axes.set_aspect("equal")
+
+
+def heat_map(
+    cells_m: Array, values: Array, cell_m: float, sensors: Sequence[Mounted], building: Building, area: Array, *,
+    label: str, least: float | None = None, most: float | None = None,
+) -> str:  # fmt: skip
+    """Values (n,) at cells (n, 2) [m] as SVG; those below `least` are blind, and hatched."""
+    from matplotlib.colors import LogNorm
+    from matplotlib.figure import Figure
+
+    low, high = area.min(axis=0), area.max(axis=0)
+    shape = tuple(np.ceil((high - low) / cell_m - 1e-6).astype(int))
+    grid = np.full(shape, np.nan)
+    where = np.clip(((cells_m - low) / cell_m).astype(int), 0, np.array(shape) - 1)
+    grid[where[:, 0], where[:, 1]] = values
+    extent = (low[0], low[0] + shape[0] * cell_m, low[1], low[1] + shape[1] * cell_m)
+    size = building.outline.max(axis=0) - building.outline.min(axis=0)
+    with look():
+        figure = Figure(figsize=(5.4, 5.4 * float(np.clip(size[1] / size[0], 0.4, 1.2)) * 0.85), layout="constrained")
+        axes = figure.add_subplot()
+        _room(axes, building, area)
+        norm: Any = None
+        if least is not None:
+            norm = LogNorm(least, max(2 * least, float(np.nanmax(grid, initial=least))))
+        shown = np.where(grid >= (least or -np.inf), grid, np.nan).T
+        ends: dict[str, Any] = (
+            {"norm": norm, "cmap": "viridis"} if norm else {"vmin": 0.0, "vmax": most, "cmap": "magma_r"}
+        )
+        image = axes.imshow(shown, origin="lower", extent=extent, interpolation="nearest", zorder=2.5, **ends)
+        if least is not None and (grid < least).any():
+            blind = np.ma.masked_where(~(grid < least), np.ones(shape))
+            axes.imshow(
+                blind.T,
+                origin="lower",
+                extent=extent,
+                cmap="autumn",
+                vmin=0,
+                vmax=4,
+                interpolation="nearest",
+                zorder=2.6,
+            )
+        for each in sensors:
+            axes.plot(each.x, each.y, "o", color=INK, markersize=6, zorder=7)
+            axes.text(
+                each.x, each.y, str(each.number), color="white", fontsize=5, ha="center", va="center_baseline", zorder=8
+            )
+        axes.set(xlabel="x [m]", ylabel="y [m]")
+        axes.grid(False)
+        bar = figure.colorbar(image, ax=axes, shrink=0.8, label=label)
+        bar.ax.tick_params(labelsize=8)
+        return svg_of(figure)
+
+
+def pareto(
+    points: NDArray[np.float64], front: NDArray[np.bool_], own: int, best: int, labels: tuple[str, str], errors: Array
+) -> str:
+    """Candidates (n, 2), the second beside the first, the front joined, as SVG; errors (n,): standard errors of the second."""
+    from matplotlib.figure import Figure
+
+    with look():
+        figure = Figure(figsize=(6.6, 3.6), layout="constrained")
+        axes = figure.add_subplot()
+        axes.errorbar(*points.T, yerr=errors, fmt="none", ecolor=SHADE, zorder=1)
+        axes.plot(*points[~front].T, "o", color=_OLD, markersize=3, label="tried", zorder=2)
+        order = np.argsort(points[front][:, 0])
+        axes.plot(
+            *points[front][order].T, "-o", color="#2678c4", markersize=5, label="nothing is better in all", zorder=3
+        )
+        axes.plot(*points[own], "X", color=INK, markersize=9, label="the scenario's own", zorder=4)
+        axes.plot(*points[best], "*", color=_ACCENT, markersize=14, label="recommended", zorder=5)
+        axes.set(xlabel=labels[0], ylabel=labels[1])
+        axes.legend(frameon=False, fontsize=8)
+        return svg_of(figure)
+
+
+def is_scanner(scenario: Scenario, name: str) -> bool:
+    """Whether a sensor is a scanner."""
+    return isinstance(scenario.sensors[name], LaserDescription)

@@ -1,0 +1,168 @@
+"""A scenario with its sensors where a candidate has them, and the file that says so."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from trackers.configuration import validate
+from trackers.errors import InputError
+from twin import models
+from twin.recording.whole_file import whole_file
+from twin.scenario import Scenario
+from twin.scenario.floor import FloorDescription
+from twin.scenario.housings import check_place, in_the_room
+from twin.scenario.mount import Mount, mount_of
+from twin.studies.description import Kind, Move, Study
+from twin.studies.layout import Option
+
+
+def placed(study: Study, scenario: Scenario, options: Sequence[Option]) -> Scenario:
+    """The scenario with the options' devices in place of its own; the same scenario without options.
+
+    The first devices take the names of the scenario's own, so that the same place under the same name has the same noise; more
+    of them are called NAME-2, NAME-3 ... after their entry. Raises InputError where that is no scenario: a fault of a
+    sensor that is no longer there, a scanner that cannot have its role at this height.
+    """
+    if not options:
+        return scenario
+    sensors, housings = dict(scenario.sensors), dict(scenario.housings)
+    for name, move in study.move.items():
+        chosen = [
+            (mount, move.kinds[option.kind]) for option in options if option.device == name for mount in option.mounts
+        ]
+        if move.housing is not None:
+            _move_housing(move.housing, chosen, name, sensors, housings, scenario)
+        elif move.together:
+            _move_together(move, chosen, name, sensors, scenario)
+        else:
+            _move_each(move, chosen, name, sensors, scenario)
+    if not sensors:
+        raise InputError("no sensor is left; at least one is expected")
+    main = scenario.main_sensor if scenario.main_sensor in sensors else None
+    moved = scenario.model_copy(update={"sensors": sensors, "housings": housings, "main_sensor": main})
+    for fault_name, fault in scenario.faults.items():
+        gone = [each for each in fault.sensor if each not in sensors]
+        if gone:
+            raise InputError(
+                f"faults.{fault_name}: {gone[0]!r} is not there; a fault of a sensor that stays is expected"
+            )
+    for name in sensors:
+        try:
+            check_place(moved, name)
+        except ValueError as error:
+            raise InputError(f"sensors.{name}.{error}") from error
+    return moved
+
+
+def _names(own: Sequence[str], device: str, number: int) -> list[str]:
+    """The scenario's own names, then NAME-2 ... after the device."""
+    return [own[k] if k < len(own) else f"{device}-{k + 1}" for k in range(number)]
+
+
+def _described(description: Any, mount: Mount, kind: Kind) -> Any:
+    """A sensor of this kind that hangs there, in the room; its pose without what turning it to and fro has rounded."""
+    angles = {each: round(getattr(mount, each), 9) + 0.0 for each in ("yaw_deg", "pitch_deg", "roll_deg")}
+    x, y, z = (round(each, 9) + 0.0 for each in mount.xyz)
+    mount = Mount(xyz=(x, y, z), **angles)
+    if isinstance(description, FloorDescription):
+        content: dict[str, Any] = {"xyz": mount.xyz, "yaw_deg": mount.yaw_deg}
+    else:
+        content = mount.model_dump()
+    if not kind.set:
+        update: dict[str, Any] = {"mount": type(description.mount)(**content)}
+        if not isinstance(description, FloorDescription):
+            update["housing"] = None
+        return description.model_copy(update=update)
+    whole = description.model_dump(mode="json", exclude_none=True) | {"mount": content} | dict(kind.set)
+    whole.pop("housing", None)
+    return validate(type(description), whole, f"move: kinds: {kind.name}")
+
+
+def _move_each(
+    move: Move, chosen: list[tuple[Mount, Kind]], device: str, sensors: dict[str, Any], scenario: Scenario
+) -> None:
+    for name in move.sensors:
+        del sensors[name]
+    for number, (name, (mount, kind)) in enumerate(zip(_names(move.sensors, device, len(chosen)), chosen, strict=True)):
+        template = scenario.sensors[move.sensors[min(number, len(move.sensors) - 1)]]
+        sensors[name] = _described(template, mount, kind)
+
+
+def _move_together(
+    move: Move, chosen: list[tuple[Mount, Kind]], device: str, sensors: dict[str, Any], scenario: Scenario
+) -> None:
+    poses = {name: in_the_room(scenario, name).mount.room_from_housing() for name in move.together}  # pyright: ignore
+    first = poses[move.together[0]]
+    for name in move.together:
+        del sensors[name]
+    for number, (mount, kind) in enumerate(chosen):
+        for name, pose in poses.items():
+            inner = mount_of(
+                first.rotation.T @ pose.rotation, first.rotation.T @ (pose.translation - first.translation)
+            )
+            called = name if number == 0 else f"{name}-{device}-{number + 1}"
+            sensors[called] = _described(scenario.sensors[name], mount.carrying(inner), kind)
+
+
+def _move_housing(
+    housing: str,
+    chosen: list[tuple[Mount, Kind]],
+    device: str,
+    sensors: dict[str, Any],
+    housings: dict[str, Any],
+    scenario: Scenario,
+) -> None:
+    on_it = {name: each for name, each in scenario.sensors.items() if getattr(each, "housing", None) == housing}
+    for name in on_it:
+        del sensors[name]
+    template = housings.pop(housing)
+    for number, (mount, kind) in enumerate(chosen):
+        called = housing if number == 0 else f"{device}-{number + 1}"
+        housings[called] = template.model_copy(update={"mount": mount})
+        for name, each in on_it.items():
+            content = each.model_dump(mode="json", exclude_none=True) | dict(kind.set) | {"housing": called}
+            sensors[name if number == 0 else f"{name}-{called}"] = validate(
+                type(each), content, f"move: kinds: {kind.name}"
+            )
+
+
+def write_scenario(path: Path, own: Scenario, moved: Scenario, own_file: Path, name: str, description: str) -> None:
+    """A scenario file that extends `own_file`, which loads to `own`, and loads to `moved` but for its name; people stay."""
+    shipped = models.MODELS / "scenarios"
+    parent = own_file.stem if own_file.parent == shipped else str(own_file.resolve())
+    before, now = (each.model_dump(mode="json", exclude_none=True) for each in (own, moved))
+    content: dict[str, Any] = {"extends": parent, "name": name, "description": description}
+    for field in (
+        "duration_s",
+        "area",
+        "background",
+        "background_frames",
+        "rendering",
+        "main_sensor",
+        "sensors",
+        "housings",
+    ):
+        changed = _changes(before.get(field), now.get(field))
+        if changed is not None or (field in before and field not in now):
+            content[field] = changed
+    with whole_file(path) as stream:
+        stream.write("# What the study recommends: `twin run` takes it as it is.\n")
+        yaml.safe_dump(content, stream, sort_keys=False, allow_unicode=True)
+
+
+def _changes(before: Any, now: Any) -> Any:
+    """What is to be laid over `before` to get `now`, null for what is gone; None where nothing is."""
+    if before == now:
+        return None
+    if not isinstance(before, dict) or not isinstance(now, dict):
+        return now
+    same = object()
+    found = {key: None for key in before if key not in now}
+    for key, value in now.items():
+        if before.get(key, same) != value:
+            found[key] = _changes(before[key], value) if key in before else value
+    return found

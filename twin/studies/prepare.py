@@ -1,0 +1,234 @@
+"""A study made ready: its scenarios resolved, its layout worked out, and every fault told before anything is written."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from trackers.errors import InputError
+from trackers.knowledge import Knowledge
+from trackers.presets import available, make_tracker
+from trackers.tracks import unused_sensors
+from twin import models
+from twin.run.chosen_trackers import NONE_TRUSTED, ChosenTracker, TrustedClasses, choose
+from twin.scenario import Scenario, load_scenario
+from twin.scenario.floor import FloorDescription
+from twin.scenario.housings import rig_told
+from twin.streams import stream
+from twin.studies.description import Move, Study, StudyScenario, load_study
+from twin.studies.layout import Layout, first_sensor
+from twin.studies.placed import placed
+from twin.studies.trial import key_of
+from twin.suites.written import as_texts
+from twin.world.scene import Scene, build_scene
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A study with what its file names: scenarios by their key, held-out ones too, the trackers, and where devices may hang."""
+
+    study: Study
+    path: Path
+    scenarios: dict[str, Scenario]
+    files: dict[str, Path]
+    held_out: dict[str, Scenario]
+    trackers: tuple[ChosenTracker, ...]
+    scene: Scene
+    layout: Layout
+
+    @property
+    def scenario(self) -> Scenario:
+        """The first scenario: its room and sensors are the study's."""
+        return next(iter(self.scenarios.values()))
+
+
+def prepare(name: str | Path, *, seed_offset: int = 0, trusted: TrustedClasses = NONE_TRUSTED) -> Prepared:
+    """Load and check a study. Raises InputError, a line a fault; nothing is simulated or written for it.
+
+    seed_offset: added to every seed of the study; trusted: classes that it and its scenarios may name.
+    """
+    study, path = load_study(name)
+    study = _with_offset(study, seed_offset)
+    scenarios, files = _loaded(study.scenarios, path, "scenarios")
+    others, _ = _loaded(study.held_out.scenarios if study.held_out else (), path, "held_out.scenarios")
+    first = next(iter(scenarios.values()))
+    every = {f"scenarios.{key}": each for key, each in scenarios.items()}
+    every |= {f"held_out.scenarios.{key}": each for key, each in others.items()}
+    faults = [*_faults_of_moves(study, every, path), *_faults_of_trackers(study, path, scenarios)]
+    if faults:
+        raise InputError("\n".join(dict.fromkeys(faults)))
+    chosen = tuple(choose(study.trackers, first.trackers, str(path), trusted)) if study.trackers else ()
+    scene = build_scene(first)
+    layout = Layout.of(study, first, scene, str(path))
+    faults = list(_faults_of_kinds(study, layout, path)) or list(_unused(study, layout, chosen, scene, path))
+    if faults:
+        raise InputError("\n".join(dict.fromkeys(faults)))
+    return Prepared(study, path, scenarios, files, scenarios | others, chosen, scene, layout)
+
+
+def _with_offset(study: Study, offset: int) -> Study:
+    def moved(seeds: Sequence[int]) -> tuple[int, ...]:
+        return tuple(seed + offset for seed in seeds)
+
+    held = study.held_out
+    return study.model_copy(
+        update={
+            "seeds": moved(study.seeds),
+            "held_out": held and held.model_copy(update={"seeds": moved(held.seeds)}),
+            "coverage": study.coverage.model_copy(update={"seeds": moved(study.coverage.seeds)}),
+        }
+    )
+
+
+def _loaded(entries: Sequence[StudyScenario], path: Path, field: str) -> tuple[dict[str, Scenario], dict[str, Path]]:
+    found, files, faults = {}, {}, []
+    for number, entry in enumerate(entries):
+        key = key_of(number, entry) if field == "scenarios" else f"held-out {key_of(number, entry)}"
+        try:
+            file = models.find("scenarios", entry.scenario, path.parent, f"{path}: {field}.{number}.scenario")
+            found[key] = load_scenario(file, suites=as_texts(entry.set), folder=path.parent)
+            files[key] = file
+        except InputError as error:
+            faults += [
+                line if line.startswith(str(path)) else f"{path}: {field}.{number}: {line}"
+                for line in str(error).splitlines()
+            ]
+    if faults:
+        raise InputError("\n".join(faults))
+    return found, files
+
+
+def _faults_of_moves(study: Study, scenarios: dict[str, Scenario], path: Path) -> Iterator[str]:
+    """Devices of sensors that are not there, or that cannot hang there; scenarios in other rooms."""
+    first = next(iter(scenarios.values()))
+    for key, scenario in scenarios.items():
+        if scenario.room != first.room:
+            yield f"{path}: {key}: is in the room {scenario.room}, and the first in {first.room}; one room is expected of a study"
+        for name, move in study.move.items():
+            named = [*(("sensors", each) for each in move.sensors), *(("together", each) for each in move.together)]
+            for field, sensor in named:
+                if sensor not in scenario.sensors:
+                    yield (
+                        f"{path}: move.{name}.{field}: {scenario.name} has no sensor {sensor!r}; valid are "
+                        f"{', '.join(scenario.sensors)}"
+                    )
+                elif scenario.sensors[sensor].kind != first.sensors[sensor].kind:
+                    yield f"{path}: {key}: {sensor!r} is another kind of sensor than in the first scenario; the same is expected"
+            if move.housing is not None and move.housing not in scenario.housings:
+                valid = ", ".join(scenario.housings) or "none, as it has no housings"
+                yield f"{path}: move.{name}.housing: {scenario.name} has no housing {move.housing!r}; valid are {valid}"
+            elif move.housing is not None and not any(
+                getattr(each, "housing", None) == move.housing for each in scenario.sensors.values()
+            ):
+                yield f"{path}: move.{name}.housing: nothing hangs on {move.housing!r}; a housing with sensors is expected"
+    for name, move in study.move.items():
+        for sensor in (*move.sensors, *move.together):
+            if isinstance(first.sensors.get(sensor), FloorDescription) and (
+                move.walls or move.ceiling or move.together
+            ):
+                yield (
+                    f"{path}: move.{name}: {sensor!r} is a pressure floor, which lies on the floor; places or a box with z = 0 "
+                    "are expected"
+                )
+
+
+def _faults_of_trackers(study: Study, path: Path, scenarios: dict[str, Scenario]) -> Iterator[str]:
+    first = next(iter(scenarios.values()))
+    for place, name in enumerate(study.trackers):
+        choice = first.trackers.get(name)
+        target = (choice.preset if choice else None) or name
+        if target not in available() and ":" not in target:
+            yield (
+                f"{path}: trackers.{place}: there is no tracker {target!r}; valid are {', '.join(available())}, module:Class, or "
+                "one that the first scenario defines"
+            )
+
+
+def _faults_of_kinds(study: Study, layout: Layout, path: Path) -> Iterator[str]:
+    """Kinds that are no sensor, told once each; what depends on the place as well is told by the candidates that have it."""
+    for name, move in study.move.items():
+        for number, kind in enumerate(move.kinds):
+            if not kind.set:
+                continue
+            mine = [layout.options[each] for each in layout.of_device[name] if layout.options[each].kind == number]
+            faults = []
+            for option in mine[:: max(1, len(mine) // 20)]:
+                try:
+                    placed(study, layout.scenario, [option])
+                    break
+                except InputError as error:
+                    faults.append(str(error))
+            else:
+                told = faults[0].splitlines()[0] if faults else "has no place"
+                yield f"{path}: move.{name}.kinds.{number}.set: {told}"
+
+
+def _unused(study: Study, layout: Layout, chosen: Sequence[ChosenTracker], scene: Scene, path: Path) -> Iterator[str]:
+    """Trackers that cannot work on a candidate, or leave sensors that are moved unused: these must not be paid for."""
+    area = tuple((float(x), float(y)) for x, y in scene.area)
+    before = logging.root.manager.disable
+    logging.disable(logging.WARNING)
+    try:
+        for example in _examples(study, layout):
+            try:
+                scenario = placed(study, layout.scenario, [layout.options[each] for each in example])
+            except InputError:  # told with the candidate
+                continue
+            moved = [name for name, each in scenario.sensors.items() if _is_moved(study, layout.scenario, name, each)]
+            rig = rig_told(scenario, area)
+            for place, each in enumerate(chosen):
+                rng = stream(scenario.seed, "tracker", each.name)
+                try:
+                    tracker = make_tracker(
+                        each.target, rig, Knowledge.read((), scenario.knowledge, rig), rng, each.options
+                    )
+                except InputError as error:
+                    sensors = ", ".join(scenario.sensors)
+                    yield f"{path}: trackers.{place}: {each.name!r} cannot work on a placement of {sensors}: {error}"
+                    continue
+                ignored = [name for name in unused_sensors(tracker) if name in moved]
+                if ignored:
+                    yield (
+                        f"{path}: trackers.{place}: {each.name!r} makes no use of {', '.join(ignored)}, which the study moves; a "
+                        "tracker that uses what is placed, or other sensors under move, is expected"
+                    )
+    finally:
+        logging.disable(before)
+
+
+def _is_moved(study: Study, scenario: Scenario, name: str, description: object) -> bool:
+    if name not in scenario.sensors:
+        return True
+    own: set[str | None] = set()
+    for move in study.move.values():
+        own |= {*move.sensors, *move.together}
+        if move.housing is not None:
+            own |= {key for key, each in scenario.sensors.items() if getattr(each, "housing", None) == move.housing}
+    return name in own
+
+
+def _examples(study: Study, layout: Layout) -> Iterator[tuple[int, ...]]:
+    """A candidate of each kind of each device, with as many as there may be, and everything else as few."""
+    for name, move in study.move.items():
+        for kind in range(len(move.kinds)):
+            chosen: list[int] = []
+            for other, each in study.move.items():
+                wanted = each.counts[1] if other == name else max(1, each.counts[0])
+                numbers = layout.of_device[other]
+                mine = [n for n in numbers if layout.options[n].kind == kind] if other == name else numbers
+                step = max(1, len(mine) // 40)
+                for number in mine[::step]:
+                    if wanted and number not in chosen and not layout.conflict([*chosen, number]):
+                        chosen.append(number)
+                        wanted -= 1
+            if chosen:
+                yield tuple(sorted(chosen))
+
+
+def described(move: Move, scenario: Scenario) -> str:
+    """What a device is, for a list of parts."""
+    kind = scenario.sensors[first_sensor(move, scenario)].kind
+    held = len(move.together) or 1
+    return kind if held == 1 else f"{kind} and {held - 1} more on one mount"

@@ -1,0 +1,124 @@
+"""What a worker does with a placement and a seed: people come from the store, sensors look, trackers follow, all is judged."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.errors import InputError
+from trackers.knowledge import Knowledge
+from trackers.presets import make_tracker
+from trackers.tracks import track_frames
+from twin.evaluate import evaluate_with_details
+from twin.evaluate.summary import Evaluation
+from twin.recording.situations import situation_table
+from twin.recording.tables import TruthTable, track_table, truth_table
+from twin.run.chosen_trackers import ChosenTracker
+from twin.scenario import Scenario
+from twin.streams import stream
+from twin.suites.cache import RecordingCache
+from twin.suites.figures import flat
+from twin.suites.fingerprint import people_key, whole_code
+from twin.suites.people import staged_in
+from twin.truth.frames import Situation, TruthDetail, TruthFrame
+from twin.world.simulation import Simulation
+from twin.world.staged import Staged
+
+_MOST_STAGED = 6
+"""So many scenes with their people a worker keeps compiled."""
+
+
+_TIMING = {"rate_hz", "phase_s", "delay_s", "jitter_s", "dropout", "sweep_time_s", "motion_blur"}
+"""What decides when people are looked at, and so between which ticks they are interpolated."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """A placed scenario (seed included) to be tracked, the cache of motions, and the code that the others run.
+
+    details: whether to find out about situations of two people, which some figures are made of and which costs more.
+    """
+
+    scenario: Scenario
+    trackers: tuple[ChosenTracker, ...]
+    cache: RecordingCache
+    code: str
+    details: bool = False
+
+
+@dataclass
+class _Kept:
+    """A staged scene, and the truth of it by the timing of the sensors that look: alike for every placement."""
+
+    staged: Staged
+    truth: dict[str, TruthTable] = field(default_factory=dict)
+
+
+_kept: OrderedDict[str, _Kept] = OrderedDict()
+
+
+def _staged(cache: RecordingCache, scenario: Scenario) -> _Kept:
+    key = people_key(scenario)
+    if key not in _kept:
+        _kept[key] = _Kept(staged_in(cache, scenario))
+        if len(_kept) > _MOST_STAGED:
+            _kept.popitem(last=False)
+    _kept.move_to_end(key)
+    return _kept[key]
+
+
+def _timing(scenario: Scenario) -> str:
+    return repr([(name, each.model_dump(include=_TIMING)) for name, each in scenario.sensors.items()])
+
+
+def evaluated(work: Score) -> dict[str, Evaluation]:
+    """The evaluation of each tracker, by name. Raises InputError where the placement cannot be simulated or tracked."""
+    kept, scenario = _staged(work.cache, work.scenario), work.scenario
+    timing = _timing(scenario)
+    frames: list[TruthFrame] = []
+    situations: list[Situation] = []
+
+    def tell(detail: TruthDetail) -> None:
+        if isinstance(detail, Situation):
+            situations.append(detail)
+
+    known = timing in kept.truth
+    with Simulation(
+        scenario,
+        on_truth=None if known else frames.append,
+        on_detail=tell if work.details else None,
+        staged=kept.staged,
+        shares=False,
+    ) as simulation:
+        knowledge = Knowledge.read(simulation.background(), scenario.knowledge, simulation.rig)
+        observations, rig = list(simulation), simulation.rig
+    truth = kept.truth.setdefault(timing, truth_table(frames)) if not known else kept.truth[timing]
+    pairs = situation_table(situations, scenario.name) if work.details else None
+    found = {}
+    for each in work.trackers:
+        rng = stream(scenario.seed, "tracker", each.name)
+        tracker = make_tracker(each.target, rig, knowledge, rng, each.options)
+        tracks = track_table(track_frames(tracker, rig, observations))
+        found[each.name] = evaluate_with_details(truth, tracks, situations=pairs)
+    return found
+
+
+def score(work: Score) -> dict[str, dict[str, float | None]]:
+    """The figures of each tracker, by dotted path."""
+    if work.code != whole_code():
+        raise InputError(
+            "the worker's code is not that of the study's process; the same version everywhere is expected"
+        )
+    return {name: flat(each.metrics) for name, each in evaluated(work).items()}
+
+
+def errors_by_place(work: Score, tracker: str) -> NDArray[np.float64]:
+    """Where people were matched, (n, 3): x, y of the person [m] and how far off their track was [m]."""
+    evaluation = evaluated(work)[tracker]
+    truth = _staged(work.cache, work.scenario).truth[_timing(work.scenario)]
+    keys = {(int(t), int(i)): row for row, (t, i) in enumerate(zip(truth.stamps_ns, truth.id, strict=True))}
+    rows = [keys[int(t), int(i)] for t, i in zip(evaluation.match_stamps_ns, evaluation.match_person_ids, strict=True)]
+    return np.column_stack([truth.x[rows], truth.y[rows], evaluation.match_distances_m])

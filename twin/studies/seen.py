@@ -1,0 +1,214 @@
+"""What each sensor sees of people and of the floor: resolution on a target, as bits that are kept packed.
+
+A scanner sees a body that enough of its beams meet; a camera sees a point that lies in its picture, in its line of sight, at
+enough pixels a metre (EN 62676-4). Rows are person-moments, of people in the tracked area with the others in the way, or cells of
+the floor at heights, in the empty room or once a moment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.area import Area
+from trackers.arrays import Array, Mask
+from trackers.cameras import Intrinsics
+from twin.instant.snapshot import Snapshot
+from twin.scenario import Scenario
+from twin.scenario.housings import in_the_room
+from twin.scenario.sensors import LaserDescription
+from twin.sensors.fan import Fan
+from twin.sensors.rays import cast
+from twin.studies.description import Coverage
+from twin.truth.visibility import SensorView, first_met, sensor_view
+from twin.world.staged import Staged
+from twin.world.world import World
+
+_TRUNK_M, _LEGS_M, _TRUNK_FROM_M = 0.35, 0.2, 0.7
+"""Width of a standing body where a scan meets it: of the trunk, and of two legs below that height, in place of a body [m]."""
+_NUDGE_M = 0.01
+_SIGHTS = np.array([-0.8, -0.4, 0.0, 0.4, 0.8])
+"""Where across a body beams are asked whether they come so far, as shares of its half width."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """The world at one moment, kept: poses of geoms; of the people in the area ids (n,), heads (n, 3), points (n, k, 3) [m]."""
+
+    t: float
+    geom_xpos: Array
+    geom_xmat: Array
+    ids: NDArray[np.int16]
+    heads_m: Array
+    points_m: Array
+
+
+class Crowd:
+    """Moments of a scenario's people, or of the empty room, to be looked at by any sensor."""
+
+    def __init__(self, scenario: Scenario, staged: Staged | None, times_s: Sequence[float]) -> None:
+        """`times_s`: ascending; none of them: the empty room alone."""
+        self.scenario = scenario
+        self._world = World(scenario, staged)
+        scene = self._world.scene
+        self.area = scene.area
+        area, ids = Area(scene.area), np.array([scene.ids[name] for name in scene.names], dtype=np.int16)
+        self.moments: list[Moment] = []
+        for t in times_s:
+            snapshot = self._world.snapshot(t)
+            bodies, data = self._world.scene.bodies, snapshot.data
+            if self._world.scene is not scene:
+                raise ValueError("people come and go by recorded paths, so that one scene does not hold all moments")
+            qpos, present = self._world.people.qpos(t), self._world.people.present(t)
+            there = present & area.contains(qpos[:, :2])
+            self.moments.append(
+                Moment(
+                    t, data.geom_xpos.copy(), data.geom_xmat.copy(), ids[there],
+                    data.site_xpos[bodies.head_site[there]].copy(), data.site_xpos[bodies.point_site[there]].copy(),
+                )
+            )  # fmt: skip
+        self._empty = self._world.empty_snapshot(0.0)
+        self._room = self._empty.data.geom_xpos.copy(), self._empty.data.geom_xmat.copy()
+
+    def empty(self) -> Snapshot:
+        """The room without anybody."""
+        return self._posed(*self._room)
+
+    def at(self, moment: Moment) -> Snapshot:
+        """The world at a moment, for rays alone."""
+        return self._posed(moment.geom_xpos, moment.geom_xmat)
+
+    def _posed(self, xpos: Array, xmat: Array) -> Snapshot:
+        self._empty.data.geom_xpos[:], self._empty.data.geom_xmat[:] = xpos, xmat
+        return self._empty
+
+    @property
+    def n_person_moment(self) -> int:
+        """How many rows of people there are."""
+        return sum(len(moment.ids) for moment in self.moments)
+
+
+class Eye:
+    """One scanner or camera that looks for people and for cells of the floor."""
+
+    _look: tuple[Array, NDArray[np.floating], Array, NDArray[np.intp]] | None = (
+        None  # of `_lookup`, for the cells it was asked for
+    )
+
+    def __init__(self, scenario: Scenario, name: str, coverage: Coverage) -> None:
+        description = in_the_room(scenario, name)
+        rig = description.rig_sensor(name)
+        view = sensor_view(rig, description)
+        assert view is not None
+        self.view: SensorView = view
+        self._coverage = coverage
+        self._fan: Fan | None = None
+        if isinstance(description, LaserDescription):
+            half = np.deg2rad(description.field_of_view_deg) / 2
+            self._angles = np.linspace(-half, half, description.n_beam)
+            rotation = view.room_from_sensor_rotation
+            rays = np.stack([np.cos(self._angles), np.sin(self._angles), np.zeros(description.n_beam)], axis=1)
+            directions = np.ascontiguousarray(rays @ rotation.T)
+            self._fan = Fan(view.room_from_sensor_xyz, directions, rotation[:, 2].copy(), description.range_max_m)
+
+    def people(self, crowd: Crowd) -> Mask:
+        """Whom it sees, over all moments (n_person_moment,)."""
+        seen = [self._bodies(crowd.at(moment), moment) for moment in crowd.moments if len(moment.ids)]
+        return np.concatenate([np.zeros(0, dtype=bool), *seen])
+
+    def floor(self, crowd: Crowd, cells_m: Array) -> Mask:
+        """Which cells (n, 2) [m] it sees, at each height and moment in turn: (n,), or more; `resolution` says how well."""
+        snapshots = (crowd.at(moment) for moment in crowd.moments) if crowd.moments else iter([crowd.empty()])
+        return np.concatenate([(self.resolution(each, cells_m) >= self._wanted).reshape(-1) for each in snapshots])
+
+    @property
+    def _wanted(self) -> float:
+        return float(self._coverage.beams) if self._fan is not None else self._coverage.px_per_m
+
+    def resolution(self, snapshot: Snapshot, cells_m: Array) -> Array:
+        """Beams that would meet a body standing at each cell (1, n), or pixels a metre at each height there (h, n); 0: hidden."""
+        if self._fan is not None:
+            return self._beams_at(snapshot, cells_m)[None]
+        heights = np.array(self._coverage.heights_m)
+        points = np.concatenate([np.column_stack([cells_m, np.full(len(cells_m), z)]) for z in heights])
+        local = (points - self.view.room_from_sensor_xyz) @ self.view.room_from_sensor_rotation
+        sharp = self._px_per_m(local)
+        free = sharp > 0
+        gap_m = np.linalg.norm(local[free], axis=1)
+        directions = (points[free] - self.view.room_from_sensor_xyz) / gap_m[:, None]
+        geom, met_m = np.empty(len(gap_m), dtype=np.int32), np.empty(len(gap_m))
+        if len(gap_m):
+            cast(snapshot, self.view.room_from_sensor_xyz, np.ascontiguousarray(directions), geom, met_m)
+        sharp[free] = np.where((met_m < 0) | (met_m >= gap_m - _NUDGE_M), sharp[free], 0.0)
+        return sharp.reshape(len(heights), -1)
+
+    def _bodies(self, snapshot: Snapshot, moment: Moment) -> Mask:
+        """Whom of those in the area it sees at a moment, (n,)."""
+        if self._fan is not None:
+            geom, _ = self._fan.cast(snapshot, slice(None))
+            met = snapshot.person_of_geom[geom[geom >= 0]]
+            counts = np.bincount(met, minlength=int(moment.ids.max()) + 1)
+            return counts[moment.ids] >= self._coverage.beams
+        head = self._coverage.target == "head"
+        points = moment.heads_m[:, None] if head else moment.points_m
+        _, met = first_met(self.view, snapshot, points, moment.ids)
+        local = (points - self.view.room_from_sensor_xyz) @ self.view.room_from_sensor_rotation
+        sharp = self._px_per_m(local.reshape(-1, 3)).reshape(local.shape[:2]) >= self._coverage.px_per_m
+        return ((met == moment.ids[:, None]) & sharp).mean(axis=1) >= 0.5
+
+    def _px_per_m(self, local_m: Array) -> Array:
+        """Pixels a metre across the line of sight at points (n, 3) [m] in the camera's frame; 0 outside its picture."""
+        lens = self.view.sees
+        assert isinstance(lens, Intrinsics)
+        pixels, shown = lens.project(local_m)
+        found = np.zeros(len(local_m))
+        ray = local_m[shown] / np.linalg.norm(local_m[shown], axis=1, keepdims=True)
+        across = np.cross(ray, np.array([0.0, 1.0, 0.0]))
+        across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
+        nudged, _ = lens.project(local_m[shown] + _NUDGE_M * across)
+        found[shown] = np.linalg.norm(nudged - pixels[shown], axis=1) / _NUDGE_M
+        return found
+
+    def _beams_at(self, snapshot: Snapshot, cells_m: Array) -> Array:
+        """How many beams would meet a body that stands at each cell (n, 2) [m], of those that come so far, (n,)."""
+        assert self._fan is not None
+        _, range_m = self._fan.cast(snapshot, slice(None))
+        reach = np.where(range_m < 0, np.inf, range_m).astype(np.float32)
+        if self._look is None or self._look[0] is not cells_m:
+            self._look = cells_m, *self._lookup(cells_m)
+        _, gap_m, bodies, beam = self._look
+        return bodies * (reach[beam] >= gap_m).mean(axis=0)
+
+    def _lookup(self, cells_m: Array) -> tuple[NDArray[np.floating], Array, NDArray[np.intp]]:
+        """Distance (n,) [m] of cells, beams on a body there (n,), and the beams to ask about (5, n)."""
+        view = self.view
+        offset = (
+            np.column_stack([cells_m, np.full(len(cells_m), view.room_from_sensor_xyz[2])]) - view.room_from_sensor_xyz
+        )
+        local = offset @ view.room_from_sensor_rotation
+        gap_m = np.maximum(np.hypot(local[:, 0], local[:, 1]), 0.05)
+        width = _TRUNK_M if view.room_from_sensor_xyz[2] >= _TRUNK_FROM_M else _LEGS_M
+        half = np.arctan2(width / 2, gap_m)
+        step = self._angles[1] - self._angles[0]
+        place = (np.arctan2(local[:, 1], local[:, 0]) - self._angles[0]) / step
+        in_field = (place >= -0.5) & (place <= len(self._angles) - 0.5) & (gap_m <= view.range_max_m)
+        beam = np.clip(np.rint(place + _SIGHTS[:, None] * half / step), 0, len(self._angles) - 1).astype(np.intp)
+        return gap_m.astype(np.float32), np.where(in_field, 2 * half / step, 0.0), beam
+
+
+def floor_cells(area: Array, cell_m: float) -> Array:
+    """The middles (n, 2) [m] of square cells in the tracked area (k, 2)."""
+    low, high = area.min(axis=0), area.max(axis=0)
+    axes = [np.arange(a + cell_m / 2, b, cell_m) for a, b in zip(low, high, strict=True)]
+    cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
+    return cells[Area(area).contains(cells)]
+
+
+def packed(seen: Mask) -> NDArray[np.uint64]:
+    """Bits (..., n) as words (..., w), the last one filled with zeros."""
+    padded = np.zeros((*seen.shape[:-1], -(-seen.shape[-1] // 64) * 64), dtype=bool)
+    padded[..., : seen.shape[-1]] = seen
+    return np.packbits(padded, axis=-1).view(np.uint64)

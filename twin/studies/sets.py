@@ -1,0 +1,187 @@
+"""Sets of options that see most: one after another (greedy), and the best, proven by branch and bound.
+
+Seen is a share of rows, each seen by at least k sensors. For k = 1 what a set sees is submodular: of the options that are
+left, none adds more later than it would now, so that no set that grows from S by r options sees more than S and the r
+largest gains. For k > 1 it is not; there the same holds of Σ min(sensors, k) / k, which is never less than what counts.
+Greedy's 1 − 1/e (Nemhauser, Wolsey and Fisher, Mathematical Programming 14, 1978) is of a number of devices alone and of
+Σ min(sensors, k); under prices, distances, or for "seen by at least k", it is not claimed: the bound found after the fact is.
+"""
+
+from __future__ import annotations
+
+import heapq
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackers.arrays import Array
+
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """Options (n) of devices, over r distinct rows.
+
+    counts (n, r): how many sensors of an option see a row, at most k; stay (r,): how many see it anyway; weight (r,): how
+    often a row is there; device (n,): which device an option is of; may: whether a set may be taken together.
+    """
+
+    counts: Array
+    stay: Array
+    weight: Array
+    k: int
+    device: Sequence[str]
+    may: Callable[[list[int]], bool]
+
+    def value(self, chosen: Sequence[int]) -> float:
+        """The share of rows that enough sensors see."""
+        return float(self.weight[self._sensors(chosen) >= self.k].sum() / self.weight.sum())
+
+    def _sensors(self, chosen: Sequence[int]) -> Array:
+        return self.stay + self.counts[list(chosen)].sum(axis=0)
+
+    def gains(self, chosen: Sequence[int]) -> Array:
+        """By how much the value would rise with each option, (n,)."""
+        now = self._sensors(chosen)
+        if self.k == 1:
+            return self.counts @ (self.weight * (now == 0)) / self.weight.sum()
+        would = (now + self.counts >= self.k) & (now < self.k)
+        return would @ self.weight / self.weight.sum()
+
+    def bounds(self, chosen: Sequence[int]) -> tuple[float, Array]:
+        """A value that is never less than `value`, and by how much it would rise with each option, (n,): submodular."""
+        if self.k == 1:
+            return self.value(chosen), self.gains(chosen)
+        now = self._sensors(chosen)
+        room = np.maximum(self.k - now, 0.0)
+        total = self.k * self.weight.sum()
+        rise = np.minimum(self.counts, room) @ self.weight / total
+        return float(np.minimum(now, self.k) @ self.weight / total), rise
+
+
+@dataclass(frozen=True)
+class Found:
+    """A set, what it sees, and what no set sees more than; optimal: whether both are one."""
+
+    chosen: tuple[int, ...]
+    value: float
+    bound: float
+    seconds: float = 0.0
+
+    @property
+    def optimal(self) -> bool:
+        """Whether it is proven to be the best."""
+        return self.bound <= self.value + _ROUNDING
+
+    def told(self) -> str:
+        """'optimal', or the gap."""
+        return "optimal" if self.optimal else f"at most {self.bound - self.value:.4f} below the best"
+
+
+def greedy(choice: Choice, number: Mapping[str, int]) -> Found:
+    """So many options of each device, one after another, each time the one that adds most; then exchanged while that helps.
+
+    Fewer where no more may be taken. For k > 1 the first sensor of a row adds nothing to what counts, so that what adds most to
+    the bound is tried too, and the better of both taken.
+    """
+    start = time.perf_counter()
+    ways = [_grown(choice, number, by_bound) for by_bound in ((False, True) if choice.k > 1 else (False,))]
+    chosen = max((_exchanged(choice, each, number) for each in ways), key=lambda each: (len(each), choice.value(each)))
+    bound = min(_after_the_fact(choice, each, number) for each in ways)
+    value = choice.value(chosen)
+    return Found(tuple(sorted(chosen)), value, max(bound, value), time.perf_counter() - start)
+
+
+def _grown(choice: Choice, number: Mapping[str, int], by_bound: bool) -> list[int]:
+    chosen: list[int] = []
+    while (open_ := _open(choice, chosen, number)).any():
+        gains, (_, rise) = choice.gains(chosen), choice.bounds(chosen)
+        first, second = (rise, gains) if by_bound else (gains, rise)
+        order = np.lexsort((np.arange(len(gains)), -second, -first))
+        best = next((int(each) for each in order if open_[each] and choice.may([*chosen, int(each)])), None)
+        if best is None:
+            break
+        chosen.append(best)
+    return chosen
+
+
+def _exchanged(choice: Choice, chosen: list[int], number: Mapping[str, int]) -> list[int]:
+    """The set after every exchange of one option for another that lets it see more."""
+    value, better = choice.value(chosen), True
+    while better:
+        better = False
+        for place in range(len(chosen)):
+            rest = [*chosen[:place], *chosen[place + 1 :]]
+            gains = np.where(_open(choice, rest, number), choice.gains(rest), -1.0)
+            base = choice.value(rest)
+            for each in np.argsort(-gains, kind="stable"):
+                if base + gains[each] <= value + _ROUNDING:
+                    break
+                if choice.may([*rest, int(each)]):
+                    chosen, value, better = [*rest, int(each)], base + float(gains[each]), True
+                    break
+    return chosen
+
+
+def _after_the_fact(choice: Choice, chosen: Sequence[int], number: Mapping[str, int]) -> float:
+    """What no set of so many sees more than: from each set on the way, its bound and the largest gains from there."""
+    total = sum(number.values())
+    least = 1.0
+    for size in range(len(chosen) + 1):
+        bound, rise = choice.bounds(chosen[:size])
+        least = min(least, bound + float(np.sort(rise)[::-1][:total].sum()))
+    return least
+
+
+def exact(choice: Choice, number: Mapping[str, int], limit_s: float) -> Found:
+    """The best set of so many options of each device, by branch and bound, best bound first; greedy's where time runs out."""
+    start = time.perf_counter()
+    best = greedy(choice, number)
+    chosen, value = best.chosen, best.value  # never worse than that
+    total = sum(number.values())
+    if len(chosen) < total:
+        value = -1.0  # greedy went astray among the constraints: any whole set is better
+    waiting: list[tuple[float, tuple[int, ...], tuple[int, ...]]] = [(-1.0, (), tuple(range(len(choice.device))))]
+    bound = value
+    while waiting:
+        least, taken, left = heapq.heappop(waiting)
+        if -least <= value + _ROUNDING:
+            break
+        if time.perf_counter() - start > limit_s:
+            bound = max(bound, -least)
+            break
+        rest = total - len(taken)
+        open_ = _open(choice, taken, number)
+        if rest == 1:
+            gains = choice.gains(taken)
+            base = choice.value(taken)
+            for each in sorted((each for each in left if open_[each]), key=lambda each: -gains[each]):
+                if base + gains[each] <= value + _ROUNDING:
+                    break
+                if choice.may([*taken, each]):
+                    chosen, value = tuple(sorted((*taken, each))), base + float(gains[each])
+                    break
+            continue
+        base, rise = choice.bounds(taken)
+        order = sorted((each for each in left if open_[each]), key=lambda each: (-rise[each], each))
+        sums = np.concatenate([[0.0], np.cumsum(rise[order])])
+        for place in range(len(order) - rest + 1):
+            above = base + float(sums[place + rest] - sums[place])
+            if above <= value + _ROUNDING:
+                break
+            if choice.may([*taken, order[place]]):
+                heapq.heappush(waiting, (-above, (*taken, order[place]), tuple(order[place + 1 :])))
+    return Found(chosen, max(value, 0.0), max(bound, value), time.perf_counter() - start)
+
+
+def _open(choice: Choice, chosen: Sequence[int], number: Mapping[str, int]) -> Array:
+    """Which options (n,) are of a device of which more may be taken, and are not taken yet."""
+    left = dict(number)
+    for each in chosen:
+        left[choice.device[each]] -= 1
+    open_ = np.array([left[name] > 0 for name in choice.device], dtype=bool)
+    open_[list(chosen)] = False
+    return open_
