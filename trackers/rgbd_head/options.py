@@ -120,6 +120,12 @@ class MotionOptions(Strict):
     )
     up_m: float = Field(default=0.05, gt=0, description="diffusion along z in a second [m per √s]")
     turn_deg: float = Field(default=60.0, gt=0, description="diffusion of the direction in a second [° per √s]")
+    turned: float = Field(
+        default=0.1,
+        ge=0,
+        lt=1,
+        description="share of hypotheses that may look anywhere at the next moment: heads turn fast",
+    )
     velocity_s: float = Field(
         default=0.35,
         ge=0,

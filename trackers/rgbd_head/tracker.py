@@ -142,8 +142,14 @@ class RgbdHead:
         shift[:3, :, 0] = dt * people.velocity.T
         weighed: dict[str, Weights] = {}
 
+        anywhere = round(motion.turned * self.options.heads)
+
         def move(state: Array, rng: np.random.Generator) -> Array:
-            return state + shift + sigma * rng.standard_normal(state.shape)
+            moved = state + shift + sigma * rng.standard_normal(state.shape)
+            if anywhere:
+                who = rng.permutation(state.shape[2])[:anywhere]
+                moved[3][:, who] = rng.uniform(-np.pi, np.pi, (len(people), anywhere))
+            return moved
 
         def log_likelihood(state: Array) -> Array:
             weighed.update(self._weighed(state, pictures))

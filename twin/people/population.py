@@ -19,11 +19,13 @@ from twin.people.posture.measures import BodyMeasures
 from twin.people.posture.memory import TICK_S
 from twin.people.posture.posture import Part, Postures
 from twin.people.posture.rows import HANDS, LOOK, OFF_FEET, PELVIS_PITCH
+from twin.people.posture.sit import spot_on
 from twin.people.script.actions import perform
 from twin.people.script.actor import Actor, Stage
 from twin.people.script.arrivals import first_heading, start_places
 from twin.people.script.recorded import RecordedPaths
-from twin.scenario.behaviour import Path, Wander
+from twin.room.furniture import Seat
+from twin.scenario.behaviour import Path, Sit, Wander
 from twin.scenario.people import Person
 
 _ENTER_APART_M = 0.7
@@ -55,7 +57,7 @@ class Population(Poses):
         area has no room for those who wander.
         """
         self.names = tuple(sorted(people))
-        described = [people[name] for name in self.names]
+        described = [_put_before_seat(people[name], ground, measures, number) for number, name in enumerate(self.names)]
         random = [rngs[name] for name in self.names]
         count = len(self.names)
         position = start_places(self.names, described, ground, random, source)
@@ -66,6 +68,10 @@ class Population(Poses):
         self._gait = Gait(self._skeleton, self._crowd)
         self._postures = Postures(self._measures, self._crowd.place, self._crowd.heading)
         self._stage = Stage(self.names, self._crowd, self._postures, ground, doing=["stand"] * count)
+        for number, person in enumerate(described):
+            if (seat := _seat_from_start(person, ground)) is not None:
+                self._postures.begin_seated(number, seat)
+                self._stage.taken[seat.name] = number
         self._acting = [
             perform(Actor(self._stage, number, random[number]), person.script)
             for number, person in enumerate(described)
@@ -208,6 +214,23 @@ class Population(Poses):
             who = np.zeros(len(self), dtype=bool)
             who[entering] = True
             self._gait.place_anew(who, crowd)
+
+
+def _seat_from_start(person: Person, ground: Ground) -> Seat | None:
+    """The seat on which somebody begins; None: they begin on their feet."""
+    action = person.script[0] if person.script else None
+    found = ground.furniture[action.seat] if isinstance(action, Sit) and action.seated else None
+    return found if isinstance(found, Seat) else None
+
+
+def _put_before_seat(person: Person, ground: Ground, measures: BodyMeasures, number: int) -> Person:
+    """Who begins seated, with start and heading as of somebody who has just sat down there."""
+    seat = _seat_from_start(person, ground)
+    if seat is None:
+        return person
+    spot = spot_on(seat, measures, number)
+    start = spot.standing_place.real, spot.standing_place.imag
+    return person.model_copy(update={"start": start, "heading_deg": float(np.degrees(spot.yaw))})
 
 
 def _kept_in(person: Person, ground: Ground) -> Array | None:

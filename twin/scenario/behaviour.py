@@ -156,10 +156,16 @@ class Turn(_Action):
 
 
 class Sit(_Lasting):
-    """Walk to a seat of the room and sit down; the person stands up when the time is over."""
+    """Walk to a seat of the room and sit down; the person stands up when the time is over.
+
+    `seated` (the first action only, without `start` and `heading_deg`): the person comes into being seated there.
+    """
 
     kind: Literal["sit"] = Field(default="sit", description="the action: sit down on a seat")
     seat: str = Field(description="NAME of a site seat_NAME of the room")
+    seated: bool = Field(
+        default=False, description="whether the person sits there from the start (the first action only)"
+    )
 
 
 class Lie(_Lasting):

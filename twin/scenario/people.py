@@ -8,7 +8,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, FiniteFloat, model_
 
 from trackers.configuration import Strict
 from trackers.rig import Point2
-from twin.scenario.behaviour import Action, Path, Seconds, Wander, endless
+from twin.scenario.behaviour import Action, Path, Seconds, Sit, Wander, endless
 from twin.scenario.wardrobe import Choice, Garment, wardrobe
 
 
@@ -104,6 +104,12 @@ class Person(Strict):
                     f"script.{place}: {action.kind} never ends, so {self.script[place + 1].kind} after it would never be "
                     "done; for_s, or the last place in the list, is expected"
                 )
+        seated = [place for place, action in enumerate(self.script) if isinstance(action, Sit) and action.seated]
+        if any(seated) or (seated and (self.start is not None or self.heading_deg is not None)):
+            raise ValueError(
+                f"script.{seated[-1]}.seated: who is seated from the start is so by the first action, and where the seat is; no "
+                "other action before it, no start and no heading_deg are expected"
+            )
         if any(isinstance(action, Path) for action in self.script) and (
             self.start is not None or self.heading_deg is not None or self.arrive_s > 0 or len(self.script) > 1
         ):

@@ -95,6 +95,15 @@ class Postures:
         self._in_bed[person] = False
         self._aim[person] = _SITS
 
+    def begin_seated(self, person: int, seat: Seat) -> None:
+        """Sit on a seat from the start on; the person was put before it, see `Spot.standing_place`."""
+        self.sit(person, seat)
+        self._sitting[person] = 1.0
+        rows = np.zeros_like(self.rows)
+        self._write(rows)
+        self._mass.begin(rows)
+        self.rows = rows
+
     def lie(self, person: int, bed: Bed) -> None:
         """Lie down on a bed; the person stands beside it, before the edge of their `Lair`, or sits on that."""
         if self._in_bed[person] and self._aim[person] == _SITS and self.done(person, "body"):

@@ -46,13 +46,20 @@ class CentreOfMass:
         """
         if not (rows.any() or self.moves):
             return
-        rest = hips_up(np.zeros_like(rows), self._measures)
-        lean = rows[PELVIS_PITCH] + rows[SPINE_PITCH]
-        upper = _UPPER_BODY_SHARE * _UPPER_BODY_UP * self._measures.stature * (np.cos(lean) - 1.0)
-        up = (_UPPER_BODY_SHARE + _THIGHS_SHARE) * (hips_up(rows, self._measures) - rest) + upper
+        up = self._height(rows)
         rate = (up - self._up) / dt
         rows[ACCELERATION] = (rate - self._rate) / dt
         self._up, self._rate = up, rate
+
+    def begin(self, rows: Array) -> None:
+        """Begin at rest in rows (POSTURE_ROWS, n)."""
+        self._up, self._rate = self._height(rows), np.zeros(len(self._measures))
+
+    def _height(self, rows: Array) -> Array:
+        rest = hips_up(np.zeros_like(rows), self._measures)
+        lean = rows[PELVIS_PITCH] + rows[SPINE_PITCH]
+        upper = _UPPER_BODY_SHARE * _UPPER_BODY_UP * self._measures.stature * (np.cos(lean) - 1.0)
+        return (_UPPER_BODY_SHARE + _THIGHS_SHARE) * (hips_up(rows, self._measures) - rest) + upper
 
 
 def hips_up(rows: Array, measures: BodyMeasures) -> Array:

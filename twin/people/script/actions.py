@@ -183,6 +183,10 @@ def _turn(actor: Actor, action: Turn) -> Doing:
 def _rest(actor: Actor, action: Sit | Lie) -> Doing:
     """Sit or lie down on what the room has for it, and get up when the time is over."""
     name = action.seat if isinstance(action, Sit) else action.bed
+    if isinstance(action, Sit) and action.seated:  # as everybody began
+        yield from _settled(actor, action.for_s, "body")
+        yield from _upright(actor)
+        return
     yield from _go_and_take(actor, name)
     match actor.stage.ground.furniture[name]:
         case Seat() as seat:
