@@ -10,8 +10,9 @@ from trackers.filters.gating import distances, mahalanobis
 from trackers.laser.group import people_seen, scanner_groups
 from trackers.observations import NS_PER_S
 from trackers.tracking.association import Stage, associate
-from trackers.tracking.moments import MomentGatherer, MomentRules
-from trackers.tracks import Track, TrackFrame
+from trackers.tracking.moment_tracker import MomentTracker
+from trackers.tracking.moments import MomentRules
+from trackers.tracks import Track
 
 
 class SortOptions(Strict):
@@ -28,28 +29,20 @@ class SortOptions(Strict):
     coast_s: float = Field(default=2.0, ge=0, description="and when it ends; a tentative one at its first miss [s]")
 
 
-class Sort:
+class Sort(MomentTracker):
     """Trunks, else legs, of all scanners; a Kalman filter a person. Raises InputError for a rig without a scanner."""
-
-    takes_any_order = True  # moments bring them into order
 
     def __init__(self, rig, background=(), rng=None, **options):
         self.options = validate(SortOptions, options, "tracker sort")
         self.groups, self.area = scanner_groups(rig, list(background)), Area(rig.area, 0.3) if rig.area else None
         used = tuple(name for group in self.groups.values() for name in group.names)
         self.unused_sensors = [name for name in rig.sensors if name not in used]
-        self.moments = MomentGatherer(MomentRules(used, main=rig.main_sensor if rig.main_sensor in used else None))
+        super().__init__(MomentRules(used, main=rig.main_sensor if rig.main_sensor in used else None))
         self.people, self.ns, self.last_id, self.seen = [], 0, 0, []
 
-    discarded = property(lambda self: self.moments.discarded)
-
-    def update(self, observation):
+    def _work_all(self, moments):
         self.seen = []
-        return [self.work(moment) for moment in self.moments.add(observation)]
-
-    def finish(self):
-        self.seen = []
-        return [self.work(moment) for moment in self.moments.finish()]
+        return super()._work_all(moments)
 
     def detections(self):
         return [
@@ -63,7 +56,7 @@ class Sort:
             for p in shown
         ]
 
-    def work(self, moment):
+    def _work(self, moment):
         options, last, dt, self.ns = self.options, self.ns, (moment.ns - self.ns) / NS_PER_S, moment.ns
         for p in self.people:  # x, vx, y, vy; whoever was missed is likelier to stop than to walk on
             p.F = np.kron(np.eye(2), [[1, dt], [0, 1 if p.ns == last else np.exp(-dt / options.slowdown_s)]])
@@ -86,7 +79,6 @@ class Sort:
         for column in np.setdiff1d(np.flatnonzero(whole), columns):
             if all(np.hypot(*(p.x[::2] - body[column])) > options.apart_m for p in self.people):
                 self.people.append(self.started(body[column]))
-        return TrackFrame(moment.ns, tuple(self.tracks()))
 
     def started(self, place):
         p = KalmanFilter(dim_x=4, dim_z=2)

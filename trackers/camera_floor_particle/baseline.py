@@ -20,8 +20,9 @@ from trackers.floor.clusters import FloorClusterOptions, floor_clusters
 from trackers.observations import NS_PER_S, FloorFrame, Observation
 from trackers.rig import Rig
 from trackers.tracking.association import Stage, associate
-from trackers.tracking.moments import Moment, MomentGatherer, MomentRules
-from trackers.tracks import Track, TrackFrame
+from trackers.tracking.moment_tracker import MomentTracker
+from trackers.tracking.moments import Moment, MomentRules
+from trackers.tracks import Track
 from trackers.vision.histogram import bhattacharyya_distance, normalised
 
 _LOOK_AT_M = 1.1
@@ -46,10 +47,8 @@ class ClusterKalmanOptions(Strict):
     gone_s: float = Field(default=2.0, gt=0, description="who is not measured for so long is gone [s]")
 
 
-class ClusterKalman:
+class ClusterKalman(MomentTracker):
     """Works at the floor's own frames; raises InputError for a rig without a floor."""
-
-    takes_any_order = True
 
     def __init__(
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
@@ -61,22 +60,9 @@ class ClusterKalman:
         self._shared = CameraFloorParticleOptions()
         self._watchers = Watchers(cameras, list(background), self._shared)
         self.unused_sensors = [name for name in rig.sensors if name not in cameras and name != self._name]
-        self._moments = MomentGatherer(MomentRules((self._name,), joins=tuple(cameras)))
+        super().__init__(MomentRules((self._name,), joins=tuple(cameras)))
         self._people: list[Any] = []
         self._ns, self._last_id = 0, 0
-
-    @property
-    def discarded(self) -> int:
-        """Observations that came too late or twice."""
-        return self._moments.discarded
-
-    def update(self, observation: Observation) -> list[TrackFrame]:
-        """Take an observation; the frames that are complete with it."""
-        return [self._work(moment) for moment in self._moments.add(observation)]
-
-    def finish(self) -> list[TrackFrame]:
-        """The frames still held back."""
-        return [self._work(moment) for moment in self._moments.finish()]
 
     def tracks(self) -> list[Track]:
         """Everybody confirmed, as of the moment worked last."""
@@ -86,7 +72,7 @@ class ClusterKalman:
             if p.id
         ]
 
-    def _work(self, moment: Moment) -> TrackFrame:
+    def _work(self, moment: Moment) -> None:
         options, dt, self._ns = self.options, (moment.ns - self._ns) / NS_PER_S, moment.ns
         for p in self._people:
             p.F = np.kron(np.eye(2), [[1, dt], [0, 1]])
@@ -106,7 +92,6 @@ class ClusterKalman:
         self._people = [p for p in self._people if self._ns - p.ns <= (options.gone_s * NS_PER_S if p.id else 0)]
         for column in np.setdiff1d(np.arange(len(places)), columns):
             self._people.append(self._started(places[column], colours[column]))
-        return TrackFrame(moment.ns, tuple(self.tracks()))
 
     def _paired(self, places: Float[Array, "k 2"], colours: Float[Array, "k bins"]) -> tuple[Any, Any]:
         expected = np.array([p.x[::2] for p in self._people]).reshape(-1, 2)

@@ -21,8 +21,9 @@ from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, FloorFrame, Observation
 from trackers.rig import Rig
-from trackers.tracking.moments import Moment, MomentGatherer, MomentRules
-from trackers.tracks import Track, TrackFrame
+from trackers.tracking.moment_tracker import MomentTracker
+from trackers.tracking.moments import Moment, MomentRules
+from trackers.tracks import Track
 
 _LEAST_SHOWN = 0.5
 """Share of the cameras that see a place from which, showing foreground there, they show somebody."""
@@ -41,13 +42,11 @@ def the_floor(rig: Rig, tracker: str) -> str:
     )
 
 
-class CameraFloorParticle:
+class CameraFloorParticle(MomentTracker):
     """Cameras open a moment, the pressure floor's newest frame is held; without cameras the floor alone opens.
 
     Raises InputError for a rig without a pressure floor, which detects people, and for wrong options.
     """
-
-    takes_any_order = True  # moments bring them into order
 
     def __init__(
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
@@ -67,25 +66,12 @@ class CameraFloorParticle:
         self.background_learned_causally = self._watchers.learns_background
         opens, held = (tuple(cameras), (self._floor,)) if cameras else ((self._floor,), ())
         main = rig.main_sensor if rig.main_sensor in opens else None
-        self._moments = MomentGatherer(MomentRules(opens, held=held, main=main, awaited=(*opens, *held)))
+        super().__init__(MomentRules(opens, held=held, main=main, awaited=(*opens, *held)))
         self._has_pictures = bool(cameras)
         self._people: People | None = None
         self._ids = np.empty(0, np.intp)
         self._gone: dict[int, People] = {}
         self._last_id, self._ns = 0, 0
-
-    @property
-    def discarded(self) -> int:
-        """Observations that came too late or twice."""
-        return self._moments.discarded
-
-    def update(self, observation: Observation) -> list[TrackFrame]:
-        """Take an observation; the frames that are complete with it."""
-        return [self._work(moment) for moment in self._moments.add(observation)]
-
-    def finish(self) -> list[TrackFrame]:
-        """The frames still held back."""
-        return [self._work(moment) for moment in self._moments.finish()]
 
     def tracks(self) -> list[Track]:
         """Everybody, as of the moment worked last."""
@@ -101,7 +87,7 @@ class CameraFloorParticle:
             Track(number, *row, status=each) for number, row, each in zip(self._ids.tolist(), rows, status, strict=True)
         ]
 
-    def _work(self, moment: Moment) -> TrackFrame:
+    def _work(self, moment: Moment) -> None:
         dt = min((moment.ns - self._ns) / NS_PER_S, _LONGEST_S) if self._ns else 0.0
         self._ns = moment.ns
         frame = {**moment.held, **moment.observations}.get(self._floor)
@@ -117,7 +103,6 @@ class CameraFloorParticle:
             self._look_after(loads, views, is_new=is_new)
         if loads is not None and is_new:
             self._detect(loads, views)
-        return TrackFrame(moment.ns, tuple(self.tracks()))
 
     def _look_after(self, loads: Loads | None, views: list[View], *, is_new: bool) -> None:
         """Who is shown by floor or cameras; whoever is not for long is gone."""

@@ -46,7 +46,8 @@ from trackers.laser_fisheye_imm.people import People
 from trackers.observations import NS_PER_S, Observation
 from trackers.rig import Rig
 from trackers.tracking.lifecycle import clear_of, coasting_within, measured_for_longer, measured_now, nanoseconds
-from trackers.tracking.moments import Moment, MomentGatherer, MomentRules
+from trackers.tracking.moment_tracker import MomentTracker
+from trackers.tracking.moments import Moment, MomentRules
 from trackers.tracks import Track, TrackFrame
 
 logger = logging.getLogger(__name__)
@@ -54,7 +55,7 @@ logger = logging.getLogger(__name__)
 _ISOTROPIC = np.eye(2)
 
 
-class LaserFisheyeImm:
+class LaserFisheyeImm(MomentTracker):
     """Tracker of people from a waist scanner, a knee scanner and a fisheye camera; does with less (see module).
 
     background: observations of the empty room; a scanner without any learns its background as it goes. Options are those
@@ -63,8 +64,6 @@ class LaserFisheyeImm:
 
     Raises InputError for an unknown or wrong option, and for a rig without a laser scanner to use.
     """
-
-    takes_any_order = True  # the gatherer waits for what comes late, and drops what comes twice
 
     def __init__(
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
@@ -77,7 +76,7 @@ class LaserFisheyeImm:
         knee, used = self.options.knee, self._detector.sensors
         self._knee_radius_m = knee.radius_m if self._detector.sees_waists else knee.radius_alone_m
         scanners = tuple(name for name in used if name in rig.lasers())
-        self._gatherer = MomentGatherer(
+        super().__init__(
             MomentRules(
                 opens=scanners,
                 joins=tuple(name for name in used if name not in scanners),
@@ -104,19 +103,6 @@ class LaserFisheyeImm:
     def background_learned_causally(self) -> bool:
         """Whether a scanner came without scans of the empty room."""
         return self._detector.learns_background
-
-    @property
-    def discarded(self) -> int:
-        """Observations dropped so far because they came too late, twice, or (images) without a scan of their moment."""
-        return self._gatherer.discarded
-
-    def update(self, observation: Observation) -> list[TrackFrame]:
-        """Take one observation; the frames it completes, oldest first. Sensors that are not used are ignored."""
-        return self._work_all(self._gatherer.add(observation))
-
-    def finish(self) -> list[TrackFrame]:
-        """The frames still held back when the observations have ended."""
-        return self._work_all(self._gatherer.finish())
 
     def detections(self) -> list[Detection]:
         """What the moments worked by the last `update` or `finish` showed, see `trackers.detections`."""
@@ -149,9 +135,9 @@ class LaserFisheyeImm:
 
     def _work_all(self, moments: list[Moment]) -> list[TrackFrame]:
         self._seen = []
-        return [self._work(moment) for moment in moments]
+        return super()._work_all(moments)
 
-    def _work(self, moment: Moment) -> TrackFrame:
+    def _work(self, moment: Moment) -> None:
         seen = self._detector.detect(moment)
         self._seen.append((moment.ns, seen))
         self._predict(moment.ns)
@@ -166,7 +152,6 @@ class LaserFisheyeImm:
         self._miss(moment)
         self._end(moment.ns)
         self._start(matches, seen, moment.ns)
-        return TrackFrame(moment.ns, tuple(self.tracks()))
 
     # --- predict
 

@@ -20,18 +20,17 @@ from trackers.laser_vision_learning.walkers import Walkers
 from trackers.observations import DepthImage, Image, Observation
 from trackers.rig import Rig
 from trackers.tracking.lifecycle import measured_now
-from trackers.tracking.moments import Moment, MomentGatherer, MomentRules
+from trackers.tracking.moment_tracker import MomentTracker
+from trackers.tracking.moments import Moment, MomentRules
 from trackers.tracks import Track, TrackFrame
 
 
-class LaserVisionLearning:
+class LaserVisionLearning(MomentTracker):
     """Tracker of people from every knee scanner of a rig (see module).
 
     background: observations of the empty room; a scanner without any learns its background as it goes. Options are those of
     `LaserVisionLearningOptions`. Raises InputError for a wrong option, and for a rig without a knee scanner.
     """
-
-    takes_any_order = True  # the gatherer waits for what comes late, and drops what comes twice
 
     def __init__(
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
@@ -59,7 +58,7 @@ class LaserVisionLearning:
         joins = () if self._camera is None else (self._camera,)
         if rig.main_sensor not in (*names, *joins):
             joins = (*joins, rig.main_sensor)  # whose stamps the frames take
-        self._gatherer = MomentGatherer(MomentRules(names, joins=joins, main=rig.main_sensor))
+        super().__init__(MomentRules(names, joins=joins, main=rig.main_sensor))
         self.unused_sensors = [name for name in rig.sensors if name not in (*names, self._camera)]
         self._decisions: list[Decision] = []
 
@@ -73,19 +72,6 @@ class LaserVisionLearning:
     def background_learned_causally(self) -> bool:
         """Whether a scanner came without scans of the empty room."""
         return self._scanners.learns_background
-
-    @property
-    def discarded(self) -> int:
-        """Observations dropped so far because they came too late or twice."""
-        return self._gatherer.discarded
-
-    def update(self, observation: Observation) -> list[TrackFrame]:
-        """Take one observation; the frames it completes, oldest first. Sensors that are not used are ignored."""
-        return self._work_all(self._gatherer.add(observation))
-
-    def finish(self) -> list[TrackFrame]:
-        """The frames still held back when the observations have ended."""
-        return self._work_all(self._gatherer.finish())
 
     def tracks(self) -> list[Track]:
         """Everyone confirmed in the area, as of the last frame, by id."""
@@ -122,9 +108,9 @@ class LaserVisionLearning:
 
     def _work_all(self, moments: list[Moment]) -> list[TrackFrame]:
         self._decisions = []
-        return [self._work(moment) for moment in moments]
+        return super()._work_all(moments)
 
-    def _work(self, moment: Moment) -> TrackFrame:
+    def _work(self, moment: Moment) -> None:
         walkers = self._walkers
         walkers.step(moment.observations, moment.ns)
         if self._recognition is not None:
@@ -132,4 +118,3 @@ class LaserVisionLearning:
             picture = image if isinstance(image, Image | DepthImage) else None
             walkers.people = self._recognition.work(walkers.people, walkers.situations, picture, moment.ns)
             self._decisions += self._recognition.decisions
-        return TrackFrame(moment.ns, tuple(self.tracks()))

@@ -1,0 +1,46 @@
+"""What trackers that work moment by moment have in common: observations are gathered, and each moment is worked once."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+from trackers.observations import Observation
+from trackers.tracking.moments import Moment, MomentGatherer, MomentRules
+from trackers.tracks import Track, TrackFrame
+
+
+class MomentTracker(ABC):
+    """Base of such trackers: they declare their moments, work one, and have tracks. Other sensors are ignored."""
+
+    takes_any_order = True  # the gatherer waits for what comes late, and drops what comes twice
+
+    def __init__(self, rules: MomentRules) -> None:
+        self._gatherer = MomentGatherer(rules)
+
+    @property
+    def discarded(self) -> int:
+        """Observations dropped so far because they came too late, twice, or without a moment to join."""
+        return self._gatherer.discarded
+
+    def update(self, observation: Observation) -> list[TrackFrame]:
+        """Take one observation; the frames it completes, oldest first."""
+        return self._work_all(self._gatherer.add(observation))
+
+    def finish(self) -> list[TrackFrame]:
+        """The frames still held back when the observations have ended."""
+        return self._work_all(self._gatherer.finish())
+
+    @abstractmethod
+    def tracks(self) -> list[Track]:
+        """Everybody, as of the moment worked last."""
+
+    @abstractmethod
+    def _work(self, moment: Moment) -> None:
+        """Take the tracks on to a moment."""
+
+    def _work_all(self, moments: list[Moment]) -> list[TrackFrame]:
+        frames = []
+        for moment in moments:
+            self._work(moment)
+            frames.append(TrackFrame(moment.ns, tuple(self.tracks())))
+        return frames
