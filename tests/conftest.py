@@ -9,6 +9,7 @@ os.environ["MUJOCO_GL"] = "egl"
 
 # Before anything imports them: every call into these has its arguments' and its results' types and shapes checked.
 CHECKED = (
+    "trackers.camera_floor_particle",
     "trackers.cameras",
     "trackers.environment",
     "trackers.filters",

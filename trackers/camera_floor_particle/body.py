@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from trackers.area import Area
 from trackers.arrays import Array, Index, Mask
@@ -28,8 +28,8 @@ def spread(velocity: Float[Array, "n 3"], motion: MotionOptions) -> Float[Array,
     return np.stack([aside, aside, np.full(len(velocity), motion.up_m)])
 
 
-def ruled(kept: Mask, ruling: Ruling) -> Array:
-    """Log-likelihoods: 0 where a check (bool) is passed, what the ruling says where it is not."""
+def ruled(kept: Bool[Mask, "k"], ruling: Ruling) -> Float[Array, "k"]:
+    """Log-likelihoods: 0 where a check is passed, what the ruling says where it is not."""
     return np.where(kept, 0.0, -np.inf if ruling == "drop" else ruling)
 
 

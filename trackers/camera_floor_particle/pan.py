@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Complex, Float, Int
 from numpy.typing import NDArray
 
 from trackers.arrays import Array, Index
@@ -41,7 +41,7 @@ _LEAST = 1e-4
 class Look(NamedTuple):
     """What one camera sees of the heads of some people: which, from where [rad], and their colours as roots, part by part."""
 
-    rows: Index
+    rows: Int[Index, "k"]
     bearing: Float[Array, "k"]
     roots: Float[Array, "k colours"]
     skin: Complex[NDArray, "k"]  # its share, in the direction that it faces, e^iφ in the room
@@ -138,7 +138,7 @@ def bearing(places: Float[Array, "c k"], view: View) -> Float[Array, "k"]:
     return np.arctan2(view.camera.eye_m[1] - places[1], view.camera.eye_m[0] - places[0])
 
 
-def pan_bin(angle: Array) -> Index:
+def pan_bin(angle: Float[Array, "*n"]) -> Int[Index, "*n"]:
     """The reference of a head seen at this angle from its face [rad]."""
     return np.rint(angle * (PAN_BINS / (2 * np.pi))).astype(np.intp) % PAN_BINS
 
