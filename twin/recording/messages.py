@@ -24,7 +24,7 @@ from rosbags.typesys.stores.ros2_humble import (
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
 from twin.recording import topics
-from twin.recording.depth_picture import PNG_FORMAT, decode_depth, encode_png
+from twin.recording.depth_picture import PNG_FORMAT, encode_png
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
@@ -83,14 +83,6 @@ def encode(observation: Observation, *, jpeg_quality: int = 90) -> Encoded:
 def decode(data: bytes | memoryview, msgtype: str, sensor: str, *, kind: str | None = None) -> Observation:
     """The observation in a serialized ROS 2 message (CDR), as `from_message` has it."""
     return from_message(TYPESTORE.deserialize_cdr(data, msgtype), sensor, kind=kind)
-
-
-def decode_depth_image(colour: bytes | memoryview, depth: bytes | memoryview, sensor: str) -> DepthImage:
-    """The depth image in two serialized CompressedImages (CDR); its stamp is that of the colour."""
-    image = decode(colour, COMPRESSED_IMAGE, sensor)
-    assert isinstance(image, Image)
-    depth_m = decode_depth(TYPESTORE.deserialize_cdr(depth, COMPRESSED_IMAGE), sensor)
-    return DepthImage(sensor, image.stamp_ns, image.rgb, depth_m)
 
 
 def from_message(message: Any, sensor: str, *, kind: str | None = None, offset_ns: int = 0) -> Observation:

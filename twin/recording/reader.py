@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cached_property
 from pathlib import Path
+from typing import TypeVar
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, Observation
@@ -19,6 +20,7 @@ from twin.recording.tables import TruthFrame
 from twin.recording.truth_messages import decode_people
 from twin.truth.frames import Situation
 
+_Told = TypeVar("_Told")
 _PICTURES = (COMPRESSED_IMAGE, RAW_IMAGE)
 _MSGTYPES = {
     "laser": (LASER_SCAN,),
@@ -94,25 +96,21 @@ class Recording:
 
     def truth(self) -> Iterator[TruthFrame]:
         """The truth in order of time; nothing in a robot's bag. Raises InputError where it is something else."""
-        if topics.TRUTH_PEOPLE not in self.topics:
-            return
-        self._require_string(topics.TRUTH_PEOPLE)
-        with open_bag(self.path) as bag:
-            for topic, log_time_ns, message in bag.messages([topics.TRUTH_PEOPLE]):
-                try:
-                    yield decode_people(message.data, log_time_ns)
-                except InputError as error:
-                    raise InputError(f"{self.path}: topic {topic}: {error}") from error
+        return self._told(topics.TRUTH_PEOPLE, decode_people)
 
     def situations(self) -> Iterator[Situation]:
         """The situations of two people, in the order in which they end; nothing in a robot's bag. Raises as `truth`."""
-        if topics.TRUTH_SITUATIONS not in self.topics:
+        return self._told(topics.TRUTH_SITUATIONS, lambda text, _: decode_situation(text))
+
+    def _told(self, topic: str, decode: Callable[[str, int], _Told]) -> Iterator[_Told]:
+        """What the strings on a topic and their log times say; nothing where the bag has none."""
+        if topic not in self.topics:
             return
-        self._require_string(topics.TRUTH_SITUATIONS)
+        self._require_string(topic)
         with open_bag(self.path) as bag:
-            for topic, _, message in bag.messages([topics.TRUTH_SITUATIONS]):
+            for _, log_time_ns, message in bag.messages([topic]):
                 try:
-                    yield decode_situation(message.data)
+                    yield decode(message.data, log_time_ns)
                 except InputError as error:
                     raise InputError(f"{self.path}: topic {topic}: {error}") from error
 

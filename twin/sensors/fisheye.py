@@ -71,7 +71,8 @@ class Fisheye:
     def person_image(self, snapshot: Snapshot) -> NDArray[np.int16]:
         """The id of the person at each pixel's centre, 0 for the room, -1 outside the field, (height, width)."""
         drawn = self._faces.drawn
-        geom_of_number = self._renderer().render_geoms(snapshot.data, self._eye_m, self._faces.views, drawn)
+        views = self._faces.views
+        geom_of_number = self._renderer().render(snapshot.data, self._eye_m, views, None, numbers=drawn)
         return self._faces.pixels.people(drawn, geom_of_number, snapshot.person_of_geom)
 
     def rig_sensor(self) -> FisheyeSensor:

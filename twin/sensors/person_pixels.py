@@ -13,7 +13,7 @@ _FRACTION = 32
 
 
 class PersonPixels:
-    """Turns drawings of `OffscreenRenderer.render_geoms` into id pictures, by the table that bends the camera's colours.
+    """Turns the numbers that `OffscreenRenderer.render` draws into id pictures, by the table that bends the camera's colours.
 
     `maps`: the camera's table as `cv2.remap` takes it, fixed point, negative outside the lens's field; None where the
     drawing is the picture, its rows from the bottom up. A pixel takes the id of the drawn pixel nearest to its place:

@@ -43,7 +43,7 @@ class PinholeView:
     def people(self, renderer: OffscreenRenderer, snapshot: Snapshot, eye_m: NDArray[np.float64]) -> NDArray[np.int16]:
         """The id of the person at each of the picture's pixels, 0 for the room, (height, width)."""
         drawn = np.empty((self.height, self.width, 4), dtype=np.uint8)
-        geom_of_number = renderer.render_geoms(snapshot.data, eye_m, (self.view,), drawn)
+        geom_of_number = renderer.render(snapshot.data, eye_m, (self.view,), None, numbers=drawn)
         return self._pixels.people(drawn, geom_of_number, snapshot.person_of_geom)
 
     @cached_property

@@ -153,15 +153,6 @@ class OffscreenRenderer:
         far = self.model.vis.map.zfar * self.model.stat.extent
         np.divide(near * far, depth.astype(np.float64) * (far - near) + near, out=depth, casting="same_kind")
 
-    def render_geoms(
-        self, data: mujoco.MjData, eye_m: NDArray[np.float64], views: Sequence[View], out: NDArray[np.uint8]
-    ) -> NDArray[np.intp]:
-        """As `render`, but each pixel holds a number, red + 256 green + 65536 blue, in place of its light.
-
-        Returns the geom that each number stands for, -1 for none.
-        """
-        return self.render(data, eye_m, views, None, numbers=out)
-
     def _draw_numbers(
         self,
         context: mujoco.MjrContext,

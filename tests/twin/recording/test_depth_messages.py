@@ -25,7 +25,7 @@ from trackers.rig import LaserSensor, PinholeSensor, Rig, StereoSensor
 from twin.recording.bag import open_bag
 from twin.recording.depth_pairs import DepthPairs
 from twin.recording.depth_picture import decode_depth
-from twin.recording.messages import COMPRESSED_IMAGE, RAW_IMAGE, decode_depth_image, encode, time_message
+from twin.recording.messages import COMPRESSED_IMAGE, RAW_IMAGE, TYPESTORE, decode, encode, time_message
 from twin.recording.reader import Recording
 from twin.recording.writer import BagWriter
 
@@ -50,8 +50,10 @@ def a_depth_image(stamp_ns: int, sensor: str = "deep") -> DepthImage:
 
 
 def decoded(encoded) -> DepthImage:
-    (depth,) = encoded.more
-    return decode_depth_image(encoded.data, depth.data, encoded.observation.sensor)
+    (depth,), sensor = encoded.more, encoded.observation.sensor
+    image = decode(encoded.data, COMPRESSED_IMAGE, sensor)
+    depth_m = decode_depth(TYPESTORE.deserialize_cdr(depth.data, COMPRESSED_IMAGE), sensor)
+    return DepthImage(sensor, image.stamp_ns, image.rgb, depth_m)
 
 
 @given(arrays(np.float32, (4, 5), elements=st.floats(0, 65, width=32)))
