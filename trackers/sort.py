@@ -58,9 +58,11 @@ class Sort(MomentTracker):
 
     def _work(self, moment):
         options, last, dt, self.ns = self.options, self.ns, (moment.ns - self.ns) / NS_PER_S, moment.ns
-        for p in self.people:  # x, vx, y, vy; whoever was missed is likelier to stop than to walk on
-            p.F = np.kron(np.eye(2), [[1, dt], [0, 1 if p.ns == last else np.exp(-dt / options.slowdown_s)]])
-            p.Q = np.kron(np.eye(2), np.outer([dt**2 / 2, dt], [dt**2 / 2, dt])) * options.acceleration_m_s2**2
+        # x, vx, y, vy; whoever was missed is likelier to stop than to walk on
+        F = [np.kron(np.eye(2), [[1, dt], [0, keep]]) for keep in (np.exp(-dt / options.slowdown_s), 1)]
+        Q = np.kron(np.eye(2), np.outer([dt**2 / 2, dt], [dt**2 / 2, dt])) * options.acceleration_m_s2**2
+        for p in self.people:
+            p.F, p.Q = F[p.ns == last], Q
             p.predict()
         self.seen.append((moment.ns, {role: group.detect(moment.observations) for role, group in self.groups.items()}))
         expected = np.array([p.x[::2] for p in self.people]).reshape(-1, 2)

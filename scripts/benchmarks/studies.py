@@ -174,11 +174,15 @@ def _crowd(scenario: Scenario, moments: int) -> Crowd:
 def _scored_a_minute(bits: np.ndarray) -> float:
     """Sets of four in order, those of three kept on the way, each set's rows counted, a minute of CPU time."""
     n, done = len(bits), 0
+    parts = np.array_split(bits, max(1, bits.shape[1] // 16_384), axis=1)  # so many words stay in the cache
     start = time.process_time()
     for a, b, c in islice(combinations(range(n), 3), 4000):
-        three = bits[a] | bits[b] | bits[c]
-        if c + 1 < n:
-            done += len(np.bitwise_count(three | bits[c + 1 :]).sum(axis=1))
+        if c + 1 == n:
+            continue
+        seen = np.zeros(n - c - 1, dtype=np.int64)
+        for part in parts:
+            seen += np.bitwise_count(part[a] | part[b] | part[c] | part[c + 1 :]).sum(axis=1, dtype=np.uint32)
+        done += len(seen)
         if time.process_time() - start > 5:
             break
     return 60 * done / (time.process_time() - start)

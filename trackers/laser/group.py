@@ -152,6 +152,9 @@ def scanner_groups(
     }
 
 
+_KNEE = KneeOptions()
+
+
 def people_seen(
     seen: Mapping[Role, Detections],
     expected: Float[Array, "n 2"],
@@ -164,7 +167,7 @@ def people_seen(
     legs first; area: where people are looked for (None: everywhere). Legs nearer to a trunk than `claim_m` are its own.
     Where no waists are scanned, a lone leg is somebody.
     """
-    knee = knee or KneeOptions()
+    knee = knee or _KNEE
     trunks = seen["waist"].position if "waist" in seen else np.empty((0, 2))
     legs = seen["knee"].position if "knee" in seen else np.empty((0, 2))
     by_legs, n_leg, free = take_legs(

@@ -26,6 +26,7 @@ _MM = 1 / 25.4
 _WIDEST_MM, _HIGHEST_MM = 180.0, 215.0
 _SCALES = (10, 20, 25, 50, 100, 150, 200, 250, 500, 1000)
 _MARGIN_M = 0.4
+_SHORTEST_MM = 5.0
 _ACCENT, _OLD = "#b5341f", "#98a0ac"
 
 
@@ -91,7 +92,10 @@ def plan(
                     tuple(foot),
                     arrowprops={"arrowstyle": "<->", "color": _ACCENT, "lw": 0.6, "shrinkA": 0, "shrinkB": 0},
                 )
-                x, y = ((here[:2] + foot) / 2 + 0.0012 * scale * along).tolist()
+                share = (0.35, 0.5, 0.65)[each.number % 3]  # lines that fall together keep their numbers apart
+                x, y = (here[:2] + share * (foot - here[:2]) + 0.0012 * scale * along).tolist()
+                if 1000 * gap_m / scale < _SHORTEST_MM:  # no room for a number: the table has it
+                    continue
                 axes.text(x, y, f"{gap_m:.2f}", fontsize=6, color=_ACCENT, ha="center", va="center", zorder=6,
                           bbox={"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none", "alpha": 0.8})  # fmt: skip
             yaw = np.deg2rad(each.yaw_deg)

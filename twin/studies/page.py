@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
+from twin.models import MODELS
 from twin.recording.whole_file import whole_file
 from twin.reproduce.page import source_of
 from twin.scenario.floor import FloorDescription
@@ -62,6 +63,7 @@ def write_page(path: Path, answers: Answers) -> None:
             )
             for candidate, value in answers.fewer
         ],
+        "command": prepared.path.stem if prepared.path.parent == MODELS / "studies" else prepared.path,
         "n_tried": sum(not each.why for each in answers.result.trials.values()),
         "against": _against(answers),
         "seeds": len(study.held_out.seeds) if study.held_out else 0,

@@ -14,6 +14,7 @@ from trackers.presets import make_tracker
 from trackers.tracks import track_frames
 from twin.evaluate import evaluate_with_details
 from twin.evaluate.summary import Evaluation
+from twin.people.casts import casts_of
 from twin.recording.situations import situation_table
 from twin.recording.tables import TruthTable, track_table, truth_table
 from twin.run.chosen_trackers import ChosenTracker
@@ -25,7 +26,7 @@ from twin.suites.fingerprint import people_key, whole_code
 from twin.suites.people import staged_in
 from twin.truth.frames import Situation, TruthDetail, TruthFrame
 from twin.world.simulation import Simulation
-from twin.world.staged import Staged
+from twin.world.staged import Posed, Staged
 
 _MOST_STAGED = 6
 """So many scenes with their people a worker keeps compiled."""
@@ -51,10 +52,11 @@ class Score:
 
 @dataclass
 class _Kept:
-    """A staged scene, and the truth of it by the timing of the sensors that look: alike for every placement."""
+    """A staged scene; by the timing of the sensors that look, its truth and, for scanners alone, its poses: of any placement."""
 
     staged: Staged
     truth: dict[str, TruthTable] = field(default_factory=dict)
+    posed: dict[str, Posed] = field(default_factory=dict)
 
 
 _kept: OrderedDict[str, _Kept] = OrderedDict()
@@ -93,8 +95,13 @@ def evaluated(work: Score) -> dict[str, Evaluation]:
         staged=kept.staged,
         shares=False,
     ) as simulation:
+        if all(each.kind == "laser" for each in scenario.sensors.values()) and not work.details:
+            scene = simulation.world.scene
+            simulation.world.posed = kept.posed.get(timing) or Posed(scene.person_of_geom)
         knowledge = Knowledge.read(simulation.background(), scenario.knowledge, simulation.rig)
         observations, rig = list(simulation), simulation.rig
+        if simulation.world.posed is not None and len(casts_of(scenario.people)) == 1:
+            kept.posed[timing] = simulation.world.posed  # whole: what is half kept would be asked for in another order
     truth = kept.truth.setdefault(timing, truth_table(frames)) if not known else kept.truth[timing]
     pairs = situation_table(situations, scenario.name) if work.details else None
     found = {}

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.cameras import Intrinsics
+from trackers.errors import InputError
 from twin.instant.snapshot import Snapshot
 from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room
@@ -30,7 +31,7 @@ from twin.world.world import World
 _TRUNK_M, _LEGS_M, _TRUNK_FROM_M = 0.35, 0.2, 0.7
 """Width of a standing body where a scan meets it: of the trunk, and of two legs below that height, in place of a body [m]."""
 _NUDGE_M = 0.01
-_SIGHTS = np.array([-0.8, -0.4, 0.0, 0.4, 0.8])
+_SIGHTS = np.array([-2 / 3, 0.0, 2 / 3])
 """Where across a body beams are asked whether they come so far, as shares of its half width."""
 
 
@@ -61,7 +62,10 @@ class Crowd:
             snapshot = self._world.snapshot(t)
             bodies, data = self._world.scene.bodies, snapshot.data
             if self._world.scene is not scene:
-                raise ValueError("people come and go by recorded paths, so that one scene does not hold all moments")
+                raise InputError(
+                    f"coverage: more people come and go in {scenario.name} than have bodies at once; a shorter duration_s, or "
+                    "fewer recorded paths, is expected"
+                )
             qpos, present = self._world.people.qpos(t), self._world.people.present(t)
             there = present & area.contains(qpos[:, :2])
             self.moments.append(
@@ -180,10 +184,10 @@ class Eye:
         if self._look is None or self._look[0] is not cells_m:
             self._look = cells_m, *self._lookup(cells_m)
         _, gap_m, bodies, beam = self._look
-        return bodies * (reach[beam] >= gap_m).mean(axis=0)
+        return bodies * ((reach.take(beam) >= gap_m).sum(axis=0, dtype=np.uint8) / len(_SIGHTS))
 
     def _lookup(self, cells_m: Array) -> tuple[NDArray[np.floating], Array, NDArray[np.intp]]:
-        """Distance (n,) [m] of cells, beams on a body there (n,), and the beams to ask about (5, n)."""
+        """Distance (n,) [m] of cells, beams on a body there (n,), and the beams to ask about (3, n)."""
         view = self.view
         offset = (
             np.column_stack([cells_m, np.full(len(cells_m), view.room_from_sensor_xyz[2])]) - view.room_from_sensor_xyz

@@ -31,7 +31,8 @@ def _print(console: Console, found: dict[str, Any]) -> None:
     table = Table(
         title=f"{found['study']}: {found['candidates'] - 1} candidates beside the scenario's own", title_justify="left"
     )
-    for heading in ("placement", objective, "coverage", "price", "seeds"):
+    covers = objective == "coverage"
+    for heading in ("placement", objective, *(() if covers else ("coverage",)), "price", "seeds"):
         table.add_column(heading, justify="left" if heading == "placement" else "right")
     shown = {each["candidate"]: each for each in (found["own"], found["best"], *found["pareto"])}
     for each in shown.values():
@@ -39,7 +40,7 @@ def _print(console: Console, found: dict[str, Any]) -> None:
         table.add_row(
             mark + each["places"],
             _text(each.get(objective)),
-            _text(each["coverage"]),
+            *(() if covers else (_text(each["coverage"]),)),
             f"{each['price']:g}",
             str(each["seeds"]),
         )

@@ -5,6 +5,11 @@ from __future__ import annotations
 import copy
 from dataclasses import dataclass, replace
 
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.arrays import Array
 from twin.people.motion import Motion
 from twin.scenario import Scenario
 from twin.scenario.vary import varied
@@ -12,6 +17,25 @@ from twin.world.scene import Scene, build_scene, populate
 
 LONGEST_LOOK_S = 1.0
 """A motion goes on for so long after the scenario's end: a sweep or an exposure begun before takes less [s]."""
+
+
+class Posed:
+    """Where the geoms of people are at the moments at which scanners have looked, for scanners that look at the same moments.
+
+    A ray asks for nothing else: neither joints nor soles, cameras or lights are kept.
+    """
+
+    def __init__(self, person_of_geom: NDArray[np.int16]) -> None:
+        self._geoms = np.flatnonzero(person_of_geom > 0)
+        self.places: dict[float, tuple[Array, Array]] = {}
+
+    def keep(self, t: float, data: mujoco.MjData) -> None:
+        """Keep the poses that are those of time t [s]."""
+        self.places[t] = data.geom_xpos[self._geoms].copy(), data.geom_xmat[self._geoms].copy()
+
+    def lay(self, t: float, data: mujoco.MjData) -> None:
+        """Put the geoms where they are at time t [s]."""
+        data.geom_xpos[self._geoms], data.geom_xmat[self._geoms] = self.places[t]
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from twin.scenario.vary import varied
 from twin.truth.frames import FootTruth, PersonTruth, TruthFrame
 from twin.truth.visibility import SensorView, visible_share
 from twin.world.scene import as_before, build_scene, populate
-from twin.world.staged import Staged
+from twin.world.staged import Posed, Staged
 
 _OUT_OF_THE_ROOM_M = -100.0
 _SIDES: tuple[Literal["left"], Literal["right"]] = ("left", "right")
@@ -48,6 +48,8 @@ class World:
         self._lighting = self._lit()
         self._ids = np.array([self.scene.ids[name] for name in self.scene.names], dtype=np.int16)
         self._posed_at: float | None = None
+        self.posed: Posed | None = None
+        """Poses for rays that are kept, and taken from there: for worlds at which nothing but scanners look."""
         self._feet: Feet | None = None
 
     @property
@@ -59,6 +61,9 @@ class World:
     def snapshot(self, t: float) -> Snapshot:
         """The world at time t [s] since the start; valid until the next snapshot is taken."""
         self._embody(t)
+        if t != self._posed_at and self.posed is not None and t in self.posed.places:
+            self.posed.lay(t, self.data)
+            self._posed_at, self._feet = t, None
         if t != self._posed_at:
             self.people.advance(t)
             qpos, present, bodies = self.people.qpos(t), self.people.present(t), self.scene.bodies
@@ -69,6 +74,8 @@ class World:
             self._lighting.apply(t)
             self._posed_at = t
             self._feet = self.people.feet(t)
+            if self.posed is not None:
+                self.posed.keep(t, self.data)
         return Snapshot(t, self.scene.model, self.data, self.scene.person_of_geom, self._feet)
 
     def empty_snapshot(self, t: float) -> Snapshot:
