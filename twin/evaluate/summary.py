@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from twin.evaluate.accuracy import PersonFrames, person_frames
+from twin.evaluate.causes import Errors, errors_by_cause
 from twin.evaluate.clear import FrameMatches, PairMatrix, clear, find_switches, match_frames
 from twin.evaluate.continuity import Event, continuity, right_at_end, switch_events
 from twin.evaluate.disposal import disposal
@@ -49,6 +50,7 @@ class Evaluation:
     events: tuple[Event, ...]  # by stamp
     people: PersonFrames  # the failures behind the accuracy
     situations: SituationTable | None  # of pairs of people, by which it was judged
+    errors: Errors  # every miss and false positive, by cause
 
 
 def evaluate_tracks(
@@ -62,14 +64,18 @@ def evaluate_tracks(
 
 
 def evaluate_with_details(
-    truth: TruthTable, tracks: TrackTable, gate_m: float = DEFAULT_GATE_M, situations: SituationTable | None = None
+    truth: TruthTable,
+    tracks: TrackTable,
+    gate_m: float = DEFAULT_GATE_M,
+    situations: SituationTable | None = None,
+    unused: Collection[str] = (),
 ) -> Evaluation:
     """The figures of one tracker, and what stands behind them; raises as `evaluate_tracks`.
 
     Errors of heads and of the pelvis's height are mean absolute differences over the matches in which truth and track both
     have a value, yaw the shorter way round, and its median too. Disposal (`twin.evaluate.disposal`) needs the
-    `situations` of the run and is None without. OSPA
-    (c = 1 m, p = 1) and GOSPA (c = 1 m, p = 2, α = 2) are means over the frames.
+    `situations` of the run and is None without. `unused`: sensors that the tracker leaves alone, by which misses are told
+    apart (`twin.evaluate.causes`). OSPA (c = 1 m, p = 1) and GOSPA (c = 1 m, p = 2, α = 2) are means over the frames.
     """
     if not (isfinite(gate_m) and gate_m > 0):
         raise InputError(f"gate is {gate_m} m; a positive number of metres is expected")
@@ -87,6 +93,7 @@ def evaluate_with_details(
     at_1m = _matrix_figures([frame.pair_matrix() for frame in wide], WIDE_GATE_M)
     stamps = np.array([frame.stamp_ns for frame in judged], dtype=np.int64)
     people = person_frames(frames, everybody, gate_m)
+    errors = errors_by_cause(truth, judged, matches, gate_m, unused)
     pose_errors = _pose_errors(judged, matches)
     metrics: dict[str, Any] = {
         **_matrix_figures(pair_matrices, gate_m, matches),
@@ -96,6 +103,7 @@ def evaluate_with_details(
         "misses": scores.misses,
         "misidentifications": len(misidentifications),
         "lost_tracks": len(lost),
+        "errors": errors.figures(),
         **people.figures(),
         "disposal": disposal(people, stamps, situations) if situations is not None else None,
         **pose_errors,
@@ -118,6 +126,7 @@ def evaluate_with_details(
         events=tuple(sorted([*switches, *misidentifications, *lost], key=lambda event: event.stamp_ns)),
         people=people,
         situations=situations,
+        errors=errors,
     )
 
 

@@ -44,6 +44,16 @@ _MAIN = (
     Figure("misses", "Misses", "", "people without a track, summed over frames", "less", 0),
     Figure("false_positives", "False positives", "", "tracks without a person, summed over frames", "less", 0),
 )
+_CAUSES = (
+    Figure("errors.missed.start_up", "Missed at the start", "", "before their first track in the area", "less", 0),
+    Figure("errors.missed.seen", "Missed in sight", "", "followed before, and a used sensor sees them", "less", 0),
+    Figure("errors.missed.unused", "Missed, unused", "", "only sensors see them that are not used", "less", 0),
+    Figure("errors.missed.unseen", "Missed, unseen", "", "no ray of any sensor reaches them", "less", 0),
+    Figure("errors.false_positive.ghost", "Ghosts", "", "coasting near nobody", "less", 0),
+    Figure("errors.false_positive.ghost_unseen", "Ghosts, unseen", "", "the same, their person unseen", "less", 0),
+    Figure("errors.false_positive.double", "Doubles", "", "a second track on a person", "less", 0),
+    Figure("errors.false_positive.clutter", "Clutter", "", "measured near nobody", "less", 0),
+)
 _ACCURACY = (
     Figure("accuracy", "Accuracy", "", "1 − (missed + false locations + identity wrong) / people", "more", 3),
     Figure("failures.missed", "Missed", "", "people with no track near, summed over frames", "less", 0),
@@ -79,7 +89,7 @@ _COST = (
     Figure("ms_per_frame.mean", "Time per frame, mean", "ms", "tracker only, on one core", "less", 2),
     Figure("ms_per_frame.p95", "Time per frame, 95 %", "ms", "19 of 20 frames take less", "less", 2),
 )
-FIGURES = (*_MAIN, *_ACCURACY, *_HEAD, *_WIDE, *_COST)
+FIGURES = (*_MAIN, *_CAUSES, *_ACCURACY, *_HEAD, *_WIDE, *_COST)
 """Every figure there is, those of the narrow gate first."""
 _NONE = "–"
 HEADLINES = ("mota", "motp_m", "idf1", "hota", "misidentifications", "lost_tracks")
@@ -95,7 +105,14 @@ def grouped_rows(trackers: Sequence[Mapping[str, Any]]) -> list[tuple[str, list[
     gates = sorted({float(tracker["gate_m"]) for tracker in trackers if tracker.get("gate_m") is not None})
     main = "Gate " + " / ".join(f"{gate:g} m" for gate in gates)
     groups = []
-    headed = {main: _MAIN, "Accuracy": _ACCURACY, "Gate 1 m": _WIDE, "Head": _HEAD, "Cost": _COST}
+    headed = {
+        main: _MAIN,
+        "Misses and false positives by cause": _CAUSES,
+        "Accuracy": _ACCURACY,
+        "Gate 1 m": _WIDE,
+        "Head": _HEAD,
+        "Cost": _COST,
+    }
     for heading, figures in headed.items():
         values = [[value_of(tracker, figure) for tracker in trackers] for figure in figures]
         if any(value is not None for row in values for value in row):

@@ -16,12 +16,14 @@ from markupsafe import Markup
 
 from trackers.observations import NS_PER_S
 from trackers.rig import Rig
+from twin.evaluate.causes import POSTURES
 from twin.evaluate.summary import Evaluation
 from twin.recording.tables import TrackTable, TruthTable
 from twin.recording.whole_file import whole_file
 from twin.report.birdseye import Polygon
 from twin.report.clock import origin_ns
 from twin.report.distances import distance_chart
+from twin.report.error_causes import DISTANCES, cause_rows
 from twin.report.figures_table import grouped_rows, headline_figures, text_of, value_of
 from twin.report.palette import IDENTITY_COLOURS, IdentityColours, hex_colour
 from twin.report.paths import path_map
@@ -109,6 +111,8 @@ def write_report(
         ],
         has_truth=truth is not None,
         n_people=0 if truth is None else int(np.unique(truth.id).size),
+        postures=POSTURES,
+        distances=DISTANCES,
         sensors_seen=[] if truth is None else list(truth.visible),
         glyphs=[(Markup(glyph(kind)), name) for kind, name in EVENT_NAMES.items()],
         stills=[(f"data:image/jpeg;base64,{base64.b64encode(s.jpeg).decode()}", s.caption) for s in stills],
@@ -156,12 +160,14 @@ def _section(
         "distances": "",
         "timeline": "",
         "merges": 0,
+        "causes": [],
     }
     if truth is not None and evaluation is not None:
         section["tiles"] = [(figure, text_of(figure, value_of(figures, figure))) for figure in headline_figures()]
         section["gate"] = f"{evaluation.metrics['gate_m']:g} m"
         section["distances"] = Markup(distance_chart(axis, truth, tracks, evaluation, colours, names))
         section["timeline"] = Markup(identity_timeline(axis, truth, tracks, evaluation, colours, names))
+        section["causes"] = cause_rows(evaluation.errors, rig)
         situations = evaluation.situations
         section["merges"] = 0 if situations is None else len(situations.select("merged_rig"))
         section["events"] = [

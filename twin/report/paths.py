@@ -13,6 +13,7 @@ from twin.evaluate.summary import Evaluation
 from twin.recording.tables import TrackTable, TruthTable
 from twin.report.beliefs import beliefs_svg
 from twin.report.birdseye import FloorView, Polygon, floor_extent, room_svg, sensor_names_svg, svg_path
+from twin.report.error_causes import cause_marks
 from twin.report.palette import IdentityColours
 from twin.report.scan_density import ScanDensity
 from twin.report.spans import unbroken, usual_period_ns
@@ -55,6 +56,7 @@ def path_map(
     parts.append(_track_paths(view, tracks, colours))
     parts.append(sensor_names_svg(view, true_rig or rig, silent))
     if evaluation is not None:
+        parts.append(cause_marks(view, evaluation.errors))
         parts.extend(_event_marks(view, tracks, evaluation, names))
     span_ns = np.ptp(tracks.frame_stamps_ns) if tracks.frame_stamps_ns.size else 0
     kind = "map long" if span_ns > _LONG_NS else "map"

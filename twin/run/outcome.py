@@ -75,7 +75,10 @@ def evaluate_trackers(
         if each.failure:
             continue
         tracks = read_tracks(folder / "tracks" / f"{file_name(each.name)}.csv")
-        evaluation = evaluate_with_details(truth, tracks, situations=situations) if truth is not None else None
+        evaluation = None
+        if truth is not None:
+            unused = unused_sensors(each.tracker)
+            evaluation = evaluate_with_details(truth, tracks, situations=situations, unused=unused)
         results.append(TrackerResult(each.name, tracks, evaluation, each.ms_per_frame()))
     return results
 

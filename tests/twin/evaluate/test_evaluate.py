@@ -74,6 +74,10 @@ def test_perfect_tracks():
         "misses": 0,
         "misidentifications": 0,
         "lost_tracks": 0,
+        "errors": {
+            "missed": {"unseen": 0, "unused": 0, "start_up": 0, "seen": 0},
+            "false_positive": {"ghost": 0, "ghost_unseen": 0, "double": 0, "clutter": 0},
+        },
         "accuracy": 1.0,
         "failures": {"person_frames": 60, "missed": 0, "false_location": 0, "identity_wrong": 0},
         "disposal": None,
@@ -408,7 +412,7 @@ def test_names_do_not_matter(run):
         tracks_of({names[t]: path for t, path in tracks.items()}, steps),
     )
     at_1m, renamed_at_1m = metrics.pop("at_1m"), renamed.pop("at_1m")
-    for whole in ("head_error_m", "failures"):
+    for whole in ("head_error_m", "failures", "errors"):
         assert renamed.pop(whole) == metrics.pop(whole)
     assert renamed == pytest.approx(metrics)
     assert renamed_at_1m == pytest.approx(at_1m)

@@ -1,0 +1,118 @@
+"""Errors by cause: why somebody was missed, and what a track was that stood near nobody.
+
+A miss is a person inside the area, in a judged frame, matched with no track (CLEAR correspondence). By cause, the first
+that holds: `unseen`, no sensor's ray reaches the body (every `visible_<sensor>` is 0), so that no tracker can know;
+`unused`, only sensors see them that the tracker makes no use of; `start_up`, they were matched with no track yet since they
+came into the area; else `seen`.
+
+A false positive is a track matched with nobody: a `double` within the gate of a person whom another track is matched with;
+a `ghost` while it coasts, `ghost_unseen` where the person it was matched with last is unseen just then; else `clutter`.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.evaluate.clear import FrameMatches
+from twin.evaluate.frames import Frame
+from twin.recording.tables import TruthTable
+
+MISSES = ("unseen", "unused", "start_up", "seen")
+FALSE_POSITIVES = ("ghost", "ghost_unseen", "double", "clutter")
+POSTURES = ("upright", "low", "lying")
+
+_LOW_SHARE = 0.8  # of a person's own greatest height of the pelvis: below, they sit, crouch or bend
+_LYING_M = 0.3  # from pelvis to head, in height: below, they lie
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """The e misses and false positives of a run, by stamp."""
+
+    stamps_ns: NDArray[np.int64]  # (e,)
+    xy: NDArray[np.float64]  # (e, 2) the missed person, or the track [m]
+    cause: NDArray[np.str_]  # (e,) one of MISSES or FALSE_POSITIVES
+    posture: NDArray[np.str_]  # (e,) of the missed person, one of POSTURES; "" for a track
+
+    def figures(self) -> dict[str, Any]:
+        """`errors` of `metrics.json`: how many frames of each kind and cause."""
+        count = Counter(self.cause.tolist())
+        return {
+            "missed": {cause: count[cause] for cause in MISSES},
+            "false_positive": {cause: count[cause] for cause in FALSE_POSITIVES},
+        }
+
+
+def errors_by_cause(
+    truth: TruthTable,
+    judged: Sequence[Frame],
+    matches: Sequence[FrameMatches],
+    gate_m: float,
+    unused: Collection[str] = (),
+) -> Errors:
+    """Every error in frames inside the area, given their correspondence; `unused`: sensors the tracker leaves alone."""
+    rows = _TruthRows(truth, unused)
+    found: list[tuple[int, NDArray[np.float64], str, str]] = []
+    followed: set[int] = set()  # matched since they came into the area
+    last_person: dict[int, int] = {}
+    for frame, pairs in zip(judged, matches, strict=True):
+        people, tracks = frame.person_ids.tolist(), frame.track_ids.tolist()
+        followed.intersection_update(people)
+        for row, column in zip(pairs.rows.tolist(), pairs.columns.tolist(), strict=True):
+            followed.add(people[row])
+            last_person[tracks[column]] = people[row]
+        for row in np.setdiff1d(np.arange(len(people)), pairs.rows).tolist():
+            sight, posture = rows.at(people[row], frame.stamp_ns)
+            started = "seen" if people[row] in followed else "start_up"
+            found.append((frame.stamp_ns, frame.person_xy[row], started if sight == "seen" else sight, posture))
+        alone = np.setdiff1d(np.arange(len(tracks)), pairs.columns)
+        near = frame.distances_m.min(axis=0, initial=np.inf) <= gate_m
+        for column in alone.tolist():
+            doubled = bool(near[column])
+            cause = "double" if doubled else "clutter"
+            if not doubled and not frame.confirmed[column]:
+                person = last_person.get(tracks[column])
+                hidden = person is not None and rows.at(person, frame.stamp_ns)[0] == "unseen"
+                cause = "ghost_unseen" if hidden else "ghost"
+            found.append((frame.stamp_ns, frame.track_xy[column], cause, ""))
+    stamps, places, causes, postures = zip(*found, strict=True) if found else ((), (), (), ())
+    return Errors(
+        np.array(stamps, dtype=np.int64),
+        np.reshape(np.array(places, dtype=np.float64), (-1, 2)),
+        np.array(causes, dtype=np.str_),
+        np.array(postures, dtype=np.str_),
+    )
+
+
+class _TruthRows:
+    """Who is seen by whom, and in what posture, at any stamp: as in the person's row nearest in time."""
+
+    def __init__(self, truth: TruthTable, unused: Collection[str]) -> None:
+        self._truth = truth
+        self._rows = {int(person): np.flatnonzero(truth.id == person) for person in np.unique(truth.id)}
+        self._highest_m = {person: float(truth.z[rows].max()) for person, rows in self._rows.items()}
+        seen = {name: share > 0 for name, share in truth.visible.items()}
+        nothing = np.zeros(truth.id.size, dtype=np.bool_) if seen else np.ones(truth.id.size, dtype=np.bool_)
+        self._seen = np.logical_or.reduce([nothing, *seen.values()])
+        self._seen_by_used = np.logical_or.reduce(
+            [nothing, *(share for name, share in seen.items() if name not in unused)]
+        )
+
+    def at(self, person: int, stamp_ns: int) -> tuple[str, str]:
+        """`seen`, `unused` or `unseen`, and the posture; a person who is not there any more is unseen."""
+        rows = self._rows[person]
+        stamps = self._truth.stamps_ns[rows]
+        after = min(int(np.searchsorted(stamps, stamp_ns)), rows.size - 1)
+        before = max(after - 1, 0)
+        nearest = rows[before if abs(stamps[before] - stamp_ns) < abs(stamps[after] - stamp_ns) else after]
+        sight = "seen" if self._seen_by_used[nearest] else "unused" if self._seen[nearest] else "unseen"
+        z, head_z = float(self._truth.z[nearest]), float(self._truth.head_z[nearest])
+        if head_z - z < _LYING_M:
+            return sight, "lying"
+        return sight, "low" if z < _LOW_SHARE * self._highest_m[person] else "upright"
