@@ -58,7 +58,7 @@ class DepthOptions(Strict):
     most: float = Field(
         default=3.0, gt=0, description="a pixel is off by no more than so many standard deviations (ours)"
     )
-    power: float = Field(default=2.0, ge=0, description="what the mean over the ellipse's pixels counts (ours)")
+    power: float = Field(default=4.0, ge=0, description="what the mean over the ellipse's pixels counts (ours)")
     linear: Linear = Field(
         default=(1.0, 2.0),
         description="a and b [1/m] of the weight a − b · mean |d − d̂| (eq. 7; the paper gives neither)",
@@ -113,12 +113,12 @@ class MotionOptions(Strict):
     """How heads move between moments; the paper gives no motion model, so that all of it is ours."""
 
     still_m: float = Field(
-        default=0.05, gt=0, description="diffusion of who stands, along x and y, in a second [m per √s]"
+        default=0.1, gt=0, description="diffusion of who stands, along x and y, in a second [m per √s]"
     )
     per_speed_m: float = Field(
-        default=0.07, ge=0, description="what that grows by with the person's speed [m per √s per m/s]"
+        default=0.12, ge=0, description="what that grows by with the person's speed [m per √s per m/s]"
     )
-    up_m: float = Field(default=0.05, gt=0, description="diffusion along z in a second [m per √s]")
+    up_m: float = Field(default=0.08, gt=0, description="diffusion along z in a second [m per √s]")
     turn_deg: float = Field(default=60.0, gt=0, description="diffusion of the direction in a second [° per √s]")
     turned: float = Field(
         default=0.1,
@@ -181,7 +181,7 @@ class Start(Strict):
 class RgbdHeadOptions(Strict):
     """The whole system; its defaults are what works, the preset `rgbd-head-paper` is the paper's own."""
 
-    heads: PositiveInt = Field(default=512, le=100_000, description="N, hypotheses a person")
+    heads: PositiveInt = Field(default=1024, le=100_000, description="N, hypotheses a person (the paper: 512)")
     weights: WeightOptions = Field(default=WeightOptions(), description="how a picture weighs them")
     environment: EnvironmentOptions = Field(default=EnvironmentOptions(), description="how the room weighs them")
     motion: MotionOptions = Field(default=MotionOptions(), description="how heads move")
@@ -191,6 +191,8 @@ class RgbdHeadOptions(Strict):
         "for simultaneous",
     )
     start: tuple[Start, ...] = Field(
-        default=(), description="heads that are known at a time (the paper); none: people are found (ours)"
+        default=(),
+        description="heads that are known at a time (the paper), and followed to the end; none: people are found and "
+        "end (ours)",
     )
     life: LifeOptions = Field(default=LifeOptions(), description="who comes and goes, where no start is known")

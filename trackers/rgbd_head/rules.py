@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from typing import Any
 
 PAPER: Mapping[str, Any] = {
+    "heads": 512,
     "weights": {
         "colour": {"by_person": False},
         "depth": {"by_range": False},
         "silhouette": {"power": 0.0},
     },
     "environment": {"radius_m": 0.0},
-    "motion": {"walking": 0.0},
+    "motion": {"walking": 0.0, "turned": 0.0},
 }
 """The options of `rgbd-head-paper`. What the paper does not give (a, b, the motion model) is as in ours; the start is known
 where `start` says it, and found as ours is where it does not."""

@@ -255,6 +255,8 @@ class RgbdHead:
     def _staying(self, people: People) -> Bool[Mask, "n"]:
         """Who goes on: shown lately, and not in the head of somebody older."""
         life, place = self.options.life, people.place
+        if self.options.start:  # the paper's: who is known to be there stays, coasting at worst
+            return np.ones(len(people), np.bool_)
         stays = coasting_within(people.roster, self._ns, life.gone_s, life.tentative_s)
         if len(people) > 1:
             near = np.tril(distances(place[:, :2], place[:, :2]) < life.same_head_m, -1)
