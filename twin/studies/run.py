@@ -32,7 +32,7 @@ from twin.studies.evaluations import FILE, Evaluations, Job, Outcome, open_evalu
 from twin.studies.layout import OWN, Candidate
 from twin.studies.placed import placed
 from twin.studies.prepare import Prepared, prepare
-from twin.studies.scoring import Score, score
+from twin.studies.scoring import DETAILED, Score, score
 from twin.studies.search import Result, Searcher
 from twin.studies.trial import Trial, fronts, key_of, losses
 from twin.suites.cache import RecordingCache, cache_folder, cache_limit_bytes
@@ -79,7 +79,7 @@ class StudyRun:
     def __init__(self, prepared: Prepared, cache: RecordingCache) -> None:
         self.prepared, self.cache = prepared, cache
         self.study, self.layout = prepared.study, prepared.layout
-        self._details = any((each.metric or "").startswith("disposal") for each in self.study.objectives)
+        self._details = any((each.metric or "").startswith(DETAILED) for each in self.study.objectives)
         self._code = whole_code()
         self.evaluations: Evaluations | None = None
         self.searcher: Searcher | None = None

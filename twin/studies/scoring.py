@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from trackers.errors import InputError
 from trackers.knowledge import Knowledge
 from trackers.presets import make_tracker
-from trackers.tracks import track_frames
+from trackers.tracks import track_frames, unused_sensors
 from twin.evaluate import evaluate_with_details
 from twin.evaluate.summary import Evaluation
 from twin.people.casts import casts_of
@@ -28,6 +28,8 @@ from twin.truth.frames import Situation, TruthDetail, TruthFrame
 from twin.world.simulation import Simulation
 from twin.world.staged import Posed, Staged
 
+DETAILED = ("disposal.", "errors.")
+"""Figures that need more of the truth than where everybody is."""
 _MOST_STAGED = 6
 """So many scenes with their people a worker keeps compiled."""
 
@@ -40,7 +42,8 @@ _TIMING = {"rate_hz", "phase_s", "delay_s", "jitter_s", "dropout", "sweep_time_s
 class Score:
     """A placed scenario (seed included) to be tracked, the cache of motions, and the code that the others run.
 
-    details: whether to find out about situations of two people, which some figures are made of and which costs more.
+    details: whether to find out about situations of two people and who is seen by which sensor, which some figures
+    (`DETAILED`) are made of and which costs more; without, there are none of these.
     """
 
     scenario: Scenario
@@ -87,13 +90,13 @@ def evaluated(work: Score) -> dict[str, Evaluation]:
         if isinstance(detail, Situation):
             situations.append(detail)
 
-    known = timing in kept.truth
+    known = timing in kept.truth and not work.details
     with Simulation(
         scenario,
         on_truth=None if known else frames.append,
         on_detail=tell if work.details else None,
         staged=kept.staged,
-        shares=False,
+        shares=work.details,
     ) as simulation:
         if all(each.kind == "laser" for each in scenario.sensors.values()) and not work.details:
             scene = simulation.world.scene
@@ -102,14 +105,16 @@ def evaluated(work: Score) -> dict[str, Evaluation]:
         observations, rig = list(simulation), simulation.rig
         if simulation.world.posed is not None and len(casts_of(scenario.people)) == 1:
             kept.posed[timing] = simulation.world.posed  # whole: what is half kept would be asked for in another order
-    truth = kept.truth.setdefault(timing, truth_table(frames)) if not known else kept.truth[timing]
+    truth = kept.truth[timing] if known else truth_table(frames)
+    if not work.details:  # who is seen is of this placement alone
+        kept.truth[timing] = truth
     pairs = situation_table(situations, scenario.name) if work.details else None
     found = {}
     for each in work.trackers:
         rng = stream(scenario.seed, "tracker", each.name)
         tracker = make_tracker(each.target, rig, knowledge, rng, each.options)
         tracks = track_table(track_frames(tracker, rig, observations))
-        found[each.name] = evaluate_with_details(truth, tracks, situations=pairs)
+        found[each.name] = evaluate_with_details(truth, tracks, situations=pairs, unused=unused_sensors(tracker))
     return found
 
 
@@ -119,7 +124,10 @@ def score(work: Score) -> dict[str, dict[str, float | None]]:
         raise InputError(
             "the worker's code is not that of the study's process; the same version everywhere is expected"
         )
-    return {name: flat(each.metrics) for name, each in evaluated(work).items()}
+    figures = {name: flat(each.metrics) for name, each in evaluated(work).items()}
+    if work.details:
+        return figures
+    return {name: {key: each[key] for key in each if not key.startswith(DETAILED)} for name, each in figures.items()}
 
 
 def errors_by_place(work: Score, tracker: str) -> NDArray[np.float64]:

@@ -11,13 +11,17 @@ import pytest
 from small_study import written
 
 from trackers.errors import InputError
+from twin.run.chosen_trackers import ChosenTracker
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 from twin.studies import evaluations
 from twin.studies.answers import write_answers
 from twin.studies.run import run_study
+from twin.studies.scoring import Score, score
 from twin.studies.terminal import print_summary
+from twin.suites.cache import RecordingCache
 from twin.suites.figures import flat
+from twin.suites.fingerprint import whole_code
 from twin.suites.run import Place
 
 pytestmark = pytest.mark.slow
@@ -81,7 +85,20 @@ def test_figures_and_tracks_are_those_of_a_run(whole: tuple[Path, Path, dict], t
     assert metrics is not None
     ours, theirs = row["figures"]["laser-imm"], flat(metrics["trackers"]["laser-imm"])
     differ = {key for key in theirs if ours.get(key) != theirs[key]}
-    assert {key.split(".")[0] for key in differ} <= {"ms_per_frame", "disposal"}  # what it costs; what needs situations
+    assert {key.split(".")[0] for key in differ} <= {
+        "ms_per_frame",
+        "disposal",
+        "errors",
+    }  # what it costs; what needs more truth
+    work = Score(
+        scenario,
+        (ChosenTracker("laser-imm", "laser-imm"),),
+        RecordingCache(tmp_path, 10**9),
+        whole_code(),
+        details=True,
+    )
+    whole_figures = score(work)["laser-imm"]
+    assert not {key for key in theirs if whole_figures.get(key) != theirs[key] and not key.startswith("ms_per_frame")}
 
 
 class KilledError(Exception):
