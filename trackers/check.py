@@ -114,7 +114,7 @@ def _faults_of_seen(seen: Sequence[Any], rig: Rig) -> list[str]:
 
 
 def _numbers(track: Track) -> list[float]:
-    return [getattr(track, item.name) for item in fields(track) if item.name not in ("id", "status")]
+    return [getattr(track, item.name) for item in fields(track) if item.name not in ("id", "status", "situation")]
 
 
 def _arrays(observation: Observation) -> list[np.ndarray]:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import nan
 from typing import Any, Literal, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
 
 from trackers.detections import Detection
 from trackers.observations import Observation
@@ -20,7 +23,8 @@ class Track:
     """One person as a tracker sees them, in the room frame; NaN where the tracker does not estimate a quantity.
 
     x, y: ground point under the pelvis [m]; z: height of the pelvis [m]; vx, vy: velocity [m/s]; head_*: centre of
-    the head [m] and its yaw [rad]; status: measured lately ("confirmed") or predicted only ("coasting").
+    the head [m] and its yaw [rad]; status: measured lately ("confirmed") or predicted only ("coasting"); situation: how
+    they stand to others, where the tracker tells that, in a word or two for the preview.
     """
 
     id: int
@@ -34,14 +38,30 @@ class Track:
     head_z: float = nan
     head_yaw: float = nan
     status: Status = "confirmed"
+    situation: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScoreMap:
+    """Where in a camera's picture a tracker finds that a person may be, for the preview."""
+
+    id: int
+    sensor: str
+    corner: tuple[int, int]  # column and row of the map's first pixel in the picture
+    score: NDArray[np.floating]  # (height, width) ≥ 0
+    patches: NDArray[np.floating]  # (k, 2) [px]: centres of what was looked at
 
 
 @dataclass(frozen=True, slots=True)
 class TrackFrame:
-    """All tracks at one stamp of the tracker's main sensor; an empty tuple says that nobody is tracked."""
+    """All tracks at one stamp of the tracker's main sensor; an empty tuple says that nobody is tracked.
+
+    maps: what the tracker found in pictures on the way, where it tells.
+    """
 
     stamp_ns: int
     tracks: tuple[Track, ...]
+    maps: tuple[ScoreMap, ...] = field(default=(), compare=False)
 
 
 @runtime_checkable

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from trackers.filters.gating import global_nearest_neighbour, mahalanobis, validation_region
+from trackers.filters.gating import global_nearest_neighbour, linked, mahalanobis, validation_region
 
 
 def test_validation_region_is_the_union_of_circles():
@@ -66,3 +66,15 @@ def test_as_many_pairs_as_can_be_at_least_cost(n, k, seed):
     tracks, taken = global_nearest_neighbour(distance, allowed)
     assert -len(tracks) == best[0]
     assert distance[tracks, taken].sum() == pytest.approx(best[1])
+
+
+@given(st.integers(0, 12), st.floats(0, 0.5), st.integers(0, 2**32 - 1))
+def test_linked_are_those_whom_chains_join_as_scipy_has_it(n, share, seed):
+    from scipy.sparse.csgraph import connected_components
+
+    near = np.random.default_rng(seed).random((n, n)) < share
+    near |= near.T
+    label = linked(near)
+    theirs = connected_components(near, directed=False)[1] if n else np.zeros(0, int)
+    np.testing.assert_array_equal(label[:, None] == label, theirs[:, None] == theirs)
+    assert all((label[label == each] == each).all() and label[each] == each for each in label)

@@ -113,3 +113,35 @@ def test_a_stereo_cameras_left_view_serves_where_there_is_no_other():
 def test_the_contract_holds_with_pictures():
     given = sorted([*observed(PASSING), *pictures(PASSING)], key=lambda each: each.stamp_ns)[:60]
     assert check_tracker(lambda on, empty, rng: make_tracker(PRESET, on, empty, rng), FUSED, given, EMPTY) == []
+
+
+def test_two_who_arrive_as_one_are_two_once_they_part():
+    """More people come out of what was one track than went in: the second gets a number of their own."""
+    parting = straight_walk([(-0.12, 1.6), (0.12, 1.6)], [(-0.45, 0.0), (0.45, 0.0)], 40)
+    frames, *_ = followed(parting)
+    last = frames[-1].tracks
+    assert len(last) == 2 and len({track.id for track in last}) == 2
+    at = np.array(sorted((track.x, track.y) for track in last))
+    assert np.hypot(*(at - parting.position[-1]).T).max() < 0.25
+    assert len(frames[0].tracks) == 0 and score(parting, frames).false_positives <= 8
+
+
+def test_one_of_a_merged_pair_may_leave_the_area():
+    """Abreast to the border and beyond it; who stays keeps their number."""
+    walk = straight_walk([(-0.6, 1.5), (-0.6, 1.85)], [(0.8, 0.0), (0.8, 0.0)], 45)
+    turn = 20
+    walk.position[turn:, 1, 0] = walk.position[turn, 1, 0]
+    frames, *_ = followed(walk)
+    numbers = [track.id for frame in frames for track in frame.tracks if np.hypot(track.x - 1.0, track.y - 1.85) < 0.3]
+    assert len(frames[-1].tracks) == 1 and frames[-1].tracks[0].id == numbers[-1]
+    assert len(set(numbers[-15:])) == 1
+
+
+def test_frames_tell_situations_and_score_maps_of_whom_no_scanner_sees():
+    frames, tracker, *_ = followed(PASSING)
+    assert {"apart", "interacting"} <= {track.situation for frame in frames for track in frame.tracks}
+    for frame in frames:
+        for found in frame.maps:
+            assert found.sensor == "camera" and (found.score >= 0).all() and found.score.ndim == 2
+            assert found.patches.shape[1] == 2
+    assert tracker.situations()

@@ -232,12 +232,10 @@ class ParticleFilter:
         due = (share <= self.threshold) & (share < 1 - 1e-9)
         if not due.any():
             return cloud
-        ancestors = resample(self.resampling, cloud.weights.normalised[due], rng)
-        if due.all():
-            state = np.take_along_axis(cloud.state, ancestors[None], axis=2)
-        else:
-            state = cloud.state.copy()
-            state[:, due] = np.take_along_axis(cloud.state[:, due], ancestors[None], axis=2)
+        components, n, p = cloud.state.shape
+        ancestors = np.arange(n * p).reshape(n, p)  # of all sets, one after the other
+        ancestors[due] = ancestors[due, :1] + resample(self.resampling, cloud.weights.normalised[due], rng)
+        state = cloud.state.reshape(components, n * p).take(ancestors, axis=1)
         return Cloud(state, cloud.weights.resampled(due))
 
 

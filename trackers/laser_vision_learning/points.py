@@ -17,11 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 from pydantic import Field
-from scipy.sparse.csgraph import connected_components
 
 from trackers.arrays import Array, Index
 from trackers.configuration import Strict
-from trackers.filters.gating import distances
+from trackers.filters.gating import distances, linked
 from trackers.laser.group import Points
 
 
@@ -45,13 +44,18 @@ class PointOptions(Strict):
         default=0.45, gt=0, description="distance from every expected leg at which a point is nobody's known [m] (ours)"
     )
     own_m: float = Field(
-        default=0.12,
+        default=0.3,
         ge=0,
-        description="points this near to a leg of somebody surer make nobody else measured [m]; 0: they do (ours)",
+        description="points this near to where somebody surer stands make nobody else measured [m]; 0: they do (ours)",
     )
     most: int = Field(default=32, ge=4, description="points a person at most, the weightiest (ours)")
     link_m: float = Field(
         default=0.4, gt=0, description="single linkage of points that nobody explains, to somebody new [m] (ours)"
+    )
+    new_points: int = Field(
+        default=2,
+        ge=1,
+        description="points that make somebody new, as a beam on an edge lies behind who is known (ours)",
     )
 
 
@@ -91,7 +95,8 @@ def shares(
     if share.size == 0:
         return Shares(share, weight, np.zeros(len(share)))
     first = np.arange(len(share)) if first is None else first
-    taken = np.minimum.accumulate(square[first], axis=0)[:-1] < options.own_m**2
+    off = points.place.T[:, None] - legs.mean(axis=0)[:, :, None]  # (xy, n, k): bodies keep apart, legs do not
+    taken = np.minimum.accumulate((off**2).sum(axis=0)[first], axis=0)[:-1] < options.own_m**2
     own = (share == share.max(axis=0)) & (square < options.gate_m**2)
     own[first[1:]] &= ~taken
     return Shares(share, weight, own @ weight)
@@ -127,7 +132,7 @@ def newcomers(points: Points, unknown: Float[Array, "k"], options: PointOptions)
     place, weight = points.place[free], np.minimum(points.width_m[free] / options.leg_m, 1.0)
     if len(place) == 0:
         return place, weight
-    count, group = connected_components(distances(place, place) < options.link_m, directed=False)
-    total = np.bincount(group, weight, count).astype(float)
-    middle = np.stack([np.bincount(group, weight * each, count) / total for each in place.T], axis=-1)
-    return middle, total
+    points_of = linked(distances(place, place) < options.link_m) == np.arange(len(place))[:, None]
+    points_of = points_of[points_of.sum(axis=1) >= options.new_points].astype(float)
+    total = points_of @ weight
+    return points_of @ (weight[:, None] * place) / total[:, None], total

@@ -19,11 +19,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 from numpy.typing import NDArray
 from pydantic import Field
-from scipy.sparse.csgraph import connected_components
 
 from trackers.arrays import Array, Index, Mask
 from trackers.configuration import Strict
 from trackers.errors import InputError
+from trackers.filters.gating import linked
 from trackers.filters.rows import written
 from trackers.laser_vision_learning.identities import Identities, IdentityOptions, decided
 from trackers.laser_vision_learning.looks import Learner, Looks, LooksOptions
@@ -127,8 +127,8 @@ class Recognition:
         self._splits: list[_Split] = []
         self.decisions: list[Decision] = []
         """What the last call of `work` decided."""
-        self.maps: list[ScoreMaps] = []
-        """The score maps that it made."""
+        self.maps: list[tuple[Int[Index, "m"], ScoreMaps]] = []
+        """The score maps that it made, each with the numbers of the tracks whose they are."""
 
     def deciding(self, serial: Int[Index, "n"]) -> Bool[Mask, "n"]:
         """Who came out of a group and is not yet identified."""
@@ -237,14 +237,14 @@ class Recognition:
         unseen = known & ~measured_now(people.roster, ns) & now.correlated.any(axis=1)
         if not (self.options.correlated and unseen.any()):
             return people
-        label = connected_components(now.correlated & known & known[:, None], directed=False)[1]
+        label = linked(now.correlated & known & known[:, None])
         cloud, levels = people.cloud, self.learner.options.maps.levels
         for each in np.unique(label[unseen]).tolist():
             rows = np.flatnonzero((label == each) & known)
             maps = self.learner.score_maps(
                 self._looks, shown.rgb, shown.places[rows], rows, self._rng, shown.foreground
             )
-            self.maps.append(maps)
+            self.maps.append((people.serial[rows], maps))
             drawn = in_levels(cloud.select(rows), self.learner.likelihood(maps), levels, self._spread, self._rng)
             cloud = cloud.replaced(rows[unseen[rows]], drawn.select(unseen[rows]))
         return people.changed(roster=people.roster.changed(state=cloud))

@@ -16,11 +16,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import NDArray
 from pydantic import Field
-from scipy.sparse.csgraph import connected_components
 
 from trackers.arrays import Array, Index, Mask
 from trackers.configuration import Strict
-from trackers.filters.gating import distances
+from trackers.filters.gating import distances, linked
 from trackers.laser.group import Points
 from trackers.tracking.lifecycle import nanoseconds
 
@@ -85,7 +84,7 @@ class Situations:
     @property
     def group(self) -> Int[Index, "n"]:
         """The number of the group of confused people that each is in; those alone have one of their own."""
-        return connected_components(self.confused, directed=False)[1].astype(np.intp)
+        return linked(self.confused)
 
 
 def assessed(
@@ -122,16 +121,12 @@ def assessed(
 
 
 def _joined(points: Points, owner: Int[Index, "k"], interacting: Bool[Mask, "n n"], link_m: float) -> Bool[Mask, "n n"]:
-    """Whose points single linkage joins with whose."""
-    joined = np.zeros(interacting.shape, np.bool_)
+    """Who has a point that is linked to one of whom; those between whom a chain leads are of one group (`Situations.group`)."""
     theirs = (owner >= 0) & np.logical_or.reduce(interacting, axis=1)[owner]
-    place, owner = points.place[theirs], owner[theirs]
-    if owner.size == 0:
-        return joined
-    count, cluster = connected_components(distances(place, place) < link_m, directed=False)
-    part = np.zeros((len(joined), count), np.bool_)
-    part[owner, cluster] = True
-    return (part.astype(np.intp) @ part.T > 0) & ~np.eye(len(joined), dtype=bool)
+    place, whose = points.place[theirs], np.zeros((len(interacting), int(theirs.sum())), np.float32)
+    whose[owner[theirs], np.arange(len(place))] = 1
+    near = (distances(place, place) < link_m).astype(np.float32)
+    return (whose @ near @ whose.T > 0) & ~np.eye(len(interacting), dtype=bool)
 
 
 def told(situations: Situations, deciding: Bool[Mask, "n"]) -> list[Situation]:

@@ -22,7 +22,7 @@ from trackers.rig import Rig
 from trackers.tracking.lifecycle import measured_now
 from trackers.tracking.moment_tracker import MomentTracker
 from trackers.tracking.moments import Moment, MomentRules
-from trackers.tracks import Track, TrackFrame
+from trackers.tracks import ScoreMap, Track, TrackFrame
 
 
 class LaserVisionLearning(MomentTracker):
@@ -82,6 +82,7 @@ class LaserVisionLearning(MomentTracker):
             shown &= self._area.contains(places)
         shown = shown.nonzero()[0]
         shown = shown[roster.id[shown].argsort()]
+        situations = self.situations()
         columns = (
             roster.id[shown],
             *places[shown].T,
@@ -89,7 +90,7 @@ class LaserVisionLearning(MomentTracker):
             measured_now(roster, self._walkers.ns)[shown],
         )
         return [
-            Track(number, x, y, vx, vy, status="confirmed" if seen else "coasting")
+            Track(number, x, y, vx, vy, status="confirmed" if seen else "coasting", situation=situations[number])
             for number, x, y, vx, vy, seen in zip(*(column.tolist() for column in columns), strict=True)
         ]
 
@@ -118,3 +119,14 @@ class LaserVisionLearning(MomentTracker):
             picture = image if isinstance(image, Image | DepthImage) else None
             walkers.people = self._recognition.work(walkers.people, walkers.situations, picture, moment.ns)
             self._decisions += self._recognition.decisions
+
+    def _maps(self) -> tuple[ScoreMap, ...]:
+        """The score maps of the moment."""
+        if self._recognition is None or self._camera is None:
+            return ()
+        number = dict(zip(self._walkers.people.serial.tolist(), self._walkers.people.roster.id.tolist(), strict=True))
+        return tuple(
+            ScoreMap(number[serial], self._camera, (int(maps.corner[0]), int(maps.corner[1])), each, maps.centre)
+            for whose, maps in self._recognition.maps
+            for serial, each in zip(whose.tolist(), maps.maps, strict=True)
+        )

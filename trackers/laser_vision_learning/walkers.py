@@ -108,16 +108,20 @@ class Walkers:
     def _end(self) -> None:
         life, people, places = self.options.life, self.people, self.people.places
         sure = people.roster.confirmed
-        # the younger of two who are where one is has never been anybody
-        near = np.tril(distances(places, places) < life.apart_m, -1).any(axis=1)
-        kept = (people.missing_s <= np.where(sure, life.coast_s, life.tentative_s)) & (sure | ~near)
+        kept = people.missing_s <= np.where(sure, life.coast_s, life.tentative_s)
+        if not sure.all():
+            # the younger of two who are where one is has never been anybody
+            kept &= sure | ~np.tril(distances(places, places) < life.apart_m, -1).any(axis=1)
         if self._area is not None:
             kept &= self._area.contains(places)
-        self.people = people.select(kept)
+        if not kept.all():
+            self.people = people.select(kept)
 
     def _start(self, place: Float[Array, "m 2"], legs: Float[Array, "m"]) -> None:
         life = self.options.life
-        new = (legs >= life.new_legs) & clear_of(place, self.people.places, life.apart_m)
+        new = legs >= life.new_legs
+        if new.any():
+            new &= clear_of(place, self.people.places, life.apart_m)
         if new.any():
             state = Cloud.of(self._model.start(place[new], self.options.particles, self.rng))
             self.people = self.people.joined(People.started(state, self.ns, self._next_serial))

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 
 from trackers.observations import Observation
 from trackers.tracking.moments import Moment, MomentGatherer, MomentRules
-from trackers.tracks import Track, TrackFrame
+from trackers.tracks import ScoreMap, Track, TrackFrame
 
 
 class MomentTracker(ABC):
@@ -38,9 +38,13 @@ class MomentTracker(ABC):
     def _work(self, moment: Moment) -> None:
         """Take the tracks on to a moment."""
 
+    def _maps(self) -> tuple[ScoreMap, ...]:
+        """What pictures showed of them in that moment; none, unless a tracker tells."""
+        return ()
+
     def _work_all(self, moments: list[Moment]) -> list[TrackFrame]:
         frames = []
         for moment in moments:
             self._work(moment)
-            frames.append(TrackFrame(moment.ns, tuple(self.tracks())))
+            frames.append(TrackFrame(moment.ns, tuple(self.tracks()), self._maps()))
         return frames

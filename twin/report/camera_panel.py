@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from trackers.observations import DepthImage, Image
 from trackers.rig import CameraSensor, placed_camera
-from trackers.tracks import Track
+from trackers.tracks import ScoreMap, Track
 from twin.report.birdseye import SHIFT, fixed_point
 from twin.report.lettering import Tag, write, write_tags
 from twin.report.palette import IdentityColours
@@ -20,6 +20,10 @@ from twin.report.panels import BACKDROP, DARK_INK, INK, QUIET, SILENT_FILL, dash
 TORSO_LOW_M, TORSO_HIGH_M, TORSO_WIDTH_M = 1.0, 1.4, 0.45
 """The torso window drawn around a track, for the eye: a person 1.7 m tall; heights above the floor, width across."""
 
+_MAP_FILL = 0.75
+"""The share of a score map's colour where it is highest."""
+_MAPS_ACROSS = 6
+"""Tiles at the lower edge, two for each of the score maps that there is room for."""
 _SILENT_LIGHT = 0.35
 """The share of its light that is left of the last picture of a camera that reports no more."""
 
@@ -46,14 +50,16 @@ class CameraGrid:
         tracks: Sequence[Track],
         colours: IdentityColours,
         silent: Collection[str] = (),
+        maps: Sequence[ScoreMap] = (),
     ) -> None:
-        """Draw each camera's newest image (none: the one before; dimmed where it is silent) and the tracks on it."""
+        """Draw each camera's newest image (none: the one before; dimmed where it is silent), score maps and tracks on it."""
         panel[:] = BACKDROP
         for place, (name, each) in enumerate(self._panels.items()):
             row, column = divmod(place, self._across)
             side = each.side_px
             tile = panel[row * side : (row + 1) * side, column * side : (column + 1) * side]
-            each.draw(tile, images.get(name), tracks, colours, silent=name in silent)
+            own = [found for found in maps if found.sensor == name]
+            each.draw(tile, images.get(name), tracks, colours, silent=name in silent, maps=own)
 
 
 class CameraPanel:
@@ -79,8 +85,9 @@ class CameraPanel:
         tracks: Sequence[Track],
         colours: IdentityColours,
         silent: bool = False,
+        maps: Sequence[ScoreMap] = (),
     ) -> None:
-        """Draw the newest image (None: the one before; dimmed where it is `silent`) and the tracks on it."""
+        """Draw the newest image (None: the one before; dimmed where it is `silent`), score maps and the tracks on it."""
         x, y = self._offset
         width, height = self._size
         if image is not None and image is not self._shown:
@@ -95,6 +102,7 @@ class CameraPanel:
         if silent:
             panel[:] = (_SILENT_LIGHT * panel).astype(np.uint8)
             tags.append(Tag(f"{self._sensor_name} silent", self.side_px / 2, y + height - 14.0, SILENT_FILL, INK))
+        self._draw_maps(panel, maps, colours)
         for track, window in self._torso_windows(tracks):
             colour = colours[track.id]
             if track.status == "confirmed":
@@ -106,6 +114,29 @@ class CameraPanel:
                 dashed_loop(panel, window, colour)
             tags.append(track_tag(track, float(window[:, 0].mean()), float(window[:, 1].min()) - 11, colour))
         write_tags(panel, tags)
+
+    def _draw_maps(self, panel: NDArray[np.uint8], maps: Sequence[ScoreMap], colours: IdentityColours) -> None:
+        """What of the picture score maps cover, side by side at the panel's lower edge: left as it is, with a dot at each patch
+        that was looked at, right under the map in its person's colour, the fuller the higher the score.
+        """
+        side, shown = self.side_px // _MAPS_ACROSS, self._shown
+        for place, found in enumerate(maps[: _MAPS_ACROSS // 2] if shown is not None else ()):
+            assert shown is not None
+            height, width = found.score.shape
+            to_tile = np.array([[1.0, 0.0, -found.corner[0]], [0.0, 1.0, -found.corner[1]]]) * (
+                side / max(height, width)
+            )
+            cut = cv2.warpAffine(shown.rgb, to_tile, (side, side), flags=cv2.INTER_LINEAR)
+            score = cv2.resize(found.score.astype(np.float32), None, fx=to_tile[0, 0], fy=to_tile[0, 0])[:side, :side]
+            share = np.zeros((side, side, 1))
+            share[: score.shape[0], : score.shape[1], 0] = _MAP_FILL * score / max(float(score.max()), 1e-9)
+            colour = colours[found.id]
+            under = (cut * (1 - share) + np.array(colour) * share).astype(np.uint8)
+            for u, v in np.rint(found.patches @ to_tile[:, :2].T + to_tile[:, 2]).astype(int).tolist():
+                cv2.circle(cut, (u, v), 1, INK, -1)
+            left = 2 * place * side
+            panel[-side:, left : left + 2 * side] = np.concatenate([cut, under], axis=1)
+            cv2.rectangle(panel, (left, len(panel) - side), (left + 2 * side - 1, len(panel) - 1), colour, 2)
 
     def _torso_windows(self, tracks: Sequence[Track]) -> list[tuple[Track, NDArray[np.float64]]]:
         """The outlines (24, 2) [px] of upright windows that face the camera, of the tracks in view, farthest first."""

@@ -198,7 +198,8 @@ def _draw_track(panel: NDArray[np.uint8], view: FloorView, track: Track, colour:
         cv2.circle(panel, at, size, _mix(colour, _SEEN.floor, 0.7), -1, cv2.LINE_AA, SHIFT)
         dashed_loop(panel, centre + radius * _CIRCLE, colour)
     cv2.circle(panel, at, size, DARK_INK, 1, cv2.LINE_AA, SHIFT)
-    return track_tag(track, float(centre[0]), float(centre[1]) - radius - 14, colour)
+    situation = track.situation if track.situation != "apart" else ""  # as most are
+    return track_tag(track, float(centre[0]), float(centre[1]) - radius - 14, colour, situation)
 
 
 _CIRCLE = np.stack([np.cos(np.linspace(0, 2 * np.pi, 24)), np.sin(np.linspace(0, 2 * np.pi, 24))], axis=-1)
@@ -211,9 +212,9 @@ def dashed_loop(panel: NDArray[np.uint8], loop: NDArray[np.float64], colour: RGB
     cv2.polylines(panel, pieces, False, colour, 2, cv2.LINE_AA, SHIFT)
 
 
-def track_tag(track: Track, x: float, y: float, colour: RGB) -> Tag:
+def track_tag(track: Track, x: float, y: float, colour: RGB, situation: str = "") -> Tag:
     fill = _mix(colour, DARK_INK, 0.3 if track.status == "confirmed" else 0.7)
-    return Tag(f"#{track.id}", x, y, fill, INK)
+    return Tag(f"#{track.id} {situation}".strip(), x, y, fill, INK)
 
 
 def _mix(colour: RGB, other: RGB, share: float) -> RGB:

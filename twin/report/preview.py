@@ -13,7 +13,7 @@ import numpy as np
 
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan
 from trackers.rig import Rig
-from trackers.tracks import Track
+from trackers.tracks import ScoreMap, Track
 from twin.report.birdseye import SHIFT, Polygon, fixed_point
 from twin.report.camera_panel import CameraGrid
 from twin.report.clock import origin_ns, time_text
@@ -104,11 +104,13 @@ class PreviewWriter:
         truth: TruePoses | None = None,
         floors: Mapping[str, FloorFrame] | None = None,
         silent: Collection[str] = (),
+        maps: Sequence[ScoreMap] = (),
     ) -> None:
         """Draw and encode one moment; stamps must rise.
 
         `images`: the newest picture of each camera (none: the one before is shown on); `scans`, `floors`: the newest of each
-        scanner and pressure floor; `silent`: the sensors that have stopped reporting, which are labelled so.
+        scanner and pressure floor; `silent`: the sensors that have stopped reporting, which are labelled so; `maps`: the
+        tracker's, drawn over the cameras' pictures.
         Raises InputError where the disk is full.
         """
         if self._first_ns is None:
@@ -120,13 +122,14 @@ class PreviewWriter:
         self._pts = pts
         tracks = sorted(tracks, key=lambda track: track.id)
         self._colours.meet(track.id for track in tracks)
+        maps = [each for each in maps if any(each.id == track.id for track in tracks)]
         self._extend_tails(stamp_ns, tracks)
         height, width = self._canvas.shape[:2]
         left = 0
         if self._camera is not None:
             left = self._camera.side_px
             panel = self._canvas[_HEADER_PX:, :left]
-            self._camera.draw(panel, images, tracks, self._colours, silent)
+            self._camera.draw(panel, images, tracks, self._colours, silent, maps)
         panel = self._canvas[_HEADER_PX : height - _FOOTER_PX, left:]
         self._floor.draw(
             panel, scans, self._layers, tracks, self._tails, self._colours, truth, self._names, floors, silent

@@ -79,7 +79,7 @@ class Preview:
         scans = {name: each for name, each in newest.items() if isinstance(each, LaserScan)}
         floors = {name: each for name, each in newest.items() if isinstance(each, FloorFrame)}
         truth = true_poses(self._truth_at(frame.stamp_ns))
-        self._writer.frame(frame.stamp_ns, images, scans, frame.tracks, truth, floors, silent)
+        self._writer.frame(frame.stamp_ns, images, scans, frame.tracks, truth, floors, silent, frame.maps)
         t = frame.stamp_ns / 1e9
         if t >= self._next_still_s and len(self.stills) < _MOST_STILLS:
             self.stills.append((t, self._writer.still()))

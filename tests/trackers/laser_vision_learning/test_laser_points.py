@@ -73,3 +73,21 @@ def test_what_nobody_explains_is_somebody_a_group_of_points():
     places, legs = newcomers(seen, np.array([1, 1, 1, 1, 0.0]), OPTIONS)
     np.testing.assert_allclose(places, [(0.15, 0), (3.1, 0.05)])
     np.testing.assert_allclose(legs, [2, 2])
+
+
+def test_a_point_alone_is_nobody_as_a_beam_on_an_edge_leaves_one():
+    seen = points([(0, 0), (3, 0), (3.2, 0.1)], 0.1)
+    places, _ = newcomers(seen, np.ones(3), OPTIONS)
+    np.testing.assert_allclose(places, [(3.1, 0.05)])
+
+
+def test_of_two_tracks_on_one_body_the_surer_alone_is_measured_and_beside_it_the_other_is():
+    legs = np.zeros((2, 2, 2))
+    legs[0, 0], legs[1, 0] = -0.1, 0.1  # side by side, the second track's a little off
+    seen = points([(-0.1, 0), (0.1, 0.0)], 0.1)
+    for first in ([0, 1], [1, 0]):
+        legs[:, 1] = [0.0, 0.1] if first[0] == 0 else [0.1, 0.0]
+        assert shares(seen, legs, OPTIONS, np.array(first)).legs[first[1]] == 0
+    legs[:, 0, 1] += 0.7  # a body's breadth away
+    beside = points([(-0.1, 0), (0.1, 0.0), (0.6, 0.05), (0.8, 0.05)], 0.1)
+    assert (shares(beside, legs, OPTIONS, np.array([0, 1])).legs >= 2).all()

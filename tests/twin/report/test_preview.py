@@ -17,7 +17,7 @@ from trackers.cameras import PinholeIntrinsics
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, Image
 from trackers.rig import LaserSensor, PinholeSensor, Rig
-from trackers.tracks import Track
+from trackers.tracks import ScoreMap, Track
 from twin.report.palette import IDENTITY_COLOURS
 from twin.report.preview import PreviewWriter, TruePoses
 
@@ -214,3 +214,20 @@ def test_scan_points_lie_on_the_wall(tmp_path: Path, staged: Staged) -> None:
     scale = min(684 / (6.5 + 0.8), 568 / (4.8 + 0.8))
     wall = 568 / 2 - (4.3 - 2.0) * scale  # the room's middle is y = 2 m
     assert np.abs(rows - wall).min() <= 3
+
+
+def test_the_floor_plan_says_the_situation_and_the_picture_shows_the_score_map(tmp_path: Path, staged: Staged) -> None:
+    score = np.zeros((40, 30))
+    score[10:20, 10:20] = 1.0
+    found = ScoreMap(1, "camera", (20, 30), score, np.array([[30.0, 45.0]]))
+    stills = {}
+    for name, situation, maps in (("plain", "apart", ()), ("told", "merged", (found,)), ("other", "merged", ())):
+        with PreviewWriter(tmp_path / f"{name}.mp4", staged.rig, fps=10) as writer:
+            tracks = [Track(1, 0.5, 1.5, situation=situation)]
+            writer.frame(0, {"camera": staged.image}, staged.scans(0), tracks, maps=maps)
+            stills[name] = jpeg(writer.still())
+    side = 640 - 44
+    assert (stills["plain"][44:, :side] == stills["other"][44:, :side]).all()  # words stand in the floor plan
+    assert (np.abs(stills["plain"][44:, side:].astype(int) - stills["other"][44:, side:]) > 60).any()
+    tile = stills["told"][-side // 6 :, : side // 3].astype(int)
+    assert (np.abs(tile - stills["other"][-side // 6 :, : side // 3]) > 60).any()

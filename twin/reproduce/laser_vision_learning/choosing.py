@@ -22,7 +22,7 @@ from twin.suites.worker import RECORDING, record, renderer_of
 
 CHOICE = "beyond the paper, choice"
 RIGHT, MARGIN = "identities right, classifiers alone", "margin over its deviation"
-SEED, DURATION_S = 1003, 40
+SEED, DURATION_S = 1003, 16
 _SCENARIO = "library-hall-busy"
 
 

@@ -61,6 +61,9 @@ class Condition:
     seeds: tuple[int, ...]
     figures: Mapping[str, Mapping[str, Array]]  # tracker -> figure of metrics.json -> (n,), NaN where it does not apply
     place: PlaceFigures
+    course: Mapping[str, tuple[Array, ...]] | None = (
+        None  # tracker -> of each run failures and person-frames so far, (2, f)
+    )
 
     def called(self, tracker: str) -> str:
         """A tracker as it stands in tables."""
@@ -74,6 +77,14 @@ class Condition:
     def accuracy(self, tracker: str) -> Array:
         """Accuracy of each run, (n,) [%]."""
         return 100 * (1 - self.failures(tracker) / self.figures[tracker]["failures.person_frames"])
+
+    def accuracy_so_far(self, tracker: str, seed: int, frames: int) -> float:
+        """Accuracy of a run's first frames, so many [%]; of the whole run where its course is not known."""
+        run = self.seeds.index(seed)
+        if self.course is None:
+            return float(self.accuracy(tracker)[run])
+        failed, count = self.course[tracker][run][:, :frames][:, -1]
+        return float(100 * (1 - failed / count))
 
 
 @dataclass(frozen=True, eq=False)

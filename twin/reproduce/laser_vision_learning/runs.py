@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from trackers.arrays import Array
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.evaluate import evaluate_with_details
@@ -42,6 +44,7 @@ def check_suite(suite: Suite, path: Path) -> None:
 def read_hall(found: SuiteRuns) -> HallRuns:
     """All runs; a recording that has left the cache is made again."""
     conditions = {name: _condition(name, whole, found) for name, whole in found.by_condition.items()}
+    conditions[HALL] = replace(conditions[HALL], course=_course(found.by_condition[HALL], found))
     first = {name: _one_run(next(iter(found.by_condition[name].values())), found) for name in (HALL, BUSY)}
     return HallRuns(conditions, first[HALL], first[BUSY], found.not_done)
 
@@ -65,6 +68,17 @@ def _one_run(cases: Mapping[str, Case], found: SuiteRuns) -> OneRun:
     names = dict(enumerate(resolved_scenario(any_case).people, start=1))
     shown = {name: case for name, case in cases.items() if name in SYSTEMS} or cases
     return OneRun(shown, truth, situations, evaluations, close, people, names)
+
+
+def _course(whole: Mapping[int, Mapping[str, Case]], found: SuiteRuns) -> dict[str, tuple[Array, ...]]:
+    """By tracker, of each run the failures and the person-frames up to each frame, (2, f)."""
+    courses: dict[str, list[Array]] = {}
+    for cases in whole.values():
+        for name, evaluation in _one_run(cases, found).evaluations.items():
+            people = evaluation.people
+            so_far = np.cumsum([people.failures, people.judged.sum(axis=0)], axis=1)
+            courses.setdefault(name, []).append(so_far.astype(float))
+    return {name: tuple(each) for name, each in courses.items()}
 
 
 def _condition(name: str, whole: Mapping[int, Mapping[str, Case]], found: SuiteRuns) -> Condition:

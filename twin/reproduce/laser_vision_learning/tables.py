@@ -155,12 +155,14 @@ def _beyond(condition: Condition, where: str) -> Iterator[Result]:
 
 
 def _losses(condition: Condition, hall: Condition) -> Iterator[Result]:
-    """How much accuracy a change of the hall costs, paired by seed."""
+    """How much accuracy a change of the hall costs, paired by seed, over as many frames as the change was seen for."""
     seeds = [seed for seed in condition.seeds if seed in hall.seeds]
     for tracker in condition.trackers:
         if tracker not in hall.trackers or not seeds:
             continue
-        there, here = (each.accuracy(tracker)[[each.seeds.index(seed) for seed in seeds]] for each in (hall, condition))
+        runs = [condition.seeds.index(seed) for seed in seeds]
+        here, frames = condition.accuracy(tracker)[runs], condition.place.frames[runs].astype(int).tolist()
+        there = np.array([hall.accuracy_so_far(tracker, *each) for each in zip(seeds, frames, strict=True)])
         boot = Bootstrap(len(seeds), stream(seeds[0], "reproduce", "hall bootstrap"))
         lost = interval(boot.mean(there - here))
         row = f"{condition.name}, loss of accuracy"
