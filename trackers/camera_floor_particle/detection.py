@@ -105,7 +105,7 @@ class Newcomers:
                 pixels, seen, _ = view.look(where[:, None])
                 if not seen[0]:
                     continue
-                only = window.model_copy(update={"pixels": "foreground"})
+                only = window.model_copy(update={"pixels": "foreground", "stride": 1})
                 parts = options.head.parts if where is skull else (1, 1)
                 root = unit(np.sqrt(view.histograms(where[:, None], pixels, only, parts)))[0]
                 if where is middle:

@@ -132,7 +132,7 @@ class HeadOptions(Strict):
         description="α, the share of particles drawn about the body by the last offset of the head (eq. 6)",
     )
     window: WindowOptions = Field(
-        default=WindowOptions(width_px=16, height_px=18, size_m=(0.23, 0.255), stride=2),
+        default=WindowOptions(width_px=16, height_px=18, size_m=(0.23, 0.255), stride=3),
         description="the window about a head particle",
     )
     colour: float = Field(default=30.0, gt=0, description="λ of the colour likelihood exp(−λ D²) (eq. 5)")

@@ -49,12 +49,13 @@ class Look(NamedTuple):
 
 def looks(people: People, views: Sequence[View], options: HeadOptions) -> Iterator[Look]:
     """What each camera sees at the estimates of the heads, where it sees foreground."""
+    window = options.window.model_copy(update={"stride": 1})  # few looks, so every pixel
     for view in views:
         pixels, seen, on_foreground = view.look(people.head_place.T)
         rows = np.flatnonzero(seen & on_foreground)
         if rows.size:
             places = people.head_place[rows].T
-            parts = view.histograms(places, pixels[rows], options.window, options.parts)
+            parts = view.histograms(places, pixels[rows], window, options.parts)
             from_east = bearing(places, view)
             skin = view.skin(places, pixels[rows], options.window) * np.exp(1j * from_east)
             yield Look(rows, from_east, unit(np.sqrt(parts)), skin)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -15,7 +16,7 @@ from trackers.camera_floor_particle.options import CameraFloorParticleOptions, W
 from trackers.cameras.placed import PlacedCamera
 from trackers.observations import DepthImage, Image, Observation
 from trackers.rig import CameraSensor, placed_camera
-from trackers.vision.colour_bins import BinnedPicture, BinnedSamples
+from trackers.vision.colour_bins import BinnedPicture, BinnedSamples, HueSaturationValueBins
 from trackers.vision.foreground import Foreground
 
 _BLIND_FROM = 0.6
@@ -38,8 +39,17 @@ class View:
     camera: PlacedCamera
     rgb: NDArray[np.uint8]
     mask: Bool[Mask, "height width"]
-    binned: BinnedPicture
-    binned_foreground: BinnedPicture
+    bins: HueSaturationValueBins
+
+    @cached_property
+    def binned(self) -> BinnedPicture:
+        """The bins of all pixels."""
+        return self.bins.picture(self.rgb)
+
+    @cached_property
+    def binned_foreground(self) -> BinnedPicture:
+        """The bins of the foreground alone."""
+        return self.bins.picture(self.rgb, self.mask)
 
     def look(self, places: Float[Array, "3 k"]) -> tuple[Float[Array, "k 2"], Bool[Mask, "k"], Bool[Mask, "k"]]:
         """Pixels of places in the room [m], which of them the picture shows, and at which it shows foreground."""
@@ -137,8 +147,7 @@ class Watchers:
             mask = self._foreground[name].mask(image)
             if cv2.countNonZero(mask.view(np.uint8)) > _BLIND_FROM * mask.size:
                 continue
-            binned = self._options.histogram.picture(image.rgb)
-            found.append(View(number, camera, image.rgb, mask, binned, binned.where(mask)))
+            found.append(View(number, camera, image.rgb, mask, self._options.histogram))
         return found
 
     def _is_frozen(self, name: str, image: Image | DepthImage) -> bool:

@@ -49,7 +49,7 @@ class PinholeIntrinsics(Intrinsics):
         ahead = z > 0
         depth = np.where(ahead, z, np.nan)
         x, y = points[..., 0] / depth, points[..., 1] / depth
-        bent_x, bent_y = self._bend(x, y)
+        bent_x, bent_y = self._bend(x, y) if self.is_distorted else (x, y)
         pixels = np.stack([self.fx * bent_x + self.cx, self.fy * bent_y + self.cy], axis=-1)
         seen = ahead & self.contains(pixels)
         if self.is_distorted:
