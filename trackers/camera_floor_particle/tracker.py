@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from math import nan
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trackers.area import Area
 from trackers.camera_floor_particle.body import BodyFilter
@@ -42,6 +43,15 @@ def the_floor(rig: Rig, tracker: str) -> str:
     )
 
 
+class Inside(NamedTuple):
+    """What the tracker knew at the moment worked last: pictures as it saw them, the floor's loads, everybody's particles."""
+
+    views: list[View]
+    loads: Loads | None
+    people: People | None
+    ids: NDArray[np.intp]
+
+
 class CameraFloorParticle(MomentTracker):
     """Cameras open a moment, the pressure floor's newest frame is held; without cameras the floor alone opens.
 
@@ -72,6 +82,8 @@ class CameraFloorParticle(MomentTracker):
         self._ids = np.empty(0, np.intp)
         self._gone: dict[int, People] = {}
         self._last_id, self._ns = 0, 0
+        self._views: list[View] = []
+        self._loads: Loads | None = None
 
     def tracks(self) -> list[Track]:
         """Everybody, as of the moment worked last."""
@@ -87,6 +99,10 @@ class CameraFloorParticle(MomentTracker):
             Track(number, *row, status=each) for number, row, each in zip(self._ids.tolist(), rows, status, strict=True)
         ]
 
+    def inside(self) -> Inside:
+        """What was known at the moment worked last, for drawings."""
+        return Inside(self._views, self._loads, self._people, self._ids)
+
     def _work(self, moment: Moment) -> None:
         dt = min((moment.ns - self._ns) / NS_PER_S, _LONGEST_S) if self._ns else 0.0
         self._ns = moment.ns
@@ -95,6 +111,7 @@ class CameraFloorParticle(MomentTracker):
         is_new = self._watch.is_new(frame, moment.ns)
         loads = self._watch.loads(frame, moment.ns)
         views = self._watchers.views(moment.observations)
+        self._views, self._loads = views, loads
         if self._people is not None and len(self._people) and dt > 0:
             offset = self._people.head_place - self._people.place
             self._people = self._bodies.step(self._people, dt, loads, views, self._rng)

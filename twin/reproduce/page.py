@@ -27,6 +27,7 @@ _DECIMALS = {
     "/person-min": 2,
     "/min": 1,
     "ms": 2,
+    "°": 0,
 }
 
 Row = tuple[Result, str, str, str]

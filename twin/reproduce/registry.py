@@ -78,6 +78,13 @@ REPRODUCTIONS: Mapping[str, Reproduction] = {
         takes=OF_SUITES,
         beyond="beyond the paper",
     ),
+    "camera-floor-particle": Reproduction(
+        "the paper's experiments and figures 2 and 4 to 6, and beyond",
+        "twin.reproduce.camera_floor_particle.reproduction",
+        n_seed=2,
+        takes=OF_SUITES,
+        beyond="beyond the paper",
+    ),
     "gait": Reproduction(
         "how people load the floor", "twin.reproduce.gait.reproduction", n_seed=100, takes=frozenset({"--data"})
     ),

@@ -1,0 +1,1 @@
+"""`twin reproduce camera-floor-particle`: the experiments of Mori and others beside ours."""

@@ -1,0 +1,124 @@
+"""Recordings followed again by the tracker with changed options, or up to a moment that is drawn."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trackers.knowledge import Knowledge
+from trackers.presets import make_tracker
+from trackers.tracks import TrackFrame
+from twin.evaluate import evaluate_tracks
+from twin.progress import OnProgress
+from twin.recording.reader import Recording
+from twin.recording.tables import TruthTable, read_truth, track_table
+from twin.reproduce.camera_floor_particle.pictures import draw_inside
+from twin.reproduce.camera_floor_particle.tables import OURS
+from twin.reproduce.results import Result
+from twin.scenario import load_scenario
+from twin.scenario.load import dump_scenario
+from twin.streams import stream
+from twin.suites.cache import RecordingCache
+from twin.suites.cases import Case
+from twin.suites.fingerprint import recording_key
+from twin.suites.worker import RECORDING, TRUTH, record, renderer_of, resolved_scenario
+
+CHOICE = "beyond the paper, choice"
+SEED = 1000
+"""A development seed: by it the constants that the paper does not give were chosen."""
+_SCENARIO = "movements-crossing"
+VARIANTS: Mapping[str, Mapping[str, Any]] = {
+    "as chosen": {},
+    "λ of the body 7": {"body": {"colour": 7.0}},
+    "λ of the body 30": {"body": {"colour": 30.0}},
+    "λ of the head 15": {"head": {"colour": 15.0}},
+    "λ of the head 60": {"head": {"colour": 60.0}},
+    "α 0.1": {"head": {"share": 0.1}},
+    "α 0.6": {"head": {"share": 0.6}},
+    "half of ω": {"body": {"motion": {"still_m": 0.012, "per_speed_s": 0.025}}},
+    "twice ω": {"body": {"motion": {"still_m": 0.05, "per_speed_s": 0.1}}},
+    "strides 3 and 2": {"body": {"window": {"stride": 3}}, "head": {"window": {"stride": 2}}},
+    "strides 8 and 6": {"body": {"window": {"stride": 8}}, "head": {"window": {"stride": 6}}},
+    "half the particles": {"body": {"particles": 125}, "head": {"particles": 75}},
+    "twice the particles": {"body": {"particles": 500}, "head": {"particles": 300}},
+    "the paper's references of the pan": {"head": {"pan": "particles", "parts": (1, 1), "references": "nearest"}},
+}
+
+
+def choices(cache: RecordingCache, on_progress: OnProgress | None) -> list[Result]:
+    """A development recording followed with each choice: errors of body, head and pan, and CPU time per frame."""
+    scenario = load_scenario(_SCENARIO, [f"seed={SEED}"])
+    key = recording_key(dump_scenario(scenario), renderer_of(scenario))
+    found = []
+    with cache.recording(key, lambda folder: record(scenario, folder)) as (entry, _):
+        bag, truth = Recording(entry / RECORDING), read_truth(entry / TRUTH)
+        for number, (name, change) in enumerate(VARIANTS.items()):
+            if on_progress is not None:
+                on_progress("choices of the constants", number, len(VARIANTS))
+            found += _judged(name, change, bag, truth)
+    return found
+
+
+def _judged(name: str, change: Mapping[str, Any], bag: Recording, truth: TruthTable) -> list[Result]:
+    tracker: Any = make_tracker(OURS, bag.rig, Knowledge.of(bag.background), stream(SEED, "tracker", OURS), change)
+    frames: list[TrackFrame] = []
+    spent = 0.0
+    for observation in bag.observations():
+        start = time.process_time()
+        frames += tracker.update(observation)
+        spent += time.process_time() - start
+    frames += tracker.finish()
+    metrics = evaluate_tracks(truth, track_table(frames))
+    head_m = float(np.mean([metrics["head_error_m"][axis] for axis in "xyz"]))
+    columns = (
+        ("body on the floor", metrics["motp_m"], "m"),
+        ("head, mean of the axes", head_m, "m"),
+        ("pan, median", float(np.degrees(metrics["head_yaw_median_rad"])), "°"),
+        ("CPU time per frame", 1e3 * spent / len(frames), "ms"),
+    )
+    return [Result(CHOICE, name, column, None, value, (value, value), unit, 1) for column, value, unit in columns]
+
+
+def moment_picture(case: Case, cache: RecordingCache, t_s: float) -> bytes:
+    """What the tracker saw and held at a moment of a case, a JPEG (`draw_inside`)."""
+    scenario = resolved_scenario(case)
+    key = recording_key(case.resolved, renderer_of(scenario))
+    with cache.recording(key, lambda folder: record(scenario, folder)) as (entry, _):
+        bag = Recording(entry / RECORDING)
+        tracker: Any = make_tracker(
+            OURS, bag.rig, Knowledge.of(bag.background), stream(case.seed, "tracker", OURS), None
+        )
+        for observation in bag.observations():
+            frames = tracker.update(observation)
+            if frames and frames[-1].stamp_ns >= t_s * 1e9:
+                break
+        return draw_inside(tracker.inside(), tracker.options, bag.rig, _heads(entry / TRUTH, t_s))
+
+
+def closest_s(truth: TruthTable, fewest_s: float = 1.5) -> float:
+    """When two people are nearest to each other, after the start [s]."""
+    best, at = np.inf, fewest_s
+    for stamp in np.unique(truth.stamps_ns)[::4]:
+        now = truth.stamps_ns == stamp
+        places = np.column_stack([truth.x[now], truth.y[now]])
+        places = places[~np.isnan(places).any(axis=1)]
+        away = np.linalg.norm(places[:, None] - places, axis=-1) + 9.0 * np.eye(len(places))
+        if stamp >= fewest_s * 1e9 and away.size and away.min() < best:
+            best, at = away.min(), stamp / 1e9
+    return float(at)
+
+
+def lowest_s(truth: TruthTable) -> float:
+    """When a head is lowest [s]."""
+    return float(truth.stamps_ns[np.nanargmin(truth.head_z)] / 1e9)
+
+
+def _heads(path: Path, t_s: float) -> np.ndarray:
+    """Where people and their heads truly are next to a moment, (n, 4): x, y of body, x, y of head [m]."""
+    truth = read_truth(path)
+    now = truth.stamps_ns == truth.stamps_ns[np.abs(truth.stamps_ns - t_s * 1e9).argmin()]
+    return np.column_stack([truth.x, truth.y, truth.head_x, truth.head_y])[now]
