@@ -26,10 +26,9 @@ def inside_geom(kind: int, size: NDArray[np.float64], local: NDArray[np.float64]
     match kind:
         case mujoco.mjtGeom.mjGEOM_PLANE:
             # One-sided: behind it is inside the wall. A size of 0 means endless.
-            within = (np.abs(local[:, :2]) <= size[:2]) | (size[:2] == 0)
-            return (local[:, 2] < 0) & np.all(within, axis=1)
+            return (local[:, 2] < 0) & ((np.abs(local[:, :2]) <= size[:2]) | (size[:2] == 0)).all(axis=1)
         case mujoco.mjtGeom.mjGEOM_BOX:
-            return (np.abs(local) <= size).all(axis=1)
+            return (np.abs(local) - size).max(axis=1) <= 0
         case mujoco.mjtGeom.mjGEOM_SPHERE:
             return (local * local).sum(axis=1) <= size[0] ** 2
         case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
