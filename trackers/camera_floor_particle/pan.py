@@ -164,7 +164,8 @@ def around(seen: Float[Array, "k b"], from_face: Float[Array, "k"], *, mixed: bo
 
 def whole(hair: Float[Array, "n pans colours"], n_part: int) -> Float[Array, "n pans b"]:
     """References of the whole window, as roots, from those of its parts."""
-    return unit(np.sqrt((hair.reshape(*hair.shape[:2], n_part, -1) ** 2).sum(axis=2)))
+    n, n_pan, n_colour = hair.shape
+    return unit(np.sqrt((hair.reshape(n, n_pan, n_part, n_colour // n_part) ** 2).sum(axis=2)))
 
 
 def _diffused(belief: Float[Array, "n g"], sigma_rad: float) -> Float[Array, "n g"]:

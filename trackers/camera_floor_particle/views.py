@@ -74,7 +74,8 @@ class View:
         samples = (max(1, width // window.stride), max(1, height // window.stride))
         binned = self.binned_foreground if window.pixels == "foreground" else self.binned
         samples = (samples[0] // parts[0] * parts[0], samples[1] // parts[1] * parts[1])
-        counts = _parted(binned.windows(pixels, size, samples), samples, parts).histograms().reshape(len(pixels), -1)
+        windows = _parted(binned.windows(pixels, size, samples), samples, parts)
+        counts = windows.histograms().reshape(len(pixels), parts[0] * parts[1] * windows.size)
         if window.pixels == "foreground":
             return counts / (samples[0] * samples[1])
         return counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)

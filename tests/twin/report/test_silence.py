@@ -69,7 +69,7 @@ class Watched:
     def __init__(self) -> None:
         self.drawn: dict[float, tuple[list[str], list[str]]] = {}
 
-    def frame(self, stamp_ns, images, scans, tracks, truth, floors, silent) -> None:
+    def frame(self, stamp_ns, images, scans, tracks, truth, floors, silent, maps) -> None:
         self.drawn[stamp_ns / NS_PER_S] = (sorted(scans), sorted(silent))
 
     def still(self) -> bytes:
