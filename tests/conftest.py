@@ -18,6 +18,7 @@ CHECKED = (
     "trackers.laser_fisheye_imm",
     "trackers.laser_vision_learning",
     "trackers.learning",
+    "trackers.rgbd_head",
     "trackers.tracking",
     "trackers.vision",
 )

@@ -16,11 +16,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Int16, UInt8
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from trackers.arrays import Array, Index
+from trackers.arrays import Array, Bytes, Index, Singles
 from trackers.filters.rows import Rows
 from trackers.rgbd_head.options import ColourOptions
 
@@ -46,7 +46,7 @@ _OF_CHANNEL = [
 ]
 
 
-def colour_numbers(rgb: NDArray[np.uint8]) -> NDArray[np.int16]:
+def colour_numbers(rgb: UInt8[Bytes, "height width 3"]) -> Int16[NDArray, "height width"]:
     """The number of each pixel's colour, (height, width): by Y, Cr and Cb."""
     channels = cv2.split(cv2.cvtColor(rgb, cv2.COLOR_RGB2YCrCb))
     luma, red, blue = (
@@ -76,9 +76,7 @@ class HeadColours(Rows):
         face = _over(self.face, common[0], options.common_pixels)
         return face, _over(self.hair, common[1], options.common_pixels)
 
-    def tables(
-        self, common: Float[Array, "2 colours"], options: ColourOptions
-    ) -> Float[NDArray[np.float32], "n entries"]:
+    def tables(self, common: Float[Array, "2 colours"], options: ColourOptions) -> Float[Singles, "n entries"]:
         """log(p(b | c) · COLOURS) for every step of s, in rows of colours, one after another: 0 is what noise gets."""
         face, hair = (each[:, None] for each in self.shares(common, options))
         likely = (1 - _ANYTHING) * COLOURS * (_SHARE * face + (1 - _SHARE) * hair) + _ANYTHING

@@ -19,10 +19,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import NDArray
 
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Index, Mask, Singles
 from trackers.cameras.placed import PlacedCamera
-
-Single = NDArray[np.float32]
 
 ASPECTS = (72, 16)
 """Steps of the angle from nose to camera over a whole turn, and of the camera's height angle from −90° to 90°."""
@@ -38,27 +36,27 @@ class Outlines:
     camera, counter-clockwise [rad]. rise: how far above the head's level the camera is [rad].
     """
 
-    centre: Float[Single, "2 n"]
-    across: Float[Single, "2 n"]
-    down: Float[Single, "2 n"]
+    centre: Float[Singles, "2 n"]
+    across: Float[Singles, "2 n"]
+    down: Float[Singles, "2 n"]
     seen: Bool[Mask, "n"]
-    range_m: Float[Single, "n"]
-    root: Float[Single, "6 n"]
-    facing: Float[Single, "n"]
-    rise: Float[Single, "n"]
+    range_m: Float[Singles, "n"]
+    root: Float[Singles, "6 n"]
+    facing: Float[Singles, "n"]
+    rise: Float[Singles, "n"]
 
-    def pixels(self, disc: Float[Array, "k 2"]) -> tuple[Float[Single, "k n"], Float[Single, "k n"]]:
+    def pixels(self, disc: Float[Array, "k 2"]) -> tuple[Float[Singles, "k n"], Float[Singles, "k n"]]:
         """Columns and rows of points of the unit disc in each ellipse [px]."""
         points = np.concatenate([np.ones((len(disc), 1)), disc], axis=1, dtype=np.float32)
         columns, rows = np.stack([self.centre, self.across, self.down], axis=1)
         return points @ columns, points @ rows
 
-    def ahead_m(self, disc: Float[Array, "k 2"]) -> Float[Single, "k n"]:
+    def ahead_m(self, disc: Float[Array, "k 2"]) -> Float[Singles, "k n"]:
         """How far beyond the middle, along the camera's ray to it, the surface is met at points of the unit disc [m]."""
         x, y, towards = _ball(disc)
         return np.concatenate([x, y, -towards], axis=1, dtype=np.float32) @ self.root[3:]
 
-    def aside_m2(self, disc: Float[Array, "k 2"]) -> Float[Single, "k n"]:
+    def aside_m2(self, disc: Float[Array, "k 2"]) -> Float[Singles, "k n"]:
         """The square of how far from that ray the surface is met [m²]."""
         x, y, _ = _ball(disc)
         right, slant, down, *_ = self.root

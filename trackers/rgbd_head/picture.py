@@ -12,15 +12,15 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Int16, Shaped
 from numpy.typing import NDArray
 
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Index, Mask, Singles
 from trackers.observations import DepthImage, Observation
 from trackers.rgbd_head.colours import COLOURS, SHARES, colour_numbers
 from trackers.rgbd_head.learned import Learned
 from trackers.rgbd_head.options import WeightOptions
-from trackers.rgbd_head.outline import Outlines, Single, cells_shown, inner_points, outlines, ring_points
+from trackers.rgbd_head.outline import Outlines, cells_shown, inner_points, outlines, ring_points
 from trackers.rig import StereoSensor, placed_camera
 from trackers.vision.foreground import Foreground
 
@@ -51,8 +51,8 @@ class Picture:
     ray each pixel is, 0 where unknown; None where the whole depth picture is empty.
     """
 
-    code: NDArray[np.int16]
-    range_m: Single | None
+    code: Int16[NDArray, "rows columns"]
+    range_m: Float[Singles, "rows columns"] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,9 +62,9 @@ class Weights:
     shown: share of foreground in the ellipse times that of background over it: near 1 where a head is.
     """
 
-    colour: Float[Single, "n"]
-    depth: Float[Single, "n"]
-    shown: Float[Single, "n"]
+    colour: Float[Singles, "n"]
+    depth: Float[Singles, "n"]
+    shown: Float[Singles, "n"]
     seen: Bool[Mask, "n"]
 
 
@@ -96,7 +96,7 @@ class Watcher:
         return Picture(code, _bordered(image.depth_m * self._per_depth, 0))
 
     def weights(
-        self, picture: Picture, heads: Float[Single, "4 n p"], tables: Float[Single, "n entries"] | None
+        self, picture: Picture, heads: Float[Singles, "4 n p"], tables: Float[Singles, "n entries"] | None
     ) -> Weights:
         """The weights of p heads (x, y, z [m], yaw [rad] at the picture's stamp) of each of n people, n · p in a row.
 
@@ -158,14 +158,14 @@ class Watcher:
         return np.concatenate([places, [pixel * away**2]]).astype(float)
 
     @cached_property
-    def _steps_shown(self) -> NDArray[np.int16]:
+    def _steps_shown(self) -> Int[NDArray[np.int16], "points aspects"]:
         """The first entry of the step of s that each point of the ellipse shows, (points, aspects)."""
         steps = self._learned.share_steps.take(cells_shown(self._options.points))
         return (steps * COLOURS).astype(np.int16)
 
     def _silhouette(
-        self, picture: Picture, seen_as: Outlines, code: NDArray[np.int16]
-    ) -> tuple[Float[Single, "n"], Float[Single, "n"]]:
+        self, picture: Picture, seen_as: Outlines, code: Int[NDArray[np.int16], "k n"]
+    ) -> tuple[Float[Singles, "n"], Float[Singles, "n"]]:
         """The share of foreground in each ellipse, and of background in a half ring over it (ours)."""
         options = self._options.silhouette
         ring = ring_points(options.ring_points, options.ring)
@@ -174,8 +174,8 @@ class Watcher:
         return filled, 1 - covered
 
     def _depth(
-        self, seen_as: Outlines, inner: Float[Array, "k 2"], range_m: Float[Single, "k n"]
-    ) -> Float[Single, "n"]:
+        self, seen_as: Outlines, inner: Float[Array, "k 2"], range_m: Float[Singles, "k n"]
+    ) -> Float[Singles, "n"]:
         """What the distances of the pixels say; nothing where there are none."""
         options = self._options.depth
         middle = seen_as.range_m
@@ -190,11 +190,12 @@ class Watcher:
         away = np.sqrt(np.maximum(range_m * (range_m - 2 * middle * along) + middle**2, 0))
         off = np.minimum(np.abs(away - np.sqrt((surface - middle) ** 2 + aside)), np.float32(options.most_m))
         known = range_m > 0
-        share = _mean(known)
-        return np.where(share > 0, _linear(_mean(off * known) / np.maximum(share, 1e-6), options.linear), np.float32(0))
+        share, mean = _mean(known), _mean(off * known)
+        mean /= np.maximum(share, np.float32(1e-6))
+        return np.where(share > 0, _linear(mean, options.linear), np.float32(0))
 
 
-def _farthest(pictures: Sequence[DepthImage]) -> Single:
+def _farthest(pictures: Sequence[DepthImage]) -> Float[Singles, "height width"]:
     """How far the empty room is at each pixel along the axis, inf where none of its pictures knows [m]."""
     if not pictures:
         return np.full((1, 1), np.inf, np.float32)
@@ -202,28 +203,28 @@ def _farthest(pictures: Sequence[DepthImage]) -> Single:
     return np.where(depth > 0, depth, np.inf).astype(np.float32)
 
 
-def expected_share(facing: Float[Single, "n"], options: WeightOptions) -> Float[Single, "n"]:
+def expected_share(facing: Float[Singles, "n"], options: WeightOptions) -> Float[Singles, "n"]:
     """ĉ: the share of skin of a head whose nose points `facing` away from the camera [rad], largest from the front."""
     colour = options.colour
     return np.float32(colour.behind) + np.float32((colour.front - colour.behind) / 2) * (1 + np.cos(facing))
 
 
-def _linear(off: Array, slope: tuple[float, float]) -> Single:
+def _linear(off: Float[Singles, "n"], slope: tuple[float, float]) -> Float[Singles, "n"]:
     """log(a − b · off), with a floor (eq. 5 and 7)."""
     a, b = slope
     return np.log(np.maximum(a - b * off, _NOTHING)).astype(np.float32)
 
 
-def _mean(rows: NDArray) -> Float[Single, "n"]:
+def _mean(rows: Shaped[NDArray, "k n"]) -> Float[Singles, "n"]:
     """The mean over the first axis; by a product, which numpy does fastest."""
     return np.full(len(rows), 1 / len(rows), np.float32) @ rows.astype(np.float32, copy=False)
 
 
-def _bordered(plane: NDArray, border: float) -> NDArray:
+def _bordered(plane: Shaped[NDArray, "height width"], border: float) -> Shaped[NDArray, "height+2 width+2"]:
     return np.asarray(cv2.copyMakeBorder(plane, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=[border]), plane.dtype)
 
 
-def _index(seen_as: Outlines, disc: Float[Array, "k 2"], picture: Picture) -> NDArray[np.int32]:
+def _index(seen_as: Outlines, disc: Float[Array, "k 2"], picture: Picture) -> Int[NDArray[np.int32], "k n"]:
     """The index in the bordered picture of the pixel at each point of each ellipse; the border's beyond the edges."""
     rows, columns = picture.code.shape
     u, v = seen_as.pixels(disc)

@@ -7,10 +7,9 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from jaxtyping import Bool
-from numpy.typing import NDArray
+from jaxtyping import Bool, UInt8
 
-from trackers.arrays import Mask
+from trackers.arrays import Bytes, Mask
 
 HUES, SATURATIONS = 180, 256
 """Steps of OpenCV's 8-bit hue and saturation."""
@@ -22,7 +21,7 @@ class SkinRegion:
 
     region: Bool[Mask, "180 256"]
 
-    def shown_in(self, rgb: NDArray[np.uint8]) -> Bool[Mask, "height width"]:
+    def shown_in(self, rgb: UInt8[Bytes, "height width 3"]) -> Bool[Mask, "height width"]:
         """Which pixels of a picture are skin-coloured."""
         hue, saturation, _ = cv2.split(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV))
         return self._flat.take(np.asarray(hue, np.int32) * SATURATIONS + np.asarray(saturation, np.int32))

@@ -32,8 +32,9 @@ from trackers.rgbd_head.people import People, around
 from trackers.rgbd_head.picture import Picture, Watcher, Weights
 from trackers.rig import Rig, StereoSensor
 from trackers.tracking.lifecycle import coasting_within, measured_often
-from trackers.tracking.moments import Moment, MomentGatherer, MomentRules
-from trackers.tracks import Track, TrackFrame
+from trackers.tracking.moment_tracker import MomentTracker
+from trackers.tracking.moments import Moment, MomentRules
+from trackers.tracks import Track
 
 FILTER = ParticleFilter(threshold=0.7)
 LEARNED = "heads"
@@ -50,13 +51,11 @@ _FAR_M_S = 1.5
 """Who is not shown is looked for within the way at this speed."""
 
 
-class RgbdHead:
+class RgbdHead(MomentTracker):
     """Stereo cameras open a moment; every head is weighed by all of its pictures, each at its own stamp.
 
     Raises InputError for a rig without a stereo camera, for wrong options, and for pictures of another size than the rig says.
     """
-
-    takes_any_order = True  # moments bring them into order
 
     def __init__(
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
@@ -78,25 +77,12 @@ class RgbdHead:
         }
         self.background_learned_causally = any(each.foreground.learns_background for each in self._watchers.values())
         main = rig.main_sensor if rig.main_sensor in sensors else None
-        self._moments = MomentGatherer(MomentRules(tuple(sensors), main=main, period_s=0.25))
+        super().__init__(MomentRules(tuple(sensors), main=main, period_s=0.25))
         self._rng = np.random.default_rng(0) if rng is None else rng
         cloud = around(np.empty((0, 3)), None, 1.0, self.options.heads, self._rng)
         self._people = People.started(cloud, 0, len(sensors))
         self._pending = sorted(self.options.start, key=lambda start: start.at_s)
         self._ns, self._last_id, self._turn = 0, 0, 0
-
-    @property
-    def discarded(self) -> int:
-        """Observations that came too late or twice."""
-        return self._moments.discarded
-
-    def update(self, observation: Observation) -> list[TrackFrame]:
-        """Take an observation; the frames that are complete with it."""
-        return [self._work(moment) for moment in self._moments.add(observation)]
-
-    def finish(self) -> list[TrackFrame]:
-        """The frames still held back."""
-        return [self._work(moment) for moment in self._moments.finish()]
 
     def tracks(self) -> list[Track]:
         """Everybody confirmed, as of the moment worked last; x and y are the ground under the head."""
@@ -108,7 +94,7 @@ class RgbdHead:
             for k in np.flatnonzero(people.roster.confirmed)
         ]
 
-    def _work(self, moment: Moment) -> TrackFrame:
+    def _work(self, moment: Moment) -> None:
         dt = min((moment.ns - self._ns) / NS_PER_S, _LONGEST_S) if self._ns else 0.0
         self._ns = moment.ns
         pictures = self._pictures(moment)
@@ -117,7 +103,6 @@ class RgbdHead:
         self._begin_known()
         if not self.options.start and pictures:
             self._find(pictures)
-        return TrackFrame(moment.ns, tuple(self.tracks()))
 
     def _pictures(self, moment: Moment) -> dict[str, tuple[Picture, float]]:
         """The pictures that show anything, and how much later than the moment each was taken [s]."""
