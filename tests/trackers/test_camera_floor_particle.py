@@ -9,14 +9,17 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from synthetic_home import LOAD, PERIOD_S, empty_room, observe, rig, walks
 
+from trackers.area import Area
 from trackers.camera_floor_particle.exclusion import excluded
 from trackers.camera_floor_particle.loads import FloorWatch
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions, ExclusionOptions
 from trackers.camera_floor_particle.pan import GRID, _diffused, drawn, pan_bin
 from trackers.camera_floor_particle.people import PAN_BINS
+from trackers.camera_floor_particle.views import shows_floor
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, FloorFrame, Image
 from trackers.presets import make_tracker
+from trackers.rig import placed_camera
 from trackers.tracks import TrackFrame, track_frames
 
 RIG, ROOM = rig(), empty_room(rig())
@@ -201,6 +204,16 @@ def test_old_and_broken_frames_say_nothing():
     frame = FloorFrame("floor", 0, np.full((14, 18), 90, np.uint8))
     assert watch.loads(frame, 0) is None and watch.loads(None, 0) is None
     assert watch.loads(replace(frame, values=np.zeros((14, 18), np.uint8)), round(PERIOD_S * 20 * NS_PER_S)) is None
+
+
+def test_shadows_fall_where_a_camera_sees_the_floor():
+    camera = placed_camera(RIG.cameras()["camera_1"])
+    area = Area(((-1.8, -1.4), (1.8, -1.4), (1.8, 1.4), (-1.8, 1.4)))
+    floor, anywhere = shows_floor(camera, area), shows_floor(camera, None)
+    for place, within in (((0.0, 0.0), True), ((1.7, 1.3), True), ((2.6, 1.6), False)):
+        (u, v), seen = camera.project(np.array([*place, 0.0]))
+        assert seen and floor[round(v), round(u)] == within and anywhere[round(v), round(u)]
+    assert not anywhere[0].any() and not (floor & ~anywhere).any(), "the horizon is in the picture"
 
 
 def test_pans_come_round():

@@ -150,7 +150,7 @@ class HeadOptions(Strict):
         description='a particle whose pixel is not foreground: "drop" it (the paper), or this is added (ours)',
     )
     crown_m: float = Field(
-        default=0.18,
+        default=0.15,
         ge=0,
         description="a point so far above the middle of a head is above all of it (ours) [m]; 0: not looked at (the paper)",
     )
@@ -236,6 +236,11 @@ class CameraFloorParticleOptions(Strict):
         default=0.8,
         ge=0,
         description="how far beyond the tracked area people are followed before they are out of the room [m]",
+    )
+    shadows: Literal["floor", "everywhere"] = Field(
+        default="floor",
+        description="what may be a shadow is left out of the foreground everywhere, or only where a camera sees the floor as far "
+        "as people are followed: grey hair before a grey wall is none (ours)",
     )
     gain_from: float = Field(
         default=0.08,

@@ -29,6 +29,7 @@ PAPER: Mapping[str, Any] = {
     },
     "exclusion": {"likelier_stays": False},
     "room_margin_m": 0.0,
+    "shadows": "everywhere",
     "gain_from": 0.0,
 }
 """The options of `camera-floor-particle-paper`. What the paper does not give (λ, α, ω, how people start) is as in ours."""

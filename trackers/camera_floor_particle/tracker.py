@@ -68,7 +68,7 @@ class CameraFloorParticle(MomentTracker):
         area = Area(rig.area, self.options.room_margin_m) if rig.area else None
         empty_room = list(background)
         self._rng = np.random.default_rng(0) if rng is None else rng
-        self._watchers = Watchers(cameras, empty_room, self.options)
+        self._watchers = Watchers(cameras, empty_room, self.options, area)
         empty_floor = [each for each in empty_room if isinstance(each, FloorFrame) and each.sensor == self._floor]
         self._watch = FloorWatch(rig.floors()[self._floor], empty_floor, self.options)
         self._bodies, self._heads = BodyFilter(self.options, area), HeadFilter(self.options, area)

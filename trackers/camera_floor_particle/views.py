@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 from numpy.typing import NDArray
 
+from trackers.area import Area
 from trackers.arrays import Array, Index, Mask
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions, WindowOptions
 from trackers.cameras.placed import PlacedCamera
@@ -124,13 +125,20 @@ class Watchers:
         cameras: Mapping[str, CameraSensor],
         background: Sequence[Observation],
         options: CameraFloorParticleOptions,
+        area: Area | None = None,
     ) -> None:
         self._options = options
         self._placed = {name: placed_camera(sensor) for name, sensor in cameras.items()}
         empty = {name: [each for each in background if each.sensor == name] for name in cameras}
         pictures = {name: [each for each in empty[name] if isinstance(each, Image | DepthImage)] for name in cameras}
         self._foreground = {
-            name: Foreground(sensor.intrinsics, pictures[name], options.foreground) for name, sensor in cameras.items()
+            name: Foreground(
+                sensor.intrinsics,
+                pictures[name],
+                options.foreground,
+                shows_floor(self._placed[name], area) if options.shadows == "floor" else None,
+            )
+            for name, sensor in cameras.items()
         }
         self._brightness = {name: _brightness(pictures[name][-1]) for name in cameras if pictures[name]}
         self._shapes = {name: each[-1].rgb.shape for name, each in pictures.items() if each}
@@ -168,6 +176,14 @@ class Watchers:
         if abs(gain - 1) <= self._options.gain_from or gain < 0.1:
             return image
         return replace(image, rgb=cv2.convertScaleAbs(image.rgb, alpha=1 / gain).astype(np.uint8))
+
+
+def shows_floor(camera: PlacedCamera, area: Area | None) -> Bool[Mask, "height width"]:
+    """Which pixels show the floor of an area (None: any of it), but for what stands on it."""
+    down = -camera.pixel_rays[..., 2]
+    away_m = camera.eye_m[2] / np.where(down > 0, down, np.nan)  # NaN, which is nowhere, where a ray goes up
+    place = camera.eye_m[:2] + away_m[..., None] * camera.pixel_rays[..., :2]
+    return down > 0 if area is None else area.contains(place.reshape(-1, 2)).reshape(down.shape)
 
 
 def _brightness(image: Image | DepthImage) -> NDArray[np.uint8]:

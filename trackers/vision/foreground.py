@@ -5,7 +5,7 @@ and hue only count where there is light enough, and hue where there is colour, t
 than the background by a factor within bounds while its hue and saturation stayed is a cast shadow (Cucchiara et al. 2003,
 Detecting moving objects, ghosts, and shadows in video streams, eq. 6; compared with others by Prati et al. 2003). What is
 left is eroded, dilated, and rid of small regions. A grey shirt before a lighter grey wall passes for a shadow: where the
-lights throw none, `shadows: false` keeps it.
+lights throw none, `shadows: false` keeps it, and who knows where none can fall says so (`may_be_shaded`).
 
 Without pictures of the empty room the background is learned as pictures come, each channel drifting towards what is seen (the
 approximate median of McFarlane and Schofield 1995). Whoever stands still from the start is background until they leave, and
@@ -15,11 +15,12 @@ then their place is foreground until it has drifted.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, UInt8
+from jaxtyping import Bool, Float, UInt8
+from numpy.typing import NDArray
 from pydantic import Field, NonNegativeInt, model_validator
 
 from trackers.arrays import Bytes, Mask, Singles
@@ -86,8 +87,8 @@ class ForegroundOptions(Strict):
 class Foreground:
     """The foreground masks of one camera, its background given by pictures of the empty room or learned as pictures come.
 
-    intrinsics: those of the camera, for the size of its pictures. Raises InputError for an empty-room picture of another
-    size.
+    intrinsics: those of the camera, for the size of its pictures; may_be_shaded: pixels that may show a shadow, None: all.
+    Raises InputError for an empty-room picture of another size.
     """
 
     def __init__(
@@ -95,8 +96,10 @@ class Foreground:
         intrinsics: Intrinsics,
         empty_room: Sequence[Image | DepthImage] = (),
         options: ForegroundOptions = ForegroundOptions(),
+        may_be_shaded: Bool[Mask, "height width"] | None = None,
     ) -> None:
         self.options = options
+        self._may_be_shaded = may_be_shaded
         self._shape = (intrinsics.height, intrinsics.width, 3)
         self.learns_background = not empty_room
         self._levels: Singles | None = None  # of the learned background, RGB
@@ -106,7 +109,7 @@ class Foreground:
             shown = [self._checked(image) for image in empty_room]
             every = -(-len(shown) // _MOST_PICTURES)
             median = np.median(np.stack(shown[::every]), axis=0)
-            self._background = _Background.of(np.rint(median).astype(np.uint8), options)
+            self._background = self._background_of(median)
 
     def mask(self, image: Image | DepthImage) -> Bool[Mask, "height width"]:
         """Where a picture shows what is not the empty room.
@@ -129,12 +132,18 @@ class Foreground:
         """The background before this picture, which it learns from; one that is no newer than another teaches nothing."""
         if self._levels is None or self._t is None:
             self._levels, self._t = rgb.astype(np.float32), t
-        background = _Background.of(np.rint(self._levels).astype(np.uint8), self.options)
+        background = self._background_of(self._levels)
         if t > self._t:
             step = np.float32(self.options.learned_levels_per_s * min(t - self._t, _LONGEST_DRIFT_S))
             self._levels += np.clip(rgb - self._levels, -step, step)
             self._t = t
         return background
+
+    def _background_of(self, levels: Float[NDArray[np.floating], "height width 3"]) -> _Background:
+        background = _Background.of(np.rint(levels).astype(np.uint8), self.options)
+        if self._may_be_shaded is None:
+            return background
+        return replace(background, lightest=np.where(self._may_be_shaded, background.lightest, np.uint8(0)))
 
     def _cleaned(self, changed: Bool[Mask, "height width"]) -> Bool[Mask, "height width"]:
         options = self.options

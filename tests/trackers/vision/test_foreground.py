@@ -83,6 +83,15 @@ def test_a_cast_shadow_is_not_foreground(share: float):
     assert on_body > 0.95
 
 
+def test_where_no_shadow_can_fall_nothing_is_one():
+    on_wall = np.zeros((HEIGHT, WIDTH), np.bool_)
+    on_wall[: HEIGHT // 2] = True
+    empty = [picture(room(seed)) for seed in range(5)]
+    mask = Foreground(LENS, empty, ForegroundOptions.model_validate(RAW), ~on_wall).mask(picture(shaded(0.7)))
+    assert mask[BODY][on_wall[BODY]].mean() > 0.95
+    assert mask[BODY][~on_wall[BODY]].mean() < 0.05
+
+
 def test_what_is_darker_than_any_shadow_is_foreground():
     on_body, _ = of_body(foreground(**RAW).mask(picture(shaded(0.3))))
     assert on_body > 0.99
