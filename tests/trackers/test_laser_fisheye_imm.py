@@ -41,10 +41,10 @@ def test_five_people_cross_and_keep_their_ids():
     assert tracker.discarded == 0
 
 
-def test_ids_count_from_one_and_nobody_is_shown_before_the_third_scan():
+def test_ids_count_from_one_and_nobody_is_shown_before_the_second_scan():
     frames, _ = tracked(CROSSING)
     first = next(frame for frame in frames if frame.tracks)
-    assert first.stamp_ns - frames[0].stamp_ns == 0.2 * NS_PER_S  # the third scan in a row
+    assert first.stamp_ns - frames[0].stamp_ns == 0.1 * NS_PER_S  # the second scan in a row
     assert {track.id for frame in frames for track in frame.tracks} == {1, 2, 3, 4, 5}
 
 
@@ -61,7 +61,7 @@ def test_who_is_gone_in_plain_view_is_not_reported_for_long(report_s, n_more):
     assert max(k for k, frame in enumerate(frames) if frame.tracks) == 19 + n_more  # `coast_s` at most
 
 
-@pytest.mark.parametrize(("by_trunks", "first_k"), [(True, 8), (False, 2)])
+@pytest.mark.parametrize(("by_trunks", "first_k"), [(True, 7), (False, 1)])
 def test_where_waists_are_scanned_a_track_starts_by_a_trunk(by_trunks, first_k):
     walk = straight_walk([(-1.6, 1.0)], [(0.4, 0.0)], 20)
     hidden, rng = straight_walk([(9.0, 9.0)], [(0.0, 0.0)], 20), np.random.default_rng(5)

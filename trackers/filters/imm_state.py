@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from trackers.arrays import Array
-from trackers.filters.motion import HEADING, SPEED, STATE_SIZE, TURN_RATE, nearest_turn
+from trackers.filters.motion import HEADING, nearest_turn
 from trackers.filters.rows import Selection
 
 
@@ -55,14 +55,6 @@ class ImmState:
             np.concatenate([self.covariance, other.covariance], axis=-1),
             np.concatenate([self.probability, other.probability], axis=-1),
         )
-
-    def slowed(self, kept: Float[Array, "n"]) -> ImmState:
-        """These tracks with speed and turn rate multiplied by `kept`, their covariance accordingly."""
-        scale = np.ones((STATE_SIZE, len(self)))
-        scale[SPEED] = scale[TURN_RATE] = kept
-        mean = self.mean * scale[:, None]
-        covariance = self.covariance * (scale[:, None] * scale)[:, :, None]
-        return ImmState(mean, covariance, self.probability)
 
     def replaced(self, index: Selection, other: ImmState) -> ImmState:
         """These tracks with those at `index` exchanged for `other`."""

@@ -112,12 +112,6 @@ class KneeOptions(LayerOptions):
         ge=0,
         description="how far the middle of two legs may be from a trunk or a prediction to belong to it [m] (ours)",
     )
-    under_m: float = Field(
-        default=0.25,
-        ge=0,
-        description="how far from a trunk further legs still belong to it, such as a leg in two pieces, a hem or a bag "
-        "[m]; 0: none do (ours)",
-    )
     pair_m: float = Field(
         default=0.5,
         ge=0,
@@ -133,22 +127,6 @@ class KneeOptions(LayerOptions):
         default=0.2,
         ge=0,
         description="cost of taking a single leg rather than a pair, when a person's legs are chosen [m] (ours)",
-    )
-    wide_cost: float = Field(
-        default=0.5,
-        ge=0,
-        description="cost of a pair of legs for every metre that they are farther apart than `wide_above_m`; 0: none "
-        "(ours)",
-    )
-    wide_above_m: float = Field(
-        default=0.25, ge=0, description="distance between the legs of a standing person [m] (ours)"
-    )
-    clear_by: float = Field(
-        default=1.2,
-        ge=0,
-        description="least difference in N between the two occluded tracks that explain legs best, below which the legs "
-        "are "
-        "ambiguous and belong to neither; 0: the better track takes them (ours)",
     )
     stride_m: float = Field(
         default=0.8, ge=0, description="longest distance between the two legs of a tracked person [m] (ours)"

@@ -137,33 +137,16 @@ class Association:
     def _walkers(self, seen: Seen, unmatched: Int[Index, "u"]) -> tuple[Float[Array, "p 2"], Int[Index, "p"]]:
         """People as their legs show them, and how many legs each shows.
 
-        Nobody whose trunk is seen, and nobody who may as well be one as another of the `unmatched`: better no one's legs
-        than the wrong one's.
+        Nobody whose trunk is seen: every trunk takes its own legs first.
         """
         knee, legs = self.options.knee, seen.legs.position
-        # nobody hidden stands inside somebody in sight
-        apart = (distances(legs, seen.trunks.position) > knee.under_m).all(axis=1)
-        if not apart.any():
-            return np.empty((0, 2)), _NOBODY
-        rules = knee.stride_m, knee.claim_m, knee.single_leg_cost_m, knee.wide_above_m, knee.wide_cost
+        rules = knee.stride_m, knee.claim_m, knee.single_leg_cost_m
         _, _, free = take_legs(legs, seen.trunks.position, *rules)
-        legs = legs[free & apart]
+        legs = legs[free]
         if len(legs) == 0:
             return legs, _NOBODY
         hidden = unmatched[self.people.confirmed[unmatched]]
         known, n_leg, free = take_legs(legs, self.people.positions[hidden], *rules)
         strangers, n_leg_of_strangers = pair_off(legs[free], knee.pair_m)
         walkers = np.concatenate([known[n_leg > 0], strangers])
-        clear = self._clear(hidden, walkers)
-        return walkers[clear], np.concatenate([n_leg[n_leg > 0], n_leg_of_strangers])[clear]
-
-    def _clear(self, hidden: Int[Index, "h"], walkers: Float[Array, "p 2"]) -> Bool[Mask, "p"]:
-        """Which walkers one of the hidden explains clearly better than any other does, or none explains."""
-        if hidden.size < 2 or len(walkers) == 0:
-            return np.ones(len(walkers), np.bool_)
-        state, farthest = self.people.state.select(hidden), self.options.max_deviations or np.inf
-        distance = mahalanobis(state.positions, self.imm.innovation_covariance(state), walkers)
-        can_be = validation_region(state.positions, walkers, self.knee_radius_m) & (distance <= farthest)
-        distance[~can_be] = np.inf
-        best, second = np.partition(distance, 1, axis=0)[:2]
-        return second >= best + self.options.knee.clear_by
+        return walkers, np.concatenate([n_leg[n_leg > 0], n_leg_of_strangers])

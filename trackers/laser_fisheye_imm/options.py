@@ -23,10 +23,9 @@ class ManagementOptions(Strict):
     """When a tentative track is confirmed, how long a track coasts, and where a new one may start."""
 
     confirm_after_s: float = Field(
-        default=0.25,
+        default=0.15,
         ge=0,
-        description="a tentative track measured for longer than this is confirmed, each scan standing for its period [s];"
-        " "
+        description="a tentative track measured for longer than this is confirmed, each scan standing for its period [s]; "
         "used where the background is known (ours; the paper: 0.5 s)",
     )
     confirm_learned_after_s: float = Field(
@@ -61,18 +60,6 @@ class ManagementOptions(Strict):
         ge=0,
         le=1,
         description="probability of a missed detection at the last moment above which a track counts as occluded (ours)",
-    )
-    coast_slowdown_s: float | None = Field(
-        default=0.6,
-        gt=0,
-        description="time constant with which the speed of a coasting track fades [s]; null: constant speed (ours)",
-    )
-    tentative_coast_s: float = Field(
-        default=0.15,
-        ge=0,
-        description="a tentative track not measured for longer was clutter and ends [s]; 0: at the first scan that misses"
-        " "
-        "it, as in the paper (ours)",
     )
     body_radius_m: float = Field(
         default=0.6,
@@ -158,7 +145,7 @@ class LaserFisheyeImmOptions(Strict):
     knee: KneeOptions = Field(default=KneeOptions(), description="scanners at knee height")
     torso: TorsoOptions = Field(default=TorsoOptions(), description="torso windows in the camera's picture")
     histogram: HistogramOptions = Field(
-        default=HistogramOptions(grey_bins=0), description="colour histograms of torsos"
+        default=HistogramOptions(grey_bins=0, smoothing_deg=0.0), description="colour histograms of torsos"
     )
     management: ManagementOptions = Field(
         default=ManagementOptions(), description="when tracks are confirmed, coast, end and start"

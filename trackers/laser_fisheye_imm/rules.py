@@ -18,14 +18,9 @@ RULES: Mapping[str, Mapping[str, Any]] = {
     },
     "arms": {"waist": {"satellite_width_m": None}},
     "leg-pairs": {"knee": {"pair_m": 0.0}},
-    "legs-under-trunks": {"knee": {"under_m": 0.0}},
     "single-legs": {"knee": {"single_leg_variance_m2": 0.0, "single_leg_cost_m": 0.0}},
-    "wide-legs": {"knee": {"wide_cost": 0.0}},
-    "ambiguous-legs": {"knee": {"clear_by": 0.0}},
     "knees-alone": {"knee": {"radius_alone_m": 0.5}},
     "negative-evidence": {"waist": {"free_space": {"detected": 0.0}}, "knee": {"free_space": {"detected": 0.0}}},
-    "smoothed-hue": {"histogram": {"smoothing_deg": 0.0}},
-    "clear-looks": {"torso": {"learn_width_m": 0.0, "max_overlap": 1.0}},
     "deviation-gate": {"max_deviations": None},
     "re-identification": {"reach_m_s": None},
     "start-by-trunks": {"start_by_trunks": False},
@@ -34,8 +29,6 @@ RULES: Mapping[str, Mapping[str, Any]] = {
     "moved-confirmation": {"management": {"confirm_moved_m": 0.0}},
     "occluded-coasting": {"management": {"coast_hidden_s": 0.0}},
     "coasting-unreported": {"management": {"report_unseen_s": 1.5}},
-    "slowing-down": {"management": {"coast_slowdown_s": None}},
-    "tentative-coasting": {"management": {"tentative_coast_s": 0.0}},
     "body-spacing": {"management": {"body_radius_m": 0.0}},
 }
 """Rule → the options without it."""

@@ -164,13 +164,7 @@ class LaserFisheyeImm(MomentTracker):
             # nobody counts as hidden from looks that were not made: a long gap ends everybody
             looked = elapsed_s <= rules.coast_s + period_s
             self._people = self._people.select(self._alive(ns - period_ns, looked))
-        state, slowdown_s = self._people.state, rules.coast_slowdown_s
-        if slowdown_s is not None:
-            # whoever is out of sight is likelier to stop or turn back than to walk on for all of the coasting time
-            unseen = self._people.roster.measured_ns < last_ns
-            if unseen.any():
-                state = state.slowed(np.where(unseen, np.exp(-elapsed_s / slowdown_s), 1.0))
-        self._people = self._people.in_state(self._imm.predict_over(state, elapsed_s, period_s))
+        self._people = self._people.in_state(self._imm.predict_over(self._people.state, elapsed_s, period_s))
 
     # --- update
 
@@ -202,7 +196,7 @@ class LaserFisheyeImm(MomentTracker):
         if seen.windows is None:
             return
         looked = (matches.trunk >= 0).nonzero()[0]
-        looked = looked[seen.clear[matches.trunk[looked]]]
+        looked = looked[seen.comparable[matches.trunk[looked]]]
         if looked.size == 0:
             return
         track = matches.track[looked]
@@ -238,10 +232,10 @@ class LaserFisheyeImm(MomentTracker):
         self._people = self._people.select(kept)
 
     def _alive(self, ns: int, hidden: Bool[Mask, "n"] | bool) -> Bool[Mask, "n"]:
-        """Who is followed on: for longer who likely could not be seen (`hidden`)."""
+        """Who is followed on: for longer who likely could not be seen (`hidden`); tentative tracks while they are measured."""
         rules = self.options.management
         coast_s = np.where(hidden, max(rules.coast_s, rules.coast_hidden_s), rules.coast_s)
-        return coasting_within(self._people.roster, ns, coast_s, rules.tentative_coast_s)
+        return coasting_within(self._people.roster, ns, coast_s, 0.0)
 
     def _inside(self) -> Bool[Mask, "n"]:
         """Which tracks are in the area or its margin."""
@@ -260,7 +254,7 @@ class LaserFisheyeImm(MomentTracker):
         histograms = np.zeros((len(position), self._detector.histogram.size))
         by_trunk = trunk >= 0
         has_reference = by_trunk.copy()
-        has_reference[by_trunk] = seen.clear[trunk[by_trunk]]
+        has_reference[by_trunk] = seen.comparable[trunk[by_trunk]]
         histograms[has_reference] = seen.histograms[trunk[has_reference]]
         self._people = self._people.joined(self._born(position, ns, histograms, has_reference))
 

@@ -1,8 +1,8 @@
 """Colour histograms of torso windows: hue, their chi-squared distance, and the reference of a person.
 
 The paper uses 360 hue bins. White and black shirts have no hue: theirs is noise. So here (ours) a pixel counts in its hue bin
-by how coloured it is, and for the rest in one of a few bins of brightness; and bins are smoothed a little, because one
-window holds only a few hundred pixels. `grey_bins=0`, `smoothing_deg=0` is the paper's histogram.
+by how coloured it is, and for the rest in one of a few bins of brightness; and bins may be smoothed, where a window holds few
+pixels. `grey_bins=0`, `smoothing_deg=0` is the paper's histogram.
 """
 
 from __future__ import annotations

@@ -55,3 +55,18 @@ def person_windows(camera: PlacedCamera, places_m: Float[Array, "n 2"], rows: in
     beside[:, :2] += right * (WIDTH_M / columns)
     cell = camera.project(beside)[0] - camera.project(middle)[0]
     return PersonWindows(pixels, inside, np.hypot(cell[:, 0], cell[:, 1]), right, ahead, np.abs(down))
+
+
+def largest_overlap(pixels: Float[Array, "k rows columns 2"]) -> Float[Array, "k"]:
+    """For each window the largest share of its bounding box that another's covers."""
+    k = len(pixels)
+    if k < 2:
+        return np.zeros(k)
+    u, v = pixels[..., 0].reshape(k, -1), pixels[..., 1].reshape(k, -1)
+    low = np.stack([u.min(axis=1), v.min(axis=1)], axis=1)
+    high = np.stack([u.max(axis=1), v.max(axis=1)], axis=1)
+    common = np.minimum(high[:, None], high[None]) - np.maximum(low[:, None], low[None])
+    area = np.nan_to_num(np.prod(np.maximum(common, 0), axis=-1))  # what lies behind a pinhole has no pixels
+    own = np.maximum(np.prod(high - low, axis=-1), 1e-9)
+    np.fill_diagonal(area, 0)
+    return (area / own[:, None]).max(axis=1)

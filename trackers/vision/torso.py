@@ -30,19 +30,8 @@ class TorsoOptions(Strict):
     rows: PositiveInt = Field(default=24, description="samples of a window from top to bottom")
     columns: PositiveInt = Field(default=24, description="samples of a window from side to side")
     min_width_m: float = Field(default=0.06, ge=0, description="least width of a cluster that gets a window [m]")
-    learn_width_m: float = Field(
-        default=0.15,
-        ge=0,
-        description="least width of a cluster whose window is learned from [m]; 0: every window (ours)",
-    )
     min_inside: float = Field(
         default=0.8, gt=0, le=1, description="least share of a window's samples that the picture must show"
-    )
-    max_overlap: float = Field(
-        default=0.2,
-        ge=0,
-        le=1,
-        description="share of a window that another may cover before it is not learned from; 1: every window is (ours)",
     )
 
 
@@ -52,8 +41,7 @@ class TorsoWindows:
 
     pixels: Float[Array, "k rows columns 2"]  # u, v
     inside: Bool[Mask, "k rows columns"]  # whether the image shows the sample
-    usable: Bool[Mask, "k"]  # whether the window may be compared
-    clear: Bool[Mask, "k"]  # usable, wide enough and not overlapped by another: may be learned from
+    usable: Bool[Mask, "k"]  # whether the window may be compared and learned from
 
     def outline(self, index: int) -> Float[Array, "p 2"]:
         """The border of one window as a polygon of pixels, to draw it."""
@@ -86,21 +74,4 @@ class TorsoProjector:
         points[..., 2] = self._heights[None, :, None]
         pixels, inside = self._camera.project(points)
         usable = (inside.mean(axis=(1, 2)) >= options.min_inside) & (detections.width_m >= options.min_width_m)
-        clear = usable & (detections.width_m >= options.learn_width_m)
-        clear &= largest_overlap(pixels) <= options.max_overlap
-        return TorsoWindows(pixels, inside, usable, clear)
-
-
-def largest_overlap(pixels: Float[Array, "k rows columns 2"]) -> Float[Array, "k"]:
-    """For each window the largest share of its bounding box that another's covers."""
-    k = len(pixels)
-    if k < 2:
-        return np.zeros(k)
-    u, v = pixels[..., 0].reshape(k, -1), pixels[..., 1].reshape(k, -1)
-    low = np.stack([u.min(axis=1), v.min(axis=1)], axis=1)
-    high = np.stack([u.max(axis=1), v.max(axis=1)], axis=1)
-    common = np.minimum(high[:, None], high[None]) - np.maximum(low[:, None], low[None])
-    area = np.nan_to_num(np.prod(np.maximum(common, 0), axis=-1))  # what lies behind a pinhole has no pixels
-    own = np.maximum(np.prod(high - low, axis=-1), 1e-9)
-    np.fill_diagonal(area, 0)
-    return (area / own[:, None]).max(axis=1)
+        return TorsoWindows(pixels, inside, usable)

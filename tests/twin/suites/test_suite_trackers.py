@@ -81,8 +81,8 @@ LAB = "scenarios: [{scenario: lab-five-people, %s}]\n"
             "scenarios.0.grid.trackers.laser-imm.camera: Input should be a valid boolean",
         ),
         (
-            "trackers: [laser-imm]\n" + LAB % "variants: [{}, {trackers.laser-imm.knee.undr_m: 1}]",
-            "scenarios.0.variants.1.trackers.laser-imm.knee.undr_m: unknown key; did you mean 'under_m'?",
+            "trackers: [laser-imm]\n" + LAB % "variants: [{}, {trackers.laser-imm.knee.par_m: 1}]",
+            "scenarios.0.variants.1.trackers.laser-imm.knee.par_m: unknown key; did you mean 'pair_m'?",
         ),
         # where a preset or name was written
         (

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from trackers.arrays import Array, Mask
 from trackers.cameras.placed import PlacedCamera
 from trackers.vision.histogram import ColourHistogram, HistogramOptions
-from trackers.vision.person_windows import person_windows
-from trackers.vision.torso import largest_overlap
+from trackers.vision.person_windows import largest_overlap, person_windows
 
 _ROWS, _COLUMNS = 14, 8
 _BODY = (slice(None), slice(2, 12), slice(2, 6))
