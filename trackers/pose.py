@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Annotated
 
 import numpy as np
@@ -17,6 +18,12 @@ Coordinate = Annotated[float, Field(ge=-1e8, le=1e8, allow_inf_nan=False)]
 Point3 = tuple[Coordinate, Coordinate, Coordinate]
 
 
+@lru_cache(maxsize=256)
+def _rotation(rpy: Point3) -> NDArray[np.float64]:
+    """Asked for again and again of the few sensors there are."""
+    return Rotation.from_euler("xyz", rpy).as_matrix()
+
+
 class Pose(Strict):
     """A rigid transform: `xyz` [m], then `rpy` roll, pitch, yaw [rad] about the fixed x, y, z axes (as in URDF)."""
 
@@ -30,7 +37,7 @@ class Pose(Strict):
     @property
     def rotation(self) -> NDArray[np.float64]:
         """Rotation matrix, (3, 3)."""
-        return Rotation.from_euler("xyz", self.rpy).as_matrix()
+        return _rotation(self.rpy).copy()
 
     @property
     def translation(self) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ from trackers.camera_floor_particle.loads import FloorWatch
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions, ExclusionOptions
 from trackers.camera_floor_particle.pan import GRID, _diffused, drawn, pan_bin
 from trackers.camera_floor_particle.people import PAN_BINS
-from trackers.camera_floor_particle.views import shows_floor
+from trackers.camera_floor_particle.views import Watchers, padded_roots, shows_floor
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, FloorFrame, Image
 from trackers.presets import make_tracker
@@ -204,6 +204,23 @@ def test_old_and_broken_frames_say_nothing():
     frame = FloorFrame("floor", 0, np.full((14, 18), 90, np.uint8))
     assert watch.loads(frame, 0) is None and watch.loads(None, 0) is None
     assert watch.loads(replace(frame, values=np.zeros((14, 18), np.uint8)), round(PERIOD_S * 20 * NS_PER_S)) is None
+
+
+@pytest.mark.parametrize("pixels", ["foreground", "all"])
+def test_windows_are_like_references_by_the_bhattacharyya_coefficient(pixels):
+    options = CameraFloorParticleOptions.model_validate({"head": {"window": {"pixels": pixels, "stride": 1}}})
+    views = Watchers(RIG.cameras(), ROOM, options).views({each.sensor: each for each in SEEN[:4]})
+    places = np.column_stack([*np.c_[WALK[0], [1.3, 1.3, 1.3]], [0.9, 0.0, 1.2]])
+    at, seen, _ = views.look(places)
+    view, window = views[1], options.head.window
+    there = np.flatnonzero(seen[1])
+    roots = np.sqrt(np.random.default_rng(0).dirichlet(np.ones(110), 2))
+    alike = view.similarity(places[:, there], at[1, there], window, padded_roots(roots), np.arange(len(there)) % 2)
+    for place, pixel, root, found in zip(places[:, there].T, at[1, there], np.tile(roots, (2, 1)), alike, strict=False):
+        counts = view.samples(place[:, None], pixel[None], window, window.samples).histograms()[0]
+        whole = counts.sum() if pixels == "all" else np.prod(window.samples)
+        np.testing.assert_allclose(found, np.sqrt(counts / whole) @ root, rtol=1e-5)
+    assert len(there) >= 3 and alike.max() > 0.1
 
 
 def test_shadows_fall_where_a_camera_sees_the_floor():

@@ -13,7 +13,7 @@ from pydantic import Field
 from trackers.arrays import Array, Mask
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
 from trackers.camera_floor_particle.tracker import the_floor
-from trackers.camera_floor_particle.views import View, Watchers
+from trackers.camera_floor_particle.views import Views, Watchers
 from trackers.configuration import Strict, validate
 from trackers.filters.gating import distances
 from trackers.floor.clusters import FloorClusterOptions, floor_clusters
@@ -104,13 +104,13 @@ class ClusterKalman(MomentTracker):
         everybody: Bool[Mask, "n"] = np.ones(len(expected), np.bool_)
         return associate([Stage(everybody, [cost], [away > self.options.radius_m])])
 
-    def _colours(self, places: Float[Array, "k 2"], views: list[View]) -> Float[Array, "k bins"]:
+    def _colours(self, places: Float[Array, "k 2"], views: Views) -> Float[Array, "k bins"]:
         """The colours of the foreground at the height of a chest over each place, all cameras together."""
         total = np.zeros((len(places), self._shared.histogram.size))
         chest = np.column_stack([places, np.full(len(places), _LOOK_AT_M)]).T
-        for view in views:
-            pixels, seen, _ = view.look(chest)
-            total[seen] += view.histograms(chest[:, seen], pixels[seen], self._shared.head.window)
+        pixels, seen, _ = views.look(chest)
+        if seen.any():
+            np.add.at(total, seen.nonzero()[1], views.colours(chest, pixels, seen, self._shared.head.window))
         return normalised(total)
 
     def _started(self, place: Float[Array, "2"], colours: Float[Array, "bins"]) -> Any:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -11,9 +9,15 @@ from trackers.area import Area
 from trackers.arrays import Array, Index, Mask
 from trackers.camera_floor_particle.exclusion import excluded
 from trackers.camera_floor_particle.loads import Loads
-from trackers.camera_floor_particle.options import CameraFloorParticleOptions, MotionOptions, Ruling
+from trackers.camera_floor_particle.options import (
+    BodyOptions,
+    CameraFloorParticleOptions,
+    HeadOptions,
+    MotionOptions,
+    Ruling,
+)
 from trackers.camera_floor_particle.people import People
-from trackers.camera_floor_particle.views import View, similarity
+from trackers.camera_floor_particle.views import Views, padded_roots
 from trackers.filters.particle import Cloud, ParticleFilter
 from trackers.filters.staged import LikelihoodStage, staged
 
@@ -28,9 +32,17 @@ def spread(velocity: Float[Array, "n 3"], motion: MotionOptions) -> Float[Array,
     return np.stack([aside, aside, np.full(len(velocity), motion.up_m)])
 
 
-def ruled(kept: Bool[Mask, "k"], ruling: Ruling) -> Float[Array, "k"]:
+def ruled(kept: Bool[Mask, "*k"], ruling: Ruling) -> Float[Array, "*k"]:
     """Log-likelihoods: 0 where a check is passed, what the ruling says where it is not."""
     return np.where(kept, 0.0, -np.inf if ruling == "drop" else ruling)
+
+
+def checked(
+    seen: Bool[Mask, "cameras k"], on_foreground: Bool[Mask, "cameras k"], options: BodyOptions | HeadOptions
+) -> Float[Array, "k"]:
+    """Log-likelihoods of particles by which cameras see them, and see foreground there."""
+    unseen = ruled(seen, options.unseen).sum(axis=0)
+    return unseen + ruled(on_foreground | ~seen, options.no_foreground).sum(axis=0)
 
 
 def in_room(area: Area | None) -> LikelihoodStage:
@@ -50,9 +62,7 @@ class BodyFilter:
         self._options = options
         self._area = area
 
-    def step(
-        self, people: People, dt: float, loads: Loads | None, views: Sequence[View], rng: np.random.Generator
-    ) -> People:
+    def step(self, people: People, dt: float, loads: Loads | None, views: Views, rng: np.random.Generator) -> People:
         """Everybody `dt` seconds later, by the floor and the cameras that say something."""
         options = self._options.body
         sigma = spread(people.velocity, options.motion)[..., None]
@@ -69,7 +79,7 @@ class BodyFilter:
             ]
             if loads is not None and self._options.use_floor:
                 stages.append(self._over(loads))
-            stages += [self._seen_by(view, people) for view in views]
+            stages.append(self._seen_by(views, people))
             return staged(stages)(state)
 
         cloud = FILTER.step(people.body, move, log_likelihood, rng)
@@ -84,19 +94,19 @@ class BodyFilter:
         """The floor's part."""
         return lambda state, _: loads.log_likelihood(state[:2], self._options.body)
 
-    def _seen_by(self, view: View, people: People) -> LikelihoodStage:
-        """A camera's part: in its view, on foreground, in the person's colours."""
+    def _seen_by(self, views: Views, people: People) -> LikelihoodStage:
+        """The cameras' part: in their views, on foreground, in the person's colours."""
         options = self._options.body
-        clothes = people.clothes[:, view.number]
 
         def log_likelihood(state: Array, of: Index) -> Array:
-            pixels, seen, on_foreground = view.look(state)
-            total = ruled(seen, options.unseen)
-            total = np.where(seen & ~on_foreground, ruled(on_foreground, options.no_foreground), total)
-            looked = np.flatnonzero(seen & ~np.isneginf(total))
-            if looked.size:
-                histograms = view.histograms(state[:, looked], pixels[looked], options.window)
-                total[looked] += options.colour * (similarity(histograms, clothes, of[looked]) - 1)
+            pixels, seen, on_foreground = views.look(state)
+            total = checked(seen, on_foreground, options)
+            left = ~np.isneginf(total)
+            for view, at, here in zip(views, pixels, seen & left, strict=True):
+                looked = np.flatnonzero(here)
+                clothes = padded_roots(people.clothes[:, view.number])
+                alike = view.similarity(state[:, looked], at[looked], options.window, clothes, of[looked])
+                total[looked] += options.colour * (alike - 1)
             return total
 
         return log_likelihood

@@ -7,18 +7,16 @@ skin, and is corrected by the first steps (`trackers.camera_floor_particle.head`
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from jaxtyping import Bool, Float
 
 from trackers.arrays import Array, Mask
 from trackers.camera_floor_particle import body
 from trackers.camera_floor_particle.loads import Loads
-from trackers.camera_floor_particle.options import CameraFloorParticleOptions
-from trackers.camera_floor_particle.pan import GRID, around, bearing, unit
+from trackers.camera_floor_particle.options import CameraFloorParticleOptions, WindowOptions
+from trackers.camera_floor_particle.pan import GRID, around, unit
 from trackers.camera_floor_particle.people import PAN_BINS, People
-from trackers.camera_floor_particle.views import View
+from trackers.camera_floor_particle.views import Views
 from trackers.filters.particle import Cloud
 from trackers.observations import NS_PER_S
 
@@ -83,7 +81,7 @@ class Newcomers:
         place: Float[Array, "2"],
         load_n: float,
         hull: Float[Array, "k 3"],
-        views: Sequence[View],
+        views: Views,
         ns: int,
         rng: np.random.Generator,
     ) -> People:
@@ -99,30 +97,27 @@ class Newcomers:
             top_m = _UNSEEN_HEIGHT_M
             middle, skull = np.append(place, _PELVIS * top_m), np.append(place, top_m - 0.12)
         clothes = np.zeros((self._n_camera, options.histogram.size))
-        faces, from_east, skin = [], [], 0j
-        for view in views:
-            for where, window in ((middle, options.body.window), (skull, options.head.window)):
-                pixels, seen, _ = view.look(where[:, None])
-                if not seen[0]:
-                    continue
-                only = window.model_copy(update={"pixels": "foreground", "stride": 1})
-                parts = options.head.parts if where is skull else (1, 1)
-                root = unit(np.sqrt(view.histograms(where[:, None], pixels, only, parts)))[0]
-                if where is middle:
-                    clothes[view.number] = root
-                elif root.any():
-                    faces.append(root)
-                    from_east.append(float(bearing(where[:, None], view)[0]))
-                    skin += view.skin(where[:, None], pixels, window)[0] * np.exp(1j * from_east[-1])
+        n_colour = options.histogram.size * options.head.parts[0] * options.head.parts[1]
+        skin, faces, from_east = 0j, np.empty((0, n_colour)), np.empty(0)
+        whole: WindowOptions = options.body.window.model_copy(update={"pixels": "foreground", "stride": 1})
+        pixels, seen, _ = views.look(middle[:, None])
+        if seen.any():
+            by = np.array([view.number for view in views])[seen[:, 0]]
+            clothes[by] = unit(np.sqrt(views.colours(middle[:, None], pixels, seen, whole)))
+        whole = options.head.window.model_copy(update={"pixels": "foreground", "stride": 1})
+        pixels, seen, _ = views.look(skull[:, None])
+        if seen.any():
+            faces = unit(np.sqrt(views.colours(skull[:, None], pixels, seen, whole, options.head.parts)))
+            from_east = views.bearings(skull[:, None])[seen]
+            skin = np.sum(views.skin(skull[:, None], pixels, seen, whole) * np.exp(1j * from_east))
+            faces, from_east = faces[faces.any(axis=1)], from_east[faces.any(axis=1)]
         seen_by = clothes.any(axis=1)
         if seen_by.any():
             clothes[~seen_by] = unit(clothes[seen_by].mean(axis=0))
         pan = float(np.angle(skin))
-        n_colour = options.histogram.size * options.head.parts[0] * options.head.parts[1]
         hair = np.zeros((PAN_BINS, n_colour))
-        if faces:
-            mixed = options.head.references == "mixed"
-            hair = _FIRST_LOOKS * around(np.array(faces), np.array(from_east) - pan, mixed=mixed)
+        if len(faces):
+            hair = _FIRST_LOOKS * around(faces, from_east - pan, mixed=options.head.references == "mixed")
         facing = np.exp(_SKIN_TELLS * np.cos(GRID - pan)) if skin else np.ones(len(GRID))
         return People(
             body=body.started(middle[None], options.body.particles, rng),
@@ -149,13 +144,10 @@ class Newcomers:
         )
 
 
-def hull_over(place: Float[Array, "2"], views: Sequence[View]) -> Float[Array, "k 3"]:
+def hull_over(place: Float[Array, "2"], views: Views) -> Float[Array, "k 3"]:
     """Points above a place that the cameras that see them show as foreground, one of three or four apart [m]; none: nobody."""
     points = _HULL + np.append(place, 0.0)
-    n_missing, n_seen = np.zeros((2, len(points)), np.intp)
-    for view in views:
-        _, seen, on_foreground = view.look(points.T)
-        n_missing += seen & ~on_foreground
-        n_seen += seen
-    hull = points[(n_seen > 0) & (n_missing <= (n_seen > 2))]
+    _, seen, on_foreground = views.look(points.T)
+    n_seen, n_shown = seen.sum(axis=0), on_foreground.sum(axis=0)
+    hull = points[(n_seen > 0) & (n_seen - n_shown <= (n_seen > 2))]
     return hull if len(hull) >= _LEAST_HULL else hull[:0]

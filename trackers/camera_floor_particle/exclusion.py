@@ -24,6 +24,11 @@ def excluded(
     n = places.shape[1]
     if n < 2 or options.side_m == 0:
         return np.zeros(places.shape[1:], np.bool_)
+    low, high = places.min(axis=2), places.max(axis=2)
+    reach = options.side_m + 2 * options.grid_m
+    meet = ((low[:, :, None] - reach < high[:, None]) & (high[:, :, None] + reach > low[:, None])).all(axis=0)
+    if meet.sum() == n:  # everybody themselves alone
+        return np.zeros(places.shape[1:], np.bool_)
     from_corner = (places - places.min(axis=(1, 2), keepdims=True)) / options.grid_m
     column, row = np.minimum(np.floor(from_corner + 1e-9).astype(np.intp), _MOST_ELEMENTS - 1)
     person = np.argsort(-evidence, kind="stable")[:, None]

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from jaxtyping import Float
 
 from trackers.area import Area
 from trackers.arrays import Array, Index
-from trackers.camera_floor_particle.body import FILTER, in_room, ruled, spread
+from trackers.camera_floor_particle.body import FILTER, checked, in_room, spread
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
-from trackers.camera_floor_particle.pan import aligned, bearing, drawn, learned, looks, pan_bin, turned, whole
+from trackers.camera_floor_particle.pan import aligned, drawn, learned, looks, pan_bin, turned, whole
 from trackers.camera_floor_particle.people import PAN_BINS, People
-from trackers.camera_floor_particle.views import View, similarity
+from trackers.camera_floor_particle.views import Views, padded_roots
 from trackers.filters.circular import circular_mean
 from trackers.filters.particle import Cloud
 from trackers.filters.proposal import MixtureProposal
@@ -32,7 +30,7 @@ class HeadFilter:
         people: People,
         offset: Float[Array, "n 3"],
         dt: float,
-        views: Sequence[View],
+        views: Views,
         rng: np.random.Generator,
     ) -> People:
         """Everybody's head `dt` seconds later. offset: from body to head before, h_{t−1} (eq. 7) [m]."""
@@ -48,8 +46,7 @@ class HeadFilter:
         def draw(count: int, rng: np.random.Generator) -> Array:
             return about + sigma * rng.standard_normal((4, len(people), count))
 
-        stages: list[LikelihoodStage] = [in_room(self._area), self._near_body(people)]
-        stages += [self._seen_by(view, people) for view in views]
+        stages = [in_room(self._area), self._near_body(people), self._seen_by(views, people)]
         cloud = FILTER.step_proposed(people.head, MixtureProposal(options.share, move, draw), staged(stages), rng)
         place = cloud.expectation(cloud.state[:3]).T
         memory = options.motion.memory
@@ -58,9 +55,9 @@ class HeadFilter:
         if options.pan == "particles":
             pan, _ = circular_mean(cloud.state[3], cloud.weights.normalised)
             return people.changed(pan=np.atleast_1d(pan))
-        seen = list(looks(people, views, options))
+        seen = looks(people, views, options)
         people = aligned(turned(people, dt, seen, options))
-        if options.learning:
+        if options.learning and seen is not None:
             people = learned(people, seen, options)
         state = cloud.state.copy()
         state[3] = drawn(people.facing, options.particles, rng)
@@ -70,28 +67,29 @@ class HeadFilter:
         options = self._options.head
 
         def log_likelihood(state: Array, of: Index) -> Array:
-            away = np.linalg.norm(state[:3] - people.place[of].T, axis=0)
+            off = state[:3] - people.place[of].T
+            away = np.sqrt(np.einsum("ck,ck->k", off, off))
             return np.where((away >= options.nearest_m) & (away <= options.farthest_m), 0.0, -np.inf)
 
         return log_likelihood
 
-    def _seen_by(self, view: View, people: People) -> LikelihoodStage:
+    def _seen_by(self, views: Views, people: People) -> LikelihoodStage:
         options = self._options.head
         hair = whole(people.hair, options.parts[0] * options.parts[1]).reshape(-1, self._options.histogram.size)
+        hair = padded_roots(hair)
 
         def log_likelihood(state: Array, of: Index) -> Array:
-            pixels, seen, on_foreground = view.look(state[:3])
-            total = ruled(seen, options.unseen)
-            total = np.where(seen & ~on_foreground, ruled(on_foreground, options.no_foreground), total)
-            looked = np.flatnonzero(seen & ~np.isneginf(total))
-            if looked.size:
-                histograms = view.histograms(state[:3, looked], pixels[looked], options.window)
-                from_face = pan_bin(bearing(state[:, looked], view) - state[3, looked])
-                alike = similarity(histograms, hair, of[looked] * PAN_BINS + from_face)
+            pixels, seen, on_foreground = views.look(state[:3])
+            total = checked(seen, on_foreground, options)
+            left = ~np.isneginf(total)
+            reference = of * PAN_BINS + pan_bin(views.bearings(state) - state[3])
+            for view, at, here, alike_to in zip(views, pixels, seen & left, reference, strict=True):
+                looked = np.flatnonzero(here)
+                alike = view.similarity(state[:3, looked], at[looked], options.window, hair, alike_to[looked])
                 total[looked] += options.colour * (alike - 1)
             if options.crown_m:
-                _, seen, covered = view.look(state[:3] + np.array([[0.0], [0.0], [options.crown_m]]))
-                total += np.where(seen & covered, options.covered, 0.0)
+                _, _, covered = views.look(state[:3] + np.array([[0.0], [0.0], [options.crown_m]]))
+                total += options.covered * covered.sum(axis=0)
             return total
 
         return log_likelihood

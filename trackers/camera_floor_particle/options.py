@@ -42,11 +42,17 @@ class WindowOptions(Strict):
         description="all pixels of the window count (the paper), or those of the foreground, as a share of the window (ours)",
     )
 
+    @property
+    def samples(self) -> tuple[int, int]:
+        """Columns and rows of the pixels looked at."""
+        return max(1, self.width_px // self.stride), max(1, self.height_px // self.stride)
+
     def size_px(self, camera: PlacedCamera, places: Float[Array, "3 k"]) -> Float[Array, "k 2"]:
         """Width and height of the windows about places in the room [m], in a camera's picture [px]."""
         if self.size_m is None:
-            return np.broadcast_to(np.array([self.width_px, self.height_px], float), (places.shape[1], 2))
-        away_m = np.maximum(np.linalg.norm(places.T - camera.eye_m, axis=1), _NEAREST_M)
+            return np.full((places.shape[1], 2), [self.width_px, self.height_px], float)
+        off_m = places - camera.eye_m[:, None]
+        away_m = np.maximum(np.sqrt(np.einsum("ck,ck->k", off_m, off_m)), _NEAREST_M)
         return np.array(self.size_m) * (camera.intrinsics.fx / away_m)[:, None]
 
 
@@ -74,7 +80,7 @@ class BodyOptions(Strict):
     particles: PositiveInt = Field(default=250, le=10_000, description="N, body particles a person")
     motion: MotionOptions = Field(default=MotionOptions(), description="how they move")
     window: WindowOptions = Field(
-        default=WindowOptions(width_px=30, height_px=100, size_m=(0.42, 1.4), stride=5),
+        default=WindowOptions(width_px=30, height_px=100, size_m=(0.42, 1.4), stride=7),
         description="the window about a body particle",
     )
     colour: float = Field(default=15.0, gt=0, description="λ of the colour likelihood exp(−λ D²) (eq. 5)")
@@ -132,7 +138,7 @@ class HeadOptions(Strict):
         description="α, the share of particles drawn about the body by the last offset of the head (eq. 6)",
     )
     window: WindowOptions = Field(
-        default=WindowOptions(width_px=16, height_px=18, size_m=(0.23, 0.255), stride=3),
+        default=WindowOptions(width_px=16, height_px=18, size_m=(0.23, 0.255), stride=4),
         description="the window about a head particle",
     )
     colour: float = Field(default=30.0, gt=0, description="λ of the colour likelihood exp(−λ D²) (eq. 5)")

@@ -7,7 +7,6 @@ looks ahead, more or less, which is what tells the front of a head from its back
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from trackers.arrays import Array, Index
 from trackers.camera_floor_particle.options import HeadOptions
 from trackers.camera_floor_particle.people import PAN_BINS, People
-from trackers.camera_floor_particle.views import View
+from trackers.camera_floor_particle.views import Views
 from trackers.filters.circular import circular_mean
 from trackers.filters.particle import Cloud
 
@@ -38,45 +37,44 @@ _LEAST = 1e-4
 """Share of the belief that is in every direction, so that none is ever ruled out."""
 
 
-class Look(NamedTuple):
-    """What one camera sees of the heads of some people: which, from where [rad], and their colours as roots, part by part."""
+class Looks(NamedTuple):
+    """What cameras see of heads: whose, from where [rad], their colours as roots, part by part, how alike each side, skin."""
 
     rows: Int[Index, "k"]
     bearing: Float[Array, "k"]
     roots: Float[Array, "k colours"]
+    alike: Float[Array, "k sides"]
     skin: Complex[NDArray, "k"]  # its share, in the direction that it faces, e^iφ in the room
 
 
-def looks(people: People, views: Sequence[View], options: HeadOptions) -> Iterator[Look]:
-    """What each camera sees at the estimates of the heads, where it sees foreground."""
+def looks(people: People, views: Views, options: HeadOptions) -> Looks | None:
+    """What the cameras see at the estimates of the heads, where they see foreground; none where none does."""
+    places = people.head_place.T
+    pixels, _, shown = views.look(places)
+    if not shown.any():
+        return None
     window = options.window.model_copy(update={"stride": 1})  # few looks, so every pixel
-    for view in views:
-        pixels, seen, on_foreground = view.look(people.head_place.T)
-        rows = np.flatnonzero(seen & on_foreground)
-        if rows.size:
-            places = people.head_place[rows].T
-            parts = view.histograms(places, pixels[rows], window, options.parts)
-            from_east = bearing(places, view)
-            skin = view.skin(places, pixels[rows], options.window) * np.exp(1j * from_east)
-            yield Look(rows, from_east, unit(np.sqrt(parts)), skin)
+    rows, from_east = shown.nonzero()[1], views.bearings(places)[shown]
+    roots = unit(np.sqrt(views.colours(places, pixels, shown, window, options.parts)))
+    alike = (unit(people.hair)[rows] @ roots[..., None])[..., 0]
+    skin = views.skin(places, pixels, shown, options.window) * np.exp(1j * from_east)
+    return Looks(rows, from_east, roots, alike, skin)
 
 
-def turned(people: People, dt: float, seen: Sequence[Look], options: HeadOptions) -> People:
+def turned(people: People, dt: float, seen: Looks | None, options: HeadOptions) -> People:
     """Everybody's pan `dt` seconds later: heads have turned, look as they look, and face ahead while they walk."""
     belief = _diffused(people.facing, np.deg2rad(options.turn_deg))
     log = np.log(belief + _LEAST / PAN_STEPS)
-    face = np.zeros(len(people), complex)
-    for rows, from_east, roots, skin in seen:
-        face[rows] += skin
-        alike = np.einsum("ksc,kc->ks", unit(people.hair[rows]), roots)
-        at = ((from_east[:, None] - GRID) * (PAN_BINS / (2 * np.pi))) % PAN_BINS
+    if seen is not None:
+        face = np.zeros(len(people), complex)
+        np.add.at(face, seen.rows, seen.skin)
+        at = ((seen.bearing[:, None] - GRID) * (PAN_BINS / (2 * np.pi))) % PAN_BINS
         below = at.astype(np.intp) % PAN_BINS
         share = at - np.floor(at)
-        side = np.arange(len(rows))[:, None]
-        log[rows] += options.pan_colour * (
-            (1 - share) * alike[side, below] + share * alike[side, (below + 1) % PAN_BINS]
-        )
-    log += options.skin * (face[:, None] * np.exp(-1j * GRID)).real
+        side = np.arange(len(seen.rows))[:, None]
+        alike = (1 - share) * seen.alike[side, below] + share * seen.alike[side, (below + 1) % PAN_BINS]
+        np.add.at(log, seen.rows, options.pan_colour * alike)
+        log += options.skin * (face[:, None] * np.exp(-1j * GRID)).real
     heading, speed = walk(people)
     sure = options.walking * np.where(speed > SURE_M_S, speed, 0.0) * dt
     log += sure[:, None] * np.cos(GRID - heading[:, None])
@@ -114,17 +112,17 @@ def aligned(people: People) -> People:
     )
 
 
-def learned(people: People, seen: Sequence[Look], options: HeadOptions) -> People:
+def learned(people: People, seen: Looks, options: HeadOptions) -> People:
     """The references of the sides that cameras see of whose pan is sure: means of the last looks at each."""
     _, sure = circular_mean(np.broadcast_to(GRID, people.facing.shape), people.facing)
     clear = people.pan_known & (sure > _SURE) & ~people.lost
-    hair = people.hair.copy()
-    for rows, from_east, roots, _ in seen:
-        own = clear[rows] & (np.einsum("ksc,kc->ks", unit(hair[rows]), roots).max(axis=1) > _CLEAR)
-        rows, from_east, roots = rows[own], from_east[own], roots[own]
-        about = np.exp(_NARROW * (np.cos(SIDES - (from_east - people.pan[rows])[:, None]) - 1))
-        hair[rows] += about[..., None] * roots[:, None]
-    n_look = np.linalg.norm(hair, axis=-1, keepdims=True)
+    own = clear[seen.rows] & (seen.alike.max(axis=1) > _CLEAR)
+    rows = seen.rows[own]
+    about = np.exp(_NARROW * (np.cos(SIDES - (seen.bearing[own] - people.pan[rows])[:, None]) - 1))
+    of_person = np.zeros((len(people), PAN_BINS, len(rows)))
+    of_person[rows, :, np.arange(len(rows))] = about
+    hair = people.hair + of_person @ seen.roots[own]
+    n_look = _length(hair)
     return people.changed(hair=hair * np.minimum(1.0, options.learning / np.maximum(n_look, 1.0)))
 
 
@@ -134,11 +132,6 @@ def walk(people: People) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
     return np.arctan2(y, x), np.hypot(x, y)
 
 
-def bearing(places: Float[Array, "c k"], view: View) -> Float[Array, "k"]:
-    """The direction from places to a camera, seen from above [rad]."""
-    return np.arctan2(view.camera.eye_m[1] - places[1], view.camera.eye_m[0] - places[0])
-
-
 def pan_bin(angle: Float[Array, "*n"]) -> Int[Index, "*n"]:
     """The reference of a head seen at this angle from its face [rad]."""
     return np.rint(angle * (PAN_BINS / (2 * np.pi))).astype(np.intp) % PAN_BINS
@@ -146,8 +139,12 @@ def pan_bin(angle: Float[Array, "*n"]) -> Int[Index, "*n"]:
 
 def unit(roots: Float[Array, "*k b"]) -> Float[Array, "*k b"]:
     """Roots of histograms of length 1, whose squares sum to 1; all-zero ones stay."""
-    length = np.linalg.norm(roots, axis=-1, keepdims=True)
-    return np.divide(roots, length, out=np.zeros_like(roots), where=length > 0)
+    length = _length(roots)
+    return roots / np.where(length > 0, length, 1.0)
+
+
+def _length(roots: Float[Array, "*k b"]) -> Float[Array, "*k 1"]:
+    return np.sqrt(np.einsum("...b,...b->...", roots, roots))[..., None]
 
 
 def around(seen: Float[Array, "k b"], from_face: Float[Array, "k"], *, mixed: bool = True) -> Float[Array, "pans b"]:

@@ -17,7 +17,7 @@ from trackers.camera_floor_particle.loads import FloorWatch, Loads
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
 from trackers.camera_floor_particle.pan import unit
 from trackers.camera_floor_particle.people import People
-from trackers.camera_floor_particle.views import View, Watchers
+from trackers.camera_floor_particle.views import Views, Watchers
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, FloorFrame, Observation
@@ -46,7 +46,7 @@ def the_floor(rig: Rig, tracker: str) -> str:
 class Inside(NamedTuple):
     """What the tracker knew at the moment worked last: pictures as it saw them, the floor's loads, everybody's particles."""
 
-    views: list[View]
+    views: Views
     loads: Loads | None
     people: People | None
     ids: NDArray[np.intp]
@@ -82,7 +82,7 @@ class CameraFloorParticle(MomentTracker):
         self._ids = np.empty(0, np.intp)
         self._gone: dict[int, People] = {}
         self._last_id, self._ns = 0, 0
-        self._views: list[View] = []
+        self._views = Views(())
         self._loads: Loads | None = None
 
     def tracks(self) -> list[Track]:
@@ -121,12 +121,11 @@ class CameraFloorParticle(MomentTracker):
         if loads is not None and is_new:
             self._detect(loads, views)
 
-    def _look_after(self, loads: Loads | None, views: list[View], *, is_new: bool) -> None:
+    def _look_after(self, loads: Loads | None, views: Views, *, is_new: bool) -> None:
         """Who is shown by floor or cameras; whoever is not for long is gone."""
         people = self._people
         assert people is not None
-        looks = [view.look(people.place.T)[1:] for view in views]
-        n_seen, n_shown = np.sum(looks, axis=0) if looks else np.zeros((2, len(people)))
+        n_seen, n_shown = (each.sum(axis=0) for each in views.look(people.place.T)[1:])
         shown = (n_shown > 0) & (n_shown >= _LEAST_SHOWN * n_seen) & ~people.lost
         alike = 1 + people.body.weights.log_mean / (self.options.body.colour * max(len(views), 1))
         shown &= alike >= self.options.detection.least_alike
@@ -144,7 +143,7 @@ class CameraFloorParticle(MomentTracker):
             self._gone[int(self._ids[row])] = people.select(np.array([row]))
         self._people, self._ids = people.select(stays), self._ids[stays]
 
-    def _detect(self, loads: Loads, views: list[View]) -> None:
+    def _detect(self, loads: Loads, views: Views) -> None:
         """Clusters that are somebody new, or somebody again."""
         new = self._newcomers.unexplained(self._people, loads)
         centroid = loads.clusters.centroid

@@ -4,6 +4,14 @@ from trackers.cameras.ellipse import Ellipses, Ellipsoids
 from trackers.cameras.fisheye import FisheyeIntrinsics
 from trackers.cameras.intrinsics import Intrinsics
 from trackers.cameras.pinhole import PinholeIntrinsics
-from trackers.cameras.placed import PlacedCamera
+from trackers.cameras.placed import CameraGroup, PlacedCamera
 
-__all__ = ["Ellipses", "Ellipsoids", "FisheyeIntrinsics", "Intrinsics", "PinholeIntrinsics", "PlacedCamera"]
+__all__ = [
+    "CameraGroup",
+    "Ellipses",
+    "Ellipsoids",
+    "FisheyeIntrinsics",
+    "Intrinsics",
+    "PinholeIntrinsics",
+    "PlacedCamera",
+]

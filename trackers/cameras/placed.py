@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -99,6 +100,39 @@ class PlacedCamera:
         points[:, _ROUND_A_PERSON:, 2] = np.reshape(height_m, (-1, 1))
         pixels, seen = self.project(points)
         return np.concatenate([pixels.min(axis=1), pixels.max(axis=1)], axis=-1), np.logical_or.reduce(seen, axis=1)
+
+
+class CameraGroup:
+    """Several cameras, to which places are projected at once: those without a lens that bends by one product of matrices."""
+
+    def __init__(self, cameras: Sequence[PlacedCamera]) -> None:
+        self.cameras = tuple(cameras)
+        self._matrix = np.zeros((len(cameras), 3, 4))  # from the room, homogeneous, to u z, v z, z
+        self._bent = []
+        for number, camera in enumerate(cameras):
+            lens = camera.intrinsics
+            if isinstance(lens, PinholeIntrinsics) and not lens.is_distorted:
+                self._matrix[number] = lens.matrix @ np.column_stack(
+                    [camera.rotation.T, -camera.rotation.T @ camera.eye_m]
+                )
+            else:
+                self._bent.append(number)
+        self._edge = (
+            np.array([[each.intrinsics.width, each.intrinsics.height] for each in cameras]).reshape(-1, 2, 1) - 0.5
+        )
+
+    def project(self, points_m: Float[Array, "3 k"]) -> tuple[Float[Array, "c 2 k"], Bool[Mask, "c k"]]:
+        """Pixels u, v of points [m] in every camera, and whether its picture shows each; see `PlacedCamera.project`."""
+        at = self._matrix[:, :, :3] @ points_m + self._matrix[:, :, 3:]
+        ahead = at[:, 2] > 0
+        with np.errstate(divide="ignore", invalid="ignore"):
+            pixels = at[:, :2] / np.where(ahead, at[:, 2], np.nan)[:, None]
+        inside = (pixels >= -0.5) & (pixels < self._edge)
+        seen = inside[:, 0] & inside[:, 1]
+        for number in self._bent:
+            found, seen[number] = self.cameras[number].project(points_m.T)
+            pixels[number] = found.T
+        return pixels, seen
 
 
 def _kept(array: Float[Array, "*n"]) -> Float[Array, "*n"]:

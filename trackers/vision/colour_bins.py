@@ -7,12 +7,13 @@ hypothesis of a particle filter say, cost a look-up and a count each, whatever t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import prod
+from typing import Any
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int, Integer, UInt8
+from jaxtyping import Bool, Float, Float32, Int, Integer, Shaped, UInt8
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, NonNegativeInt, PositiveInt
 
@@ -40,12 +41,16 @@ class BinnedSamples:
 
     def histograms(self, inside: Bool[Mask, "k n"] | None = None) -> Float[Array, "k {self.size}"]:
         """How much of each set falls in each bin; of the pixels `inside` alone where given."""
+        return self.counts(inside)[:, : self.size].astype(float)
+
+    def counts(self, inside: Bool[Mask, "k n"] | None = None) -> Shaped[NDArray[Any], "k padded"]:
+        """The same, and last of all how much counts in no bin."""
         k = self.number.shape[1]
         number = self.number if inside is None else np.where(inside, self.number, self.size)
         row = (self.size + 1) * np.arange(k)[:, None]  # one bin more, for what counts in none
         weight = None if self.weight is None else self.weight.ravel()
         counts = np.bincount(np.add(number, row, dtype=np.intp).ravel(), weight, k * (self.size + 1))
-        return counts.reshape(k, self.size + 1)[:, : self.size].astype(float)
+        return counts.reshape(k, self.size + 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,10 +78,9 @@ class BinnedPicture:
         picture counts in none, and nothing of a window whose centre is NaN does.
         """
         centres, sizes = np.asarray(centres, dtype=float), np.asarray(sizes, dtype=float)
-        sizes = np.broadcast_to(sizes, centres.shape)
-        across, down = ((np.arange(count) + 0.5) / count - 0.5 for count in samples)
-        column = self._within(centres[:, :1] + sizes[:, :1] * across, 1)
-        row = self._within(centres[:, 1:] + sizes[:, 1:] * down, 0) * (self.number.shape[2] + 2)
+        across, down = _middles(samples[0]), _middles(samples[1])
+        column = self._within(centres[:, :1] + sizes[..., :1] * across, 1)
+        row = self._within(centres[:, 1:] + sizes[..., 1:] * down, 0) * (self.number.shape[2] + 2)
         # People are taller than wide, and numpy is fastest along long rows: column by column.
         return self._gathered((column[:, :, None] + row[:, None, :]).reshape(len(centres), samples[0] * samples[1]))
 
@@ -94,10 +98,8 @@ class BinnedPicture:
     @cached_property
     def _bordered(self) -> tuple[Integer[Bins, "planes size"], Float[Weights, "planes size"] | None]:
         """Bins and weights with a border of one pixel that counts in none, size (height + 2) (width + 2)."""
-        around = ((0, 0), (1, 1), (1, 1))
-        number = np.pad(self.number, around, constant_values=self.size).reshape(len(self.number), -1)
-        weight = None if self.weight is None else np.pad(self.weight, around).reshape(len(self.weight), -1)
-        return number, weight
+        number = _with_border(self.number, self.size)
+        return number, None if self.weight is None else _with_border(self.weight, 0)
 
 
 class HueSaturationValueBins(Strict):
@@ -124,26 +126,43 @@ class HueSaturationValueBins(Strict):
     def picture(
         self, rgb: UInt8[Bytes, "height width 3"], mask: Bool[Mask, "height width"] | None = None
     ) -> BinnedPicture:
-        """The bins of a picture; of the pixels of a mask alone where given, which costs as much as there are."""
+        """The bins of a picture; of the pixels of a mask alone where given, which costs as much as the box around them."""
         if mask is not None:
-            number = np.full(mask.size, self.size, np.uint8 if self.size <= _FULL else np.uint16)
-            at = np.flatnonzero(mask)
-            if at.size:
-                number[at] = self.picture(rgb.reshape(-1, 3).take(at, axis=0)[None]).number[0, 0]
-            return BinnedPicture(number.reshape(1, *mask.shape), None, self.size)
-        hsv = cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV)
-        step = np.arange(_FULL + 1)
-        per_channel = (
-            np.minimum(step * self.hue // _HALF_TURNS, self.hue - 1),
-            step * self.saturation // (_FULL + 1),
-            step * self.value // (_FULL + 1),
-        )
-        hue, saturation, value = cv2.split(cv2.LUT(hsv, np.stack(per_channel, axis=-1).astype(np.uint8)[None]))
-        kind = np.uint8 if self.size <= _FULL else np.uint16
-        coloured = hue.astype(kind) * kind(self.saturation) + saturation
-        grey = value + kind(self.hue * self.saturation) if self.value else kind(self.size)
-        has_colour = (hsv[..., 1] > _FULL * self.saturation_above) & (hsv[..., 2] > _FULL * self.value_above)
-        return BinnedPicture(np.where(has_colour, coloured, grey)[None], None, self.size)
+            number = np.full((1, *mask.shape), self.size, np.uint8 if self.size <= _FULL else np.uint16)
+            left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
+            there = slice(top, top + height), slice(left, left + width)
+            if width:
+                number[0][there] = self.picture(rgb[there]).where(mask[there]).number[0]
+            return BinnedPicture(number, None, self.size)
+        hue, saturation, value = cv2.split(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV))
+        hue_bin, saturation_bin, value_bin = _bin_tables(self.hue, self.saturation, self.value)
+        coloured = cv2.LUT(hue, hue_bin) + cv2.LUT(saturation, saturation_bin)
+        has_colour = (saturation > int(_FULL * self.saturation_above)) & (value > int(_FULL * self.value_above))
+        return BinnedPicture(np.where(has_colour, coloured, cv2.LUT(value, value_bin))[None], None, self.size)
+
+
+@lru_cache
+def _middles(count: int) -> Float[Array, "{count}"]:
+    """The middles of so many pieces of a length of 1, from its middle."""
+    return (np.arange(count) + 0.5) / count - 0.5
+
+
+def _with_border(planes: NDArray[Any], border: float) -> NDArray[Any]:
+    """Planes with a border of one pixel, each in one row; what `np.pad` does, at once."""
+    count, height, width = planes.shape
+    bordered = np.full((count, height + 2, width + 2), border, planes.dtype)
+    bordered[:, 1:-1, 1:-1] = planes
+    return bordered.reshape(count, -1)
+
+
+@lru_cache
+def _bin_tables(hues: int, saturations: int, values: int) -> tuple[NDArray[np.integer], ...]:
+    """What each 8-bit hue, saturation, and value of pixels without colour adds to the number of a bin."""
+    step, size = np.arange(_FULL + 1), hues * saturations + values
+    kind = np.uint8 if size <= _FULL else np.uint16
+    grey = step * values // (_FULL + 1) + hues * saturations if values else np.full_like(step, size)
+    hue = np.minimum(step * hues // _HALF_TURNS, hues - 1) * saturations
+    return tuple(table.astype(kind) for table in (hue, step * saturations // (_FULL + 1), grey))
 
 
 @dataclass(frozen=True)

@@ -151,12 +151,17 @@ class Foreground:
         mask = cv2.dilate(cv2.erode(mask, _disc(options.erode_px)), _disc(options.dilate_px))
         if options.least_area_px <= 1:
             return mask.astype(np.bool_)
-        # no more regions than a quarter of the pixels touch by a corner; 16 bits are thrice as fast
-        ltype = cv2.CV_16U if mask.size < 4 * np.iinfo(np.uint16).max else cv2.CV_32S
-        _, label, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8, ltype=ltype)
-        kept = stats[:, cv2.CC_STAT_AREA] >= options.least_area_px
-        kept[0] = False  # what is not foreground
-        return kept[np.asarray(label, np.int32)]
+        left, top, width, height = cv2.boundingRect(mask)
+        there = slice(top, top + height), slice(left, left + width)
+        cleaned = np.zeros(mask.shape, np.bool_)
+        if width:
+            # no more regions than a quarter of the pixels touch by a corner; 16 bits are thrice as fast
+            ltype = cv2.CV_16U if mask.size < 4 * np.iinfo(np.uint16).max else cv2.CV_32S
+            _, label, stats, _ = cv2.connectedComponentsWithStats(mask[there], connectivity=8, ltype=ltype)
+            kept = stats[:, cv2.CC_STAT_AREA] >= options.least_area_px
+            kept[0] = False  # what is not foreground
+            cleaned[there] = kept.take(np.asarray(label, np.intp))
+        return cleaned
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,16 +187,17 @@ class _Background:
         hue_off = cv2.absdiff(hue, self.hue)
         hue_off = np.minimum(hue_off, _HALF_TURNS - hue_off)
         saturation_off, value_off = cv2.absdiff(saturation, self.saturation), cv2.absdiff(value, self.value)
-        lit = np.minimum(value, self.value) > _FULL * options.colour_from_value
-        hued = lit & (np.minimum(saturation, self.saturation) > _FULL * options.hue_from_saturation)
-        changed = value_off > _FULL * options.value_change
-        changed |= lit & (saturation_off > _FULL * options.saturation_change)
-        changed |= hued & (hue_off > options.hue_change_deg / 2)
+        # whole thresholds: numpy would compare with broken ones in double precision
+        lit = np.minimum(value, self.value) > int(_FULL * options.colour_from_value)
+        hued = lit & (np.minimum(saturation, self.saturation) > int(_FULL * options.hue_from_saturation))
+        changed = value_off > int(_FULL * options.value_change)
+        changed |= lit & (saturation_off > int(_FULL * options.saturation_change))
+        changed |= hued & (hue_off > int(options.hue_change_deg / 2))
         if not options.shadows:
             return changed
         shadow = (value >= self.darkest) & (value <= self.lightest)
-        shadow &= ~lit | (saturation_off <= _FULL * options.shadow_saturation)
-        shadow &= ~hued | (hue_off <= options.shadow_hue_deg / 2)
+        shadow &= ~lit | (saturation_off <= int(_FULL * options.shadow_saturation))
+        shadow &= ~hued | (hue_off <= int(options.shadow_hue_deg / 2))
         return changed & ~shadow
 
 

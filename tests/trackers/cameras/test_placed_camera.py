@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from trackers.cameras import Ellipses, Ellipsoids, FisheyeIntrinsics, Intrinsics, PinholeIntrinsics, PlacedCamera
+from trackers.cameras import (
+    CameraGroup,
+    Ellipses,
+    Ellipsoids,
+    FisheyeIntrinsics,
+    Intrinsics,
+    PinholeIntrinsics,
+    PlacedCamera,
+)
 from trackers.pose import Pose
 from trackers.rig import PinholeSensor, StereoSensor, placed_camera
 
@@ -193,3 +201,16 @@ def test_nobody_is_seen_as_nobody(intrinsics: Intrinsics):
     assert len(ellipses) == len(seen) == 0
     assert ellipses.outline(8).shape == (0, 8, 2)
     assert camera.person_boxes(np.empty((0, 2)), 1.7, 0.5)[0].shape == (0, 4)
+
+
+@settings(max_examples=20, deadline=None)
+@given(poses, seeds)
+def test_a_group_of_cameras_sees_what_each_sees(pose: Pose, seed: int):
+    cameras = [PlacedCamera(lens, pose) for lens in (STRAIGHT, BENT, STRAIGHT, FISHEYE)]
+    points = np.random.default_rng(seed).uniform(-5, 5, (40, 3))
+    pixels, seen = CameraGroup(cameras).project(points.T)
+    for number, camera in enumerate(cameras):
+        expected, expected_seen = camera.project(points)
+        np.testing.assert_allclose(pixels[number].T, expected, rtol=1e-9, atol=1e-6)
+        np.testing.assert_array_equal(seen[number], expected_seen)
+    assert CameraGroup([]).project(points.T)[0].shape == (0, 2, 40)

@@ -8,7 +8,6 @@ import numpy as np
 from trackers.arrays import Array
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
 from trackers.camera_floor_particle.tracker import Inside
-from trackers.camera_floor_particle.views import View
 from trackers.rig import Rig
 from twin.report.palette import IDENTITY_COLOURS
 
@@ -22,7 +21,7 @@ _QUALITY = 86
 
 def draw_inside(inside: Inside, options: CameraFloorParticleOptions, rig: Rig, truth: Array) -> bytes:
     """The views two by two, the floor from above beside them, as a JPEG. truth: (n, 4), x, y of bodies and heads [m]."""
-    views = [_view(each, inside, options) for each in inside.views[:4]]
+    views = [_view(number, inside, options) for number in range(min(len(inside.views), 4))]
     if not views:
         raise ValueError("no camera shows anything at that moment")
     views += [np.full_like(views[0], 255)] * (-len(views) % 2)
@@ -37,8 +36,9 @@ def draw_inside(inside: Inside, options: CameraFloorParticleOptions, rig: Rig, t
     return jpeg.tobytes()
 
 
-def _view(view: View, inside: Inside, options: CameraFloorParticleOptions) -> np.ndarray:
+def _view(number_of_view: int, inside: Inside, options: CameraFloorParticleOptions) -> np.ndarray:
     """A picture with the outline of its foreground in white, particles as dots, and the windows of both estimates."""
+    view = inside.views[number_of_view]
     picture = cv2.resize(view.rgb, None, fx=_TIMES, fy=_TIMES, interpolation=cv2.INTER_NEAREST)
     mask = cv2.resize(view.mask.astype(np.uint8), None, fx=_TIMES, fy=_TIMES, interpolation=cv2.INTER_NEAREST)
     outlines, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
@@ -51,10 +51,10 @@ def _view(view: View, inside: Inside, options: CameraFloorParticleOptions) -> np
             (inside.people.body, inside.people.place[row], options.body.window),
             (inside.people.head, inside.people.head_place[row], options.head.window),
         ):
-            pixels, seen, _ = view.look(cloud.state[:3, row])
+            pixels, seen, _ = (each[number_of_view] for each in inside.views.look(cloud.state[:3, row]))
             for x, y in _TIMES * pixels[seen]:
                 cv2.circle(picture, (round(x), round(y)), 1, colour, -1)
-            middle, here, _ = view.look(place[:, None])
+            middle, here, _ = (each[number_of_view] for each in inside.views.look(place[:, None]))
             if here[0]:
                 half = _TIMES * window.size_px(view.camera, place[:, None])[0] / 2
                 corners = np.rint(_TIMES * middle[0] + np.array([-half, half])).astype(int).tolist()
