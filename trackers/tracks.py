@@ -52,16 +52,24 @@ class ScoreMap:
     patches: NDArray[np.floating]  # (k, 2) [px]: centres of what was looked at
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypotheses:
+    """Where a tracker thinks a person's head may be, some of its hypotheses for the preview."""
+
+    id: int
+    places: NDArray[np.floating]  # (k, 3) [m]
+
+
 @dataclass(frozen=True, slots=True)
 class TrackFrame:
     """All tracks at one stamp of the tracker's main sensor; an empty tuple says that nobody is tracked.
 
-    maps: what the tracker found in pictures on the way, where it tells.
+    maps: what the tracker found or thought on the way, where it tells.
     """
 
     stamp_ns: int
     tracks: tuple[Track, ...]
-    maps: tuple[ScoreMap, ...] = field(default=(), compare=False)
+    maps: tuple[ScoreMap | Hypotheses, ...] = field(default=(), compare=False)
 
 
 @runtime_checkable

@@ -13,12 +13,12 @@ person's colours cannot turn around the head, as a picture of the head would tha
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
 from jaxtyping import Float, Int, Int16, UInt8
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from trackers.arrays import Array, Bytes, Index, Singles
 from trackers.filters.rows import Rows
@@ -33,28 +33,30 @@ SHARES = 8
 _SHARE = np.clip(np.arange(SHARES) / (SHARES - 1), 0.04, 0.96)[:, None]
 _ANYTHING = 0.05
 """Share of pixels that are neither: glasses, eyes, noise, what is behind."""
-_BLUR = np.array([0.2, 0.6, 0.2])
 
-_LEVEL = np.arange(256)
-_OF_CHANNEL = [
-    np.asarray(each, np.int16)
-    for each in (
-        (_LEVEL >> 4) << 6,
-        np.clip((_LEVEL - 112) >> 3, 0, 7) << 3,
-        np.clip((_LEVEL - 84) >> 3, 0, 7),
-    )
-]
+
+def _blur(steps: int) -> Float[Array, "m m"]:
+    """What each of so many steps takes of its neighbours; beyond the last one it is the last one."""
+    blur = 0.6 * np.eye(steps) + 0.2 * (np.eye(steps, k=1) + np.eye(steps, k=-1))
+    blur[[0, -1], [0, -1]] += 0.2
+    return blur
+
+
+_BLUR_LUMA, _BLUR_CHROMA = _blur(STEPS[0]), np.kron(_blur(STEPS[1]), _blur(STEPS[2]))
+
+
+@lru_cache(maxsize=1)
+def _numbers() -> Int16[NDArray, "65536"]:
+    """The number of every colour that 16 bits tell apart: of the middle of what has the same 5, 6 and 5 bits."""
+    every = np.arange(1 << 16, dtype=np.uint16).view(np.uint8).reshape(256, 256, 2)
+    rgb = cv2.cvtColor(every, cv2.COLOR_BGR5652RGB) + np.array([4, 2, 4], np.uint8)
+    luma, red, blue = np.moveaxis(cv2.cvtColor(rgb, cv2.COLOR_RGB2YCrCb).astype(np.int16), -1, 0)
+    return (((luma >> 4) << 6) + (((red - 112) >> 3).clip(0, 7) << 3) + ((blue - 84) >> 3).clip(0, 7)).ravel()
 
 
 def colour_numbers(rgb: UInt8[Bytes, "height width 3"]) -> Int16[NDArray, "height width"]:
-    """The number of each pixel's colour, (height, width): by Y, Cr and Cb."""
-    channels = cv2.split(cv2.cvtColor(rgb, cv2.COLOR_RGB2YCrCb))
-    luma, red, blue = (
-        of.take(np.asarray(channel, np.uint8)) for of, channel in zip(_OF_CHANNEL, channels, strict=True)
-    )
-    luma += red
-    luma += blue
-    return luma
+    """The number of each pixel's colour: by Y, Cr and Cb, of the first 5 or 6 bits of red, green and blue."""
+    return _numbers().take(cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR565).view(np.uint16)[..., 0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +80,11 @@ class HeadColours(Rows):
 
     def tables(self, common: Float[Array, "2 colours"], options: ColourOptions) -> Float[Singles, "n entries"]:
         """log(p(b | c) · COLOURS) for every step of s, in rows of colours, one after another: 0 is what noise gets."""
-        face, hair = (each[:, None] for each in self.shares(common, options))
-        likely = (1 - _ANYTHING) * COLOURS * (_SHARE * face + (1 - _SHARE) * hair) + _ANYTHING
-        return np.log(likely).astype(np.float32).reshape(len(self), SHARES * COLOURS)
+        face, hair = (each[:, None].astype(np.float32) for each in self.shares(common, options))
+        share = ((1 - _ANYTHING) * COLOURS * _SHARE).astype(np.float32)
+        likely = share * (face - hair)
+        likely += np.float32((1 - _ANYTHING) * COLOURS) * hair + np.float32(_ANYTHING)
+        return np.log(likely, out=likely).reshape(len(self), SHARES * COLOURS)
 
     def learned(
         self,
@@ -96,9 +100,12 @@ class HeadColours(Rows):
         as_face, as_hair = s * face[person, colour], (1 - s) * hair[person, colour]
         total = as_face + as_hair + _ANYTHING / COLOURS
         entry, size = person * COLOURS + colour, len(self) * COLOURS
-        added = [np.bincount(entry, each / total, size).reshape(-1, *STEPS) for each in (as_face, as_hair)]
-        for axis in (1, 2, 3):
-            added = [ndimage.convolve1d(each, _BLUR, axis=axis) for each in added]
+        added = [
+            _BLUR_LUMA
+            @ np.bincount(entry, each / total, size).reshape(-1, STEPS[0], STEPS[1] * STEPS[2])
+            @ _BLUR_CHROMA
+            for each in (as_face, as_hair)
+        ]
         return HeadColours(
             *(
                 _capped(old + new.reshape(-1, COLOURS), options.most_pixels)

@@ -73,7 +73,7 @@ class SilhouetteOptions(Strict):
 
     power: float = Field(default=6.0, ge=0, description="power of the two shares; 0: not looked at (the paper)")
     ring: float = Field(default=1.3, gt=1, description="size of the half ring over the ellipse, in its semi-axes")
-    ring_points: PositiveInt = Field(default=12, le=128, description="points looked at on the half ring")
+    ring_points: PositiveInt = Field(default=8, le=128, description="points looked at on the half ring")
     floor: float = Field(default=0.1, gt=0, lt=1, description="a share counts at least as this")
 
 
@@ -83,7 +83,7 @@ class WeightOptions(Strict):
     semi_axes_m: tuple[Length, Length, Length] = Field(
         default=(0.10, 0.08, 0.125), description="semi-axes of a head: ahead, to the side, up [m]"
     )
-    points: PositiveInt = Field(default=32, le=512, description="points looked at in each ellipse")
+    points: PositiveInt = Field(default=20, le=512, description="points looked at in each ellipse")
     foreground: ForegroundOptions = Field(
         default=ForegroundOptions(least_area_px=1), description="what counts as foreground"
     )

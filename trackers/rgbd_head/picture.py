@@ -12,7 +12,7 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Int, Int16, Shaped
+from jaxtyping import Bool, Float, Int, Int32, Shaped
 from numpy.typing import NDArray
 
 from trackers.arrays import Array, Index, Mask, Singles
@@ -24,7 +24,9 @@ from trackers.rgbd_head.outline import Outlines, cells_shown, inner_points, outl
 from trackers.rig import StereoSensor, placed_camera
 from trackers.vision.foreground import Foreground
 
-_FOREGROUND, _SKIN, _OUTSIDE = 1 << 10, 1 << 11, 1 << 12
+_FOREGROUND, _SKIN, _INSIDE = 1 << 10, 1 << 11, 1 << 12
+_RANGE_BITS = 16
+"""From this bit on a pixel says how far away it is."""
 _BLIND_FROM = 0.6
 """Share of a picture that is foreground from which it shows no people but a covered lens, or another light."""
 _LEAST_DEPTH = 0.02
@@ -41,18 +43,32 @@ _BEFORE_M = 0.3
 """What is not so far before the empty room belongs to it: the rim of a mask shows the wall behind."""
 _EVERY = 4
 """So many pixels apart, along rows and columns, are those that are asked for newcomers."""
+_LONGEST = 32767
+"""OpenCV's pictures to look up pixels by have fewer columns."""
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A picture made ready, with a border of one pixel of nothing.
+    """A picture made ready. pixels: of each, one number for all that is looked at together.
 
-    code: the number of each pixel's colour, and whether it is foreground, skin-coloured, outside. range_m: how far along its
-    ray each pixel is, 0 where unknown; None where the whole depth picture is empty.
+    The number of its colour, whether it is foreground, skin-coloured, inside at all; and from `_RANGE_BITS` on how far along
+    its ray it is [mm], 0 where unknown. knows_depth: false where the whole depth picture is empty.
     """
 
-    code: Int16[NDArray, "rows columns"]
-    range_m: Float[Singles, "rows columns"] | None
+    pixels: Int32[NDArray, "height width"]
+    knows_depth: bool
+
+    def at(self, seen_as: Outlines, disc: Float[Array, "k 2"]) -> Int32[NDArray, "k n"]:
+        """The pixels at points of the unit disc in each ellipse; 0 beyond the picture's edges."""
+        columns, rows = seen_as.pixels(disc)
+        shape = columns.shape
+        if shape[1] >= _LONGEST:  # of OpenCV's pictures, which the pixels looked at are to it
+            parts = [slice(k, k + _LONGEST - 1) for k in range(0, shape[1], _LONGEST - 1)]
+            return np.concatenate([self._nearest(columns[:, part], rows[:, part]) for part in parts], axis=1)
+        return self._nearest(columns, rows)
+
+    def _nearest(self, columns: Float[Singles, "k n"], rows: Float[Singles, "k n"]) -> Int32[NDArray, "k n"]:
+        return np.asarray(cv2.remap(self.pixels, columns, rows, cv2.INTER_NEAREST, borderValue=0), np.int32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +94,9 @@ class Watcher:
         self._learned, self._options = learned, options
         pictures = [each for each in empty_room if isinstance(each, DepthImage)]
         self.foreground = Foreground(sensor.intrinsics, pictures, options.foreground)
-        self._per_depth = np.linalg.norm(sensor.intrinsics.directions(), axis=-1).astype(np.float32)
-        self._wall_m = _farthest(pictures) * self._per_depth
+        per_depth = np.linalg.norm(sensor.intrinsics.directions(), axis=-1).astype(np.float32)
+        self._wall_m = _farthest(pictures) * per_depth
+        self._mm_per_depth = 1000 * per_depth
 
     def ready(self, image: DepthImage) -> Picture | None:
         """The picture made ready; None where it is blind: nearly all of it has changed."""
@@ -87,13 +104,15 @@ class Watcher:
         if cv2.countNonZero(mask) > _BLIND_FROM * mask.size:
             return None
         code = colour_numbers(image.rgb)
+        code += np.int16(_INSIDE)
         code += mask * np.int16(_FOREGROUND)
         if not self._options.colour.by_person:
             code += self._learned.skin.shown_in(image.rgb).view(np.uint8) * np.int16(_SKIN)
-        code = _bordered(code, _OUTSIDE)
-        if cv2.countNonZero(image.depth_m) < _LEAST_DEPTH * image.depth_m.size:
-            return Picture(code, None)
-        return Picture(code, _bordered(image.depth_m * self._per_depth, 0))
+        # rounded, and not more than 16 bits hold with a sign
+        range_mm = np.asarray(cv2.multiply(image.depth_m, self._mm_per_depth, dtype=cv2.CV_16S), np.int16)
+        pixels = np.left_shift(range_mm, _RANGE_BITS, dtype=np.int32)
+        pixels |= code
+        return Picture(pixels, cv2.countNonZero(range_mm) >= _LEAST_DEPTH * range_mm.size)
 
     def weights(
         self, picture: Picture, heads: Float[Singles, "4 n p"], tables: Float[Singles, "n entries"] | None
@@ -106,28 +125,28 @@ class Watcher:
         n, p = heads.shape[1:]
         seen_as = outlines(self.camera, heads.reshape(4, n * p), options.semi_axes_m)
         inner = inner_points(options.points)
-        at = _index(seen_as, inner, picture)
-        code = picture.code.ravel().take(at)
+        ring = ring_points(options.silhouette.ring_points, options.silhouette.ring)
+        pixels = picture.at(seen_as, np.concatenate([inner, ring]))
+        pixels, around = pixels[: len(inner)], pixels[len(inner) :]
         colour = np.zeros(n * p, np.float32)
         if options.colour.on and tables is not None:
-            entry = self._steps_shown.take(seen_as.aspects(), axis=1)
-            entry += code & np.int16(COLOURS - 1)
-            if n > 1:
-                first = np.repeat(np.arange(n) * (SHARES * COLOURS), p)
-                entry = entry + first
+            entry = pixels & (COLOURS - 1)
+            entry += self._steps_shown.take(seen_as.aspects(), axis=1)
+            entry.reshape(-1, n, p)[...] += np.arange(0, tables.size, SHARES * COLOURS, dtype=np.int32)[:, None]
             colour += np.float32(options.colour.power) * _mean(tables.ravel().take(entry))
         elif options.colour.on:
-            n_inside = np.maximum(_mean(code < _OUTSIDE), np.float32(1 / len(inner)))
-            skin = _mean((code & _SKIN) > 0) / n_inside
+            n_inside = np.maximum(_share(pixels, _INSIDE), np.float32(1 / len(inner)))
+            skin = _share(pixels, _SKIN) / n_inside
             colour += _linear(np.abs(skin - expected_share(seen_as.facing, options)), options.colour.linear)
-        filled, free = self._silhouette(picture, seen_as, code)
+        # the share of foreground in each ellipse, and of background in a half ring over it (ours)
+        filled, free = _share(pixels, _FOREGROUND), 1 - _share(around, _FOREGROUND)
         if options.silhouette.power:
             floor = np.float32(options.silhouette.floor)
             both = np.maximum(filled, floor) * np.maximum(free, floor)
             colour += np.float32(options.silhouette.power) * np.log(both)
         depth = np.zeros(n * p, np.float32)
-        if options.depth.on and picture.range_m is not None:
-            depth += self._depth(seen_as, inner, picture.range_m.ravel().take(at))
+        if options.depth.on and picture.knows_depth:
+            depth += self._depth(seen_as, inner, _range_m(pixels))
         seen = seen_as.seen
         colour, depth, shown = (np.where(seen, each, np.float32(0)) for each in (colour, depth, filled * free))
         return Weights(colour, depth, shown, seen)
@@ -135,22 +154,19 @@ class Watcher:
     def look(self, picture: Picture, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
         """The pixels on a head (x, y, z [m], yaw [rad] at the picture's stamp) of each of n people: person, step of s, colour."""
         seen_as = outlines(self.camera, heads, self._options.semi_axes_m)
-        at = _index(seen_as, inner_points(_LOOKED_AT), picture)
-        code = picture.code.ravel().take(at)
-        on_head = ((code & _FOREGROUND) > 0) & seen_as.seen
-        if picture.range_m is not None:
-            on_head &= np.abs(picture.range_m.ravel().take(at) - seen_as.range_m) < _NEAR_M
+        pixels = picture.at(seen_as, inner_points(_LOOKED_AT))
+        on_head = ((pixels & _FOREGROUND) > 0) & seen_as.seen
+        if picture.knows_depth:
+            on_head &= np.abs(_range_m(pixels) - seen_as.range_m) < _NEAR_M
         steps = self._learned.share_steps.take(cells_shown(_LOOKED_AT)).take(seen_as.aspects(), axis=1)
-        person = np.broadcast_to(np.arange(heads.shape[1]), code.shape)
-        return np.stack([person[on_head], steps[on_head], code[on_head] & (COLOURS - 1)]).astype(np.intp)
+        person = np.broadcast_to(np.arange(heads.shape[1]), pixels.shape)
+        return np.stack([person[on_head], steps[on_head], pixels[on_head] & (COLOURS - 1)]).astype(np.intp)
 
     def strangers(self, picture: Picture) -> Float[Array, "4 k"]:
         """Places (x, y, z) [m] of pixels of the foreground before the empty room's, and the area that each shows [m²]."""
-        if picture.range_m is None:
-            return np.empty((4, 0))
-        part = (slice(1, -1, _EVERY), slice(1, -1, _EVERY))
-        range_m = picture.range_m[part]
-        shown = ((picture.code[part] & _FOREGROUND) > 0) & (range_m > 0)
+        pixels = picture.pixels[::_EVERY, ::_EVERY]
+        range_m = _range_m(pixels)
+        shown = ((pixels & _FOREGROUND) > 0) & (range_m > 0)
         shown &= range_m < self._wall_m[::_EVERY, ::_EVERY] - _BEFORE_M
         away = range_m[shown]
         places = self.camera.pixel_rays[::_EVERY, ::_EVERY][shown].T * away + self.camera.eye_m[:, None]
@@ -158,20 +174,10 @@ class Watcher:
         return np.concatenate([places, [pixel * away**2]]).astype(float)
 
     @cached_property
-    def _steps_shown(self) -> Int[NDArray[np.int16], "points aspects"]:
+    def _steps_shown(self) -> Int32[NDArray, "points aspects"]:
         """The first entry of the step of s that each point of the ellipse shows, (points, aspects)."""
         steps = self._learned.share_steps.take(cells_shown(self._options.points))
-        return (steps * COLOURS).astype(np.int16)
-
-    def _silhouette(
-        self, picture: Picture, seen_as: Outlines, code: Int[NDArray[np.int16], "k n"]
-    ) -> tuple[Float[Singles, "n"], Float[Singles, "n"]]:
-        """The share of foreground in each ellipse, and of background in a half ring over it (ours)."""
-        options = self._options.silhouette
-        ring = ring_points(options.ring_points, options.ring)
-        around = picture.code.ravel().take(_index(seen_as, ring, picture))
-        filled, covered = (_mean((each & np.int16(_FOREGROUND)) > 0) for each in (code, around))
-        return filled, 1 - covered
+        return (steps * COLOURS).astype(np.int32)
 
     def _depth(
         self, seen_as: Outlines, inner: Float[Array, "k 2"], range_m: Float[Singles, "k n"]
@@ -179,12 +185,14 @@ class Watcher:
         """What the distances of the pixels say; nothing where there are none."""
         options = self._options.depth
         middle = seen_as.range_m
-        surface = middle + seen_as.ahead_m(inner)
+        surface = seen_as.ahead_m(inner)
+        surface += middle
         if options.by_range:
-            sure = 1 / (np.float32(options.sigma_m) + np.float32(options.sigma_per_m) * middle**2)
-            off = np.minimum(np.abs(range_m - surface) * sure, np.float32(options.most))
-            off *= range_m > 0
-            return np.float32(-options.power) * _mean(off)
+            sigma_m = np.float32(options.sigma_m) + np.float32(options.sigma_per_m) * middle * middle
+            surface -= range_m
+            off = np.minimum(np.abs(surface, out=surface), np.float32(options.most) * sigma_m, out=surface)
+            np.copyto(off, np.float32(0), where=range_m <= 0)
+            return np.divide(np.float32(-options.power) * _mean(off), sigma_m, dtype=np.float32)
         aside = seen_as.aside_m2(inner)
         along = surface / np.sqrt(surface**2 + aside)
         away = np.sqrt(np.maximum(range_m * (range_m - 2 * middle * along) + middle**2, 0))
@@ -220,21 +228,11 @@ def _mean(rows: Shaped[NDArray, "k n"]) -> Float[Singles, "n"]:
     return np.full(len(rows), 1 / len(rows), np.float32) @ rows.astype(np.float32, copy=False)
 
 
-def _bordered(plane: Shaped[NDArray, "height width"], border: float) -> Shaped[NDArray, "height+2 width+2"]:
-    return np.asarray(cv2.copyMakeBorder(plane, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=[border]), plane.dtype)
+def _share(pixels: Int32[NDArray, "k n"], flag: int) -> Float[Singles, "n"]:
+    """The share of pixels that have a flag."""
+    return _mean(pixels & flag) / np.float32(flag)
 
 
-def _index(seen_as: Outlines, disc: Float[Array, "k 2"], picture: Picture) -> Int[NDArray[np.int32], "k n"]:
-    """The index in the bordered picture of the pixel at each point of each ellipse; the border's beyond the edges."""
-    rows, columns = picture.code.shape
-    u, v = seen_as.pixels(disc)
-    u += np.float32(1.5)
-    v += np.float32(1.5)
-    if not (u.min() >= 0 and v.min() >= 0 and u.max() < columns and v.max() < rows):
-        # fmax and fmin take NaN, which no lens has a place for, to the border
-        u = np.fmin(np.fmax(u, np.float32(0)), np.float32(columns - 1))
-        v = np.fmin(np.fmax(v, np.float32(0)), np.float32(rows - 1))
-    at = v.astype(np.int32)
-    at *= columns
-    at += u.astype(np.int32)
-    return at
+def _range_m(pixels: Int32[NDArray, "k n"]) -> Float[Singles, "k n"]:
+    """How far along its ray each pixel is [m], 0 where unknown."""
+    return (pixels >> _RANGE_BITS) * np.float32(1e-3)

@@ -34,7 +34,7 @@ from trackers.rig import Rig, StereoSensor
 from trackers.tracking.lifecycle import coasting_within, measured_often
 from trackers.tracking.moment_tracker import MomentTracker
 from trackers.tracking.moments import Moment, MomentRules
-from trackers.tracks import Track
+from trackers.tracks import Hypotheses, Track
 
 FILTER = ParticleFilter(threshold=0.7)
 LEARNED = "heads"
@@ -47,6 +47,8 @@ _LONGEST_S = 0.5
 """However long nothing came, heads move for no longer at once."""
 _OTHERS = 4.0
 """What the logarithm of a hypothesis's weight loses in another person's head."""
+_SHOWN = 64
+"""About so many hypotheses of each person are handed out for the preview."""
 _FAR_M_S = 1.5
 """Who is not shown is looked for within the way at this speed."""
 
@@ -93,6 +95,14 @@ class RgbdHead(MomentTracker):
             Track(int(people.roster.id[k]), *rows[k], status="confirmed" if shown[k] else "coasting")
             for k in np.flatnonzero(people.roster.confirmed)
         ]
+
+    def _maps(self) -> tuple[Hypotheses, ...]:
+        """Some hypotheses of everybody confirmed."""
+        roster = self._people.roster
+        return tuple(
+            Hypotheses(int(roster.id[k]), roster.state.state[:3, k, :: max(1, self.options.heads // _SHOWN)].T)
+            for k in np.flatnonzero(roster.confirmed)
+        )
 
     def _work(self, moment: Moment) -> None:
         dt = min((moment.ns - self._ns) / NS_PER_S, _LONGEST_S) if self._ns else 0.0

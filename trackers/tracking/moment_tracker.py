@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 
 from trackers.observations import Observation
 from trackers.tracking.moments import Moment, MomentGatherer, MomentRules
-from trackers.tracks import ScoreMap, Track, TrackFrame
+from trackers.tracks import Hypotheses, ScoreMap, Track, TrackFrame
 
 
 class MomentTracker(ABC):
@@ -38,8 +38,8 @@ class MomentTracker(ABC):
     def _work(self, moment: Moment) -> None:
         """Take the tracks on to a moment."""
 
-    def _maps(self) -> tuple[ScoreMap, ...]:
-        """What pictures showed of them in that moment; none, unless a tracker tells."""
+    def _maps(self) -> tuple[ScoreMap | Hypotheses, ...]:
+        """What pictures showed of them in that moment, or was thought; none, unless a tracker tells."""
         return ()
 
     def _work_all(self, moments: list[Moment]) -> list[TrackFrame]:

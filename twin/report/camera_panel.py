@@ -1,17 +1,18 @@
-"""The left half of the preview: what the cameras see, with a torso window on each track."""
+"""The left half of the preview: what the cameras see, with a torso window, or an ellipse about the head, on each track."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from math import ceil, sqrt
+from math import ceil, isnan, sqrt
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.cameras import Ellipsoids
 from trackers.observations import DepthImage, Image
 from trackers.rig import CameraSensor, placed_camera
-from trackers.tracks import ScoreMap, Track
+from trackers.tracks import Hypotheses, ScoreMap, Track
 from twin.report.birdseye import SHIFT, fixed_point
 from twin.report.lettering import Tag, write, write_tags
 from twin.report.palette import IdentityColours
@@ -19,6 +20,10 @@ from twin.report.panels import BACKDROP, DARK_INK, INK, QUIET, SILENT_FILL, dash
 
 TORSO_LOW_M, TORSO_HIGH_M, TORSO_WIDTH_M = 1.0, 1.4, 0.45
 """The torso window drawn around a track, for the eye: a person 1.7 m tall; heights above the floor, width across."""
+
+HEAD_M = (0.10, 0.08, 0.125)
+"""Semi-axes of the ellipsoid drawn about a head: ahead, to the side, up."""
+_GAZE_M = 0.3
 
 _MAP_FILL = 0.75
 """The share of a score map's colour where it is highest."""
@@ -50,7 +55,7 @@ class CameraGrid:
         tracks: Sequence[Track],
         colours: IdentityColours,
         silent: Collection[str] = (),
-        maps: Sequence[ScoreMap] = (),
+        maps: Sequence[ScoreMap | Hypotheses] = (),
     ) -> None:
         """Draw each camera's newest image (none: the one before; dimmed where it is silent), score maps and tracks on it."""
         panel[:] = BACKDROP
@@ -58,7 +63,7 @@ class CameraGrid:
             row, column = divmod(place, self._across)
             side = each.side_px
             tile = panel[row * side : (row + 1) * side, column * side : (column + 1) * side]
-            own = [found for found in maps if found.sensor == name]
+            own = [found for found in maps if isinstance(found, Hypotheses) or found.sensor == name]
             each.draw(tile, images.get(name), tracks, colours, silent=name in silent, maps=own)
 
 
@@ -85,7 +90,7 @@ class CameraPanel:
         tracks: Sequence[Track],
         colours: IdentityColours,
         silent: bool = False,
-        maps: Sequence[ScoreMap] = (),
+        maps: Sequence[ScoreMap | Hypotheses] = (),
     ) -> None:
         """Draw the newest image (None: the one before; dimmed where it is `silent`), score maps and the tracks on it."""
         x, y = self._offset
@@ -102,7 +107,11 @@ class CameraPanel:
         if silent:
             panel[:] = (_SILENT_LIGHT * panel).astype(np.uint8)
             tags.append(Tag(f"{self._sensor_name} silent", self.side_px / 2, y + height - 14.0, SILENT_FILL, INK))
-        self._draw_maps(panel, maps, colours)
+        self._draw_maps(panel, [found for found in maps if isinstance(found, ScoreMap)], colours)
+        for found in maps:
+            if isinstance(found, Hypotheses):
+                self._draw_places(panel, found, colours)
+        tags += self._draw_heads(panel, tracks, colours)
         for track, window in self._torso_windows(tracks):
             colour = colours[track.id]
             if track.status == "confirmed":
@@ -138,8 +147,45 @@ class CameraPanel:
             panel[-side:, left : left + 2 * side] = np.concatenate([cut, under], axis=1)
             cv2.rectangle(panel, (left, len(panel) - side), (left + 2 * side - 1, len(panel) - 1), colour, 2)
 
+    def _draw_places(self, panel: NDArray[np.uint8], found: Hypotheses, colours: IdentityColours) -> None:
+        """A dot of a person's colour at each place where the head may be."""
+        pixels, seen = self._camera.project(np.asarray(found.places, float))
+        for u, v in np.rint(pixels[seen] * self._scale + self._offset).astype(int).tolist():
+            cv2.circle(panel, (u, v), 1, colours[found.id], -1)
+
+    def _draw_heads(self, panel: NDArray[np.uint8], tracks: Sequence[Track], colours: IdentityColours) -> list[Tag]:
+        """An ellipse about each head in view, and an arrow where it faces; the tags of those that have no torso window."""
+        heads = [track for track in tracks if not isnan(track.head_x)]
+        place = np.array([(track.head_x, track.head_y, track.head_z) for track in heads]).reshape(-1, 3)
+        yaw = np.array([track.head_yaw for track in heads])
+        ahead = np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)], axis=-1).reshape(-1, 3)
+        ellipses, shown = self._camera.ellipses(Ellipsoids.upright(place, HEAD_M, np.nan_to_num(yaw)))
+        ends, _ = self._camera.project(np.stack([place, place + _GAZE_M * ahead], axis=1))
+        tags = []
+        for track, outline, gaze in [
+            (heads[k], ellipses.outline()[k] * self._scale + self._offset, ends[k] * self._scale + self._offset)
+            for k in np.flatnonzero(shown)
+        ]:
+            colour = colours[track.id]
+            if track.status == "confirmed":
+                cv2.polylines(panel, [fixed_point(outline)], True, DARK_INK, 3, cv2.LINE_AA, SHIFT)
+                cv2.polylines(panel, [fixed_point(outline)], True, colour, 1, cv2.LINE_AA, SHIFT)
+            else:
+                dashed_loop(panel, outline, colour)
+            if np.isfinite(gaze).all():
+                start, end = np.clip(fixed_point(gaze), -(1 << 14), 1 << 14).tolist()
+                cv2.arrowedLine(panel, start, end, DARK_INK, 4, cv2.LINE_AA, SHIFT, 0.3)
+                cv2.arrowedLine(panel, start, end, colour, 2, cv2.LINE_AA, SHIFT, 0.3)
+            if isnan(track.z):
+                tags.append(track_tag(track, float(outline[:, 0].mean()), float(outline[:, 1].min()) - 11, colour))
+        return tags
+
     def _torso_windows(self, tracks: Sequence[Track]) -> list[tuple[Track, NDArray[np.float64]]]:
-        """The outlines (24, 2) [px] of upright windows that face the camera, of the tracks in view, farthest first."""
+        """The outlines (24, 2) [px] of upright windows that face the camera, of the tracks in view, farthest first.
+
+        Of heads alone, whose bodies the tracker does not estimate, there are none.
+        """
+        tracks = [track for track in tracks if isnan(track.head_x) or not isnan(track.z)]
         at = np.array([(track.x, track.y) for track in tracks]).reshape(-1, 2)
         away = at - self._camera.eye_m[:2]
         distance = np.hypot(away[:, 0], away[:, 1])

@@ -13,7 +13,7 @@ import numpy as np
 
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan
 from trackers.rig import Rig
-from trackers.tracks import ScoreMap, Track
+from trackers.tracks import Hypotheses, ScoreMap, Track
 from twin.report.birdseye import SHIFT, Polygon, fixed_point
 from twin.report.camera_panel import CameraGrid
 from twin.report.clock import origin_ns, time_text
@@ -104,7 +104,7 @@ class PreviewWriter:
         truth: TruePoses | None = None,
         floors: Mapping[str, FloorFrame] | None = None,
         silent: Collection[str] = (),
-        maps: Sequence[ScoreMap] = (),
+        maps: Sequence[ScoreMap | Hypotheses] = (),
     ) -> None:
         """Draw and encode one moment; stamps must rise.
 

@@ -17,7 +17,7 @@ from trackers.cameras import PinholeIntrinsics
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, Image
 from trackers.rig import LaserSensor, PinholeSensor, Rig
-from trackers.tracks import ScoreMap, Track
+from trackers.tracks import Hypotheses, ScoreMap, Track
 from twin.report.palette import IDENTITY_COLOURS
 from twin.report.preview import PreviewWriter, TruePoses
 
@@ -203,6 +203,17 @@ def test_track_behind_the_camera_has_no_window(tmp_path: Path, staged: Staged) -
     with PreviewWriter(tmp_path / "v.mp4", staged.rig, fps=10) as writer:
         writer.frame(0, {}, {}, [Track(1, 0.0, -2.0)])
         assert near(jpeg(writer.still(95))[44:, :596], IDENTITY_COLOURS[0]) == 0
+
+
+def test_heads_and_hypotheses_are_drawn_in_the_picture(tmp_path: Path, staged: Staged) -> None:
+    head = Track(1, 0.5, 1.5, head_x=0.5, head_y=1.5, head_z=1.6, head_yaw=0.3)
+    cloud = Hypotheses(1, np.array([0.5, 1.5, 1.6]) + 0.2 * np.random.default_rng(0).normal(size=(64, 3)))
+    coloured = []
+    for name, tracks, maps in (("none", [], ()), ("head", [head], ()), ("cloud", [head], (cloud,))):
+        with PreviewWriter(tmp_path / f"{name}.mp4", staged.rig, fps=10) as writer:
+            writer.frame(0, {}, {}, tracks, maps=maps)
+            coloured.append(near(jpeg(writer.still(95))[44:, :596], IDENTITY_COLOURS[0], 60))
+    assert coloured[0] < coloured[1] < coloured[2]
 
 
 def test_scan_points_lie_on_the_wall(tmp_path: Path, staged: Staged) -> None:
