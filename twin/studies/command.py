@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from twin.suites.place_options import Jobs, Resource, Scheduler, place_of
+
 app = typer.Typer(
     name="study",
     help="Where should the sensors go, how many, and what is lost with one fewer?",
@@ -21,19 +23,9 @@ Out = Annotated[Path | None, typer.Option(help="Folder for the results.")]
 @app.command(epilog="Example: twin study run lab-scanner-place --jobs 2 --out out/place")
 def run(
     study: Annotated[str, typer.Argument(help="Name of a shipped study (see `twin list`) or path of a YAML file.")],
-    jobs: Annotated[
-        int | None,
-        typer.Option(
-            min=1, metavar="N", help="Processes; default: one a core. 1: in this process, no time limit holds."
-        ),
-    ] = None,
-    scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler, e.g. tcp://host:8786, instead of --jobs.")
-    ] = None,
-    resource: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=N", help="What an evaluation needs of a worker, e.g. GPU=1. Repeatable."),
-    ] = None,
+    jobs: Jobs = None,
+    scheduler: Scheduler = None,
+    resource: Resource = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with an interrupted run, to the same results.")
     ] = False,
@@ -46,20 +38,13 @@ def run(
     out: Out = None,
 ) -> None:
     """Search for the best placement; leaves tables, a scenario and a page to build by in out/study-<name>."""
-    from trackers.errors import InputError
     from twin.console import print_paths
     from twin.run.chosen_trackers import TrustedClasses
     from twin.studies.answers import write_answers
     from twin.studies.run import run_study
     from twin.studies.terminal import print_summary
-    from twin.suites.cluster import read_resources
-    from twin.suites.run import Place
 
-    if scheduler is not None and jobs is not None:
-        raise InputError(
-            f"--jobs {jobs} --scheduler {scheduler}: a scheduler has its own workers; one of them is expected"
-        )
-    place = Place(jobs, scheduler, read_resources(resource or []))
+    place = place_of(jobs, scheduler, resource)
     trusted = TrustedClasses(every=allow_plugins)
     with run_study(study, out, place, resume=resume, seed_offset=seed or 0, trusted=trusted) as (answers, folder):
         files = write_answers(folder, answers)

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from twin.suites.place_options import Jobs, Resource, Scheduler, place_of
+
 app = typer.Typer(
     name="suite",
     help="Many scenarios, seeds and trackers at once; and whether anything got worse.",
@@ -23,19 +25,9 @@ Folder = Annotated[Path, typer.Argument(help="A folder that `twin suite run` has
 @app.command(epilog="Example: twin suite run smoke --jobs 2 --baseline models/suites/baselines/smoke.json")
 def run(
     suite: Annotated[str, typer.Argument(help="Name of a shipped suite (see `twin list`) or path of a YAML file.")],
-    jobs: Annotated[
-        int | None,
-        typer.Option(
-            min=1, metavar="N", help="Processes; default: one a core. 1: in this process, no time limit holds."
-        ),
-    ] = None,
-    scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler, e.g. tcp://host:8786, instead of --jobs.")
-    ] = None,
-    resource: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=N", help="What a case needs of a worker, e.g. GPU=1 (a Dask resource). Repeatable."),
-    ] = None,
+    jobs: Jobs = None,
+    scheduler: Scheduler = None,
+    resource: Resource = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Do the rest of an interrupted run, and what failed.")
     ] = False,
@@ -63,17 +55,11 @@ def run(
     """Run every case of a suite."""
     from trackers.errors import InputError
     from twin.run.chosen_trackers import TrustedClasses, import_from_here, typed_classes
-    from twin.suites.cluster import read_resources
     from twin.suites.gate import run_and_judge
-    from twin.suites.run import Place
 
-    if scheduler is not None and jobs is not None:
-        raise InputError(
-            f"--jobs {jobs} --scheduler {scheduler}: a scheduler has its own workers; one of them is expected"
-        )
     if update_baseline and baseline is None:
         raise InputError("--update-baseline: writes to the file of --baseline; --baseline FILE is expected beside it")
-    place = Place(jobs, scheduler, read_resources(resource or []))
+    place = place_of(jobs, scheduler, resource)
     typed = typed_classes(set_ or [])
     import_from_here(typed)
     well = run_and_judge(
