@@ -10,6 +10,7 @@ from hypothesis import given, settings, strategies as st
 from synthetic_home import LOAD, PERIOD_S, empty_room, observe, rig, walks
 
 from trackers.area import Area
+from trackers.camera_floor_particle.body import BodyFilter
 from trackers.camera_floor_particle.exclusion import excluded
 from trackers.camera_floor_particle.loads import FloorWatch
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions, ExclusionOptions
@@ -165,6 +166,21 @@ def test_the_same_recording_gives_the_same_bits():
 def test_everybody_dropped_coasts_and_says_so():
     frames = follow(changed(FloorFrame, floor_of(0), 2.0), body={"no_load": "drop", "floor_smoothing_m": 0.0})
     assert {track.status for track in frames[25].tracks} == {"coasting"}
+
+
+def test_a_body_is_drawn_under_its_head_unless_that_is_held_low():
+    tracker = make_tracker("camera-floor-particle", RIG, ROOM, np.random.default_rng(0))
+    list(track_frames(tracker, RIG, SEEN[:30]))
+    people = tracker.inside().people
+    filter_ = BodyFilter(CameraFloorParticleOptions(), None)
+    places = np.repeat(people.head_place + people.head_velocity * 0.05, 2, axis=0).T
+    places[0, 1::2] += 0.1
+    of = np.repeat(np.arange(len(people)), 2)
+    upright = people.changed(height_m=people.head_place[:, 2])
+    bent = people.changed(height_m=people.head_place[:, 2] + 0.6)
+    for who, fall in ((upright, 0.5 * (0.1 / 0.06) ** 2), (bent, 0.5 * (0.1 / 0.54) ** 2)):
+        under, aside = filter_._under_head(who, 0.05)(places, of).reshape(-1, 2).T
+        np.testing.assert_allclose(under - aside, fall, rtol=0.02)
 
 
 @settings(max_examples=30, deadline=None)

@@ -22,6 +22,8 @@ from trackers.filters.particle import Cloud, ParticleFilter
 from trackers.filters.staged import LikelihoodStage, staged
 
 FILTER = ParticleFilter(threshold=1.0)
+CROWN_M = 0.12
+"""How far the crown is above the middle of a head."""
 _COURSE_S = 0.4
 """Time over which the velocity is averaged that tells where somebody walks."""
 
@@ -77,6 +79,8 @@ class BodyFilter:
                 lambda _, __: np.where(out, -np.inf, 0.0),
                 in_room(self._area),
             ]
+            if len(views) > 1 and options.under_head_m:  # one picture does not tell how far off a head is
+                stages.append(self._under_head(people, dt))
             if loads is not None and self._options.use_floor:
                 stages.append(self._over(loads))
             stages.append(self._seen_by(views, people))
@@ -89,6 +93,18 @@ class BodyFilter:
         kept = np.exp(-dt / _COURSE_S)
         course = kept * people.course + (1 - kept) * (place - people.place)[:, :2] / dt
         return people.changed(body=cloud, place=place, velocity=velocity, course=course, lost=cloud.weights.lost)
+
+    def _under_head(self, people: People, dt: float) -> LikelihoodStage:
+        """The head's part (ours): bodies are under their heads, the less surely the lower a head is held."""
+        head = people.head_place + people.head_velocity * dt
+        drop_m = np.maximum(people.height_m - CROWN_M - head[:, 2], 0.0)
+        sigma = self._options.body.under_head_m + drop_m
+
+        def log_likelihood(state: Array, of: Index) -> Array:
+            off = (state[:2] - head[of, :2].T) / sigma[of]
+            return -0.5 * np.einsum("ck,ck->k", off, off)
+
+        return log_likelihood
 
     def _over(self, loads: Loads) -> LikelihoodStage:
         """The floor's part."""

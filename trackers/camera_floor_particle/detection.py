@@ -91,11 +91,11 @@ class Newcomers:
             heights, n_point = np.unique(hull[:, 2], return_counts=True)
             top_m = float(heights[n_point >= _LEAST_AT_TOP].max(initial=heights[0])) + 0.5 * _LAYER_M
             crown = hull[hull[:, 2] > top_m - _HEAD_M]
-            skull = np.append(crown[:, :2].mean(axis=0), top_m - 0.12)
+            skull = np.append(crown[:, :2].mean(axis=0), top_m - body.CROWN_M)
             middle = np.append((place + skull[:2]) / 2, _PELVIS * top_m)
         else:
             top_m = _UNSEEN_HEIGHT_M
-            middle, skull = np.append(place, _PELVIS * top_m), np.append(place, top_m - 0.12)
+            middle, skull = np.append(place, _PELVIS * top_m), np.append(place, top_m - body.CROWN_M)
         clothes = np.zeros((self._n_camera, options.histogram.size))
         n_colour = options.histogram.size * options.head.parts[0] * options.head.parts[1]
         skin, faces, from_east = 0j, np.empty((0, n_colour)), np.empty(0)

@@ -94,13 +94,19 @@ class BodyOptions(Strict):
         description='a particle whose pixel is not foreground: "drop" it (the paper), or this is added (ours)',
     )
     no_load: Ruling = Field(
-        default=-3.0,
+        default=-7.0,
         description='a particle over an element without load: "drop" it (the paper), or it weighs exp of this (ours)',
     )
     floor_smoothing_m: float = Field(
-        default=0.15,
+        default=0.12,
         ge=0,
         description="standard deviation by which the cluster's load is smoothed over the floor (ours) [m]; 0: by element (eq. 3)",
+    )
+    under_head_m: float = Field(
+        default=0.06,
+        ge=0,
+        description="standard deviation of the body's place about the head's, more by what the head is lower than of somebody "
+        "upright (ours) [m]; 0: heads say nothing of bodies (the paper)",
     )
 
 

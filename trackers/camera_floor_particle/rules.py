@@ -12,6 +12,7 @@ PAPER: Mapping[str, Any] = {
         **_CHECKS,
         "no_load": "drop",
         "floor_smoothing_m": 0.0,
+        "under_head_m": 0.0,
         "motion": {"memory": 0.0},
         "window": {"width_px": 30, "height_px": 90, "size_m": None, "pixels": "all"},
     },
