@@ -101,6 +101,15 @@ class TestLearned:
         t = fed(background, 120.0, standing, t + 0.1)
         assert not background.foreground(scan(t, standing)).any()
 
+    def test_however_long_the_room_was_seen_what_comes_into_it_is_learned_as_soon(self):
+        background = LearnedBackground(BackgroundOptions(memory_s=10.0))
+        t = fed(background, 100.0, WALL_M, 0.0)
+        standing = with_object(slice(20, 24), 2.0)
+        t = fed(background, 5.0, standing, t)
+        assert background.foreground(scan(t, standing))[20:24].all()
+        t = fed(background, 5.0, standing, t + 0.1)
+        assert not background.foreground(scan(t, standing)).any()
+
     def test_the_wall_is_not_forgotten_behind_a_person(self):
         background = LearnedBackground()
         t = fed(background, 10.0, WALL_M, 0.0)

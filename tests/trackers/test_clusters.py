@@ -58,6 +58,12 @@ def test_neighbours_at_different_ranges_are_split_and_the_far_one_knows_it_is_hi
     assert not (found.hidden_before[near] or found.hidden_after[near])
 
 
+def test_a_wall_right_behind_somebody_hides_nothing_of_them():
+    given = discs([(2.0, 0.0)], radius=0.12, wall=2.0)
+    found = find_clusters(given, given.ranges_m < 1.97, ClusterOptions())
+    assert (found.hidden_before.tolist(), found.hidden_after.tolist()) == ([False], [False])
+
+
 def test_a_lost_beam_does_not_cut_but_a_gap_does():
     given = discs([(1.5, 0.0)], radius=0.15)
     beams = np.flatnonzero(given.ranges_m < 3.9)
@@ -98,6 +104,12 @@ def test_arms_go_with_their_trunk_and_two_people_stay_two():
     hidden = np.array([False, False, False, False, True])
     kept = trunks(position, width, hidden, 0.16, 0.38, 0.7)
     np.testing.assert_array_equal(kept, [True, False, False, True, True])  # the last: half hidden behind, out of reach
+
+
+def test_an_arm_takes_nobody_with_it():
+    position = np.array([(0.0, 1.5), (0.5, 1.5), (1.0, 1.5)])
+    kept = trunks(position, np.array([0.3, 0.1, 0.05]), np.zeros(3, bool), 0.16, 0.38, 0.7)
+    np.testing.assert_array_equal(kept, [True, False, True])
 
 
 def test_the_pieces_of_somebody_side_on_are_one():

@@ -52,6 +52,13 @@ def test_the_window_stands_on_the_torso():
     assert windows.outline(0).shape == (2 * 23 + 2 * 23, 2)
 
 
+@pytest.mark.parametrize(("rgb", "hue_deg"), [((255, 0, 0), 0), ((0, 255, 0), 120), ((0, 0, 255), 240)])
+def test_a_pixel_counts_in_the_bin_of_its_hue(rgb, hue_deg):
+    plain, inside = np.full((1, 4, 3), rgb, np.uint8), np.ones((1, 4), np.bool_)
+    (counts,) = ColourHistogram(HistogramOptions(smoothing_deg=0)).of_pixels(plain, inside)
+    assert np.flatnonzero(counts).tolist() == [hue_deg]
+
+
 def test_windows_outside_the_image_or_of_slivers_are_not_used():
     behind = FisheyeSensor(
         topic="c", room_from_sensor=camera_pose(), intrinsics=INTRINSICS.model_copy(update={"width": 200})

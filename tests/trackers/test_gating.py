@@ -7,10 +7,13 @@ from hypothesis import given, settings, strategies as st
 from trackers.filters.gating import global_nearest_neighbour, linked, mahalanobis, validation_region
 
 
-def test_validation_region_is_the_union_of_circles():
+@pytest.mark.parametrize("radius_m", [0.5, 1.0])
+def test_validation_region_is_the_union_of_circles(radius_m):
     modes = np.array([[[0.0, 0.0], [2.0, 0.0], [0.0, 5.0]]])
     measured = np.array([[0.9, 0.0], [2.0, -0.9], [1.0, 0.5], [0.0, 4.1], [0.0, 3.9]])
-    np.testing.assert_array_equal(validation_region(modes, measured, 1.0), [[True, True, False, True, False]])
+    np.testing.assert_array_equal(
+        validation_region(radius_m * modes, radius_m * measured, radius_m), [[True, True, False, True, False]]
+    )
 
 
 def test_mahalanobis_is_the_least_over_the_modes():

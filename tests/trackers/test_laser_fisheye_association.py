@@ -79,6 +79,19 @@ def test_a_shirt_decides_between_two_who_are_about_as_near():
     assert whose(colour_weight=0) == [0]
 
 
+def test_who_comes_back_far_from_the_prediction_is_known_by_the_shirt():
+    places = np.array([[0.4, 1.9]])
+    state = Imm().start(places, np.zeros((1, 2)), 0.02, 0.1)
+    people = followed(People.started(state, places, 0, np.array([[0.9, 0.1]]), np.array([9])), ago(0.5))
+
+    def whose(shirt: list[float]) -> list[int]:
+        seen = Seen(detections((1.5, 2.3)), detections(), None, np.array([shirt]), np.ones(1, np.bool_))
+        return Association(people, Imm(), LaserFisheyeImmOptions(), 0.5, NOW).matches(seen).track.tolist()
+
+    assert whose([0.8, 0.2]) == [0]
+    assert whose([0.1, 0.9]) == []
+
+
 def of_two_hidden(legs: Detections, **options) -> Matches:
     """Of two people out of sight since half a second, last seen at (-0.3, 2) and (0.3, 2)."""
     imm = Imm()

@@ -49,6 +49,12 @@ def test_a_point_is_the_nearest_persons_one_between_is_shared_and_a_far_one_is_n
     assert whose.unknown[3] > 0.99
 
 
+def test_at_the_gate_a_point_is_as_likely_nobodys():
+    at_the_gate = points([(0, OPTIONS.gate_m), (0, OPTIONS.gate_m - 0.1), (0, OPTIONS.gate_m + 0.1)])
+    at, nearer, farther = shares(at_the_gate, np.zeros((2, 2, 1)), OPTIONS).share[0]
+    assert abs(at - 0.5) < 1e-9 and nearer > 0.9 and farther < 0.1
+
+
 def test_legs_near_by_tell_no_more_than_far_ones():
     legs = np.array([[-0.1, 0.1], [0.0, 0.0]]).T.reshape(2, 2, 1)
     many, few = points([(-0.1, 0)] * 10, 0.01), points([(-0.1, 0)], 0.1)

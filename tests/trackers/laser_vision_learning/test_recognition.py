@@ -14,8 +14,9 @@ from trackers.laser_vision_learning.looks import LooksOptions
 from trackers.laser_vision_learning.people import People
 from trackers.laser_vision_learning.recognition import Recognition, RecognitionOptions
 from trackers.laser_vision_learning.situations import Situations
+from trackers.laser_vision_learning.walking import SPEED
 from trackers.learning.boosting import BoostingOptions
-from trackers.observations import Image
+from trackers.observations import NS_PER_S, Image
 from trackers.pose import Pose
 from trackers.rig import PinholeSensor, placed_camera
 from trackers.tracking.roster import Roster
@@ -170,6 +171,22 @@ def test_a_frozen_camera_teaches_nothing_and_another_size_is_refused():
     half = Image("camera", two.ns, image.rgb[::2, ::2])
     with pytest.raises(InputError, match=r"picture of 'camera' at .* is 160 x 120; 320 x 240"):
         two.recognition.work(people, now, half, two.ns)
+
+
+@pytest.mark.parametrize("late_s", [0.04, -0.04])
+def test_people_are_looked_for_where_they_were_as_the_picture_was_taken(late_s, monkeypatch):
+    two, looked_at = Meeting(2), []
+    people = two.frames(1, APART, None)
+    state = people.cloud.state.copy()
+    state[SPEED] = 1.5  # along x
+    people = people.changed(roster=people.roster.changed(state=Cloud.of(state)))
+    monkeypatch.setattr(
+        two.recognition.learner, "trained", lambda looks, _, places, *__: looked_at.append(places) or looks
+    )
+    nobody = np.zeros((2, 2), bool)
+    now = Situations(two.serial, ~np.eye(2, dtype=bool), nobody, nobody, np.zeros((2, 2), int), nobody)
+    two.recognition.work(people, now, picture(APART, (RED, BLUE), two.ns + round(late_s * NS_PER_S)), two.ns)
+    np.testing.assert_allclose(looked_at[0] - people.places, [(1.5 * late_s, 0), (1.5 * late_s, 0)], atol=1e-6)
 
 
 @pytest.mark.parametrize("place", [(-3.6, 0.0), (9.0, 0.0)], ids=["at the border", "outside"])

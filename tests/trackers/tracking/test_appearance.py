@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trackers.tracking.appearance import Appearance
+from trackers.vision.histogram import HistogramOptions
 
 
 def test_doubtful_looks_teach_nothing_but_some_in_a_row_do():
@@ -25,6 +26,14 @@ def test_doubtful_looks_teach_nothing_but_some_in_a_row_do():
     # in a row: one that is believed between them, and it takes as many again
     again = looked_upon(looked_upon(clothes, doubtful=False))
     np.testing.assert_allclose(again.reference, [[0.4, 0.6], [0.0, 1.0]])
+
+
+def test_four_looks_are_enough_to_know_what_somebody_wears_now():
+    clothes, now = Appearance.started(np.array([[1.0, 0.0]]), np.array([9])), np.array([[0.0, 1.0]])
+    for _ in range(4):
+        clothes = clothes.learned(np.arange(1), now, np.zeros(1, np.bool_), 0, HistogramOptions().memory)
+    distance = clothes.distance(np.array([[0.0, 1.0], [1.0, 0.0]]), np.ones(2, np.bool_))
+    assert distance is not None and distance[0, 0] < 0.05 and distance[0, 1] > 0.9
 
 
 def test_only_looks_that_are_comparable_have_a_distance():

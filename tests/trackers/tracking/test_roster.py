@@ -80,7 +80,7 @@ def test_tentative_tracks_coast_less():
 
 
 def test_nobody_starts_on_somebody():
-    places = np.array([[0.0, 0.0], [1.0, 0.0]])
-    assert lifecycle.clear_of(places, np.array([[0.3, 0.0]]), 0.45).tolist() == [False, True]
-    assert lifecycle.clear_of(places, np.array([[0.3, 0.0]]), np.array([0.2, 0.8])).tolist() == [True, False]
+    places, bodies = np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([[9.0, 0.0], [0.3, 0.0]])
+    assert lifecycle.clear_of(places, bodies, 0.45).tolist() == [False, True]
+    assert lifecycle.clear_of(places, bodies, np.array([0.2, 0.8])).tolist() == [True, False]
     assert lifecycle.clear_of(places, np.empty((0, 2)), 0.45).tolist() == [True, True]

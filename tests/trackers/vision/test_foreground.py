@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
@@ -73,6 +74,17 @@ def test_hue_alone_tells_too():
     mask = foreground(**RAW).mask(picture(turned))
     assert mask[30:45, 30:50].mean() > 0.99
     assert mask.sum() < 15 * 20 + 5
+
+
+@pytest.mark.parametrize("hue_deg", [100, 350])
+def test_hue_counts_from_twenty_degrees_on_all_around_the_circle(hue_deg: int):
+    def plain(hue_deg: int) -> Image:
+        hsv = np.full((HEIGHT, WIDTH, 3), (hue_deg % 360 // 2, 200, 200), np.uint8)
+        return picture(np.asarray(cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB), np.uint8))
+
+    before = Foreground(LENS, [plain(hue_deg)], ForegroundOptions.model_validate(RAW))
+    changed = [bool(before.mask(plain(hue_deg + off)).any()) for off in (-26, -14, 14, 26)]
+    assert changed == [True, False, False, True]
 
 
 @pytest.mark.parametrize("share", [0.6, 0.7, 0.8])

@@ -1,0 +1,153 @@
+"""The gate is tested by bugs: each is made in a copy of the code, and the first stage that notices it is told on stderr.
+
+Stages are the unit tests that are not marked slow (those about the spoilt module first), the golden run, the suite `smoke`
+against its baseline and, as `gate-bugs-regression`, the suite `regression`. All hours of it at once, or in parts:
+
+    python -m benchmarks.gate_bugs [--stages unit,golden] [--part 1/4] [WORD ...]
+
+runs the bugs whose file or name holds one of the words; with `--control` the code as it is, which no stage may call a bug.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from benchmarks.bugs import BUGS, Bug
+from benchmarks.figure import Figure
+
+ROOT = Path(__file__).parents[2]
+STAGES = ("unit", "golden", "smoke", "regression")
+_GOLDEN = "tests/twin/test_golden.py"
+_LONGEST_S = 3600
+"""A stage that takes longer has noticed nothing."""
+_CONTROL = Bug("none", "twin/__init__.py", "", "")
+
+
+def measure() -> Iterator[Figure]:
+    """What unit tests, golden run and smoke notice of all bugs."""
+    return _figures(STAGES[:3], ">= 0.9")
+
+
+def with_regression() -> Iterator[Figure]:
+    """What they notice together with the suite `regression`."""
+    return _figures(STAGES, ">= 0.97")
+
+
+def _figures(stages: Sequence[str], target: str) -> Iterator[Figure]:
+    alarm = caught(_CONTROL, stages)
+    yield Figure("stages that call the code as it is a bug", int(alarm is not None), "", "<= 0")
+    count = Counter(caught(bug, stages) for bug in BUGS)
+    share = 1 - count[None] / len(BUGS)
+    yield Figure(f"share of {len(BUGS)} bugs caught by {', '.join(stages)}", share, "", target)
+    for stage in stages:
+        yield Figure(f"of these first by {stage}", count[stage] / len(BUGS), "", "")
+
+
+def caught(bug: Bug, stages: Sequence[str]) -> str | None:
+    """The first of the stages that notices the bug in a copy of the code, or none; told on stderr as well."""
+    start = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="gate-bugs-") as folder:
+        tree = Path(folder) / "tree"
+        _copy(tree)
+        if bug is not _CONTROL:
+            bug.write(tree)
+        environment = os.environ | {"PYTHONPATH": str(tree)}
+        if bug.file.startswith("twin/"):  # what it records is of no use to anybody else
+            environment["ROOMTWIN_CACHE"] = str(Path(folder) / "cache")
+        found = next((stage for stage in stages if _notices(stage, bug.file, tree, environment)), None)
+    print(
+        f"{bug.file}: {bug.name}: {found or 'MISSED'} ({time.monotonic() - start:.0f} s)", file=sys.stderr, flush=True
+    )
+    return found
+
+
+def _copy(tree: Path) -> None:
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    for name in filter(None, listed.split("\0")):
+        (tree / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(ROOT / name, tree / name)
+
+
+def _notices(stage: str, file: str, tree: Path, environment: dict[str, str]) -> bool:
+    """Whether one of a stage's commands fails."""
+    for command in _commands(stage, file, tree):
+        try:
+            done = subprocess.run(
+                [sys.executable, "-m", *command],
+                cwd=tree,
+                env=environment,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                timeout=_LONGEST_S,
+                check=False,
+            )
+        except subprocess.TimeoutExpired:
+            continue
+        if done.returncode not in (0, 5):  # 5: pytest found no test that is not slow
+            print("    " + "\n    ".join(done.stdout.strip().splitlines()[-4:]), file=sys.stderr)
+            return True
+    return False
+
+
+def _commands(stage: str, file: str, tree: Path) -> Iterator[list[str]]:
+    pytest = ["pytest", "-x", "-q", "-m", "not slow", "-p", "no:cacheprovider", "--tb=line"]
+    if stage == "unit":
+        # pytest imports all files that it is given before the first test
+        for files in _unit_tests(file, tree):
+            yield [*pytest, *files]
+    elif stage == "golden":
+        yield [*pytest, _GOLDEN]
+    else:
+        baseline = f"models/suites/baselines/{stage}.json"
+        yield ["twin", "suite", "run", stage, "--baseline", baseline, "--jobs", "1", "--out", str(tree.parent / stage)]
+
+
+def _unit_tests(file: str, tree: Path) -> Iterator[list[str]]:
+    """Test files in three lots: what names the module, its package, neither; in each what is about least else first."""
+    module = file.removesuffix(".py").replace("/", ".")
+    package = module.rpartition(".")[0]
+    lots: tuple[list[tuple[int, str]], ...] = ([], [], [])
+    for path in sorted((tree / "tests").rglob("test_*.py")):
+        name, text = path.relative_to(tree).as_posix(), path.read_text(encoding="utf-8")
+        if name not in (_GOLDEN, "tests/test_gate_bugs.py"):  # the latter misses the text that the bug replaced
+            named = set(re.findall(r"\b(?:trackers|twin)\.[\w.]+", text))
+            lot = 0 if {module, package} & named else 1 if any(each.startswith(package) for each in named) else 2
+            lots[lot].append((len(named), name))
+    for files in filter(None, lots):
+        yield [name for _, name in sorted(files)]
+
+
+def main() -> int:
+    """Run some bugs through some stages; the exit code is 1 where one is missed."""
+    parser = argparse.ArgumentParser(description="Run some bugs through some stages.")
+    parser.add_argument("words", nargs="*", help="bugs whose file or name holds one of these (none: all)")
+    parser.add_argument("--stages", default=",".join(STAGES[:3]), help="in this order, separated by commas")
+    parser.add_argument("--part", default="1/1", help="K/N: the K-th of N parts")
+    parser.add_argument("--control", action="store_true", help="the code as it is instead")
+    arguments = parser.parse_args()
+    stages = arguments.stages.split(",")
+    if unknown := set(stages) - set(STAGES):
+        parser.error(f"--stages: there is no {', '.join(sorted(unknown))}; valid are {', '.join(STAGES)}")
+    if arguments.control:
+        return int(caught(_CONTROL, stages) is not None)
+    number, count = map(int, arguments.part.split("/"))
+    words = arguments.words or [""]
+    chosen = [bug for bug in BUGS if any(word in f"{bug.file}: {bug.name}" for word in words)][number - 1 :: count]
+    missed = [bug for bug in chosen if caught(bug, stages) is None]
+    print(f"{len(chosen) - len(missed)} of {len(chosen)} caught")
+    return int(bool(missed))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
