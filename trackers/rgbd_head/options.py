@@ -16,7 +16,7 @@ Linear = tuple[FiniteFloat, FiniteFloat]
 class ColourOptions(Strict):
     """How the colours in the ellipse weigh a head."""
 
-    on: bool = Field(default=True, description="whether colours weigh heads at all")
+    used: bool = Field(default=True, description="whether colours weigh heads at all")
     by_person: bool = Field(
         default=True,
         description="where on the head the person's own colours of face and hair are (ours); false: the share of skin in the "
@@ -45,7 +45,7 @@ class ColourOptions(Strict):
 class DepthOptions(Strict):
     """How the distances in the ellipse weigh a head."""
 
-    on: bool = Field(default=True, description="whether distances weigh heads at all")
+    used: bool = Field(default=True, description="whether distances weigh heads at all")
     by_range: bool = Field(
         default=True,
         description="the difference along the ray counts by how sure a distance is so far away (ours); false: in metres, from "
@@ -95,7 +95,7 @@ class WeightOptions(Strict):
 class EnvironmentOptions(Strict):
     """How likely a head is anywhere in the room (eq. 8), where the environment is known."""
 
-    on: bool = Field(default=True, description="whether the room weighs heads at all")
+    used: bool = Field(default=True, description="whether the room weighs heads at all")
     above_furniture: float = Field(
         default=0.5, ge=0, le=1, description="weight over furniture, region B; over chairs, where people sit, too"
     )
@@ -189,6 +189,9 @@ class RgbdHeadOptions(Strict):
         default=True,
         description="each picture is weighed with heads moved to its own stamp (ours); false: all pictures of a moment are taken "
         "for simultaneous",
+    )
+    cameras: tuple[str, ...] = Field(
+        default=(), description="names of the stereo cameras that are looked at; none: all of the rig's"
     )
     start: tuple[Start, ...] = Field(
         default=(),

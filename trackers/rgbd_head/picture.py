@@ -129,12 +129,12 @@ class Watcher:
         pixels = picture.at(seen_as, np.concatenate([inner, ring]))
         pixels, around = pixels[: len(inner)], pixels[len(inner) :]
         colour = np.zeros(n * p, np.float32)
-        if options.colour.on and tables is not None:
+        if options.colour.used and tables is not None:
             entry = pixels & (COLOURS - 1)
             entry += self._steps_shown.take(seen_as.aspects(), axis=1)
             entry.reshape(-1, n, p)[...] += np.arange(0, tables.size, SHARES * COLOURS, dtype=np.int32)[:, None]
             colour += np.float32(options.colour.power) * _mean(tables.ravel().take(entry))
-        elif options.colour.on:
+        elif options.colour.used:
             n_inside = np.maximum(_share(pixels, _INSIDE), np.float32(1 / len(inner)))
             skin = _share(pixels, _SKIN) / n_inside
             colour += _linear(np.abs(skin - expected_share(seen_as.facing, options)), options.colour.linear)
@@ -145,7 +145,7 @@ class Watcher:
             both = np.maximum(filled, floor) * np.maximum(free, floor)
             colour += np.float32(options.silhouette.power) * np.log(both)
         depth = np.zeros(n * p, np.float32)
-        if options.depth.on and picture.knows_depth:
+        if options.depth.used and picture.knows_depth:
             depth += self._depth(seen_as, inner, _range_m(pixels))
         seen = seen_as.seen
         colour, depth, shown = (np.where(seen, each, np.float32(0)) for each in (colour, depth, filled * free))

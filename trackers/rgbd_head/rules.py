@@ -18,7 +18,7 @@ PAPER: Mapping[str, Any] = {
 """The options of `rgbd-head-paper`. What the paper does not give (a, b, the motion model) is as in ours; the start is known
 where `start` says it, and found as ours is where it does not."""
 
-COLOUR: Mapping[str, Any] = {**PAPER, "weights": {**PAPER["weights"], "depth": {"by_range": False, "on": False}}}
-DEPTH: Mapping[str, Any] = {**PAPER, "weights": {**PAPER["weights"], "colour": {"by_person": False, "on": False}}}
-NO_ENVIRONMENT: Mapping[str, Any] = {**PAPER, "environment": {**PAPER["environment"], "on": False}}
+COLOUR: Mapping[str, Any] = {**PAPER, "weights": {**PAPER["weights"], "depth": {"by_range": False, "used": False}}}
+DEPTH: Mapping[str, Any] = {**PAPER, "weights": {**PAPER["weights"], "colour": {"by_person": False, "used": False}}}
+NO_ENVIRONMENT: Mapping[str, Any] = {**PAPER, "environment": {**PAPER["environment"], "used": False}}
 """The paper's two cues alone (its section 4.3), and both without the environment (4.4)."""

@@ -10,9 +10,9 @@ A track's x and y are the ground under the head, not under the pelvis; its z is 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from math import nan
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -53,6 +53,13 @@ _FAR_M_S = 1.5
 """Who is not shown is looked for within the way at this speed."""
 
 
+class Inside(NamedTuple):
+    """What the tracker knew at the moment worked last: everybody's hypotheses, and what each picture made of them."""
+
+    people: People
+    weighed: dict[str, Weights]
+
+
 class RgbdHead(MomentTracker):
     """Stereo cameras open a moment; every head is weighed by all of its pictures, each at its own stamp.
 
@@ -63,15 +70,10 @@ class RgbdHead(MomentTracker):
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
     ) -> None:
         self.options = validate(RgbdHeadOptions, options, "tracker rgbd-head")
-        sensors = {name: each for name, each in rig.sensors.items() if isinstance(each, StereoSensor)}
-        if not sensors:
-            raise InputError(
-                f"tracker rgbd-head: none of the rig's sensors ({', '.join(rig.sensors)}) is a stereo camera; one of kind "
-                "stereo, with colour and depth, is needed"
-            )
+        sensors = _stereo_cameras(rig, self.options.cameras)
         self.unused_sensors = [name for name in rig.sensors if name not in sensors]
         known = Knowledge.of(background)
-        self._environment = known.environment if self.options.environment.on else None
+        self._environment = known.environment if self.options.environment.used else None
         self._learned = load_learned(known.learned.get(LEARNED, SHIPPED))
         self._watchers = {
             name: Watcher(sensor, [each for each in known if each.sensor == name], self._learned, self.options.weights)
@@ -85,6 +87,7 @@ class RgbdHead(MomentTracker):
         self._people = People.started(cloud, 0, len(sensors))
         self._pending = sorted(self.options.start, key=lambda start: start.at_s)
         self._ns, self._last_id, self._turn = 0, 0, 0
+        self._weights: dict[str, Weights] = {}
 
     def tracks(self) -> list[Track]:
         """Everybody confirmed, as of the moment worked last; x and y are the ground under the head."""
@@ -95,6 +98,10 @@ class RgbdHead(MomentTracker):
             Track(int(people.roster.id[k]), *rows[k], status="confirmed" if shown[k] else "coasting")
             for k in np.flatnonzero(people.roster.confirmed)
         ]
+
+    def inside(self) -> Inside:
+        """What was known at the moment worked last, for drawings."""
+        return Inside(self._people, self._weights)
 
     def _maps(self) -> tuple[Hypotheses, ...]:
         """Some hypotheses of everybody confirmed."""
@@ -157,12 +164,13 @@ class RgbdHead(MomentTracker):
             kept = np.exp(-dt / motion.velocity_s)
             velocity = kept * velocity + (1 - kept) * (people.place - before) / dt
         self._people = people.changed(velocity=velocity, usual=self._usual(people, weighed))
+        self._weights = weighed
         self._look(pictures, weighed)
 
     def _weighed(self, state: Float[Array, "4 n p"], pictures: dict[str, tuple[Picture, float]]) -> dict[str, Weights]:
         """What each picture makes of hypotheses, moved to its own stamp."""
         people, colour = self._people, self.options.weights.colour
-        tables = people.colours.tables(self._learned.common, colour) if colour.on and colour.by_person else None
+        tables = people.colours.tables(self._learned.common, colour) if colour.used and colour.by_person else None
         weights = {}
         for name, (picture, later) in pictures.items():
             heads = state.astype(np.float32)
@@ -303,3 +311,19 @@ class RgbdHead(MomentTracker):
 
     def _number(self, camera: str) -> int:
         return list(self._watchers).index(camera)
+
+
+def _stereo_cameras(rig: Rig, chosen: Sequence[str]) -> dict[str, StereoSensor]:
+    """The rig's stereo cameras, or those chosen; raises InputError where there is none of that name, or none at all."""
+    found = {name: each for name, each in rig.sensors.items() if isinstance(each, StereoSensor)}
+    if not found:
+        raise InputError(
+            f"tracker rgbd-head: none of the rig's sensors ({', '.join(rig.sensors)}) is a stereo camera; one of kind "
+            "stereo, with colour and depth, is needed"
+        )
+    for name in chosen:
+        if name not in found:
+            raise InputError(
+                f"tracker rgbd-head: cameras: there is no stereo camera {name!r}; valid are {', '.join(found)}"
+            )
+    return {name: each for name, each in found.items() if not chosen or name in chosen}

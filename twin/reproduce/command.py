@@ -35,7 +35,8 @@ def reproduce(
     runs: Annotated[
         int | None,
         typer.Option(
-            metavar="N", help=f"Monte-Carlo runs of figure 7; default: the paper's 100. ({_takers('--runs')})"
+            metavar="N",
+            help=f"Runs of figure 7 (default 100) or of one recording (30), as in the papers. ({_takers('--runs')})",
         ),
     ] = None,
     suite: Annotated[

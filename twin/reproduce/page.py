@@ -20,6 +20,7 @@ _DECIMALS = {
     "%": 1,
     "BW": 3,
     "m": 3,
+    "cm": 2,
     "m/s": 2,
     "s": 3,
     "steps/min": 1,
@@ -58,6 +59,18 @@ def write_plots(folder: Path, drawn: Mapping[str, str]) -> dict[str, Path]:
 def rows_of(results: Sequence[Result]) -> list[Row]:
     """Results as `rows.html.j2` shows them."""
     return [(result, *text_of(result)) for result in results]
+
+
+def grid_of(results: Sequence[Result], intervals: bool = True) -> Mapping[str, object] | None:
+    """Results as a table, a row a condition and tracker, a column a figure: of rows named "CONDITION, FIGURE", or of choices."""
+    found: dict[str, dict[str, tuple[str, str, str]]] = {}
+    for result, paper, ours, spread in rows_of(results):
+        condition, _, figure = result.row.partition(", ")
+        row, column = (f"{condition}: {result.column}", figure) if figure else (result.row, result.column)
+        found.setdefault(row, {})[column] = (ours, spread if intervals else "", "" if result.paper is None else paper)
+    columns = list(dict.fromkeys(column for row in found.values() for column in row))
+    rows = [(row, [cells.get(column) for column in columns]) for row, cells in found.items()]
+    return {"columns": columns, "rows": rows} if found else None
 
 
 def text_of(result: Result) -> tuple[str, str, str]:

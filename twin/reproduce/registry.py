@@ -85,6 +85,13 @@ REPRODUCTIONS: Mapping[str, Reproduction] = {
         takes=OF_SUITES,
         beyond="beyond the paper",
     ),
+    "rgbd-head": Reproduction(
+        "the paper's tables 1 to 3 and figures 5 to 12, and beyond",
+        "twin.reproduce.rgbd_head.reproduction",
+        n_seed=2,
+        takes=OF_SUITES | {"--runs"},
+        beyond="beyond the paper",
+    ),
     "gait": Reproduction(
         "how people load the floor", "twin.reproduce.gait.reproduction", n_seed=100, takes=frozenset({"--data"})
     ),

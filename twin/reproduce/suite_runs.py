@@ -6,20 +6,23 @@ A condition is what an entry of the suite describes, or one of its variants.
 from __future__ import annotations
 
 import sys
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from trackers.errors import InputError
 from twin.progress import OnProgress
+from twin.recording.tables import TrackTable, TruthTable, read_tracks, read_truth
 from twin.suites.cache import RecordingCache, cache_folder, cache_limit_bytes
 from twin.suites.cases import Case, expand
 from twin.suites.description import Suite, load_suite
+from twin.suites.fingerprint import recording_key
 from twin.suites.run import Place, Watcher, run_suite
 from twin.suites.store import read_store
 from twin.suites.stored import DONE
 from twin.suites.tasks import State
-from twin.suites.worker import Moment
+from twin.suites.worker import TRUTH, Moment, record, renderer_of, resolved_scenario
 
 SUITE_FOLDER = "suite"
 """The folder of the suite's results within the reproduction's."""
@@ -119,3 +122,23 @@ def read_runs(
 def tell_failure(case_id: str, error: str) -> None:
     """A warning on stderr that a case failed."""
     sys.stderr.write(f"twin: warning: {case_id} failed: {error.splitlines()[0] if error else ''}\n")
+
+
+@contextmanager
+def recording_of(case: Case, cache: RecordingCache) -> Iterator[Path]:
+    """The folder of a case's recording, which is made again where it has left the cache."""
+    scenario = resolved_scenario(case)
+    key = recording_key(case.resolved, renderer_of(scenario))
+    with cache.recording(key, lambda folder: record(scenario, folder)) as (entry, _):
+        yield entry
+
+
+def truth_of(case: Case, runs: SuiteRuns) -> TruthTable:
+    """The truth of a case's recording."""
+    with recording_of(case, runs.cache) as entry:
+        return read_truth(entry / TRUTH)
+
+
+def tracks_of(case: Case, runs: SuiteRuns) -> TrackTable:
+    """The tracks of a case that is done."""
+    return read_tracks(runs.folder / SUITE_FOLDER / "cases" / case.id / "tracks" / f"{case.tracker}.csv")

@@ -19,13 +19,14 @@ from twin.recording.tables import TruthTable, read_truth, track_table
 from twin.reproduce.camera_floor_particle.pictures import draw_inside
 from twin.reproduce.camera_floor_particle.tables import OURS
 from twin.reproduce.results import Result
+from twin.reproduce.suite_runs import recording_of
 from twin.scenario import load_scenario
 from twin.scenario.load import dump_scenario
 from twin.streams import stream
 from twin.suites.cache import RecordingCache
 from twin.suites.cases import Case
 from twin.suites.fingerprint import recording_key
-from twin.suites.worker import RECORDING, TRUTH, record, renderer_of, resolved_scenario
+from twin.suites.worker import RECORDING, TRUTH, record, renderer_of
 
 CHOICE = "beyond the paper, choice"
 SEED = 1000
@@ -85,9 +86,7 @@ def _judged(name: str, change: Mapping[str, Any], bag: Recording, truth: TruthTa
 
 def moment_picture(case: Case, cache: RecordingCache, t_s: float) -> bytes:
     """What the tracker saw and held at a moment of a case, a JPEG (`draw_inside`)."""
-    scenario = resolved_scenario(case)
-    key = recording_key(case.resolved, renderer_of(scenario))
-    with cache.recording(key, lambda folder: record(scenario, folder)) as (entry, _):
+    with recording_of(case, cache) as entry:
         bag = Recording(entry / RECORDING)
         tracker: Any = make_tracker(
             OURS, bag.rig, Knowledge.of(bag.background), stream(case.seed, "tracker", OURS), None

@@ -1,0 +1,123 @@
+"""One recording followed many times: the spread of table 3, the trap of figures 11 and 12, and what is inside at a moment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trackers.environment import Environment
+from trackers.knowledge import Knowledge
+from trackers.observations import Observation
+from trackers.presets import make_tracker
+from trackers.rgbd_head.tracker import Inside
+from trackers.rig import Rig
+from trackers.tracks import TrackFrame
+from twin.progress import OnProgress
+from twin.recording.reader import Recording
+from twin.recording.tables import TrackTable, TruthTable, read_truth, track_table
+from twin.reproduce.results import Result
+from twin.reproduce.rgbd_head.errors import head_errors, spread_cm
+from twin.reproduce.rgbd_head.tables import CAUGHT, OURS, SPREAD, mean_of
+from twin.streams import stream
+from twin.suites.worker import RECORDING, TRUTH
+
+_ALIKE = "rgbd-head-paper"
+_WAYS: Mapping[str, tuple[str, bool]] = {
+    "colour, no environment": (f"{_ALIKE}-colour", False),
+    "colour": (f"{_ALIKE}-colour", True),
+    "both cues": (_ALIKE, True),
+    "ours": (OURS, True),
+}
+"""The trap: by which preset, and whether it is handed the environment."""
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """A recording in memory: what every replay is handed."""
+
+    rig: Rig
+    background: Sequence[Observation]
+    observations: Sequence[Observation]
+    truth: TruthTable
+    environment: Environment | None
+
+    @classmethod
+    def of(cls, entry: Path, environment: Environment) -> Seen:
+        """The recording in a folder of the cache."""
+        bag = Recording(entry / RECORDING)
+        return cls(bag.rig, bag.background, list(bag.observations()), read_truth(entry / TRUTH), environment)
+
+    def start(self) -> list[dict[str, Any]]:
+        """The true place and direction of the head at first: what the paper takes for known."""
+        truth = self.truth
+        return [
+            {
+                "place": [float(truth.head_x[0]), float(truth.head_y[0]), float(truth.head_z[0])],
+                "yaw_deg": float(np.degrees(truth.head_yaw[0])),
+            }
+        ]
+
+    def tracker(self, preset: str, seed: int, options: Mapping[str, Any], has_environment: bool = True) -> Any:
+        """A tracker as a run of this seed makes it."""
+        known = Knowledge(self.background, self.environment if has_environment else None)
+        return make_tracker(preset, self.rig, known, stream(seed, "tracker", preset), options)
+
+    def followed(self, preset: str, seed: int, options: Mapping[str, Any], has_environment: bool = True) -> TrackTable:
+        """The tracks of a run."""
+        tracker = self.tracker(preset, seed, options, has_environment)
+        frames: list[TrackFrame] = []
+        for observation in self.observations:
+            frames += tracker.update(observation)
+        return track_table([*frames, *tracker.finish()])
+
+    def inside(self, preset: str, seed: int, options: Mapping[str, Any], t_s: float) -> Inside:
+        """What the tracker holds at a moment."""
+        tracker = self.tracker(preset, seed, options)
+        for observation in self.observations:
+            frames = tracker.update(observation)
+            if frames and frames[-1].stamp_ns >= t_s * 1e9:
+                break
+        return tracker.inside()
+
+
+def spreads(seen: Seen, n_run: int, on_progress: OnProgress | None) -> list[Result]:
+    """Table 3: runs of one recording by other random numbers, as many hypotheses as ours has and as the paper's."""
+    found = []
+    for number, (name, options) in enumerate({"ours": {}, "512 hypotheses": {"heads": 512}}.items()):
+        runs = {}
+        for seed in range(n_run):
+            if on_progress is not None:
+                on_progress("runs of one recording", number * n_run + seed, 2 * n_run)
+            runs[seed] = seen.followed(OURS, seed, options)
+        for axis, spread, paper in zip(("XY", "Z"), spread_cm(runs), ((0.36, 0.68), (0.27, 0.50)), strict=True):
+            for what, value, theirs in (
+                ("mean", float(spread.mean()), paper[0]),
+                ("largest", float(spread.max()), paper[1]),
+            ):
+                found.append(Result(SPREAD, name, f"{axis} {what}", theirs, value, (value, value), "cm", n_run))
+    return found
+
+
+def trapped(seen: Seen, n_run: int, on_progress: OnProgress | None) -> tuple[list[Result], dict[str, TrackTable]]:
+    """Figures 11 and 12: how many of the runs are lost by the clock, and left the room; the first run of each way."""
+    found, first = [], {}
+    assert seen.environment is not None
+    for number, (name, (preset, has_environment)) in enumerate(_WAYS.items()):
+        lost, left = np.zeros(n_run), np.zeros(n_run)
+        options = {} if preset == OURS else {"start": seen.start()}
+        for seed in range(n_run):
+            if on_progress is not None:
+                on_progress("runs of the trap", number * n_run + seed, len(_WAYS) * n_run)
+            tracks = seen.followed(preset, seed, options, has_environment)
+            first.setdefault(name, tracks)
+            lost[seed] = head_errors(seen.truth, tracks, seen.rig).lost
+            places = np.column_stack([tracks.head_x, tracks.head_y, tracks.head_z])
+            left[seed] = not seen.environment.head_weight(places).all()
+        for row, values in (("lost", lost), ("left the room", left)):
+            share = mean_of(100 * values, 0)
+            found.append(Result(CAUGHT, name, row, None, share.value, (share.low, share.high), "%", n_run))
+    return found, first

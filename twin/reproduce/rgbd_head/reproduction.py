@@ -1,0 +1,197 @@
+"""Everything `twin reproduce rgbd-head` leaves behind."""
+
+from __future__ import annotations
+
+import base64
+import shlex
+from pathlib import Path
+
+import numpy as np
+
+from trackers.arrays import Array
+from trackers.environment import Environment, load_environment
+from trackers.errors import InputError
+from twin.environment.run import write_environment
+from twin.recording.tables import TrackTable
+from twin.recording.whole_file import whole_path
+from twin.reproduce.page import grid_of, rows_of, write_page, write_plots
+from twin.reproduce.registry import Asked, Found, OnProgress
+from twin.reproduce.results import Result, write_results
+from twin.reproduce.rgbd_head.pictures import views, weighed
+from twin.reproduce.rgbd_head.plots import environment_svg, errors_svg, trajectories_svg, trap_svg
+from twin.reproduce.rgbd_head.replays import Seen, spreads, trapped
+from twin.reproduce.rgbd_head.tables import (
+    ABLATION,
+    BEYOND,
+    CAUGHT,
+    CHOICE,
+    EXPERIMENTS,
+    FIRST,
+    NEEDED,
+    OURS,
+    PAPER,
+    SECOND,
+    SPREAD,
+    TRAP,
+    WHERE,
+    Condition,
+    conditions_of,
+    results_of,
+)
+from twin.reproduce.suite_runs import SuiteRuns, read_runs, recording_of, run_in, suite_of, tracks_of, truth_of
+from twin.scenario import load_scenario
+from twin.suites.cases import Case
+from twin.suites.description import Suite
+from twin.suites.run import Place
+
+_RUNS = 30
+"""How often one recording is followed: as often as the paper did."""
+_ROOM = "head-trap"
+"""The scenario whose empty room is scanned: that of every scenario of the suite."""
+_SHOWN_S = {FIRST: (4.0, 9.0, 15.0), SECOND: (4.0, 9.0)}
+"""When the views of figures 6 and 8 are [s]."""
+_CLOCK = np.array([0.35, -2.45])
+"""Where the skin-coloured clock of the meeting room hangs [m]."""
+
+
+def reproduce(folder: Path, asked: Asked, on_progress: OnProgress | None = None) -> Found:
+    """Scan the room, run the suite, and write results, plots, pictures and the page into `folder`.
+
+    Raises InputError for a suite without the paper's experiments, for a folder that holds another reproduction's runs (or the
+    same one's, without `resume`), for conditions with fewer than two whole runs, and where a file cannot be written.
+    """
+    suite, path = suite_of(asked.suite or asked.name, asked.seed_range)
+    check_suite(suite, path)
+    environment = scanned(folder, asked.resume, on_progress)
+    suite = suite.model_copy(update={"set": {**suite.set, "knowledge.environment": str(environment.resolve())}})
+    cache = run_in(folder, suite, path, Place(asked.jobs), asked.resume, on_progress)
+    runs = read_runs(suite, path, folder, cache)
+    return write_all(folder, runs, load_environment(environment), asked, on_progress)
+
+
+def check_suite(suite: Suite, path: Path) -> None:
+    """Raise InputError for a suite without one of the paper's experiments, or with one that a tracker is not run in."""
+    entries = {entry.name or entry.scenario: entry for entry in suite.scenarios}
+    for name in NEEDED:
+        if name not in entries:
+            raise InputError(f"{path}: scenarios: none is named {name}; one, an experiment of the paper, is expected")
+    for name, entry in entries.items():
+        for tracker in (OURS, PAPER) if name in (FIRST, SECOND) else (OURS,):
+            if tracker not in (entry.trackers or suite.trackers):
+                raise InputError(
+                    f"{path}: scenarios: {name} is run without {tracker}; it is expected among the trackers"
+                )
+
+
+def scanned(folder: Path, resume: bool, on_progress: OnProgress | None) -> Path:
+    """The environment of the meeting room, scanned anew but where a reproduction goes on."""
+    path = folder / "meeting_room.npz"
+    if not (resume and path.is_file()):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(
+                f"--out {folder}: cannot be written ({error.strerror}); a writable folder is needed"
+            ) from error
+        write_environment(load_scenario(_ROOM), [], out=path, on_progress=on_progress)
+    return path
+
+
+def write_all(
+    folder: Path, runs: SuiteRuns, environment: Environment, asked: Asked, on_progress: OnProgress | None
+) -> Found:
+    """Write what was found: results, plots, pictures, page. Raises InputError as files do."""
+    conditions = conditions_of(runs)
+    n_run = asked.runs or _RUNS
+    with recording_of(_first_case(runs, FIRST), runs.cache) as entry:
+        sat = Seen.of(entry, environment)
+    results = [*results_of(conditions), *spreads(sat, n_run, on_progress)]
+    pictures = _pictures(runs, FIRST, sat) | {"figure 10": _figure_10(sat, runs, _SHOWN_S[FIRST][1])}
+    with recording_of(_first_case(runs, SECOND), runs.cache) as entry:
+        pictures |= _pictures(runs, SECOND, Seen.of(entry, environment))
+    with recording_of(_first_case(runs, TRAP), runs.cache) as entry:
+        caught = Seen.of(entry, environment)
+    lost, ways = trapped(caught, n_run, on_progress)
+    results += lost
+    drawn = {
+        "figure5": environment_svg(environment),
+        "figure7": _trajectories(runs, FIRST),
+        "figure9": _trajectories(runs, SECOND),
+        "figure11": trap_svg(caught.truth, ways, _CLOCK),
+        "errors": errors_svg({name: conditions[name].errors[0] for name in (FIRST, SECOND)}),
+    }
+    command = asked.command + (f" --runs {asked.runs}" if asked.runs else "")
+    command += f" --suite {shlex.quote(asked.suite)}" if asked.suite else ""
+    return results, _written(folder, runs, conditions, results, drawn, pictures, n_run, command)
+
+
+def _written(
+    folder: Path,
+    runs: SuiteRuns,
+    conditions: dict[str, Condition],
+    results: list[Result],
+    drawn: dict[str, str],
+    pictures: dict[str, bytes],
+    n_run: int,
+    command: str,
+) -> dict[str, Path]:
+    paths = {"results": folder / "results.json", "page": folder / "report.html"}
+    write_results(paths["results"], results)
+    paths |= write_plots(folder, drawn)
+    for said, jpeg in pictures.items():
+        with whole_path(folder / f"{said.replace(', ', '-').replace(' ', '-')}.jpg") as partial:
+            partial.write_bytes(jpeg)
+    of = {
+        where: [each for each in results if each.where == where]
+        for where in (EXPERIMENTS, SPREAD, CAUGHT, BEYOND, CHOICE, WHERE)
+    }
+    seeds = conditions[FIRST].seeds
+    write_page(
+        paths["page"],
+        "rgbd_head/page.html.j2",
+        command,
+        drawn,
+        grids={where: grid for where, rows in of.items() if (grid := grid_of(rows))},
+        ablations=rows_of([each for each in results if each.where == ABLATION]),
+        pictures={said: "data:image/jpeg;base64," + base64.b64encode(jpeg).decode() for said, jpeg in pictures.items()},
+        n_run=len(seeds),
+        n_replay=n_run,
+        seeds=f"{seeds[0]} to {seeds[-1]}",
+        not_done=runs.not_done,
+    )
+    return paths
+
+
+def _first_case(runs: SuiteRuns, condition: str, tracker: str = OURS) -> Case:
+    return next(iter(runs.by_condition[condition].values()))[tracker]
+
+
+def _trajectories(runs: SuiteRuns, condition: str) -> str:
+    cases = {"ours": _first_case(runs, condition), "the paper's cues": _first_case(runs, condition, PAPER)}
+    truth = truth_of(cases["ours"], runs)
+    return trajectories_svg(truth, {name: tracks_of(case, runs) for name, case in cases.items()})
+
+
+def _pictures(runs: SuiteRuns, condition: str, seen: Seen) -> dict[str, bytes]:
+    """The views of figure 6 or 8."""
+    tracks = tracks_of(_first_case(runs, condition), runs)
+    figure = "figure 6" if condition == FIRST else "figure 8"
+    return {
+        f"{figure}, {at_s:g} s": views(seen.observations, seen.rig, at_s, _head(tracks, at_s))
+        for at_s in _SHOWN_S[condition]
+    }
+
+
+def _figure_10(seen: Seen, runs: SuiteRuns, at_s: float) -> bytes:
+    """The paper's two cues at a moment, in the camera that is nearest to the head."""
+    head = _head(tracks_of(_first_case(runs, FIRST), runs), at_s)
+    inside = seen.inside("rgbd-head-paper", 0, {"start": seen.start()}, at_s)
+    cameras = seen.rig.cameras()
+    nearest = min(inside.weighed, key=lambda name: float(np.linalg.norm(cameras[name].room_from_sensor.xyz - head[:3])))
+    return weighed(seen.observations, seen.rig, at_s, inside, nearest)
+
+
+def _head(tracks: TrackTable, at_s: float) -> Array:
+    """The first track's head next to a time."""
+    row = int(np.abs(tracks.stamps_ns - at_s * 1e9).argmin())
+    return np.array([tracks.head_x[row], tracks.head_y[row], tracks.head_z[row], tracks.head_yaw[row]])
