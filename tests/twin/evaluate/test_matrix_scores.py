@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import linear_sum_assignment
 
 from twin.evaluate.clear import PairMatrix, clear, find_switches, match_frames
 from twin.evaluate.hota import THRESHOLDS, hota
@@ -103,6 +104,26 @@ def test_hota_by_hand():
     np.testing.assert_allclose(scores.det_a, np.where(coarse, 1, 1 / 3))
     np.testing.assert_allclose(scores.ass_a, 1 / 2)
     np.testing.assert_allclose(scores.hota, np.sqrt(np.where(coarse, 1, 1 / 3) / 2))
+
+
+def test_hota_written_out():
+    """TrackEval's steps in loops, three people and three tracks that are there in each of four frames."""
+    for seed in range(60):
+        similarity = np.random.default_rng(seed).random((4, 3, 3)) ** 2
+        potential, together = np.zeros((3, 3)), np.zeros((len(THRESHOLDS), 3, 3))
+        for frame in similarity:
+            for person, track in np.ndindex(3, 3):
+                others = frame[person].sum() + frame[:, track].sum() - frame[person, track]
+                potential[person, track] += frame[person, track] / others
+        alignment = potential / (4 + 4 - potential)
+        for frame in similarity:
+            for person, track in zip(*linear_sum_assignment(-alignment * frame), strict=True):
+                together[frame[person, track] >= THRESHOLDS, person, track] += 1
+        right = together.sum(axis=(1, 2))
+        associated = (together * together / (4 + 4 - together)).sum(axis=(1, 2)) / np.maximum(right, 1)
+        ids = [1, 2, 3]
+        scores = hota([matrix(ids, ids, frame) for frame in similarity])
+        np.testing.assert_allclose(scores.hota, np.sqrt(right / (24 - right) * associated), err_msg=str(seed))
 
 
 def test_set_distances_by_hand():

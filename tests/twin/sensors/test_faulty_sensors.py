@@ -9,10 +9,11 @@ import pytest
 from capsule_room import CapsuleWorld
 from pydantic import TypeAdapter
 
-from trackers.observations import DepthImage, Image, LaserScan
+from trackers.observations import DepthImage, FloorFrame, Image, LaserScan
 from twin.scenario.sensors import SensorDescription, build_sensor
 from twin.sensors.check import check_sensor
-from twin.sensors.fault_kinds import Fault, FaultDescription, Occlusion
+from twin.sensors.dead_parts import BrokenBeams, BrokenCells
+from twin.sensors.fault_kinds import DeadBeams, DeadCells, Fault, FaultDescription, Occlusion
 from twin.sensors.faults import Faulty, with_faults
 from twin.sensors.message_faults import MessageFaultsOf
 from twin.sensors.obstruction import Blob
@@ -61,6 +62,22 @@ def test_a_sensor_without_faults_of_its_own_is_left_alone(renderer: RendererOnDe
     healthy = build(LASER, renderer)
     others = {"a": fault(kind="dropout"), "b": fault(kind="freeze").model_copy(update={"sensor": ("other",)})}
     assert with_faults(healthy, others, 0) is healthy
+
+
+def test_dead_are_the_beams_and_elements_that_are_named_and_no_others() -> None:
+    beams = fault(kind="dead_beams", beams=[[3, 5], [8]], bearings_deg=(0, 1))
+    scan = LaserScan("one", 0, np.full(20, 2.0, np.float32), np.deg2rad(-15), np.deg2rad(1), 0.05, 8.0)
+    assert isinstance(beams, DeadBeams)
+    read = BrokenBeams(beams, np.random.default_rng(0)).spoil(scan).ranges_m
+    assert np.flatnonzero(np.isnan(read)).tolist() == [3, 4, 5, 8, 15, 16]
+    cells = fault(kind="dead_cells", cells=[[1, 2]], rows=[3], columns=[0])
+    assert isinstance(cells, DeadCells)
+    values = (
+        BrokenCells(cells, np.random.default_rng(0)).spoil(FloorFrame("one", 0, np.full((4, 5), 9, np.uint8))).values
+    )
+    dead = np.zeros((4, 5), np.bool_)
+    dead[1, 2] = dead[3] = dead[:, 0] = True
+    np.testing.assert_array_equal(values == 0, dead)
 
 
 def test_a_blob_lies_where_it_says_and_is_as_large(renderer: RendererOnDemand) -> None:

@@ -46,6 +46,14 @@ def test_gaussian_noise_has_its_sigma(range_m: float):
     assert noisy.std() == pytest.approx(expected, rel=0.03)
 
 
+@pytest.mark.parametrize(("name", "sigma_m", "step_m"), [("default", 0.005, 0.01), ("hokuyo", 0.0041, 0.001)])
+def test_a_named_noise_spreads_as_the_scanner_it_is_named_after(name: str, sigma_m: float, step_m: float):
+    """SICK LMS200: σ 5 mm, steps of 10 mm; the Hokuyo of `LASER_NOISE` at 4 m."""
+    off = 4.003 + 0.0001 * np.arange(20_000) % 0.01
+    noisy = corrupt(LASER_NOISE[name], off) - off
+    assert noisy[np.isfinite(noisy)].std() == pytest.approx(np.hypot(sigma_m, step_m / np.sqrt(12)), rel=0.05)
+
+
 def test_quantised_ranges_are_multiples():
     noisy = corrupt(LaserNoise(sigma_m=0.005, quantisation_m=0.01), np.full(1000, 3.003))
     steps = noisy.astype(float) / 0.01

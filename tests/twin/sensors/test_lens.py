@@ -55,6 +55,14 @@ def test_185_degrees_fill_the_circle():
     assert (lens.cx, lens.cy) == (349.5, 319.5)
 
 
+def test_at_its_own_size_a_lens_is_as_it_was_calibrated():
+    for lens in (*LENSES.values(), Lens(width=64, height=48, fx=200, cx=10, cy=40, field_of_view_deg=60)):
+        found = lens.intrinsics()
+        assert (found.width, found.height, found.fx) == (lens.width, lens.height, lens.fx)
+        if lens.cx is not None:
+            assert (found.cx, found.cy) == (pytest.approx(lens.cx), pytest.approx(lens.cy))
+
+
 def test_scaling_keeps_what_a_pixel_s_place_sees():
     full, half = LENSES["opencv_test_lens"].intrinsics(), LENSES["opencv_test_lens"].intrinsics((640, 400))
     point = np.array([0.4, -0.3, 1.0])

@@ -13,11 +13,14 @@ from interactions import interactions_of
 from scipy.cluster.hierarchy import fcluster, linkage
 from scipy.spatial.distance import pdist
 
+from trackers.observations import LaserScan
+from trackers.pose import Pose
 from twin.recording.tables import truth_table
 from twin.truth.frames import PersonTruth, Situation, TruthFrame
 from twin.truth.pairs import pairs_within
-from twin.truth.rig_merging import LINKAGE_M, Look, linked_pairs, merged_pairs
+from twin.truth.rig_merging import LINKAGE_M, Look, linked_pairs, look_of, merged_pairs
 from twin.truth.situations import Held, OpenSituations, joined_pairs
+from twin.truth.visibility import SensorView
 
 STEP = np.deg2rad(0.5)
 
@@ -173,3 +176,12 @@ def test_interactions_of_a_truth_table():
     assert first.least_m == pytest.approx(1.3)
     assert (second.start_ns, second.end_ns, second.complete) == (4, 5, False)
     assert interactions_of(truth_table([])) == []
+
+
+def test_the_points_of_a_look_lie_in_the_room():
+    pose = Pose(xyz=(1.0, 2.0, 0.5), rpy=(0.0, 0.0, np.pi / 2))  # looks along y, its left is −x
+    view = SensorView(pose.translation, pose.rotation, np.pi, 8.0)
+    scan = LaserScan("knee", 0, np.array([3.0, 2.0, np.inf, 1.0], np.float32), -np.pi / 2, np.pi / 2, 0.05, 8.0)
+    look = look_of(scan, np.array([0, 7, 7, 9], np.int16), view, frozenset())
+    assert look.ids.tolist() == [7, 9]
+    np.testing.assert_allclose(look.points, [(1.0, 4.0), (1.0, 1.0)], atol=1e-6)

@@ -81,3 +81,17 @@ def test_a_fisheye_does_not_see_what_its_picture_cuts_off():
     )
     _, met = first_met(view, snapshot, places, np.array([1, 1, 1], dtype=np.int16))
     assert met[:, 0].tolist() == [1, 1, -1]  # the picture ends 0.5 rad above its middle, the field of view 1 rad
+
+
+def test_a_scanner_counts_what_lies_within_15_cm_of_its_plane():
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><geom type="sphere" pos="2 0 1" size="0.3"/></worldbody></mujoco>'
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    snapshot = Snapshot(0.0, model, data, np.array([1], dtype=np.int16))
+    points = np.array([[[1.8, 0.0, 1.0 + off] for off in (-0.2, -0.14, 0.0, 0.14, 0.16)]])
+    view = SensorView(np.array([0.0, 0.0, 1.0]), np.eye(3), np.pi / 4, 8.0)
+    counted, met = first_met(view, snapshot, points, np.array([1], dtype=np.int16))
+    assert counted.tolist() == [[False, True, True, True, False]]
+    assert met.tolist() == [[-1, 1, 1, 1, -1]]
