@@ -111,6 +111,12 @@ class Reporting(Protocol):
         ...
 
     @property
+    def warnings(self) -> Sequence[str]:
+        """What the tracker lacks, or doubts, of what it was handed, in a clause each: whoever starts a run is told. Default:
+        nothing."""
+        ...
+
+    @property
     def background_learned_causally(self) -> bool:
         """The background is learned from the observations as they come, for want of an empty room. Default: no."""
         ...
@@ -139,6 +145,11 @@ def unused_sensors(tracker: Tracker) -> Sequence[str]:
     return getattr(tracker, "unused_sensors", ())
 
 
+def warnings(tracker: Tracker) -> Sequence[str]:
+    """What the tracker lacks or doubts."""
+    return getattr(tracker, "warnings", ())
+
+
 def background_learned_causally(tracker: Tracker) -> bool:
     """Whether the tracker learns the background as it goes."""
     return getattr(tracker, "background_learned_causally", False)
@@ -163,6 +174,12 @@ def misreported(tracker: Tracker, rig: Rig) -> list[str]:
         ("takes_any_order", order := takes_any_order(tracker), isinstance(order, bool), yes_or_no),
         ("discarded", count, type(count) is int and count >= 0, "an int from 0 up is expected"),
         ("unused_sensors", unused, listed, f"a list of the rig's sensors ({', '.join(rig.sensors)}) is expected"),
+        (
+            "warnings",
+            told_of := warnings(tracker),
+            isinstance(told_of, list | tuple) and all(isinstance(each, str) for each in told_of),
+            "a list of words is expected",
+        ),
         (
             "background_learned_causally",
             known := background_learned_causally(tracker),

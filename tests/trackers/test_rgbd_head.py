@@ -11,9 +11,11 @@ from hypothesis import given, settings, strategies as st
 from synthetic_meeting import HEAD_M, LENS, empty_room, met, observe, rig, walks
 
 from trackers.cameras import Ellipsoids, PlacedCamera
+from trackers.environment import Environment
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage
 from trackers.presets import PRESETS, make_tracker
+from trackers.rgbd_head.calibration import is_turned
 from trackers.rgbd_head.colours import COLOURS, HeadColours, colour_numbers
 from trackers.rgbd_head.learned import SHIPPED, load_learned
 from trackers.rgbd_head.options import WeightOptions
@@ -253,6 +255,8 @@ def black(image):
         ("three blind cameras", changed(black, 3.0, ["stereo_1", "stereo_2", "stereo_3"])),
         ("a camera that is gone", changed(lambda _: None, 1.0, ["stereo_3"])),
         ("a late camera", changed(lambda each: replace(each, stamp_ns=each.stamp_ns + 10**7), 1.0, ["stereo_2"])),
+        ("half the light", changed(lambda each: replace(each, rgb=each.rgb // 2), 1.0)),
+        ("a frozen camera", changed(lambda each: replace(SEEN[5 * 4 + 1], stamp_ns=each.stamp_ns), 1.0, ["stereo_2"])),
         ("doubled pictures", [each for one in SEEN for each in (one, one)]),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
@@ -275,6 +279,45 @@ def test_nobody_is_nobody_and_who_leaves_is_gone_after_coasting():
     frames = follow([*SEEN, *gone])
     statuses = {track.status for frame in frames[26:30] for track in frame.tracks}
     assert statuses == {"coasting"} and not frames[-1].tracks
+
+
+def test_without_pictures_of_the_empty_room_the_background_is_learned():
+    tracker = make_tracker("rgbd-head", RIG, (), np.random.default_rng(0), {})
+    assert tracker.background_learned_causally
+    away, _ = end_errors(list(track_frames(tracker, RIG, SEEN)))
+    assert (away < 0.3).sum() >= 2
+
+
+def test_a_head_outside_every_picture_is_nowhere_and_stops_nothing():
+    frames = follow(start=[{"place": [9.0, 9.0, 1.5], "yaw_deg": 0}, {"place": WALK[0, 1, :3].tolist(), "yaw_deg": 0}])
+    assert {track.id: track.status for track in frames[-1].tracks}[1] == "coasting"
+    assert end_errors(frames)[0][1] < 0.06
+
+
+class Box(Environment):
+    """The walls of the synthetic room as a scanner would have them."""
+
+    def agreement(self, points, within_m=0.15) -> float:
+        low, high = np.array([-2.5, -2.1, 0.0]), np.array([2.5, 2.1, 2.7])
+        return float((np.minimum(np.abs(points - low), np.abs(points - high)).min(axis=1) <= within_m).mean())
+
+
+@pytest.mark.parametrize(("turn_deg", "named"), [(0.0, False), (1.5, False), (6.0, True), (-6.0, True)])
+def test_a_camera_that_hangs_otherwise_than_the_rig_says_is_named(turn_deg, named):
+    depth_m = next(each for each in ROOM if each.sensor == "stereo_1").depth_m
+    pose = RIG.sensors["stereo_1"].room_from_sensor
+    roll, pitch, yaw = pose.rpy
+    told = PlacedCamera(LENS, pose.model_copy(update={"rpy": (roll, pitch, yaw + np.radians(turn_deg))}))
+    assert is_turned(told, depth_m, object.__new__(Box)) == named
+
+
+def test_what_is_lacking_of_the_room_is_told():
+    assert "goes without the room's environment" in make_tracker("rgbd-head", RIG, ROOM).warnings[0]
+    assert not make_tracker("rgbd-head-paper-no-environment", RIG, ROOM).warnings
+    with pytest.raises(InputError, match="cameras: there is no stereo camera 'left'; valid are stereo_1, stereo_2"):
+        make_tracker("rgbd-head", RIG, ROOM, options={"cameras": ["left"]})
+    tracker = make_tracker("rgbd-head", RIG, ROOM, options={"cameras": ["stereo_2"]})
+    assert tracker.unused_sensors == ["stereo_1", "stereo_3", "stereo_4"]
 
 
 def test_all_backs_and_hidden_faces_are_followed():

@@ -141,6 +141,7 @@ def chokes_on_nan(self, observation):
         ),
         (broken(unused_sensors="knee"), "unused_sensors is 'knee'; a list of the rig's sensors (waist, knee, camera)"),
         (broken(unused_sensors=["floor"]), "unused_sensors is ['floor']; a list of the rig's sensors"),
+        (broken(warnings="late"), "warnings is 'late'; a list of words is expected"),
         (broken(background_learned_causally=1), "background_learned_causally is 1; True or False is expected"),
         (broken(finish=[]), "finish is []; a method is expected"),
         (broken(finish=lambda self: None), "finish() gave NoneType; a list of TrackFrame is expected"),
@@ -173,9 +174,9 @@ def test_what_is_read_of_a_tracker_is_what_the_protocol_lists():
     parts = {name for name in (*vars(Reporting), *Reporting.__annotations__) if not name.startswith("_")}
     whole = make_tracker("laser-fisheye-imm", RIG, BACKGROUND)
     assert parts == {
-        "takes_any_order", "discarded", "unused_sensors", "background_learned_causally", "finish", "detections",
+        "takes_any_order", "discarded", "unused_sensors", "warnings", "background_learned_causally", "finish", "detections",
     }  # fmt: skip
-    assert all(hasattr(whole, part) for part in parts)
+    assert all(hasattr(whole, part) for part in parts - {"warnings"})  # those of trackers that doubt what they know
     tracks = Path(tracks_module.__file__)
     readers = [*tracks.parent.rglob("*.py"), *(tracks.parents[1] / "twin").rglob("*.py")]
     reads = re.compile(rf'[gh](?:et|as)attr\([^()]*, "({"|".join(parts)})"')

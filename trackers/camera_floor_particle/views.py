@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from math import prod
 from typing import Any
@@ -20,7 +20,8 @@ from trackers.cameras.placed import CameraGroup, PlacedCamera
 from trackers.observations import DepthImage, Image, Observation
 from trackers.rig import CameraSensor, placed_camera
 from trackers.vision.colour_bins import BinnedPicture, BinnedSamples, HueSaturationValueBins
-from trackers.vision.foreground import Foreground
+from trackers.vision.foreground import Foreground, shows_floor
+from trackers.vision.steady import SteadyCamera
 
 _BLIND_FROM = 0.6
 """Share of a picture that is foreground from which it shows no people but a covered lens, or another light."""
@@ -29,10 +30,6 @@ _ACROSS = np.linspace(-0.5, 0.5, 12, endpoint=False) + 1 / 24
 _TURNED = np.exp(1j * np.arcsin(2 * _ACROSS)) / len(_ACROSS)
 _DARKEST, _LIGHTEST = (2, 50, 100), (17, 165, 255)
 """Skin in OpenCV's HSV: reddish to orange, neither grey nor garish, neither dark nor shaded as hair."""
-_EVERY = 16
-"""So many pixels apart, along rows and columns, are the samples by which brightness is compared."""
-_FROZEN_AFTER = 2
-"""So many times the same picture again are not the world's stillness."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,9 +196,7 @@ class Watchers:
             )
             for name, sensor in cameras.items()
         }
-        self._brightness = {name: _brightness(pictures[name][-1]) for name in cameras if pictures[name]}
-        self._shapes = {name: each[-1].rgb.shape for name, each in pictures.items() if each}
-        self._last: dict[str, tuple[NDArray[np.uint8], int]] = {}  # the picture, how often it came again
+        self._steady = {name: SteadyCamera(pictures[name], options.gain_from) for name in cameras}
         self._groups: dict[tuple[int, ...], CameraGroup] = {}  # by the numbers of the cameras that see anything
         self.learns_background = any(each.learns_background for each in self._foreground.values())
 
@@ -210,9 +205,9 @@ class Watchers:
         found = []
         for number, (name, camera) in enumerate(self._placed.items()):
             image = observations.get(name)
-            if not isinstance(image, Image | DepthImage) or self._is_frozen(name, image):
+            if not isinstance(image, Image | DepthImage) or self._steady[name].is_frozen(image):
                 continue
-            image = self._set_right(name, image)
+            image = self._steady[name].set_right(image)
             mask = self._foreground[name].mask(image)
             if cv2.countNonZero(mask.view(np.uint8)) > _BLIND_FROM * mask.size:
                 continue
@@ -221,33 +216,3 @@ class Watchers:
         if seeing not in self._groups:
             self._groups[seeing] = CameraGroup([view.camera for view in found])
         return Views(found, self._groups[seeing])
-
-    def _is_frozen(self, name: str, image: Image | DepthImage) -> bool:
-        """Whether the very same picture, as far as samples of it tell, comes for the third time."""
-        samples = image.rgb[::_EVERY, ::_EVERY]
-        last, again = self._last.get(name, (None, 0))
-        again = again + 1 if last is not None and np.array_equal(last, samples) else 0
-        self._last[name] = samples, again
-        return again >= _FROZEN_AFTER
-
-    def _set_right(self, name: str, image: Image | DepthImage) -> Image | DepthImage:
-        """The picture as bright as the empty room was, where the light has changed."""
-        before = self._brightness.get(name)
-        if before is None or not self._options.gain_from or image.rgb.shape != self._shapes[name]:
-            return image
-        gain = float(np.median(_brightness(image) / np.maximum(before, 1.0)))
-        if abs(gain - 1) <= self._options.gain_from or gain < 0.1:
-            return image
-        return replace(image, rgb=cv2.convertScaleAbs(image.rgb, alpha=1 / gain).astype(np.uint8))
-
-
-def shows_floor(camera: PlacedCamera, area: Area | None) -> Bool[Mask, "height width"]:
-    """Which pixels show the floor of an area (None: any of it), but for what stands on it."""
-    down = -camera.pixel_rays[..., 2]
-    away_m = camera.eye_m[2] / np.where(down > 0, down, np.nan)  # NaN, which is nowhere, where a ray goes up
-    place = camera.eye_m[:2] + away_m[..., None] * camera.pixel_rays[..., :2]
-    return down > 0 if area is None else area.contains(place.reshape(-1, 2)).reshape(down.shape)
-
-
-def _brightness(image: Image | DepthImage) -> NDArray[np.uint8]:
-    return image.rgb[::_EVERY, ::_EVERY].max(axis=-1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, FiniteFloat, PositiveInt
 
@@ -86,6 +86,16 @@ class WeightOptions(Strict):
     points: PositiveInt = Field(default=20, le=512, description="points looked at in each ellipse")
     foreground: ForegroundOptions = Field(
         default=ForegroundOptions(least_area_px=1), description="what counts as foreground"
+    )
+    shadows: Literal["floor", "everywhere"] = Field(
+        default="floor",
+        description="what may be a shadow is left out of the foreground everywhere, or only where a camera sees the floor of the "
+        "tracked area: grey hair before a grey wall is none (ours)",
+    )
+    gain_from: float = Field(
+        default=0.08,
+        ge=0,
+        description="a picture lighter or darker than the empty room by more than this share is set right (ours); 0: never",
     )
     colour: ColourOptions = Field(default=ColourOptions(), description="colours")
     depth: DepthOptions = Field(default=DepthOptions(), description="distances")

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Int32, Shaped
 from numpy.typing import NDArray
 
+from trackers.area import Area
 from trackers.arrays import Array, Index, Mask, Singles
 from trackers.observations import DepthImage, Observation
 from trackers.rgbd_head.colours import COLOURS, SHARES, colour_numbers
@@ -22,7 +23,8 @@ from trackers.rgbd_head.learned import Learned
 from trackers.rgbd_head.options import WeightOptions
 from trackers.rgbd_head.outline import Outlines, cells_shown, inner_points, outlines, ring_points
 from trackers.rig import StereoSensor, placed_camera
-from trackers.vision.foreground import Foreground
+from trackers.vision.foreground import Foreground, shows_floor
+from trackers.vision.steady import SteadyCamera
 
 _FOREGROUND, _SKIN, _INSIDE = 1 << 10, 1 << 11, 1 << 12
 _RANGE_BITS = 16
@@ -88,18 +90,29 @@ class Watcher:
     """One stereo camera with its empty room. Raises InputError for pictures of another size than the rig says."""
 
     def __init__(
-        self, sensor: StereoSensor, empty_room: Sequence[Observation], learned: Learned, options: WeightOptions
+        self,
+        sensor: StereoSensor,
+        empty_room: Sequence[Observation],
+        learned: Learned,
+        options: WeightOptions,
+        area: Area | None = None,
     ) -> None:
         self.camera = placed_camera(sensor)
         self._learned, self._options = learned, options
         pictures = [each for each in empty_room if isinstance(each, DepthImage)]
-        self.foreground = Foreground(sensor.intrinsics, pictures, options.foreground)
+        floor = shows_floor(self.camera, area) if options.shadows == "floor" else None
+        self.foreground = Foreground(sensor.intrinsics, pictures, options.foreground, floor)
+        self._steady = SteadyCamera(pictures, options.gain_from)
         per_depth = np.linalg.norm(sensor.intrinsics.directions(), axis=-1).astype(np.float32)
-        self._wall_m = _farthest(pictures) * per_depth
+        self.empty_depth_m = _farthest(pictures)
+        self._wall_m = self.empty_depth_m * per_depth
         self._mm_per_depth = 1000 * per_depth
 
     def ready(self, image: DepthImage) -> Picture | None:
-        """The picture made ready; None where it is blind: nearly all of it has changed."""
+        """The picture made ready; None where it is blind, as nearly all of it has changed, or frozen."""
+        if self._steady.is_frozen(image):
+            return None
+        image = self._steady.set_right(image)
         mask = self.foreground.mask(image).view(np.uint8)
         if cv2.countNonZero(mask) > _BLIND_FROM * mask.size:
             return None

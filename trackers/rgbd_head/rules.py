@@ -11,6 +11,8 @@ PAPER: Mapping[str, Any] = {
         "colour": {"by_person": False},
         "depth": {"by_range": False},
         "silhouette": {"power": 0.0},
+        "shadows": "everywhere",
+        "gain_from": 0.0,
     },
     "environment": {"radius_m": 0.0},
     "motion": {"walking": 0.0, "turned": 0.0},

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
+from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.configuration import validate
 from trackers.errors import InputError
@@ -24,6 +25,7 @@ from trackers.filters.gating import distances
 from trackers.filters.particle import ParticleFilter
 from trackers.knowledge import Knowledge
 from trackers.observations import NS_PER_S, DepthImage, Observation
+from trackers.rgbd_head.calibration import TURN_DEG, is_turned
 from trackers.rgbd_head.colours import HeadColours
 from trackers.rgbd_head.learned import SHIPPED, load_learned
 from trackers.rgbd_head.newcomers import newcomers
@@ -49,6 +51,8 @@ _OTHERS = 4.0
 """What the logarithm of a hypothesis's weight loses in another person's head."""
 _SHOWN = 64
 """About so many hypotheses of each person are handed out for the preview."""
+_BESIDE_M = 0.4
+"""So far beside the tracked area there is floor that shadows fall on."""
 _FAR_M_S = 1.5
 """Who is not shown is looked for within the way at this speed."""
 
@@ -74,11 +78,15 @@ class RgbdHead(MomentTracker):
         self.unused_sensors = [name for name in rig.sensors if name not in sensors]
         known = Knowledge.of(background)
         self._environment = known.environment if self.options.environment.used else None
+        area = Area(rig.area, _BESIDE_M) if rig.area else None
         self._learned = load_learned(known.learned.get(LEARNED, SHIPPED))
         self._watchers = {
-            name: Watcher(sensor, [each for each in known if each.sensor == name], self._learned, self.options.weights)
+            name: Watcher(
+                sensor, [each for each in known if each.sensor == name], self._learned, self.options.weights, area
+            )
             for name, sensor in sensors.items()
         }
+        self.warnings = self._warnings(known)
         self.background_learned_causally = any(each.foreground.learns_background for each in self._watchers.values())
         main = rig.main_sensor if rig.main_sensor in sensors else None
         super().__init__(MomentRules(tuple(sensors), main=main, period_s=0.25))
@@ -88,6 +96,21 @@ class RgbdHead(MomentTracker):
         self._pending = sorted(self.options.start, key=lambda start: start.at_s)
         self._ns, self._last_id, self._turn = 0, 0, 0
         self._weights: dict[str, Weights] = {}
+
+    def _warnings(self, known: Knowledge) -> list[str]:
+        """That the room is not known, or which cameras do not hang as the rig says."""
+        if not self.options.environment.used:
+            return []
+        if known.environment is None:
+            return ["goes without the room's environment (`twin environment` makes one)"]
+        room = known.environment
+        turned = [
+            name
+            for name, each in self._watchers.items()
+            if each.empty_depth_m.size > 1 and is_turned(each.camera, each.empty_depth_m, room)
+        ]
+        says = f"fits the environment better when turned by {TURN_DEG:g}° than as the rig has it"
+        return [f"what {name} sees of the empty room {says}" for name in turned]
 
     def tracks(self) -> list[Track]:
         """Everybody confirmed, as of the moment worked last; x and y are the ground under the head."""

@@ -23,8 +23,10 @@ from jaxtyping import Bool, Float, UInt8
 from numpy.typing import NDArray
 from pydantic import Field, NonNegativeInt, model_validator
 
+from trackers.area import Area
 from trackers.arrays import Bytes, Mask, Singles
 from trackers.cameras.intrinsics import Intrinsics
+from trackers.cameras.placed import PlacedCamera
 from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.observations import DepthImage, Image
@@ -162,6 +164,14 @@ class Foreground:
             kept[0] = False  # what is not foreground
             cleaned[there] = kept.take(np.asarray(label, np.intp))
         return cleaned
+
+
+def shows_floor(camera: PlacedCamera, area: Area | None) -> Bool[Mask, "height width"]:
+    """Which pixels show the floor of an area (None: any of it), but for what stands on it."""
+    down = -camera.pixel_rays[..., 2]
+    away_m = camera.eye_m[2] / np.where(down > 0, down, np.nan)  # NaN, which is nowhere, where a ray goes up
+    place = camera.eye_m[:2] + away_m[..., None] * camera.pixel_rays[..., :2]
+    return down > 0 if area is None else area.contains(place.reshape(-1, 2)).reshape(down.shape)
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from trackers.rig import Rig
-from trackers.tracks import background_learned_causally, unused_sensors
+from trackers.tracks import background_learned_causally, unused_sensors, warnings
 from twin.evaluate import evaluate_with_details
 from twin.evaluate.summary import Evaluation
 from twin.recording.situations import SituationTable
@@ -129,8 +129,8 @@ def write_results(
 
 
 def left_alone(at_work: Sequence[TrackerAtWork], faults: Mapping[str, Fault]) -> list[str]:
-    """Which sensors each tracker makes no use of, and which of them a fault is of, which then shows in no track."""
-    told = []
+    """What each tracker warns of, and which sensors it makes no use of: a fault of one of them shows in no track."""
+    told = [f"{each.name}: {warning}" for each in at_work for warning in warnings(each.tracker)]
     for each in at_work:
         unused = unused_sensors(each.tracker)
         if not unused:
