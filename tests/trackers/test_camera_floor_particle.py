@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
+from scipy.spatial.transform import Rotation
 from synthetic_home import LOAD, PERIOD_S, empty_room, observe, rig, walks
 
 from trackers.area import Area
@@ -19,9 +20,10 @@ from trackers.camera_floor_particle.people import PAN_BINS
 from trackers.camera_floor_particle.views import Watchers, padded_roots, shows_floor
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, FloorFrame, Image
+from trackers.pose import Pose
 from trackers.presets import make_tracker
 from trackers.rig import placed_camera
-from trackers.tracks import TrackFrame, track_frames
+from trackers.tracks import TrackFrame, track_frames, warnings
 
 RIG, ROOM = rig(), empty_room(rig())
 WALK = walks(3, 40)
@@ -213,6 +215,33 @@ def test_the_load_over_a_cluster_is_its_share_by_element_or_smoothed():
     assert smoothed is not None
     between = smoothed.log_likelihood(centres, ours.body)
     assert between[0] > between[2] > -np.inf
+
+
+def turned(on, sensor, yaw_deg=0.0, moved_m=(0.0, 0.0, 0.0)):
+    """The rig with a sensor believed to be turned about the vertical and moved."""
+    camera = on.sensors[sensor]
+    pose = camera.room_from_sensor
+    yaw = Rotation.from_euler("z", yaw_deg, degrees=True).as_matrix()
+    believed = Pose.from_matrix(yaw @ pose.rotation, tuple((pose.translation + moved_m).tolist()))
+    return on.model_copy(
+        update={"sensors": {**on.sensors, sensor: camera.model_copy(update={"room_from_sensor": believed})}}
+    )
+
+
+@pytest.mark.parametrize(
+    ("believed", "doubted"),
+    [
+        (RIG, []),
+        (turned(RIG, "camera_2", yaw_deg=5.0), ["camera_2"]),
+        (turned(RIG, "camera_3", moved_m=(0.07, -0.07, 0.0)), ["camera_3"]),
+    ],
+    ids=["right", "turned", "moved"],
+)
+def test_a_camera_that_hangs_elsewhere_is_named_while_somebody_walks(believed, doubted):
+    walk = walks(1, 50)
+    tracker = make_tracker("camera-floor-particle", believed, ROOM, np.random.default_rng(0))
+    list(track_frames(tracker, believed, observe(RIG, walk)))
+    assert [each.partition(" shows")[0] for each in warnings(tracker)] == doubted
 
 
 def test_old_and_broken_frames_say_nothing():

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from trackers.area import Area
 from trackers.camera_floor_particle.body import BodyFilter
 from trackers.camera_floor_particle.detection import Newcomers, hull_over
+from trackers.camera_floor_particle.doubts import CameraDoubts
 from trackers.camera_floor_particle.head import HeadFilter
 from trackers.camera_floor_particle.loads import FloorWatch, Loads
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
@@ -29,6 +30,8 @@ from trackers.tracks import Track
 _LEAST_SHOWN = 0.5
 """Share of the cameras that see a place from which, showing foreground there, they show somebody."""
 _WEIGHT_MEMORY = 0.9
+_MOST_GONE = 50
+"""So many of those who left are remembered, so that memory stays flat."""
 _LONGEST_S = 0.5
 """However long nothing came, people move for no longer at once."""
 
@@ -73,6 +76,7 @@ class CameraFloorParticle(MomentTracker):
         self._watch = FloorWatch(rig.floors()[self._floor], empty_floor, self.options)
         self._bodies, self._heads = BodyFilter(self.options, area), HeadFilter(self.options, area)
         self._newcomers = Newcomers(self.options, len(cameras))
+        self._cameras, self._doubts = tuple(cameras), CameraDoubts(len(cameras))
         self.background_learned_causally = self._watchers.learns_background
         opens, held = (tuple(cameras), (self._floor,)) if cameras else ((self._floor,), ())
         main = rig.main_sensor if rig.main_sensor in opens else None
@@ -99,6 +103,14 @@ class CameraFloorParticle(MomentTracker):
             Track(number, *row, status=each) for number, row, each in zip(self._ids.tolist(), rows, status, strict=True)
         ]
 
+    @property
+    def warnings(self) -> list[str]:
+        """Which cameras do not hang as the rig says, as far as it has been seen by now."""
+        return [
+            f"{self._cameras[number]} shows walkers' heads elsewhere than the other cameras do, and cannot hang as the rig says"
+            for number in self._doubts.doubted
+        ]
+
     def inside(self) -> Inside:
         """What was known at the moment worked last, for drawings."""
         return Inside(self._views, self._loads, self._people, self._ids)
@@ -117,6 +129,7 @@ class CameraFloorParticle(MomentTracker):
             self._people = self._bodies.step(self._people, dt, loads, views, self._rng)
             if self._has_pictures:
                 self._people = self._heads.step(self._people, offset, dt, views, self._rng)
+                self._doubts.look(self._people, views)
             self._look_after(loads, views, is_new=is_new)
         if loads is not None and is_new:
             self._detect(loads, views)
@@ -141,6 +154,8 @@ class CameraFloorParticle(MomentTracker):
         stays = self._ns - people.shown_ns <= self.options.detection.gone_s * NS_PER_S
         for row in np.flatnonzero(~stays):
             self._gone[int(self._ids[row])] = people.select(np.array([row]))
+            if len(self._gone) > _MOST_GONE:
+                del self._gone[next(iter(self._gone))]
         self._people, self._ids = people.select(stays), self._ids[stays]
 
     def _detect(self, loads: Loads, views: Views) -> None:
