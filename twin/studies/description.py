@@ -1,4 +1,4 @@
-"""A placement study as its YAML file describes it: what may hang where, at what price, and what makes a placement good."""
+"""A placement study as its YAML file describes it: what is tried where, and what makes a placement good."""
 
 from __future__ import annotations
 
@@ -6,37 +6,19 @@ from itertools import combinations
 from pathlib import Path
 from typing import Annotated, Literal
 
-import numpy as np
-from pydantic import Field, FiniteFloat, model_validator
+from pydantic import Field, model_validator
 
 from trackers.configuration import Strict, validate
 from trackers.plain_data import parse_yaml
-from trackers.pose import Point3
-from trackers.rig import Point2
 from trackers.text_file import read_text
 from twin import models
+from twin.studies.moves import Constraints, Metres, Move
 from twin.suites.description import Changes, OwnName, Seeds, Text, TrackerName
 from twin.suites.expected import list_of, mapping_of, single
 from twin.suites.figures import FIGURE
 
-Metres = Annotated[FiniteFloat, Field(ge=0, le=1000)]
-Range = tuple[FiniteFloat, FiniteFloat]
 NOT_DETERMINISTIC = ("ms_per_frame.mean", "ms_per_frame.p95")
 """Figures that depend on who else uses the machine: no study goes by them."""
-
-
-def steps(low_high: Range, every: float) -> list[float]:
-    """The values from the first to the second, at most `every` apart."""
-    low, high = low_high
-    return np.linspace(low, high, 1 + int(np.ceil((high - low) / every - 1e-9))).tolist()
-
-
-def _ascending(name: str, low_high: Range | None) -> None:
-    if low_high is not None and low_high[0] > low_high[1]:
-        raise ValueError(
-            f"{name}: {low_high[0]:g} to {low_high[1]:g} is upside down; the lower end first is expected, "
-            f"as in [{low_high[1]:g}, {low_high[0]:g}]"
-        )
 
 
 class StudyScenario(Strict):
@@ -55,170 +37,6 @@ class HeldOut(Strict):
     seeds: Seeds = Field(description="a list of seeds, none of them a search seed")
     scenarios: tuple[StudyScenario, ...] = Field(
         default=(), description="other scenarios with the same sensors, say another crowd; none: the study's own alone"
-    )
-
-
-class Place(Strict):
-    """One place: where, and how turned."""
-
-    xyz: Point3 = Field(description="x, y, z in the room frame [m]")
-    yaw_deg: FiniteFloat = Field(default=0.0, description="turn about z, counter-clockwise from the room's x [deg]")
-    pitch_deg: FiniteFloat = Field(default=0.0, description="positive looks down [deg]")
-
-
-class Walls(Strict):
-    """Places along the walls, facing into the room."""
-
-    height_m: Range = Field(description="lowest and highest place [m]")
-    height_every_m: float = Field(default=0.25, gt=0, description="largest step between heights [m]")
-    off_m: Metres = Field(default=0.1, description="how far off the wall [m]")
-    every_m: float = Field(default=1.0, gt=0, description="largest step along the wall [m]")
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Walls:
-        _ascending("height_m", self.height_m)
-        return self
-
-
-class Ceiling(Strict):
-    """Places below the ceiling, on a grid."""
-
-    every_m: float = Field(default=1.0, gt=0, description="largest step of the grid [m]")
-    off_m: Metres = Field(default=0.1, description="how far below the ceiling [m]")
-
-
-class Box(Strict):
-    """Places on a grid in a box."""
-
-    x_m: Range = Field(description="from and to [m]")
-    y_m: Range = Field(description="from and to [m]")
-    z_m: Range = Field(description="from and to [m]")
-    every_m: float = Field(default=0.5, gt=0, description="largest step of the grid [m]")
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Box:
-        for name in ("x_m", "y_m", "z_m"):
-            _ascending(name, getattr(self, name))
-        return self
-
-
-class Kind(Strict):
-    """One of several devices to choose from."""
-
-    name: OwnName = Field(description="what to call it in tables")
-    set: Changes = Field(
-        default={}, description="changes to the sensor, by field: role, rate_hz, field_of_view_deg ..."
-    )
-    price: float | None = Field(default=None, ge=0, description="what one costs; none: the entry's price")
-
-
-AS_IS = (Kind(name="as-is"),)
-
-
-class Mirror(Strict):
-    """Every place comes with its image beyond a line across the room; both are occupied."""
-
-    x_m: FiniteFloat | None = Field(default=None, description="the line x = this [m]")
-    y_m: FiniteFloat | None = Field(default=None, description="the line y = this [m]")
-
-    @model_validator(mode="after")
-    def _one(self) -> Mirror:
-        if (self.x_m is None) == (self.y_m is None):
-            raise ValueError("one line is expected, as in {x_m: 0} or {y_m: 0}")
-        return self
-
-
-class Move(Strict):
-    """A device to place: which sensors of the scenario it stands for, where it may hang, how many, at what price.
-
-    `sensors` are devices alike, each on its own; `together` one device of several sensors, which keep their poses to the first;
-    `housing` one device with all that hangs on it.
-    """
-
-    sensors: tuple[str, ...] = Field(default=(), description="sensors of the scenario that are such devices, one each")
-    together: tuple[str, ...] = Field(default=(), description="sensors of the scenario that are moved as one")
-    housing: str | None = Field(default=None, description="the housing of the scenario that is moved")
-    places: tuple[Place, ...] = Field(default=(), description="places to choose from")
-    walls: Walls | None = Field(default=None, description="places along the walls; none: not there")
-    ceiling: Ceiling | None = Field(default=None, description="places below the ceiling; none: not there")
-    box: Box | None = Field(default=None, description="places in a box; none: not there")
-    yaw_deg: Range | None = Field(
-        default=None,
-        description="turns to try, from the place's own direction, off the wall for one [deg]; none: that alone",
-    )
-    yaw_every_deg: float = Field(default=15.0, gt=0, description="largest step between turns [deg]")
-    tilt_deg: Range | None = Field(
-        default=None, description="how far down to look, from and to [deg]; none: the place's own"
-    )
-    tilt_every_deg: float = Field(default=15.0, gt=0, description="largest step between tilts [deg]")
-    aim: Literal["area"] | None = Field(
-        default=None, description="'area': turned to the middle of the tracked area, cameras tilted to it too"
-    )
-    kinds: Annotated[tuple[Kind, ...], Field(min_length=1)] = Field(
-        default=AS_IS, description="devices to choose from; none: the scenario's own sensor"
-    )
-    mirrored: Mirror | None = Field(default=None, description="places in pairs on both sides of a line; none: single")
-    count: tuple[Annotated[int, Field(ge=0, le=32)], Annotated[int, Field(ge=1, le=32)]] | None = Field(
-        default=None, description="least and most of them (of pairs, where mirrored); none: as many as in the scenario"
-    )
-    price: float = Field(default=0.0, ge=0, description="what one costs")
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Move:
-        if sum(map(bool, (self.sensors, self.together, self.housing))) != 1:
-            raise ValueError("one of sensors, together and housing is expected")
-        if not (self.places or self.walls or self.ceiling or self.box):
-            raise ValueError("no place is given; places, walls, ceiling or box is expected")
-        for name in ("yaw_deg", "tilt_deg"):
-            _ascending(name, getattr(self, name))
-        if self.aim and (self.yaw_deg or self.tilt_deg):
-            raise ValueError("aim and yaw_deg or tilt_deg are both given; one of them is expected")
-        if self.count is not None and self.count[0] > self.count[1]:
-            raise ValueError(
-                f"count: {self.count[0]} to {self.count[1]} is upside down; the lower end first is expected"
-            )
-        if len({kind.name for kind in self.kinds}) < len(self.kinds):
-            raise ValueError("kinds: two have the same name; each its own is expected")
-        return self
-
-    @property
-    def counts(self) -> tuple[int, int]:
-        """Least and most of them."""
-        if self.count is not None:
-            return self.count
-        number = max(1, len(self.sensors) // (2 if self.mirrored else 1))
-        return number, number
-
-
-class Cable(Strict):
-    """What a cable to each device may cost and how long it may be."""
-
-    start: Point3 = Field(alias="from", description="where the cables begin: x, y, z [m]")
-    most_m: float | None = Field(default=None, gt=0, description="longest cable [m]; none: any")
-    along: Literal["walls", "straight"] = Field(default="walls", description="along the walls, or straight")
-    price_per_m: float = Field(default=0.0, ge=0, description="what a metre costs")
-
-
-class Zone(Strict):
-    """A part of the room in which nothing may hang."""
-
-    name: Text = Field(description="what it is, for errors and the plan")
-    polygon: Annotated[tuple[Point2, ...], Field(min_length=3)] = Field(description="its corners on the floor [m]")
-    from_m: Metres = Field(default=0.0, description="lowest height [m]")
-    to_m: Metres = Field(default=1000.0, description="greatest height [m]")
-
-
-class Constraints(Strict):
-    """What every placement but the scenario's own must keep."""
-
-    budget: float | None = Field(
-        default=None, ge=0, description="most that all moved devices and cables cost; none: any"
-    )
-    apart_m: Metres = Field(default=0.0, description="least distance between two devices [m]")
-    cable: Cable | None = Field(default=None, description="cables to every device; none: they are not counted")
-    keep_free: tuple[Zone, ...] = Field(default=(), description="zones in which nothing may hang")
-    walked_below_m: Metres = Field(
-        default=2.2, description="nothing hangs lower than this where people walk [m]; 0: it may"
     )
 
 

@@ -22,7 +22,8 @@ from twin.scenario.floor import FloorDescription, check_floor
 from twin.scenario.housings import in_the_room
 from twin.scenario.mount import Mount, mount_of
 from twin.scenario.sensors import CAMERA_KINDS
-from twin.studies.description import Move, Study, steps
+from twin.studies.description import Study
+from twin.studies.moves import Move, steps
 from twin.world.scene import Scene
 
 _AIM_HEIGHT_M = 1.0

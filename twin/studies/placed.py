@@ -16,8 +16,9 @@ from twin.scenario import Scenario
 from twin.scenario.floor import FloorDescription
 from twin.scenario.housings import check_place, in_the_room
 from twin.scenario.mount import Mount, mount_of
-from twin.studies.description import Kind, Move, Study
+from twin.studies.description import Study
 from twin.studies.layout import Option
+from twin.studies.moves import Kind, Move
 
 
 def placed(study: Study, scenario: Scenario, options: Sequence[Option]) -> Scenario:

@@ -17,8 +17,9 @@ from twin.scenario import Scenario, load_scenario
 from twin.scenario.floor import FloorDescription
 from twin.scenario.housings import rig_told
 from twin.streams import stream
-from twin.studies.description import Move, Study, StudyScenario, load_study
+from twin.studies.description import Study, StudyScenario, load_study
 from twin.studies.layout import Layout, first_sensor
+from twin.studies.moves import Move
 from twin.studies.placed import placed
 from twin.studies.trial import key_of
 from twin.suites.written import as_texts
