@@ -139,6 +139,14 @@ def test_expected_people_take_a_full_stride_or_one_leg_but_not_each_others():
     np.testing.assert_array_equal(free, [False, False, False, True])
 
 
+@pytest.mark.parametrize(("wide_cost", "n_leg", "x"), [(0.0, 2, -0.55), (0.5, 1, -0.2)])
+def test_a_leg_beside_where_somebody_is_expected_is_likelier_theirs_than_a_pair_far_apart(wide_cost, n_leg, x):
+    legs, expected = np.array([(-0.2, 2.5), (-0.9, 2.3)]), np.array([(-0.33, 2.5)])
+    position, found, free = take_legs(legs, expected, 0.8, 0.4, 0.2, wide_above_m=0.25, wide_cost=wide_cost)
+    assert (found[0], position[0, 0]) == (n_leg, pytest.approx(x))
+    assert free.tolist() == [False, n_leg == 1]
+
+
 def layer(options, room_from_sensor=Pose()) -> LaserLayer:
     sensor = LaserSensor(topic="/scan", room_from_sensor=room_from_sensor)
     return LaserLayer(sensor, [scan(np.full(361, 4.0))], options)

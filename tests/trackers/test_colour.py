@@ -49,6 +49,7 @@ def test_the_window_stands_on_the_torso():
             )
             np.testing.assert_allclose(windows.pixels[0, row, column], expected, atol=1.0)
     assert windows.usable[0]
+    assert windows.clear[0]
     assert windows.outline(0).shape == (2 * 23 + 2 * 23, 2)
 
 
@@ -57,6 +58,12 @@ def test_a_pixel_counts_in_the_bin_of_its_hue(rgb, hue_deg):
     plain, inside = np.full((1, 4, 3), rgb, np.uint8), np.ones((1, 4), np.bool_)
     (counts,) = ColourHistogram(HistogramOptions(smoothing_deg=0)).of_pixels(plain, inside)
     assert np.flatnonzero(counts).tolist() == [hue_deg]
+
+
+def test_windows_that_overlap_are_not_learned_from():
+    windows = projector().windows(detections_at([(0.0, 1.2), (0.08, 2.0), (1.2, 1.5)]))
+    np.testing.assert_array_equal(windows.usable, [True, True, True])
+    np.testing.assert_array_equal(windows.clear, [False, False, True])
 
 
 def test_windows_outside_the_image_or_of_slivers_are_not_used():

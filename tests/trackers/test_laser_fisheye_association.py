@@ -41,7 +41,7 @@ def matched(trunks: Detections, legs: Detections, **options) -> Matches:
     people = People.started(state, places, 0, np.zeros((2, 4)), np.zeros(2, np.int64))
     people = followed(people, ago(PERIOD_S, 0.5))
     count = len(trunks)
-    seen = Seen(trunks, legs, None, np.zeros((count, 4)), np.zeros(count, np.bool_))
+    seen = Seen(trunks, legs, None, np.zeros((count, 4)), np.zeros(count, np.bool_), np.zeros(count, np.bool_))
     return Association(people, imm, LaserFisheyeImmOptions.model_validate(options), 0.5, NOW).matches(seen)
 
 
@@ -69,7 +69,7 @@ def test_a_shirt_decides_between_two_who_are_about_as_near():
     people = People.started(imm.start(places, np.zeros((2, 2)), 0.02, 0.1), places, 0, shirts, np.array([9, 9]))
     people = followed(people, ago(PERIOD_S, PERIOD_S))
     shown = np.ones(1, np.bool_)
-    seen = Seen(detections((0.2, 2.0)), detections(), None, np.array([[0.9, 0.1]]), shown)
+    seen = Seen(detections((0.2, 2.0)), detections(), None, np.array([[0.9, 0.1]]), shown, shown)
 
     def whose(**options) -> list[int]:
         given = LaserFisheyeImmOptions.model_validate(options)
@@ -85,7 +85,7 @@ def test_who_comes_back_far_from_the_prediction_is_known_by_the_shirt():
     people = followed(People.started(state, places, 0, np.array([[0.9, 0.1]]), np.array([9])), ago(0.5))
 
     def whose(shirt: list[float]) -> list[int]:
-        seen = Seen(detections((1.5, 2.3)), detections(), None, np.array([shirt]), np.ones(1, np.bool_))
+        seen = Seen(detections((1.5, 2.3)), detections(), None, np.array([shirt]), *2 * (np.ones(1, np.bool_),))
         return Association(people, Imm(), LaserFisheyeImmOptions(), 0.5, NOW).matches(seen).track.tolist()
 
     assert whose([0.8, 0.2]) == [0]
@@ -101,7 +101,7 @@ def of_two_hidden(legs: Detections, **options) -> Matches:
     )
     people = followed(people, ago(0.5, 0.5))
     nothing = np.zeros(0, np.bool_)
-    seen = Seen(detections(), legs, None, np.zeros((0, 4)), nothing)
+    seen = Seen(detections(), legs, None, np.zeros((0, 4)), nothing, nothing)
     return Association(people, imm, LaserFisheyeImmOptions.model_validate(options), 0.5, NOW).matches(seen)
 
 

@@ -170,7 +170,15 @@ def people_seen(
     knee = knee or _KNEE
     trunks = seen["waist"].position if "waist" in seen else np.empty((0, 2))
     legs = seen["knee"].position if "knee" in seen else np.empty((0, 2))
-    by_legs, n_leg, free = take_legs(legs, expected, knee.stride_m, knee.radius_alone_m, knee.single_leg_cost_m)
+    by_legs, n_leg, free = take_legs(
+        legs,
+        expected,
+        knee.stride_m,
+        knee.radius_alone_m,
+        knee.single_leg_cost_m,
+        knee.wide_above_m,
+        knee.wide_cost if "waist" in seen else 0.0,
+    )
     new, n_new = pair_off(legs[free], knee.pair_m)
     walkers = np.concatenate([by_legs[n_leg > 0], new])
     whole = (np.concatenate([n_leg[n_leg > 0], n_new]) > 1) | ("waist" not in seen)

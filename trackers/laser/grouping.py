@@ -43,12 +43,15 @@ def take_legs(
     stride_m: float,
     reach_m: float,
     single_cost_m: float,
+    wide_above_m: float = np.inf,
+    wide_cost: float = 0.0,
 ) -> tuple[Float[Array, "n 2"], Int[Index, "n"], Bool[Mask, "k"]]:
     """Which legs are those of people expected at these places [m].
 
     Two legs up to `stride_m` apart (a full stride) stand for the middle between them; one leg may stand for a person whose
     other leg is hidden. Nearest first, everybody takes the pair or the single leg that puts them nearest to where they are
-    expected, at most `reach_m` off, a single leg counting as `single_cost_m` farther.
+    expected, at most `reach_m` off, a single leg counting as `single_cost_m` farther, and a pair as `wide_cost` times what its
+    legs are farther apart than `wide_above_m`: the wider, the likelier they are two people's.
 
     Returns the position of each person, how many legs each took, 0 leaving the position as expected, and which legs nobody
     took.
@@ -56,11 +59,12 @@ def take_legs(
     n, k = len(expected), len(legs)
     if n == 0 or k == 0:
         return expected.copy(), np.zeros(n, np.intp), np.ones(k, np.bool_)
-    first, second, _ = _pairs(legs, stride_m)
+    first, second, apart = _pairs(legs, stride_m)
     one, other = np.concatenate([np.arange(k), first]), np.concatenate([np.arange(k), second])
     middle = 0.5 * (legs[one] + legs[other])  # k single legs, then the pairs
     cost = distances(expected, middle)
     cost[:, :k] += single_cost_m
+    cost[:, k:] += wide_cost * np.maximum(apart - wide_above_m, 0)
     who, what = (cost < reach_m).nonzero()
     nearest_first = cost[who, what].argsort(kind="stable")
     who, what = who[nearest_first], what[nearest_first]

@@ -129,6 +129,15 @@ class KneeOptions(LayerOptions):
         ge=0,
         description="cost of taking a single leg rather than a pair, when a person's legs are chosen [m] (ours)",
     )
+    wide_cost: float = Field(
+        default=0.5,
+        ge=0,
+        description="where waists are scanned too, cost of a pair of legs for every metre that they are farther apart than "
+        "`wide_above_m`; 0: none (ours)",
+    )
+    wide_above_m: float = Field(
+        default=0.25, ge=0, description="distance between the legs of a standing person [m] (ours)"
+    )
     stride_m: float = Field(
         default=0.8, ge=0, description="longest distance between the two legs of a tracked person [m] (ours)"
     )

@@ -140,7 +140,8 @@ class Association:
         Nobody whose trunk is seen: every trunk takes its own legs first.
         """
         knee, legs = self.options.knee, seen.legs.position
-        rules = knee.stride_m, knee.claim_m, knee.single_leg_cost_m
+        wide_cost = knee.wide_cost if self.sees_waists else 0.0  # legs alone are everybody's, runners' too
+        rules = knee.stride_m, knee.claim_m, knee.single_leg_cost_m, knee.wide_above_m, wide_cost
         _, _, free = take_legs(legs, seen.trunks.position, *rules)
         legs = legs[free]
         if len(legs) == 0:

@@ -32,7 +32,8 @@ class Seen:
     legs: Detections
     windows: TorsoWindows | None
     histograms: Float[Array, "k bins"]  # of the trunks; meaningful where comparable
-    comparable: Bool[Mask, "k"]  # may be compared and learned from
+    comparable: Bool[Mask, "k"]
+    clear: Bool[Mask, "k"]  # may be learned from
 
 
 class Detector:
@@ -84,7 +85,7 @@ class Detector:
         image = None if self._camera is None else moment.observations.get(self._camera)
         if self._projector is None or not isinstance(image, Image):
             nothing = np.zeros(len(trunks), np.bool_)
-            return Seen(trunks, legs, None, np.zeros((len(trunks), self.histogram.size)), nothing)
+            return Seen(trunks, legs, None, np.zeros((len(trunks), self.histogram.size)), nothing, nothing)
         expected = (self._intrinsics.height, self._intrinsics.width, 3)
         if image.rgb.shape != expected:
             raise InputError(
@@ -96,7 +97,8 @@ class Detector:
         without = len(trunks) - len(own)
         if without:
             histograms = np.concatenate([histograms, np.zeros((without, self.histogram.size))])
-        return Seen(trunks, legs, windows, histograms, np.pad(windows.usable, (0, without)))
+        usable, clear = (np.pad(each, (0, without)) for each in (windows.usable, windows.clear))
+        return Seen(trunks, legs, windows, histograms, usable, clear)
 
     def _scanned(self, moment: Moment, role: Role) -> Detections:
         group = self._groups.get(role)

@@ -196,7 +196,7 @@ class LaserFisheyeImm(MomentTracker):
         if seen.windows is None:
             return
         looked = (matches.trunk >= 0).nonzero()[0]
-        looked = looked[seen.comparable[matches.trunk[looked]]]
+        looked = looked[seen.clear[matches.trunk[looked]]]
         if looked.size == 0:
             return
         track = matches.track[looked]
@@ -254,7 +254,7 @@ class LaserFisheyeImm(MomentTracker):
         histograms = np.zeros((len(position), self._detector.histogram.size))
         by_trunk = trunk >= 0
         has_reference = by_trunk.copy()
-        has_reference[by_trunk] = seen.comparable[trunk[by_trunk]]
+        has_reference[by_trunk] = seen.clear[trunk[by_trunk]]
         histograms[has_reference] = seen.histograms[trunk[has_reference]]
         self._people = self._people.joined(self._born(position, ns, histograms, has_reference))
 

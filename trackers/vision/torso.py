@@ -17,6 +17,7 @@ from trackers.arrays import Array, Mask
 from trackers.configuration import Strict
 from trackers.laser.layer import Detections
 from trackers.rig import FisheyeSensor, LaserSensor, PinholeSensor, placed_camera
+from trackers.vision.person_windows import largest_overlap
 
 
 class TorsoOptions(Strict):
@@ -30,8 +31,19 @@ class TorsoOptions(Strict):
     rows: PositiveInt = Field(default=24, description="samples of a window from top to bottom")
     columns: PositiveInt = Field(default=24, description="samples of a window from side to side")
     min_width_m: float = Field(default=0.06, ge=0, description="least width of a cluster that gets a window [m]")
+    learn_width_m: float = Field(
+        default=0.15,
+        ge=0,
+        description="least width of a cluster whose window is learned from [m]; 0: every window (ours)",
+    )
     min_inside: float = Field(
         default=0.8, gt=0, le=1, description="least share of a window's samples that the picture must show"
+    )
+    max_overlap: float = Field(
+        default=0.2,
+        ge=0,
+        le=1,
+        description="share of a window that another may cover before it is not learned from; 1: every window is (ours)",
     )
 
 
@@ -41,7 +53,8 @@ class TorsoWindows:
 
     pixels: Float[Array, "k rows columns 2"]  # u, v
     inside: Bool[Mask, "k rows columns"]  # whether the image shows the sample
-    usable: Bool[Mask, "k"]  # whether the window may be compared and learned from
+    usable: Bool[Mask, "k"]  # whether the window may be compared
+    clear: Bool[Mask, "k"]  # usable, wide enough and not overlapped by another: may be learned from
 
     def outline(self, index: int) -> Float[Array, "p 2"]:
         """The border of one window as a polygon of pixels, to draw it."""
@@ -74,4 +87,6 @@ class TorsoProjector:
         points[..., 2] = self._heights[None, :, None]
         pixels, inside = self._camera.project(points)
         usable = (inside.mean(axis=(1, 2)) >= options.min_inside) & (detections.width_m >= options.min_width_m)
-        return TorsoWindows(pixels, inside, usable)
+        clear = usable & (detections.width_m >= options.learn_width_m)
+        clear &= largest_overlap(pixels) <= options.max_overlap
+        return TorsoWindows(pixels, inside, usable, clear)
