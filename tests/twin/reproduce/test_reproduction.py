@@ -181,7 +181,7 @@ def test_results_and_curves_share_their_replicates(runs):
 
 def test_bad_input_is_named(tmp_path):
     with pytest.raises(
-        InputError, match="'laser'; valid are laser-fisheye-imm, laser-vision-learning, camera-floor-particle, gait"
+        InputError, match="'laser'; valid are laser-fisheye-imm, laser-vision-learning, camera-floor-particle, rgbd-head, gait"
     ):
         reproduce("laser")
     with pytest.raises(InputError, match="--seeds 1: .* 2 or more"):
