@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import nan
 from typing import Any, Literal, Protocol, runtime_checkable
@@ -54,10 +54,14 @@ class ScoreMap:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypotheses:
-    """Where a tracker thinks a person's head may be, some of its hypotheses for the preview."""
+    """Where a tracker thinks a person, or their head, may be, some of its hypotheses for the preview.
+
+    windows: by camera, what of its picture is looked at about their middle: left, top, width, height [px].
+    """
 
     id: int
     places: NDArray[np.floating]  # (k, 3) [m]
+    windows: Mapping[str, tuple[float, float, float, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

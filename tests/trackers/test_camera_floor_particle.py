@@ -103,6 +103,20 @@ def test_a_frozen_camera_says_nothing():
     assert (errors < 0.3).all()
 
 
+def test_particles_and_windows_are_told_of_everybody_for_every_camera_that_sees_them():
+    frame = follow(changed(Image, black, 1.0, ["camera_1"]))[-1]
+    assert [each.id for each in frame.maps] == 2 * [track.id for track in frame.tracks]
+    for number, each in enumerate(frame.maps):
+        track, is_head = frame.tracks[number % 3], number >= 3
+        middle = [track.head_x, track.head_y, track.head_z] if is_head else [track.x, track.y, track.z]
+        assert np.abs(each.places.mean(axis=0) - middle).max() < 0.15
+        assert "camera_1" not in each.windows and each.windows
+        for name, (left, top, width, height) in each.windows.items():
+            pixel, seen = placed_camera(RIG.cameras()[name]).project(np.array(middle))
+            assert seen and height > width
+            np.testing.assert_allclose([left + width / 2, top + height / 2], pixel, atol=1e-6)
+
+
 @pytest.mark.parametrize("n_camera", [1, 2, 3])
 def test_fewer_cameras_do(n_camera):
     on = rig(n_camera)

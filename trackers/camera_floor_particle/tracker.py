@@ -25,13 +25,15 @@ from trackers.observations import NS_PER_S, FloorFrame, Observation
 from trackers.rig import Rig
 from trackers.tracking.moment_tracker import MomentTracker
 from trackers.tracking.moments import Moment, MomentRules
-from trackers.tracks import Track
+from trackers.tracks import Hypotheses, Track
 
 _LEAST_SHOWN = 0.5
 """Share of the cameras that see a place from which, showing foreground there, they show somebody."""
 _WEIGHT_MEMORY = 0.9
 _MOST_GONE = 50
 """So many of those who left are remembered, so that memory stays flat."""
+_SHOWN = 60
+"""So many particles of a body, or of a head, are told for drawings, or a few more."""
 _LONGEST_S = 0.5
 """However long nothing came, people move for no longer at once."""
 
@@ -114,6 +116,26 @@ class CameraFloorParticle(MomentTracker):
     def inside(self) -> Inside:
         """What was known at the moment worked last, for drawings."""
         return Inside(self._views, self._loads, self._people, self._ids)
+
+    def _maps(self) -> tuple[Hypotheses, ...]:
+        """Some particles of everybody's body and head, and the windows about both estimates."""
+        people, found = self._people, []
+        if people is None or not self._has_pictures:
+            return ()
+        for cloud, place, window in (
+            (people.body, people.place, self.options.body.window),
+            (people.head, people.head_place, self.options.head.window),
+        ):
+            some = cloud.state[:3, :, :: max(1, cloud.state.shape[2] // _SHOWN)]
+            boxes, seen = self._views.windows(place.T, window)
+            for row, number in enumerate(self._ids.tolist()):
+                by_camera = {
+                    self._cameras[view.number]: tuple(box)
+                    for view, box, here in zip(self._views, boxes[:, row].tolist(), seen[:, row], strict=True)
+                    if here
+                }
+                found.append(Hypotheses(number, some[:, row].T, by_camera))
+        return tuple(found)
 
     def _work(self, moment: Moment) -> None:
         dt = min((moment.ns - self._ns) / NS_PER_S, _LONGEST_S) if self._ns else 0.0

@@ -1,4 +1,4 @@
-"""The left half of the preview: what the cameras see, with a torso window, or an ellipse about the head, on each track."""
+"""The left half of the preview: what the cameras see, with a torso window, or what the tracker tells, on each track."""
 
 from __future__ import annotations
 
@@ -108,11 +108,13 @@ class CameraPanel:
             panel[:] = (_SILENT_LIGHT * panel).astype(np.uint8)
             tags.append(Tag(f"{self._sensor_name} silent", self.side_px / 2, y + height - 14.0, SILENT_FILL, INK))
         self._draw_maps(panel, [found for found in maps if isinstance(found, ScoreMap)], colours)
-        for found in maps:
-            if isinstance(found, Hypotheses):
-                self._draw_places(panel, found, colours)
+        clouds = [found for found in maps if isinstance(found, Hypotheses)]
+        for found in clouds:
+            self._draw_places(panel, found, colours)
         tags += self._draw_heads(panel, tracks, colours)
-        for track, window in self._torso_windows(tracks):
+        tags += self._draw_windows(panel, tracks, clouds, colours)
+        told = {found.id for found in clouds if found.windows}
+        for track, window in self._torso_windows([track for track in tracks if track.id not in told]):
             colour = colours[track.id]
             if track.status == "confirmed":
                 # A dark edge keeps the window readable on a shirt of its own colour.
@@ -148,10 +150,37 @@ class CameraPanel:
             cv2.rectangle(panel, (left, len(panel) - side), (left + 2 * side - 1, len(panel) - 1), colour, 2)
 
     def _draw_places(self, panel: NDArray[np.uint8], found: Hypotheses, colours: IdentityColours) -> None:
-        """A dot of a person's colour at each place where the head may be."""
+        """A dot of a person's colour at each place where they, or their head, may be."""
         pixels, seen = self._camera.project(np.asarray(found.places, float))
         for u, v in np.rint(pixels[seen] * self._scale + self._offset).astype(int).tolist():
             cv2.circle(panel, (u, v), 1, colours[found.id], -1)
+
+    def _draw_windows(
+        self,
+        panel: NDArray[np.uint8],
+        tracks: Sequence[Track],
+        clouds: Sequence[Hypotheses],
+        colours: IdentityColours,
+    ) -> list[Tag]:
+        """The windows of this picture that a tracker looked at; a tag over the topmost of each track."""
+        tags = []
+        for track in tracks:
+            boxes = [
+                found.windows[self._sensor_name]
+                for found in clouds
+                if found.id == track.id and self._sensor_name in found.windows
+            ]
+            boxes = np.array(boxes).reshape(-1, 2, 2)
+            first = boxes[:, 0] * self._scale + self._offset
+            last = first + boxes[:, 1] * self._scale
+            for near, far in zip(fixed_point(first).tolist(), fixed_point(last).tolist(), strict=True):
+                cv2.rectangle(panel, near, far, DARK_INK, 2, cv2.LINE_AA, SHIFT)
+                cv2.rectangle(panel, near, far, colours[track.id], 1, cv2.LINE_AA, SHIFT)
+            if len(boxes):
+                top = first[first[:, 1].argmin()]
+                middle = float(top[0] + last[first[:, 1].argmin()][0]) / 2
+                tags.append(track_tag(track, middle, float(top[1]) - 11, colours[track.id]))
+        return tags
 
     def _draw_heads(self, panel: NDArray[np.uint8], tracks: Sequence[Track], colours: IdentityColours) -> list[Tag]:
         """An ellipse about each head in view, and an arrow where it faces; the tags of those that have no torso window."""

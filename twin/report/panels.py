@@ -1,4 +1,4 @@
-"""The right half of the preview: the room from above, with scans, tracks and truth."""
+"""The right half of the preview: the room from above, with scans, loads, hypotheses, tracks and truth."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from trackers.observations import FloorFrame, LaserScan
 from trackers.rig import Rig
-from trackers.tracks import Track
+from trackers.tracks import Hypotheses, ScoreMap, Track
 from twin.report.beliefs import beliefs, draw_belief
 from twin.report.birdseye import (
     SHIFT,
@@ -37,6 +37,7 @@ _SEEN = FloorColours((38, 45, 57), (48, 56, 69), (64, 71, 84), (112, 120, 134), 
 SILENT_FILL: RGB = (96, 34, 34)
 """Behind the label of a sensor that reports no more."""
 _PERSON_RADIUS_M = 0.22
+_DOT_M = 0.012
 _FAN_LIGHT = 0.08
 """The share of its colour that a scanner adds to the floor it sees."""
 
@@ -107,8 +108,12 @@ class FloorPanel:
         names: Mapping[int, str],
         floors: Mapping[str, FloorFrame] | None = None,
         silent: Collection[str] = (),
+        maps: Sequence[ScoreMap | Hypotheses] = (),
     ) -> None:
-        """Draw a moment on `panel`; `scans`, `floors`: of the sensors that see now; `silent`: those that report no more."""
+        """Draw a moment on `panel`; `scans`, `floors`: of the sensors that see now; `silent`: those that report no more.
+
+        Of `maps` the tracker's hypotheses are dots.
+        """
         if self._view is None:
             self._view = self._paint(scans)
         view = self._view
@@ -126,6 +131,9 @@ class FloorPanel:
         tags = [draw_belief(panel, view, belief, layers, _SEEN.sensor, DARK_INK) for belief in self._beliefs]
         tags += [self._silent_tag(view, name) for name in sorted(silent)]
         tags += [_draw_track(panel, view, track, colours[track.id]) for track in tracks]
+        for found in maps:
+            if isinstance(found, Hypotheses):
+                _draw_places(panel, view, np.asarray(found.places, float), _mix(colours[found.id], INK, 0.6))
         write_tags(panel, tags)
 
     def _silent_tag(self, view: FloorView, name: str) -> Tag:
@@ -168,6 +176,12 @@ def _draw_points(panel: NDArray[np.uint8], pixels: NDArray[np.float64], colour: 
     opacity = np.repeat(_DOT_OPACITY, np.count_nonzero(inside))[:, None]
     # Where dots overlap the last one written, the more opaque, stays.
     panel[y, x] = (below + opacity * (np.array(colour, dtype=np.float32) - below)).astype(np.uint8)
+
+
+def _draw_places(panel: NDArray[np.uint8], view: FloorView, places: NDArray[np.float64], colour: RGB) -> None:
+    radius = max(1, round(_DOT_M * view.scale))
+    for at in np.rint(view.pixels(places[:, :2])).astype(int).tolist():
+        cv2.circle(panel, at, radius, colour, -1)
 
 
 def _draw_tail(panel: NDArray[np.uint8], tail: NDArray[np.float64], colour: RGB) -> None:

@@ -110,7 +110,7 @@ class PreviewWriter:
 
         `images`: the newest picture of each camera (none: the one before is shown on); `scans`, `floors`: the newest of each
         scanner and pressure floor; `silent`: the sensors that have stopped reporting, which are labelled so; `maps`: the
-        tracker's, drawn over the cameras' pictures.
+        tracker's, drawn over the cameras' pictures, and hypotheses over the floor.
         Raises InputError where the disk is full.
         """
         if self._first_ns is None:
@@ -132,7 +132,7 @@ class PreviewWriter:
             self._camera.draw(panel, images, tracks, self._colours, silent, maps)
         panel = self._canvas[_HEADER_PX : height - _FOOTER_PX, left:]
         self._floor.draw(
-            panel, scans, self._layers, tracks, self._tails, self._colours, truth, self._names, floors, silent
+            panel, scans, self._layers, tracks, self._tails, self._colours, truth, self._names, floors, silent, maps
         )
         clock = self._canvas[6 : _HEADER_PX - 6, width - 130 :]
         clock[:] = BACKDROP

@@ -216,6 +216,26 @@ def test_heads_and_hypotheses_are_drawn_in_the_picture(tmp_path: Path, staged: S
     assert coloured[0] < coloured[1] < coloured[2]
 
 
+def test_windows_that_a_tracker_tells_take_the_place_of_the_torso_window(tmp_path: Path, staged: Staged) -> None:
+    tracks = [Track(1, 0.5, 1.5)]
+    places = np.array([[0.5, 1.5, 1.0]])
+    told = Hypotheses(1, places, {"camera": (100.0, 60.0, 40.0, 80.0)})
+    stills = {}
+    for name, maps in (("plain", ()), ("places", (Hypotheses(1, places),)), ("told", (told,))):
+        with PreviewWriter(tmp_path / f"{name}.mp4", staged.rig, fps=10) as writer:
+            writer.frame(0, {}, {}, tracks, maps=maps)
+            stills[name] = jpeg(writer.still(95))[44:].astype(int)
+    camera = staged.rig.cameras()["camera"].intrinsics
+    scale = 596 / max(camera.width, camera.height)
+    top, left = np.array([60.0, 100.0]) * scale + (596 - scale * np.array([camera.height, camera.width])) / 2
+    edge = stills["told"][round(top + 40 * scale), round(left) - 1 : round(left) + 2]
+    assert np.abs(edge - IDENTITY_COLOURS[0]).sum(axis=-1).min() < 120
+    assert near(stills["places"][:, :596], IDENTITY_COLOURS[0], 60) > near(
+        stills["told"][:, :596], IDENTITY_COLOURS[0], 60
+    )
+    assert (np.abs(stills["places"][:, 596:] - stills["plain"][:, 596:]) > 40).any(), "places are dots on the floor"
+
+
 def test_scan_points_lie_on_the_wall(tmp_path: Path, staged: Staged) -> None:
     with PreviewWriter(tmp_path / "v.mp4", staged.rig, fps=10, outline=staged.outline) as writer:
         writer.frame(0, {}, {"waist": staged.scans(0)["waist"]}, [])

@@ -5,12 +5,21 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
+from trackers.camera_floor_particle.tracker import Inside
+from trackers.camera_floor_particle.views import View, Views
+from trackers.cameras.pinhole import PinholeIntrinsics
 from trackers.errors import InputError
-from trackers.observations import NS_PER_S
+from trackers.observations import NS_PER_S, FloorFrame
+from trackers.pose import Pose
+from trackers.rig import FloorSensor, PinholeSensor, Rig, placed_camera
+from trackers.tracks import Hypotheses, Track, TrackFrame
+from twin.report.panels import TruePoses
+from twin.reproduce.camera_floor_particle.pictures import draw_inside
 from twin.reproduce.camera_floor_particle.plots import head_errors, heads_svg
 from twin.reproduce.camera_floor_particle.replays import VARIANTS, closest_s, lowest_s
 from twin.reproduce.camera_floor_particle.reproduction import check_suite
@@ -96,3 +105,39 @@ def test_suites_without_the_experiments_are_refused(change, words):
 @pytest.mark.parametrize("change", VARIANTS.values(), ids=VARIANTS)
 def test_every_choice_is_one_of_the_tracker(change):
     assert (CameraFloorParticleOptions.model_validate(change) == CameraFloorParticleOptions()) == (not change)
+
+
+def test_moments_are_drawn_with_masks_particles_floor_and_truth():
+    lens = PinholeIntrinsics(width=120, height=90, fx=80, fy=80, cx=59.5, cy=44.5)
+    camera = PinholeSensor(
+        topic="/camera/image", room_from_sensor=Pose(xyz=(0, 0, 2), rpy=(-1.9, 0, 0)), intrinsics=lens
+    )
+    grid = FloorSensor(topic="/floor", room_from_sensor=Pose(xyz=(-1, 0, 0)), rows=10, columns=10, pitch_m=0.2)
+    rig = Rig(sensors={"camera": camera, "floor": grid}, area=((-1, 0), (1, 0), (1, 2), (-1, 2)))
+    mask = np.zeros((90, 120), np.bool_)
+    mask[40:70, 50:70] = True
+    grey = np.full((90, 120, 3), 90, np.uint8)
+    options = CameraFloorParticleOptions()
+    floors = {"floor": FloorFrame("floor", 0, np.full((10, 10), 200, np.uint8))}
+    truth = TruePoses(np.array([1]), np.array([[0.0, 1.0]]), np.zeros(1))
+    cloud = Hypotheses(1, np.array([[0.3, 1.5, 1.0]]), {"camera": (50.0, 40.0, 20.0, 30.0)})
+
+    def sides(mask, maps, floors):
+        views = Views([View(0, placed_camera(camera), grey, mask, options.histogram)])
+        frame = TrackFrame(0, (Track(1, 0.0, 1.0),), maps)
+        jpeg = draw_inside(Inside(views, None, None, np.array([1])), frame, rig, floors, truth)
+        drawn = np.asarray(cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR), int)
+        return drawn[:, :1280], drawn[:, 1280:]
+
+    def same(one, other):
+        return bool((np.abs(one - other) < 60).all())
+
+    left, right = sides(mask, (cloud,), floors)
+    for others, is_left, is_right in (
+        (sides(np.zeros_like(mask), (cloud,), floors), False, True),
+        (sides(mask, (), floors), False, False),
+        (sides(mask, (cloud,), {}), True, False),
+    ):
+        assert (same(left, others[0]), same(right, others[1])) == (is_left, is_right)
+    with pytest.raises(ValueError, match="no camera"):
+        draw_inside(Inside(Views(()), None, None, np.empty(0, int)), TrackFrame(0, ()), rig, {}, truth)

@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 
 from trackers.knowledge import Knowledge
+from trackers.observations import NS_PER_S, FloorFrame
 from trackers.presets import make_tracker
 from trackers.tracks import TrackFrame
 from twin.evaluate import evaluate_tracks
 from twin.progress import OnProgress
 from twin.recording.reader import Recording
 from twin.recording.tables import TruthTable, read_truth, track_table
+from twin.report.panels import TruePoses
 from twin.reproduce.camera_floor_particle.pictures import draw_inside
 from twin.reproduce.camera_floor_particle.tables import OURS
 from twin.reproduce.results import Result
@@ -91,11 +93,14 @@ def moment_picture(case: Case, cache: RecordingCache, t_s: float) -> bytes:
         tracker: Any = make_tracker(
             OURS, bag.rig, Knowledge.of(bag.background), stream(case.seed, "tracker", OURS), None
         )
+        floors, frames = {}, []
         for observation in bag.observations():
             frames = tracker.update(observation)
-            if frames and frames[-1].stamp_ns >= t_s * 1e9:
+            if frames and frames[-1].stamp_ns >= t_s * NS_PER_S:
                 break
-        return draw_inside(tracker.inside(), tracker.options, bag.rig, _heads(entry / TRUTH, t_s))
+            if isinstance(observation, FloorFrame):
+                floors[observation.sensor] = observation
+        return draw_inside(tracker.inside(), frames[-1], bag.rig, floors, _poses(entry / TRUTH, t_s))
 
 
 def closest_s(truth: TruthTable, fewest_s: float = 1.5) -> float:
@@ -116,8 +121,8 @@ def lowest_s(truth: TruthTable) -> float:
     return float(truth.stamps_ns[np.nanargmin(truth.head_z)] / 1e9)
 
 
-def _heads(path: Path, t_s: float) -> np.ndarray:
-    """Where people and their heads truly are next to a moment, (n, 4): x, y of body, x, y of head [m]."""
+def _poses(path: Path, t_s: float) -> TruePoses:
+    """Where people truly are next to a moment, and where their heads face, which is what the tracker estimates."""
     truth = read_truth(path)
-    now = truth.stamps_ns == truth.stamps_ns[np.abs(truth.stamps_ns - t_s * 1e9).argmin()]
-    return np.column_stack([truth.x, truth.y, truth.head_x, truth.head_y])[now]
+    now = truth.stamps_ns == truth.stamps_ns[np.abs(truth.stamps_ns - t_s * NS_PER_S).argmin()]
+    return TruePoses(truth.id[now], np.column_stack([truth.x, truth.y])[now], truth.head_yaw[now])
