@@ -92,7 +92,7 @@ def run(
 ) -> None:
     """Simulate, record, track, evaluate and report."""
     from twin.console import print_metrics, print_paths, print_warning, progress
-    from twin.run.chosen_trackers import TrustedClasses, import_from_here, typed_classes
+    from twin.run.chosen_trackers import TrustedClasses, import_from_here, typed_classes, typed_schedulers
     from twin.run.knowledge import environment_change
     from twin.run.live import run_scenario
     from twin.scenario import load_scenario
@@ -108,7 +108,7 @@ def run(
             out=out,
             video=not no_video,
             images=not no_images,
-            trusted=TrustedClasses(typed, every=allow_plugins),
+            trusted=TrustedClasses(typed | typed_schedulers(set_ or []), every=allow_plugins),
             source=scenario,
             on_progress=report,
             on_warning=print_warning,

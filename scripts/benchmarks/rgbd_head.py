@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import cv2
 import numpy as np
+from distributed import LocalCluster
 
 from benchmarks.figure import Figure
 from trackers.knowledge import Knowledge
-from trackers.observations import DepthImage
+from trackers.observations import DepthImage, Observation
 from trackers.presets import make_tracker
 from trackers.rgbd_head.colours import HeadColours
 from trackers.rgbd_head.learned import SHIPPED, load_learned
 from trackers.rgbd_head.options import WeightOptions
 from trackers.rgbd_head.picture import Watcher
-from trackers.rig import StereoSensor
+from trackers.rig import Rig, StereoSensor
 from twin import Simulation, load_scenario
 
 _S = 5
+_HEADS = (1024, 8192, 32768)
+"""Numbers of hypotheses by which it is measured what Dask workers cost and save."""
 
 
 def measure() -> Iterator[Figure]:
@@ -46,9 +49,40 @@ def measure() -> Iterator[Figure]:
     picture = watcher.ready(image)
     assert picture is not None
     heads = np.random.default_rng(0).normal([[[0]], [[0]], [[1.4]], [[0]]], 0.2, (4, 1, 512)).astype(np.float32)
-    tables = HeadColours.unknown(1).tables(learned.common, options.colour)
+    tables = HeadColours.unknown(1).expected(learned.common, options.colour).tables
     yield Figure("512 hypotheses on one picture", _ms(lambda: watcher.weights(picture, heads, tables)), "ms", "<= 0.6")
     yield Figure("a picture made ready", _ms(lambda: watcher.ready(image)), "ms", "")
+    yield from _on_workers(rig, known, [each for each in seen if each.t < 3.5])
+
+
+def _on_workers(rig: Rig, known: Knowledge, seen: Sequence[Observation]) -> Iterator[Figure]:
+    """What a moment of three people takes with each camera on a Dask worker of its own, and from how many hypotheses on less."""
+    with LocalCluster(n_workers=4, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50) as cluster:
+        here, there = (
+            np.array([_moment_ms(rig, known, seen, {"heads": heads, "scheduler": address}) for heads in _HEADS])
+            for address in (None, cluster.scheduler_address)
+        )
+    for heads, *ms in zip(_HEADS, here, there, strict=True):
+        for where, each in zip(("here", "on four Dask workers"), ms, strict=True):
+            yield Figure(f"a moment of three people, {heads} hypotheses, {where}", float(each), "ms", "")
+    # both grow in proportion to the hypotheses, beyond what is the same for any number
+    (slope, level), (slope_there, level_there) = (np.polyfit(_HEADS, each, 1) for each in (here, there))
+    even = (level_there - level) / (slope - slope_there) if slope > slope_there else np.inf
+    yield Figure("hypotheses from which four Dask workers are faster", float(max(even, 0)), "", "")
+
+
+def _moment_ms(rig: Rig, known: Knowledge, seen: Sequence[Observation], options: dict[str, object]) -> float:
+    """Median wall time of a moment, from the first one on that everybody is found in [ms]."""
+    tracker, costs, spent = make_tracker("rgbd-head", rig, known, np.random.default_rng(0), options), [], 0.0
+    for observation in seen:
+        start = time.perf_counter()
+        frames = tracker.update(observation)
+        spent += time.perf_counter() - start
+        if frames:
+            costs += [1e3 * spent] if observation.t > 1.5 else []
+            spent = 0.0
+    tracker.finish()
+    return float(np.median(costs))
 
 
 def _ms(what: Callable[[], object], times: int = 200) -> float:

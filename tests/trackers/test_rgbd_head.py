@@ -162,7 +162,7 @@ def test_weights_are_those_of_one_head_after_another(rules):
     rng = np.random.default_rng(3)
     heads = WALK[10, 0][:, None] + rng.normal(size=(4, 40)) * np.array([[0.1], [0.1], [0.1], [1.0]])
     heads = heads.astype(np.float32)
-    table = HeadColours.unknown(1).tables(LEARNED.common, options.colour) if options.colour.by_person else None
+    table = HeadColours.unknown(1).expected(LEARNED.common, options.colour).tables if options.colour.by_person else None
     weights = watcher.weights(picture, heads[:, None], table)
     scalar = [
         one_by_one(watcher, picture, head, None if table is None else table[0], options)
@@ -177,7 +177,7 @@ def test_weights_do_not_depend_on_who_else_is_weighed():
     options = WeightOptions()
     watcher, picture = watching(options)
     heads = (WALK[10].T[..., None] + np.linspace(-0.1, 0.1, 64)).astype(np.float32)
-    tables = HeadColours.unknown(3).tables(LEARNED.common, options.colour)
+    tables = HeadColours.unknown(3).expected(LEARNED.common, options.colour).tables
     together = watcher.weights(picture, heads, tables)
     for k in range(3):
         alone = watcher.weights(picture, heads[:, k : k + 1], tables[k : k + 1])
@@ -195,7 +195,7 @@ def test_colours_are_learned_as_face_and_as_hair():
         step = rng.integers(0, 8, 100)
         shown = np.where(rng.random(100) < step / 7, face, hair)
         colours = colours.learned(np.zeros(100, int), step, shown, LEARNED.common, options)
-    table = colours.tables(LEARNED.common, options).reshape(8, COLOURS)
+    table = colours.expected(LEARNED.common, options).tables.reshape(8, COLOURS)
     assert table[7, face] > table[0, face] + 1 and table[0, hair] > table[7, hair] + 1
 
 

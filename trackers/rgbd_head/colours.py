@@ -13,7 +13,7 @@ person's colours cannot turn around the head, as a picture of the head would tha
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
@@ -78,13 +78,9 @@ class HeadColours(Rows):
         face = _over(self.face, common[0], options.common_pixels)
         return face, _over(self.hair, common[1], options.common_pixels)
 
-    def tables(self, common: Float[Array, "2 colours"], options: ColourOptions) -> Float[Singles, "n entries"]:
-        """log(p(b | c) · COLOURS) for every step of s, in rows of colours, one after another: 0 is what noise gets."""
-        face, hair = (each[:, None].astype(np.float32) for each in self.shares(common, options))
-        share = ((1 - _ANYTHING) * COLOURS * _SHARE).astype(np.float32)
-        likely = share * (face - hair)
-        likely += np.float32((1 - _ANYTHING) * COLOURS) * hair + np.float32(_ANYTHING)
-        return np.log(likely, out=likely).reshape(len(self), SHARES * COLOURS)
+    def expected(self, common: Float[Array, "2 colours"], options: ColourOptions) -> ExpectedColours:
+        """The same as it is handed to whoever weighs."""
+        return ExpectedColours(*(each.astype(np.float32) for each in self.shares(common, options)))
 
     def learned(
         self,
@@ -112,6 +108,22 @@ class HeadColours(Rows):
                 for old, new in zip((self.face, self.hair), added, strict=True)
             )
         )
+
+
+@dataclass(frozen=True, eq=False)
+class ExpectedColours:
+    """F and H of n people, as they travel to whoever weighs heads."""
+
+    face: Float[Singles, "n colours"]
+    hair: Float[Singles, "n colours"]
+
+    @cached_property
+    def tables(self) -> Float[Singles, "n entries"]:
+        """log(p(b | c) · COLOURS) for every step of s, in rows of colours, one after another: 0 is what noise gets."""
+        share = ((1 - _ANYTHING) * COLOURS * _SHARE).astype(np.float32)
+        likely = share * (self.face - self.hair)[:, None]
+        likely += np.float32((1 - _ANYTHING) * COLOURS) * self.hair[:, None] + np.float32(_ANYTHING)
+        return np.log(likely, out=likely).reshape(len(self.face), SHARES * COLOURS)
 
 
 def _over(

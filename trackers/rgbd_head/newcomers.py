@@ -11,7 +11,6 @@ from jaxtyping import Float
 from scipy import ndimage
 
 from trackers.arrays import Array
-from trackers.filters.gating import distances
 from trackers.rgbd_head.options import LifeOptions
 
 _CELL_M = 0.1
@@ -24,13 +23,12 @@ _MOST = 3
 """So many at once."""
 
 
-def newcomers(points: Float[Array, "4 k"], known: Float[Array, "n 2"], options: LifeOptions) -> Float[Array, "m 3"]:
-    """Middles of heads [m] that points (x, y, z [m], area [m²]) of the foreground show away from known places."""
+def newcomers(points: Float[Array, "4 k"], options: LifeOptions) -> Float[Array, "m 3"]:
+    """Middles of heads [m] that points (x, y, z [m], area [m²]) of the foreground show, none of anybody who is followed."""
     found: list[Array] = []
     for _ in range(_MOST):
-        taken = np.concatenate([known, *(place[None, :2] for place in found)])
-        if len(taken):
-            points = points[:, distances(points[:2].T, taken).min(axis=1, initial=np.inf) > options.apart_m]
+        if found:
+            points = points[:, np.hypot(*(points[:2] - found[-1][:2, None])) > options.apart_m]
         if points.shape[1] == 0:
             break
         low = points[:2].min(axis=1) - 2 * _CELL_M

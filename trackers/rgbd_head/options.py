@@ -200,6 +200,11 @@ class RgbdHeadOptions(Strict):
         description="each picture is weighed with heads moved to its own stamp (ours); false: all pictures of a moment are taken "
         "for simultaneous",
     )
+    scheduler: str | None = Field(
+        default=None,
+        description="address of a Dask scheduler, like tcp://host:8786, with a worker for each camera, where its pictures are "
+        "weighed (the paper's clients); none: everything is done here",
+    )
     cameras: tuple[str, ...] = Field(
         default=(), description="names of the stereo cameras that are looked at; none: all of the rig's"
     )

@@ -127,12 +127,17 @@ class Watcher:
         pixels |= code
         return Picture(pixels, cv2.countNonZero(range_mm) >= _LEAST_DEPTH * range_mm.size)
 
+    def pass_over(self, image: DepthImage) -> None:
+        """Remember of a picture what later ones are compared with, as `ready` does, and nothing else."""
+        if not self._steady.is_frozen(image):
+            self.foreground.pass_over(self._steady.set_right(image))
+
     def weights(
         self, picture: Picture, heads: Float[Singles, "4 n p"], tables: Float[Singles, "n entries"] | None
     ) -> Weights:
         """The weights of p heads (x, y, z [m], yaw [rad] at the picture's stamp) of each of n people, n · p in a row.
 
-        tables: how likely each colour is at each step of s (`HeadColours.tables`); None: the paper's share of skin.
+        tables: how likely each colour is at each step of s (`ExpectedColours.tables`); None: the paper's share of skin.
         """
         options = self._options
         n, p = heads.shape[1:]

@@ -123,6 +123,11 @@ class Foreground:
         background = self._learned(rgb, image.t) if self._background is None else self._background
         return self._cleaned(background.differs(rgb, self.options))
 
+    def pass_over(self, image: Image | DepthImage) -> None:
+        """Learn from a picture as `mask` does, without one."""
+        if self._background is None:
+            self._learned(self._checked(image), image.t)
+
     def _checked(self, image: Image | DepthImage) -> Bytes:
         if image.rgb.shape != self._shape:
             raise InputError(

@@ -1,7 +1,8 @@
 """Which trackers a run is asked for, and of what code they are made: data names none.
 
 `module:Class` is taken from the command line, from Python and from installed entry points. In a scenario, a suite or a bag
-it is text that somebody else may have written, and importing it would run what they please.
+it is text that somebody else may have written, and importing it would run what they please. So would a Dask scheduler, which a
+tracker's option `scheduler` names: whoever has one sends it code, and takes what it sends.
 """
 
 from __future__ import annotations
@@ -17,16 +18,20 @@ from trackers.presets import available
 from twin.scenario.load import apply_overrides
 from twin.scenario.model import TrackerChoice
 
+SCHEDULER = "scheduler"
+"""The option of a tracker that has a Dask scheduler asked."""
+
 
 @dataclass(frozen=True)
 class TrustedClasses:
-    """The `module:Class` that may be imported although a file is where they stand: `named`, or `every` one."""
+    """The `module:Class` that may be imported, and the schedulers that may be asked, although a file is where they stand:
+    `named`, or `every` one."""
 
     named: frozenset[str] = frozenset()
     every: bool = False
 
     def has(self, target: str) -> bool:
-        """Whether what `target` names may be imported."""
+        """Whether what `target` names may be imported, or asked."""
         return self.every or target in self.named
 
 
@@ -46,6 +51,12 @@ def typed_classes(changes: Sequence[str]) -> frozenset[str]:
     """The classes that 'trackers.NAME.preset=module:Class' texts of a command line name."""
     presets = (choice.get("preset") for choice in changed_trackers(changes).values() if isinstance(choice, dict))
     return frozenset(preset for preset in presets if isinstance(preset, str) and ":" in preset)
+
+
+def typed_schedulers(changes: Sequence[str]) -> frozenset[str]:
+    """The Dask schedulers that 'trackers.NAME.scheduler=ADDRESS' texts of a command line name."""
+    addresses = (choice.get(SCHEDULER) for choice in changed_trackers(changes).values() if isinstance(choice, dict))
+    return frozenset(address for address in addresses if isinstance(address, str))
 
 
 def changed_trackers(changes: Sequence[str]) -> dict[str, Any]:
@@ -89,6 +100,8 @@ def choose(
         choice = defined.get(name, TrackerChoice())
         if choice.preset is not None and ":" in choice.preset and not trusted.has(choice.preset):
             raise InputError(not_trusted(f"{source}: trackers.{name}.preset", choice.preset))
+        if is_untrusted_scheduler(choice, trusted):
+            raise InputError(not_asked(f"{source}: trackers.{name}.{SCHEDULER}", choice))
         chosen.append(ChosenTracker(name, choice.preset or name, choice.options))
     return chosen
 
@@ -107,4 +120,19 @@ def not_trusted(where: str, target: str) -> str:
         f"{where}: {target!r} is a class, and a file names no code to run; a preset's name is expected here, or the class "
         "on the command line (--tracker module:Class, or --set trackers.NAME.preset=module:Class), or --allow-plugins for "
         "a scenario or suite that you trust"
+    )
+
+
+def is_untrusted_scheduler(choice: TrackerChoice, trusted: TrustedClasses) -> bool:
+    """Whether a tracker's options have a scheduler asked that nobody has said to trust."""
+    address = choice.options.get(SCHEDULER)
+    return address is not None and not trusted.has(str(address))
+
+
+def not_asked(where: str, choice: TrackerChoice) -> str:
+    """What is wrong with a scheduler in a file that nobody has said to trust, written at `where`."""
+    return (
+        f"{where}: {choice.options[SCHEDULER]!r} is a Dask scheduler, which runs code here and is sent some, and a file names "
+        "none; its address on the command line (--set trackers.NAME.scheduler=ADDRESS) is expected, or --allow-plugins for a "
+        "scenario or suite that you trust"
     )

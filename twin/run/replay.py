@@ -30,7 +30,14 @@ from twin.report.birdseye import Polygon
 from twin.report.page import RunFacts
 from twin.report.scan_density import ScanDensity
 from twin.room.outline import room_outline
-from twin.run.chosen_trackers import ChosenTracker, TrustedClasses, changed_trackers, choose, typed_classes
+from twin.run.chosen_trackers import (
+    ChosenTracker,
+    TrustedClasses,
+    changed_trackers,
+    choose,
+    typed_classes,
+    typed_schedulers,
+)
 from twin.run.feed import feed
 from twin.run.knowledge import files_for, notes_of
 from twin.run.out_folder import OutFolder, out_folder
@@ -218,7 +225,8 @@ def chosen_trackers(
 ) -> list[ChosenTracker]:
     """The trackers called `names`, as the bag's scenario defines them, with the overrides applied; InputError for bad ones."""
     source = "--set" if scenario is None else f"{bag.path}, topic /scenario"
-    return choose(names, _defined(scenario, names, changes), source, TrustedClasses(typed_classes(changes)))
+    trusted = TrustedClasses(typed_classes(changes) | typed_schedulers(changes))
+    return choose(names, _defined(scenario, names, changes), source, trusted)
 
 
 def _defined(scenario: Scenario | None, names: Sequence[str], changes: Sequence[str]) -> dict[str, TrackerChoice]:

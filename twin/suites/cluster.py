@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import os
-import socket
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, cast
-from urllib.parse import urlsplit
 
 from trackers.errors import InputError
+from trackers.scheduler import connected
 
 if TYPE_CHECKING:
     from distributed import Client, LocalCluster
 
-_ANSWER_S = 8
-_CONNECT_S = 10
 _CLOSE_S = 15
-_SCHEMES = ("tcp", "tls", "ws", "wss")
 ENVIRONMENT = {
     "LP_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
@@ -122,39 +118,10 @@ def open_cluster(
             stack.callback(_close, local)
             client = Client(local, set_as_default=False)
         else:
-            _check_scheduler(scheduler)
-            try:
-                client = Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
-            except (OSError, ValueError, TypeError) as error:
-                raise InputError(
-                    f"--scheduler {scheduler}: nobody answers there ({error or type(error).__name__}); the address of a "
-                    "running Dask scheduler, like tcp://host:8786, is expected"
-                ) from error
+            client = connected(scheduler, f"--scheduler {scheduler}")
         stack.callback(_close, client)
         dashboard = client.dashboard_link if scheduler is not None or _has_dashboard() else None
         yield Cluster(client, dashboard or None, local, n_worker, needs)
-
-
-def _check_scheduler(address: str) -> None:
-    """Raise InputError, within seconds, where this is no address of a Dask scheduler, or nobody listens there."""
-    expected = "the address of a running Dask scheduler, like tcp://host:8786, is expected"
-    try:
-        parts = urlsplit(address if "://" in address else f"tcp://{address}")
-        host, port = parts.hostname, parts.port
-    except ValueError as error:  # a port that is no number, a bracket that does not close
-        raise InputError(f"--scheduler {address}: is no address ({error}); {expected}") from error
-    if parts.scheme == "inproc":  # this very process
-        return
-    if parts.scheme not in _SCHEMES or not host or port is None:
-        raise InputError(f"--scheduler {address}: is no address; {expected}")
-    try:
-        with socket.create_connection((host, port), timeout=_ANSWER_S) as asked:
-            if parts.scheme == "tcp" and not asked.recv(
-                1
-            ):  # Dask speaks first; its client waits for ever for what does not
-                raise ConnectionError("what listens there says nothing")
-    except (OSError, UnicodeError) as error:
-        raise InputError(f"--scheduler {address}: nobody answers there ({error}); {expected}") from error
 
 
 def _close(opened: Client | LocalCluster) -> None:

@@ -54,7 +54,7 @@ def run(
 ) -> None:
     """Run every case of a suite."""
     from trackers.errors import InputError
-    from twin.run.chosen_trackers import TrustedClasses, import_from_here, typed_classes
+    from twin.run.chosen_trackers import TrustedClasses, import_from_here, typed_classes, typed_schedulers
     from twin.suites.gate import run_and_judge
 
     if update_baseline and baseline is None:
@@ -72,7 +72,7 @@ def run(
         seed_offset=seed or 0,
         changes=set_ or [],
         limits=not no_limits,
-        trusted=TrustedClasses(typed, every=allow_plugins),
+        trusted=TrustedClasses(typed | typed_schedulers(set_ or []), every=allow_plugins),
     )
     if not well:
         raise typer.Exit(EXIT_FELL_SHORT)

@@ -18,7 +18,15 @@ from trackers.observations import Observation
 from trackers.presets import PRESETS, available, make_tracker
 from trackers.rig import Point2, Rig
 from trackers.tracks import Tracker
-from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses, not_trusted, redefined
+from twin.run.chosen_trackers import (
+    NONE_TRUSTED,
+    SCHEDULER,
+    TrustedClasses,
+    is_untrusted_scheduler,
+    not_asked,
+    not_trusted,
+    redefined,
+)
 from twin.scenario import Scenario
 from twin.scenario.housings import rig_told
 from twin.scenario.model import TrackerChoice
@@ -68,6 +76,8 @@ class TrackerCheck:
             elif target not in available() and not self._trusted.has(target):
                 where = _place(variant, file, f"trackers.{name}.preset") if choice.preset else listed
                 self._tell(not_trusted(where, target))
+            elif is_untrusted_scheduler(choice, self._trusted):
+                self._tell(not_asked(_place(variant, file, f"trackers.{name}.{SCHEDULER}"), choice))
             elif knowledge is not None and (target in PRESETS or self._plug_ins):
                 for option, message in self._tried(target, rig, scenario, name, knowledge):
                     if option:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from trackers.errors import InputError
-from twin.run.chosen_trackers import TrustedClasses, choose, typed_classes
+from twin.run.chosen_trackers import TrustedClasses, choose, typed_classes, typed_schedulers
 from twin.run.live import run_scenario
 from twin.run.replay import track_recording
 from twin.scenario import TrackerChoice, load_scenario
@@ -160,6 +160,26 @@ def test_a_suite_has_no_code_run_unless_it_is_trusted(evil: Path, tmp_path: Path
     assert where in str(refused.value) and not evil.exists()
     assert len(expand(*load_suite(path), trusted=EVERY)) == 1
     assert evil.exists()
+
+
+def test_no_file_has_a_dask_scheduler_asked(tmp_path: Path) -> None:
+    """Whoever is one runs code."""
+    words = "'tcp://evil:1' is a Dask scheduler, .* and a file names none"
+    mine = '{mine: {preset: rgbd-head, scheduler: "tcp://evil:1"}}'
+    with pytest.raises(InputError, match=f"scenario own: trackers.mine.scheduler: {words}"):
+        run(scenario_file(tmp_path, mine), tmp_path / "out", trackers=["mine"])
+    path = tmp_path / "suite.yaml"
+    path.write_text(
+        f"name: s\nseeds: 1\ntrackers: [mine]\nset: {{trackers.mine: {mine[7:-1]}}}\n"
+        "scenarios: [{scenario: head-trap}]\n"
+    )
+    with pytest.raises(InputError, match=f"set.trackers.mine.scheduler: {words}"):
+        expand(*load_suite(path))
+    bag = tmp_path / "bag" / "recording.mcap"
+    run(scenario_file(tmp_path, mine), bag.parent, trackers=["sort"])
+    with pytest.raises(InputError, match=f"topic /scenario: trackers.mine.scheduler: {words}"):
+        track_recording(bag, trackers=["mine"], out=tmp_path / "again")
+    assert typed_schedulers(["trackers.mine.scheduler=tcp://ours:1", "duration_s=3"]) == {"tcp://ours:1"}
 
 
 def test_a_suite_gives_no_shipped_name_to_another_tracker(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from distributed import LocalCluster
 from synthetic_cases import do, work_of
 
 from trackers.errors import InputError
-from twin.suites import cluster as suite_cluster, engine, tasks
+from twin.suites import engine, tasks
 from twin.suites.cluster import Cluster, open_cluster, read_resources
 from twin.suites.engine import run_on
 from twin.suites.tasks import MOST_ATTEMPTS, Ended, Listener, OutOfSpaceError, State, Task, run_here
@@ -206,7 +206,7 @@ def test_workers_at_work_are_never_taken_for_gone(cluster: Cluster) -> None:
 
 
 def test_a_scheduler_that_is_gone_is_told_in_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("twin.suites.cluster._CONNECT_S", 0.5)
+    monkeypatch.setattr("trackers.scheduler._CONNECT_S", 0.5)
     with (
         LocalCluster(n_workers=1, processes=False, dashboard_address="127.0.0.1:0") as theirs,
         open_cluster(scheduler=theirs.scheduler_address) as elsewhere,
@@ -217,7 +217,7 @@ def test_a_scheduler_that_is_gone_is_told_in_one_sentence(monkeypatch: pytest.Mo
 
 
 def test_bad_places_are_told_in_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("twin.suites.cluster._CONNECT_S", 0.2)
+    monkeypatch.setattr("trackers.scheduler._CONNECT_S", 0.2)
     with pytest.raises(InputError, match=r"^--scheduler tcp://127.0.0.1:9: nobody answers there"):
         open_cluster(scheduler="tcp://127.0.0.1:9").__enter__()
 
@@ -237,7 +237,7 @@ def test_what_is_no_address_of_a_scheduler_is_said_at_once(address: str, monkeyp
 def test_a_host_that_does_not_exist_and_one_that_is_no_scheduler_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InputError, match=r"^--scheduler tcp://nobody.invalid:8786: nobody answers there \("):
         open_cluster(scheduler="tcp://nobody.invalid:8786").__enter__()
-    monkeypatch.setattr(suite_cluster, "_ANSWER_S", 0.3)
+    monkeypatch.setattr("trackers.scheduler._ANSWER_S", 0.3)
     with socket.create_server(("127.0.0.1", 0)) as mute:
         port = mute.getsockname()[1]
         with pytest.raises(InputError, match=rf"^--scheduler tcp://127.0.0.1:{port}: nobody answers there \("):

@@ -1,0 +1,93 @@
+"""The cameras' evaluators (the paper's clients): each has one camera's picture of the moment and weighs what it is handed.
+
+Handed over and back are pictures, hypotheses, weights and what else stands in a message; so an evaluator may be anywhere
+(`trackers.rgbd_head.scheduled`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from trackers.arrays import Array, Index, Singles
+from trackers.filters.gating import distances
+from trackers.observations import DepthImage
+from trackers.rgbd_head.colours import ExpectedColours
+from trackers.rgbd_head.picture import Picture, Watcher, Weights
+
+_LOW_M, _HIGH_M = 0.4, 2.2
+"""Foreground between is asked for newcomers."""
+
+
+class Evaluator:
+    """One camera and its last picture. What it answers is a function of its pictures and of what it is asked, of nothing else."""
+
+    def __init__(self, watcher: Watcher) -> None:
+        self.watcher = watcher
+        self._picture: Picture | None = None
+
+    def take(self, image: DepthImage) -> bool:
+        """Make a picture ready; whether it shows anything."""
+        self._picture = self.watcher.ready(image)
+        return self._picture is not None
+
+    def weights(self, heads: Float[Singles, "4 n p"], colours: ExpectedColours | None) -> Weights:
+        """The weights that the picture gives heads at its stamp (`Watcher.weights`)."""
+        return self.watcher.weights(self._shown(), heads, None if colours is None else colours.tables)
+
+    def look(self, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
+        """The picture's pixels on heads (`Watcher.look`)."""
+        return self.watcher.look(self._shown(), heads)
+
+    def strangers(self, known: Float[Array, "n 2"], apart_m: float) -> Float[Array, "4 k"]:
+        """Points of the foreground (`Watcher.strangers`) as high as people, farther than `apart_m` from known places."""
+        points = self.watcher.strangers(self._shown())
+        points = points[:, (points[2] > _LOW_M) & (points[2] < _HIGH_M)]
+        if not len(known):
+            return points
+        return points[:, distances(points[:2].T, known).min(axis=1, initial=np.inf) > apart_m]
+
+    def _shown(self) -> Picture:
+        if self._picture is None:
+            raise RuntimeError("asked before there was a picture that shows anything")
+        return self._picture
+
+
+class Evaluators:
+    """All cameras' evaluators, asked here, one after another; answers are in the cameras' order.
+
+    taken_over: cameras whose evaluator was elsewhere and was lost.
+    """
+
+    def __init__(self, here: Mapping[str, Evaluator]) -> None:
+        self.here = dict(here)
+        self.taken_over: list[str] = []
+
+    def take(self, images: Mapping[str, DepthImage]) -> list[str]:
+        """Hand over each camera's picture; those that show anything."""
+        shown = self._ask("take", {name: (images[name],) for name in self.here if name in images})
+        return [name for name, is_shown in shown.items() if is_shown]
+
+    def weights(
+        self, heads: Mapping[str, Float[Singles, "4 n p"]], colours: ExpectedColours | None
+    ) -> dict[str, Weights]:
+        """What each camera makes of the heads at its picture's stamp."""
+        return self._ask("weights", {name: (each, colours) for name, each in heads.items()})
+
+    def look(self, name: str, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
+        """One camera's pixels on heads."""
+        return self._ask("look", {name: (heads,)})[name]
+
+    def strangers(self, names: Iterable[str], known: Float[Array, "n 2"], apart_m: float) -> Float[Array, "4 k"]:
+        """Points of these cameras' foreground away from known places."""
+        found: Sequence[Array] = list(self._ask("strangers", dict.fromkeys(names, (known, apart_m))).values())
+        return np.concatenate(found, axis=1)
+
+    def close(self) -> None:
+        """Nothing is asked any more."""
+
+    def _ask(self, what: str, arguments: Mapping[str, tuple[Any, ...]]) -> dict[str, Any]:
+        return {name: getattr(self.here[name], what)(*each) for name, each in arguments.items()}

@@ -1,0 +1,93 @@
+"""Each camera's evaluator on a Dask worker of its own, as the paper's clients were on computers of their own.
+
+An evaluator is an actor: a picture travels once, straight to its worker, and stays; then hypotheses and weights travel. All
+cameras are asked at once, and their answers put in the cameras' order, whichever comes first. A worker that dies or does not
+answer is taken over here for good: its camera's evaluator here has passed over all pictures but the last, which it takes
+then, and so answers with the same bits.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from trackers.errors import InputError
+from trackers.observations import DepthImage
+from trackers.rgbd_head.evaluators import Evaluator, Evaluators
+from trackers.scheduler import connected
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+_ANSWER_S = 10.0
+"""A worker that takes longer to answer is dead."""
+_START_S = 60.0
+
+
+class ScheduledEvaluators(Evaluators):
+    """Raises InputError where nobody answers at the address, and for fewer workers than cameras."""
+
+    def __init__(self, here: Mapping[str, Evaluator], address: str) -> None:
+        super().__init__(here)
+        self._last: dict[str, DepthImage] = {}
+        self._client = connected(address, f"tracker rgbd-head: scheduler: {address}", direct=True)
+        try:
+            self._kept = _sent(self._client, self.here, address)  # what nobody keeps, Dask lets go
+            with self._client.as_current():
+                self._actors = {name: each.result(timeout=_START_S) for name, each in self._kept.items()}
+        except BaseException:
+            self.close()
+            raise
+
+    def take(self, images: Mapping[str, DepthImage]) -> list[str]:
+        """As here; the last picture of each camera is kept, those before are passed over."""
+        for name in self._actors.keys() & images.keys():
+            if name in self._last:
+                self.here[name].watcher.pass_over(self._last[name])
+            self._last[name] = images[name]
+        return super().take(images)
+
+    def close(self) -> None:
+        """Leave the workers."""
+        self._client.close()
+
+    def _ask(self, what: str, arguments: Mapping[str, tuple[Any, ...]]) -> dict[str, Any]:
+        asked, answers = {}, {}
+        with self._client.as_current():
+            for name in arguments.keys() & self._actors.keys():
+                try:
+                    asked[name] = getattr(self._actors[name], what)(*arguments[name])
+                except RuntimeError:  # Dask knows that the worker is gone
+                    self._take_over(name, what)
+            for name, each in asked.items():
+                try:
+                    answers[name] = each.result(timeout=_ANSWER_S)
+                except OSError:  # no answer, or none in time
+                    self._take_over(name, what)
+        missing = {name: each for name, each in arguments.items() if name not in answers}
+        answers |= super()._ask(what, missing)
+        return {name: answers[name] for name in arguments}
+
+    def _take_over(self, name: str, what: str) -> None:
+        """From now on a camera's evaluator is here; the picture that it is about to take it need not have."""
+        del self._actors[name]
+        self.taken_over.append(name)
+        last = self._last.pop(name, None)
+        if last is not None and what != "take":
+            self.here[name].take(last)
+
+
+def _sent(client: Client, here: Mapping[str, Evaluator], address: str) -> dict[str, Future]:
+    """The evaluators as actors, each on a worker of its own."""
+    workers = sorted(client.scheduler_info(n_workers=-1)["workers"])
+    if len(workers) < len(here):
+        raise InputError(
+            f"tracker rgbd-head: scheduler: {address} has {len(workers)} workers for {len(here)} cameras; "
+            "one for each is expected"
+        )
+    with client.as_current():  # copied, as workers may be of this very process
+        return {
+            name: client.submit(copy.deepcopy, each, actor=True, workers=[worker], pure=False)
+            for (name, each), worker in zip(here.items(), workers, strict=False)
+        }

@@ -1,0 +1,52 @@
+"""Reaching a Dask scheduler whose address somebody typed. Dask is loaded by who calls, not before."""
+
+from __future__ import annotations
+
+import socket
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+from trackers.errors import InputError
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+_ANSWER_S = 8
+_CONNECT_S = 10
+_SCHEMES = ("tcp", "tls", "ws", "wss")
+_EXPECTED = "the address of a running Dask scheduler, like tcp://host:8786, is expected"
+
+
+def connected(address: str, said: str, direct: bool = False) -> Client:
+    """A client of the scheduler at this address; direct: which talks to the workers itself.
+
+    said: what the address was given as, for the sentence. Raises InputError, within seconds, where this is no address of a
+    Dask scheduler, or nobody listens there.
+    """
+    from distributed import Client
+
+    _check(address, said)
+    try:
+        return Client(address, timeout=_CONNECT_S, set_as_default=False, direct_to_workers=direct or None)
+    except (OSError, ValueError, TypeError) as error:
+        raise InputError(f"{said}: nobody answers there ({error or type(error).__name__}); {_EXPECTED}") from error
+
+
+def _check(address: str, said: str) -> None:
+    try:
+        parts = urlsplit(address if "://" in address else f"tcp://{address}")
+        host, port = parts.hostname, parts.port
+    except ValueError as error:  # a port that is no number, a bracket that does not close
+        raise InputError(f"{said}: is no address ({error}); {_EXPECTED}") from error
+    if parts.scheme == "inproc":  # this very process
+        return
+    if parts.scheme not in _SCHEMES or not host or port is None:
+        raise InputError(f"{said}: is no address; {_EXPECTED}")
+    try:
+        with socket.create_connection((host, port), timeout=_ANSWER_S) as asked:
+            if parts.scheme == "tcp" and not asked.recv(
+                1
+            ):  # Dask speaks first; its client waits for ever for what does not
+                raise ConnectionError("what listens there says nothing")
+    except (OSError, UnicodeError) as error:
+        raise InputError(f"{said}: nobody answers there ({error}); {_EXPECTED}") from error
