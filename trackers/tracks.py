@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import nan
 from typing import Any, Literal, Protocol, runtime_checkable
@@ -10,6 +10,7 @@ from typing import Any, Literal, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.cameras.placed import PlacedCamera
 from trackers.detections import Detection
 from trackers.observations import Observation
 from trackers.order import StampOrder
@@ -56,12 +57,13 @@ class ScoreMap:
 class Hypotheses:
     """Where a tracker thinks a person, or their head, may be, some of its hypotheses for the preview.
 
-    windows: by camera, what of its picture is looked at about their middle: left, top, width, height [px].
+    window: what of a camera's picture is looked at about their middle: left, top, width, height [px], None where it does not
+    show that.
     """
 
     id: int
     places: NDArray[np.floating]  # (k, 3) [m]
-    windows: Mapping[str, tuple[float, float, float, float]] = field(default_factory=dict)
+    window: Callable[[PlacedCamera], tuple[float, float, float, float] | None] | None = None
 
 
 @dataclass(frozen=True, slots=True)

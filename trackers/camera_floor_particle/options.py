@@ -55,6 +55,12 @@ class WindowOptions(Strict):
         away_m = np.maximum(np.sqrt(np.einsum("ck,ck->k", off_m, off_m)), _NEAREST_M)
         return np.array(self.size_m) * (camera.intrinsics.fx / away_m)[:, None]
 
+    def box(self, place: Float[Array, "3"], camera: PlacedCamera) -> tuple[float, float, float, float] | None:
+        """Left, top, width and height [px] of the window about a place in the room [m]; None where a picture does not show it."""
+        (u, v), seen = camera.project(place)
+        width, height = self.size_px(camera, place[:, None])[0].tolist()
+        return (float(u) - width / 2, float(v) - height / 2, width, height) if seen else None
+
 
 class MotionOptions(Strict):
     """How particles move: s' = s + τ v + ω (eq. 1), ω normal, growing with the person's speed."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 from math import nan
 from typing import Any, NamedTuple
 
@@ -119,23 +120,18 @@ class CameraFloorParticle(MomentTracker):
 
     def _maps(self) -> tuple[Hypotheses, ...]:
         """Some particles of everybody's body and head, and the windows about both estimates."""
-        people, found = self._people, []
+        people = self._people
         if people is None or not self._has_pictures:
             return ()
-        for cloud, place, window in (
-            (people.body, people.place, self.options.body.window),
-            (people.head, people.head_place, self.options.head.window),
-        ):
-            some = cloud.state[:3, :, :: max(1, cloud.state.shape[2] // _SHOWN)]
-            boxes, seen = self._views.windows(place.T, window)
-            for row, number in enumerate(self._ids.tolist()):
-                by_camera = {
-                    self._cameras[view.number]: tuple(box)
-                    for view, box, here in zip(self._views, boxes[:, row].tolist(), seen[:, row], strict=True)
-                    if here
-                }
-                found.append(Hypotheses(number, some[:, row].T, by_camera))
-        return tuple(found)
+        return tuple(
+            Hypotheses(number, some[:, row].T, partial(window.box, place[row]))
+            for cloud, place, window in (
+                (people.body, people.place, self.options.body.window),
+                (people.head, people.head_place, self.options.head.window),
+            )
+            for some in (cloud.state[:3, :, :: max(1, cloud.state.shape[2] // _SHOWN)],)
+            for row, number in enumerate(self._ids.tolist())
+        )
 
     def _work(self, moment: Moment) -> None:
         dt = min((moment.ns - self._ns) / NS_PER_S, _LONGEST_S) if self._ns else 0.0

@@ -104,14 +104,6 @@ class Views(Sequence[View]):
         column, row = np.moveaxis((np.where(seen[:, None], pixels, 0.0) + 0.5).astype(np.intp), 1, 0)
         return np.moveaxis(pixels, 1, 2), seen, seen & self._mask[self._start + row * self._width + column]
 
-    def windows(
-        self, places: Float[Array, "3 k"], window: WindowOptions
-    ) -> tuple[Float[Array, "c k 4"], Bool[Mask, "c k"]]:
-        """Left, top, width and height [px] of the windows about places [m], and which places each picture shows."""
-        pixels, seen, _ = self.look(places)
-        size = np.array([window.size_px(view.camera, places) for view in self]).reshape(pixels.shape)
-        return np.concatenate([pixels - size / 2, size], axis=2), seen
-
     def bearings(self, places: Float[Array, "c k"]) -> Float[Array, "cameras k"]:
         """The directions from places to the cameras, seen from above [rad]."""
         x, y = self.eyes_m[:, :2].T[..., None]

@@ -113,7 +113,7 @@ class CameraPanel:
             self._draw_places(panel, found, colours)
         tags += self._draw_heads(panel, tracks, colours)
         tags += self._draw_windows(panel, tracks, clouds, colours)
-        told = {found.id for found in clouds if found.windows}
+        told = {found.id for found in clouds if found.window}
         for track, window in self._torso_windows([track for track in tracks if track.id not in told]):
             colour = colours[track.id]
             if track.status == "confirmed":
@@ -165,12 +165,8 @@ class CameraPanel:
         """The windows of this picture that a tracker looked at; a tag over the topmost of each track."""
         tags = []
         for track in tracks:
-            boxes = [
-                found.windows[self._sensor_name]
-                for found in clouds
-                if found.id == track.id and self._sensor_name in found.windows
-            ]
-            boxes = np.array(boxes).reshape(-1, 2, 2)
+            boxes = [found.window(self._camera) for found in clouds if found.id == track.id and found.window]
+            boxes = np.array([box for box in boxes if box is not None]).reshape(-1, 2, 2)
             first = boxes[:, 0] * self._scale + self._offset
             last = first + boxes[:, 1] * self._scale
             for near, far in zip(fixed_point(first).tolist(), fixed_point(last).tolist(), strict=True):

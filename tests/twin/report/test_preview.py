@@ -219,7 +219,7 @@ def test_heads_and_hypotheses_are_drawn_in_the_picture(tmp_path: Path, staged: S
 def test_windows_that_a_tracker_tells_take_the_place_of_the_torso_window(tmp_path: Path, staged: Staged) -> None:
     tracks = [Track(1, 0.5, 1.5)]
     places = np.array([[0.5, 1.5, 1.0]])
-    told = Hypotheses(1, places, {"camera": (100.0, 60.0, 40.0, 80.0)})
+    told = Hypotheses(1, places, lambda _: (100.0, 60.0, 40.0, 80.0))
     stills = {}
     for name, maps in (("plain", ()), ("places", (Hypotheses(1, places),)), ("told", (told,))):
         with PreviewWriter(tmp_path / f"{name}.mp4", staged.rig, fps=10) as writer:

@@ -120,7 +120,7 @@ def test_moments_are_drawn_with_masks_particles_floor_and_truth():
     options = CameraFloorParticleOptions()
     floors = {"floor": FloorFrame("floor", 0, np.full((10, 10), 200, np.uint8))}
     truth = TruePoses(np.array([1]), np.array([[0.0, 1.0]]), np.zeros(1))
-    cloud = Hypotheses(1, np.array([[0.3, 1.5, 1.0]]), {"camera": (50.0, 40.0, 20.0, 30.0)})
+    cloud = Hypotheses(1, np.array([[0.3, 1.5, 1.0]]), lambda _: (50.0, 40.0, 20.0, 30.0))
 
     def sides(mask, maps, floors):
         views = Views([View(0, placed_camera(camera), grey, mask, options.histogram)])
