@@ -164,6 +164,17 @@ class StereoSensor(Strict):
         return placed_camera(self).points(depth_m)
 
 
+@lru_cache
+def _centres(rows: int, columns: int, pitch_m: float, room_from_sensor: Hashable) -> NDArray[np.float64]:
+    """The middles of a floor's elements in the room, which nobody can change: every frame asks for them."""
+    assert isinstance(room_from_sensor, Pose)
+    x, y = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
+    local = np.stack([x, y], axis=-1) * pitch_m
+    centres = local @ room_from_sensor.rotation[:2, :2].T + room_from_sensor.translation[:2]
+    centres.setflags(write=False)
+    return centres
+
+
 class FloorSensor(Strict):
     """A pressure floor: `rows` x `columns` square elements of side `pitch_m`, each with the same force curve.
 
@@ -192,9 +203,7 @@ class FloorSensor(Strict):
     @property
     def centres(self) -> NDArray[np.float64]:
         """The elements' middles in the room, (rows, columns, 2) x, y [m]."""
-        x, y = np.meshgrid(np.arange(self.columns) + 0.5, np.arange(self.rows) + 0.5)
-        local = np.stack([x, y], axis=-1) * self.pitch_m
-        return local @ self.room_from_sensor.rotation[:2, :2].T + self.room_from_sensor.translation[:2]
+        return _centres(self.rows, self.columns, self.pitch_m, cast("Hashable", self.room_from_sensor))
 
     def cell_at(self, places: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
         """The element under each place (n, 2) [m] of the room, as its index along rows and columns (0 off the grid).

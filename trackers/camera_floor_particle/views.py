@@ -21,6 +21,7 @@ from trackers.observations import DepthImage, Image, Observation
 from trackers.rig import CameraSensor, placed_camera
 from trackers.vision.colour_bins import BinnedPicture, BinnedSamples, HueSaturationValueBins
 from trackers.vision.foreground import Foreground, shows_floor
+from trackers.vision.hsv import Hsv, hsv_of
 from trackers.vision.steady import SteadyCamera
 
 _BLIND_FROM = 0.6
@@ -39,16 +40,17 @@ class View:
     number: int
     camera: PlacedCamera
     rgb: NDArray[np.uint8]
+    hsv: Hsv
     mask: Bool[Mask, "height width"]
     bins: HueSaturationValueBins
 
     @cached_property
     def _all_binned(self) -> BinnedPicture:
-        return self.bins.picture(self.rgb)
+        return self.bins.binned(self.hsv)
 
     @cached_property
     def _foreground_binned(self) -> BinnedPicture:
-        return self.bins.picture(self.rgb, self.mask)
+        return self.bins.binned(self.hsv, self.mask)
 
     def samples(
         self, places: Float[Array, "3 k"], pixels: Float[Array, "k 2"], window: WindowOptions, number: tuple[int, int]
@@ -101,8 +103,8 @@ class Views(Sequence[View]):
     def look(self, places: Float[Array, "3 k"]) -> tuple[Float[Array, "c k 2"], Bool[Mask, "c k"], Bool[Mask, "c k"]]:
         """Pixels of places in the room [m], which of them each picture shows, and at which it shows foreground."""
         pixels, seen = self._group.project(places)
-        column, row = np.moveaxis((np.where(seen[:, None], pixels, 0.0) + 0.5).astype(np.intp), 1, 0)
-        return np.moveaxis(pixels, 1, 2), seen, seen & self._mask[self._start + row * self._width + column]
+        column, row = (np.where(seen[:, None], pixels, 0.0) + 0.5).astype(np.intp).swapaxes(0, 1)
+        return pixels.swapaxes(1, 2), seen, seen & self._mask[self._start + row * self._width + column]
 
     def bearings(self, places: Float[Array, "c k"]) -> Float[Array, "cameras k"]:
         """The directions from places to the cameras, seen from above [rad]."""
@@ -208,10 +210,11 @@ class Watchers:
             if not isinstance(image, Image | DepthImage) or self._steady[name].is_frozen(image):
                 continue
             image = self._steady[name].set_right(image)
-            mask = self._foreground[name].mask(image)
+            hsv = hsv_of(image.rgb)
+            mask = self._foreground[name].mask(image, hsv)
             if cv2.countNonZero(mask.view(np.uint8)) > _BLIND_FROM * mask.size:
                 continue
-            found.append(View(number, camera, image.rgb, mask, self._options.histogram))
+            found.append(View(number, camera, image.rgb, hsv, mask, self._options.histogram))
         seeing = tuple(view.number for view in found)
         if seeing not in self._groups:
             self._groups[seeing] = CameraGroup([view.camera for view in found])

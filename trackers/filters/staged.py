@@ -18,14 +18,17 @@ def staged(stages: Sequence[LikelihoodStage]) -> LogLikelihood:
 
     def log_likelihood(state: Array) -> Array:
         components, n, p = state.shape
-        particles, of_set = state.reshape(components, n * p), np.repeat(np.arange(n), p)
-        total = np.zeros(n * p)
+        particles, of_set, total = state.reshape(components, n * p), np.repeat(np.arange(n), p), np.zeros(n * p)
         alive = np.arange(n * p)
         for stage in stages:
             if alive.size == 0:
                 break
-            total[alive] += stage(particles[:, alive], of_set[alive])
-            alive = alive[~np.isneginf(total[alive])]
-        return total.reshape(n, p)
+            total = total + stage(particles, of_set)
+            left = ~np.isneginf(total)
+            if not left.all():
+                particles, of_set, total, alive = particles[:, left], of_set[left], total[left], alive[left]
+        every = np.full(n * p, -np.inf)
+        every[alive] = total
+        return every.reshape(n, p)
 
     return log_likelihood

@@ -19,13 +19,10 @@ from pydantic import Field, NonNegativeInt, PositiveInt
 
 from trackers.arrays import Array, Bytes, Index, Mask, Singles
 from trackers.configuration import Strict
+from trackers.vision.hsv import FULL, HALF_TURNS, Hsv, hsv_of
 
 Bins = NDArray[np.integer]
 Weights = NDArray[np.floating]
-
-_FULL = 255
-_HALF_TURNS = 180
-"""OpenCV's 8-bit hue counts in steps of two degrees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,17 +75,21 @@ class BinnedPicture:
         picture counts in none, and nothing of a window whose centre is NaN does.
         """
         centres, sizes = np.asarray(centres, dtype=float), np.asarray(sizes, dtype=float)
-        across, down = _middles(samples[0]), _middles(samples[1])
-        column = self._within(centres[:, :1] + sizes[..., :1] * across, 1)
-        row = self._within(centres[:, 1:] + sizes[..., 1:] * down, 0) * (self.number.shape[2] + 2)
-        # People are taller than wide, and numpy is fastest along long rows: column by column.
-        return self._gathered((column[:, :, None] + row[:, None, :]).reshape(len(centres), samples[0] * samples[1]))
+        across, down = (_middles(count)[:, None] for count in samples)
+        # numpy is fastest along long rows: all windows' first sample, then all their second
+        column = self._within(centres[:, 0] + sizes[..., 0] * across, 1)
+        row = self._within(centres[:, 1] + sizes[..., 1] * down, 0) * (self.number.shape[2] + 2)
+        found = self._gathered((column[:, None] + row).reshape(samples[0] * samples[1], len(centres)))
+        weight = None if found.weight is None else np.ascontiguousarray(found.weight.swapaxes(1, 2))
+        return BinnedSamples(np.ascontiguousarray(found.number.swapaxes(1, 2)), weight, self.size)
 
     def _within(self, coordinates: Float[Array, "k n"], axis: int) -> Int[Index, "k n"]:
         """The index in the bordered picture of the pixels that coordinates fall in; the border's beyond the edges."""
-        place = np.floor(coordinates + 1.5)  # pixel i covers [i − ½, i + ½), and the border comes first
-        within = np.fmin(np.fmax(place, 0.0), self.number.shape[1 + axis] + 1)  # the border for NaN
-        return within.astype(np.intp)
+        place = coordinates + 1.5  # pixel i covers [i − ½, i + ½), and the border comes first
+        np.floor(place, out=place)
+        np.fmax(place, 0.0, out=place)  # the border for NaN
+        np.fmin(place, self.number.shape[1 + axis] + 1, out=place)
+        return place.astype(np.intp)
 
     def _gathered(self, index: Int[Index, "k n"]) -> BinnedSamples:
         number, weight = self._bordered
@@ -110,10 +111,10 @@ class HueSaturationValueBins(Strict):
     colour of skin. Worked out on OpenCV's 8-bit HSV.
     """
 
-    hue: PositiveInt = Field(default=10, le=_HALF_TURNS, description="bins of hue")
-    saturation: PositiveInt = Field(default=10, le=_FULL + 1, description="bins of saturation")
+    hue: PositiveInt = Field(default=10, le=HALF_TURNS, description="bins of hue")
+    saturation: PositiveInt = Field(default=10, le=FULL + 1, description="bins of saturation")
     value: NonNegativeInt = Field(
-        default=10, le=_FULL + 1, description="bins of value for pixels without colour; 0: these count in none"
+        default=10, le=FULL + 1, description="bins of value for pixels without colour; 0: these count in none"
     )
     saturation_above: float = Field(default=0.1, ge=0, lt=1, description="a pixel with colour is more saturated")
     value_above: float = Field(default=0.07, ge=0, lt=1, description="a pixel with colour is lighter")
@@ -123,22 +124,27 @@ class HueSaturationValueBins(Strict):
         """How many bins there are: hue × saturation in rows of hue, then value."""
         return self.hue * self.saturation + self.value
 
-    def picture(
-        self, rgb: UInt8[Bytes, "height width 3"], mask: Bool[Mask, "height width"] | None = None
-    ) -> BinnedPicture:
-        """The bins of a picture; of the pixels of a mask alone where given, which costs as much as the box around them."""
-        if mask is not None:
-            number = np.full((1, *mask.shape), self.size, np.uint8 if self.size <= _FULL else np.uint16)
-            left, top, width, height = cv2.boundingRect(mask.view(np.uint8))
-            there = slice(top, top + height), slice(left, left + width)
-            if width:
-                number[0][there] = self.picture(rgb[there]).where(mask[there]).number[0]
-            return BinnedPicture(number, None, self.size)
-        hue, saturation, value = cv2.split(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV))
+    def picture(self, rgb: UInt8[Bytes, "height width 3"]) -> BinnedPicture:
+        """The bins of a picture."""
+        return self.binned(hsv_of(rgb))
+
+    def binned(self, hsv: Hsv, mask: Bool[Mask, "height width"] | None = None) -> BinnedPicture:
+        """The bins of a picture; of the pixels of a mask alone where given, which costs as much as there are of them."""
+        if mask is None:
+            return BinnedPicture(self._numbers(hsv)[None], None, self.size)
+        there = np.flatnonzero(mask)
+        number = np.full((1, *mask.shape), self.size, np.uint8 if self.size <= FULL else np.uint16)
+        if there.size:
+            number.ravel()[there] = self._numbers(Hsv(*(each.ravel()[there, None] for each in hsv)))[:, 0]
+        return BinnedPicture(number, None, self.size)
+
+    def _numbers(self, hsv: Hsv) -> Integer[Bins, "height width"]:
+        """The bin of each pixel."""
+        hue, saturation, value = hsv
         hue_bin, saturation_bin, value_bin = _bin_tables(self.hue, self.saturation, self.value)
         coloured = cv2.LUT(hue, hue_bin) + cv2.LUT(saturation, saturation_bin)
-        has_colour = (saturation > int(_FULL * self.saturation_above)) & (value > int(_FULL * self.value_above))
-        return BinnedPicture(np.where(has_colour, coloured, cv2.LUT(value, value_bin))[None], None, self.size)
+        has_colour = (saturation > int(FULL * self.saturation_above)) & (value > int(FULL * self.value_above))
+        return np.where(has_colour, coloured, cv2.LUT(value, value_bin))
 
 
 @lru_cache
@@ -158,11 +164,11 @@ def _with_border(planes: NDArray[Any], border: float) -> NDArray[Any]:
 @lru_cache
 def _bin_tables(hues: int, saturations: int, values: int) -> tuple[NDArray[np.integer], ...]:
     """What each 8-bit hue, saturation, and value of pixels without colour adds to the number of a bin."""
-    step, size = np.arange(_FULL + 1), hues * saturations + values
-    kind = np.uint8 if size <= _FULL else np.uint16
-    grey = step * values // (_FULL + 1) + hues * saturations if values else np.full_like(step, size)
-    hue = np.minimum(step * hues // _HALF_TURNS, hues - 1) * saturations
-    return tuple(table.astype(kind) for table in (hue, step * saturations // (_FULL + 1), grey))
+    step, size = np.arange(FULL + 1), hues * saturations + values
+    kind = np.uint8 if size <= FULL else np.uint16
+    grey = step * values // (FULL + 1) + hues * saturations if values else np.full_like(step, size)
+    hue = np.minimum(step * hues // HALF_TURNS, hues - 1) * saturations
+    return tuple(table.astype(kind) for table in (hue, step * saturations // (FULL + 1), grey))
 
 
 @dataclass(frozen=True)
@@ -194,7 +200,7 @@ class HueAndGreyBins:
     def _binned(
         self, rgb: UInt8[Bytes, "k n 3"]
     ) -> tuple[Int[Index, "planes k n"], Float32[Singles, "planes k n"] | None]:
-        hsv = cv2.cvtColor(np.ascontiguousarray(rgb, np.float32) / np.float32(_FULL), cv2.COLOR_RGB2HSV)
+        hsv = cv2.cvtColor(np.ascontiguousarray(rgb, np.float32) / np.float32(FULL), cv2.COLOR_RGB2HSV)
         hue, saturation, value = hsv[..., 0], hsv[..., 1], hsv[..., 2]
         hue_bin = (hue * (self.hue / 360)).astype(np.intp) % self.hue
         if not self.grey:

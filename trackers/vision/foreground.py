@@ -30,10 +30,8 @@ from trackers.cameras.placed import PlacedCamera
 from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.observations import DepthImage, Image
+from trackers.vision.hsv import FULL, HALF_TURNS, Hsv, hsv_of
 
-_FULL = 255
-_HALF_TURNS = 180
-"""OpenCV's 8-bit hue counts in steps of two degrees."""
 _MOST_PICTURES = 25
 """So many of the empty room are enough for a median."""
 _LONGEST_DRIFT_S = 1.0
@@ -113,15 +111,15 @@ class Foreground:
             median = np.median(np.stack(shown[::every]), axis=0)
             self._background = self._background_of(median)
 
-    def mask(self, image: Image | DepthImage) -> Bool[Mask, "height width"]:
-        """Where a picture shows what is not the empty room.
+    def mask(self, image: Image | DepthImage, hsv: Hsv | None = None) -> Bool[Mask, "height width"]:
+        """Where a picture, whose channels may be at hand (`hsv`), shows what is not the empty room.
 
         A learned background is that of the pictures before it; of the first, nothing is foreground. Raises InputError for
         a picture of another size than the camera's.
         """
         rgb = self._checked(image)
         background = self._learned(rgb, image.t) if self._background is None else self._background
-        return self._cleaned(background.differs(rgb, self.options))
+        return self._cleaned(background.differs(hsv_of(rgb) if hsv is None else hsv, self.options))
 
     def pass_over(self, image: Image | DepthImage) -> None:
         """Learn from a picture as `mask` does, without one."""
@@ -191,39 +189,29 @@ class _Background:
 
     @classmethod
     def of(cls, rgb: UInt8[Bytes, "height width 3"], options: ForegroundOptions) -> _Background:
-        hue, saturation, value = _hsv(rgb)
-        level = np.arange(_FULL + 1)
+        hue, saturation, value = hsv_of(rgb)
+        level = np.arange(FULL + 1)
         darkest, lightest = np.ceil(level * options.shadow_darkest), np.floor(level * options.shadow_lightest)
         return cls(hue, saturation, value, *(each.astype(np.uint8)[value] for each in (darkest, lightest)))
 
-    def differs(self, rgb: UInt8[Bytes, "height width 3"], options: ForegroundOptions) -> Bool[Mask, "height width"]:
+    def differs(self, hsv: Hsv, options: ForegroundOptions) -> Bool[Mask, "height width"]:
         """Where a picture has changed and no shadow explains it."""
-        hue, saturation, value = _hsv(rgb)
+        hue, saturation, value = hsv
         hue_off = cv2.absdiff(hue, self.hue)
-        hue_off = np.minimum(hue_off, _HALF_TURNS - hue_off)
+        hue_off = np.minimum(hue_off, HALF_TURNS - hue_off)
         saturation_off, value_off = cv2.absdiff(saturation, self.saturation), cv2.absdiff(value, self.value)
         # whole thresholds: numpy would compare with broken ones in double precision
-        lit = np.minimum(value, self.value) > int(_FULL * options.colour_from_value)
-        hued = lit & (np.minimum(saturation, self.saturation) > int(_FULL * options.hue_from_saturation))
-        changed = value_off > int(_FULL * options.value_change)
-        changed |= lit & (saturation_off > int(_FULL * options.saturation_change))
+        lit = np.minimum(value, self.value) > int(FULL * options.colour_from_value)
+        hued = lit & (np.minimum(saturation, self.saturation) > int(FULL * options.hue_from_saturation))
+        changed = value_off > int(FULL * options.value_change)
+        changed |= lit & (saturation_off > int(FULL * options.saturation_change))
         changed |= hued & (hue_off > int(options.hue_change_deg / 2))
         if not options.shadows:
             return changed
         shadow = (value >= self.darkest) & (value <= self.lightest)
-        shadow &= ~lit | (saturation_off <= int(_FULL * options.shadow_saturation))
+        shadow &= ~lit | (saturation_off <= int(FULL * options.shadow_saturation))
         shadow &= ~hued | (hue_off <= int(options.shadow_hue_deg / 2))
         return changed & ~shadow
-
-
-def _hsv(
-    rgb: UInt8[Bytes, "height width 3"],
-) -> tuple[UInt8[Bytes, "height width"], UInt8[Bytes, "height width"], UInt8[Bytes, "height width"]]:
-    """Hue in steps of two degrees, saturation and value of a picture."""
-    hue, saturation, value = (
-        np.asarray(channel, np.uint8) for channel in cv2.split(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV))
-    )
-    return hue, saturation, value
 
 
 def _disc(radius_px: int) -> UInt8[Bytes, "side side"]:

@@ -44,7 +44,8 @@ class SteadyCamera:
         before, brightness = self._brightness, _brightness(image.rgb)
         if before is None or not self._gain_from or brightness.shape != before.shape:
             return image
-        gain = float(np.median(brightness / np.maximum(before, 1.0)))
+        gains = np.sort(brightness / np.maximum(before, 1.0), axis=None)
+        gain = float(gains[(gains.size - 1) // 2] + gains[gains.size // 2]) / 2  # np.median, without what it costs
         if abs(gain - 1) <= self._gain_from or gain < _DARKEST:
             return image
         return replace(image, rgb=cv2.convertScaleAbs(image.rgb, alpha=1 / gain).astype(np.uint8))

@@ -18,6 +18,7 @@ from trackers.observations import NS_PER_S, FloorFrame
 from trackers.pose import Pose
 from trackers.rig import FloorSensor, PinholeSensor, Rig, placed_camera
 from trackers.tracks import Hypotheses, Track, TrackFrame
+from trackers.vision.hsv import hsv_of
 from twin.report.panels import TruePoses
 from twin.reproduce.camera_floor_particle.pictures import draw_inside
 from twin.reproduce.camera_floor_particle.plots import head_errors, heads_svg
@@ -123,7 +124,7 @@ def test_moments_are_drawn_with_masks_particles_floor_and_truth():
     cloud = Hypotheses(1, np.array([[0.3, 1.5, 1.0]]), lambda _: (50.0, 40.0, 20.0, 30.0))
 
     def sides(mask, maps, floors):
-        views = Views([View(0, placed_camera(camera), grey, mask, options.histogram)])
+        views = Views([View(0, placed_camera(camera), grey, hsv_of(grey), mask, options.histogram)])
         frame = TrackFrame(0, (Track(1, 0.0, 1.0),), maps)
         jpeg = draw_inside(Inside(views, None, None, np.array([1])), frame, rig, floors, truth)
         drawn = np.asarray(cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR), int)
