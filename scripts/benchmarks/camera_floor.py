@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import cv2
 import numpy as np
+import psutil
 
 from benchmarks.figure import Figure
 from trackers.knowledge import Knowledge
-from trackers.observations import Observation
+from trackers.observations import NS_PER_S, Observation
 from trackers.presets import make_tracker
 from trackers.rig import Rig
 from twin import Simulation, load_scenario
 
 _S = 4
+_MINUTES = 10
 _STARTS = [*((x, y) for y in (-0.2, -1.15, 0.7) for x in (-1.35, -0.35, 0.55)), (1.3, -1.15)]
 _Recorded = tuple[Rig, Knowledge, Sequence[Observation], int]
 
@@ -38,9 +41,12 @@ def measure() -> Iterator[Figure]:
     yield Figure("camera-floor-particle, nobody: masks and bins", nobody, "ms", "")
     for what, options in (
         ("half the particles", {"body": {"particles": 125}, "head": {"particles": 75}}),
+        ("twice the particles", {"body": {"particles": 500}, "head": {"particles": 300}}),
+        ("strides of 3 and 2", {"body": {"window": {"stride": 3}}, "head": {"window": {"stride": 2}}}),
         ("strides of 8 and 4", {"body": {"window": {"stride": 8}}, "head": {"window": {"stride": 4}}}),
     ):
         yield Figure(f"the same with 3 people, {what}", float(np.median(_cost(few, options))), "ms", "")
+    yield Figure(f"the same, memory after {_MINUTES} minutes over that after one", _growth(few), "×", "<= 1.02")
 
 
 def _recorded(n_person: int) -> _Recorded:
@@ -70,3 +76,19 @@ def _cost(recorded: _Recorded, options: Mapping[str, Any] | None = None) -> np.n
             spent = 0.0
     assert len(tracker.tracks()) == n_person, f"{len(tracker.tracks())} of {n_person} people are tracked"
     return np.array(costs)
+
+
+def _growth(recorded: _Recorded) -> float:
+    """Memory of the process after ten minutes of the same seconds again and again, over that after the first minute."""
+    rig, background, observations, n_person = recorded
+    tracker, process = (
+        make_tracker("camera-floor-particle", rig, background, np.random.default_rng(0)),
+        psutil.Process(),
+    )
+    kept: list[int] = []
+    for again in range(_MINUTES * 60 // _S):
+        for observation in observations:
+            tracker.update(replace(observation, stamp_ns=observation.stamp_ns + again * _S * NS_PER_S))
+        kept.append(process.memory_info().rss)
+    assert len(tracker.tracks()) == n_person, f"{len(tracker.tracks())} of {n_person} people are tracked"
+    return kept[-1] / kept[60 // _S - 1]

@@ -61,8 +61,8 @@ def picture(camera: PinholeSensor, people: NDArray[np.float64], rng: np.random.G
     away = np.linalg.norm(people - placed.eye_m[:2], axis=1) if len(people) else np.empty(0)
     for number in np.argsort(-away):
         for low, high, width, colour in (
-            (0.0, 0.85, 0.32, TROUSERS[number]),
-            (0.85, 1.5, 0.45, SHIRTS[number]),
+            (0.0, 0.85, 0.32, TROUSERS[number % len(TROUSERS)]),
+            (0.85, 1.5, 0.45, SHIRTS[number % len(SHIRTS)]),
             (1.5, HEIGHT_M, 0.18, (90, 60, 40)),
         ):
             ends, _ = placed.project(np.array([[*people[number], low], [*people[number], high]]))

@@ -94,6 +94,34 @@ def test_people_are_followed_through(what, spoiled):
     assert sorted(ids) == [1, 2, 3], what
 
 
+@pytest.mark.parametrize(("what", "value"), [("nobody's weight", 0), ("weight almost everywhere", 255)])
+def test_a_floor_broken_from_the_start_finds_nobody_and_is_named(what, value):
+    tracker = make_tracker("camera-floor-particle", RIG, ROOM, np.random.default_rng(0))
+    frames = list(track_frames(tracker, RIG, changed(FloorFrame, floor_of(value))[:60]))
+    assert len(frames) > 10 and not any(frame.tracks for frame in frames)
+    (said,) = warnings(tracker)
+    assert said.startswith(f"floor has borne {what}")
+    assert not warnings(tracker_after(SEEN[:60]))
+
+
+def tracker_after(observations):
+    """The tracker when it has seen these."""
+    tracker = make_tracker("camera-floor-particle", RIG, ROOM, np.random.default_rng(0))
+    list(track_frames(tracker, RIG, observations))
+    return tracker
+
+
+def test_a_floor_that_breaks_later_and_comes_back_goes_on():
+    broken = [
+        replace(each, values=np.full_like(each.values, 255))
+        if isinstance(each, FloorFrame) and 1 < each.t < 2
+        else each
+        for each in SEEN
+    ]
+    errors, ids = end_errors(follow(broken))
+    assert (errors < 0.3).all() and sorted(ids) == [1, 2, 3]
+
+
 def test_a_frozen_camera_says_nothing():
     first = {}
     frozen = changed(
@@ -154,6 +182,18 @@ def test_nobody_and_many(n_person):
     walk = walks(n_person, 12)
     frames = follow(observe(RIG, walk))
     assert len(frames[-1].tracks) == n_person
+
+
+def test_ten_people_are_followed_under_numbers_of_their_own():
+    t = PERIOD_S * np.arange(20)[:, None]
+    k = np.arange(10)
+    x = 0.65 * (k % 5) - 1.3 + 0.1 * np.cos(0.8 * t + k)
+    walk = np.stack([x, np.broadcast_to(1.3 * (k // 5) - 0.65, x.shape)], axis=-1)
+    frames = follow(observe(RIG, walk))
+    errors, ids = end_errors(frames, walk)
+    assert all(len({track.id for track in frame.tracks}) == len(frame.tracks) for frame in frames)
+    followed = errors < 0.25
+    assert followed.sum() >= 8 and len(set(np.array(ids)[followed])) == followed.sum()
 
 
 def test_a_stuck_element_is_nobody_and_hides_nobody():

@@ -79,6 +79,15 @@ class FloorWatch:
         self._own = np.rint(median).astype(np.uint8)
         self._alone_ns: NDArray[np.int64] = np.zeros(shape, np.int64)  # since when loaded and nobody there; 0: not
         self._last: tuple[FloorFrame, Loads | None] | None = None
+        self._is_broken, self._most_n = False, 0.0
+
+    @property
+    def doubt(self) -> str | None:
+        """Why the floor has shown nobody yet; None where it has, or has said nothing at all."""
+        if self._last is None or self._most_n >= self._options.detection.least_load_n:
+            return None
+        what = "weight almost everywhere" if self._is_broken else "nobody's weight"
+        return f"has borne {what} so far, which is what finds people"
 
     def loads(self, frame: FloorFrame | None, ns: int) -> Loads | None:
         """What the newest frame says at stamp ns; None where it is too old, missing or that of a broken floor."""
@@ -89,8 +98,10 @@ class FloorWatch:
             if values.shape == self._own.shape:  # another size is refused below, in words
                 values = values - np.minimum(values, self._own)
             clusters = floor_clusters(replace(frame, values=values), self._floor, self._options.floor)
-            is_broken = (clusters.cluster_of_cell >= 0).mean() > _MOST_LOADED
-            self._last = frame, None if is_broken else Loads.of(clusters, self._floor, self._options.body)
+            self._is_broken = bool((clusters.cluster_of_cell >= 0).mean() > _MOST_LOADED)
+            if not self._is_broken:
+                self._most_n = max(self._most_n, float(clusters.load_n.max(initial=0.0)))
+            self._last = frame, None if self._is_broken else Loads.of(clusters, self._floor, self._options.body)
         return self._last[1]
 
     def is_new(self, frame: FloorFrame | None, ns: int) -> bool:

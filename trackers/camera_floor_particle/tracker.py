@@ -108,8 +108,9 @@ class CameraFloorParticle(MomentTracker):
 
     @property
     def warnings(self) -> list[str]:
-        """Which cameras do not hang as the rig says, as far as it has been seen by now."""
-        return [
+        """What of floor and cameras is not as the rig says, as far as it has been seen by now."""
+        floor = self._watch.doubt
+        return [f"{self._floor} {floor}"] * (floor is not None) + [
             f"{self._cameras[number]} shows walkers' heads elsewhere than the other cameras do, and cannot hang as the rig says"
             for number in self._doubts.doubted
         ]
