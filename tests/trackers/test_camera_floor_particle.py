@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from synthetic_home import LOAD, PERIOD_S, empty_room, observe, rig, walks
 
@@ -15,7 +16,7 @@ from trackers.camera_floor_particle.body import BodyFilter
 from trackers.camera_floor_particle.exclusion import excluded
 from trackers.camera_floor_particle.loads import FloorWatch
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions, ExclusionOptions
-from trackers.camera_floor_particle.pan import GRID, _diffused, drawn, pan_bin
+from trackers.camera_floor_particle.pan import GRID, Looks, _diffused, drawn, pan_bin, turned, walk as walk_of
 from trackers.camera_floor_particle.people import PAN_BINS
 from trackers.camera_floor_particle.views import Watchers, padded_roots, shows_floor
 from trackers.errors import InputError
@@ -185,10 +186,9 @@ def test_nobody_and_many(n_person):
 
 
 def test_ten_people_are_followed_under_numbers_of_their_own():
-    t = PERIOD_S * np.arange(20)[:, None]
-    k = np.arange(10)
+    t, k = PERIOD_S * np.arange(20.0)[:, None], np.arange(10)
     x = 0.65 * (k % 5) - 1.3 + 0.1 * np.cos(0.8 * t + k)
-    walk = np.stack([x, np.broadcast_to(1.3 * (k // 5) - 0.65, x.shape)], axis=-1)
+    walk: NDArray[np.float64] = np.stack([x, np.broadcast_to(1.3 * (k // 5) - 0.65, x.shape)], axis=-1, dtype=float)
     frames = follow(observe(RIG, walk))
     errors, ids = end_errors(frames, walk)
     assert all(len({track.id for track in frame.tracks}) == len(frame.tracks) for frame in frames)
@@ -272,7 +272,7 @@ def test_the_load_over_a_cluster_is_its_share_by_element_or_smoothed():
     assert between[0] > between[2] > -np.inf
 
 
-def turned(on, sensor, yaw_deg=0.0, moved_m=(0.0, 0.0, 0.0)):
+def moved(on, sensor, yaw_deg=0.0, moved_m=(0.0, 0.0, 0.0)):
     """The rig with a sensor believed to be turned about the vertical and moved."""
     camera = on.sensors[sensor]
     pose = camera.room_from_sensor
@@ -287,8 +287,8 @@ def turned(on, sensor, yaw_deg=0.0, moved_m=(0.0, 0.0, 0.0)):
     ("believed", "doubted"),
     [
         (RIG, []),
-        (turned(RIG, "camera_2", yaw_deg=5.0), ["camera_2"]),
-        (turned(RIG, "camera_3", moved_m=(0.07, -0.07, 0.0)), ["camera_3"]),
+        (moved(RIG, "camera_2", yaw_deg=5.0), ["camera_2"]),
+        (moved(RIG, "camera_3", moved_m=(0.07, -0.07, 0.0)), ["camera_3"]),
     ],
     ids=["right", "turned", "moved"],
 )
@@ -336,6 +336,34 @@ def test_shadows_fall_where_a_camera_sees_the_floor():
 def test_pans_come_round():
     turn = 2 * np.pi / PAN_BINS
     np.testing.assert_array_equal(pan_bin(np.array([0, turn, -turn, 2 * np.pi])), [0, 1, PAN_BINS - 1, 0])
+
+
+def test_skin_is_believed_as_far_as_it_is_where_people_walk():
+    people = tracker_after(SEEN).inside().people
+    walking = people.changed(
+        course=np.tile([0.0, 1.0], (3, 1)), velocity=np.tile([0.0, 1.0, 0.0], (3, 1)), skin_true=np.ones(3)
+    )
+    east = np.full(72, 1 / 72)[None].repeat(3, axis=0)
+    looks_of = np.arange(3)
+    for where, trust in ((np.pi / 2, 1.0), (-np.pi / 2, -1.0), (0.0, 0.0)):
+        after = walking.changed(facing=east)
+        seen = Looks(
+            looks_of, np.zeros(3), np.zeros((3, 1)), np.zeros((3, PAN_BINS)), np.full(3, 0.4 * np.exp(1j * where))
+        )
+        for _ in range(200):
+            after = turned(after, PERIOD_S, seen, CameraFloorParticleOptions().head)
+        np.testing.assert_allclose(after.skin_true, trust, atol=0.02)
+        np.testing.assert_allclose(np.angle(np.exp(1j * (after.pan - np.pi / 2))), 0, atol=0.1)
+    standing = walking.changed(course=np.zeros((3, 2)), velocity=np.zeros((3, 3)), facing=east)
+    assert (turned(standing, PERIOD_S, seen, CameraFloorParticleOptions().head).skin_true == 1).all()
+
+
+def test_who_turns_is_taken_to_look_ahead_of_their_course():
+    people = tracker_after(SEEN).inside().people
+    people = people.changed(course=np.tile([1.0, 0.0], (3, 1)), velocity=np.tile([1.0, 0.25, 0.0], (3, 1)))
+    heading, speed = walk_of(people)
+    np.testing.assert_allclose(heading, np.arctan2(0.5, 1.0))
+    np.testing.assert_allclose(speed, 1.0)
 
 
 def test_beliefs_about_the_pan_spread_and_are_drawn_from():

@@ -24,7 +24,7 @@ from trackers.filters.staged import LikelihoodStage, staged
 FILTER = ParticleFilter(threshold=1.0)
 CROWN_M = 0.12
 """How far the crown is above the middle of a head."""
-_COURSE_S = 0.4
+_COURSE_S = 0.3
 """Time over which the velocity is averaged that tells where somebody walks."""
 
 

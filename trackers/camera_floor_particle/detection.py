@@ -36,7 +36,7 @@ _UNSEEN_HEIGHT_M = 1.7
 """Of somebody whom no camera sees."""
 _FIRST_LOOKS = 5.0
 """So many looks are the first ones worth in references that learn."""
-_LEAST_SKIN = 0.1
+_LEAST_SKIN = 0.3
 """Share of a window that is skin, all cameras together, from which it tells where the face is."""
 _SKIN_TELLS = 2.0
 """Concentration of the pan about the direction in which the head shows the most skin."""
@@ -136,6 +136,7 @@ class Newcomers:
             facing=facing[None] / facing.sum(),
             hair=hair[None],
             course=np.zeros((1, 2)),
+            skin_true=np.ones(1),
             pan_known=np.array([abs(skin) > _LEAST_SKIN]),
             weight_n=np.array([load_n]),
             height_m=np.array([top_m]),

@@ -131,10 +131,10 @@ class HeadOptions(Strict):
     )
     pan_colour: float = Field(default=3.0, gt=0, description="λ of those looks' likelihood exp(−λ D²) (ours)")
     skin: float = Field(
-        default=10.0,
+        default=20.0,
         ge=0,
         description="how surely skin tells the face: concentration of the pan, each moment, about the direction of the skin that "
-        "cameras see, by the share of their windows (ours); 0: not",
+        "cameras see, by the share of their windows and by how far skin has been where that person walks (ours); 0: not",
     )
     parts: tuple[PositiveInt, PositiveInt] = Field(
         default=(2, 2), description="columns and rows in which those looks compare colours part by part (ours)"
@@ -183,7 +183,7 @@ class HeadOptions(Strict):
         description="so many of the last looks at a side are in its reference (ours); 0: as at detection (the paper)",
     )
     walking: float = Field(
-        default=8.0,
+        default=60.0,
         ge=0,
         description="how surely people look where they walk: concentration of the pan about the heading after 1 s at 1 m/s "
         "(ours); 0: not",

@@ -27,12 +27,16 @@ SIDES = np.linspace(0, 2 * np.pi, PAN_BINS, endpoint=False)
 """Angles from the face of the references."""
 SURE_M_S = 0.5
 """Who walks faster than this knows where forward is, and looks there more often than not."""
+_AHEAD = 2.0
+"""The course lags behind who turns, and heads are ahead of their walk: so many times as far as the velocity is off the course."""
 _CLEAR = 0.6
 """Similarity to one of the sides from which a look at a head is its own, and is learned from."""
 _NARROW = 6.0
 """Concentration of a look about the angle it is from, as references learn it."""
 _SURE = 0.8
 """Mean resultant length of a pan that is sure enough to learn from."""
+_SKIN_LOOKS = 20
+"""Looks over which it is averaged whether skin is where people walk."""
 _LEAST = 1e-4
 """Share of the belief that is in every direction, so that none is ever ruled out."""
 
@@ -74,6 +78,8 @@ def turned(people: People, dt: float, seen: Looks | None, options: HeadOptions) 
         side = np.arange(len(seen.rows))[:, None]
         alike = (1 - share) * seen.alike[side, below] + share * seen.alike[side, (below + 1) % PAN_BINS]
         np.add.at(log, seen.rows, options.pan_colour * alike)
+        people = _trusting_skin(people, face)
+        face = face * np.maximum(people.skin_true, 0.0)
         log += options.skin * (face[:, None] * np.exp(-1j * GRID)).real
     heading, speed = walk(people)
     sure = options.walking * np.where(speed > SURE_M_S, speed, 0.0) * dt
@@ -82,6 +88,14 @@ def turned(people: People, dt: float, seen: Looks | None, options: HeadOptions) 
     belief /= belief.sum(axis=1, keepdims=True)
     pan, _ = circular_mean(np.broadcast_to(GRID, belief.shape), belief)
     return people.changed(facing=belief, pan=np.atleast_1d(pan))
+
+
+def _trusting_skin(people: People, face: Complex[NDArray, "n"]) -> People:
+    """Who walks teaches whether skin is where their face is, and not hair of its colour or light on it: the mean cosine."""
+    heading, speed = walk(people)
+    right = np.cos(np.angle(face) - heading) - people.skin_true
+    taught = (speed > SURE_M_S) & (face != 0)
+    return people.changed(skin_true=people.skin_true + np.where(taught, right / _SKIN_LOOKS, 0.0))
 
 
 def drawn(facing: Float[Array, "n g"], n_particle: int, rng: np.random.Generator) -> Float[Array, "n p"]:
@@ -128,8 +142,8 @@ def learned(people: People, seen: Looks, options: HeadOptions) -> People:
 
 def walk(people: People) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
     """Where everybody walks [rad], and how fast [m/s]."""
-    x, y = people.course.T
-    return np.arctan2(y, x), np.hypot(x, y)
+    x, y = (people.course + _AHEAD * (people.velocity[:, :2] - people.course)).T
+    return np.arctan2(y, x), np.hypot(*people.course.T)
 
 
 def pan_bin(angle: Float[Array, "*n"]) -> Int[Index, "*n"]:

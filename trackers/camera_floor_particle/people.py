@@ -28,7 +28,8 @@ class People(Rows):
     clothes: Float[Array, "n cameras bins"]
     facing: Float[Array, "n steps"]  # how likely each direction of a grid is the pan, from 0 on
     hair: Float[Array, "n pans colours"]  # of each part of the head's window, one part after another
-    course: Float[Array, "n 2"]  # velocity over the last half second [m/s]
+    course: Float[Array, "n 2"]  # velocity over the last third of a second [m/s]
+    skin_true: Float[Array, "n"]  # how far the skin of their heads has been where they walk, from −1 to 1
     pan_known: Bool[Mask, "n"]  # whether steps have told where forward is
     weight_n: Float[Array, "n"]  # on the floor, learned [N]
     height_m: Float[Array, "n"]
