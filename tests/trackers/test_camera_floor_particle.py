@@ -16,10 +16,11 @@ from trackers.camera_floor_particle.body import BodyFilter
 from trackers.camera_floor_particle.exclusion import excluded
 from trackers.camera_floor_particle.loads import FloorWatch
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions, ExclusionOptions
-from trackers.camera_floor_particle.pan import GRID, Looks, _diffused, drawn, pan_bin, turned, walk as walk_of
+from trackers.camera_floor_particle.pan import GRID, Looks, pan_bin, turned, walk as walk_of
 from trackers.camera_floor_particle.people import PAN_BINS
 from trackers.camera_floor_particle.views import Watchers, padded_roots, shows_floor
 from trackers.errors import InputError
+from trackers.filters.circular import diffused, drawn
 from trackers.observations import NS_PER_S, FloorFrame, Image
 from trackers.pose import Pose
 from trackers.presets import make_tracker
@@ -370,7 +371,7 @@ def test_beliefs_about_the_pan_spread_and_are_drawn_from():
     belief = np.zeros((1, len(GRID)))
     belief[0, 0] = 1.0
     sigma = np.deg2rad(20.0)
-    spread = _diffused(belief, sigma)[0]
+    spread = diffused(belief, sigma)[0]
     around = np.arange(-3, 4) * 2 * np.pi
     wrapped = np.exp(-0.5 * ((GRID[:, None] + around) / sigma) ** 2).sum(axis=1)  # the sum itself
     np.testing.assert_allclose(spread, wrapped / wrapped.sum(), atol=1e-9)

@@ -173,6 +173,26 @@ def test_weights_are_those_of_one_head_after_another(rules):
     assert np.median(off) < 1e-3 and (off < 0.02).mean() > 0.85 and np.ptp(weights.colour) > 0.2
 
 
+@pytest.mark.parametrize("by_person", [True, False])
+def test_directions_are_weighed_as_hypotheses_that_face_there(by_person):
+    rules = {"colour": {"by_person": by_person}, "silhouette": {"power": 0}, "depth": {"used": False}}
+    round_m = (0.09, 0.09, 0.125)  # whose outline is the same however it is turned
+    options = WeightOptions.model_validate({"points": 64, "semi_axes_m": round_m, **rules})
+    watcher, picture = watching(options)
+    colours = HeadColours.unknown(3).expected(LEARNED.common, options.colour)
+    heads, turns = WALK[10].T, np.arange(72) * 2 * np.pi / 72
+    found = watcher.facing(picture, heads, colours.tables if by_person else None)
+    # the middle of a step of the angle between nose and camera, as the cells have it
+    bearing = np.arctan2(*(CAMERA.eye_m[:2, None] - heads[:2])[::-1])
+    step = 2 * np.pi / 72
+    middle = bearing - (np.floor(bearing / step) + 0.5) * step
+    faces = np.broadcast_to(heads[..., None], (4, 3, 72)).astype(np.float32)
+    faces[3] = turns + middle[:, None]
+    weights = watcher.weights(picture, faces, colours.tables if by_person else None)
+    assert weights.seen.any() and np.ptp(found, axis=1).max() > 0.5
+    np.testing.assert_allclose(found, weights.colour.reshape(3, 72), atol=0.02 if by_person else 0.05)
+
+
 def test_weights_do_not_depend_on_who_else_is_weighed():
     options = WeightOptions()
     watcher, picture = watching(options)

@@ -9,10 +9,10 @@ from trackers.area import Area
 from trackers.arrays import Array, Index
 from trackers.camera_floor_particle.body import FILTER, checked, in_room, spread
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
-from trackers.camera_floor_particle.pan import aligned, drawn, learned, looks, pan_bin, turned, whole
+from trackers.camera_floor_particle.pan import aligned, learned, looks, pan_bin, turned, whole
 from trackers.camera_floor_particle.people import PAN_BINS, People
 from trackers.camera_floor_particle.views import Views, padded_roots
-from trackers.filters.circular import circular_mean
+from trackers.filters.circular import circular_mean, drawn
 from trackers.filters.particle import Cloud
 from trackers.filters.proposal import MixtureProposal
 from trackers.filters.staged import LikelihoodStage, staged

@@ -17,12 +17,12 @@ from trackers.arrays import Array, Index
 from trackers.camera_floor_particle.options import HeadOptions
 from trackers.camera_floor_particle.people import PAN_BINS, People
 from trackers.camera_floor_particle.views import Views
-from trackers.filters.circular import circular_mean
+from trackers.filters.circular import diffused, grid_of, mean_direction
 from trackers.filters.particle import Cloud
 
 PAN_STEPS = 72
 """Directions of the grid."""
-GRID = np.linspace(0, 2 * np.pi, PAN_STEPS, endpoint=False)
+GRID = grid_of(PAN_STEPS)
 SIDES = np.linspace(0, 2 * np.pi, PAN_BINS, endpoint=False)
 """Angles from the face of the references."""
 SURE_M_S = 0.5
@@ -67,7 +67,7 @@ def looks(people: People, views: Views, options: HeadOptions) -> Looks | None:
 
 def turned(people: People, dt: float, seen: Looks | None, options: HeadOptions) -> People:
     """Everybody's pan `dt` seconds later: heads have turned, look as they look, and face ahead while they walk."""
-    belief = _diffused(people.facing, np.deg2rad(options.turn_deg))
+    belief = diffused(people.facing, np.deg2rad(options.turn_deg))
     log = np.log(belief + _LEAST / PAN_STEPS)
     if seen is not None:
         face = np.zeros(len(people), complex)
@@ -86,8 +86,7 @@ def turned(people: People, dt: float, seen: Looks | None, options: HeadOptions) 
     log += sure[:, None] * np.cos(GRID - heading[:, None])
     belief = np.exp(log - log.max(axis=1, keepdims=True))
     belief /= belief.sum(axis=1, keepdims=True)
-    pan, _ = circular_mean(np.broadcast_to(GRID, belief.shape), belief)
-    return people.changed(facing=belief, pan=np.atleast_1d(pan))
+    return people.changed(facing=belief, pan=mean_direction(belief)[0])
 
 
 def _trusting_skin(people: People, face: Complex[NDArray, "n"]) -> People:
@@ -96,14 +95,6 @@ def _trusting_skin(people: People, face: Complex[NDArray, "n"]) -> People:
     right = np.cos(np.angle(face) - heading) - people.skin_true
     taught = (speed > SURE_M_S) & (face != 0)
     return people.changed(skin_true=people.skin_true + np.where(taught, right / _SKIN_LOOKS, 0.0))
-
-
-def drawn(facing: Float[Array, "n g"], n_particle: int, rng: np.random.Generator) -> Float[Array, "n p"]:
-    """Pans from distributions over the grid [rad]."""
-    shares = np.cumsum(facing, axis=1)
-    drawn = rng.random((len(facing), n_particle))
-    step = (drawn[:, :, None] > shares[:, None, :-1]).sum(axis=2)
-    return GRID[step]
 
 
 def aligned(people: People) -> People:
@@ -128,7 +119,7 @@ def aligned(people: People) -> People:
 
 def learned(people: People, seen: Looks, options: HeadOptions) -> People:
     """The references of the sides that cameras see of whose pan is sure: means of the last looks at each."""
-    _, sure = circular_mean(np.broadcast_to(GRID, people.facing.shape), people.facing)
+    _, sure = mean_direction(people.facing)
     clear = people.pan_known & (sure > _SURE) & ~people.lost
     own = clear[seen.rows] & (seen.alike.max(axis=1) > _CLEAR)
     rows = seen.rows[own]
@@ -177,9 +168,3 @@ def whole(hair: Float[Array, "n pans colours"], n_part: int) -> Float[Array, "n 
     """References of the whole window, as roots, from those of its parts."""
     n, n_pan, n_colour = hair.shape
     return unit(np.sqrt((hair.reshape(n, n_pan, n_part, n_colour // n_part) ** 2).sum(axis=2)))
-
-
-def _diffused(belief: Float[Array, "n g"], sigma_rad: float) -> Float[Array, "n g"]:
-    """A belief about directions after turns, wrapped normal of this deviation: a product of its Fourier coefficients."""
-    damped = np.exp(-0.5 * (np.arange(PAN_STEPS // 2 + 1) * sigma_rad) ** 2)
-    return np.maximum(np.fft.irfft(np.fft.rfft(belief, axis=1) * damped, PAN_STEPS, axis=1), 0.0)

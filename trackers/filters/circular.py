@@ -1,6 +1,8 @@
-"""Averages of angles."""
+"""Averages of angles, and distributions over a grid of directions: a histogram filter on the circle."""
 
 from __future__ import annotations
+
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float
@@ -18,3 +20,32 @@ def circular_mean(
     """
     x, y = (weight * np.cos(angle_rad)).sum(axis=-1), (weight * np.sin(angle_rad)).sum(axis=-1)
     return np.arctan2(y, x), np.hypot(x, y)
+
+
+@lru_cache(maxsize=8)
+def grid_of(n_direction: int) -> Float[Array, "g"]:
+    """So many directions around the circle, from 0 on [rad]."""
+    grid = np.linspace(0, 2 * np.pi, n_direction, endpoint=False)
+    grid.setflags(write=False)
+    return grid
+
+
+def mean_direction(belief: Float[Array, "n g"]) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
+    """`circular_mean` of distributions over a grid."""
+    mean, length = circular_mean(np.broadcast_to(grid_of(belief.shape[1]), belief.shape), belief)
+    return np.asarray(mean), np.asarray(length)
+
+
+def diffused(belief: Float[Array, "n g"], sigma_rad: float) -> Float[Array, "n g"]:
+    """A belief about directions after turns, wrapped normal of this deviation: a product of its Fourier coefficients."""
+    n_direction = belief.shape[1]
+    damped = np.exp(-0.5 * (np.arange(n_direction // 2 + 1) * sigma_rad) ** 2)
+    return np.maximum(np.fft.irfft(np.fft.rfft(belief, axis=1) * damped, n_direction, axis=1), 0.0)
+
+
+def drawn(belief: Float[Array, "n g"], n_particle: int, rng: np.random.Generator) -> Float[Array, "n p"]:
+    """Directions from distributions over a grid [rad]."""
+    shares = np.cumsum(belief, axis=1)
+    drawn = rng.random((len(belief), n_particle))
+    step = (drawn[:, :, None] > shares[:, None, :-1]).sum(axis=2)
+    return grid_of(belief.shape[1])[step]

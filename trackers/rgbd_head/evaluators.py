@@ -23,10 +23,14 @@ _LOW_M, _HIGH_M = 0.4, 2.2
 
 
 class Evaluator:
-    """One camera and its last picture. What it answers is a function of its pictures and of what it is asked, of nothing else."""
+    """One camera and its last picture. What it answers is a function of its pictures and of what it is asked, of nothing else.
+
+    colours: what was expected of everybody when heads were weighed last.
+    """
 
     def __init__(self, watcher: Watcher) -> None:
         self.watcher = watcher
+        self.colours: ExpectedColours | None = None
         self._picture: Picture | None = None
 
     def take(self, image: DepthImage) -> bool:
@@ -36,7 +40,13 @@ class Evaluator:
 
     def weights(self, heads: Float[Singles, "4 n p"], colours: ExpectedColours | None) -> Weights:
         """The weights that the picture gives heads at its stamp (`Watcher.weights`)."""
+        self.colours = colours
         return self.watcher.weights(self._shown(), heads, None if colours is None else colours.tables)
+
+    def facing(self, heads: Float[Array, "4 n"]) -> Float[Array, "n directions"]:
+        """What the picture says of where heads face (`Watcher.facing`), by the colours that they were weighed with."""
+        colours = self.colours
+        return self.watcher.facing(self._shown(), heads, None if colours is None else colours.tables)
 
     def look(self, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
         """The picture's pixels on heads (`Watcher.look`)."""
@@ -76,6 +86,10 @@ class Evaluators:
     ) -> dict[str, Weights]:
         """What each camera makes of the heads at its picture's stamp."""
         return self._ask("weights", {name: (each, colours) for name, each in heads.items()})
+
+    def facing(self, heads: Mapping[str, Float[Array, "4 n"]]) -> list[Float[Array, "n directions"]]:
+        """What each camera says of where heads face that are there at its picture's stamp, after all were weighed."""
+        return list(self._ask("facing", {name: (each,) for name, each in heads.items()}).values())
 
     def look(self, name: str, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
         """One camera's pixels on heads."""

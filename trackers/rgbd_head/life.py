@@ -10,6 +10,7 @@ from trackers.filters.gating import distances
 from trackers.filters.particle import Cloud
 from trackers.observations import NS_PER_S
 from trackers.rgbd_head.options import RgbdHeadOptions
+from trackers.rgbd_head.outline import ASPECTS
 from trackers.rgbd_head.people import People, around
 from trackers.tracking.lifecycle import coasting_within, measured_often
 
@@ -64,7 +65,8 @@ class Life:
         return around(place, yaw, self._options.life.spread_m, self._options.heads, self._rng)
 
     def _started(self, place: Float[Array, "n 3"], yaw: Float[Array, "n"] | None, ns: int) -> People:
-        return People.started(self._cloud(place, yaw), ns, self._n_camera)
+        n_direction = ASPECTS[0] if self._options.weights.colour.directions else 0
+        return People.started(self._cloud(place, yaw), ns, self._n_camera, n_direction)
 
     def _numbered(self, people: People, who: Index) -> People:
         first, self._last_id = self._last_id + 1, self._last_id + who.size

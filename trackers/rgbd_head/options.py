@@ -25,6 +25,11 @@ class ColourOptions(Strict):
     power: float = Field(
         default=12.0, ge=0, description="what the mean logarithm over the ellipse's pixels counts (ours)"
     )
+    directions: bool = Field(
+        default=True,
+        description="where a head faces is a distribution over all directions, by the colours at its expected place (ours); "
+        "false: each hypothesis faces somewhere, and is weighed so (the paper)",
+    )
     common_pixels: float = Field(
         default=60.0,
         gt=0,

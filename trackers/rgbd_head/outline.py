@@ -64,9 +64,14 @@ class Outlines:
 
     def aspects(self) -> Int[Index, "n"]:
         """From where each head is seen, as a column of `cells_shown`."""
-        turn = np.floor(self.facing * (ASPECTS[0] / (2 * np.pi))).astype(np.intp) % ASPECTS[0]
-        rise = np.clip(np.floor((self.rise / np.pi + 0.5) * ASPECTS[1]), 0, ASPECTS[1] - 1).astype(np.intp)
-        return turn * ASPECTS[1] + rise
+        return aspects(self.facing, self.rise)
+
+
+def aspects(facing: Float[NDArray[np.floating], "*n"], rise: Float[NDArray[np.floating], "*#n"]) -> Int[Index, "*n"]:
+    """From where a head is seen, as a column of `cells_shown`, by the angles of `Outlines` [rad]."""
+    turn = np.floor(facing * (ASPECTS[0] / (2 * np.pi))).astype(np.intp) % ASPECTS[0]
+    level = np.clip(np.floor((rise / np.pi + 0.5) * ASPECTS[1]), 0, ASPECTS[1] - 1).astype(np.intp)
+    return turn * ASPECTS[1] + level
 
 
 def outlines(

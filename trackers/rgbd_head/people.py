@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from trackers.arrays import Array
-from trackers.filters.circular import circular_mean
+from trackers.filters.circular import circular_mean, mean_direction
 from trackers.filters.particle import Cloud
 from trackers.filters.rows import Rows
 from trackers.rgbd_head.colours import HeadColours
@@ -24,13 +24,18 @@ class People(Rows):
     velocity: Float[Array, "n 3"]  # [m/s]
     colours: HeadColours
     usual: Float[Array, "n cameras"]  # logarithms; NaN before the first picture
+    facing: Float[Array, "n directions"]  # a distribution; without directions each hypothesis has its own
 
     @classmethod
-    def started(cls, cloud: Cloud, ns: int, n_camera: int) -> Self:
-        """Tentative tracks of people who stand."""
+    def started(cls, cloud: Cloud, ns: int, n_camera: int, n_direction: int) -> Self:
+        """Tentative tracks of people who stand; where they face is as the hypotheses have it."""
         n = len(cloud)
         usual = np.full((n, n_camera), np.nan)
-        return cls(Roster.started(cloud, ns), np.zeros((n, 3)), HeadColours.unknown(n), usual)
+        facing = np.zeros((n, n_direction))
+        if n_direction:
+            step = np.rint(cloud.state[3] * (n_direction / (2 * np.pi))).astype(np.intp) % n_direction
+            np.add.at(facing, (np.arange(n)[:, None], step), cloud.weights.normalised)
+        return cls(Roster.started(cloud, ns), np.zeros((n, 3)), HeadColours.unknown(n), usual, facing)
 
     @property
     def place(self) -> Float[Array, "n 3"]:
@@ -40,6 +45,8 @@ class People(Rows):
 
     def direction(self) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
         """Where each head faces [rad], averaged on the circle, and how sure that is, 0 to 1."""
+        if self.facing.shape[1]:
+            return mean_direction(self.facing)
         cloud = self.roster.state
         yaw, length = circular_mean(cloud.state[3], cloud.weights.normalised)
         return np.asarray(yaw), np.asarray(length)

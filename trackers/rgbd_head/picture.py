@@ -12,16 +12,16 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Int, Int32, Shaped
+from jaxtyping import Bool, Float, Int, Int32, Shaped, UInt8
 from numpy.typing import NDArray
 
 from trackers.area import Area
-from trackers.arrays import Array, Index, Mask, Singles
+from trackers.arrays import Array, Bytes, Index, Mask, Singles
 from trackers.observations import DepthImage, Observation
 from trackers.rgbd_head.colours import COLOURS, SHARES, colour_numbers
 from trackers.rgbd_head.learned import Learned
 from trackers.rgbd_head.options import WeightOptions
-from trackers.rgbd_head.outline import Outlines, cells_shown, inner_points, outlines, ring_points
+from trackers.rgbd_head.outline import ASPECTS, Outlines, cells_shown, inner_points, outlines, ring_points
 from trackers.rig import StereoSensor, placed_camera
 from trackers.vision.foreground import Foreground, shows_floor
 from trackers.vision.steady import SteadyCamera
@@ -38,7 +38,7 @@ _NOTHING = 1e-3
 _EMPTY = 5
 """So many depth pictures of the empty room are looked at."""
 _LOOKED_AT = 64
-"""Points looked at in the ellipse of a person's own head."""
+"""Points looked at in the ellipse at the expected place of a head."""
 _NEAR_M = 0.2
 """A pixel this far from the middle of a head may still be on it: noise and hair."""
 _BEFORE_M = 0.3
@@ -107,6 +107,11 @@ class Watcher:
         self.empty_depth_m = _farthest(pictures)
         self._wall_m = self.empty_depth_m * per_depth
         self._mm_per_depth = 1000 * per_depth
+        self._empty = None
+        if pictures:
+            known = np.where(np.isfinite(self.empty_depth_m), self.empty_depth_m, np.float32(0))
+            nobody = np.zeros(known.shape, np.uint8)
+            self._empty = self._packed(pictures[-1].rgb, known, nobody, self._mm_per_depth)
 
     def ready(self, image: DepthImage) -> Picture | None:
         """The picture made ready; None where it is blind, as nearly all of it has changed, or frozen."""
@@ -116,16 +121,36 @@ class Watcher:
         mask = self.foreground.mask(image).view(np.uint8)
         if cv2.countNonZero(mask) > _BLIND_FROM * mask.size:
             return None
-        code = colour_numbers(image.rgb)
+        knows_depth = bool((image.depth_m[::_EVERY, ::_EVERY] > 0).mean() >= _LEAST_DEPTH)
+        if self._empty is None:
+            return Picture(self._packed(image.rgb, image.depth_m, mask, self._mm_per_depth), knows_depth)
+        # beyond the foreground it is the empty room
+        left, top, width, height = cv2.boundingRect(mask)
+        box = slice(top, top + height), slice(left, left + width)
+        pixels = self._empty.copy()
+        if width:
+            pixels[box] = self._packed(image.rgb[box], image.depth_m[box], mask[box], self._mm_per_depth[box])
+        return Picture(pixels, knows_depth)
+
+    def _packed(
+        self,
+        rgb: UInt8[Bytes, "height width 3"],
+        depth_m: Float[Singles, "height width"],
+        mask: UInt8[Bytes, "height width"],
+        mm_per_depth: Float[Singles, "height width"],
+    ) -> Int32[NDArray, "height width"]:
+        """A part of a picture as `Picture.pixels` holds it."""
+        rgb = np.ascontiguousarray(rgb)
+        code = colour_numbers(rgb)
         code += np.int16(_INSIDE)
         code += mask * np.int16(_FOREGROUND)
         if not self._options.colour.by_person:
-            code += self._learned.skin.shown_in(image.rgb).view(np.uint8) * np.int16(_SKIN)
+            code += self._learned.skin.shown_in(rgb).view(np.uint8) * np.int16(_SKIN)
         # rounded, and not more than 16 bits hold with a sign
-        range_mm = np.asarray(cv2.multiply(image.depth_m, self._mm_per_depth, dtype=cv2.CV_16S), np.int16)
+        range_mm = np.asarray(cv2.multiply(depth_m, mm_per_depth, dtype=cv2.CV_16S), np.int16)
         pixels = np.left_shift(range_mm, _RANGE_BITS, dtype=np.int32)
         pixels |= code
-        return Picture(pixels, cv2.countNonZero(range_mm) >= _LEAST_DEPTH * range_mm.size)
+        return pixels
 
     def pass_over(self, image: DepthImage) -> None:
         """Remember of a picture what later ones are compared with, as `ready` does, and nothing else."""
@@ -169,6 +194,28 @@ class Watcher:
         colour, depth, shown = (np.where(seen, each, np.float32(0)) for each in (colour, depth, filled * free))
         return Weights(colour, depth, shown, seen)
 
+    def facing(
+        self, picture: Picture, heads: Float[Array, "4 n"], tables: Float[Singles, "n entries"] | None
+    ) -> Float[Array, "n directions"]:
+        """The logarithms of the weights by colour of n people's heads if they faced in each of `ASPECTS[0]` directions."""
+        options = self._options
+        seen_as = outlines(self.camera, heads, options.semi_axes_m)
+        pixels = picture.at(seen_as, inner_points(_LOOKED_AT))
+        east = np.rint((seen_as.facing + heads[3]) * (ASPECTS[0] / (2 * np.pi)) - 0.5).astype(np.intp)
+        turn = (east[:, None] - np.arange(ASPECTS[0])) % ASPECTS[0]  # as `aspects` counts, of each direction
+        if tables is None:
+            skin = _share(pixels, _SKIN) / np.maximum(_share(pixels, _INSIDE), np.float32(1 / _LOOKED_AT))
+            from_nose = (turn * (2 * np.pi / ASPECTS[0])).astype(np.float32)
+            log = _linear(np.abs(skin[:, None] - expected_share(from_nose, options)), options.colour.linear)
+        else:
+            # a pixel's step of s picks a row of its colour's column: for all turns at once a product with zeros and ones
+            person = np.arange(heads.shape[1])
+            rows = tables.reshape(-1, SHARES, COLOURS)[person, :, pixels & (COLOURS - 1)]  # points, people, steps
+            picked = self._picked[seen_as.aspects() % ASPECTS[1]]
+            by_turn = np.einsum("ne,net->nt", rows.transpose(1, 0, 2).reshape(len(person), -1), picked)
+            log = options.colour.power / _LOOKED_AT * np.take_along_axis(by_turn, turn, axis=1)
+        return np.where(seen_as.seen[:, None], log, 0).astype(float)
+
     def look(self, picture: Picture, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
         """The pixels on a head (x, y, z [m], yaw [rad] at the picture's stamp) of each of n people: person, step of s, colour."""
         seen_as = outlines(self.camera, heads, self._options.semi_axes_m)
@@ -176,7 +223,7 @@ class Watcher:
         on_head = ((pixels & _FOREGROUND) > 0) & seen_as.seen
         if picture.knows_depth:
             on_head &= np.abs(_range_m(pixels) - seen_as.range_m) < _NEAR_M
-        steps = self._learned.share_steps.take(cells_shown(_LOOKED_AT)).take(seen_as.aspects(), axis=1)
+        steps = self._steps_looked_at.take(seen_as.aspects(), axis=1) // COLOURS
         person = np.broadcast_to(np.arange(heads.shape[1]), pixels.shape)
         return np.stack([person[on_head], steps[on_head], pixels[on_head] & (COLOURS - 1)]).astype(np.intp)
 
@@ -193,9 +240,22 @@ class Watcher:
 
     @cached_property
     def _steps_shown(self) -> Int32[NDArray, "points aspects"]:
-        """The first entry of the step of s that each point of the ellipse shows, (points, aspects)."""
-        steps = self._learned.share_steps.take(cells_shown(self._options.points))
-        return (steps * COLOURS).astype(np.int32)
+        return self._steps(self._options.points)
+
+    @cached_property
+    def _steps_looked_at(self) -> Int32[NDArray, "points aspects"]:
+        return self._steps(_LOOKED_AT)
+
+    @cached_property
+    def _picked(self) -> Float[Singles, "rises entries turns"]:
+        """Which step of s each point looked at shows, zeros and ones (points · steps), by the camera's height angle and turn."""
+        step = (self._steps_looked_at // COLOURS).reshape(_LOOKED_AT, ASPECTS[0], ASPECTS[1])
+        is_step = step[:, None] == np.arange(SHARES)[:, None, None]
+        return np.moveaxis(is_step, -1, 0).reshape(ASPECTS[1], -1, ASPECTS[0]).astype(np.float32)
+
+    def _steps(self, points: int) -> Int32[NDArray, "points aspects"]:
+        """The first entry of the step of s that each of so many points of the ellipse shows in every aspect."""
+        return (self._learned.share_steps.take(cells_shown(points)) * COLOURS).astype(np.int32)
 
     def _depth(
         self, seen_as: Outlines, inner: Float[Array, "k 2"], range_m: Float[Singles, "k n"]
@@ -229,13 +289,13 @@ def _farthest(pictures: Sequence[DepthImage]) -> Float[Singles, "height width"]:
     return np.where(depth > 0, depth, np.inf).astype(np.float32)
 
 
-def expected_share(facing: Float[Singles, "n"], options: WeightOptions) -> Float[Singles, "n"]:
+def expected_share(facing: Float[Singles, "*n"], options: WeightOptions) -> Float[Singles, "*n"]:
     """ĉ: the share of skin of a head whose nose points `facing` away from the camera [rad], largest from the front."""
     colour = options.colour
     return np.float32(colour.behind) + np.float32((colour.front - colour.behind) / 2) * (1 + np.cos(facing))
 
 
-def _linear(off: Float[Singles, "n"], slope: tuple[float, float]) -> Float[Singles, "n"]:
+def _linear(off: Float[Singles, "*n"], slope: tuple[float, float]) -> Float[Singles, "*n"]:
     """log(a − b · off), with a floor (eq. 5 and 7)."""
     a, b = slope
     return np.log(np.maximum(a - b * off, _NOTHING)).astype(np.float32)

@@ -8,7 +8,7 @@ from typing import Any
 PAPER: Mapping[str, Any] = {
     "heads": 512,
     "weights": {
-        "colour": {"by_person": False},
+        "colour": {"by_person": False, "directions": False},
         "depth": {"by_range": False},
         "silhouette": {"power": 0.0},
         "shadows": "everywhere",
@@ -21,6 +21,9 @@ PAPER: Mapping[str, Any] = {
 where `start` says it, and found as ours is where it does not."""
 
 COLOUR: Mapping[str, Any] = {**PAPER, "weights": {**PAPER["weights"], "depth": {"by_range": False, "used": False}}}
-DEPTH: Mapping[str, Any] = {**PAPER, "weights": {**PAPER["weights"], "colour": {"by_person": False, "used": False}}}
+DEPTH: Mapping[str, Any] = {
+    **PAPER,
+    "weights": {**PAPER["weights"], "colour": {"by_person": False, "directions": False, "used": False}},
+}
 NO_ENVIRONMENT: Mapping[str, Any] = {**PAPER, "environment": {**PAPER["environment"], "used": False}}
 """The paper's two cues alone (its section 4.3), and both without the environment (4.4)."""

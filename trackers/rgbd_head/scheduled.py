@@ -12,9 +12,14 @@ import copy
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from jaxtyping import Float
+
+from trackers.arrays import Singles
 from trackers.errors import InputError
 from trackers.observations import DepthImage
+from trackers.rgbd_head.colours import ExpectedColours
 from trackers.rgbd_head.evaluators import Evaluator, Evaluators
+from trackers.rgbd_head.picture import Weights
 from trackers.scheduler import connected
 
 if TYPE_CHECKING:
@@ -31,6 +36,7 @@ class ScheduledEvaluators(Evaluators):
     def __init__(self, here: Mapping[str, Evaluator], address: str) -> None:
         super().__init__(here)
         self._last: dict[str, DepthImage] = {}
+        self._colours: ExpectedColours | None = None
         self._client = connected(address, f"tracker rgbd-head: scheduler: {address}", direct=True)
         try:
             self._kept = _sent(self._client, self.here, address)  # what nobody keeps, Dask lets go
@@ -47,6 +53,13 @@ class ScheduledEvaluators(Evaluators):
                 self.here[name].watcher.pass_over(self._last[name])
             self._last[name] = images[name]
         return super().take(images)
+
+    def weights(
+        self, heads: Mapping[str, Float[Singles, "4 n p"]], colours: ExpectedColours | None
+    ) -> dict[str, Weights]:
+        """As here; the colours are kept for who is taken over later."""
+        self._colours = colours
+        return super().weights(heads, colours)
 
     def close(self) -> None:
         """Leave the workers."""
@@ -76,6 +89,7 @@ class ScheduledEvaluators(Evaluators):
         last = self._last.pop(name, None)
         if last is not None and what != "take":
             self.here[name].take(last)
+            self.here[name].colours = self._colours
 
 
 def _sent(client: Client, here: Mapping[str, Evaluator], address: str) -> dict[str, Future]:

@@ -21,10 +21,11 @@ from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.configuration import validate
 from trackers.errors import InputError
-from trackers.filters.particle import ParticleFilter
+from trackers.filters.circular import diffused, drawn, grid_of
+from trackers.filters.particle import LogWeights, ParticleFilter
 from trackers.knowledge import Knowledge
 from trackers.observations import NS_PER_S, DepthImage, Observation
-from trackers.rgbd_head.colours import HeadColours
+from trackers.rgbd_head.colours import ExpectedColours, HeadColours
 from trackers.rgbd_head.evaluators import Evaluator, Evaluators
 from trackers.rgbd_head.learned import SHIPPED, load_learned
 from trackers.rgbd_head.life import Life
@@ -158,24 +159,22 @@ class RgbdHead(MomentTracker):
         options, people = self.options, self._people
         motion, before = options.motion, people.place
         speed = np.linalg.norm(people.velocity[:, :2], axis=1)
-        level = motion.still_m + motion.per_speed_m * speed
-        up, turn = np.full_like(level, motion.up_m), np.full_like(level, np.radians(motion.turn_deg))
-        sigma = np.sqrt(dt) * np.stack([level, level, up, turn])[..., None]
-        shift = np.zeros((4, len(people), 1))
-        shift[:3, :, 0] = dt * people.velocity.T
+        level, turn = motion.still_m + motion.per_speed_m * speed, np.sqrt(dt) * np.radians(motion.turn_deg)
+        sigma = np.sqrt(dt) * np.stack([level, level, np.full_like(level, motion.up_m)])[..., None]
+        shift = dt * people.velocity.T[..., None]
+        facing = (1 - motion.turned) * diffused(people.facing, turn) if people.facing.size else people.facing
+        facing += motion.turned / max(facing.shape[1], 1)
+        expected = self._expected_colours(people)
         weighed: dict[str, Weights] = {}
 
-        anywhere = round(motion.turned * self.options.heads)
-
         def move(state: Array, rng: np.random.Generator) -> Array:
-            moved = state + shift + sigma * rng.standard_normal(state.shape)
-            if anywhere:
-                who = rng.permutation(state.shape[2])[:anywhere]
-                moved[3][:, who] = rng.uniform(-np.pi, np.pi, (len(people), anywhere))
+            moved = np.empty_like(state)
+            moved[:3] = state[:3] + shift + sigma * rng.standard_normal(state[:3].shape)
+            moved[3] = drawn(facing, options.heads, rng) if facing.size else self._turned(state[3], turn, rng)
             return moved
 
         def log_likelihood(state: Array) -> Array:
-            weighed.update(self._weighed(state, later_s))
+            weighed.update(self._weighed(state, later_s, expected))
             return self._total(state, weighed)
 
         cloud = FILTER.step(people.roster.state, move, log_likelihood, self._rng)
@@ -184,18 +183,48 @@ class RgbdHead(MomentTracker):
         if motion.velocity_s and dt:
             kept = np.exp(-dt / motion.velocity_s)
             velocity = kept * velocity + (1 - kept) * (people.place - before) / dt
-        self._people = people.changed(velocity=velocity, usual=self._usual(people, weighed))
+        if facing.size:
+            facing = self._faced(people, facing, later_s)
+        self._people = people.changed(velocity=velocity, usual=self._usual(people, weighed), facing=facing)
         self._weights = weighed
         self._look(later_s, weighed)
 
-    def _weighed(self, state: Float[Array, "4 n p"], later_s: dict[str, float]) -> dict[str, Weights]:
+    def _turned(self, yaw: Float[Array, "n p"], sigma_rad: float, rng: np.random.Generator) -> Float[Array, "n p"]:
+        """Where hypotheses face after turns, some of them anywhere."""
+        yaw = yaw + sigma_rad * rng.standard_normal(yaw.shape)
+        who = rng.permutation(yaw.shape[1])[: round(self.options.motion.turned * yaw.shape[1])]
+        yaw[:, who] = rng.uniform(-np.pi, np.pi, (len(yaw), who.size))
+        return yaw
+
+    def _faced(self, people: People, facing: Float[Array, "n g"], later_s: dict[str, float]) -> Float[Array, "n g"]:
+        """Where everybody faces after what the pictures show at their expected places, and by where they walk."""
+        grid = grid_of(facing.shape[1])
+        log = self._walking(np.broadcast_to(grid, facing.shape))
+        if self.options.weights.colour.used:
+            heads = {name: _heads(people, later, 0.0) for name, later in later_s.items()}
+            log = log + sum(self._evaluators.facing(heads))
+        with np.errstate(divide="ignore"):
+            return LogWeights.of(np.log(facing) + log).normalised
+
+    def _walking(self, yaw: Float[Array, "n k"]) -> Float[Array, "n k"]:
+        """The logarithm of how likely people face somewhere who walk as they do."""
+        velocity = self._people.velocity[:, :2]
+        heading = np.arctan2(velocity[:, 1], velocity[:, 0])
+        speed = np.minimum(np.linalg.norm(velocity, axis=1), 1.0)
+        return self.options.motion.walking * speed[:, None] * np.cos(yaw - heading[:, None])
+
+    def _expected_colours(self, people: People) -> ExpectedColours | None:
+        colour = self.options.weights.colour
+        return people.colours.expected(self._learned.common, colour) if colour.used and colour.by_person else None
+
+    def _weighed(
+        self, state: Float[Array, "4 n p"], later_s: dict[str, float], expected: ExpectedColours | None
+    ) -> dict[str, Weights]:
         """What each picture makes of hypotheses, moved to its own stamp."""
-        people, colour = self._people, self.options.weights.colour
-        expected = people.colours.expected(self._learned.common, colour) if colour.used and colour.by_person else None
-        heads = {}
+        velocity, heads = self._people.velocity.T[..., None].astype(np.float32), {}
         for name, later in later_s.items():
             heads[name] = state.astype(np.float32)
-            heads[name][:3] += np.float32(later) * people.velocity.T[..., None].astype(np.float32)
+            heads[name][:3] += np.float32(later) * velocity
         return self._evaluators.weights(heads, expected)
 
     def _total(self, state: Float[Array, "4 n p"], weighed: dict[str, Weights]) -> Float[Array, "n p"]:
@@ -208,10 +237,8 @@ class RgbdHead(MomentTracker):
             seen = weights.seen.reshape(n, p)
             total += np.where(seen, (weights.colour + weights.depth).reshape(n, p), usual)
         total += self._room.log_weight(state[:3].reshape(3, n * p).T).reshape(n, p)
-        if options.motion.walking:
-            heading = np.arctan2(people.velocity[:, 1], people.velocity[:, 0])
-            speed = np.minimum(np.linalg.norm(people.velocity[:, :2], axis=1), 1.0)
-            total += options.motion.walking * speed[:, None] * np.cos(state[3] - heading[:, None])
+        if not people.facing.size:
+            total += self._walking(state[3])
         if n > 1:
             away = np.sqrt(((state[:3, :, :, None] - people.place.T[:, None, None]) ** 2).sum(axis=0))
             away[np.arange(n), :, np.arange(n)] = np.inf
@@ -249,8 +276,7 @@ class RgbdHead(MomentTracker):
         self._turn += 1
         name = list(later_s)[self._turn % len(later_s)]
         yaw, sure = people.direction()
-        heads = np.vstack([(people.place + later_s[name] * people.velocity).T, yaw])
-        person, step, colour = pixels = self._evaluators.look(name, heads)
+        person, step, colour = pixels = self._evaluators.look(name, _heads(people, later_s[name], yaw))
         person, step, colour = pixels[:, (is_shown & (sure > _SURE))[person]]
         return people.colours.learned(person, step, colour, self._learned.common, self.options.weights.colour)
 
@@ -263,6 +289,12 @@ class RgbdHead(MomentTracker):
         if len(found):
             found = found[np.isfinite(self._room.log_weight(found))]
             self._people = self._life.found(people, found, self._ns)
+
+
+def _heads(people: People, later_s: float, yaw: Float[Array, "n"] | float) -> Float[Array, "4 n"]:
+    """Everybody's head some time later."""
+    place = people.place + later_s * people.velocity
+    return np.column_stack([place, np.broadcast_to(yaw, len(place))]).T
 
 
 def _evaluators_of(here: Mapping[str, Evaluator], scheduler: str | None) -> Evaluators:

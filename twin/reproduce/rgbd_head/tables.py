@@ -36,6 +36,7 @@ _ABLATIONS = (
     ("no-silhouette", "without silhouettes", ("Z", "XY")),
     ("depth-in-metres", "depth in metres, not by range", ("XY", "Z")),
     ("share-of-skin", "share instead of place of skin", ("yaw",)),
+    ("direction-each", "a direction of each hypothesis", ("yaw", "XY")),
     ("one-stamp", "stamps ignored", ("XY",)),
     ("no-environment", "without the environment", ("XY", "lost")),
 )
