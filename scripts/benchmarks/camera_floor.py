@@ -16,11 +16,11 @@ from trackers.knowledge import Knowledge
 from trackers.observations import NS_PER_S, Observation
 from trackers.presets import make_tracker
 from trackers.rig import Rig
-from twin import Simulation, load_scenario
+from twin import Simulation
+from twin.reproduce.camera_floor_particle.replays import standing
 
 _S = 4
 _MINUTES = 10
-_STARTS = [*((x, y) for y in (-0.2, -1.15, 0.7) for x in (-1.35, -0.35, 0.55)), (1.3, -1.15)]
 _Recorded = tuple[Rig, Knowledge, Sequence[Observation], int]
 
 
@@ -50,13 +50,7 @@ def measure() -> Iterator[Figure]:
 
 
 def _recorded(n_person: int) -> _Recorded:
-    people = ", ".join(
-        f"p{k}: {{start: [{x}, {y}], script: {{kind: stand}}}}" for k, (x, y) in enumerate(_STARTS[:n_person])
-    )
-    removed = "anna: null, ben: null, cleo: null"
-    change = f"people={{{removed}{', ' if people else ''}{people}}}"
-    scenario = load_scenario("home-cameras", [f"duration_s={_S}", change])
-    with Simulation(scenario) as simulation:
+    with Simulation(standing(n_person, _S)) as simulation:
         background = Knowledge.of(simulation.background())
         return simulation.rig, background, list(simulation), n_person
 

@@ -22,10 +22,11 @@ from trackers.vision.hsv import hsv_of
 from twin.report.panels import TruePoses
 from twin.reproduce.camera_floor_particle.pictures import draw_inside
 from twin.reproduce.camera_floor_particle.plots import head_errors, heads_svg
-from twin.reproduce.camera_floor_particle.replays import VARIANTS, closest_s, lowest_s
+from twin.reproduce.camera_floor_particle.replays import PEOPLE, VARIANTS, closest_s, lowest_s, standing
 from twin.reproduce.camera_floor_particle.reproduction import check_suite
 from twin.reproduce.camera_floor_particle.tables import (
     ABLATION,
+    ABLATIONS,
     EXPERIMENTS,
     HOME,
     MOVEMENTS,
@@ -101,6 +102,16 @@ def test_suites_without_the_experiments_are_refused(change, words):
     first, *others = suite.scenarios
     with pytest.raises(InputError, match=words):
         check_suite(suite.model_copy(update={"scenarios": [first.model_copy(update=change), *others]}), path)
+
+
+def test_every_ablation_is_run_in_the_suite():
+    entries = {entry.name or entry.scenario: entry for entry in load_suite(OURS)[0].scenarios}
+    for condition, _, tracker, _ in ABLATIONS:
+        assert {OURS, tracker} <= set(entries[condition].trackers or ()), condition
+
+
+def test_as_many_people_stand_as_time_is_taken_of():
+    assert [len(standing(n).people) for n in (0, *PEOPLE)] == [0, *PEOPLE]
 
 
 @pytest.mark.parametrize("change", VARIANTS.values(), ids=VARIANTS)

@@ -22,7 +22,7 @@ from twin.reproduce.camera_floor_particle.pictures import draw_inside
 from twin.reproduce.camera_floor_particle.tables import OURS
 from twin.reproduce.results import Result
 from twin.reproduce.suite_runs import recording_of
-from twin.scenario import load_scenario
+from twin.scenario import Scenario, load_scenario
 from twin.scenario.load import dump_scenario
 from twin.streams import stream
 from twin.suites.cache import RecordingCache
@@ -30,10 +30,13 @@ from twin.suites.cases import Case
 from twin.suites.fingerprint import recording_key
 from twin.suites.worker import RECORDING, TRUTH, record, renderer_of
 
-CHOICE = "beyond the paper, choice"
+CHOICE, TIME = "beyond the paper, choice", "beyond the paper, time"
 SEED = 1000
 """A development seed: by it the constants that the paper does not give were chosen."""
 _SCENARIO = "movements-crossing"
+PEOPLE = (1, 3, 6, 10)
+_STANDING_S = 4
+_STARTS = [*((x, y) for y in (-0.2, -1.15, 0.7) for x in (-1.35, -0.35, 0.55)), (1.3, -1.15)]
 VARIANTS: Mapping[str, Mapping[str, Any]] = {
     "as chosen": {},
     "λ of the body 7": {"body": {"colour": 7.0}},
@@ -52,21 +55,33 @@ VARIANTS: Mapping[str, Mapping[str, Any]] = {
 }
 
 
+def standing(n_person: int, duration_s: float = _STANDING_S) -> Scenario:
+    """Up to ten people who stand in the room of the home scene."""
+    people = ", ".join(
+        f"p{k}: {{start: [{x}, {y}], script: {{kind: stand}}}}" for k, (x, y) in enumerate(_STARTS[:n_person])
+    )
+    removed = "anna: null, ben: null, cleo: null"
+    change = f"people={{{removed}{', ' if people else ''}{people}}}"
+    return load_scenario("home-cameras", [f"duration_s={duration_s}", f"seed={SEED}", change])
+
+
 def choices(cache: RecordingCache, on_progress: OnProgress | None) -> list[Result]:
-    """A development recording followed with each choice: errors of body, head and pan, and CPU time per frame."""
-    scenario = load_scenario(_SCENARIO, [f"seed={SEED}"])
-    key = recording_key(dump_scenario(scenario), renderer_of(scenario))
+    """Development recordings followed: one with each choice, and one by every number of people."""
+    crossing = load_scenario(_SCENARIO, [f"seed={SEED}"])
+    runs = [(CHOICE, name, crossing, change) for name, change in VARIANTS.items()]
+    runs += [(TIME, f"{n} {'person' if n == 1 else 'people'}", standing(n), {}) for n in PEOPLE]
     found = []
-    with cache.recording(key, lambda folder: record(scenario, folder)) as (entry, _):
-        bag, truth = Recording(entry / RECORDING), read_truth(entry / TRUTH)
-        for number, (name, change) in enumerate(VARIANTS.items()):
-            if on_progress is not None:
-                on_progress("choices of the constants", number, len(VARIANTS))
-            found += _judged(name, change, bag, truth)
+    for number, (where, name, scenario, change) in enumerate(runs):
+        if on_progress is not None:
+            on_progress("choices of the constants, and time by people", number, len(runs))
+        key = recording_key(dump_scenario(scenario), renderer_of(scenario))
+        with cache.recording(key, lambda folder, scenario=scenario: record(scenario, folder)) as (entry, _):
+            found += _judged(where, name, change, Recording(entry / RECORDING), read_truth(entry / TRUTH))
     return found
 
 
-def _judged(name: str, change: Mapping[str, Any], bag: Recording, truth: TruthTable) -> list[Result]:
+def _judged(where: str, name: str, change: Mapping[str, Any], bag: Recording, truth: TruthTable) -> list[Result]:
+    """Errors of body, head and pan, and CPU time per frame."""
     tracker: Any = make_tracker(OURS, bag.rig, Knowledge.of(bag.background), stream(SEED, "tracker", OURS), change)
     frames: list[TrackFrame] = []
     spent = 0.0
@@ -83,7 +98,7 @@ def _judged(name: str, change: Mapping[str, Any], bag: Recording, truth: TruthTa
         ("pan, median", float(np.degrees(metrics["head_yaw_median_rad"])), "°"),
         ("CPU time per frame", 1e3 * spent / len(frames), "ms"),
     )
-    return [Result(CHOICE, name, column, None, value, (value, value), unit, 1) for column, value, unit in columns]
+    return [Result(where, name, column, None, value, (value, value), unit, 1) for column, value, unit in columns]
 
 
 def moment_picture(case: Case, cache: RecordingCache, t_s: float) -> bytes:

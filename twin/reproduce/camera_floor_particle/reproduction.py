@@ -10,7 +10,15 @@ from pathlib import Path
 from trackers.errors import InputError
 from twin.recording.whole_file import whole_path
 from twin.reproduce.camera_floor_particle.plots import course_svg, head_errors, heads_svg
-from twin.reproduce.camera_floor_particle.replays import CHOICE, SEED, choices, closest_s, lowest_s, moment_picture
+from twin.reproduce.camera_floor_particle.replays import (
+    CHOICE,
+    SEED,
+    TIME,
+    choices,
+    closest_s,
+    lowest_s,
+    moment_picture,
+)
 from twin.reproduce.camera_floor_particle.tables import (
     ABLATION,
     BEYOND,
@@ -89,8 +97,12 @@ def write_all(folder: Path, runs: SuiteRuns, chosen: Sequence[Result], command: 
         drawn,
         grids={
             where: grid
-            for where in (EXPERIMENTS, BEYOND, CHOICE)
-            if (grid := grid_of([each for each in results if each.where == where], intervals=where != CHOICE))
+            for where in (EXPERIMENTS, BEYOND, CHOICE, TIME)
+            if (
+                grid := grid_of(
+                    [each for each in results if each.where == where], intervals=where not in (CHOICE, TIME)
+                )
+            )
         },
         ablations=rows_of([each for each in results if each.where == ABLATION]),
         pictures={said: "data:image/jpeg;base64," + base64.b64encode(jpeg).decode() for said, jpeg in pictures.items()},

@@ -33,10 +33,11 @@ _MEANS = (
     ("time per frame", "ms_per_frame.mean", 1.0, "ms"),
 )
 _PAPER_HEAD = {"head x": 0.049, "head y": 0.054, "head z": 0.045}
-_ABLATIONS = (
+ABLATIONS = (
     ("three-black-cameras", "without the floor", "camera-floor-particle-colour", RIGHT),
     (HOME, "without the cameras", "camera-floor-particle-floor", "body on the floor"),
     (PAIR, "without the exclusion", "camera-floor-particle-no-exclusion", RIGHT),
+    ("pair-by-one-camera", "without the exclusion", "camera-floor-particle-no-exclusion", RIGHT),
     (HOME, "without the mixture", "camera-floor-particle-no-mixture", "head z"),
     (HOME, "all rules the paper's", "camera-floor-particle-paper", RIGHT),
 )
@@ -101,7 +102,7 @@ def _means(condition: Condition, where: str) -> Iterator[Result]:
 def _ablations(conditions: Mapping[str, Condition]) -> Iterator[Result]:
     """What is lost by leaving something out, paired by run: the figure without less the figure with."""
     units = {row: (key, times, unit) for row, key, times, unit in _MEANS}
-    for name, what, tracker, row in _ABLATIONS:
+    for name, what, tracker, row in ABLATIONS:
         condition = conditions.get(name)
         if condition is None or tracker not in condition.figures:
             continue
