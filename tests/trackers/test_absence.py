@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from scipy import stats
 
-from trackers.filters.absence import not_seen
+from trackers.filters.absence import existence_unseen, not_seen
 from trackers.filters.imm import Imm
 from trackers.filters.imm_state import ImmState
 from trackers.filters.motion import KALMAN_MODELS, SPEED
@@ -99,3 +99,26 @@ def test_nothing_makes_a_covariance_that_is_none(angle, edge_m, seen, speed_m_s,
     assert 0 < chance[0] <= 1 + 1e-9
     assert np.linalg.eigvalsh(after.covariance.T).min() > -1e-9
     assert after.probability.sum() == pytest.approx(1)
+
+
+PROBABILITIES = st.floats(0.01, 0.99)
+
+
+@given(PROBABILITIES, PROBABILITIES, st.floats(0.01, 5), st.floats(0.5, 100))
+def test_existence_is_bayes_over_left_there_unseen_and_seen(existence, missed, elapsed_s, survival_s):
+    stays = existence * np.exp(-elapsed_s / survival_s)
+    outcomes = {"gone": 1 - stays, "unseen": stays * missed, "seen": stays * (1 - missed)}
+    expected = outcomes["unseen"] / (outcomes["gone"] + outcomes["unseen"])
+    got = existence_unseen(np.array([existence]), np.array([missed]), elapsed_s, survival_s)
+    assert got[0] == pytest.approx(expected, rel=1e-12)
+    assert got[0] < existence
+
+
+def test_who_cannot_be_seen_fades_as_people_leave_and_in_plain_sight_at_once():
+    hidden, plain = np.ones(1), np.ones(1)
+    for _ in range(100):
+        hidden = existence_unseen(hidden, np.ones(1), 0.1, 10.0)
+    for _ in range(3):
+        plain = existence_unseen(plain, np.full(1, 0.05), 0.1, 10.0)
+    assert hidden[0] == pytest.approx(np.exp(-1))
+    assert plain[0] < 0.02

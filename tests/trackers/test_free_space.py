@@ -68,3 +68,17 @@ def test_legs_may_hide_a_body_that_beams_pass_by():
     one_leg_covered = scan((3, 12, 1.0))
     assert seen(one_leg_covered, (2, 0), options=legs)[0] < 0.9
     assert seen(scan(), (2, 0), options=legs) == [pytest.approx(0.9)]
+
+
+@pytest.mark.parametrize("range_m", [2.0, 4.0, 6.0, 7.5])
+def test_a_thing_is_seen_as_often_as_enough_beams_fall_on_it(range_m):
+    width_m, least, far = 0.08, 2, scan(field_deg=180)
+    open_hall = LaserScan(
+        "waist", 0, np.full_like(far.ranges_m, 9.0), far.angle_min_rad, far.angle_increment_rad, 0.05, 10.0
+    )
+    space = FreeSpace(LaserSensor(topic="/waist"), FreeSpaceOptions(detected=0.9, width_m=width_m), least)
+    starts = np.random.default_rng(3).uniform(0, 1, 20_000)  # in beams, where the thing begins
+    beams = np.floor(starts + width_m / (range_m * open_hall.angle_increment_rad))
+    assert space.seen(open_hall, np.array([[range_m], [0.0]]))[0] == pytest.approx(
+        0.9 * np.mean(beams >= least), abs=0.01
+    )

@@ -52,8 +52,8 @@ def test_ids_count_from_one_and_nobody_is_shown_before_the_second_scan():
     assert {track.id for frame in frames for track in frame.tracks} == {1, 2, 3, 4, 5}
 
 
-@pytest.mark.parametrize(("report_s", "n_more"), [(0.4, 4), (0.0, 0), (9.0, 15)])
-def test_who_is_gone_in_plain_view_is_not_reported_for_long(report_s, n_more):
+@pytest.mark.parametrize(("management", "n_more"), [({}, 1), ({"exists_above": 0.9}, 0), ({"survival_s": None}, 15)])
+def test_who_is_gone_in_plain_view_is_not_reported_for_long(management, n_more):
     there, gone = straight_walk([(-1.0, 1.0)], [(0.0, 0.0)], 40), straight_walk([(9.0, 9.0)], [(0.0, 0.0)], 40)
     rng = np.random.default_rng(5)
     given = [
@@ -61,7 +61,7 @@ def test_who_is_gone_in_plain_view_is_not_reported_for_long(report_s, n_more):
         for k in range(40)
         for height in ("waist", "knee")
     ]
-    frames, _ = tracked(there, name="laser-imm", observations=given, management={"report_unseen_s": report_s})
+    frames, _ = tracked(there, name="laser-imm", observations=given, management=management)
     assert max(k for k, frame in enumerate(frames) if frame.tracks) == 19 + n_more  # `coast_s` at most
 
 
@@ -374,4 +374,4 @@ def test_whoever_is_hidden_for_longer_than_tracks_coast_is_known_again():
         return {track.id for frame in frames for track in frame.tracks if track.y > 1.7}
 
     assert len(ids()) == 1
-    assert len(ids(coast_hidden_s=1.5)) == 2
+    assert len(ids(survival_s=1.0)) == 2

@@ -60,6 +60,20 @@ def not_seen(
     return ImmState(state.mean + by_x * mean_x + by_y * mean_y, covariance, joint / missed_all), missed_all
 
 
+def existence_unseen(
+    existence: Float[Array, "n"], missed: Float[Array, "n"], elapsed_s: float, survival_s: float
+) -> Float[Array, "n"]:
+    """How probably the n tracks still are somebody, after a look that did not show them.
+
+    existence: before the look, `elapsed_s` ago; missed: how probably the look would not show them, as by `not_seen`. Who is
+    not seen stays on average for `survival_s`. With e' = e exp(−Δt / survival_s) it is e' m / (1 − e' + e' m) (D. Mušicki,
+    R. Evans and S. Stanković, "Integrated probabilistic data association", IEEE Trans. Automatic Control 39, 1994).
+    """
+    there = existence * np.exp(-elapsed_s / survival_s)
+    unseen = there * missed
+    return unseen / (1 - there + unseen)
+
+
 def cloud_not_seen(cloud: Cloud, missed: Callable[[Array], Array]) -> tuple[Cloud, Float[Array, "n"]]:
     """The n sets of particles after a look that did not show their targets, and how probably it would not.
 

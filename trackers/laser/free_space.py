@@ -23,6 +23,12 @@ class FreeSpaceOptions(Strict):
         lt=1,
         description="detection probability of a body that nothing occludes; 0: no negative evidence (ours)",
     )
+    width_m: float | None = Field(
+        default=None,
+        gt=0,
+        description="width on which as many beams must fall as a cluster has samples, or a body is not detected [m]; null: far "
+        "away it is detected as surely as near by (ours)",
+    )
     half_width_m: float = Field(default=0.12, gt=0, description="half the width of a body across the beams [m] (ours)")
     behind_m: float = Field(
         default=0.1, description="how far behind a body's axis a beam must go on to have passed it [m] (ours)"
@@ -38,11 +44,13 @@ class FreeSpaceOptions(Strict):
 class FreeSpace:
     """A scanner's view of empty places: how probably its scans would have shown a body there.
 
-    A beam without a return (+inf) went on to the end of the range; one without a reading (NaN) says nothing.
+    least: the samples of the smallest cluster. On a width w, beams that are s apart fall w / s times or one more, at least k
+    times with the probability w / s − k + 1, clipped. A beam without a return (+inf) went on to the end of the range; one
+    without a reading (NaN) says nothing.
     """
 
-    def __init__(self, sensor: LaserSensor, options: FreeSpaceOptions) -> None:
-        self.options = options
+    def __init__(self, sensor: LaserSensor, options: FreeSpaceOptions, least: int = 1) -> None:
+        self.options, self._least = options, least
         self._origin_m = sensor.room_from_sensor.translation[:2].copy()
         self._scan_from_room = sensor.room_from_sensor.rotation[:2, :2].T.copy()
 
@@ -65,4 +73,8 @@ class FreeSpace:
         beam = np.rint(bearing / scan.angle_increment_rad + (0.5 * (count - 1) + 1))
         beam = np.minimum(np.maximum(beam, 0), count + 1).astype(np.intp)
         clear = (reach_m[beam] > distance + options.behind_m).sum(axis=0) / _ACROSS.size
-        return options.detected * np.maximum(clear - options.hidden_up_to, 0) / (1 - options.hidden_up_to)
+        seen = options.detected * np.maximum(clear - options.hidden_up_to, 0) / (1 - options.hidden_up_to)
+        if options.width_m is None:
+            return seen
+        apart_m = np.maximum(distance * abs(scan.angle_increment_rad), 1e-9)
+        return seen * np.minimum(np.maximum(options.width_m / apart_m - (self._least - 1), 0), 1)

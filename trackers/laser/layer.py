@@ -96,7 +96,7 @@ class KneeOptions(LayerOptions):
         description=_told("cluster"),
     )
     free_space: FreeSpaceOptions = Field(
-        default=FreeSpaceOptions(half_width_m=0.25, hidden_up_to=0.5), description=_told("free_space")
+        default=FreeSpaceOptions(width_m=0.08, half_width_m=0.25, hidden_up_to=0.5), description=_told("free_space")
     )
     radius_m: float = Field(default=0.5, gt=0, description=_told("radius_m"))
     half_depth_m: float = Field(default=0.04, ge=0, description=_told("half_depth_m"))
@@ -176,7 +176,7 @@ class LaserLayer:
     def __init__(self, sensor: LaserSensor, empty_scans: Sequence[LaserScan], options: LayerOptions) -> None:
         self.options = options
         self.learns_background = not empty_scans
-        self._free_space = FreeSpace(sensor, options.free_space)
+        self._free_space = FreeSpace(sensor, options.free_space, options.cluster.min_samples)
         self._past_a_thing = FreeSpace(
             sensor, FreeSpaceOptions(half_width_m=_NARROW_M, behind_m=_BEHIND_M, detected=_SURE)
         )

@@ -41,25 +41,30 @@ class ManagementOptions(Strict):
         " "
         "since a standing person looks like furniture [m]; 0: anywhere (ours)",
     )
-    coast_s: float = Field(default=1.5, ge=0, description="a confirmed track not measured for longer ends [s]")
-    coast_hidden_s: float = Field(
-        default=3.0,
+    coast_s: float = Field(
+        default=1.5,
         ge=0,
-        description="an occluded track not measured for longer ends: one that no scan would have shown, in a rig with an "
-        "area [s]; `coast_s` or less: no difference (ours)",
+        description="a confirmed track not measured for longer ends [s], but for one that still exists",
     )
-    report_unseen_s: float = Field(
-        default=0.4,
-        ge=0,
-        description="a coasting track is reported for so long, an occluded one, in a rig with an area, for `coast_s` [s]; "
-        "`coast_s` or more: no "
-        "difference (ours)",
+    survival_s: float | None = Field(
+        default=100.0,
+        gt=0,
+        description="how long people whom nothing shows stay on average, from which, and from how probably each scan would have "
+        "shown them, follows whether a track still exists [s]; null: that is not asked, and a track is reported while it "
+        "coasts (ours)",
     )
-    hidden_above: float = Field(
-        default=0.2,
+    exists_above: float = Field(
+        default=0.5,
         ge=0,
-        le=1,
-        description="probability of a missed detection at the last moment above which a track counts as occluded (ours)",
+        lt=1,
+        description="probability of existence above which a coasting track is reported, and in a rig with an area goes on "
+        "after `coast_s` (ours)",
+    )
+    apart_m: float = Field(
+        default=0.3,
+        ge=0,
+        description="distance within which there is never a second person: an unseen one is not where another is seen [m]; "
+        "0: there may be (ours)",
     )
     body_radius_m: float = Field(
         default=0.6,

@@ -23,7 +23,7 @@ class People(Rows):
     clothes: Appearance
     born_at: Float[Array, "n 2"]  # first measured position [m]
     measured_at: Float[Array, "n 2"]  # last measured position [m]
-    occluded: Bool[Mask, "n"]  # not measured at the last moment, and likely where no scan would have shown them
+    existence: Float[Array, "n"]  # how probably they are still there; 1 for who was measured at the last moment
 
     @classmethod
     def started(
@@ -36,7 +36,7 @@ class People(Rows):
     ) -> Self:
         """Tentative tracks first measured at `position` at stamp ns."""
         clothes = Appearance.started(reference, n_look)
-        return cls(Roster.started(state, ns), clothes, position, position, np.zeros(len(position), np.bool_))
+        return cls(Roster.started(state, ns), clothes, position, position, np.ones(len(position)))
 
     @property
     def state(self) -> ImmState:
@@ -62,4 +62,5 @@ class People(Rows):
         return self.changed(
             roster=self.roster.measured(track, ns, state),
             measured_at=written(self.measured_at, track, position),
+            existence=written(self.existence, track, np.ones(track.size)),
         )

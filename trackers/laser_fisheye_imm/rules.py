@@ -22,6 +22,7 @@ RULES: Mapping[str, Mapping[str, Any]] = {
     "wide-legs": {"knee": {"wide_cost": 0.0}},
     "knees-alone": {"knee": {"radius_alone_m": 0.5}},
     "negative-evidence": {"waist": {"free_space": {"detected": 0.0}}, "knee": {"free_space": {"detected": 0.0}}},
+    "detection-by-beams": {"knee": {"free_space": {"width_m": None}}},
     "smoothed-hue": {"histogram": {"smoothing_deg": 0.0}},
     "clear-looks": {"torso": {"learn_width_m": 0.0, "max_overlap": 1.0}},
     "deviation-gate": {"max_deviations": None},
@@ -30,8 +31,8 @@ RULES: Mapping[str, Mapping[str, Any]] = {
     "two-point-start": {"two_point_start": False},
     "early-confirmation": {"management": {"confirm_after_s": 0.5}},
     "moved-confirmation": {"management": {"confirm_moved_m": 0.0}},
-    "occluded-coasting": {"management": {"coast_hidden_s": 0.0}},
-    "coasting-unreported": {"management": {"report_unseen_s": 1.5}},
+    "existence": {"management": {"survival_s": None}},
+    "bodies-apart": {"management": {"apart_m": 0.0}},
     "body-spacing": {"management": {"body_radius_m": 0.0}},
 }
 """Rule → the options without it."""

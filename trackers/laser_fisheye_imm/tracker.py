@@ -31,7 +31,7 @@ from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.configuration import validate
 from trackers.detections import Detection
-from trackers.filters.absence import not_seen
+from trackers.filters.absence import existence_unseen, not_seen
 from trackers.filters.imm import Imm
 from trackers.filters.motion import (
     IMM_MODELS,
@@ -39,13 +39,14 @@ from trackers.filters.motion import (
     MotionModel,
     transition_matrix,
 )
+from trackers.filters.rows import written
 from trackers.laser_fisheye_imm.association import Association, Matches
 from trackers.laser_fisheye_imm.detection import Detector, Seen
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
 from trackers.observations import NS_PER_S, Observation
 from trackers.rig import Rig
-from trackers.tracking.lifecycle import clear_of, coasting_within, measured_for_longer, measured_now, nanoseconds
+from trackers.tracking.lifecycle import clear_of, coasting_within, measured_for_longer, measured_now
 from trackers.tracking.moment_tracker import MomentTracker
 from trackers.tracking.moments import Moment, MomentRules
 from trackers.tracks import Track, TrackFrame
@@ -117,9 +118,7 @@ class LaserFisheyeImm(MomentTracker):
         measured = measured_now(roster, self._ns)  # in the area, or the track would have ended
         shown = people.confirmed
         if not measured.all():
-            rules = self.options.management
-            report_s = np.where(people.occluded, rules.coast_s, min(rules.report_unseen_s, rules.coast_s))
-            shown = shown & (measured | (self._inside() & (self._ns - roster.measured_ns <= nanoseconds(report_s))))
+            shown = shown & (measured | (self._inside() & self._exists()))
         shown = shown.nonzero()[0]
         shown = shown[roster.id[shown].argsort()]
         x, y, heading, speed, _ = people.state.mode_average[:, shown]
@@ -140,7 +139,7 @@ class LaserFisheyeImm(MomentTracker):
     def _work(self, moment: Moment) -> None:
         seen = self._detector.detect(moment)
         self._seen.append((moment.ns, seen))
-        self._predict(moment.ns)
+        elapsed_s = self._predict(moment.ns)
         waists = self._detector.sees_waists
         matches = Association(self._people, self._imm, self.options, self._knee_radius_m, moment.ns, waists).matches(
             seen
@@ -149,22 +148,24 @@ class LaserFisheyeImm(MomentTracker):
         self._learn_colours(matches, seen)
         self._note_windows(matches, seen)
         self._confirm(moment.ns)
-        self._miss(moment)
+        self._miss(moment, elapsed_s)
         self._end(moment.ns)
         self._start(matches, seen, moment.ns)
 
     # --- predict
 
-    def _predict(self, ns: int) -> None:
+    def _predict(self, ns: int) -> float:
+        """Everybody at stamp ns; returns the time since the last moment [s]."""
         last_ns = ns if self._ns is None else self._ns
         self._ns = ns
         rules, period_s, elapsed_s = self.options.management, self.options.period_s, (ns - last_ns) / NS_PER_S
         period_ns = round(period_s * NS_PER_S)
         if ns - last_ns > period_ns:
-            # nobody counts as hidden from looks that were not made: a long gap ends everybody
+            # nobody still exists by looks that were not made: a long gap ends everybody
             looked = elapsed_s <= rules.coast_s + period_s
             self._people = self._people.select(self._alive(ns - period_ns, looked))
         self._people = self._people.in_state(self._imm.predict_over(self._people.state, elapsed_s, period_s))
+        return elapsed_s
 
     # --- update
 
@@ -180,17 +181,25 @@ class LaserFisheyeImm(MomentTracker):
             state = state.replaced(fresh, moving)
         self._people = people.measured(track, matches.position, ns, state)
 
-    def _miss(self, moment: Moment) -> None:
-        """Whoever was looked for and not seen is likelier where nothing would show them; who may well be there is occluded."""
-        people = self._people
-        missed = (people.confirmed & ~measured_now(people.roster, moment.ns)).nonzero()[0]
-        hidden = np.zeros(len(people), np.bool_)
-        if missed.size:
-            state, chance = not_seen(people.state.select(missed), lambda points: self._detector.missed(moment, points))
-            people = people.in_state(people.state.replaced(missed, state))
-            if self._area is not None:  # else there is always somewhere, behind the walls
-                hidden[missed] = chance > self.options.management.hidden_above
-        self._people = people.changed(occluded=hidden)
+    def _miss(self, moment: Moment, elapsed_s: float) -> None:
+        """Whoever was looked for and not seen is likelier where nothing would show them, and no longer there the likelier."""
+        people, rules = self._people, self.options.management
+        measured = measured_now(people.roster, moment.ns)
+        missed = (people.confirmed & ~measured).nonzero()[0]
+        if missed.size == 0:
+            return
+        taken = people.positions[measured & people.confirmed]
+
+        def unseen(points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
+            free = clear_of(points.reshape(2, -1).T, taken, rules.apart_m).reshape(points.shape[1:])
+            return self._detector.missed(moment, points) * free
+
+        state, chance = not_seen(people.state.select(missed), unseen)
+        existence = people.existence
+        if rules.survival_s is not None:
+            still = existence_unseen(existence[missed], chance, elapsed_s, rules.survival_s)
+            existence = written(existence, missed, still)
+        self._people = people.in_state(people.state.replaced(missed, state)).changed(existence=existence)
 
     def _learn_colours(self, matches: Matches, seen: Seen) -> None:
         if seen.windows is None:
@@ -226,16 +235,23 @@ class LaserFisheyeImm(MomentTracker):
         self._next_id += new.size
 
     def _end(self, ns: int) -> None:
-        kept = self._alive(ns, self._people.occluded)
+        kept = self._alive(ns, True)
         # a prediction that strays out of the area is not yet a person who has left it
         kept &= self._inside() | ~measured_now(self._people.roster, ns)
         self._people = self._people.select(kept)
 
-    def _alive(self, ns: int, hidden: Bool[Mask, "n"] | bool) -> Bool[Mask, "n"]:
-        """Who is followed on: for longer who likely could not be seen (`hidden`); tentative tracks while they are measured."""
-        rules = self.options.management
-        coast_s = np.where(hidden, max(rules.coast_s, rules.coast_hidden_s), rules.coast_s)
-        return coasting_within(self._people.roster, ns, coast_s, 0.0)
+    def _alive(self, ns: int, looked: bool) -> Bool[Mask, "n"]:
+        """Who is followed on: tentative tracks while they are measured; who still exists by the looks made, for longer."""
+        rules, roster = self.options.management, self._people.roster
+        alive = coasting_within(roster, ns, rules.coast_s, 0.0)
+        # without an area there is always somewhere to be, behind the walls
+        if looked and rules.survival_s is not None and self._area is not None:
+            alive |= roster.confirmed & self._exists()
+        return alive
+
+    def _exists(self) -> Bool[Mask, "n"]:
+        """Who is probably still there."""
+        return self._people.existence > self.options.management.exists_above
 
     def _inside(self) -> Bool[Mask, "n"]:
         """Which tracks are in the area or its margin."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from trackers.configuration import Strict
+from trackers.laser.free_space import FreeSpaceOptions
 from trackers.laser.layer import KneeOptions
 from trackers.laser_vision_learning.identities import IdentityOptions
 from trackers.laser_vision_learning.looks import LooksOptions
@@ -60,7 +61,11 @@ class LaserVisionLearningOptions(Strict):
     resample_below: float = Field(
         default=0.5, ge=0, le=1, description="effective share of the particles at which they are resampled (ours)"
     )
-    scanner: KneeOptions = Field(default=KneeOptions(), description="the scanners, and what of a scan is the room")
+    scanner: KneeOptions = Field(
+        # a lone point shows a leg here, so that one far away is missed no more than one near by
+        default=KneeOptions(free_space=FreeSpaceOptions(half_width_m=0.25, hidden_up_to=0.5)),
+        description="the scanners, and what of a scan is the room",
+    )
     walking: WalkingOptions = Field(default=WalkingOptions(), description="the two-feet walking model")
     points: PointOptions = Field(default=PointOptions(), description="how laser points speak of people")
     camera: bool = Field(default=True, description="a camera, where the rig has one, tells who is who; no: laser only")
