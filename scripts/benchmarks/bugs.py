@@ -181,10 +181,10 @@ _BY_FILE = {
         ("hue does not wrap", 'self._hue_kernel, "wrap"', 'self._hue_kernel, "constant"'),
     ],
     "trackers/vision/colour_bins.py": [
-        ("blue for red", "np.float32(_FULL), cv2.COLOR_RGB2HSV", "np.float32(_FULL), cv2.COLOR_BGR2HSV"),
+        ("blue for red", "np.float32(FULL), cv2.COLOR_RGB2HSV", "np.float32(FULL), cv2.COLOR_BGR2HSV"),
     ],
     "trackers/vision/foreground.py": [
-        ("hue does not wrap", "np.minimum(hue_off, _HALF_TURNS - hue_off)", "np.minimum(hue_off, _HALF_TURNS)"),
+        ("hue does not wrap", "np.minimum(hue_off, HALF_TURNS - hue_off)", "np.minimum(hue_off, HALF_TURNS)"),
         ("degrees for OpenCV's half degrees", "options.hue_change_deg / 2", "options.hue_change_deg"),
     ],
     "trackers/vision/patches.py": [
@@ -247,7 +247,7 @@ _BY_FILE = {
     "trackers/camera_floor_particle/loads.py": [("rows and columns exchanged", "local.T[::-1]", "local.T")],
     # rgbd_head, environment
     "trackers/rgbd_head/tracker.py": [
-        ("moved back to the picture", "heads[:3] += np.float32(later)", "heads[:3] -= np.float32(later)"),
+        ("moved back to the picture", "[:3] += np.float32(later)", "[:3] -= np.float32(later)"),
     ],
     "trackers/rgbd_head/picture.py": [
         ("depth for range", "_mm_per_depth = 1000 * per_depth", "_mm_per_depth = np.full_like(per_depth, 1000)")

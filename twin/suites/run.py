@@ -28,7 +28,6 @@ from twin.suites.strips import StripWork, draw_strip
 from twin.suites.tasks import Ended, Listener, State, Task, run_here
 from twin.suites.worker import WORST, CaseResult, CaseWork, run_case
 
-_STRIP_LIMIT_S = 300.0
 _MOST_STRIPS = 24
 
 
@@ -200,7 +199,7 @@ def _draw_strips(
                 worst[row] = (moment.severity, moment.t_s, case)
     chosen = sorted(worst.values(), key=lambda each: each[0], reverse=True)[:_MOST_STRIPS]
     tasks = [
-        Task(f"{case.id}-strip", StripWork(case, cache, t_s), _STRIP_LIMIT_S, recording_key(case.resolved, ""))
+        Task(f"{case.id}-strip", StripWork(case, cache, t_s), case.limit_s, recording_key(case.resolved, ""))
         for _, t_s, case in chosen
     ]
     drawn = {}
