@@ -33,6 +33,7 @@ from twin.run.out_folder import OutFolder, out_folder
 from twin.run.outcome import (
     Place,
     RunResult,
+    doubts_of,
     evaluate_trackers,
     left_alone,
     simplifications,
@@ -160,6 +161,10 @@ def _run(
             fed.observe(delivered.observation)
             on_progress("simulating and tracking", delivered.arrival_ns / NS_PER_S, scenario.duration_s)
         fed.finish()
+        doubts = doubts_of(fed.at_work)
+        new = [doubt for doubt in doubts if doubt not in told]  # that came on the way
+        for doubt in new:
+            on_warning(doubt)
         spent_s = time.perf_counter() - start
         out.announce()
 
@@ -202,7 +207,7 @@ def _run(
         on_progress("evaluating and reporting", 1, 1)
     files |= result.files
     out.finish(list(files.values()))
-    return replace(result, files=files, warnings=told)
+    return replace(result, files=files, warnings=(*told, *new), doubts=tuple(doubts))
 
 
 def _unfit(rig: Rig, knowledge: Knowledge, seed: int) -> str:

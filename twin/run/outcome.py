@@ -44,13 +44,14 @@ def simplifications(scenario: Scenario | None) -> list[str]:
 class RunResult:
     """What a run left: its metrics (None where there is no truth), its files by name, what it warns of.
 
-    evaluations: of each tracker, where there is truth; failures: what each plug-in that raised has done wrong; the rest is
-    that of the other trackers.
+    doubts: those warnings that are the trackers' own; evaluations: of each tracker, where there is truth; failures: what each
+    plug-in that raised has done wrong; the rest is that of the other trackers.
     """
 
     metrics: dict[str, Any] | None
     files: dict[str, Path]
     warnings: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
     failures: tuple[str, ...] = ()
     evaluations: Mapping[str, Evaluation] = field(default_factory=dict)
 
@@ -128,9 +129,14 @@ def write_results(
     )
 
 
+def doubts_of(at_work: Sequence[TrackerAtWork]) -> list[str]:
+    """What each tracker warns of until now."""
+    return [f"{each.name}: {warning}" for each in at_work for warning in warnings(each.tracker)]
+
+
 def left_alone(at_work: Sequence[TrackerAtWork], faults: Mapping[str, Fault]) -> list[str]:
     """What each tracker warns of, and which sensors it makes no use of: a fault of one of them shows in no track."""
-    told = [f"{each.name}: {warning}" for each in at_work for warning in warnings(each.tracker)]
+    told = doubts_of(at_work)
     for each in at_work:
         unused = unused_sensors(each.tracker)
         if not unused:

@@ -44,6 +44,7 @@ from twin.run.out_folder import OutFolder, out_folder
 from twin.run.outcome import (
     Place,
     RunResult,
+    doubts_of,
     evaluate_trackers,
     left_alone,
     simplifications,
@@ -162,6 +163,10 @@ def _track(
                 fed.shown.tell(untold.popleft())
             fed.observe(observation)
         fed.finish()
+        doubts = doubts_of(fed.at_work)
+        new = [doubt for doubt in doubts if doubt not in warnings]  # that came on the way
+        for doubt in new:
+            on_warning(doubt)
         spent_s = time.perf_counter() - start
         out.announce()
 
@@ -192,7 +197,7 @@ def _track(
         frames = [(name, frame) for name, frame in frames if name in names]
         copy_with_tracks(recording, bag_copy, names, frames, bag.start_ns)
         left = left | {"bag": bag_copy}
-    return replace(result, files=left, warnings=tuple(warnings))
+    return replace(result, files=left, warnings=(*warnings, *new), doubts=tuple(doubts))
 
 
 def _default_folder(recording: Path, bag: Recording) -> Path:

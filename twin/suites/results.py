@@ -47,7 +47,7 @@ class Group:
 
 @dataclass(frozen=True)
 class Results:
-    """A run's results, or a baseline's. renderers: of all recordings with images."""
+    """A run's results, or a baseline's. renderers: of all recordings with images; doubts: cases by what a tracker warns of."""
 
     suite: str
     versions: Mapping[str, str | None]
@@ -55,6 +55,7 @@ class Results:
     groups: Mapping[GroupKey, Group]
     failed: tuple[StoredCase, ...] = ()
     unfinished: int = 0
+    doubts: Mapping[str, int] = field(default_factory=dict)
 
 
 def results_of(store: ResultStore) -> Results:
@@ -79,6 +80,7 @@ def results_of(store: ResultStore) -> Results:
     return Results(
         suite=facts["suite"],
         versions=facts["versions"],
+        doubts=facts.get("doubts", {}),
         renderers=tuple(name for name in facts.get("renderers", ()) if name != NO_RENDERER),
         groups={key: Group(case.variant, seeds[key], ids[key], recordings.get(key, {})) for key, case in first.items()},
         failed=tuple(case for case in cases if case.status == FAILED),

@@ -103,6 +103,7 @@ def run_suite(
         ],
         "seconds": 0.0,
         "renderers": [],
+        "doubts": {},
     }
     with ExitStack() as stack:
         # Processes of ours always start, a scheduler may not answer: then the folder is not ours either.
@@ -142,7 +143,8 @@ def _run_cases(
 ) -> None:
     by_id = {case.id: case for case in cases}
     done = {each.id for each in store.cases() if each.status == DONE}
-    renderers = set(store.facts()["renderers"])
+    facts = store.facts()
+    renderers, doubts = set(facts["renderers"]), dict(facts.get("doubts", {}))
     code = whole_code()
 
     def ended(end: Ended) -> None:
@@ -154,6 +156,12 @@ def _run_cases(
         result: CaseResult = end.value
         for warning in result.warnings:
             watcher.warned(warning)
+        for doubt in result.doubts:
+            if doubt not in doubts:  # once, however many cases it is of
+                watcher.warned(f"{case.id}: {doubt}")
+            doubts[doubt] = doubts.get(doubt, 0) + 1
+        if result.doubts:
+            store.note(doubts=doubts)
         _write_files(folder / "cases" / case.id, result.files)
         store.finished(case, end.attempts, end.seconds, flat(result.metrics), result.moments, result.recording)
         if result.renderer not in renderers:

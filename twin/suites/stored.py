@@ -68,6 +68,7 @@ class Facts(BaseModel):
     promises: list[Promise] = Field(default_factory=list)
     seconds: FiniteFloat
     renderers: list[str]
+    doubts: dict[str, int] = Field(default_factory=dict)
     strips: dict[str, FiniteFloat] = Field(default_factory=dict)
     baseline: str | None = None
     beside: str | None = None

@@ -35,6 +35,7 @@ def write_summary(
         "seconds": facts["seconds"],
         "versions": dict(results.versions),
         "renderers": list(results.renderers),
+        "doubts": dict(results.doubts),
         "groups": [
             {
                 "scenario": key.scenario,

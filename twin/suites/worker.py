@@ -69,7 +69,7 @@ class Moment:
 class CaseResult:
     """What a case gave: the tracker's entry of `metrics.json`, the moments, the files of its folder, how it was made.
 
-    recording: a digest of what was recorded, bit by bit.
+    recording: a digest of what was recorded, bit by bit; doubts: what the tracker warns of.
     """
 
     metrics: dict[str, Any]
@@ -80,6 +80,7 @@ class CaseResult:
     record_s: float
     recording: str = ""
     warnings: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
 
 
 def run_case(work: CaseWork) -> CaseResult:
@@ -129,6 +130,7 @@ def run_case(work: CaseWork) -> CaseResult:
                 record_s=record_s,
                 recording=digests_of(entry)[RECORDING][:_DIGEST],
                 warnings=tuple(warnings),
+                doubts=result.doubts,
             )
 
 

@@ -1,4 +1,4 @@
-"""Whoever starts a run is told at once which sensors a tracker makes no use of, and that the faulty one is among them."""
+"""Whoever starts a run is told which sensors a tracker makes no use of, a faulty one among them, and what the tracker doubts."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from trackers.sort import Sort
+from twin.environment.run import write_environment
 from twin.run.live import run_scenario
 from twin.run.replay import track_recording
 from twin.scenario import load_scenario
@@ -57,3 +59,45 @@ def test_tracking_a_recording_tells_it_of_the_faults_in_the_bag(ran: tuple[Told,
     track_recording(ran[1] / "recording.mcap", trackers=["laser-imm"], **told.keywords(tmp_path))
     assert told.told[0] == TOLD
     assert "tracking" in told.told[1]
+
+
+class Doubting(Sort):
+    """Finds on the way that something is wrong."""
+
+    warnings: tuple[str, ...] = ("doubts the rig",)
+
+    def update(self, observation):
+        self.warnings = ("doubts the rig", "doubts the room")
+        return super().update(observation)
+
+
+def test_what_a_tracker_doubts_is_told_at_first_and_on_the_way(ran: tuple[Told, Path], tmp_path: Path) -> None:
+    told, name = Told(), "test_left_alone:Doubting"
+    doubts = (f"{name}: doubts the rig", f"{name}: doubts the room")
+    result = track_recording(ran[1] / "recording.mcap", trackers=[name], **told.keywords(tmp_path))
+    assert told.told[0] == doubts[0] and told.told.index(doubts[1]) > told.told.index("tracking")
+    assert result.doubts == doubts and set(doubts) <= set(result.warnings)
+    page = (tmp_path / "report.html").read_text()
+    assert all(doubt in page for doubt in doubts)
+
+
+SMALL = [f"sensors.stereo_{k}.size=[160, 120]" for k in (1, 2, 3, 4)] + ["duration_s=0.3", "background_frames=2"]
+LACKS = "rgbd-head: goes without the room's environment (`twin environment` makes one)"
+
+
+def test_heads_without_an_environment_are_warned_of_live_and_again(tmp_path: Path) -> None:
+    live, again = Told(), Told()
+    run_scenario(load_scenario("head-trap", SMALL), trackers=["rgbd-head"], **live.keywords(tmp_path / "a"))
+    track_recording(tmp_path / "a" / "recording.mcap", trackers=["rgbd-head"], **again.keywords(tmp_path / "b"))
+    assert LACKS in live.told and LACKS in again.told
+
+
+@pytest.mark.slow
+def test_a_camera_that_hangs_otherwise_than_believed_is_named_where_the_room_is_known(tmp_path: Path) -> None:
+    told, room = Told(), tmp_path / "room.npz"
+    write_environment(load_scenario("head-trap"), [], out=room)
+    off = ["sensors.stereo_2.believed={rpy_deg: [0, 0, 6]}", f"knowledge.environment={room}"]
+    run_scenario(load_scenario("head-trap", [*SMALL, *off]), trackers=["rgbd-head"], **told.keywords(tmp_path / "a"))
+    assert [each for each in told.told if "stereo_" in each] == [
+        "rgbd-head: what stereo_2 sees of the empty room fits the environment better when turned by 5° than as the rig has it"
+    ]

@@ -79,4 +79,5 @@ def result_of(work: CaseWork) -> CaseResult:
         recorded=True,
         record_s=0.0,
         recording=f"{case.scenario} {case.seed}",
+        doubts=(f"{case.tracker}: doubts everything",),
     )

@@ -195,6 +195,18 @@ def test_results_of_two_suites_or_two_states_of_the_code_never_mix(
         run_made_up(suite, folder, resume=True)
 
 
+def test_what_trackers_doubt_is_told_once_and_kept(
+    suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "out"
+    _, told, _ = command(monkeypatch, "run", str(suite), "--jobs", "1", "--out", str(folder))
+    doubts = json.loads((folder / "summary.json").read_text())["doubts"]
+    assert sum(doubts.values()) == N_CASE and "laser-kalman: doubts everything" in doubts
+    page = (folder / "report.html").read_text()
+    for doubt, n_case in doubts.items():
+        assert told.count(doubt) == 1 and f"{doubt} ({n_case} case" in page
+
+
 def test_the_gate_passes_then_fails_and_says_where_to_look(
     suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
