@@ -17,6 +17,7 @@ from synthetic_meeting import empty_room, observe, rig, walks
 from trackers.errors import InputError
 from trackers.presets import make_tracker
 from trackers.rgbd_head.evaluators import Evaluator
+from trackers.rgbd_head.options import RgbdHeadOptions
 from trackers.rgbd_head.scheduled import ScheduledEvaluators
 from trackers.tracks import TrackFrame, track_frames
 
@@ -53,7 +54,7 @@ def test_tracks_are_the_local_ones_to_the_bit_whatever_order_answers_come_in(thr
         return later
 
     expected = repr(followed(made(room=room)))
-    for name in ("take", "weights", "look", "strangers"):
+    for name in ("take", "expect", "weights", "facing", "look", "strangers"):
         monkeypatch.setattr(Evaluator, name, slow(getattr(Evaluator, name)))
     tracker = made(threads.scheduler_address, room)
     assert repr(followed(tracker)) == expected
@@ -61,18 +62,19 @@ def test_tracks_are_the_local_ones_to_the_bit_whatever_order_answers_come_in(thr
 
 
 def test_a_picture_travels_once_and_little_beside_it(threads, monkeypatch):
-    """Three people by 512 hypotheses each in one picture; one person in a moment of four pictures."""
+    """One person, a moment of four pictures, as many hypotheses and layers as there are by default."""
     sent: list[tuple[str, int]] = []
     ask = ScheduledEvaluators._ask
 
     def counted(self, what, arguments):
         answers = ask(self, what, arguments)
-        sent.append((what, len(pickle.dumps(arguments)) + (len(pickle.dumps(answers)) if what != "take" else 0)))
+        back = answers.values() if what != "take" else ()
+        sent.append((what, sum(len(pickle.dumps(each)) for each in (*arguments.values(), *back))))
         return answers
 
     monkeypatch.setattr(ScheduledEvaluators, "_ask", counted)
     seen = observe(RIG, walks(1, 12))
-    followed(made(threads.scheduler_address, heads=512), seen)
+    followed(made(threads.scheduler_address, heads=RgbdHeadOptions().heads), seen)
     per_picture = 160 * 120 * (3 + 4)
     taken = [size for what, size in sent if what == "take"]
     assert len(taken) == 12 and max(taken) < 4 * (per_picture + 1024)
@@ -85,11 +87,11 @@ def test_a_picture_travels_once_and_little_beside_it(threads, monkeypatch):
 def test_a_worker_that_dies_is_taken_over_with_the_same_bits(threads, monkeypatch):
     expected, asked = repr(followed(made())), []
 
-    def dying(self, heads, colours):
+    def dying(self, heads):
         asked.append(self)
         if len(asked) > 12 and self is asked[0]:
             raise OSError("gone")
-        return weights(self, heads, colours)
+        return weights(self, heads)
 
     weights = Evaluator.weights
     tracker = made(threads.scheduler_address)

@@ -25,7 +25,7 @@ _LOW_M, _HIGH_M = 0.4, 2.2
 class Evaluator:
     """One camera and its last picture. What it answers is a function of its pictures and of what it is asked, of nothing else.
 
-    colours: what was expected of everybody when heads were weighed last.
+    colours: what is expected of everybody; None: the share of skin counts.
     """
 
     def __init__(self, watcher: Watcher) -> None:
@@ -38,15 +38,17 @@ class Evaluator:
         self._picture = self.watcher.ready(image)
         return self._picture is not None
 
-    def weights(self, heads: Float[Singles, "4 n p"], colours: ExpectedColours | None) -> Weights:
-        """The weights that the picture gives heads at its stamp (`Watcher.weights`)."""
+    def expect(self, colours: ExpectedColours) -> None:
+        """From now on these colours are expected."""
         self.colours = colours
-        return self.watcher.weights(self._shown(), heads, None if colours is None else colours.tables)
+
+    def weights(self, heads: Float[Singles, "4 n p"]) -> Weights:
+        """The weights that the picture gives heads at its stamp (`Watcher.weights`)."""
+        return self.watcher.weights(self._shown(), heads, self._tables())
 
     def facing(self, heads: Float[Array, "4 n"]) -> Float[Array, "n directions"]:
-        """What the picture says of where heads face (`Watcher.facing`), by the colours that they were weighed with."""
-        colours = self.colours
-        return self.watcher.facing(self._shown(), heads, None if colours is None else colours.tables)
+        """What the picture says of where heads face (`Watcher.facing`)."""
+        return self.watcher.facing(self._shown(), heads, self._tables())
 
     def look(self, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
         """The picture's pixels on heads (`Watcher.look`)."""
@@ -59,6 +61,9 @@ class Evaluator:
         if not len(known):
             return points
         return points[:, distances(points[:2].T, known).min(axis=1, initial=np.inf) > apart_m]
+
+    def _tables(self) -> Float[Singles, "n entries"] | None:
+        return None if self.colours is None else self.colours.tables
 
     def _shown(self) -> Picture:
         if self._picture is None:
@@ -81,14 +86,16 @@ class Evaluators:
         shown = self._ask("take", {name: (images[name],) for name in self.here if name in images})
         return [name for name, is_shown in shown.items() if is_shown]
 
-    def weights(
-        self, heads: Mapping[str, Float[Singles, "4 n p"]], colours: ExpectedColours | None
-    ) -> dict[str, Weights]:
+    def expect(self, names: Iterable[str], colours: ExpectedColours) -> None:
+        """Tell these cameras which colours are expected."""
+        self._ask("expect", dict.fromkeys(names, (colours,)))
+
+    def weights(self, heads: Mapping[str, Float[Singles, "4 n p"]]) -> dict[str, Weights]:
         """What each camera makes of the heads at its picture's stamp."""
-        return self._ask("weights", {name: (each, colours) for name, each in heads.items()})
+        return self._ask("weights", {name: (each,) for name, each in heads.items()})
 
     def facing(self, heads: Mapping[str, Float[Array, "4 n"]]) -> list[Float[Array, "n directions"]]:
-        """What each camera says of where heads face that are there at its picture's stamp, after all were weighed."""
+        """What each camera says of where heads face that are there at its picture's stamp."""
         return list(self._ask("facing", {name: (each,) for name, each in heads.items()}).values())
 
     def look(self, name: str, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:

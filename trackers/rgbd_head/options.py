@@ -141,6 +141,15 @@ class MotionOptions(Strict):
         lt=1,
         description="share of hypotheses that may look anywhere at the next moment: heads turn fast",
     )
+    layers: PositiveInt = Field(
+        default=3,
+        le=10,
+        description="so many times a moment hypotheses are weighed, each time by the same root of their weights and drawn anew "
+        "from the heavy ones: an annealed particle filter (Deutscher et al. 2000; ours); 1: the paper",
+    )
+    nearer: float = Field(
+        default=0.5, gt=0, le=1, description="diffusion of a layer, as a share of that of the one before (ours)"
+    )
     velocity_s: float = Field(
         default=0.35,
         ge=0,
@@ -196,7 +205,7 @@ class Start(Strict):
 class RgbdHeadOptions(Strict):
     """The whole system; its defaults are what works, the preset `rgbd-head-paper` is the paper's own."""
 
-    heads: PositiveInt = Field(default=1024, le=100_000, description="N, hypotheses a person (the paper: 512)")
+    heads: PositiveInt = Field(default=256, le=100_000, description="N, hypotheses a person (the paper: 512)")
     weights: WeightOptions = Field(default=WeightOptions(), description="how a picture weighs them")
     environment: EnvironmentOptions = Field(default=EnvironmentOptions(), description="how the room weighs them")
     motion: MotionOptions = Field(default=MotionOptions(), description="how heads move")

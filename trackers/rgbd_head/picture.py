@@ -12,7 +12,7 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Int, Int32, Shaped, UInt8
+from jaxtyping import Bool, Float, Float16, Int, Int32, Shaped, UInt8
 from numpy.typing import NDArray
 
 from trackers.area import Area
@@ -82,7 +82,7 @@ class Weights:
 
     colour: Float[Singles, "n"]
     depth: Float[Singles, "n"]
-    shown: Float[Singles, "n"]
+    shown: Float16[NDArray, "n"]  # it travels, and is precise enough
     seen: Bool[Mask, "n"]
 
 
@@ -192,7 +192,7 @@ class Watcher:
             depth += self._depth(seen_as, inner, _range_m(pixels))
         seen = seen_as.seen
         colour, depth, shown = (np.where(seen, each, np.float32(0)) for each in (colour, depth, filled * free))
-        return Weights(colour, depth, shown, seen)
+        return Weights(colour, depth, shown.astype(np.float16), seen)
 
     def facing(
         self, picture: Picture, heads: Float[Array, "4 n"], tables: Float[Singles, "n entries"] | None

@@ -9,17 +9,13 @@ then, and so answers with the same bits.
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from jaxtyping import Float
-
-from trackers.arrays import Singles
 from trackers.errors import InputError
 from trackers.observations import DepthImage
 from trackers.rgbd_head.colours import ExpectedColours
 from trackers.rgbd_head.evaluators import Evaluator, Evaluators
-from trackers.rgbd_head.picture import Weights
 from trackers.scheduler import connected
 
 if TYPE_CHECKING:
@@ -54,12 +50,10 @@ class ScheduledEvaluators(Evaluators):
             self._last[name] = images[name]
         return super().take(images)
 
-    def weights(
-        self, heads: Mapping[str, Float[Singles, "4 n p"]], colours: ExpectedColours | None
-    ) -> dict[str, Weights]:
+    def expect(self, names: Iterable[str], colours: ExpectedColours) -> None:
         """As here; the colours are kept for who is taken over later."""
         self._colours = colours
-        return super().weights(heads, colours)
+        super().expect(names, colours)
 
     def close(self) -> None:
         """Leave the workers."""

@@ -11,6 +11,7 @@ A track's x and y are the ground under the head, not under the pelvis; its z is 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from math import nan
 from typing import Any, NamedTuple
 
@@ -25,7 +26,7 @@ from trackers.filters.circular import diffused, drawn, grid_of
 from trackers.filters.particle import LogWeights, ParticleFilter
 from trackers.knowledge import Knowledge
 from trackers.observations import NS_PER_S, DepthImage, Observation
-from trackers.rgbd_head.colours import ExpectedColours, HeadColours
+from trackers.rgbd_head.colours import HeadColours
 from trackers.rgbd_head.evaluators import Evaluator, Evaluators
 from trackers.rgbd_head.learned import SHIPPED, load_learned
 from trackers.rgbd_head.life import Life
@@ -164,20 +165,25 @@ class RgbdHead(MomentTracker):
         shift = dt * people.velocity.T[..., None]
         facing = (1 - motion.turned) * diffused(people.facing, turn) if people.facing.size else people.facing
         facing += motion.turned / max(facing.shape[1], 1)
-        expected = self._expected_colours(people)
+        colour = options.weights.colour
+        if colour.used and colour.by_person:
+            self._evaluators.expect(later_s, people.colours.expected(self._learned.common, colour))
         weighed: dict[str, Weights] = {}
 
-        def move(state: Array, rng: np.random.Generator) -> Array:
+        def move(state: Array, rng: np.random.Generator, share: float, way: Array) -> Array:
             moved = np.empty_like(state)
-            moved[:3] = state[:3] + shift + sigma * rng.standard_normal(state[:3].shape)
+            moved[:3] = state[:3] + way + share * sigma * rng.standard_normal(state[:3].shape)
             moved[3] = drawn(facing, options.heads, rng) if facing.size else self._turned(state[3], turn, rng)
             return moved
 
         def log_likelihood(state: Array) -> Array:
-            weighed.update(self._weighed(state, later_s, expected))
-            return self._total(state, weighed)
+            weighed.update(self._weighed(state, later_s))
+            return self._total(state, weighed) / motion.layers
 
-        cloud = FILTER.step(people.roster.state, move, log_likelihood, self._rng)
+        cloud = FILTER.step(people.roster.state, partial(move, share=1.0, way=shift), log_likelihood, self._rng)
+        for layer in range(1, motion.layers):
+            nearer = partial(move, share=motion.nearer**layer, way=0.0 * shift)
+            cloud = FILTER.step(cloud, nearer, log_likelihood, self._rng)
         people = people.changed(roster=people.roster.changed(state=cloud))
         velocity = people.velocity
         if motion.velocity_s and dt:
@@ -213,19 +219,13 @@ class RgbdHead(MomentTracker):
         speed = np.minimum(np.linalg.norm(velocity, axis=1), 1.0)
         return self.options.motion.walking * speed[:, None] * np.cos(yaw - heading[:, None])
 
-    def _expected_colours(self, people: People) -> ExpectedColours | None:
-        colour = self.options.weights.colour
-        return people.colours.expected(self._learned.common, colour) if colour.used and colour.by_person else None
-
-    def _weighed(
-        self, state: Float[Array, "4 n p"], later_s: dict[str, float], expected: ExpectedColours | None
-    ) -> dict[str, Weights]:
+    def _weighed(self, state: Float[Array, "4 n p"], later_s: dict[str, float]) -> dict[str, Weights]:
         """What each picture makes of hypotheses, moved to its own stamp."""
         velocity, heads = self._people.velocity.T[..., None].astype(np.float32), {}
         for name, later in later_s.items():
             heads[name] = state.astype(np.float32)
             heads[name][:3] += np.float32(later) * velocity
-        return self._evaluators.weights(heads, expected)
+        return self._evaluators.weights(heads)
 
     def _total(self, state: Float[Array, "4 n p"], weighed: dict[str, Weights]) -> Float[Array, "n p"]:
         """The logarithm of the product of all weights (eq. 9)."""

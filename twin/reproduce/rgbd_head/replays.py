@@ -87,7 +87,9 @@ class Seen:
 def spreads(seen: Seen, n_run: int, on_progress: OnProgress | None) -> list[Result]:
     """Table 3: runs of one recording by other random numbers, as many hypotheses as ours has and as the paper's."""
     found = []
-    for number, (name, options) in enumerate({"ours": {}, "512 hypotheses": {"heads": 512}}.items()):
+    for number, (name, options) in enumerate(
+        {"ours": {}, "512, one layer": {"heads": 512, "motion": {"layers": 1}}}.items()
+    ):
         runs = {}
         for seed in range(n_run):
             if on_progress is not None:

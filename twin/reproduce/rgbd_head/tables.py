@@ -37,6 +37,7 @@ _ABLATIONS = (
     ("depth-in-metres", "depth in metres, not by range", ("XY", "Z")),
     ("share-of-skin", "share instead of place of skin", ("yaw",)),
     ("direction-each", "a direction of each hypothesis", ("yaw", "XY")),
+    ("one-layer", "as many hypotheses in one layer", ("XY", "Z")),
     ("one-stamp", "stamps ignored", ("XY",)),
     ("no-environment", "without the environment", ("XY", "lost")),
 )
