@@ -165,7 +165,13 @@ class Foreground:
             _, label, stats, _ = cv2.connectedComponentsWithStats(mask[there], connectivity=8, ltype=ltype)
             kept = stats[:, cv2.CC_STAT_AREA] >= options.least_area_px
             kept[0] = False  # what is not foreground
-            cleaned[there] = kept.take(np.asarray(label, np.intp))
+            if kept[1:].all():
+                cleaned[there] = mask[there] > 0
+            elif len(kept) <= FULL + 1:  # numpy's look-up of a whole picture takes several times as long
+                table = np.pad(kept, (0, FULL + 1 - len(kept))).view(np.uint8)
+                cleaned[there] = cv2.LUT(np.asarray(label, np.uint8), table) > 0
+            else:
+                cleaned[there] = kept.take(np.asarray(label, np.intp))
         return cleaned
 
 

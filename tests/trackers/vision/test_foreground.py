@@ -128,10 +128,10 @@ def test_specks_and_thin_lines_go_and_bodies_keep_their_size():
 
 
 @settings(max_examples=25, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.integers(0, 40))
-def test_regions_left_are_those_of_the_least_size(seed: int, least: int):
+@given(st.integers(0, 2**32 - 1), st.integers(0, 40), st.sampled_from((0.001, 0.03, 0.1, 0.12)))
+def test_regions_left_are_those_of_the_least_size(seed: int, least: int, share: float):
     rgb = room()
-    rgb[np.random.default_rng(seed).random((HEIGHT, WIDTH)) < 0.1] = 0
+    rgb[np.random.default_rng(seed).random((HEIGHT, WIDTH)) < share] = 0
     raw = Foreground(LENS, [picture(room())], ForegroundOptions.model_validate(RAW)).mask(picture(rgb))
     large = ForegroundOptions.model_validate(RAW | {"least_area_px": least})
     left = Foreground(LENS, [picture(room())], large).mask(picture(rgb))
