@@ -294,7 +294,7 @@ def moved(on, sensor, yaw_deg=0.0, moved_m=(0.0, 0.0, 0.0)):
     ids=["right", "turned", "moved"],
 )
 def test_a_camera_that_hangs_elsewhere_is_named_while_somebody_walks(believed, doubted):
-    walk = walks(1, 50)
+    walk = walks(1, 70)  # 5 s of it at more than a stroll, by pictures at half the cameras' usual rate
     tracker = make_tracker("camera-floor-particle", believed, ROOM, np.random.default_rng(0))
     list(track_frames(tracker, believed, observe(RIG, walk)))
     assert [each.partition(" shows")[0] for each in warnings(tracker)] == doubted
