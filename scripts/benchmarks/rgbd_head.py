@@ -21,7 +21,7 @@ from trackers.rig import Rig, StereoSensor
 from twin import Simulation, load_scenario
 
 _S = 5
-_HEADS = (1024, 8192, 32768)
+_HEADS = (256, 1024, 4096)
 """Numbers of hypotheses by which it is measured what Dask workers cost and save."""
 
 
@@ -56,7 +56,7 @@ def measure() -> Iterator[Figure]:
 
 
 def _on_workers(rig: Rig, known: Knowledge, seen: Sequence[Observation]) -> Iterator[Figure]:
-    """What a moment of three people takes with each camera on a Dask worker of its own, and from how many hypotheses on less."""
+    """What a moment of three people takes with each camera on a Dask worker, and from how many hypotheses on it takes less."""
     with LocalCluster(n_workers=4, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50) as cluster:
         here, there = (
             np.array([_moment_ms(rig, known, seen, {"heads": heads, "scheduler": address}) for heads in _HEADS])
@@ -67,8 +67,9 @@ def _on_workers(rig: Rig, known: Knowledge, seen: Sequence[Observation]) -> Iter
             yield Figure(f"a moment of three people, {heads} hypotheses, {where}", float(each), "ms", "")
     # both grow in proportion to the hypotheses, beyond what is the same for any number
     (slope, level), (slope_there, level_there) = (np.polyfit(_HEADS, each, 1) for each in (here, there))
-    even = (level_there - level) / (slope - slope_there) if slope > slope_there else np.inf
-    yield Figure("hypotheses from which four Dask workers are faster", float(max(even, 0)), "", "")
+    if slope > slope_there:
+        even = max((level_there - level) / (slope - slope_there), 0.0)
+        yield Figure("hypotheses from which four Dask workers are faster", float(even), "", "")
 
 
 def _moment_ms(rig: Rig, known: Knowledge, seen: Sequence[Observation], options: dict[str, object]) -> float:
