@@ -107,9 +107,8 @@ def _fits(hall: HallRuns) -> list[tuple[str, str]]:
         fit = cost_fit(every, tracker)
         if fit is not None:
             base, a_person, a_close, explained = fit
-            text = f"{base:.2f} ms + {a_person:.3f} ms a person + {a_close:.3f} ms a person who interacts".replace(
-                "-", "−"
-            )
+            text = f"{base:.2f} ms {a_person:+.3f} ms a person {a_close:+.3f} ms a person who interacts"
+            text = text.replace("+", "+ ").replace("-", "− ")
             told.append((SYSTEMS.get(tracker, tracker), f"{text}; explains {100 * explained:.0f} % of the variance"))
     return told
 
