@@ -63,7 +63,10 @@ _BY_FILE = {
         ("radius not squared", "<= radius_m**2, axis=1)", "<= radius_m, axis=1)"),
         ("cross term halved", "2 * b * y", "b * y"),
     ],
-    "trackers/filters/absence.py": [("mean square left in the variance", "xx - mean_x**2 - 1", "xx - 1")],
+    "trackers/filters/absence.py": [
+        ("mean square left in the variance", "xx - mean_x**2 - 1", "xx - 1"),
+        ("existence by who would be seen", "unseen = there * missed", "unseen = there * (1 - missed)"),
+    ],
     "trackers/filters/circular.py": [("arctangent's arguments exchanged", "arctan2(y, x)", "arctan2(x, y)")],
     "trackers/filters/particle.py": [
         ("evidence without the total", "np.where(lost, -np.inf, top + log_total)", "np.where(lost, -np.inf, top)"),
@@ -103,6 +106,7 @@ _BY_FILE = {
     ],
     "trackers/laser/free_space.py": [
         ("rotation not transposed", "rotation[:2, :2].T.copy()", "rotation[:2, :2].copy()"),
+        ("a beam more is asked for", "(self._least - 1)", "self._least"),
         ("seen before, not behind", "distance + options.behind_m", "distance - options.behind_m"),
     ],
     "trackers/laser/group.py": [
@@ -139,6 +143,7 @@ _BY_FILE = {
             "start_from_two(people.born_at[fresh], now_at,",
             "start_from_two(now_at, people.born_at[fresh],",
         ),
+        ("bodies three times as far apart", "taken, rules.apart_m)", "taken, 3 * rules.apart_m)"),
         ("negative evidence left out", "people.state.replaced(missed, state)", "people.state"),
         ("clothes learned from another trunk", "seen.histograms[matches.trunk[looked]],", "seen.histograms[looked],"),
     ],
