@@ -10,6 +10,9 @@ from operator import attrgetter
 from types import TracebackType
 from typing import Self
 
+import numpy as np
+from numpy.typing import NDArray
+
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, Observation
 from trackers.rig import Rig, StereoSensor
@@ -198,8 +201,12 @@ class Simulation:
 
     def boxes(self, t: float) -> dict[str, tuple[Box, ...]]:
         """The pixel boxes of the people in each camera's picture at time t [s], by name."""
+        return {name: person_boxes(people) for name, people in self.person_images(t).items()}
+
+    def person_images(self, t: float) -> dict[str, NDArray[np.int16]]:
+        """Which person each pixel of each camera shows at time t [s], by name (`SeesPeople.person_image`)."""
         snapshot = self.world.snapshot(t)
-        return {name: person_boxes(camera.person_image(snapshot)) for name, camera in self._cameras().items()}
+        return {name: camera.person_image(snapshot) for name, camera in self._cameras().items()}
 
     def snapshot(self, t: float) -> Snapshot:
         """The world at time t [s], after the truth of every stamp until then has been told."""

@@ -20,6 +20,7 @@ from trackers.rig import FloorSensor, PinholeSensor, Rig, placed_camera
 from trackers.tracks import Hypotheses, Track, TrackFrame
 from trackers.vision.hsv import hsv_of
 from twin.report.panels import TruePoses
+from twin.reproduce.camera_floor_particle.masks import mask_quality
 from twin.reproduce.camera_floor_particle.pictures import draw_inside
 from twin.reproduce.camera_floor_particle.plots import head_errors, heads_svg
 from twin.reproduce.camera_floor_particle.replays import PEOPLE, VARIANTS, closest_s, lowest_s, standing
@@ -36,6 +37,9 @@ from twin.reproduce.camera_floor_particle.tables import (
     conditions_of,
     results_of,
 )
+from twin.scenario import load_scenario
+from twin.scenario.load import dump_scenario
+from twin.suites.cache import RecordingCache
 from twin.suites.description import load_suite
 
 
@@ -153,3 +157,13 @@ def test_moments_are_drawn_with_masks_particles_floor_and_truth():
         assert (same(left, others[0]), same(right, others[1])) == (is_left, is_right)
     with pytest.raises(ValueError, match="no camera"):
         draw_inside(Inside(Views(()), None, None, np.empty(0, int)), TrackFrame(0, ()), rig, {}, truth)
+
+
+@pytest.mark.parametrize("shadows", [False, True])
+def test_foreground_is_people_with_shadows_and_without(shadows, tmp_path):
+    change = ["rendering={shadows: true, samples: 2}"] if shadows else []
+    scenario = load_scenario("movements-crossing", ["duration_s=0.6", "seed=3", *change])
+    case: Any = SimpleNamespace(id="a case", resolved=dump_scenario(scenario))
+    recall, precision = mask_quality(case, RecordingCache(tmp_path, 2**30))
+    assert 0.95 < recall <= 1
+    assert 0.8 < precision <= 1

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from trackers.errors import InputError
 from twin.recording.whole_file import whole_path
+from twin.reproduce.camera_floor_particle.masks import mask_results
 from twin.reproduce.camera_floor_particle.plots import course_svg, head_errors, heads_svg
 from twin.reproduce.camera_floor_particle.replays import (
     CHOICE,
@@ -55,7 +56,7 @@ def reproduce(folder: Path, asked: Asked, on_progress: OnProgress | None = None)
     cache = run_in(folder, suite, path, Place(asked.jobs), asked.resume, on_progress)
     runs = read_runs(suite, path, folder, cache)
     command = asked.command + (f" --suite {shlex.quote(asked.suite)}" if asked.suite else "")
-    return write_all(folder, runs, choices(cache, on_progress), command)
+    return write_all(folder, runs, [*mask_results(runs), *choices(cache, on_progress)], command)
 
 
 def check_suite(suite: Suite, path: Path) -> None:
@@ -69,10 +70,10 @@ def check_suite(suite: Suite, path: Path) -> None:
             raise InputError(f"{path}: scenarios: {name} is run without {OURS}; it is expected among the trackers")
 
 
-def write_all(folder: Path, runs: SuiteRuns, chosen: Sequence[Result], command: str) -> Found:
+def write_all(folder: Path, runs: SuiteRuns, more: Sequence[Result], command: str) -> Found:
     """Write what was found: results, plots, pictures, page. Raises InputError as files do."""
     conditions = conditions_of(runs)
-    results = [*results_of(conditions), *chosen]
+    results = [*results_of(conditions), *more]
     cases = {name: next(iter(runs.by_condition[name].values())) for name in NEEDED}
     course = {called(name): tracks_of(case, runs) for name, case in cases[COURSE].items()}
     errors = [head_errors(truth_of(cases[name][OURS], runs), tracks_of(cases[name][OURS], runs)) for name in MOVEMENTS]
