@@ -8,12 +8,14 @@ import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
+from scipy.spatial.transform import Rotation
 from synthetic_meeting import HEAD_M, LENS, empty_room, met, observe, rig, walks
 
 from trackers.cameras import Ellipsoids, PlacedCamera
 from trackers.environment import Environment
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage
+from trackers.pose import Pose
 from trackers.presets import PRESETS, make_tracker
 from trackers.rgbd_head.calibration import is_turned
 from trackers.rgbd_head.colours import COLOURS, HeadColours, colour_numbers
@@ -329,6 +331,38 @@ def test_a_camera_that_hangs_otherwise_than_the_rig_says_is_named(turn_deg, name
     roll, pitch, yaw = pose.rpy
     told = PlacedCamera(LENS, pose.model_copy(update={"rpy": (roll, pitch, yaw + np.radians(turn_deg))}))
     assert is_turned(told, depth_m, object.__new__(Box)) == named
+
+
+def told_otherwise(sensor: str, turn_deg: float, axis: int, on=RIG) -> Rig:
+    """The rig with a camera believed to be turned about an axis of its picture."""
+    camera = on.sensors[sensor]
+    turn = Rotation.from_rotvec(np.radians(turn_deg) * np.eye(3)[axis]).as_matrix()
+    pose = Pose.from_matrix(camera.room_from_sensor.rotation @ turn, camera.room_from_sensor.xyz)
+    return Rig(sensors={**on.sensors, sensor: camera.model_copy(update={"room_from_sensor": pose})}, area=on.area)
+
+
+@pytest.mark.parametrize(
+    ("told", "named"),
+    [
+        (RIG, []),
+        (told_otherwise("stereo_1", 5, 1), ["stereo_1"]),
+        (told_otherwise("stereo_3", -5, 0), ["stereo_3"]),
+        (told_otherwise("stereo_2", 8, 0), ["stereo_2"]),
+        (told_otherwise("stereo_4", 2, 1), []),
+    ],
+    ids=["right", "5° aside", "5° down", "8° up", "2° aside"],
+)
+def test_a_camera_that_shows_heads_elsewhere_is_named(told, named):
+    tracker = make_tracker("rgbd-head", told, ROOM, np.random.default_rng(0), {"environment": {"used": False}})
+    list(track_frames(tracker, told, SEEN))
+    assert [each.partition(" shows heads elsewhere")[0] for each in tracker.warnings] == named
+
+
+def test_of_two_cameras_nobody_can_tell_which_hangs_otherwise():
+    both = told_otherwise("stereo_1", 8, 1, rig(2))
+    tracker = make_tracker("rgbd-head", both, empty_room(rig(2)), options={"environment": {"used": False}})
+    list(track_frames(tracker, both, [each for each in SEEN if each.sensor in both.sensors]))
+    assert not tracker.warnings
 
 
 def test_what_is_lacking_of_the_room_is_told():

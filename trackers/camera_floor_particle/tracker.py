@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from trackers.area import Area
 from trackers.camera_floor_particle.body import BodyFilter
 from trackers.camera_floor_particle.detection import Newcomers, hull_over
-from trackers.camera_floor_particle.doubts import CameraDoubts
+from trackers.camera_floor_particle.doubts import FEWEST, OFF_M, look
 from trackers.camera_floor_particle.head import HeadFilter
 from trackers.camera_floor_particle.loads import FloorWatch, Loads
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
@@ -27,6 +27,7 @@ from trackers.rig import Rig
 from trackers.tracking.moment_tracker import MomentTracker
 from trackers.tracking.moments import Moment, MomentRules
 from trackers.tracks import Hypotheses, Track
+from trackers.vision.camera_doubts import CameraDoubts
 
 _LEAST_SHOWN = 0.5
 """Share of the cameras that see a place from which, showing foreground there, they show somebody."""
@@ -79,7 +80,7 @@ class CameraFloorParticle(MomentTracker):
         self._watch = FloorWatch(rig.floors()[self._floor], empty_floor, self.options)
         self._bodies, self._heads = BodyFilter(self.options, area), HeadFilter(self.options, area)
         self._newcomers = Newcomers(self.options, len(cameras))
-        self._cameras, self._doubts = tuple(cameras), CameraDoubts(len(cameras))
+        self._cameras, self._doubts = tuple(cameras), CameraDoubts(len(cameras), OFF_M, FEWEST)
         self.background_learned_causally = self._watchers.learns_background
         opens, held = (tuple(cameras), (self._floor,)) if cameras else ((self._floor,), ())
         main = rig.main_sensor if rig.main_sensor in opens else None
@@ -148,7 +149,7 @@ class CameraFloorParticle(MomentTracker):
             self._people = self._bodies.step(self._people, dt, loads, views, self._rng)
             if self._has_pictures:
                 self._people = self._heads.step(self._people, offset, dt, views, self._rng)
-                self._doubts.look(self._people, views)
+                look(self._doubts, self._people, views)
             self._look_after(loads, views, is_new=is_new)
         if loads is not None and is_new:
             self._detect(loads, views)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
@@ -10,22 +12,29 @@ from trackers.arrays import Singles
 from trackers.cameras.placed import PlacedCamera
 from trackers.environment.model import Environment
 
-TURN_DEG = 5.0
-"""A camera that is turned by less is tolerated."""
-_BETTER_BY = 0.03
-"""A pose fits better where so much more of the points lie at known surfaces; how many do at all depends on noise and room."""
+TURNS_DEG = (5.0, 9.0)
+"""A camera whose empty room fits better after one of these turns than after none or a tolerated one hangs otherwise."""
+_TOLERATED_DEG = 2.0
 _NEAR_M = 4.0
 """Distances from here on say little."""
-_EVERY = 4
+_WITHIN_M = 0.1
+"""Points so near to a known surface are at it."""
+_EVERY = 8
+_AXES = np.array([axis for axis in itertools.product((-1, 0, 1), repeat=3) if any(axis)], float)
+"""The cube's: of the picture, and between them, both ways round."""
 
 
 def is_turned(camera: PlacedCamera, depth_m: Float[Singles, "height width"], environment: Environment) -> bool:
-    """Whether the camera's depth of the empty room fits the environment better when it is turned about one of its axes."""
+    """Whether the camera's depth of the empty room fits the environment best when it is turned by more than is tolerated."""
     known = (depth_m > 0) & (depth_m < _NEAR_M)
     points = camera.points(np.where(known, depth_m, np.float32(0)))[::_EVERY, ::_EVERY].reshape(-1, 3)
     off = points[np.isfinite(points).all(axis=1)] - camera.eye_m
     if not len(off):
         return False
-    turns = np.radians(TURN_DEG) * np.concatenate([camera.rotation.T, -camera.rotation.T])
-    turned = max(environment.agreement(turn.apply(off) + camera.eye_m) for turn in Rotation.from_rotvec(turns))
-    return turned > environment.agreement(off + camera.eye_m) + _BETTER_BY
+    axes = _AXES / np.linalg.norm(_AXES, axis=1, keepdims=True) @ camera.rotation.T
+
+    def agreement(turn_deg: float) -> float:
+        turns = Rotation.from_rotvec(np.radians(turn_deg) * (axes if turn_deg else axes[:1]))
+        return max(environment.agreement(turn.apply(off) + camera.eye_m, _WITHIN_M) for turn in turns)
+
+    return max(map(agreement, TURNS_DEG)) > max(agreement(0.0), agreement(_TOLERATED_DEG))

@@ -16,6 +16,7 @@ from trackers.arrays import Array, Index, Singles
 from trackers.filters.gating import distances
 from trackers.observations import DepthImage
 from trackers.rgbd_head.colours import ExpectedColours
+from trackers.rgbd_head.doubts import asides
 from trackers.rgbd_head.picture import Picture, Watcher, Weights
 
 _LOW_M, _HIGH_M = 0.4, 2.2
@@ -46,9 +47,13 @@ class Evaluator:
         """The weights that the picture gives heads at its stamp (`Watcher.weights`)."""
         return self.watcher.weights(self._shown(), heads, self._tables())
 
-    def facing(self, heads: Float[Array, "4 n"]) -> Float[Array, "n directions"]:
+    def facing(self, heads: Float[Array, "4 n"]) -> Float[Singles, "n directions"]:
         """What the picture says of where heads face (`Watcher.facing`)."""
         return self.watcher.facing(self._shown(), heads, self._tables())
+
+    def asides(self, heads: Float[Array, "4 n"]) -> Float[Array, "n 2"]:
+        """How far aside of heads the picture has their silhouettes (`trackers.rgbd_head.doubts`)."""
+        return asides(self.watcher.camera, self._shown().mask, heads, self.watcher.crown_m)
 
     def look(self, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
         """The picture's pixels on heads (`Watcher.look`)."""
@@ -94,9 +99,13 @@ class Evaluators:
         """What each camera makes of the heads at its picture's stamp."""
         return self._ask("weights", {name: (each,) for name, each in heads.items()})
 
-    def facing(self, heads: Mapping[str, Float[Array, "4 n"]]) -> list[Float[Array, "n directions"]]:
+    def facing(self, heads: Mapping[str, Float[Array, "4 n"]]) -> list[Float[Singles, "n directions"]]:
         """What each camera says of where heads face that are there at its picture's stamp."""
         return list(self._ask("facing", {name: (each,) for name, each in heads.items()}).values())
+
+    def asides(self, heads: Mapping[str, Float[Array, "4 n"]]) -> dict[str, Float[Array, "n 2"]]:
+        """How far aside of heads each camera has their silhouettes [rad]."""
+        return self._ask("asides", {name: (each,) for name, each in heads.items()})
 
     def look(self, name: str, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
         """One camera's pixels on heads."""

@@ -54,10 +54,11 @@ class Picture:
     """A picture made ready. pixels: of each, one number for all that is looked at together.
 
     The number of its colour, whether it is foreground, skin-coloured, inside at all; and from `_RANGE_BITS` on how far along
-    its ray it is [mm], 0 where unknown. knows_depth: false where the whole depth picture is empty.
+    its ray it is [mm], 0 where unknown. mask: the foreground alone. knows_depth: false where the whole depth picture is empty.
     """
 
     pixels: Int32[NDArray, "height width"]
+    mask: Bool[Mask, "height width"]
     knows_depth: bool
 
     def at(self, seen_as: Outlines, disc: Float[Array, "k 2"]) -> Int32[NDArray, "k n"]:
@@ -104,12 +105,13 @@ class Watcher:
         self.foreground = Foreground(sensor.intrinsics, pictures, options.foreground, floor)
         self._steady = SteadyCamera(pictures, options.gain_from)
         per_depth = np.linalg.norm(sensor.intrinsics.directions(), axis=-1).astype(np.float32)
-        self.empty_depth_m = _farthest(pictures)
-        self._wall_m = self.empty_depth_m * per_depth
+        self.empty_depth_m, wall_m = _empty_room(pictures)
+        self.crown_m = options.semi_axes_m[2]
+        self._wall_m = wall_m * per_depth
         self._mm_per_depth = 1000 * per_depth
         self._empty = None
         if pictures:
-            known = np.where(np.isfinite(self.empty_depth_m), self.empty_depth_m, np.float32(0))
+            known = np.where(np.isfinite(wall_m), wall_m, np.float32(0))
             nobody = np.zeros(known.shape, np.uint8)
             self._empty = self._packed(pictures[-1].rgb, known, nobody, self._mm_per_depth)
 
@@ -118,19 +120,20 @@ class Watcher:
         if self._steady.is_frozen(image):
             return None
         image = self._steady.set_right(image)
-        mask = self.foreground.mask(image).view(np.uint8)
+        foreground = self.foreground.mask(image)
+        mask = foreground.view(np.uint8)
         if cv2.countNonZero(mask) > _BLIND_FROM * mask.size:
             return None
         knows_depth = bool((image.depth_m[::_EVERY, ::_EVERY] > 0).mean() >= _LEAST_DEPTH)
         if self._empty is None:
-            return Picture(self._packed(image.rgb, image.depth_m, mask, self._mm_per_depth), knows_depth)
+            return Picture(self._packed(image.rgb, image.depth_m, mask, self._mm_per_depth), foreground, knows_depth)
         # beyond the foreground it is the empty room
         left, top, width, height = cv2.boundingRect(mask)
         box = slice(top, top + height), slice(left, left + width)
         pixels = self._empty.copy()
         if width:
             pixels[box] = self._packed(image.rgb[box], image.depth_m[box], mask[box], self._mm_per_depth[box])
-        return Picture(pixels, knows_depth)
+        return Picture(pixels, foreground, knows_depth)
 
     def _packed(
         self,
@@ -196,7 +199,7 @@ class Watcher:
 
     def facing(
         self, picture: Picture, heads: Float[Array, "4 n"], tables: Float[Singles, "n entries"] | None
-    ) -> Float[Array, "n directions"]:
+    ) -> Float[Singles, "n directions"]:
         """The logarithms of the weights by colour of n people's heads if they faced in each of `ASPECTS[0]` directions."""
         options = self._options
         seen_as = outlines(self.camera, heads, options.semi_axes_m)
@@ -214,7 +217,7 @@ class Watcher:
             picked = self._picked[seen_as.aspects() % ASPECTS[1]]
             by_turn = np.einsum("ne,net->nt", rows.transpose(1, 0, 2).reshape(len(person), -1), picked)
             log = options.colour.power / _LOOKED_AT * np.take_along_axis(by_turn, turn, axis=1)
-        return np.where(seen_as.seen[:, None], log, 0).astype(float)
+        return np.where(seen_as.seen[:, None], log, 0).astype(np.float32)  # it travels
 
     def look(self, picture: Picture, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
         """The pixels on a head (x, y, z [m], yaw [rad] at the picture's stamp) of each of n people: person, step of s, colour."""
@@ -281,12 +284,18 @@ class Watcher:
         return np.where(share > 0, _linear(mean, options.linear), np.float32(0))
 
 
-def _farthest(pictures: Sequence[DepthImage]) -> Float[Singles, "height width"]:
-    """How far the empty room is at each pixel along the axis, inf where none of its pictures knows [m]."""
+def _empty_room(
+    pictures: Sequence[DepthImage],
+) -> tuple[Float[Singles, "height width"], Float[Singles, "height width"]]:
+    """How far the empty room is at each pixel along the axis, by the median and at most [m]; inf where no picture knows."""
     if not pictures:
-        return np.full((1, 1), np.inf, np.float32)
-    depth = np.max([each.depth_m for each in pictures[:_EMPTY]], axis=0)
-    return np.where(depth > 0, depth, np.inf).astype(np.float32)
+        nothing = np.full((1, 1), np.inf, np.float32)
+        return nothing, nothing
+    depth = np.array([each.depth_m for each in pictures[:_EMPTY]])
+    depth = np.sort(np.where(depth > 0, depth, np.float32(np.inf)), axis=0)
+    last = np.maximum(np.isfinite(depth).sum(axis=0) - 1, 0)
+    median, most = (np.take_along_axis(depth, each[None], axis=0)[0] for each in (last // 2, last))
+    return median, most
 
 
 def expected_share(facing: Float[Singles, "*n"], options: WeightOptions) -> Float[Singles, "*n"]:

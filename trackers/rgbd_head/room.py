@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from trackers.arrays import Array
 from trackers.environment.model import Environment
-from trackers.rgbd_head.calibration import TURN_DEG, is_turned
+from trackers.rgbd_head.calibration import TURNS_DEG, is_turned
 from trackers.rgbd_head.options import EnvironmentOptions
 from trackers.rgbd_head.picture import Watcher
 
@@ -48,5 +48,5 @@ class Room:
             for name, each in watchers.items()
             if each.empty_depth_m.size > 1 and is_turned(each.camera, each.empty_depth_m, room)
         ]
-        says = f"fits the environment better when turned by {TURN_DEG:g}° than as the rig has it"
+        says = f"fits the environment better when turned by {TURNS_DEG[0]:g}° or more than as the rig has it"
         return [f"what {name} sees of the empty room {says}" for name in turned]

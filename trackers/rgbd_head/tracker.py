@@ -27,6 +27,7 @@ from trackers.filters.particle import LogWeights, ParticleFilter
 from trackers.knowledge import Knowledge
 from trackers.observations import NS_PER_S, DepthImage, Observation
 from trackers.rgbd_head.colours import HeadColours
+from trackers.rgbd_head.doubts import FEWEST, OFF_RAD
 from trackers.rgbd_head.evaluators import Evaluator, Evaluators
 from trackers.rgbd_head.learned import SHIPPED, load_learned
 from trackers.rgbd_head.life import Life
@@ -39,6 +40,7 @@ from trackers.rig import Rig, StereoSensor
 from trackers.tracking.moment_tracker import MomentTracker
 from trackers.tracking.moments import Moment, MomentRules
 from trackers.tracks import Hypotheses, Track, TrackFrame
+from trackers.vision.camera_doubts import CameraDoubts
 
 FILTER = ParticleFilter(threshold=0.7)
 LEARNED = "heads"
@@ -95,6 +97,7 @@ class RgbdHead(MomentTracker):
         self._life = Life(self.options, len(sensors), self._rng)
         self._people = self._life.nobody()
         self._numbers = {name: number for number, name in enumerate(sensors)}
+        self._doubts = CameraDoubts(len(sensors), OFF_RAD, FEWEST)
         self._ns, self._turn = 0, 0
         self._weights: dict[str, Weights] = {}
         here = {name: Evaluator(each) for name, each in watchers.items()}
@@ -103,9 +106,13 @@ class RgbdHead(MomentTracker):
     @property
     def warnings(self) -> list[str]:
         """What is lacking or doubtful, and which camera's Dask worker was lost."""
-        lost = self._evaluators.taken_over
+        lost, cameras = self._evaluators.taken_over, list(self._numbers)
         return [
             *self._warnings,
+            *(
+                f"{cameras[number]} shows heads elsewhere than the other cameras do, and cannot hang as the rig says"
+                for number in self._doubts.doubted
+            ),
             *(f"the Dask worker of {name} was lost; its pictures are weighed here" for name in lost),
         ]
 
@@ -267,9 +274,20 @@ class RgbdHead(MomentTracker):
             n_seen += np.einsum("np,np->n", share, weights.seen.reshape(share.shape))
             shown += np.einsum("np,np->n", share, weights.shown.reshape(share.shape))
         is_shown = (n_seen > 0.5) & (shown >= options.life.least_shown * n_seen)
+        if len(self._numbers) > 2:  # two cannot tell which of them is wrong
+            self._doubt(people, later_s)
         if later_s and options.weights.colour.by_person:
             people = people.changed(colours=self._learned_colours(people, is_shown, later_s))
         self._people = self._life.shown(people, is_shown, self._ns)
+
+    def _doubt(self, people: People, later_s: dict[str, float]) -> None:
+        """Where each camera has the silhouettes of everybody confirmed."""
+        confirmed = people.select(people.roster.confirmed)
+        if len(confirmed):
+            found = self._evaluators.asides({name: _heads(confirmed, later, 0.0) for name, later in later_s.items()})
+            for name, off in found.items():
+                for each in off[np.isfinite(off[:, 0])]:
+                    self._doubts.take(self._numbers[name], each)
 
     def _learned_colours(self, people: People, is_shown: Bool[Mask, "n"], later_s: dict[str, float]) -> HeadColours:
         """After a look at who is shown and faces surely somewhere, by one camera after another."""

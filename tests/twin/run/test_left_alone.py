@@ -98,6 +98,5 @@ def test_a_camera_that_hangs_otherwise_than_believed_is_named_where_the_room_is_
     write_environment(load_scenario("head-trap"), [], out=room)
     off = ["sensors.stereo_2.believed={rpy_deg: [0, 0, 6]}", f"knowledge.environment={room}"]
     run_scenario(load_scenario("head-trap", [*SMALL, *off]), trackers=["rgbd-head"], **told.keywords(tmp_path / "a"))
-    assert [each for each in told.told if "stereo_" in each] == [
-        "rgbd-head: what stereo_2 sees of the empty room fits the environment better when turned by 5° than as the rig has it"
-    ]
+    said = "sees of the empty room fits the environment better when turned by 5° or more than as the rig has it"
+    assert [each for each in told.told if "stereo_" in each] == [f"rgbd-head: what stereo_2 {said}"]
