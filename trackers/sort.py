@@ -1,5 +1,7 @@
 """Simple online and realtime tracking (Bewley et al., 2016) on the ground plane: the baseline beside every other tracker."""
 
+from math import hypot
+
 import numpy as np
 from filterpy.kalman import KalmanFilter
 from pydantic import Field
@@ -59,8 +61,8 @@ class Sort(MomentTracker):
     def _work(self, moment):
         options, last, dt, self.ns = self.options, self.ns, (moment.ns - self.ns) / NS_PER_S, moment.ns
         # x, vx, y, vy; whoever was missed is likelier to stop than to walk on
-        F = [np.kron(np.eye(2), [[1, dt], [0, keep]]) for keep in (np.exp(-dt / options.slowdown_s), 1)]
-        Q = np.kron(np.eye(2), np.outer([dt**2 / 2, dt], [dt**2 / 2, dt])) * options.acceleration_m_s2**2
+        F = [of_both_axes([[1, dt], [0, keep]]) for keep in (np.exp(-dt / options.slowdown_s), 1)]
+        Q = of_both_axes(np.outer([dt**2 / 2, dt], [dt**2 / 2, dt])) * options.acceleration_m_s2**2
         for p in self.people:
             p.F, p.Q = F[p.ns == last], Q
             p.predict()
@@ -78,12 +80,19 @@ class Sort(MomentTracker):
             if not p.id and p.hits >= options.hits:
                 self.last_id = p.id = self.last_id + 1
         self.people = [p for p in self.people if self.ns - p.ns <= (options.coast_s * NS_PER_S if p.id else 0)]
-        for column in np.setdiff1d(np.flatnonzero(whole), columns):
-            if all(np.hypot(*(p.x[::2] - body[column])) > options.apart_m for p in self.people):
-                self.people.append(self.started(body[column]))
+        whole[columns] = False
+        for place in body[whole]:
+            if all(hypot(*(p.x[::2] - place)) > options.apart_m for p in self.people):
+                self.people.append(self.started(place))
 
     def started(self, place):
         p = KalmanFilter(dim_x=4, dim_z=2)
         p.x, p.id, p.ns, p.hits = np.array([place[0], 0, place[1], 0]), 0, self.ns, 1
         p.H, p.R, p.P = np.eye(4)[::2], np.eye(2) * self.options.measurement_m**2, np.diag([0.01, 1.0] * 2)
         return p
+
+
+def of_both_axes(block):
+    both = np.zeros((4, 4))
+    both[:2, :2] = both[2:, 2:] = block
+    return both

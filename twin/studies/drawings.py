@@ -102,17 +102,7 @@ def plan(
             reach = 0.007 * scale
             axes.annotate("", (each.x + reach * np.cos(yaw), each.y + reach * np.sin(yaw)), (each.x, each.y),
                           arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0})  # fmt: skip
-            axes.plot(each.x, each.y, "o", color=INK, markersize=8.5, zorder=7)
-            axes.text(
-                each.x,
-                each.y,
-                str(each.number),
-                color="white",
-                fontsize=6.5,
-                ha="center",
-                va="center_baseline",
-                zorder=8,
-            )
+        _numbered(axes, sensors, 8.5)
         axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xticks=[], yticks=[])
         for side in axes.spines.values():
             side.set_visible(False)
@@ -135,6 +125,18 @@ def _room(axes: Axes, building: Building, area: Array) -> None:
     axes.set_aspect("equal")
 
 
+def _numbered(axes: Axes, sensors: Sequence[Mounted], size: float) -> None:
+    """Dots with the sensors' numbers; those that hang one above the other share one."""
+    at: dict[tuple[float, float], list[str]] = {}
+    for each in sensors:
+        at.setdefault((round(each.x, 2), round(each.y, 2)), []).append(str(each.number))
+    for (x, y), numbers in at.items():
+        axes.plot(x, y, "o", color=INK, markersize=size * (1 + 0.4 * (len(numbers) - 1)), zorder=7)
+        axes.text(
+            x, y, ",".join(numbers), color="white", fontsize=0.76 * size, ha="center", va="center_baseline", zorder=8
+        )
+
+
 def heat_map(
     cells_m: Array, values: Array, cell_m: float, sensors: Sequence[Mounted], building: Building, area: Array, *,
     label: str, least: float | None = None, most: float | None = None,
@@ -142,6 +144,7 @@ def heat_map(
     """Values (n,) at cells (n, 2) [m] as SVG; those below `least` are blind, and hatched."""
     from matplotlib.colors import LogNorm
     from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     low, high = area.min(axis=0), area.max(axis=0)
     shape = tuple(np.ceil((high - low) / cell_m - 1e-6).astype(int))
@@ -174,14 +177,14 @@ def heat_map(
                 interpolation="nearest",
                 zorder=2.6,
             )
-        for each in sensors:
-            axes.plot(each.x, each.y, "o", color=INK, markersize=6, zorder=7)
-            axes.text(
-                each.x, each.y, str(each.number), color="white", fontsize=5, ha="center", va="center_baseline", zorder=8
-            )
+        _numbered(axes, sensors, 6)
         axes.set(xlabel="x [m]", ylabel="y [m]")
         axes.grid(False)
         bar = figure.colorbar(image, ax=axes, shrink=0.8, label=label)
+        if norm is not None:
+            bar.ax.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            bar.ax.yaxis.set_major_formatter("{x:g}")
+            bar.ax.yaxis.set_minor_formatter(NullFormatter())
         bar.ax.tick_params(labelsize=8)
         return svg_of(figure)
 
@@ -205,6 +208,38 @@ def pareto(
         axes.plot(*points[best], "*", color=_ACCENT, markersize=14, label="recommended", zorder=5)
         axes.set(xlabel=labels[0], ylabel=labels[1])
         axes.legend(frameon=False, fontsize=8)
+        return svg_of(figure)
+
+
+def tried(
+    places_m: Array,
+    values: Array,
+    own_m: Array,
+    sensors: Sequence[Mounted],
+    building: Building,
+    area: Array,
+    label: str,
+) -> str:
+    """Where candidates had their devices (n, 2) [m], the best last, coloured by their values (n,), as SVG.
+
+    own_m: where the scenario's own are (k, 2) [m]; sensors: those recommended.
+    """
+    from matplotlib.figure import Figure
+
+    size = building.outline.max(axis=0) - building.outline.min(axis=0)
+    with look():
+        figure = Figure(figsize=(6.6, 6.0 * float(np.clip(size[1] / size[0], 0.4, 1.2)) * 0.85), layout="constrained")
+        axes = figure.add_subplot()
+        _room(axes, building, area)
+        low = float(np.quantile(values, 0.1))  # a few that fail altogether would take all the colours
+        dots = axes.scatter(*places_m.T, c=values, vmin=low, cmap="viridis", s=42, edgecolors="white", lw=0.6, zorder=5)
+        axes.plot(*own_m.T, "x", color=INK, markersize=8, markeredgewidth=2, zorder=6)
+        for each in sensors:
+            axes.plot(each.x, each.y, "o", color="none", markeredgecolor=_ACCENT, markersize=11, mew=1.6, zorder=7)
+        axes.set(xlabel="x [m]", ylabel="y [m]")
+        axes.grid(False)
+        bar = figure.colorbar(dots, ax=axes, shrink=0.8, label=label, extend="min")
+        bar.ax.tick_params(labelsize=8)
         return svg_of(figure)
 
 

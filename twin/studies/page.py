@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
+from trackers.arrays import Array
 from twin.models import MODELS
 from twin.recording.whole_file import whole_file
 from twin.reproduce.page import source_of
 from twin.scenario.floor import FloorDescription
 from twin.studies.aftermath import moved_sensors
-from twin.studies.drawings import Mounted, heat_map, is_scanner, mounted, pareto, plan
+from twin.studies.drawings import Mounted, heat_map, is_scanner, mounted, pareto, plan, tried
 from twin.studies.layout import OWN
 from twin.studies.scoring import Score, errors_by_place
 from twin.studies.seen import Eye, floor_cells
@@ -53,7 +54,7 @@ def write_page(path: Path, answers: Answers) -> None:
         "alike": [(_told(answers, each), row.told) for each, row in answers.alike[:_MOST_ALIKE]],
         "n_alike": len(answers.alike),
         "maps": _maps(answers, scenario, sensors),
-        "pareto": _pareto(answers),
+        "tried": _tried(answers, sensors),
         "objective": objective,
         "fewer": [
             (
@@ -198,31 +199,52 @@ def _maps(answers: Answers, scenario: Any, sensors: list[Mounted]) -> list[tuple
     return [(caption, source_of(svg)) for caption, svg in found]
 
 
-def _pareto(answers: Answers) -> str | None:
-    """The first objective over price, or over the second objective; None where only one placement was tried."""
-    study = answers.prepared.study
+def _tried(answers: Answers, sensors: list[Mounted]) -> tuple[str, str] | None:
+    """What was tried, its caption first: the first objective over the second or the price, or by place where all cost the same.
+
+    None where hardly anything was tried.
+    """
+    study, layout = answers.prepared.study, answers.prepared.layout
     trials = [
         each
         for each in answers.result.trials.values()
         if (not each.why or each is answers.own) and (each.seeds or answers.objective.kind != "metric")
     ]
-    others = [each for each in study.objectives[1:]]
     if len(trials) < 3:
         return None
-    first = [each.value(answers.objective, study.scenarios) for each in trials]
-    across = [each.value(others[0], study.scenarios) if others else each.price for each in trials]
-    errors = [_standard_error(answers, each) for each in trials]
-    on_front = np.array([each in answers.front for each in trials])
-    labels = (others[0].column if others else "price", answers.objective.column)
+    first = np.array([_value(answers, each) for each in trials])
+    others = study.objectives[1:]
+    across = np.array([each.value(others[0], study.scenarios) if others else each.price for each in trials])
+    if np.ptp(across) == 0:
+        order = np.argsort(first if answers.objective.more_is_better else -first)
+        places = [layout.positions[number][:1, :2] for each in order for number in trials[each].candidate]
+        values = [first[each] for each in order for _ in trials[each].candidate]
+        drawn = tried(
+            np.concatenate(places), np.array(values), _own_places(answers), sensors, layout.building,
+            answers.prepared.scene.area, answers.objective.column,
+        )  # fmt: skip
+        told = "Devices of every candidate, by its worth; circled: recommended; crosses: the scenario's own."
+        return told, source_of(drawn)
     svg = pareto(
         np.column_stack([across, first]),
-        on_front,
+        np.array([each in answers.front for each in trials]),
         trials.index(answers.own),
         trials.index(answers.best),
-        labels,
-        np.array(errors),
+        (others[0].column if others else "price", answers.objective.column),
+        np.array([_standard_error(answers, each) for each in trials]),
     )
-    return source_of(svg)
+    told = (
+        "Bars: standard errors over seeds. Candidates with fewer seeds were dropped early, in a race on the same seeds."
+    )
+    return told, source_of(svg)
+
+
+def _own_places(answers: Answers) -> Array:
+    """Where the scenario's own devices are, (n, 2) [m], those that are moved."""
+    own = answers.prepared.scenario
+    moved = moved_sensors(answers.prepared.study, own, answers.placed(answers.best.candidate))
+    here = mounted(own, [name for name in moved if name in own.sensors], answers.prepared.layout.building)
+    return np.array([(each.x, each.y) for each in here]).reshape(-1, 2)
 
 
 def _standard_error(answers: Answers, trial: Trial) -> float:

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.cameras import Intrinsics
-from trackers.errors import InputError
 from twin.instant.snapshot import Snapshot
 from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room
@@ -39,7 +38,7 @@ _SIGHTS = np.array([-2 / 3, 0.0, 2 / 3])
 class Moment:
     """The world at one moment, kept: poses of geoms; of the people in the area ids (n,), heads (n, 3), points (n, k, 3) [m]."""
 
-    t: float
+    scene: int  # which of the crowd's scenes has the bodies
     geom_xpos: Array
     geom_xmat: Array
     ids: NDArray[np.int16]
@@ -53,41 +52,40 @@ class Crowd:
     def __init__(self, scenario: Scenario, staged: Staged | None, times_s: Sequence[float]) -> None:
         """`times_s`: ascending; none of them: the empty room alone."""
         self.scenario = scenario
-        self._world = World(scenario, staged)
-        scene = self._world.scene
-        self.area = scene.area
-        area, ids = Area(scene.area), np.array([scene.ids[name] for name in scene.names], dtype=np.int16)
+        world = World(scenario, staged)
+        self.area = world.scene.area
+        area, ids = Area(self.area), np.array([world.scene.ids[name] for name in world.scene.names], dtype=np.int16)
         self.moments: list[Moment] = []
+        self._scenes: list[Snapshot] = []  # others have bodies when others come: one a cast
         for t in times_s:
-            snapshot = self._world.snapshot(t)
-            bodies, data = self._world.scene.bodies, snapshot.data
-            if self._world.scene is not scene:
-                raise InputError(
-                    f"coverage: more people come and go in {scenario.name} than have bodies at once; a shorter duration_s, or "
-                    "fewer recorded paths, is expected"
-                )
-            qpos, present = self._world.people.qpos(t), self._world.people.present(t)
+            snapshot = world.snapshot(t)
+            if not self._scenes or snapshot.model is not self._scenes[-1].model:
+                self._scenes.append(snapshot)
+            bodies, data = world.scene.bodies, snapshot.data
+            qpos, present = world.people.qpos(t), world.people.present(t)
             there = present & area.contains(qpos[:, :2])
             self.moments.append(
                 Moment(
-                    t, data.geom_xpos.copy(), data.geom_xmat.copy(), ids[there],
+                    len(self._scenes) - 1, data.geom_xpos.copy(), data.geom_xmat.copy(), ids[there],
                     data.site_xpos[bodies.head_site[there]].copy(), data.site_xpos[bodies.point_site[there]].copy(),
                 )
             )  # fmt: skip
-        self._empty = self._world.empty_snapshot(0.0)
-        self._room = self._empty.data.geom_xpos.copy(), self._empty.data.geom_xmat.copy()
+        empty = world.empty_snapshot(0.0)
+        self._scenes = [*self._scenes[:-1], empty]
+        self._room = empty.data.geom_xpos.copy(), empty.data.geom_xmat.copy()
 
     def empty(self) -> Snapshot:
         """The room without anybody."""
-        return self._posed(*self._room)
+        return self._posed(-1, *self._room)
 
     def at(self, moment: Moment) -> Snapshot:
         """The world at a moment, for rays alone."""
-        return self._posed(moment.geom_xpos, moment.geom_xmat)
+        return self._posed(moment.scene, moment.geom_xpos, moment.geom_xmat)
 
-    def _posed(self, xpos: Array, xmat: Array) -> Snapshot:
-        self._empty.data.geom_xpos[:], self._empty.data.geom_xmat[:] = xpos, xmat
-        return self._empty
+    def _posed(self, scene: int, xpos: Array, xmat: Array) -> Snapshot:
+        snapshot = self._scenes[scene]
+        snapshot.data.geom_xpos[:], snapshot.data.geom_xmat[:] = xpos, xmat
+        return snapshot
 
     @property
     def n_person_moment(self) -> int:

@@ -131,6 +131,31 @@ def test_a_killed_run_is_resumed_to_the_same_bits(
     assert tables(tmp_path / "out") == tables(before)
 
 
+def test_several_objectives_are_resumed_to_the_same_front(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By NSGA-II, killed in its second generation, and gone on with by two workers."""
+    changes = {"objectives": [{"kind": "metric", "metric": "hota"}, {"kind": "price"}], "move__rig__count": [1, 2]}
+    changes |= {"constraints": {"cable": {"from": [0, 0, 0.3], "price_per_m": 4}, "apart_m": 0.5}}
+    path = written(tmp_path, **changes)
+    run(path, tmp_path / "whole")
+    held, count = evaluations.Evaluations.hold, 0
+
+    def hold(self: Any, job: Any, outcome: Any) -> None:
+        nonlocal count
+        held(self, job, outcome)
+        count += 1
+        if count == 9:
+            raise KilledError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(evaluations.Evaluations, "hold", hold)
+        with pytest.raises(KilledError):
+            run(path, tmp_path / "out")
+    run(path, tmp_path / "out", jobs=2, resume=True)
+    assert tables(tmp_path / "out") == tables(tmp_path / "whole")
+    with (tmp_path / "out" / "pareto.csv").open() as stream:
+        assert len(list(csv.DictReader(stream))) > 0
+
+
 def test_two_workers_find_what_one_does(whole: tuple[Path, Path, dict], tmp_path: Path) -> None:
     path, before, _ = whole
     run(path, tmp_path / "out", jobs=2)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
 
 from twin.instant.snapshot import RAY_GROUPS
+from twin.people.casts import casts_of
 from twin.scenario import load_scenario
 from twin.studies.description import Coverage
 from twin.studies.seen import Crowd, Eye, floor_cells
@@ -35,6 +38,27 @@ def test_a_scanner_sees_whom_enough_beams_meet(crowd: Crowd) -> None:
             met.append(int(snapshot.person_of_geom[geom[0]]) if geom[0] >= 0 else 0)
         expected += [met.count(int(each)) >= 6 for each in moment.ids]
     assert found.tolist() == expected and len(found) == crowd.n_person_moment == 15
+
+
+def test_whoever_comes_and_goes_by_a_file_is_seen_at_every_moment(tmp_path: Path) -> None:
+    """Others have bodies when others come: a moment among many is the same as alone."""
+    rows = [
+        f"{k + share * 4},{k},{-1.8 + share * 3.6},{0.9 + 0.8 * (k % 3)}" for k in range(40) for share in (0, 0.5, 1)
+    ]
+    (tmp_path / "paths.csv").write_text("\n".join(["t,id,x,y", *rows]))
+    paths = f"pedestrians={{file: {tmp_path / 'paths.csv'}}}"
+    scenario = load_scenario("lab-five-people", ["people=null", paths, "duration_s=42", "sensors.fisheye=null"])
+    staged = Staged.of(scenario, moved(scenario))
+    times = [1.0, 2.5, 20.2, 20.7, 35.0, 41.0]
+    together = Crowd(scenario, staged, times)
+    eye = Eye(scenario, "knee", COVERAGE)
+    alone = [Crowd(scenario, staged, [t]) for t in times]
+    seen = eye.people(together)
+    assert len(casts_of(scenario.people)) > 1 and together.n_person_moment == len(seen) > 15 and seen.sum() > 0
+    assert seen.tolist() == np.concatenate([eye.people(each) for each in alone]).tolist()
+    cells = floor_cells(together.area, 0.3)
+    assert eye.floor(together, cells).tolist() == np.concatenate([eye.floor(each, cells) for each in alone]).tolist()
+    assert eye.resolution(together.empty(), cells).tolist() == eye.resolution(alone[0].empty(), cells).tolist()
 
 
 def test_a_camera_sees_heads_at_pixels_a_metre(crowd: Crowd) -> None:
