@@ -52,6 +52,16 @@ def test_ids_count_from_one_and_nobody_is_shown_before_the_second_scan():
     assert {track.id for frame in frames for track in frame.tracks} == {1, 2, 3, 4, 5}
 
 
+def test_smoothed_output_is_late_begins_earlier_lies_nearer_and_says_so():
+    at_once, _ = tracked(CROSSING)
+    smoothed, tracker = tracked(CROSSING, smoothed_s=0.5)
+    assert [each.stamp_ns for each in smoothed] == [each.stamp_ns for each in at_once]
+    assert "leave 0.5 s late, smoothed" in tracker.warnings[0]
+    assert len(smoothed[0].tracks) > len(at_once[0].tracks) == 0
+    assert score(CROSSING, smoothed).error_m < 0.9 * score(CROSSING, at_once).error_m
+    assert {track.id for frame in smoothed for track in frame.tracks} == {1, 2, 3, 4, 5}
+
+
 @pytest.mark.parametrize(("management", "n_more"), [({}, 1), ({"exists_above": 0.9}, 0), ({"survival_s": None}, 15)])
 def test_who_is_gone_in_plain_view_is_not_reported_for_long(management, n_more):
     there, gone = straight_walk([(-1.0, 1.0)], [(0.0, 0.0)], 40), straight_walk([(9.0, 9.0)], [(0.0, 0.0)], 40)

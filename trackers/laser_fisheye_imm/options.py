@@ -146,6 +146,13 @@ class LaserFisheyeImmOptions(Strict):
     max_wait_s: float = Field(
         default=0.15, ge=0, description="how long a moment waits for a sensor that has not reported [s]"
     )
+    smoothed_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=10,
+        description="how late frames may leave, so that what is measured meanwhile counts: people are reported from their first "
+        "measurement on and between measurements [s]; 0: at once (ours)",
+    )
     waist: WaistOptions = Field(default=WaistOptions(), description="scanners at waist height")
     knee: KneeOptions = Field(default=KneeOptions(), description="scanners at knee height")
     torso: TorsoOptions = Field(default=TorsoOptions(), description="torso windows in the camera's picture")

@@ -19,6 +19,7 @@ from trackers.tracking.roster import Roster
 class People(Rows):
     """n tracks, oldest first."""
 
+    serial: Int[Index, "n"]  # ascending: one of their own, tentative or not
     roster: Roster[ImmState]
     clothes: Appearance
     born_at: Float[Array, "n 2"]  # first measured position [m]
@@ -33,10 +34,12 @@ class People(Rows):
         ns: int,
         reference: Float[Array, "n bins"],
         n_look: Int[Index, "n"],
+        first_serial: int = 0,
     ) -> Self:
         """Tentative tracks first measured at `position` at stamp ns."""
         clothes = Appearance.started(reference, n_look)
-        return cls(Roster.started(state, ns), clothes, position, position, np.ones(len(position)))
+        serial = first_serial + np.arange(len(position))
+        return cls(serial, Roster.started(state, ns), clothes, position, position, np.ones(len(position)))
 
     @property
     def state(self) -> ImmState:

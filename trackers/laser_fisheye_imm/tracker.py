@@ -46,6 +46,7 @@ from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
 from trackers.observations import NS_PER_S, Observation
 from trackers.rig import Rig
+from trackers.tracking.held_back import Held, HeldBack, told
 from trackers.tracking.lifecycle import clear_of, coasting_within, measured_for_longer, measured_now
 from trackers.tracking.moment_tracker import MomentTracker
 from trackers.tracking.moments import Moment, MomentRules
@@ -86,9 +87,11 @@ class LaserFisheyeImm(MomentTracker):
                 max_wait_s=self.options.max_wait_s,
             )
         )
+        self._next_serial = 0
         no_colours = np.empty((0, self._detector.histogram.size))
         self._people = self._born(np.empty((0, 2)), 0, no_colours, np.empty(0, np.bool_))
         self._next_id = 1
+        self._held_back = self._made_to_wait()
         self._ns: int | None = None
         self._windows: list[tuple[int | None, Array]] = []
         self._seen: list[tuple[int, Seen]] = []
@@ -104,6 +107,17 @@ class LaserFisheyeImm(MomentTracker):
     def background_learned_causally(self) -> bool:
         """Whether a scanner came without scans of the empty room."""
         return self._detector.learns_background
+
+    @property
+    def warnings(self) -> list[str]:
+        """That output is smoothed, where it is."""
+        late_s = self.options.smoothed_s
+        return [f"its frames leave {late_s:g} s late, smoothed by what was measured meanwhile"] if late_s else []
+
+    def finish(self) -> list[TrackFrame]:
+        """The frames still held back when the observations have ended."""
+        frames = super().finish()
+        return frames + self._held_back.finish() if self._held_back is not None else frames
 
     def detections(self) -> list[Detection]:
         """What the moments worked by the last `update` or `finish` showed, see `trackers.detections`."""
@@ -134,7 +148,16 @@ class LaserFisheyeImm(MomentTracker):
 
     def _work_all(self, moments: list[Moment]) -> list[TrackFrame]:
         self._seen = []
-        return super()._work_all(moments)
+        if self._held_back is None:
+            return super()._work_all(moments)
+        frames = []
+        for moment in moments:
+            self._work(moment)
+            people, roster = self._people, self._people.roster
+            seen = measured_now(roster, moment.ns)
+            held = Held(moment.ns, people.serial, seen, people.measured_at, told(self.tracks()))
+            frames += self._held_back.add(held, roster.id)
+        return frames
 
     def _work(self, moment: Moment) -> None:
         seen = self._detector.detect(moment)
@@ -283,7 +306,9 @@ class LaserFisheyeImm(MomentTracker):
     ) -> People:
         options = self.options
         state = self._imm.start(position, None, options.measurement_variance_m2, options.start_speed_m_s**2)
-        return People.started(state, position, ns, reference, has_reference.astype(np.int64))
+        self._next_serial += len(position)
+        n_look = has_reference.astype(np.int64)
+        return People.started(state, position, ns, reference, n_look, self._next_serial - len(position))
 
     def _note_windows(self, matches: Matches, seen: Seen) -> None:
         self._windows = []
@@ -299,6 +324,12 @@ class LaserFisheyeImm(MomentTracker):
         ]
 
     # --- set up
+
+    def _made_to_wait(self) -> HeldBack | None:
+        options = self.options
+        if not options.smoothed_s:
+            return None
+        return HeldBack(options.smoothed_s, np.sqrt(options.measurement_variance_m2), options.start_speed_m_s)
 
     def _make_filter(self) -> Imm:
         options = self.options

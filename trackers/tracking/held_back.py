@@ -1,0 +1,107 @@
+"""Smoothed output: frames held back for a time, so that what is known by then counts. Not what a tracker said at the time.
+
+Whoever is confirmed meanwhile is reported from their first measurement on. Places and velocities are those of a motion of
+constant acceleration, fitted to what was measured of a person so long before and after, by least squares with what people do
+as a prior: the Gaussian posterior of a linear model (Rasmussen and Williams, Gaussian Processes for Machine Learning, 2006,
+eq. 2.8). So whoever was measured before and after a gap is on the way between.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from trackers.arrays import Array, Index, Mask
+from trackers.observations import NS_PER_S
+from trackers.tracks import Track, TrackFrame
+
+_ACCELERATION_M_S2 = 3.0
+"""Standard deviation of what people's acceleration is beforehand, on each axis."""
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """n people, tentative ones among them, as a tracker knew them at a moment."""
+
+    ns: int
+    serial: Int[Index, "n"]  # ascending; one a person, from the first measurement on
+    measured: Bool[Mask, "n"]  # now
+    place: Float[Array, "n 2"]  # where they were measured last [m]
+    told: dict[int, Track]  # by id, who was reported then
+
+
+class HeldBack:
+    """A tracker's frames on their way out, `delay_s` late; place_m and speed_m_s: standard deviations of a measured place, and of
+    people's speed beforehand, on each axis."""
+
+    def __init__(self, delay_s: float, place_m: float, speed_m_s: float) -> None:
+        self._delay_ns = round(delay_s * NS_PER_S)
+        self._prior = np.diag([0.0, (place_m / speed_m_s) ** 2, (place_m / _ACCELERATION_M_S2) ** 2])
+        self._ids: dict[int, int] = {}
+        self._kept: list[Held] = []
+        self._next = 0  # the first of those that have not left
+
+    def add(self, held: Held, ids: Int[Index, "n"]) -> list[TrackFrame]:
+        """Take a moment in; the frames that leave now, oldest first. ids: 0 for tentative ones."""
+        known = ids > 0
+        self._ids.update(zip(held.serial[known].tolist(), ids[known].tolist(), strict=True))
+        self._kept.append(held)
+        frames = self._left(held.ns - self._delay_ns)
+        oldest_ns = self._kept[self._next].ns - self._delay_ns
+        gone = sum(each.ns < oldest_ns for each in self._kept[: self._next])
+        self._kept, self._next = self._kept[gone:], self._next - gone
+        return frames
+
+    def finish(self) -> list[TrackFrame]:
+        """Those still held back; nothing comes after."""
+        return self._left(self._kept[-1].ns) if self._kept else []
+
+    def _left(self, until_ns: int) -> list[TrackFrame]:
+        frames = []
+        while self._next < len(self._kept) and self._kept[self._next].ns <= until_ns:
+            frames.append(self._frame(self._kept[self._next]))
+            self._next += 1
+        return frames
+
+    def _frame(self, now: Held) -> TrackFrame:
+        """A moment as it is known by now."""
+        window = [each for each in self._kept if abs(each.ns - now.ns) <= self._delay_ns]
+        t_s = np.array([each.ns - now.ns for each in window]) / NS_PER_S
+        place = np.stack([_measured_places(each, now.serial) for each in window])
+        seen = ~np.isnan(place[..., 0])
+        fits = seen[t_s <= 0].any(axis=0) & seen[t_s >= 0].any(axis=0)
+        fitted = self._fit(t_s, place[:, fits])
+        tracks = dict(now.told)
+        for serial, measured, row in zip(now.serial[fits].tolist(), now.measured[fits], fitted.tolist(), strict=True):
+            if serial in self._ids:
+                x, y, vx, vy = row
+                number = self._ids[serial]
+                track = tracks.get(number, Track(number, x, y))
+                tracks[number] = replace(track, x=x, y=y, vx=vx, vy=vy, status="confirmed" if measured else "coasting")
+        return TrackFrame(now.ns, tuple(tracks[number] for number in sorted(tracks)))
+
+    def _fit(self, t_s: Float[Array, "f"], place: Float[Array, "f n 2"]) -> Float[Array, "n 4"]:
+        """x, y [m] and their rates [m/s] at t = 0, by the places that are not NaN."""
+        basis = np.stack([np.ones_like(t_s), t_s, t_s**2 / 2], axis=1)
+        seen = ~np.isnan(place[..., 0])
+        normal = np.einsum("fi,fj,fn->nij", basis, basis, seen.astype(float)) + self._prior
+        right = np.einsum("fi,fnk->nik", basis, np.nan_to_num(place))
+        return np.linalg.solve(normal, right)[:, :2].reshape(-1, 4)
+
+
+def _measured_places(held: Held, serial: Int[Index, "n"]) -> Float[Array, "n 2"]:
+    """Where these were measured at a moment [m], NaN who was not."""
+    found = np.full((serial.size, 2), np.nan)
+    row = np.searchsorted(held.serial, serial)
+    there = (row < held.serial.size).nonzero()[0]
+    there = there[(held.serial[row[there]] == serial[there]) & held.measured[row[there]]]
+    found[there] = held.place[row[there]]
+    return found
+
+
+def told(tracks: Sequence[Track]) -> dict[int, Track]:
+    """Tracks by id."""
+    return {each.id: each for each in tracks}
