@@ -61,7 +61,7 @@ _BY_FILE = {
             _GREEDY,
         ),
         ("radius not squared", "<= radius_m**2, axis=1)", "<= radius_m, axis=1)"),
-        ("cross term halved", "2 * b * y", "b * y"),
+        ("cross term halved", "2 * s_xy * y", "s_xy * y"),
     ],
     "trackers/filters/absence.py": [
         ("mean square left in the variance", "xx - mean_x**2 - 1", "xx - 1"),
@@ -129,10 +129,10 @@ _BY_FILE = {
     "trackers/laser_fisheye_imm/association.py": [
         (
             "recognised by another shirt",
-            "(colour[tracks] <= self.options.recognised_below)",
-            "(colour[tracks] >= self.options.recognised_below)",
+            "(colour <= self.options.recognised_below)",
+            "(colour >= self.options.recognised_below)",
         ),
-        ("appearance left out", "self.options.colour_weight * np.nan_to_num", "0 * np.nan_to_num"),
+        ("appearance left out", "options.colour_weight * np.nan_to_num", "0 * np.nan_to_num"),
     ],
     "trackers/laser_fisheye_imm/detection.py": [
         ("likely outside the area", ".reshape(chance.shape)] = 0", ".reshape(chance.shape)] = 1"),

@@ -35,7 +35,7 @@ _MANY = 200
 _SCENARIO = "lab-five-people"
 _TRACKERS = ("laser-fisheye-imm", "waist-fisheye-imm", "laser-imm")
 _WORSENED = {
-    "measurement noise R × 9": ("smoke", ("measurement_variance_m2=0.09",)),
+    "measurement noise R × 9": ("smoke", ("measurement_variance_m2=0.0135",)),
     "gate halved": (
         "smoke",
         ("waist.radius_m=0.5", "knee.radius_m=0.25", "knee.radius_alone_m=0.35", "max_deviations=2"),

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
+from scipy.stats import multivariate_normal
 
-from trackers.filters.gating import global_nearest_neighbour, linked, mahalanobis, validation_region
+from trackers.filters.gating import deviations, global_nearest_neighbour, linked, mahalanobis, validation_region
 
 
 @pytest.mark.parametrize("radius_m", [0.5, 1.0])
@@ -81,3 +82,16 @@ def test_linked_are_those_whom_chains_join_as_scipy_has_it(n, share, seed):
     theirs = connected_components(near, directed=False)[1] if n else np.zeros(0, int)
     np.testing.assert_array_equal(label[:, None] == label, theirs[:, None] == theirs)
     assert all((label[label == each] == each).all() and label[each] == each for each in label)
+
+
+def test_a_measurement_with_noise_of_its_own_is_explained_by_whom_it_makes_likelier():
+    rng = np.random.default_rng(0)
+    modes, measured = rng.normal(size=(4, 3, 2)), rng.normal(size=(6, 2))
+    root, variance = rng.normal(size=(4, 3, 2, 2)), rng.uniform(0.1, 2, 6)
+    P = root @ root.swapaxes(-1, -2)
+    N, unlikely = deviations(modes, P, measured, variance)
+    for i, j in np.ndindex(4, 6):
+        S = P[i] + variance[j] * np.eye(2)
+        by_mode = [multivariate_normal.logpdf(measured[j], modes[i, m], S[m]) for m in range(3)]
+        assert unlikely[i, j] == pytest.approx(-2 * max(by_mode) - 2 * np.log(2 * np.pi))
+        assert N[i, j] == pytest.approx(mahalanobis(modes[i : i + 1], S[None], measured[j : j + 1])[0, 0])

@@ -34,15 +34,15 @@ def followed(people: People, measured_ns: np.ndarray) -> People:
 
 
 def matched(trunks: Detections, legs: Detections, **options) -> Matches:
-    """Of one person in sight at (0, 1.5) and one last seen half a second ago at (0.4, 1.9), both confirmed."""
+    """Of one person in sight at (0, 1.5) and one last seen 0.8 s ago at (0.4, 1.9), both confirmed."""
     imm = Imm()
     places = np.array([[0.0, 1.5], [0.4, 1.9]])
     state = imm.start(places, np.zeros((2, 2)), 0.02, np.full(2, 0.1))
     people = People.started(state, places, 0, np.zeros((2, 4)), np.zeros(2, np.int64))
-    people = followed(people, ago(PERIOD_S, 0.5))
+    people = followed(people, ago(PERIOD_S, 0.8))
     count = len(trunks)
     seen = Seen(trunks, legs, None, np.zeros((count, 4)), np.zeros(count, np.bool_), np.zeros(count, np.bool_))
-    return Association(people, imm, LaserFisheyeImmOptions.model_validate(options), 0.5, NOW).matches(seen)
+    return Association(people, LaserFisheyeImmOptions.model_validate(options), 0.5, NOW).matches(seen)
 
 
 LEGS_OF_THE_FIRST = ((-0.1, 1.45), (0.12, 1.5))
@@ -73,7 +73,7 @@ def test_a_shirt_decides_between_two_who_are_about_as_near():
 
     def whose(**options) -> list[int]:
         given = LaserFisheyeImmOptions.model_validate(options)
-        return Association(people, imm, given, 0.5, NOW).matches(seen).track.tolist()
+        return Association(people, given, 0.5, NOW).matches(seen).track.tolist()
 
     assert whose() == [1]
     assert whose(colour_weight=0) == [0]
@@ -82,11 +82,11 @@ def test_a_shirt_decides_between_two_who_are_about_as_near():
 def test_who_comes_back_far_from_the_prediction_is_known_by_the_shirt():
     places = np.array([[0.4, 1.9]])
     state = Imm().start(places, np.zeros((1, 2)), 0.02, 0.1)
-    people = followed(People.started(state, places, 0, np.array([[0.9, 0.1]]), np.array([9])), ago(0.5))
+    people = followed(People.started(state, places, 0, np.array([[0.9, 0.1]]), np.array([9])), ago(0.8))
 
     def whose(shirt: list[float]) -> list[int]:
         seen = Seen(detections((1.5, 2.3)), detections(), None, np.array([shirt]), *2 * (np.ones(1, np.bool_),))
-        return Association(people, Imm(), LaserFisheyeImmOptions(), 0.5, NOW).matches(seen).track.tolist()
+        return Association(people, LaserFisheyeImmOptions(), 0.5, NOW).matches(seen).track.tolist()
 
     assert whose([0.8, 0.2]) == [0]
     assert whose([0.1, 0.9]) == []
@@ -102,7 +102,7 @@ def of_two_hidden(legs: Detections, **options) -> Matches:
     people = followed(people, ago(0.5, 0.5))
     nothing = np.zeros(0, np.bool_)
     seen = Seen(detections(), legs, None, np.zeros((0, 4)), nothing, nothing)
-    return Association(people, imm, LaserFisheyeImmOptions.model_validate(options), 0.5, NOW).matches(seen)
+    return Association(people, LaserFisheyeImmOptions.model_validate(options), 0.5, NOW).matches(seen)
 
 
 def test_legs_that_one_hidden_person_explains_better_are_that_persons():

@@ -29,7 +29,7 @@ def linked(near: Bool[Mask, "n n"]) -> Int[Index, "n"]:
 
 
 def validation_region(
-    predicted: Float[Array, "n m 2"], position: Float[Array, "k 2"], radius_m: float
+    predicted: Float[Array, "n m 2"], position: Float[Array, "k 2"], radius_m: Float[Array, "k"] | float
 ) -> Bool[Mask, "n k"]:
     """Whether each measurement [m] lies in each track's validation region: the union of circles around its modes."""
     x, y = _differences(predicted, position)
@@ -40,17 +40,29 @@ def mahalanobis(
     predicted: Float[Array, "n m 2"], innovation_covariance: Float[Array, "n m 2 2"], position: Float[Array, "k 2"]
 ) -> Float[Array, "n k"]:
     """N: the smallest Mahalanobis distance over the modes for each track and measurement (eq. 5); positions [m]."""
+    return deviations(predicted, innovation_covariance, position, np.zeros(len(position)))[0]
+
+
+def deviations(
+    predicted: Float[Array, "n m 2"],
+    covariance: Float[Array, "n m 2 2"],
+    position: Float[Array, "k 2"],
+    variance_m2: Float[Array, "k"],
+) -> tuple[Float[Array, "n k"], Float[Array, "n k"]]:
+    """N of measurements each with a variance of its own on each axis [m²], and N² + ln |S|, the least over the modes.
+
+    S is the predicted covariance and that variance. The second is −2 ln of the likelihood but for a constant: somebody known
+    badly explains a measurement anywhere, and none of them well.
+    """
     x, y = _differences(predicted, position)
-    s_xx, s_xy, s_yy = (
-        innovation_covariance[..., 0, 0],
-        innovation_covariance[..., 0, 1],
-        innovation_covariance[..., 1, 1],
-    )
+    s_xx = covariance[..., 0, 0, None] + variance_m2
+    s_yy = covariance[..., 1, 1, None] + variance_m2
+    s_xy = covariance[..., 0, 1, None]
     determinant = s_xx * s_yy - s_xy * s_xy
-    # the quadratic form of the inverse, in closed form: a x² + 2 b x y + c y²
-    a, b, c = (s_yy / determinant)[..., None], (-s_xy / determinant)[..., None], (s_xx / determinant)[..., None]
-    square = x * (a * x + 2 * b * y) + c * y * y
-    return np.sqrt(np.maximum(square.min(axis=1), 0.0))
+    # the quadratic form of the inverse, in closed form
+    square = (x * (s_yy * x - 2 * s_xy * y) + s_xx * y * y) / determinant
+    square = np.maximum(square, 0.0)
+    return np.sqrt(square.min(axis=1)), (square + np.log(determinant)).min(axis=1)
 
 
 def _differences(

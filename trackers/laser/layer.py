@@ -85,6 +85,7 @@ class WaistOptions(LayerOptions):
     half_depth_m: float = Field(default=0.11, ge=0, description=_told("half_depth_m"))
     side_half_depth_m: float | None = Field(default=0.168, ge=0, description=_told("side_half_depth_m"))
     body_width_m: float | None = Field(default=0.3, gt=0, description=_told("body_width_m"))
+    hidden_variance_m2: float = Field(default=0.003, ge=0, description=_told("hidden_variance_m2"))
     satellite_width_m: float | None = Field(default=0.16, gt=0, description=_told("satellite_width_m"))
 
 
@@ -119,10 +120,16 @@ class KneeOptions(LayerOptions):
         description="distance below which two legs that no track claims are one person [m]; 0: each leg is a person "
         "(ours)",
     )
-    single_leg_variance_m2: float = Field(
-        default=0.04,
+    legs_variance_m2: float = Field(
+        default=0.003,
         ge=0,
-        description="measurement variance added for a single leg, which is up to half a stride from the body [m²] (ours)",
+        description="measurement variance added where legs stand for a person, whose trunk sways over them [m²] (ours)",
+    )
+    single_leg_variance_m2: float = Field(
+        default=0.007,
+        ge=0,
+        description="measurement variance added for a single leg, which is up to half a stride from the body, beside "
+        "`legs_variance_m2` [m²] (ours)",
     )
     single_leg_cost_m: float = Field(
         default=0.2,

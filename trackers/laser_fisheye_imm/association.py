@@ -1,4 +1,4 @@
-"""Who was measured where: trunks to tracks, then legs, by distance and by colour; nothing is changed here."""
+"""Who was measured where: trunks and legs to tracks, by distance and by colour; nothing is changed here."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from trackers.arrays import Array, Index, Mask
-from trackers.filters.gating import distances, mahalanobis, validation_region
-from trackers.filters.imm import Imm
+from trackers.filters.gating import deviations, distances, validation_region
 from trackers.laser.grouping import pair_off, take_legs
 from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
@@ -36,105 +35,99 @@ class Matches:
 
 @dataclass(frozen=True, eq=False)
 class Association:
-    """The pairing of one moment: global nearest neighbour on d = N + w E within the validation regions.
+    """The pairing of one moment: global nearest neighbour on d = N + w E, or on likelihoods, within the validation regions.
 
     people: predicted to stamp ns; knee_radius_m: the validation radius of legs; sees_waists: whether trunks are looked for,
     without which legs are all there is to know anybody by.
     """
 
     people: People
-    imm: Imm
     options: LaserFisheyeImmOptions
     knee_radius_m: float
     ns: int
     sees_waists: bool = True
 
     def matches(self, seen: Seen) -> Matches:
-        """Trunks to tracks, then legs to the tracks left over: waist, else knee, never both."""
-        everyone = np.arange(len(self.people))
+        """Trunks, and legs where no trunk is seen, to tracks in one assignment: waist, else knee, never both."""
+        walkers, n_leg = self._walkers(seen)
+        options, knee, n_trunk = self.options, self.options.knee, len(seen.trunks)
+        trunk = np.concatenate([np.arange(n_trunk), np.full(len(walkers), -1)])
+        position = np.concatenate([seen.trunks.position, walkers])
+        lone = np.concatenate([np.zeros(n_trunk, np.bool_), n_leg == 1])
+        by_legs = knee.legs_variance_m2 + np.where(n_leg == 1, knee.single_leg_variance_m2, 0.0)
+        variance = options.measurement_variance_m2 + np.concatenate([seen.trunks.variance_m2, by_legs])
+        radius_m = np.where(trunk >= 0, options.waist.radius_m, self.knee_radius_m)
         colour = self.people.clothes.distance(seen.histograms, seen.comparable)
-        whole = np.ones(len(seen.trunks), np.bool_)
-        tracks, trunks = self._match(everyone, seen.trunks.position, self.options.waist.radius_m, whole, colour)
-        left = left_over(len(everyone), tracks)
-        walkers, n_leg = self._walkers(seen, left)
-        knee, R = self.options.knee, self.options.measurement_variance_m2
-        one_legged = n_leg == 1
-        by_legs, legs = self._match(left, walkers, self.knee_radius_m, ~(one_legged & self.sees_waists), None)
-        new_trunk = left_over(len(seen.trunks), trunks)
-        new_walker = left_over(len(walkers), legs)
+        if colour is not None:
+            colour = np.pad(colour, ((0, 0), (0, len(walkers))), constant_values=np.nan)
+        tracks, taken = self._match(position, variance, radius_m, ~(lone & self.sees_waists), colour)
+        new = left_over(len(position), taken)
         # a lone leg within a stride of somebody is likelier theirs than somebody new
-        body = self.options.management.body_radius_m
-        clearance = np.where(one_legged[new_walker], max(body, knee.stride_m), body)
+        body = options.management.body_radius_m
         return Matches(
-            track=np.concatenate([tracks, by_legs]),
-            position=np.concatenate([seen.trunks.position[trunks], walkers[legs]]),
-            variance=np.concatenate(
-                [R + seen.trunks.variance_m2[trunks], R + one_legged[legs] * knee.single_leg_variance_m2]
-            ),
-            trunk=np.concatenate([trunks, np.full(legs.size, -1)]),
-            new_position=np.concatenate([seen.trunks.position[new_trunk], walkers[new_walker]]),
-            new_trunk=np.concatenate([new_trunk, np.full(new_walker.size, -1)]),
-            new_clearance=np.concatenate([np.full(new_trunk.size, body), clearance]),
+            track=tracks,
+            position=position[taken],
+            variance=variance[taken],
+            trunk=trunk[taken],
+            new_position=position[new],
+            new_trunk=trunk[new],
+            new_clearance=np.where(lone[new], max(body, knee.stride_m), body),
         )
 
     def _match(
         self,
-        tracks: Int[Index, "p"],
         position: Float[Array, "k 2"],
-        radius_m: float,
+        variance_m2: Float[Array, "k"],
+        radius_m: Float[Array, "k"],
         whole: Bool[Mask, "k"],
         colour: Float[Array, "n k"] | None,
     ) -> tuple[Int[Index, "pairs"], Int[Index, "pairs"]]:
-        """Pairs (track, measurement) among `tracks` and measurements: first whom a prediction explains.
+        """Pairs (track, measurement): first whom a prediction explains, those known before somebody new.
 
         `whole`: what is a person rather than one leg, which may be anything; `colour`: E of all tracks, NaN where unknown.
         """
-        if tracks.size == 0 or len(position) == 0:
+        people, options = self.people, self.options
+        if len(people) == 0 or len(position) == 0:
             return _NOBODY, _NOBODY
-        people = self.people
-        state = people.state if tracks.size == len(people) else people.state.select(tracks)
-        distance = mahalanobis(state.positions, self.imm.innovation_covariance(state), position)
-        out_of_gate = ~validation_region(state.positions, position, radius_m)
-        if self.options.max_deviations is not None:
-            out_of_gate |= distance > self.options.max_deviations
-        terms = [distance]
+        modes = people.state.positions
+        N, unlikely = deviations(modes, people.state.covariance[:2, :2].T, position, variance_m2)
+        out_of_gate = ~validation_region(modes, position, radius_m)
+        if options.max_deviations is not None:
+            # so near there is nobody else: whoever stood starts to walk
+            theirs = validation_region(modes, position, options.management.apart_m)
+            out_of_gate |= (options.max_deviations < N) & ~theirs
+        terms = [unlikely - unlikely.min() if options.by_likelihood else N]
         if colour is not None:
-            terms.append(self.options.colour_weight * np.nan_to_num(colour[tracks]))
-        hidden = people.confirmed[tracks] & self._hidden(tracks)
-        stages = [Stage(np.ones_like(hidden), terms, [out_of_gate])]
-        if hidden.any() and self.options.reach_m_s is not None:
-            recognised = self._recognised(tracks, hidden, position, radius_m, colour) & whole
-            explained = ((distance <= self.options.expected_below) & ~hidden[:, None]).any(axis=0)
+            terms.append(options.colour_weight * np.nan_to_num(colour))
+        hidden = people.confirmed & self._hidden()
+        stages = [Stage(who, terms, [out_of_gate]) for who in (people.confirmed, ~people.confirmed)]
+        if hidden.any() and options.reach_m_s is not None:
+            recognised = self._recognised(hidden, position, colour) & whole
+            explained = ((options.expected_below >= N) & ~hidden[:, None]).any(axis=0)
             stages.append(Stage(hidden, terms, [~recognised | explained]))
-        rows, columns = associate(stages)
-        return tracks[rows], columns
+        return associate(stages)
 
     def _recognised(
-        self,
-        tracks: Int[Index, "p"],
-        hidden: Bool[Mask, "p"],
-        position: Float[Array, "k 2"],
-        radius_m: float,
-        colour: Float[Array, "n k"] | None,
-    ) -> Bool[Mask, "p k"]:
+        self, hidden: Bool[Mask, "n"], position: Float[Array, "k 2"], colour: Float[Array, "n k"] | None
+    ) -> Bool[Mask, "n k"]:
         """Pairs of a `hidden` track and somebody whom it can have become meanwhile, by all that tells.
 
         Its prediction says little after a while: what it can have walked since it was measured is asked instead, and what
-        shirt it wears; nothing tells whose legs they are but that only one of the hidden can be there.
+        shirt it wears; where no shirt is seen nothing tells but that only one of the hidden can be there.
         """
-        unseen_s = (self.ns - self.people.roster.measured_ns[tracks]) / NS_PER_S
-        reach_m = radius_m + (self.options.reach_m_s or 0.0) * unseen_s
-        can_be = distances(self.people.measured_at[tracks], position) <= reach_m[:, None]
-        can_be &= hidden[:, None]
-        if colour is not None:
-            return can_be & (colour[tracks] <= self.options.recognised_below)
-        return can_be & (np.count_nonzero(can_be, axis=0) == 1)
+        unseen_s = (self.ns - self.people.roster.measured_ns) / NS_PER_S
+        reach_m = (self.options.reach_m_s or 0.0) * unseen_s
+        can_be = (distances(self.people.measured_at, position) <= reach_m[:, None]) & hidden[:, None]
+        alone = can_be & (np.count_nonzero(can_be, axis=0) == 1)
+        if colour is None:
+            return alone
+        return np.where(np.isnan(colour), alone, can_be & (colour <= self.options.recognised_below))
 
-    def _hidden(self, tracks: Int[Index, "p"]) -> Bool[Mask, "p"]:
-        """Which of `tracks` were not measured at the last scan either."""
-        return self.ns - self.people.roster.measured_ns[tracks] > nanoseconds(1.5 * self.options.period_s)
+    def _hidden(self) -> Bool[Mask, "n"]:
+        """Who was not measured at the last scan either."""
+        return self.ns - self.people.roster.measured_ns > nanoseconds(1.5 * self.options.period_s)
 
-    def _walkers(self, seen: Seen, unmatched: Int[Index, "u"]) -> tuple[Float[Array, "p 2"], Int[Index, "p"]]:
+    def _walkers(self, seen: Seen) -> tuple[Float[Array, "p 2"], Int[Index, "p"]]:
         """People as their legs show them, and how many legs each shows.
 
         Nobody whose trunk is seen: every trunk takes its own legs first.
@@ -146,8 +139,7 @@ class Association:
         legs = legs[free]
         if len(legs) == 0:
             return legs, _NOBODY
-        hidden = unmatched[self.people.confirmed[unmatched]]
-        known, n_leg, free = take_legs(legs, self.people.positions[hidden], *rules)
+        known, n_leg, free = take_legs(legs, self.people.positions[self.people.confirmed], *rules)
         strangers, n_leg_of_strangers = pair_off(legs[free], knee.pair_m)
         walkers = np.concatenate([known[n_leg > 0], strangers])
         return walkers, np.concatenate([n_leg[n_leg > 0], n_leg_of_strangers])

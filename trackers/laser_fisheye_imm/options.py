@@ -10,7 +10,6 @@ from trackers.configuration import Strict
 from trackers.filters.motion import (
     IMM_MODELS,
     KALMAN_MODELS,
-    MEASUREMENT_VARIANCE_M2,
     MODE_STAYS,
 )
 from trackers.laser.layer import KneeOptions, WaistOptions
@@ -47,7 +46,7 @@ class ManagementOptions(Strict):
         description="a confirmed track not measured for longer ends [s], but for one that still exists",
     )
     survival_s: float | None = Field(
-        default=100.0,
+        default=30.0,
         gt=0,
         description="how long people whom nothing shows stay on average, from which, and from how probably each scan would have "
         "shown them, follows whether a track still exists [s]; null: that is not asked, and a track is reported while it "
@@ -63,8 +62,8 @@ class ManagementOptions(Strict):
     apart_m: float = Field(
         default=0.3,
         ge=0,
-        description="distance within which there is never a second person: an unseen one is not where another is seen [m]; "
-        "0: there may be (ours)",
+        description="distance within which there is never a second person: an unseen one is not where another is seen, and a "
+        "measurement so near a prediction is never gated off [m]; 0: there may be (ours)",
     )
     body_radius_m: float = Field(
         default=0.6,
@@ -87,10 +86,11 @@ class LaserFisheyeImmOptions(Strict):
     )
     camera: bool = Field(default=True, description="whether to use the camera, where the rig has one")
     imm_variances: tuple[tuple[float, float], ...] = Field(
-        default=tuple((model.acceleration_variance, model.turn_acceleration_variance) for model in IMM_MODELS),
+        default=((0.1, 0.1), (10.0, 0.1), (9.0, 80.0)),
         min_length=len(IMM_MODELS),
         max_length=len(IMM_MODELS),
-        description="process noise: diagonals of Q1, Q2, Q3 [m²/s⁴, rad²/s⁴]",
+        description="process noise: diagonals of Q1, Q2, Q3 [m²/s⁴, rad²/s⁴]; people accelerate by 3 m/s² (ours; the paper: "
+        "100, 0.1 for Q2, and 90, 800 for Q3)",
     )
     kalman_variances: tuple[float, float] = Field(
         default=(KALMAN_MODELS[0].acceleration_variance, KALMAN_MODELS[0].turn_acceleration_variance),
@@ -100,7 +100,10 @@ class LaserFisheyeImmOptions(Strict):
         default=MODE_STAYS, gt=0, le=1, description="probability that a mode stays from one scan to the next"
     )
     measurement_variance_m2: float = Field(
-        default=MEASUREMENT_VARIANCE_M2, gt=0, description="measurement noise: diagonal of R [m²]"
+        default=0.0015,
+        gt=0,
+        description="measurement noise: diagonal of R, that of a trunk in full view [m²] (ours, measured; the paper: "
+        "0.01)",
     )
     start_speed_m_s: float = Field(
         default=1.5, gt=0, description="standard deviation of a new track's speed [m/s] (the paper does not say)"
@@ -114,12 +117,18 @@ class LaserFisheyeImmOptions(Strict):
         description="whether in a rig with a waist scanner a track starts by a trunk alone; else by legs as well (ours)",
     )
     colour_weight: float = Field(
-        default=10.0, ge=0, description="weight w of the appearance in the distance d = N + w E (inferred)"
+        default=60.0, ge=0, description="weight w of the appearance E, in the paper's distance d = N + w E (inferred)"
+    )
+    by_likelihood: bool = Field(
+        default=True,
+        description="whether a pair costs N² + ln |S|, −2 ln of its likelihood, instead of N, so that a track known badly takes "
+        "nothing from one known well (ours)",
     )
     max_deviations: float | None = Field(
-        default=4.0,
+        default=6.0,
         gt=0,
-        description="gate on N, the Mahalanobis distance; null: the validation region alone gates (ours)",
+        description="gate on N, the Mahalanobis distance, beyond `management.apart_m`; null: the validation region alone gates "
+        "(ours)",
     )
     recognised_below: float = Field(
         default=0.3,

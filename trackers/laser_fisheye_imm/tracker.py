@@ -2,8 +2,8 @@
 Laser and Vision of Maneuvering People".
 
 Per moment: gather what the sensors report of one moment; detect trunks and legs in front of the room; predict every track
-under every motion model; associate by global nearest neighbour on d = N + w E, trunks first, legs for who is left (never
-both); update who was measured, let the others coast; end tracks; start tracks.
+under every motion model; associate by global nearest neighbour trunks, and legs where no trunk is seen (never both); update
+who was measured, let the others coast; end tracks; start tracks.
 
 What comes twice or too late, time that goes back among it, is dropped and counted; scans without a return, and hundreds of
 clusters, are worked like any other; a long gap ends everybody. Where the background is learned as it goes, somebody who has
@@ -164,9 +164,7 @@ class LaserFisheyeImm(MomentTracker):
         self._seen.append((moment.ns, seen))
         elapsed_s = self._predict(moment.ns)
         waists = self._detector.sees_waists
-        matches = Association(self._people, self._imm, self.options, self._knee_radius_m, moment.ns, waists).matches(
-            seen
-        )
+        matches = Association(self._people, self.options, self._knee_radius_m, moment.ns, waists).matches(seen)
         self._update(matches, moment.ns)
         self._learn_colours(matches, seen)
         self._note_windows(matches, seen)
