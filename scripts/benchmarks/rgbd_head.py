@@ -17,6 +17,7 @@ from trackers.rgbd_head.colours import HeadColours
 from trackers.rgbd_head.learned import SHIPPED, load_learned
 from trackers.rgbd_head.options import WeightOptions
 from trackers.rgbd_head.picture import Watcher
+from trackers.rgbd_head.weighing import Weigher
 from trackers.rig import Rig, StereoSensor
 from twin import Simulation, load_scenario
 
@@ -48,9 +49,16 @@ def measure() -> Iterator[Figure]:
     watcher = Watcher(sensor, [each for each in known if each.sensor == "stereo_1"], learned, options)
     picture = watcher.ready(image)
     assert picture is not None
-    heads = np.random.default_rng(0).normal([[[0]], [[0]], [[1.4]], [[0]]], 0.2, (4, 1, 512)).astype(np.float32)
+    weigher = Weigher([watcher])
+    heads = (
+        np.random.default_rng(0)
+        .normal(np.reshape([0, 0, 1.4, 0], (4, 1, 1, 1)), 0.2, (4, 1, 1, 512))
+        .astype(np.float32)
+    )
     tables = HeadColours.unknown(1).expected(learned.common, options.colour).tables
-    yield Figure("512 hypotheses on one picture", _ms(lambda: watcher.weights(picture, heads, tables)), "ms", "<= 0.6")
+    yield Figure(
+        "512 hypotheses on one picture", _ms(lambda: weigher.weights([picture], heads, tables)), "ms", "<= 0.6"
+    )
     yield Figure("a picture made ready", _ms(lambda: watcher.ready(image)), "ms", "")
     yield from _on_workers(rig, known, [each for each in seen if each.t < 3.5])
 

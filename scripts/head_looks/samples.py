@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.cameras import CameraGroup
 from trackers.observations import DepthImage
 from trackers.rgbd_head.colours import colour_numbers
 from trackers.rgbd_head.options import WeightOptions
@@ -50,7 +51,7 @@ def heads(plain: Path, painted: Path) -> Iterator[Head]:
         assert isinstance(label, DepthImage)
         camera, now = placed_camera(recording.rig.cameras()[picture.sensor]), truth.stamps_ns == picture.stamp_ns
         people = np.stack([truth.head_x[now], truth.head_y[now], truth.head_z[now], truth.head_yaw[now]])
-        seen_as = outlines(camera, people, WeightOptions().semi_axes_m)
+        seen_as = outlines(CameraGroup([camera]), people[:, None], WeightOptions().semi_axes_m)
         columns, rows = (np.rint(each).astype(np.intp) for each in seen_as.pixels(inner_points(_POINTS)))
         inside = (columns >= 0) & (columns < camera.intrinsics.width) & (rows >= 0) & (rows < camera.intrinsics.height)
         colour, hsv = colour_numbers(picture.rgb), cv2.cvtColor(picture.rgb, cv2.COLOR_RGB2HSV)

@@ -11,7 +11,7 @@ from hypothesis import given, settings, strategies as st
 from scipy.spatial.transform import Rotation
 from synthetic_meeting import HEAD_M, LENS, empty_room, met, observe, rig, walks
 
-from trackers.cameras import Ellipsoids, PlacedCamera
+from trackers.cameras import CameraGroup, Ellipsoids, PlacedCamera
 from trackers.environment import Environment
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage
@@ -22,9 +22,10 @@ from trackers.rgbd_head.colours import COLOURS, HeadColours, colour_numbers
 from trackers.rgbd_head.learned import SHIPPED, load_learned
 from trackers.rgbd_head.options import WeightOptions
 from trackers.rgbd_head.outline import cells_shown, inner_points, outlines, ring_points
-from trackers.rgbd_head.picture import Picture, Watcher, expected_share
+from trackers.rgbd_head.picture import Picture, Watcher
 from trackers.rgbd_head.rules import PAPER
 from trackers.rgbd_head.tracker import RgbdHead
+from trackers.rgbd_head.weighing import Weigher, expected_share
 from trackers.rig import Rig, StereoSensor
 from trackers.tracks import TrackFrame, track_frames
 
@@ -80,7 +81,7 @@ heads_somewhere = st.tuples(
 def test_ellipses_are_those_of_exact_projection(head, bent):
     lens = LENS.model_copy(update={"distortion": (-0.1, 0.02, 0.001, -0.001, 0.0)}) if bent else LENS
     camera = PlacedCamera(lens, RIG.sensors["stereo_1"].room_from_sensor)
-    ours = outlines(camera, head, HEAD_M)
+    ours = outlines(CameraGroup([camera]), head[:, None], HEAD_M)
     exact, _ = camera.ellipses(Ellipsoids.upright(head[:3].T, HEAD_M, head[3]))
     size = exact.semi_axes()[0, 0]
     axes = np.stack([ours.across[:, 0], ours.down[:, 0]], axis=-1)
@@ -91,7 +92,7 @@ def test_ellipses_are_those_of_exact_projection(head, bent):
 @settings(max_examples=40, deadline=None)
 @given(heads_somewhere)
 def test_the_surface_is_where_rays_meet_it(head):
-    ours, disc = outlines(CAMERA, head, HEAD_M), inner_points(24)
+    ours, disc = outlines(CameraGroup([CAMERA]), head[:, None], HEAD_M), inner_points(24)
     u, v = ours.pixels(disc)
     rays = CAMERA.rays(np.stack([u[:, 0], v[:, 0]], axis=-1).astype(float))
     exact, _ = met(rays, CAMERA.eye_m, head[:3, 0], HEAD_M, head[3, 0])
@@ -103,14 +104,14 @@ def test_a_camera_before_the_face_sees_face_and_one_behind_sees_hair():
     front = CAMERA.eye_m + np.array([1.5, 1.5, -0.9])
     bearing = np.arctan2(*(CAMERA.eye_m - front)[1::-1])
     shares = LEARNED.share[cells_shown(64)]
-    looks = outlines(CAMERA, np.array([[*front, bearing], [*front, bearing + np.pi]]).T, HEAD_M)
+    looks = outlines(CameraGroup([CAMERA]), np.array([[*front, bearing], [*front, bearing + np.pi]]).T[:, None], HEAD_M)
     towards, away = shares[:, looks.aspects()].mean(axis=0)
     assert towards > 0.4 and away < 0.25
 
 
 def one_by_one(watcher, picture, head, table, options):
     """The two weights of one head, a pixel at a time, as the paper's equations and our rules say it in words."""
-    seen_as = outlines(watcher.camera, head[:, None], options.semi_axes_m)
+    seen_as = outlines(CameraGroup([watcher.camera]), head[:, None, None], options.semi_axes_m)
     filled, skin, inside, logs, off, known = 0, 0, 0, 0.0, 0.0, 0
     inner = inner_points(options.points)
     for k, (x, y) in enumerate(inner):
@@ -165,7 +166,7 @@ def test_weights_are_those_of_one_head_after_another(rules):
     heads = WALK[10, 0][:, None] + rng.normal(size=(4, 40)) * np.array([[0.1], [0.1], [0.1], [1.0]])
     heads = heads.astype(np.float32)
     table = HeadColours.unknown(1).expected(LEARNED.common, options.colour).tables if options.colour.by_person else None
-    weights = watcher.weights(picture, heads[:, None], table)
+    weights = Weigher([watcher]).weights([picture], heads[:, None, None], table)[0]
     scalar = [
         one_by_one(watcher, picture, head, None if table is None else table[0], options)
         for head in heads.T.astype(float)
@@ -183,14 +184,14 @@ def test_directions_are_weighed_as_hypotheses_that_face_there(by_person):
     watcher, picture = watching(options)
     colours = HeadColours.unknown(3).expected(LEARNED.common, options.colour)
     heads, turns = WALK[10].T, np.arange(72) * 2 * np.pi / 72
-    found = watcher.facing(picture, heads, colours.tables if by_person else None)
+    found = Weigher([watcher]).facing([picture], heads[:, None], colours.tables if by_person else None)[0]
     # the middle of a step of the angle between nose and camera, as the cells have it
     bearing = np.arctan2(*(CAMERA.eye_m[:2, None] - heads[:2])[::-1])
     step = 2 * np.pi / 72
     middle = bearing - (np.floor(bearing / step) + 0.5) * step
     faces = np.broadcast_to(heads[..., None], (4, 3, 72)).astype(np.float32)
     faces[3] = turns + middle[:, None]
-    weights = watcher.weights(picture, faces, colours.tables if by_person else None)
+    weights = Weigher([watcher]).weights([picture], faces[:, None], colours.tables if by_person else None)[0]
     assert weights.seen.any() and np.ptp(found, axis=1).max() > 0.5
     np.testing.assert_allclose(found, weights.colour.reshape(3, 72), atol=0.02 if by_person else 0.05)
 
@@ -200,9 +201,9 @@ def test_weights_do_not_depend_on_who_else_is_weighed():
     watcher, picture = watching(options)
     heads = (WALK[10].T[..., None] + np.linspace(-0.1, 0.1, 64)).astype(np.float32)
     tables = HeadColours.unknown(3).expected(LEARNED.common, options.colour).tables
-    together = watcher.weights(picture, heads, tables)
+    together = Weigher([watcher]).weights([picture], heads[:, None], tables)[0]
     for k in range(3):
-        alone = watcher.weights(picture, heads[:, k : k + 1], tables[k : k + 1])
+        alone = Weigher([watcher]).weights([picture], heads[:, None, k : k + 1], tables[k : k + 1])[0]
         assert (alone.colour == together.colour.reshape(3, 64)[k]).all()
         assert (alone.depth == together.depth.reshape(3, 64)[k]).all()
 
@@ -341,6 +342,12 @@ def told_otherwise(sensor: str, turn_deg: float, axis: int, on=RIG) -> Rig:
     return Rig(sensors={**on.sensors, sensor: camera.model_copy(update={"room_from_sensor": pose})}, area=on.area)
 
 
+@pytest.fixture(scope="module")
+def longer():
+    """Nine seconds, as each camera is looked at in its turn."""
+    return observe(RIG, walks(3, 45))
+
+
 @pytest.mark.parametrize(
     ("told", "named"),
     [
@@ -352,9 +359,9 @@ def told_otherwise(sensor: str, turn_deg: float, axis: int, on=RIG) -> Rig:
     ],
     ids=["right", "5° aside", "5° down", "8° up", "2° aside"],
 )
-def test_a_camera_that_shows_heads_elsewhere_is_named(told, named):
+def test_a_camera_that_shows_heads_elsewhere_is_named(told, named, longer):
     tracker = make_tracker("rgbd-head", told, ROOM, np.random.default_rng(0), {"environment": {"used": False}})
-    list(track_frames(tracker, told, SEEN))
+    list(track_frames(tracker, told, longer))
     assert [each.partition(" shows heads elsewhere")[0] for each in tracker.warnings] == named
 
 

@@ -107,6 +107,7 @@ class CameraGroup:
 
     def __init__(self, cameras: Sequence[PlacedCamera]) -> None:
         self.cameras = tuple(cameras)
+        self.eyes_m: Float[Array, "c 3"] = np.array([each.eye_m for each in cameras]).reshape(-1, 3)
         self._matrix = np.zeros((len(cameras), 3, 4))  # from the room, homogeneous, to u z, v z, z
         self._bent = []
         for number, camera in enumerate(cameras):
@@ -121,8 +122,13 @@ class CameraGroup:
             np.array([[each.intrinsics.width, each.intrinsics.height] for each in cameras]).reshape(-1, 2, 1) - 0.5
         )
 
-    def project(self, points_m: Float[Array, "3 k"]) -> tuple[Float[Array, "c 2 k"], Bool[Mask, "c k"]]:
-        """Pixels u, v of points [m] in every camera, and whether its picture shows each; see `PlacedCamera.project`."""
+    def project(
+        self, points_m: Float[NDArray[np.floating], "*#c 3 k"]
+    ) -> tuple[Float[Array, "c 2 k"], Bool[Mask, "c k"]]:
+        """Pixels u, v of points [m], the same or each camera's own, and whether its picture shows each.
+
+        See `PlacedCamera.project`.
+        """
         at = self._matrix[:, :, :3] @ points_m + self._matrix[:, :, 3:]
         ahead = at[:, 2] > 0
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -130,7 +136,8 @@ class CameraGroup:
         inside = (pixels >= -0.5) & (pixels < self._edge)
         seen = inside[:, 0] & inside[:, 1]
         for number in self._bent:
-            found, seen[number] = self.cameras[number].project(points_m.T)
+            own = points_m if points_m.ndim == 2 else points_m[number]
+            found, seen[number] = self.cameras[number].project(own.T)
             pixels[number] = found.T
         return pixels, seen
 

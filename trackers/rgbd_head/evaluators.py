@@ -17,7 +17,8 @@ from trackers.filters.gating import distances
 from trackers.observations import DepthImage
 from trackers.rgbd_head.colours import ExpectedColours
 from trackers.rgbd_head.doubts import asides
-from trackers.rgbd_head.picture import Picture, Watcher, Weights
+from trackers.rgbd_head.picture import Picture, Watcher
+from trackers.rgbd_head.weighing import Weigher, Weights
 
 _LOW_M, _HIGH_M = 0.4, 2.2
 """Foreground between is asked for newcomers."""
@@ -31,6 +32,7 @@ class Evaluator:
 
     def __init__(self, watcher: Watcher) -> None:
         self.watcher = watcher
+        self._weigher = Weigher([watcher])
         self.colours: ExpectedColours | None = None
         self._picture: Picture | None = None
 
@@ -44,40 +46,42 @@ class Evaluator:
         self.colours = colours
 
     def weights(self, heads: Float[Singles, "4 n p"]) -> Weights:
-        """The weights that the picture gives heads at its stamp (`Watcher.weights`)."""
-        return self.watcher.weights(self._shown(), heads, self._tables())
+        """The weights that the picture gives heads at its stamp (`Weigher.weights`)."""
+        return self._weigher.weights([self.shown()], heads[:, None], self.tables())[0]
 
     def facing(self, heads: Float[Array, "4 n"]) -> Float[Singles, "n directions"]:
-        """What the picture says of where heads face (`Watcher.facing`)."""
-        return self.watcher.facing(self._shown(), heads, self._tables())
+        """What the picture says of where heads face (`Weigher.facing`)."""
+        return self._weigher.facing([self.shown()], heads[:, None], self.tables())[0]
 
     def asides(self, heads: Float[Array, "4 n"]) -> Float[Array, "n 2"]:
         """How far aside of heads the picture has their silhouettes (`trackers.rgbd_head.doubts`)."""
-        return asides(self.watcher.camera, self._shown().mask, heads, self.watcher.crown_m)
+        return asides(self.watcher.camera, self.shown().mask, heads, self.watcher.crown_m)
 
     def look(self, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
-        """The picture's pixels on heads (`Watcher.look`)."""
-        return self.watcher.look(self._shown(), heads)
+        """The picture's pixels on heads (`Weigher.look`)."""
+        return self._weigher.look([self.shown()], heads[:, None])
 
     def strangers(self, known: Float[Array, "n 2"], apart_m: float) -> Float[Array, "4 k"]:
         """Points of the foreground (`Watcher.strangers`) as high as people, farther than `apart_m` from known places."""
-        points = self.watcher.strangers(self._shown())
+        points = self.watcher.strangers(self.shown())
         points = points[:, (points[2] > _LOW_M) & (points[2] < _HIGH_M)]
         if not len(known):
             return points
         return points[:, distances(points[:2].T, known).min(axis=1, initial=np.inf) > apart_m]
 
-    def _tables(self) -> Float[Singles, "n entries"] | None:
+    def tables(self) -> Float[Singles, "n entries"] | None:
+        """How likely each colour is (`ExpectedColours.tables`)."""
         return None if self.colours is None else self.colours.tables
 
-    def _shown(self) -> Picture:
+    def shown(self) -> Picture:
+        """The last picture, which shows something."""
         if self._picture is None:
             raise RuntimeError("asked before there was a picture that shows anything")
         return self._picture
 
 
 class Evaluators:
-    """All cameras' evaluators, asked here, one after another; answers are in the cameras' order.
+    """All cameras' evaluators, asked here, where pictures weigh together; answers are in the cameras' order.
 
     taken_over: cameras whose evaluator was elsewhere and was lost.
     """
@@ -85,6 +89,7 @@ class Evaluators:
     def __init__(self, here: Mapping[str, Evaluator]) -> None:
         self.here = dict(here)
         self.taken_over: list[str] = []
+        self._weighers: dict[tuple[str, ...], Weigher] = {}
 
     def take(self, images: Mapping[str, DepthImage]) -> list[str]:
         """Hand over each camera's picture; those that show anything."""
@@ -97,15 +102,21 @@ class Evaluators:
 
     def weights(self, heads: Mapping[str, Float[Singles, "4 n p"]]) -> dict[str, Weights]:
         """What each camera makes of the heads at its picture's stamp."""
-        return self._ask("weights", {name: (each,) for name, each in heads.items()})
+        if not heads:
+            return {}
+        weigher, pictures, tables = self._together(tuple(heads))
+        return dict(zip(heads, weigher.weights(pictures, np.stack(list(heads.values()), axis=1), tables), strict=True))
 
     def facing(self, heads: Mapping[str, Float[Array, "4 n"]]) -> list[Float[Singles, "n directions"]]:
         """What each camera says of where heads face that are there at its picture's stamp."""
-        return list(self._ask("facing", {name: (each,) for name, each in heads.items()}).values())
+        if not heads:
+            return []
+        weigher, pictures, tables = self._together(tuple(heads))
+        return list(weigher.facing(pictures, np.stack(list(heads.values()), axis=1), tables))
 
-    def asides(self, heads: Mapping[str, Float[Array, "4 n"]]) -> dict[str, Float[Array, "n 2"]]:
-        """How far aside of heads each camera has their silhouettes [rad]."""
-        return self._ask("asides", {name: (each,) for name, each in heads.items()})
+    def asides(self, name: str, heads: Float[Array, "4 n"]) -> Float[Array, "n 2"]:
+        """How far aside of heads one camera has their silhouettes [rad]."""
+        return self._ask("asides", {name: (heads,)})[name]
 
     def look(self, name: str, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
         """One camera's pixels on heads."""
@@ -118,6 +129,12 @@ class Evaluators:
 
     def close(self) -> None:
         """Nothing is asked any more."""
+
+    def _together(self, names: tuple[str, ...]) -> tuple[Weigher, list[Picture], Float[Singles, "n entries"] | None]:
+        """What weighs heads for these cameras, their pictures, and what all of them expect."""
+        if names not in self._weighers:
+            self._weighers[names] = Weigher([self.here[name].watcher for name in names])
+        return self._weighers[names], [self.here[name].shown() for name in names], self.here[names[0]].tables()
 
     def _ask(self, what: str, arguments: Mapping[str, tuple[Any, ...]]) -> dict[str, Any]:
         return {name: getattr(self.here[name], what)(*each) for name, each in arguments.items()}

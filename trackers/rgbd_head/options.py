@@ -156,7 +156,7 @@ class MotionOptions(Strict):
         description="time constant with which a person's velocity follows their steps [s]; 0: none is carried on",
     )
     walking: float = Field(
-        default=0.6,
+        default=1.5,
         ge=0,
         description="how surely people look where they walk: concentration about the heading at 1 m/s (ours); 0: not",
     )

@@ -1,4 +1,4 @@
-"""What a camera sees of many heads at once: ellipses, and where points of them lie on the head (eq. 3 of the paper).
+"""What cameras see of many heads at once: ellipses, and where points of them lie on the head (eq. 3 of the paper).
 
 A head is an upright ellipsoid. In the frame of its camera's ray to it (right, down, along) its shape has a lower triangular root
 L: the ellipsoid is L times the unit ball. So a point (x, y) of the unit disc is met on the near surface at
@@ -13,14 +13,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import cast
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy.typing import NDArray
 
 from trackers.arrays import Array, Index, Mask, Singles
-from trackers.cameras.placed import PlacedCamera
+from trackers.cameras.placed import CameraGroup
 
 ASPECTS = (72, 16)
 """Steps of the angle from nose to camera over a whole turn, and of the camera's height angle from −90° to 90°."""
@@ -30,7 +29,7 @@ CELLS = (16, 6)
 
 @dataclass(frozen=True, eq=False)
 class Outlines:
-    """The ellipses of n heads in one picture: centre + x · across + y · down for (x, y) in the unit disc [px].
+    """The ellipses of n heads in pictures: centre + x · across + y · down for (x, y) in the unit disc [px].
 
     seen: whether the picture shows the middle. range_m: of the middle. root (6, n): L by rows. facing: from the nose to the
     camera, counter-clockwise [rad]. rise: how far above the head's level the camera is [rad].
@@ -75,18 +74,22 @@ def aspects(facing: Float[NDArray[np.floating], "*n"], rise: Float[NDArray[np.fl
 
 
 def outlines(
-    camera: PlacedCamera, heads: Float[NDArray[np.floating], "4 n"], semi_axes_m: tuple[float, float, float]
+    cameras: CameraGroup, heads: Float[NDArray[np.floating], "4 c k"], semi_axes_m: tuple[float, float, float]
 ) -> Outlines:
-    """The ellipses of heads (x, y, z [m], yaw [rad]) of semi-axes ahead, to the side and up [m]."""
-    # half the bits, twice the speed, and a hair's breadth off
-    off = heads[:3].astype(np.float32) - camera.eye_m[:, None].astype(np.float32)
+    """The ellipses of heads (x, y, z [m], yaw [rad]) of semi-axes ahead, to the side and up [m].
+
+    heads: k of each camera; their ellipses are in a row, one camera's after another's.
+    """
+    c, k = heads.shape[1:]
+    heads = heads.astype(np.float32)  # half the bits, twice the speed, and a hair's breadth off
+    off = (heads[:3] - cameras.eyes_m.T[..., None].astype(np.float32)).reshape(3, c * k)
     x, y, z = off * off
     level_m = np.sqrt(np.maximum(x + y, np.float32(1e-12)))
     range_m = np.sqrt(x + y + z)
     sine, cosine = off[2] / range_m, level_m / range_m
     east, north = off[:2] / level_m
     ahead, aside, up = np.square(semi_axes_m).tolist()
-    facing = np.arctan2(-off[1], -off[0]) - heads[3].astype(np.float32)
+    facing = np.arctan2(-off[1], -off[0]) - heads[3].reshape(c * k)
     nose = np.cos(facing)
     square = nose * nose
     # the level cut, along the ray and across it to the right
@@ -100,7 +103,7 @@ def outlines(
     zz = np.sqrt(np.maximum(cosine * cosine * hh + sine * sine * up - xz * xz - yz * yz, 0.0))
     n = len(xx)
     points = np.empty((3, 3, n), np.float32)  # xyz, then middle and ends of the axes
-    points[:] = off[:, None]
+    points[:] = heads[:3].reshape(3, 1, n)
     along = sine * xy
     points[0, 1] += xx * north + along * east
     points[1, 1] += along * north - xx * east
@@ -109,12 +112,10 @@ def outlines(
     points[0, 2] += along * east
     points[1, 2] += along * north
     points[2, 2] -= cosine * yy
-    pixels, shown = camera.intrinsics.project(
-        cast("Array", (camera.rotation.T.astype(np.float32) @ points.reshape(3, 3 * n)).T)
-    )
-    pixels = pixels.T.reshape(2, 3, n).astype(np.float32)
+    pixels, shown = cameras.project(points.reshape(9, c, k).transpose(1, 0, 2).reshape(c, 3, 3 * k))
+    pixels = pixels.reshape(c, 2, 3, k).transpose(1, 2, 0, 3).reshape(2, 3, n).astype(np.float32)
     across, down = pixels[:, 1] - pixels[:, 0], pixels[:, 2] - pixels[:, 0]
-    seen = shown[:n] & np.isfinite(across[0] + down[0])  # where a column is known, so is the row
+    seen = shown[:, :k].ravel() & np.isfinite(across[0] + down[0])  # where a column is known, so is the row
     root = np.stack([xx, xy, yy, xz, yz, zz])
     return Outlines(pixels[:, 0], across, down, seen, range_m, root, facing, -np.arcsin(sine))
 

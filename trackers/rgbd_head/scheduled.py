@@ -12,10 +12,14 @@ import copy
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from jaxtyping import Float
+
+from trackers.arrays import Array, Singles
 from trackers.errors import InputError
 from trackers.observations import DepthImage
 from trackers.rgbd_head.colours import ExpectedColours
 from trackers.rgbd_head.evaluators import Evaluator, Evaluators
+from trackers.rgbd_head.weighing import Weights
 from trackers.scheduler import connected
 
 if TYPE_CHECKING:
@@ -54,6 +58,14 @@ class ScheduledEvaluators(Evaluators):
         """As here; the colours are kept for who is taken over later."""
         self._colours = colours
         super().expect(names, colours)
+
+    def weights(self, heads: Mapping[str, Float[Singles, "4 n p"]]) -> dict[str, Weights]:
+        """As here, but each camera's where its picture is."""
+        return self._ask("weights", {name: (each,) for name, each in heads.items()})
+
+    def facing(self, heads: Mapping[str, Float[Array, "4 n"]]) -> list[Float[Singles, "n directions"]]:
+        """As here, but each camera's where its picture is."""
+        return list(self._ask("facing", {name: (each,) for name, each in heads.items()}).values())
 
     def close(self) -> None:
         """Leave the workers."""

@@ -34,8 +34,9 @@ from trackers.rgbd_head.life import Life
 from trackers.rgbd_head.newcomers import newcomers
 from trackers.rgbd_head.options import RgbdHeadOptions
 from trackers.rgbd_head.people import People
-from trackers.rgbd_head.picture import Watcher, Weights
+from trackers.rgbd_head.picture import Watcher
 from trackers.rgbd_head.room import Room
+from trackers.rgbd_head.weighing import Weights
 from trackers.rig import Rig, StereoSensor
 from trackers.tracking.moment_tracker import MomentTracker
 from trackers.tracking.moments import Moment, MomentRules
@@ -274,27 +275,27 @@ class RgbdHead(MomentTracker):
             n_seen += np.einsum("np,np->n", share, weights.seen.reshape(share.shape))
             shown += np.einsum("np,np->n", share, weights.shown.reshape(share.shape))
         is_shown = (n_seen > 0.5) & (shown >= options.life.least_shown * n_seen)
-        if len(self._numbers) > 2:  # two cannot tell which of them is wrong
-            self._doubt(people, later_s)
-        if later_s and options.weights.colour.by_person:
-            people = people.changed(colours=self._learned_colours(people, is_shown, later_s))
+        if later_s:
+            self._turn += 1
+            name = list(later_s)[self._turn % len(later_s)]  # one camera after another
+            if len(self._numbers) > 2:  # two cannot tell which of them is wrong
+                self._doubt(people, name, later_s[name])
+            if options.weights.colour.by_person:
+                people = people.changed(colours=self._learned_colours(people, is_shown, name, later_s[name]))
         self._people = self._life.shown(people, is_shown, self._ns)
 
-    def _doubt(self, people: People, later_s: dict[str, float]) -> None:
-        """Where each camera has the silhouettes of everybody confirmed."""
-        confirmed = people.select(people.roster.confirmed)
-        if len(confirmed):
-            found = self._evaluators.asides({name: _heads(confirmed, later, 0.0) for name, later in later_s.items()})
-            for name, off in found.items():
-                for each in off[np.isfinite(off[:, 0])]:
-                    self._doubts.take(self._numbers[name], each)
+    def _doubt(self, people: People, name: str, later_s: float) -> None:
+        """Where a camera has the silhouettes of everybody confirmed."""
+        heads = _heads(people, later_s, 0.0)[:, people.roster.confirmed]
+        if heads.size:
+            off = self._evaluators.asides(name, heads)
+            for each in off[np.isfinite(off[:, 0])]:
+                self._doubts.take(self._numbers[name], each)
 
-    def _learned_colours(self, people: People, is_shown: Bool[Mask, "n"], later_s: dict[str, float]) -> HeadColours:
-        """After a look at who is shown and faces surely somewhere, by one camera after another."""
-        self._turn += 1
-        name = list(later_s)[self._turn % len(later_s)]
+    def _learned_colours(self, people: People, is_shown: Bool[Mask, "n"], name: str, later_s: float) -> HeadColours:
+        """After a camera's look at who is shown and faces surely somewhere."""
         yaw, sure = people.direction()
-        person, step, colour = pixels = self._evaluators.look(name, _heads(people, later_s[name], yaw))
+        person, step, colour = pixels = self._evaluators.look(name, _heads(people, later_s, yaw))
         person, step, colour = pixels[:, (is_shown & (sure > _SURE))[person]]
         return people.colours.learned(person, step, colour, self._learned.common, self.options.weights.colour)
 
