@@ -6,9 +6,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
+from twin.report.palette import IDENTITY_COLOURS
 from twin.suites.figures import FIGURE, written
 from twin.suites.results import Group, mean_over_seeds
 
+_SHAPES = (
+    "M-4.4 0a4.4 4.4 0 1 0 8.8 0a4.4 4.4 0 1 0 -8.8 0Z",
+    "M-4 -4H4V4H-4Z",
+    "M0 -5.6L5.6 0L0 5.6L-5.6 0Z",
+    "M0 -5.2L5 4H-5Z",
+)
+"""Disc, square, diamond, triangle: a tracker's mark when the colours come round again."""
 _WIDTH, _LEFT, _RIGHT, _TOP, _ROW, _BOTTOM = 178.0, 8.0, 50.0, 8.0, 20.0, 18.0
 
 
@@ -39,6 +47,18 @@ def scale_of(metric: str, groups: Iterable[Group]) -> Scale:
     return Scale(low - margin if figure.better == "more" else low - 0.02 * margin, high + margin)
 
 
+def colour_of(slot: int) -> int:
+    """The number of the colour of the tracker in this place."""
+    return slot % len(IDENTITY_COLOURS)
+
+
+def mark(slot: int, x: float, y: float, said: str = "") -> str:
+    """The mark of the tracker in this place, as SVG."""
+    shape = _SHAPES[slot // len(IDENTITY_COLOURS) % len(_SHAPES)]
+    title = f"<title>{said}</title>" if said else ""
+    return f'<path class="mean f{colour_of(slot)}" transform="translate({x:.1f} {y:g})" d="{shape}">{title}</path>'
+
+
 def multiple(
     metric: str,
     scale: Scale,
@@ -46,7 +66,10 @@ def multiple(
     slots: Mapping[str, int],
     before: Mapping[str, Group],
 ) -> str:
-    """The chart as SVG, a row a tracker (name and group); `slots`: its colour; `before`: the same group of the baseline."""
+    """The chart as SVG, a row a tracker (name and group).
+
+    slots: a tracker's place among all, of which colour and mark follow; before: the same group of the baseline.
+    """
     height = _TOP + _ROW * len(trackers) + _BOTTOM
     right = _WIDTH - _RIGHT
     parts = [f'<svg viewBox="0 0 {_WIDTH:g} {height:g}" role="img" aria-label="{escape(FIGURE[metric].name)}">']
@@ -67,7 +90,7 @@ def _row(metric: str, scale: Scale, y: float, group: Group, slot: int, before: G
     if mean is None:
         return [f'<text class="axis" x="{_WIDTH - 2:g}" y="{y + 4:g}" text-anchor="end">–</text>']
     parts = [
-        f'<circle class="seed f{slot}" cx="{scale.x(value):.1f}" cy="{y:g}" r="2.2"><title>seed {seed}: '
+        f'<circle class="seed f{colour_of(slot)}" cx="{scale.x(value):.1f}" cy="{y:g}" r="2.2"><title>seed {seed}: '
         f"{written(metric, value)}</title></circle>"
         for seed, figures in group.seeds.items()
         if (value := figures.get(metric)) is not None
@@ -79,13 +102,13 @@ def _row(metric: str, scale: Scale, y: float, group: Group, slot: int, before: G
             f'<path class="before" d="M{x:.1f} {y - 7:g}V{y + 7:g}"><title>before: {written(metric, old.mean)}</title></path>'
         )
     if mean.low is not None and mean.high is not None:
-        parts.append(f'<path class="interval s{slot}" d="M{scale.x(mean.low):.1f} {y:g}H{scale.x(mean.high):.1f}"/>')
+        parts.append(
+            f'<path class="interval s{colour_of(slot)}" d="M{scale.x(mean.low):.1f} {y:g}H{scale.x(mean.high):.1f}"/>'
+        )
         said = f"{written(metric, mean.mean)}, 95 %: {written(metric, mean.low)} to {written(metric, mean.high)}"
     else:
         said = written(metric, mean.mean)
-    parts.append(
-        f'<circle class="mean f{slot}" cx="{scale.x(mean.mean):.1f}" cy="{y:g}" r="4.4"><title>{said}</title></circle>'
-    )
+    parts.append(mark(slot, scale.x(mean.mean), y, said))
     parts.append(f'<text x="{_WIDTH - 2:g}" y="{y + 4:g}" text-anchor="end">{_tick(metric, mean.mean)}</text>')
     return parts
 

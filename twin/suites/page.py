@@ -22,7 +22,7 @@ from twin.suites.evidence import ALPHA
 from twin.suites.figures import FIGURE, GATED, SHOWN, written
 from twin.suites.junit import evidence
 from twin.suites.moments import look_at, page_of
-from twin.suites.multiples import multiple, scale_of
+from twin.suites.multiples import colour_of, mark, multiple, scale_of
 from twin.suites.promises import Kept
 from twin.suites.results import Group, GroupKey, Results, mean_over_seeds
 from twin.suites.store import ResultStore
@@ -107,7 +107,7 @@ def _write(
     reference: str | None,
     **content: Any,
 ) -> None:
-    trackers = _slots(results)
+    trackers = [(name, colour_of(slot), Markup(mark(slot, 11, 7))) for name, slot in _slots(results).items()]
     rows = [] if reference is None else beside(results, reference)
     page = _template().render(
         results=results,
@@ -235,9 +235,9 @@ def _cell(metric: str, group: Group) -> str:
 
 
 def _slots(results: Results) -> dict[str, int]:
-    """A colour for each tracker, in the order in which they come."""
+    """A place for each tracker, in the order in which they come."""
     names = dict.fromkeys(key.tracker for key in results.groups)
-    return {name: place % len(IDENTITY_COLOURS) for place, name in enumerate(names)}
+    return {name: place for place, name in enumerate(names)}
 
 
 @cache
