@@ -34,11 +34,12 @@ def seeds_of(cases: list[Case]) -> dict[tuple[str, str], set[int]]:
     return found
 
 
-def test_regression_has_every_room_and_every_tracker_with_three_seeds() -> None:
+def test_regression_has_every_room_every_tracker_and_all_of_smoke_with_three_seeds_or_more() -> None:
     cases = cases_of("regression")
     assert {scenario.room for scenario in scenarios_of(cases).values()} == set(models.names("rooms"))
     assert {case.tracker for case in cases} == set(PRESETS)
-    assert all(len(seeds) == 3 for seeds in seeds_of(cases).values())
+    assert all(len(seeds) >= 3 for seeds in seeds_of(cases).values())
+    assert seeds_of(cases_of("smoke")).keys() <= seeds_of(cases).keys()
 
 
 def test_faults_has_every_fault_on_every_sensor_of_the_lab_that_can_have_it() -> None:
@@ -91,8 +92,9 @@ def test_a_committed_baseline_is_of_the_suite_as_it_is(path: Path) -> None:
     assert held == expected
 
 
-def test_smoke_has_a_baseline() -> None:
-    assert (models.MODELS / "suites" / "baselines" / "smoke.json").is_file()
+@pytest.mark.parametrize("name", ["smoke", "regression"])
+def test_what_changes_are_held_against_has_a_baseline(name: str) -> None:
+    assert (models.MODELS / "suites" / "baselines" / f"{name}.json").is_file()
 
 
 @pytest.mark.parametrize("name", models.names("suites"))
