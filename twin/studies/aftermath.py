@@ -45,7 +45,7 @@ class Beside:
 
 
 Values = Callable[[str, Sequence[tuple[str, Scenario]], Sequence[int]], Array]
-"""The first objective's figure at each seed, of scenarios (by key) as given, kept under a name; NaN where it failed."""
+"""A tracker's figure at each seed, of scenarios (by key) as given, kept under a name; NaN where it failed."""
 
 
 def beside(what: str, other: Array, ours: Array) -> Beside:

@@ -17,9 +17,10 @@ from twin.scenario import load_scenario
 from twin.studies.layout import OWN, Candidate
 from twin.studies.page import write_page
 from twin.studies.placed import write_scenario
-from twin.studies.run import Answers, name_of
+from twin.studies.run import Answers
 from twin.studies.sets import Found
 from twin.studies.trial import Trial
+from twin.studies.trying import name_of
 
 
 def write_answers(folder: Path, answers: Answers) -> dict[str, Path]:

@@ -56,6 +56,7 @@ def write_page(path: Path, answers: Answers) -> None:
         "maps": _maps(answers, scenario, sensors),
         "tried": _tried(answers, sensors),
         "objective": objective,
+        "judged": study.judged,
         "fewer": [
             (
                 _left_out(answers, candidate),
@@ -168,22 +169,21 @@ def _maps(answers: Answers, scenario: Any, sensors: list[Mounted]) -> list[tuple
             blind = 100 * float((sharp < least).mean())
             caption = f"{what}, empty room; red: fewer than {least:g}, {blind:.1f} % of the area."
             found.append((caption, heat_map(cells, sharp, cell_m, sensors, building, area, label=label, least=least)))
-    if answers.objective.kind == "metric" and answers.objective.tracker is not None:
+    tracker = study.judged[0].tracker if study.judged else None
+    if tracker is not None:
         seeds = (study.held_out.seeds if study.held_out is not None else study.seeds)[:_MOST_ERROR_SEEDS]
         cache = answers.cache
         work = [
             Score(scenario.model_copy(update={"seed": seed, "trackers": {}}), prepared.trackers, cache, whole_code())
             for seed in seeds
         ]
-        rows = np.concatenate([errors_by_place(each, answers.objective.tracker) for each in work])
+        rows = np.concatenate([errors_by_place(each, tracker) for each in work])
         low = area.min(axis=0)
         cell = np.floor((rows[:, :2] - low) / _ERROR_CELL_M).astype(int)
         places, group, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
         mean = np.bincount(group.ravel(), rows[:, 2]) / count
         often = count >= _FEWEST
-        caption = (
-            f"Mean distance of {answers.objective.tracker}'s tracks from people, by place, over {len(seeds)} seeds."
-        )
+        caption = f"Mean distance of {tracker}'s tracks from people, by place, over {len(seeds)} seeds."
         middles = low + (places[often] + 0.5) * _ERROR_CELL_M
         drawn = heat_map(
             middles,

@@ -57,7 +57,7 @@ def test_every_fault_is_told_at_once(tmp_path: Path) -> None:
         ({"move__rig__count": [3, 1]}, "count: 3 to 1 is upside down"),
         ({"held_out__seeds": [1000]}, "held_out.seeds: 1000 is a search seed too; others than 1000, 1001 are expected"),
         ({"search__replicates": [2, 16]}, "search.replicates: 16 seeds are asked for and seeds has 2"),
-        ({"search__method": "exact"}, "search.method: 'exact' goes by coverage, and objectives.0 is a tracker's figure"),
+        ({"search__method": "exact"}, "search.method: 'exact' goes by coverage as a share, and objectives.0 is laser-imm: hota"),
         ({"objectives": [{"kind": "metric", "metric": "hot"}]}, "there is no figure 'hot' to go by; valid are mota, motp_m"),
         ({"objectives": [{"kind": "metric", "metric": "ms_per_frame.mean"}]}, "there is no figure 'ms_per_frame.mean'"),
         ({"objectives__0__tracker": "sort"}, "objectives.0.tracker: 'sort' is none of the trackers; valid are laser-imm"),

@@ -209,3 +209,22 @@ def test_coverage_alone_is_searched_exactly(tmp_path: Path) -> None:
     assert all(0.98 <= row["greedy_over_exact"] <= 1 for row in summary["proven"])
     assert summary["best"]["coverage"] == pytest.approx(max(row["exact"] for row in summary["proven"]))
     assert summary["best"]["coverage"] >= summary["own"]["coverage"]
+
+
+def test_what_coverage_finds_is_tracked_and_judged_by_every_figure(tmp_path: Path) -> None:
+    metrics = [{"kind": "metric", "metric": "motp_m"}, {"kind": "metric", "metric": "idf1"}]
+    path = written(
+        tmp_path,
+        objectives=[{"kind": "coverage"}, {"kind": "price"}, *metrics],
+        search={"method": "exact", "replicates": [2]},
+        move__rig__count=[1, 2],
+        constraints={"apart_m": 0.5},
+    )
+    summary = run(path, tmp_path / "out")
+    assert [row["exact_is"] for row in summary["proven"]] == ["optimal", "optimal"]
+    assert {"laser-imm: motp_m", "laser-imm: idf1"} <= summary["best"].keys() and summary["best"]["seeds"] == 2
+    assert [row["what"] for row in summary["held_out"]] == [
+        "laser-imm: motp_m, the study's scenarios",
+        "laser-imm: idf1, the study's scenarios",
+    ]
+    assert len(summary["misplaced"]) == 5
