@@ -18,8 +18,13 @@ import trackers.presets
 from trackers.configuration import Strict, validate
 from trackers.merging import laid_over
 from trackers.presets import PRESETS, Preset, make_tracker
+from trackers.rgbd_head.options import Start
 
 Path = tuple[str, ...]
+ANYWHERE = st.floats(-1e6, 1e6)
+st.register_type_strategy(
+    Start, st.builds(Start, at_s=st.floats(0, 1e6), place=st.tuples(ANYWHERE, ANYWHERE, ANYWHERE), yaw_deg=ANYWHERE)
+)  # hypothesis does not know that its numbers are finite
 
 
 def leaves(model: BaseModel, above: Path = ()) -> dict[Path, Any]:
