@@ -22,7 +22,7 @@ from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.configuration import validate
 from trackers.errors import InputError
-from trackers.filters.circular import diffused, drawn, grid_of
+from trackers.filters.circular import grid_of
 from trackers.filters.particle import LogWeights, ParticleFilter
 from trackers.knowledge import Knowledge
 from trackers.observations import NS_PER_S, DepthImage, Observation
@@ -31,6 +31,7 @@ from trackers.rgbd_head.doubts import FEWEST, OFF_RAD
 from trackers.rgbd_head.evaluators import Evaluator, Evaluators
 from trackers.rgbd_head.learned import SHIPPED, load_learned
 from trackers.rgbd_head.life import Life
+from trackers.rgbd_head.motion import Motion
 from trackers.rgbd_head.newcomers import newcomers
 from trackers.rgbd_head.options import RgbdHeadOptions
 from trackers.rgbd_head.people import People
@@ -166,66 +167,34 @@ class RgbdHead(MomentTracker):
     def _follow(self, dt: float, later_s: dict[str, float]) -> None:
         """Everybody `dt` later, by what the pictures show."""
         options, people = self.options, self._people
-        motion, before = options.motion, people.place
-        speed = np.linalg.norm(people.velocity[:, :2], axis=1)
-        level, turn = motion.still_m + motion.per_speed_m * speed, np.sqrt(dt) * np.radians(motion.turn_deg)
-        sigma = np.sqrt(dt) * np.stack([level, level, np.full_like(level, motion.up_m)])[..., None]
-        shift = dt * people.velocity.T[..., None]
-        facing = (1 - motion.turned) * diffused(people.facing, turn) if people.facing.size else people.facing
-        facing += motion.turned / max(facing.shape[1], 1)
-        colour = options.weights.colour
+        motion, colour = Motion(people, dt, options.motion), options.weights.colour
         if colour.used and colour.by_person:
             self._evaluators.expect(later_s, people.colours.expected(self._learned.common, colour))
         weighed: dict[str, Weights] = {}
 
-        def move(state: Array, rng: np.random.Generator, share: float, way: Array) -> Array:
-            moved = np.empty_like(state)
-            moved[:3] = state[:3] + way + share * sigma * rng.standard_normal(state[:3].shape)
-            moved[3] = drawn(facing, options.heads, rng) if facing.size else self._turned(state[3], turn, rng)
-            return moved
-
         def log_likelihood(state: Array) -> Array:
             weighed.update(self._weighed(state, later_s))
-            return self._total(state, weighed) / motion.layers
+            return self._total(state, weighed, motion) / options.motion.layers
 
-        cloud = FILTER.step(people.roster.state, partial(move, share=1.0, way=shift), log_likelihood, self._rng)
-        for layer in range(1, motion.layers):
-            nearer = partial(move, share=motion.nearer**layer, way=0.0 * shift)
-            cloud = FILTER.step(cloud, nearer, log_likelihood, self._rng)
+        cloud = people.roster.state
+        for layer in range(options.motion.layers):
+            cloud = FILTER.step(cloud, partial(motion.moved, layer=layer), log_likelihood, self._rng)
         people = people.changed(roster=people.roster.changed(state=cloud))
-        velocity = people.velocity
-        if motion.velocity_s and dt:
-            kept = np.exp(-dt / motion.velocity_s)
-            velocity = kept * velocity + (1 - kept) * (people.place - before) / dt
-        if facing.size:
-            facing = self._faced(people, facing, later_s)
-        self._people = people.changed(velocity=velocity, usual=self._usual(people, weighed), facing=facing)
+        facing = self._faced(people, motion, later_s) if motion.facing.size else motion.facing
+        velocity, usual = motion.velocity(people.place), self._usual(people, weighed)
+        self._people = people.changed(velocity=velocity, usual=usual, facing=facing)
         self._weights = weighed
         self._look(later_s, weighed)
 
-    def _turned(self, yaw: Float[Array, "n p"], sigma_rad: float, rng: np.random.Generator) -> Float[Array, "n p"]:
-        """Where hypotheses face after turns, some of them anywhere."""
-        yaw = yaw + sigma_rad * rng.standard_normal(yaw.shape)
-        who = rng.permutation(yaw.shape[1])[: round(self.options.motion.turned * yaw.shape[1])]
-        yaw[:, who] = rng.uniform(-np.pi, np.pi, (len(yaw), who.size))
-        return yaw
-
-    def _faced(self, people: People, facing: Float[Array, "n g"], later_s: dict[str, float]) -> Float[Array, "n g"]:
+    def _faced(self, people: People, motion: Motion, later_s: dict[str, float]) -> Float[Array, "n g"]:
         """Where everybody faces after what the pictures show at their expected places, and by where they walk."""
-        grid = grid_of(facing.shape[1])
-        log = self._walking(np.broadcast_to(grid, facing.shape))
+        facing = motion.facing
+        log = motion.walking(np.broadcast_to(grid_of(facing.shape[1]), facing.shape))
         if self.options.weights.colour.used:
             heads = {name: _heads(people, later, 0.0) for name, later in later_s.items()}
             log = log + sum(self._evaluators.facing(heads))
         with np.errstate(divide="ignore"):
             return LogWeights.of(np.log(facing) + log).normalised
-
-    def _walking(self, yaw: Float[Array, "n k"]) -> Float[Array, "n k"]:
-        """The logarithm of how likely people face somewhere who walk as they do."""
-        velocity = self._people.velocity[:, :2]
-        heading = np.arctan2(velocity[:, 1], velocity[:, 0])
-        speed = np.minimum(np.linalg.norm(velocity, axis=1), 1.0)
-        return self.options.motion.walking * speed[:, None] * np.cos(yaw - heading[:, None])
 
     def _weighed(self, state: Float[Array, "4 n p"], later_s: dict[str, float]) -> dict[str, Weights]:
         """What each picture makes of hypotheses, moved to its own stamp."""
@@ -235,7 +204,7 @@ class RgbdHead(MomentTracker):
             heads[name][:3] += np.float32(later) * velocity
         return self._evaluators.weights(heads)
 
-    def _total(self, state: Float[Array, "4 n p"], weighed: dict[str, Weights]) -> Float[Array, "n p"]:
+    def _total(self, state: Float[Array, "4 n p"], weighed: dict[str, Weights], motion: Motion) -> Float[Array, "n p"]:
         """The logarithm of the product of all weights (eq. 9)."""
         people, options = self._people, self.options
         n, p = state.shape[1:]
@@ -246,7 +215,7 @@ class RgbdHead(MomentTracker):
             total += np.where(seen, (weights.colour + weights.depth).reshape(n, p), usual)
         total += self._room.log_weight(state[:3].reshape(3, n * p).T).reshape(n, p)
         if not people.facing.size:
-            total += self._walking(state[3])
+            total += motion.walking(state[3])
         if n > 1:
             away = np.sqrt(((state[:3, :, :, None] - people.place.T[:, None, None]) ** 2).sum(axis=0))
             away[np.arange(n), :, np.arange(n)] = np.inf

@@ -1,0 +1,60 @@
+"""How heads move (ours: the paper gives no model): diffusion that grows with speed and time, turns, facing where one walks."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from trackers.arrays import Array
+from trackers.filters.circular import diffused, drawn
+from trackers.rgbd_head.options import MotionOptions
+from trackers.rgbd_head.people import People
+
+
+class Motion:
+    """Of everybody over `dt_s`.
+
+    facing (n, directions): where they face before anything is looked at; empty where a hypothesis has a direction of its own.
+    """
+
+    def __init__(self, people: People, dt_s: float, options: MotionOptions) -> None:
+        self._people, self._dt_s, self._options = people, dt_s, options
+        speed = np.linalg.norm(people.velocity[:, :2], axis=1)
+        level = options.still_m + options.per_speed_m * speed
+        self._turn = np.sqrt(dt_s) * np.radians(options.turn_deg)
+        self._sigma = np.sqrt(dt_s) * np.stack([level, level, np.full_like(level, options.up_m)])[..., None]
+        self.facing: Float[Array, "n g"] = people.facing
+        if self.facing.size:
+            anywhere = options.turned / self.facing.shape[1]
+            self.facing = (1 - options.turned) * diffused(people.facing, self._turn) + anywhere
+
+    def moved(self, state: Float[Array, "4 n p"], rng: np.random.Generator, layer: int) -> Float[Array, "4 n p"]:
+        """Hypotheses of a layer: the first go on and spread, those of later ones spread the less about where they are."""
+        options = self._options
+        way = self._dt_s * self._people.velocity.T[..., None] if layer == 0 else 0.0
+        moved = np.empty_like(state)
+        moved[:3] = state[:3] + way + options.nearer**layer * self._sigma * rng.standard_normal(state[:3].shape)
+        moved[3] = drawn(self.facing, state.shape[2], rng) if self.facing.size else self._turned(state[3], rng)
+        return moved
+
+    def _turned(self, yaw: Float[Array, "n p"], rng: np.random.Generator) -> Float[Array, "n p"]:
+        """Where hypotheses face after turns, some of them anywhere."""
+        yaw = yaw + self._turn * rng.standard_normal(yaw.shape)
+        who = rng.permutation(yaw.shape[1])[: round(self._options.turned * yaw.shape[1])]
+        yaw[:, who] = rng.uniform(-np.pi, np.pi, (len(yaw), who.size))
+        return yaw
+
+    def walking(self, yaw: Float[Array, "n k"]) -> Float[Array, "n k"]:
+        """The logarithm of how likely people face somewhere who walk as they do."""
+        velocity = self._people.velocity[:, :2]
+        heading = np.arctan2(velocity[:, 1], velocity[:, 0])
+        speed = np.minimum(np.linalg.norm(velocity, axis=1), 1.0)
+        return self._options.walking * speed[:, None] * np.cos(yaw - heading[:, None])
+
+    def velocity(self, place: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
+        """How fast everybody is who got there [m/s], a running mean."""
+        before, options = self._people, self._options
+        if not (options.velocity_s and self._dt_s):
+            return before.velocity
+        kept = np.exp(-self._dt_s / options.velocity_s)
+        return kept * before.velocity + (1 - kept) * (place - before.place) / self._dt_s
