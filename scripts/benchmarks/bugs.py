@@ -251,7 +251,7 @@ _BY_FILE = {
     ],
     "trackers/camera_floor_particle/loads.py": [("rows and columns exchanged", "local.T[::-1]", "local.T")],
     # rgbd_head, environment
-    "trackers/rgbd_head/tracker.py": [
+    "trackers/rgbd_head/sight.py": [
         ("moved back to the picture", "[:3] += np.float32(later)", "[:3] -= np.float32(later)"),
     ],
     "trackers/rgbd_head/picture.py": [

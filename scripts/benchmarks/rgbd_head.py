@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Iterator, Sequence
 
@@ -59,7 +60,9 @@ def measure() -> Iterator[Figure]:
     yield Figure(
         "512 hypotheses on one picture", _ms(lambda: weigher.weights([picture], heads, tables)), "ms", "<= 0.6"
     )
-    yield Figure("a picture made ready", _ms(lambda: watcher.ready(image)), "ms", "")
+    # in turn: the same picture for the third time is a frozen one, at which nobody looks
+    images = itertools.cycle([each for each in seen if isinstance(each, DepthImage) and each.sensor == "stereo_1"])
+    yield Figure("a picture made ready", _ms(lambda: watcher.ready(next(images))), "ms", "")
     yield from _on_workers(rig, known, [each for each in seen if each.t < 3.5])
 
 

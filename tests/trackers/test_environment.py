@@ -237,6 +237,18 @@ def test_points_between_two_surfaces_are_not_there():
     assert strays.is_occupied(air).mean() < 0.002
 
 
+def test_one_point_short_of_a_wall_is_no_wall_where_few_rays_come():
+    """So few that it alone is a share of them, and next to what is occupied."""
+    cloud = box_room_cloud(step_deg=1.5)
+    points, origins = cloud.points_m.copy(), cloud.origins_m[cloud.station]
+    stray = (np.abs(points[:, 0]) > 1.98) & (np.random.default_rng(3).random(len(points)) < 0.05)
+    gap_m = np.linalg.norm(points - origins, axis=1)[:, None]
+    points[stray] = (origins + (1 - 0.09 / gap_m) * (points - origins))[stray]
+    strays = build_environment(PointCloud(points, cloud.station, cloud.origins_m))
+    short = points[stray & (np.abs(points[:, 0]) < 1.93)]
+    assert len(short) > 300 and strays.is_occupied(short).mean() < 0.2  # those that lie two in a voxel
+
+
 def test_the_same_cloud_gives_the_same_environment(environment):
     again = build_environment(box_room_cloud(), room="boxes")
     np.testing.assert_array_equal(again.state, environment.state)

@@ -62,6 +62,25 @@ def test_the_only_one_hidden_is_re_identified_by_both_legs_but_not_by_what_may_b
     assert sorted(both.track.tolist()) == [0, 1]
 
 
+def test_trunk_before_legs_as_in_the_paper_or_whichever_is_likelier():
+    places = np.array([[0.0, 1.5]])
+    people = followed(
+        People.started(
+            Imm().start(places, np.zeros((1, 2)), 0.02, 0.1), places, 0, np.zeros((1, 4)), np.zeros(1, np.int64)
+        ),
+        ago(PERIOD_S),
+    )
+    nothing = np.zeros(1, np.bool_)
+    far_trunk, near_legs = (0.75, 1.5), ((-0.1, 1.45), (0.1, 1.55))
+    seen = Seen(detections(far_trunk), detections(*near_legs), None, np.zeros((1, 4)), nothing, nothing)
+
+    def trunk_of(**options) -> list[int]:
+        return Association(people, LaserFisheyeImmOptions(**options), 0.5, NOW).matches(seen).trunk.tolist()
+
+    assert trunk_of() == [-1]
+    assert trunk_of(at_once=False) == [0]
+
+
 def test_a_shirt_decides_between_two_who_are_about_as_near():
     imm = Imm()
     places = np.array([[0.0, 2.0], [0.5, 2.0]])
@@ -77,6 +96,23 @@ def test_a_shirt_decides_between_two_who_are_about_as_near():
 
     assert whose() == [1]
     assert whose(colour_weight=0) == [0]
+
+
+def test_the_own_shirt_speaks_for_somebody_beside_whose_shirt_nobody_has_seen():
+    places = np.array([[0.0, 2.0], [0.5, 2.0]])
+    shirts = np.array([[0.9, 0.1], [0.0, 0.0]])
+    people = People.started(Imm().start(places, np.zeros((2, 2)), 0.02, 0.1), places, 0, shirts, np.array([9, 0]))
+    people = followed(people, ago(PERIOD_S, PERIOD_S))
+    shown = np.ones(1, np.bool_)
+
+    def whose(look: list[float], **options) -> list[int]:
+        seen = Seen(detections((0.3, 2.0)), detections(), None, np.array([look]), shown, shown)
+        given = LaserFisheyeImmOptions.model_validate(options)
+        return Association(people, given, 0.5, NOW).matches(seen).track.tolist()
+
+    assert whose([0.8, 0.2]) == [0]
+    assert whose([0.8, 0.2], even_at=0) == [1]
+    assert whose([0.1, 0.9]) == [1]
 
 
 def test_who_comes_back_far_from_the_prediction_is_known_by_the_shirt():

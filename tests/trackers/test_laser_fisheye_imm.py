@@ -102,6 +102,15 @@ def test_velocities_are_the_walkers():
     assert np.percentile(errors, 95) < 0.45
 
 
+def test_a_new_track_goes_the_way_its_first_two_measurements_say():
+    runners = straight_walk([(-1.6, 1.0), (-1.6, 1.9), (-1.6, 2.7)], [(2.0, 0.0)] * 3, 8)
+    frames, _ = tracked(runners)
+    k = next(k for k, frame in enumerate(frames) if frame.tracks)
+    assert len(frames[k].tracks) == 3
+    assert np.mean([track.vx for track in frames[k].tracks]) > 1.0
+    assert np.mean([track.x for track in frames[k].tracks]) == pytest.approx(runners.position[k, 0, 0], abs=0.08)
+
+
 def test_somebody_hidden_at_both_heights_comes_back_as_who_they_were():
     # one walks behind another who stands close to the scanners, out of sight for a second
     walk = straight_walk([(0.0, 0.8), (-1.3, 2.2)], [(0.0, 0.0), (0.7, 0.0)], 38)

@@ -19,6 +19,8 @@ from trackers.pose import Pose
 from trackers.presets import PRESETS, make_tracker
 from trackers.rgbd_head.calibration import is_turned
 from trackers.rgbd_head.colours import COLOURS, HeadColours, colour_numbers
+from trackers.rgbd_head.doubts import Doubts
+from trackers.rgbd_head.evaluators import Evaluator
 from trackers.rgbd_head.learned import SHIPPED, load_learned
 from trackers.rgbd_head.options import WeightOptions
 from trackers.rgbd_head.outline import cells_shown, inner_points, outlines, ring_points
@@ -247,6 +249,22 @@ def test_pictures_are_weighed_at_their_own_stamps():
     assert errors[0] < 0.018 < errors[1]
 
 
+def test_what_is_behind_somebody_by_how_far_distances_may_be_off_is_theirs():
+    watcher, _ = watching(WeightOptions())
+    evaluator, image = Evaluator(watcher), SEEN[40]
+    assert isinstance(image, DepthImage) and evaluator.take(image)
+    points = evaluator.strangers(np.empty((0, 2)), 0.5)
+    point = points[:, np.linalg.norm(points[:3].T - CAMERA.eye_m, axis=1).argmax()]
+    ahead = (point[:2] - CAMERA.eye_m[:2]) / np.linalg.norm(point[:2] - CAMERA.eye_m[:2])
+    aside = np.array([-ahead[1], ahead[0]])
+
+    def is_strange(known_m):
+        return bool((evaluator.strangers(known_m[None], 0.5) == point[:, None]).all(axis=0).any())
+
+    assert not is_strange(point[:2] - 0.6 * ahead) and not is_strange(point[:2] + 0.45 * aside)
+    assert is_strange(point[:2] - 0.6 * aside) and is_strange(point[:2] - 1.5 * ahead)
+
+
 def test_a_known_start_is_followed_from_there():
     start = [{"place": WALK[0, 1, :3].tolist(), "yaw_deg": float(np.degrees(WALK[0, 1, 3]))}]
     frames = follow(start=start)
@@ -363,6 +381,49 @@ def test_a_camera_that_shows_heads_elsewhere_is_named(told, named, longer):
     tracker = make_tracker("rgbd-head", told, ROOM, np.random.default_rng(0), {"environment": {"used": False}})
     list(track_frames(tracker, told, longer))
     assert [each.partition(" shows heads elsewhere")[0] for each in tracker.warnings] == named
+
+
+def test_who_is_named_is_looked_at_no_more(longer):
+    """With a camera that hangs 5° aside tracks are drawn aside from time to time, and without it they are not."""
+    told = told_otherwise("stereo_1", 5, 1)
+    means = {}
+    for leave_out in (False, True):
+        given = {"environment": {"used": False}, "leave_out": leave_out}
+        tracker = make_tracker("rgbd-head", told, ROOM, np.random.default_rng(0), given)
+        frames = list(track_frames(tracker, told, longer))
+        means[leave_out] = np.mean([end_errors(frames[:k], walks(3, 45))[0] for k in range(36, 46)])
+        assert ["looked at no more" in each for each in tracker.warnings] == [leave_out]
+    assert means[True] < 0.025 and means[True] < 0.6 * means[False]
+
+
+def test_who_is_not_named_changes_nothing(longer):
+    first, second = (
+        list(track_frames(make_tracker("rgbd-head", RIG, ROOM, options={"leave_out": leave_out}), RIG, longer))
+        for leave_out in (False, True)
+    )
+    assert repr(first) == repr(second)
+
+
+def test_most_cameras_hang_right():
+    names = ["a", "b", "c", "d"]
+    assert Doubts(names, ["b"], True).left_out == {"b"}
+    assert not Doubts(names, ["b"], False).left_out
+    both = Doubts(names, ["b", "c"], True)  # rather the room is another one
+    assert not both.left_out and len(both.warnings) == 2
+    assert not Doubts(["a", "b"], ["b"], True).left_out
+
+
+def test_by_heads_one_camera_after_another_is_doubted_until_half_remain():
+    names, right, off = ["a", "b", "c", "d", "e"], np.zeros((1, 2)), np.array([[0.1, 0.0]])
+    doubts = Doubts(names, [], True)
+    for wrong in ("a", "b", "c"):
+        for _ in range(40):
+            for name in names:
+                if name not in doubts.left_out:
+                    doubts.take(name, off if name == wrong else right)
+    assert doubts.left_out == {"a", "b"}
+    assert [each.partition(" ")[0] for each in doubts.warnings] == ["a", "b", "c"]
+    assert ["no more" in each for each in doubts.warnings] == [True, True, False]
 
 
 def test_of_two_cameras_nobody_can_tell_which_hangs_otherwise():

@@ -61,7 +61,7 @@ def not_seen(
 
 
 def existence_unseen(
-    existence: Float[Array, "n"], missed: Float[Array, "n"], elapsed_s: float, survival_s: float
+    existence: Float[Array, "n"], missed: Float[Array, "n"], elapsed_s: float, survival_s: Float[Array, "n"] | float
 ) -> Float[Array, "n"]:
     """How probably the n tracks still are somebody, after a look that did not show them.
 

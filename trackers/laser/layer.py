@@ -109,7 +109,7 @@ class KneeOptions(LayerOptions):
         "stride from the body [m] (ours)",
     )
     claim_m: float = Field(
-        default=0.6,
+        default=0.7,
         ge=0,
         description="how far the middle of two legs may be from a trunk or a prediction to belong to it: the knees of a "
         "sitting person are half a metre before the trunk [m] (ours)",

@@ -28,6 +28,7 @@ class Matches:
     position: Float[Array, "p 2"]
     variance: Float[Array, "p"]  # of the position on each axis
     trunk: Int[Index, "p"]  # the trunk, or -1 where legs were used
+    legs: Float[Array, "p 2"]  # the middle of the legs under that trunk [m], NaN where none is seen
     new_position: Float[Array, "q 2"]  # measurements that no track took
     new_trunk: Int[Index, "q"]
     new_clearance: Float[Array, "q"]  # how far from everybody else somebody new must be to be believed [m]
@@ -48,8 +49,8 @@ class Association:
     sees_waists: bool = True
 
     def matches(self, seen: Seen) -> Matches:
-        """Trunks, and legs where no trunk is seen, to tracks in one assignment: waist, else knee, never both."""
-        walkers, n_leg = self._walkers(seen)
+        """Trunks, and legs where no trunk is seen, to tracks: waist, else knee, never both."""
+        walkers, n_leg, own_legs = self._walkers(seen)
         options, knee, n_trunk = self.options, self.options.knee, len(seen.trunks)
         trunk = np.concatenate([np.arange(n_trunk), np.full(len(walkers), -1)])
         position = np.concatenate([seen.trunks.position, walkers])
@@ -60,7 +61,7 @@ class Association:
         colour = self.people.clothes.distance(seen.histograms, seen.comparable)
         if colour is not None:
             colour = np.pad(colour, ((0, 0), (0, len(walkers))), constant_values=np.nan)
-        tracks, taken = self._match(position, variance, radius_m, ~(lone & self.sees_waists), colour)
+        tracks, taken = self._match(position, variance, radius_m, trunk < 0, ~(lone & self.sees_waists), colour)
         new = left_over(len(position), taken)
         # a lone leg within a stride of somebody is likelier theirs than somebody new
         body = options.management.body_radius_m
@@ -69,6 +70,7 @@ class Association:
             position=position[taken],
             variance=variance[taken],
             trunk=trunk[taken],
+            legs=np.concatenate([own_legs, np.full((len(walkers), 2), np.nan)])[taken],
             new_position=position[new],
             new_trunk=trunk[new],
             new_clearance=np.where(lone[new], max(body, knee.stride_m), body),
@@ -79,6 +81,7 @@ class Association:
         position: Float[Array, "k 2"],
         variance_m2: Float[Array, "k"],
         radius_m: Float[Array, "k"],
+        by_legs: Bool[Mask, "k"],
         whole: Bool[Mask, "k"],
         colour: Float[Array, "n k"] | None,
     ) -> tuple[Int[Index, "pairs"], Int[Index, "pairs"]]:
@@ -98,9 +101,13 @@ class Association:
             out_of_gate |= (options.max_deviations < N) & ~theirs
         terms = [unlikely - unlikely.min() if options.by_likelihood else N]
         if colour is not None:
-            terms.append(options.colour_weight * np.nan_to_num(colour))
+            terms.append(options.colour_weight * np.nan_to_num(colour - options.even_at))
         hidden = people.confirmed & self._hidden()
-        stages = [Stage(who, terms, [out_of_gate]) for who in (people.confirmed, ~people.confirmed)]
+        if options.at_once:
+            stages = [Stage(who, terms, [out_of_gate]) for who in (people.confirmed, ~people.confirmed)]
+        else:
+            everybody = np.ones_like(hidden)
+            stages = [Stage(everybody, terms, [out_of_gate | other]) for other in (by_legs, ~by_legs)]
         if hidden.any() and options.reach_m_s is not None:
             recognised = self._recognised(hidden, position, colour) & whole
             explained = ((options.expected_below >= N) & ~hidden[:, None]).any(axis=0)
@@ -124,22 +131,27 @@ class Association:
         return np.where(np.isnan(colour), alone, can_be & (colour <= self.options.recognised_below))
 
     def _hidden(self) -> Bool[Mask, "n"]:
-        """Who was not measured at the last scan either."""
-        return self.ns - self.people.roster.measured_ns > nanoseconds(1.5 * self.options.period_s)
+        """Who was not measured at the last scan either, and may be on their way: whoever lies is not."""
+        unseen = self.ns - self.people.roster.measured_ns > nanoseconds(1.5 * self.options.period_s)
+        return unseen & ~self.people.posture.lying
 
-    def _walkers(self, seen: Seen) -> tuple[Float[Array, "p 2"], Int[Index, "p"]]:
-        """People as their legs show them, and how many legs each shows.
+    def _walkers(self, seen: Seen) -> tuple[Float[Array, "p 2"], Int[Index, "p"], Float[Array, "k 2"]]:
+        """People as their legs show them, how many legs each shows, and the middle of the legs under each of k trunks, NaN: none.
 
-        Nobody whose trunk is seen: every trunk takes its own legs first.
+        Nobody whose trunk is seen: every trunk takes its own legs first. Whoever sits is as far behind the knees as before.
         """
         knee, legs = self.options.knee, seen.legs.position
         wide_cost = knee.wide_cost if self.sees_waists else 0.0  # legs alone are everybody's, runners' too
         rules = knee.stride_m, knee.claim_m, knee.single_leg_cost_m, knee.wide_above_m, wide_cost
-        _, _, free = take_legs(legs, seen.trunks.position, *rules)
+        own, n_own, free = take_legs(legs, seen.trunks.position, *rules)
+        own[n_own < 2] = np.nan  # a lone leg is up to half a stride from the middle
         legs = legs[free]
         if len(legs) == 0:
-            return legs, _NOBODY
-        known, n_leg, free = take_legs(legs, self.people.positions[self.people.confirmed], *rules)
+            return legs, _NOBODY, own
+        people = self.people.select(self.people.confirmed)
+        seated = people.posture.seated(people.measured_at, self.options.posture)
+        before = np.where(seated[:, None], people.posture.knees, 0.0)
+        known, n_leg, free = take_legs(legs, people.positions + before, *rules)
         strangers, n_leg_of_strangers = pair_off(legs[free], knee.pair_m)
-        walkers = np.concatenate([known[n_leg > 0], strangers])
-        return walkers, np.concatenate([n_leg[n_leg > 0], n_leg_of_strangers])
+        walkers = np.concatenate([(known - before)[n_leg > 0], strangers])
+        return walkers, np.concatenate([n_leg[n_leg > 0], n_leg_of_strangers]), own

@@ -14,6 +14,7 @@ from trackers.filters.motion import (
 )
 from trackers.laser.layer import KneeOptions, WaistOptions
 from trackers.laser.roles import Role
+from trackers.laser_fisheye_imm.posture import PostureOptions
 from trackers.vision.histogram import HistogramOptions
 from trackers.vision.torso import TorsoOptions
 
@@ -58,6 +59,12 @@ class ManagementOptions(Strict):
         lt=1,
         description="probability of existence above which a coasting track is reported, and in a rig with an area goes on "
         "after `coast_s` (ours)",
+    )
+    ends_below: float = Field(
+        default=0.001,
+        ge=0,
+        lt=1,
+        description="probability of existence below which a confirmed track ends at once; 0: it coasts for `coast_s` (ours)",
     )
     apart_m: float = Field(
         default=0.3,
@@ -119,10 +126,22 @@ class LaserFisheyeImmOptions(Strict):
     colour_weight: float = Field(
         default=60.0, ge=0, description="weight w of the appearance E, in the paper's distance d = N + w E (inferred)"
     )
+    even_at: float = Field(
+        default=0.37,
+        ge=0,
+        le=1,
+        description="E of a look that is as likely the same person's as another's, so that an unknown shirt is neither alike nor "
+        "different (ours, measured; the paper: 0)",
+    )
     by_likelihood: bool = Field(
         default=True,
         description="whether a pair costs N² + ln |S|, −2 ln of its likelihood, instead of N, so that a track known badly takes "
         "nothing from one known well (ours)",
+    )
+    at_once: bool = Field(
+        default=True,
+        description="whether trunks and legs are assigned at once, to confirmed tracks before tentative ones; else trunks to all "
+        "tracks, then legs to those left over, as in the paper (ours)",
     )
     max_deviations: float | None = Field(
         default=6.0,
@@ -164,6 +183,9 @@ class LaserFisheyeImmOptions(Strict):
     )
     waist: WaistOptions = Field(default=WaistOptions(), description="scanners at waist height")
     knee: KneeOptions = Field(default=KneeOptions(), description="scanners at knee height")
+    posture: PostureOptions = Field(
+        default=PostureOptions(), description="sitting people, told by their legs, and lying ones"
+    )
     torso: TorsoOptions = Field(default=TorsoOptions(), description="torso windows in the camera's picture")
     histogram: HistogramOptions = Field(
         default=HistogramOptions(grey_bins=0), description="colour histograms of torsos"

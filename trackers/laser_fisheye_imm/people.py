@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float, Int
 from trackers.arrays import Array, Index, Mask
 from trackers.filters.imm_state import ImmState
 from trackers.filters.rows import Rows, written
+from trackers.laser_fisheye_imm.posture import Posture
 from trackers.tracking.appearance import Appearance
 from trackers.tracking.roster import Roster
 
@@ -24,6 +25,7 @@ class People(Rows):
     clothes: Appearance
     born_at: Float[Array, "n 2"]  # first measured position [m]
     measured_at: Float[Array, "n 2"]  # last measured position [m]
+    posture: Posture
     existence: Float[Array, "n"]  # how probably they are still there; 1 for who was measured at the last moment
 
     @classmethod
@@ -39,7 +41,8 @@ class People(Rows):
         """Tentative tracks first measured at `position` at stamp ns."""
         clothes = Appearance.started(reference, n_look)
         serial = first_serial + np.arange(len(position))
-        return cls(serial, Roster.started(state, ns), clothes, position, position, np.ones(len(position)))
+        n = len(position)
+        return cls(serial, Roster.started(state, ns), clothes, position, position, Posture.upright(n), np.ones(n))
 
     @property
     def state(self) -> ImmState:

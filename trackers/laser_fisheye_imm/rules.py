@@ -20,7 +20,8 @@ RULES: Mapping[str, Mapping[str, Any]] = {
     "leg-pairs": {"knee": {"pair_m": 0.0}},
     "measured-noise": {"measurement_variance_m2": 0.01, "knee": {"legs_variance_m2": 0.0}},
     "gentle-maneuvers": {"imm_variances": [[0.1, 0.1], [100.0, 0.1], [90.0, 800.0]]},
-    "likelihood": {"by_likelihood": False, "colour_weight": 10.0},
+    "one-assignment": {"at_once": False},
+    "likelihood": {"by_likelihood": False, "colour_weight": 10.0, "even_at": 0.0},
     "single-legs": {"knee": {"single_leg_variance_m2": 0.0, "single_leg_cost_m": 0.0}},
     "wide-legs": {"knee": {"wide_cost": 0.0}},
     "knees-alone": {"knee": {"radius_alone_m": 0.5}},
@@ -35,6 +36,7 @@ RULES: Mapping[str, Mapping[str, Any]] = {
     "early-confirmation": {"management": {"confirm_after_s": 0.5}},
     "moved-confirmation": {"management": {"confirm_moved_m": 0.0}},
     "existence": {"management": {"survival_s": None}},
+    "postures": {"posture": {"seated_m": None}},
     "bodies-apart": {"management": {"apart_m": 0.0}},
     "body-spacing": {"management": {"body_radius_m": 0.0}},
 }

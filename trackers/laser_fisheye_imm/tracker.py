@@ -15,7 +15,7 @@ to be taken at once.
 Ours, not the paper's, each an option: the correction from a cluster's middle to the body's axis, the completion of half
 hidden clusters, the grouping of arms and legs, that tracks start by trunks, the velocity of a new track from its first two
 measurements, that beams which go on show where nobody is, and that an occluded person is re-identified by the shirt, or in
-what only that one of the occluded can have become.
+what only that one of the occluded can have become, and that whoever sat and is seen no more lies where they sat.
 """
 
 from __future__ import annotations
@@ -55,6 +55,8 @@ from trackers.tracks import Track, TrackFrame
 logger = logging.getLogger(__name__)
 
 _ISOTROPIC = np.eye(2)
+_AT_REST = 0.01
+"""Variance of the speed of somebody who lies [m²/s²]."""
 
 
 class LaserFisheyeImm(MomentTracker):
@@ -200,7 +202,8 @@ class LaserFisheyeImm(MomentTracker):
             R, speed_variance = self.options.measurement_variance_m2, self.options.start_speed_m_s**2
             moving = self._imm.start_from_two(people.born_at[fresh], now_at, elapsed_s, R, speed_variance)
             state = state.replaced(fresh, moving)
-        self._people = people.measured(track, matches.position, ns, state)
+        posture = people.posture.measured(track, matches.position, matches.legs, self.options.posture)
+        self._people = people.measured(track, matches.position, ns, state).changed(posture=posture)
 
     def _miss(self, moment: Moment, elapsed_s: float) -> None:
         """Whoever was looked for and not seen is likelier where nothing would show them, and no longer there the likelier."""
@@ -216,11 +219,20 @@ class LaserFisheyeImm(MomentTracker):
             return self._detector.missed(moment, points) * free
 
         state, chance = not_seen(people.state.select(missed), unseen)
+        sitting, posture = self.options.posture, people.posture.select(missed)
+        seated, seat = posture.seated(people.measured_at[missed], sitting), np.nan_to_num(posture.seat)
+        alone = clear_of(seat, taken, clearance_m=rules.apart_m)
+        posture, chance = posture.missed(seated, chance, alone, elapsed_s, sitting)
+        at_rest = self._imm.start(seat, None, sitting.place_m**2, _AT_REST)
+        state = state.replaced(posture.lying, at_rest.select(posture.lying))
         existence = people.existence
         if rules.survival_s is not None:
-            still = existence_unseen(existence[missed], chance, elapsed_s, rules.survival_s)
+            stays_s = np.where(seated, sitting.stays_s, rules.survival_s)
+            still = existence_unseen(existence[missed], chance, elapsed_s, stays_s)
             existence = written(existence, missed, still)
-        self._people = people.in_state(people.state.replaced(missed, state)).changed(existence=existence)
+        posture = people.posture.replaced(missed, posture)
+        state = people.state.replaced(missed, state)
+        self._people = people.in_state(state).changed(existence=existence, posture=posture)
 
     def _learn_colours(self, matches: Matches, seen: Seen) -> None:
         if seen.windows is None:
@@ -268,7 +280,8 @@ class LaserFisheyeImm(MomentTracker):
         # without an area there is always somewhere to be, behind the walls
         if looked and rules.survival_s is not None and self._area is not None:
             alive |= roster.confirmed & self._exists()
-        return alive
+        # what is left of somebody whom every look should have shown only takes the measurements of others
+        return alive & (self._people.existence >= rules.ends_below)
 
     def _exists(self) -> Bool[Mask, "n"]:
         """Who is probably still there."""
@@ -285,6 +298,9 @@ class LaserFisheyeImm(MomentTracker):
             return
         bodies = np.concatenate([self._people.positions, matches.position])
         free = clear_of(matches.new_position, bodies, matches.new_clearance)
+        people, sitting = self._people, self.options.posture
+        seats = people.posture.seat[people.posture.seated(people.measured_at, sitting)]
+        free &= clear_of(matches.new_position, seats, sitting.length_m)  # trunk and legs of who lies or gets up
         if self.options.start_by_trunks and self._detector.sees_waists:
             free &= matches.new_trunk >= 0
         position, trunk = matches.new_position[free], matches.new_trunk[free]

@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from trackers.arrays import Array, Index, Singles
-from trackers.filters.gating import distances
 from trackers.observations import DepthImage
 from trackers.rgbd_head.colours import ExpectedColours
 from trackers.rgbd_head.doubts import asides
@@ -62,12 +61,24 @@ class Evaluator:
         return self._weigher.look([self.shown()], heads[:, None])
 
     def strangers(self, known: Float[Array, "n 2"], apart_m: float) -> Float[Array, "4 k"]:
-        """Points of the foreground (`Watcher.strangers`) as high as people, farther than `apart_m` from known places."""
+        """Points of the foreground (`Watcher.strangers`) as high as people, farther than `apart_m` from known places.
+
+        Along the ray a point may be wherever its distance may be off: what a far camera sees of somebody lies about them.
+        """
         points = self.watcher.strangers(self.shown())
         points = points[:, (points[2] > _LOW_M) & (points[2] < _HIGH_M)]
         if not len(known):
             return points
-        return points[:, distances(points[:2].T, known).min(axis=1, initial=np.inf) > apart_m]
+        if not points.shape[1]:
+            return points
+        eye, depth = self.watcher.camera.eye_m, self.watcher.options.depth
+        ray = points[:3] - eye[:, None]
+        off_m = depth.most * (depth.sigma_m + depth.sigma_per_m * (ray * ray).sum(axis=0))
+        east, north = ray[:2] / np.maximum(np.hypot(*ray[:2]), 1e-9)
+        x, y = (points[:2, :, None] - known.T[:, None]).astype(float)
+        along, aside = x * east[:, None] + y * north[:, None], x * north[:, None] - y * east[:, None]
+        away = np.hypot(np.maximum(np.abs(along) - off_m[:, None], 0.0), aside)
+        return points[:, away.min(axis=1) > apart_m]
 
     def tables(self) -> Float[Singles, "n entries"] | None:
         """How likely each colour is (`ExpectedColours.tables`)."""

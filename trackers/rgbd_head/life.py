@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float
 from trackers.arrays import Array, Index, Mask
 from trackers.filters.gating import distances
 from trackers.filters.particle import Cloud
+from trackers.filters.rows import written
 from trackers.observations import NS_PER_S
 from trackers.rgbd_head.options import RgbdHeadOptions
 from trackers.rgbd_head.outline import ASPECTS
@@ -57,7 +58,9 @@ class Life:
             for k in np.flatnonzero(again):  # at most a few a moment
                 row = lost[[away[k].argmin()]]
                 state = people.roster.state.replaced(row, self._cloud(places[[k]], None))
-                people = people.changed(roster=people.roster.changed(state=state))
+                # how fast they seemed to go while they were lost would take them away again
+                velocity = written(people.velocity, row, 0.0)
+                people = people.changed(roster=people.roster.changed(state=state), velocity=velocity)
             places = places[~again]
         return people.joined(self._started(places, None, ns)) if len(places) else people
 

@@ -14,11 +14,13 @@ from trackers.rgbd_head.people import People
 class Motion:
     """Of everybody over `dt_s`.
 
+    place: where everybody was before.
     facing (n, directions): where they face before anything is looked at; empty where a hypothesis has a direction of its own.
     """
 
     def __init__(self, people: People, dt_s: float, options: MotionOptions) -> None:
         self._people, self._dt_s, self._options = people, dt_s, options
+        self.place: Float[Array, "n 3"] = people.place
         speed = np.linalg.norm(people.velocity[:, :2], axis=1)
         level = options.still_m + options.per_speed_m * speed
         self._turn = np.sqrt(dt_s) * np.radians(options.turn_deg)
@@ -57,4 +59,4 @@ class Motion:
         if not (options.velocity_s and self._dt_s):
             return before.velocity
         kept = np.exp(-self._dt_s / options.velocity_s)
-        return kept * before.velocity + (1 - kept) * (place - before.place) / self._dt_s
+        return kept * before.velocity + (1 - kept) * (place - self.place) / self._dt_s

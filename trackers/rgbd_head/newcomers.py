@@ -29,7 +29,7 @@ def newcomers(points: Float[Array, "4 k"], options: LifeOptions) -> Float[Array,
     for _ in range(_MOST):
         if found:
             points = points[:, np.hypot(*(points[:2] - found[-1][:2, None])) > options.apart_m]
-        if points.shape[1] == 0:
+        if points.shape[1] == 0 or points[3].sum() < options.least_m2:
             break
         low = points[:2].min(axis=1) - 2 * _CELL_M
         cell = ((points[:2] - low[:, None]) / _CELL_M).astype(np.intp)

@@ -79,7 +79,7 @@ class SilhouetteOptions(Strict):
     power: float = Field(default=6.0, ge=0, description="power of the two shares; 0: not looked at (the paper)")
     ring: float = Field(default=1.3, gt=1, description="size of the half ring over the ellipse, in its semi-axes")
     ring_points: PositiveInt = Field(default=8, le=128, description="points looked at on the half ring")
-    floor: float = Field(default=0.1, gt=0, lt=1, description="a share counts at least as this")
+    floor: float = Field(default=0.02, gt=0, lt=1, description="a share counts at least as this")
 
 
 class WeightOptions(Strict):
@@ -221,6 +221,11 @@ class RgbdHeadOptions(Strict):
     )
     cameras: tuple[str, ...] = Field(
         default=(), description="names of the stereo cameras that are looked at; none: all of the rig's"
+    )
+    leave_out: bool = Field(
+        default=True,
+        description="a camera that is named as hanging elsewhere than the rig says is looked at no more, as long as more than "
+        "half of them remain (ours); false: it is only named",
     )
     start: tuple[Start, ...] = Field(
         default=(),

@@ -68,9 +68,12 @@ class Outlines:
 
 def aspects(facing: Float[NDArray[np.floating], "*n"], rise: Float[NDArray[np.floating], "*#n"]) -> Int[Index, "*n"]:
     """From where a head is seen, as a column of `cells_shown`, by the angles of `Outlines` [rad]."""
-    turn = np.floor(facing * (ASPECTS[0] / (2 * np.pi))).astype(np.intp) % ASPECTS[0]
-    level = np.clip(np.floor((rise / np.pi + 0.5) * ASPECTS[1]), 0, ASPECTS[1] - 1).astype(np.intp)
-    return turn * ASPECTS[1] + level
+    turn = np.floor(facing * (ASPECTS[0] / (2 * np.pi)))
+    turn -= ASPECTS[0] * np.floor(
+        turn / ASPECTS[0]
+    )  # exact, and several times as fast as the remainder of whole numbers
+    level = np.minimum(np.maximum(np.floor((rise / np.pi + 0.5) * ASPECTS[1]), 0), ASPECTS[1] - 1)
+    return (turn * ASPECTS[1] + level).astype(np.intp)
 
 
 def outlines(

@@ -43,6 +43,11 @@ class People(Rows):
         cloud = self.roster.state
         return cloud.expectation(cloud.state[:3]).T
 
+    def heads(self, later_s: float, yaw_rad: Float[Array, "n"] | float) -> Float[Array, "4 n"]:
+        """Everybody's head (x, y, z [m], yaw [rad]) some time later, as they go on now."""
+        place = self.place + later_s * self.velocity
+        return np.column_stack([place, np.broadcast_to(yaw_rad, len(place))]).T
+
     def direction(self) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
         """Where each head faces [rad], averaged on the circle, and how sure that is, 0 to 1."""
         if self.facing.shape[1]:

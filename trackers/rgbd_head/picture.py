@@ -49,16 +49,15 @@ class Picture:
     mask: Bool[Mask, "height width"]
     knows_depth: bool
 
-    def at(self, columns: Float[Singles, "points n"], rows: Float[Singles, "points n"]) -> Int32[NDArray, "points n"]:
-        """The pixels at these columns and rows; 0 beyond the picture's edges."""
-        shape = columns.shape
-        if shape[1] >= _LONGEST:  # of OpenCV's pictures, which the pixels looked at are to it
-            parts = [slice(k, k + _LONGEST - 1) for k in range(0, shape[1], _LONGEST - 1)]
-            return np.concatenate([self._nearest(columns[:, part], rows[:, part]) for part in parts], axis=1)
-        return self._nearest(columns, rows)
-
-    def _nearest(self, columns: Float[Singles, "k n"], rows: Float[Singles, "k n"]) -> Int32[NDArray, "k n"]:
-        return np.asarray(cv2.remap(self.pixels, columns, rows, cv2.INTER_NEAREST, borderValue=0), np.int32)
+    def at(
+        self, columns: Float[Singles, "points n"], rows: Float[Singles, "points n"], out: Int32[NDArray, "points n"]
+    ) -> None:
+        """Write the pixels at these columns and rows; 0 beyond the picture's edges."""
+        for first in range(
+            0, columns.shape[1], _LONGEST - 1
+        ):  # of OpenCV's pictures, which the pixels looked at are to it
+            part = slice(first, first + _LONGEST - 1)
+            cv2.remap(self.pixels, columns[:, part], rows[:, part], cv2.INTER_NEAREST, out[:, part], borderValue=0)
 
 
 class Watcher:
@@ -81,8 +80,9 @@ class Watcher:
         per_depth = np.linalg.norm(sensor.intrinsics.directions(), axis=-1).astype(np.float32)
         self.empty_depth_m, wall_m = _empty_room(pictures)
         self.crown_m = options.semi_axes_m[2]
-        self._wall_m = wall_m * per_depth
         self._mm_per_depth = 1000 * per_depth
+        self._stranger_rays = np.ascontiguousarray(self.camera.pixel_rays[::_EVERY, ::_EVERY])
+        self._before_m = np.ascontiguousarray((wall_m * per_depth)[::_EVERY, ::_EVERY]) - _BEFORE_M
         self._empty = None
         if pictures:
             known = np.where(np.isfinite(wall_m), wall_m, np.float32(0))
@@ -136,12 +136,13 @@ class Watcher:
 
     def strangers(self, picture: Picture) -> Float[Array, "4 k"]:
         """Places (x, y, z) [m] of pixels of the foreground before the empty room's, and the area that each shows [m²]."""
-        pixels = picture.pixels[::_EVERY, ::_EVERY]
-        away_m = range_m(pixels)
-        shown = ((pixels & FOREGROUND) > 0) & (away_m > 0)
-        shown &= away_m < self._wall_m[::_EVERY, ::_EVERY] - _BEFORE_M
-        away = away_m[shown]
-        places = self.camera.pixel_rays[::_EVERY, ::_EVERY][shown].T * away + self.camera.eye_m[:, None]
+        foreground = np.flatnonzero(picture.mask[::_EVERY, ::_EVERY])
+        away = range_m(picture.pixels[::_EVERY, ::_EVERY].reshape(-1).take(foreground))
+        shown = (away > 0) & (away < self._before_m.reshape(-1).take(foreground))
+        away = away[shown]
+        places = (
+            self._stranger_rays.reshape(-1, 3).take(foreground[shown], axis=0).T * away + self.camera.eye_m[:, None]
+        )
         pixel = _EVERY**2 / (self.camera.intrinsics.fx * self.camera.intrinsics.fy)
         return np.concatenate([places, [pixel * away**2]]).astype(float)
 
@@ -160,6 +161,6 @@ def _empty_room(
     return median, most
 
 
-def range_m(pixels: Int32[NDArray, "k n"]) -> Float[Singles, "k n"]:
+def range_m(pixels: Int32[NDArray, "*n"]) -> Float[Singles, "*n"]:
     """How far along its ray each pixel is [m], 0 where unknown."""
     return (pixels >> _RANGE_BITS) * np.float32(1e-3)

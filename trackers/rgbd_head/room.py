@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from trackers.arrays import Array
 from trackers.environment.model import Environment
-from trackers.rgbd_head.calibration import TURNS_DEG, is_turned
+from trackers.rgbd_head.calibration import is_turned
 from trackers.rgbd_head.options import EnvironmentOptions
 from trackers.rgbd_head.picture import Watcher
 
@@ -38,15 +38,19 @@ class Room:
         with np.errstate(divide="ignore"):
             return np.log(weight)
 
-    def warnings(self, watchers: Mapping[str, Watcher]) -> list[str]:
-        """That the room is not known, or which cameras do not hang as the rig says."""
+    @property
+    def warnings(self) -> list[str]:
+        """That the room is not known."""
+        lacking = self._environment is None and self._options.used
+        return ["goes without the room's environment (`twin environment` makes one)"] if lacking else []
+
+    def turned(self, watchers: Mapping[str, Watcher]) -> list[str]:
+        """The cameras that do not hang as the rig says, as far as the room is known."""
         room = self._environment
         if room is None:
-            return ["goes without the room's environment (`twin environment` makes one)"] if self._options.used else []
-        turned = [
+            return []
+        return [
             name
             for name, each in watchers.items()
             if each.empty_depth_m.size > 1 and is_turned(each.camera, each.empty_depth_m, room)
         ]
-        says = f"fits the environment better when turned by {TURNS_DEG[0]:g}° or more than as the rig has it"
-        return [f"what {name} sees of the empty room {says}" for name in turned]

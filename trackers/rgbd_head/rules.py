@@ -15,6 +15,7 @@ PAPER: Mapping[str, Any] = {
         "gain_from": 0.0,
     },
     "environment": {"radius_m": 0.0},
+    "leave_out": False,
     "motion": {"walking": 0.0, "turned": 0.0, "layers": 1},
 }
 """The options of `rgbd-head-paper`. What the paper does not give (a, b, the motion model) is as in ours; the start is known

@@ -108,11 +108,11 @@ class Weigher:
             from_nose = (turn * (2 * np.pi / ASPECTS[0])).astype(np.float32)
             log = _linear(np.abs(skin[:, None] - expected_share(from_nose, options)), options.colour.linear)
         else:
-            # a pixel's step of s picks a row of its colour's column: for all turns at once a product with zeros and ones
-            person = np.tile(np.arange(n), c)
-            rows = tables.reshape(-1, SHARES, COLOURS)[person, :, pixels & (COLOURS - 1)]  # points, heads, steps
-            picked = self._picked[seen_as.aspects() % ASPECTS[1]]
-            by_turn = np.matmul(rows.transpose(1, 0, 2).reshape(c * n, 1, -1), picked)[:, 0]
+            colour = (pixels & (COLOURS - 1)).T.reshape(c, n, _LOOKED_AT)
+            colour += np.arange(0, tables.size, SHARES * COLOURS, dtype=np.int32)[:, None]
+            entry = self._steps_turned.take(seen_as.aspects() % ASPECTS[1], axis=0)
+            entry += colour.reshape(c * n, _LOOKED_AT, 1)
+            by_turn = tables.ravel().take(entry).sum(axis=1)
             log = options.colour.power / _LOOKED_AT * np.take_along_axis(by_turn, turn, axis=1)
         told = np.where(seen_as.seen[:, None], log, 0).astype(np.float32)  # it travels
         return told.reshape(c, n, ASPECTS[0])
@@ -137,11 +137,9 @@ class Weigher:
         return self._steps(_LOOKED_AT)
 
     @cached_property
-    def _picked(self) -> Float[Singles, "rises entries turns"]:
-        """Which step of s each point looked at shows, zeros and ones (points · steps), by the camera's height angle and turn."""
-        step = (self._steps_looked_at // COLOURS).reshape(_LOOKED_AT, ASPECTS[0], ASPECTS[1])
-        is_step = step[:, None] == np.arange(SHARES)[:, None, None]
-        return np.moveaxis(is_step, -1, 0).reshape(ASPECTS[1], -1, ASPECTS[0]).astype(np.float32)
+    def _steps_turned(self) -> Int32[NDArray, "rises points turns"]:
+        """`_steps_looked_at` by the camera's height angle, for every turn."""
+        return np.ascontiguousarray(np.moveaxis(self._steps_looked_at.reshape(_LOOKED_AT, *ASPECTS), -1, 0))
 
     def _steps(self, points: int) -> Int32[NDArray, "points aspects"]:
         """The first entry of the step of s that each of so many points of the ellipse shows in every aspect."""
@@ -175,8 +173,12 @@ def _pixels(
     pictures: Sequence[Picture], seen_as: Outlines, disc: Float[Array, "points 2"]
 ) -> Int32[NDArray, "points n"]:
     """Each picture's pixels at points of the unit disc in its ellipses, one picture's after another's."""
-    columns, rows = (np.split(each, len(pictures), axis=1) for each in seen_as.pixels(disc))
-    return np.concatenate([each.at(*at) for each, *at in zip(pictures, columns, rows, strict=True)], axis=1)
+    columns, rows = seen_as.pixels(disc)
+    found, n = np.empty(columns.shape, np.int32), columns.shape[1] // len(pictures)
+    for number, each in enumerate(pictures):
+        own = slice(number * n, number * n + n)
+        each.at(columns[:, own], rows[:, own], found[:, own])
+    return found
 
 
 def expected_share(facing: Float[Singles, "*n"], options: WeightOptions) -> Float[Singles, "*n"]:

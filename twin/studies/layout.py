@@ -133,13 +133,23 @@ class Layout:
         return self.apart_m(one, other) < max(self.study.constraints.apart_m, 1e-6) - 1e-9
 
     def price(self, candidate: Candidate) -> float:
-        """What the devices and cables of a candidate cost; of the scenario's own placement, what its devices do."""
+        """What the devices and cables of a candidate cost; of the scenario's own placement, what its devices do.
+
+        A device of the scenario's own is of the first kind that changes nothing of it, or of the first.
+        """
         if candidate != OWN:
             return float(self.prices[list(candidate)].sum())
         return sum(
-            (move.kinds[0].price if move.kinds[0].price is not None else move.price) * max(1, len(move.sensors))
-            for move in self.study.move.values()
+            self._price_as_it_is(move, name) for move in self.study.move.values() for name in move.sensors or ("",)
         )
+
+    def _price_as_it_is(self, move: Move, name: str) -> float:
+        """What a device costs that the scenario has; name: its sensor, "" where it is of several."""
+        sensors = self.scenario.sensors
+        own = sensors[name].model_dump(mode="json", exclude_none=True) if name else {}
+        alike = [kind for kind in move.kinds if all(own.get(field) == value for field, value in kind.set.items())]
+        kind = (alike or move.kinds)[0]
+        return kind.price if kind.price is not None else move.price
 
     def against(self, candidate: Iterable[int]) -> str:
         """Why a set of options may not be taken; "" where it may."""

@@ -24,13 +24,16 @@ from twin.studies.moves import Kind, Move
 def placed(study: Study, scenario: Scenario, options: Sequence[Option]) -> Scenario:
     """The scenario with the options' devices in place of its own; the same scenario without options.
 
-    The first devices take the names of the scenario's own, so that the same place under the same name has the same noise; more
-    of them are called NAME-2, NAME-3 ... after their entry. Raises InputError where that is no scenario: a fault of a
-    sensor that is no longer there, a scanner that cannot have its role at this height.
+    A device that stands for one sensor keeps its name, and more of them are called NAME-2, NAME-3 ... after their entry. Where
+    an entry stands for several, names like `west` say where those hung: theirs are NAME-1, NAME-2 ..., and what the scenario
+    says of the first, as its main sensor or in a fault, holds for the first again. Raises InputError where that is no
+    scenario: a fault of a sensor that is no longer there, a scanner that cannot have its role at this height, two sensors
+    of one name.
     """
     if not options:
         return scenario
     sensors, housings = dict(scenario.sensors), dict(scenario.housings)
+    called: dict[str, str] = {}
     for name, move in study.move.items():
         chosen = [
             (mount, move.kinds[option.kind]) for option in options if option.device == name for mount in option.mounts
@@ -40,12 +43,23 @@ def placed(study: Study, scenario: Scenario, options: Sequence[Option]) -> Scena
         elif move.together:
             _move_together(move, chosen, name, sensors, scenario)
         else:
-            _move_each(move, chosen, name, sensors, scenario)
+            called |= _move_each(move, chosen, name, sensors, scenario)
     if not sensors:
         raise InputError("no sensor is left; at least one is expected")
-    main = scenario.main_sensor if scenario.main_sensor in sensors else None
-    moved = scenario.model_copy(update={"sensors": sensors, "housings": housings, "main_sensor": main})
-    for fault_name, fault in scenario.faults.items():
+    main = called.get(scenario.main_sensor or "", scenario.main_sensor)
+    faults = {
+        each: fault.model_copy(update={"sensor": tuple(called.get(name, name) for name in fault.sensor)})
+        for each, fault in scenario.faults.items()
+    }
+    moved = scenario.model_copy(
+        update={
+            "sensors": sensors,
+            "housings": housings,
+            "main_sensor": main if main in sensors else None,
+            "faults": faults,
+        }
+    )
+    for fault_name, fault in faults.items():
         gone = [each for each in fault.sensor if each not in sensors]
         if gone:
             raise InputError(
@@ -60,8 +74,8 @@ def placed(study: Study, scenario: Scenario, options: Sequence[Option]) -> Scena
 
 
 def _names(own: Sequence[str], device: str, number: int) -> list[str]:
-    """The scenario's own names, then NAME-2 ... after the device."""
-    return [own[k] if k < len(own) else f"{device}-{k + 1}" for k in range(number)]
+    """The scenario's own name where there is one, then NAME-2 ... after the device."""
+    return [own[0] if k == 0 and len(own) == 1 else f"{device}-{k + 1}" for k in range(number)]
 
 
 def _described(description: Any, mount: Mount, kind: Kind) -> Any:
@@ -85,12 +99,17 @@ def _described(description: Any, mount: Mount, kind: Kind) -> Any:
 
 def _move_each(
     move: Move, chosen: list[tuple[Mount, Kind]], device: str, sensors: dict[str, Any], scenario: Scenario
-) -> None:
+) -> dict[str, str]:
+    """Hang them; what the scenario's own are called now, as far as there are so many."""
     for name in move.sensors:
         del sensors[name]
-    for number, (name, (mount, kind)) in enumerate(zip(_names(move.sensors, device, len(chosen)), chosen, strict=True)):
+    names = _names(move.sensors, device, len(chosen))
+    for number, (name, (mount, kind)) in enumerate(zip(names, chosen, strict=True)):
         template = scenario.sensors[move.sensors[min(number, len(move.sensors) - 1)]]
+        if name in sensors:
+            raise InputError(f"move.{device}: {name!r} is a sensor that stays; another name of the entry is expected")
         sensors[name] = _described(template, mount, kind)
+    return dict(zip(move.sensors, names, strict=False))
 
 
 def _move_together(
@@ -144,6 +163,7 @@ def write_scenario(path: Path, own: Scenario, moved: Scenario, own_file: Path, n
         "background_frames",
         "rendering",
         "main_sensor",
+        "faults",
         "sensors",
         "housings",
     ):

@@ -28,6 +28,7 @@ class _BaselineGroup(Strict):
     tracker: str
     seeds: dict[int, dict[str, float | None]]
     recordings: dict[int, str] = Field(default_factory=dict)
+    recipes: dict[int, str] = Field(default_factory=dict)
 
 
 class _Baseline(Strict):
@@ -47,7 +48,7 @@ def read_baseline(path: Path) -> Results:
         renderers=tuple(held.renderers),
         groups={
             GroupKey(each.scenario, each.overrides, each.tracker): Group(
-                each.variant, each.seeds, recordings=each.recordings
+                each.variant, each.seeds, recordings=each.recordings, recipes=each.recipes
             )
             for each in held.groups
         },
@@ -78,6 +79,7 @@ def write_baseline(path: Path, results: Results) -> None:
             "overrides": key.overrides,
             "tracker": key.tracker,
             "recordings": {str(seed): digest for seed, digest in sorted(group.recordings.items())},
+            "recipes": {str(seed): digest for seed, digest in sorted(group.recipes.items())},
         }
         groups.append(f'    {json.dumps(about, ensure_ascii=False)[:-1]}, "seeds": {{\n{seeds}}}}}')
     text = json.dumps(head, ensure_ascii=False, indent=2)[:-2]

@@ -31,13 +31,15 @@ class GroupKey:
 class Group:
     """The figures of each seed, by name; None where a figure does not apply.
 
-    cases: the case's id by seed, if known; recordings: the digest of its recording, if known.
+    cases: the case's id by seed, if known; recordings: the digest of its recording, if known; recipes: the digest of what it
+    was made from, scenario, seed and code, if known: another processor or renderer makes other bits of the same.
     """
 
     variant: str
     seeds: Mapping[int, Mapping[str, float | None]]
     cases: Mapping[int, str] = field(default_factory=dict)
     recordings: Mapping[int, str] = field(default_factory=dict)
+    recipes: Mapping[int, str] = field(default_factory=dict)
 
     def values(self, metric: str) -> list[float]:
         """The figure in each seed that has it."""
@@ -64,6 +66,8 @@ def results_of(store: ResultStore) -> Results:
     seeds: dict[GroupKey, dict[int, Mapping[str, float | None]]] = {}
     ids: dict[GroupKey, dict[int, str]] = {}
     recordings: dict[GroupKey, dict[int, str]] = {}
+    recipes: dict[GroupKey, dict[int, str]] = {}
+    made_from: Mapping[str, str] = facts.get("recipes", {})
     first: dict[GroupKey, StoredCase] = {}
     for case in cases:
         if case.status == DONE:
@@ -77,12 +81,17 @@ def results_of(store: ResultStore) -> Results:
             ids.setdefault(key, {})[case.seed] = case.id
             if digests.get(case.id):
                 recordings.setdefault(key, {})[case.seed] = digests[case.id]
+            if case.id in made_from:
+                recipes.setdefault(key, {})[case.seed] = made_from[case.id]
     return Results(
         suite=facts["suite"],
         versions=facts["versions"],
         doubts=facts.get("doubts", {}),
         renderers=tuple(name for name in facts.get("renderers", ()) if name != NO_RENDERER),
-        groups={key: Group(case.variant, seeds[key], ids[key], recordings.get(key, {})) for key, case in first.items()},
+        groups={
+            key: Group(case.variant, seeds[key], ids[key], recordings.get(key, {}), recipes.get(key, {}))
+            for key, case in first.items()
+        },
         failed=tuple(case for case in cases if case.status == FAILED),
         unfinished=sum(case.status not in (DONE, FAILED) for case in cases),
     )

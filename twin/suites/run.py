@@ -170,6 +170,7 @@ def _run_cases(
 
     # The renderer's name is not known here; the key without it tells apart what the key with it does.
     keys = {case.resolved: recording_key(case.resolved, "") for case in cases}
+    store.note(recipes={case.id: keys[case.resolved] for case in cases})
     recorded = Counter(people for _, people in {(case.resolved, case.people) for case in cases})
     tasks = [
         Task(

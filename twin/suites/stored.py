@@ -69,6 +69,7 @@ class Facts(BaseModel):
     seconds: FiniteFloat
     renderers: list[str]
     doubts: dict[str, int] = Field(default_factory=dict)
+    recipes: dict[str, str] = Field(default_factory=dict)  # of each case, what its recording is made from
     strips: dict[str, FiniteFloat] = Field(default_factory=dict)
     baseline: str | None = None
     beside: str | None = None

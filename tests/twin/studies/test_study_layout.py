@@ -13,7 +13,7 @@ from small_study import written
 from trackers.errors import InputError
 from twin.scenario import load_scenario
 from twin.scenario.housings import in_the_room
-from twin.studies.layout import Layout
+from twin.studies.layout import OWN, Layout
 from twin.studies.placed import placed, write_scenario
 from twin.studies.prepare import Prepared, prepare
 
@@ -72,6 +72,16 @@ def test_pairs_are_mirrored_and_kinds_change_the_sensor(tmp_path: Path) -> None:
     assert moved.sensors["waist-2"].range_max_m == 3 and moved.sensors["knee"] == ready.scenario.sensors["knee"]  # pyright: ignore
 
 
+def test_the_scenarios_own_devices_cost_what_the_kind_costs_that_they_are(tmp_path: Path) -> None:
+    kinds = [{"name": "near", "set": {"range_max_m": 3}, "price": 100}, {"name": "far", "price": 400}]
+    waist = {"sensors": ["waist"], "places": [{"xyz": [-2.5, 0.2, 0.9], "yaw_deg": 60}], "kinds": kinds}
+    assert prepared(tmp_path, move={"waist": waist}).layout.price(OWN) == 400
+    near = [{"scenario": "lab-five-people", "set": {"duration_s": 1.5, "sensors.waist.range_max_m": 3}}]
+    assert prepared(tmp_path, move={"waist": waist}, scenarios=near).layout.price(OWN) == 100
+    pair = {**waist, "sensors": ["waist", "knee"], "kinds": kinds[:1]}
+    assert prepared(tmp_path, move={"waist": pair}).layout.price(OWN) == 200
+
+
 def test_what_cannot_be_is_told(tmp_path: Path) -> None:
     scenarios = [{"scenario": "lab-faults"}]
     move = {
@@ -82,6 +92,38 @@ def test_what_cannot_be_is_told(tmp_path: Path) -> None:
         InputError, match=r"sensors.waist.role: a waist scanner scans level, and this one is tilted by 60°"
     ):
         placed(ready.study, ready.scenario, [ready.layout.options[1]])
+
+
+def test_devices_of_an_entry_of_several_take_its_name_with_what_is_said_of_them(tmp_path: Path) -> None:
+    (tmp_path / "late.yaml").write_text(
+        "extends: library-hall\nname: late\nmain_sensor: east\nsensors: {camera: null}\n"
+        "faults: {gone: {kind: dropout, sensor: [west], from_s: 1, to_s: 2}}\n"
+    )
+    places = [{"xyz": [-12.8, y, 0.35]} for y in (-3.0, -2.0, 3.0)]
+    move = {"scanner": {"sensors": ["west", "east"], "places": places, "count": [1, 3]}}
+    ready = prepared(tmp_path, move=move, scenarios=[{"scenario": "late.yaml"}], trackers=["sort"])
+    moved = placed(ready.study, ready.scenario, list(ready.layout.options))
+    assert sorted(moved.sensors) == ["scanner-1", "scanner-2", "scanner-3"]
+    assert moved.main_sensor == "scanner-2" and moved.faults["gone"].sensor == ("scanner-1",)
+    one = placed(ready.study, ready.scenario, [ready.layout.options[0]])
+    assert list(one.sensors) == ["scanner-1"] and one.main_sensor is None
+    path = tmp_path / "recommended.yaml"
+    own_file = tmp_path / "late.yaml"
+    write_scenario(path, load_scenario(own_file), moved, own_file, "there", "moved")
+    loaded = load_scenario(path)
+    assert loaded.sensors == moved.sensors and loaded.faults == moved.faults and loaded.main_sensor == "scanner-2"
+
+
+def test_a_new_device_takes_no_name_of_a_sensor_that_stays(tmp_path: Path) -> None:
+    (tmp_path / "taken.yaml").write_text(
+        "extends: lab-five-people\nname: taken\nduration_s: 1\n"
+        "sensors: {fisheye: null, waist-2: {kind: laser, role: waist, rate_hz: 10, mount: {xyz: [0, 3.6, 0.95], yaw_deg: -90}}}\n"
+    )
+    places = [{"xyz": [x, 0.2, 0.9], "yaw_deg": 90} for x in (-1.0, 1.0)]
+    move = {"waist": {"sensors": ["waist"], "places": places, "count": [1, 2]}}
+    ready = prepared(tmp_path, move=move, scenarios=[{"scenario": "taken.yaml"}])
+    with pytest.raises(InputError, match=r"move.waist: 'waist-2' is a sensor that stays; another name of the entry"):
+        placed(ready.study, ready.scenario, list(ready.layout.options))
 
 
 def test_the_file_that_is_recommended_loads_to_the_placement(tmp_path: Path) -> None:

@@ -32,6 +32,7 @@ def results(
     shift: Shift = lambda scenario, tracker, seed, metric: 0.0,
     renderer: str = "llvmpipe",
     recording: str = "as it was",
+    recipe: str | None = None,
     draw: int = 1,
 ) -> Results:
     """A suite's figures; `noise` draws a harmless change, `draw` other figures altogether."""
@@ -54,7 +55,8 @@ def results(
                     figures[metric] = value + shift(scenario, tracker, seed, metric)
                 seeds[seed] = figures
             recordings = {seed: f"{scenario} {seed} {recording}" for seed in seeds}
-            groups[GroupKey(scenario, "[]", tracker)] = Group("", seeds, recordings=recordings)
+            recipes = {} if recipe is None else {seed: f"{scenario} {seed} {recipe}" for seed in seeds}
+            groups[GroupKey(scenario, "[]", tracker)] = Group("", seeds, recordings=recordings, recipes=recipes)
     return Results("made-up", {"mujoco": "4.0.0"}, (renderer,), groups)
 
 
@@ -97,6 +99,23 @@ def test_other_recordings_of_the_same_people_raise_no_alarm_though_figures_sprea
     assert judged(results(), other) == []
     (warning,) = found(results(), other).warnings
     assert "the recordings of room-0 with full" in warning and "two populations" in warning
+
+
+def test_in_another_draw_one_exchange_of_identities_is_no_alarm_and_a_case_lost_altogether_is() -> None:
+    for by, alarm in ((-0.2, False), (-0.8, True)):
+        other = results(draw=7, recording="drawn anew", shift=in_room_0("idf1", 1.0, {3: by}))
+        assert (("room-0", "full", "idf1") in judged(results(), other)) == alarm
+
+
+def test_another_processor_leaves_pairs_but_claims_no_same_bits() -> None:
+    before, elsewhere = results(recipe="as it was"), results(recording="other bits", recipe="as it was")
+    told = found(before, elsewhere)
+    assert not told.identical and not told.worse
+    assert any("other bits" in each and "pairs all the same" in each for each in told.warnings)
+    assert not any("two populations" in each for each in told.warnings)
+    worse = results(recording="other bits", recipe="as it was", shift=in_room_0("mota", -0.03))
+    assert ("room-0", "full", "mota") in judged(before, worse)
+    assert any("two populations" in each for each in found(before, results(recording="a", recipe="b")).warnings)
 
 
 def test_noise_doubled_is_noticed_though_every_recording_is_another() -> None:

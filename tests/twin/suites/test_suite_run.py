@@ -216,6 +216,7 @@ def test_the_gate_passes_then_fails_and_says_where_to_look(
     assert code == 0 and "baseline.json" in text
     content = json.loads(Path(baseline).read_text())
     assert content["versions"]["mujoco"] and content["renderers"] == []
+    assert all(set(each["recipes"]) == set(each["seeds"]) for each in content["groups"])
     code, text, _ = command(monkeypatch, *common, "--out", str(tmp_path / "b"))
     assert code == 0 and "every recording and figure has the same bits: 25 compared" in text
     monkeypatch.setenv("SYNTHETIC_WORSE_M", "0.02")

@@ -27,7 +27,7 @@ from twin.suites.worker import RECORDING, TRUTH
 
 _ALIKE = "rgbd-head-paper"
 _WAYS: Mapping[str, tuple[str, bool]] = {
-    "colour, no environment": (f"{_ALIKE}-colour", False),
+    "colour without environment": (f"{_ALIKE}-colour", False),
     "colour": (f"{_ALIKE}-colour", True),
     "both cues": (_ALIKE, True),
     "ours": (OURS, True),
@@ -88,7 +88,7 @@ def spreads(seen: Seen, n_run: int, on_progress: OnProgress | None) -> list[Resu
     """Table 3: runs of one recording by other random numbers, as many hypotheses as ours has and as the paper's."""
     found = []
     for number, (name, options) in enumerate(
-        {"ours": {}, "512, one layer": {"heads": 512, "motion": {"layers": 1}}}.items()
+        {"ours": {}, "512 in one layer": {"heads": 512, "motion": {"layers": 1}}}.items()
     ):
         runs = {}
         for seed in range(n_run):

@@ -1,0 +1,98 @@
+"""Who sits, who lies down out of every scan, and who is gone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from synthetic_room import empty_room, rig
+from test_laser_fisheye_association import detections
+
+from trackers.laser.layer import Detections
+from trackers.laser_fisheye_imm.detection import Seen
+from trackers.laser_fisheye_imm.posture import Posture, PostureOptions
+from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm
+from trackers.observations import NS_PER_S
+from trackers.tracking.moments import Moment
+
+SEAT, ELSEWHERE = (-1.0, 2.4), (1.2, 1.0)
+KNEES = ((-1.1, 1.9), (-0.9, 1.9))
+BEHIND, BESIDE = ((-1.1, 2.42), (-0.9, 2.38)), ((1.1, 1.0), (1.3, 1.0))
+UPRIGHT_UNSEEN = 0.05
+
+
+class Room:
+    """The tracker, told what its scanners see, tenth of a second by tenth of a second."""
+
+    def __init__(self, monkeypatch, **options):
+        self.tracker = LaserFisheyeImm(rig(camera=False), empty_room(np.random.default_rng(1)), None, **options)
+        self.n, self.seen = 0, None
+        detector = self.tracker._detector
+        monkeypatch.setattr(detector, "detect", lambda moment: self.seen)
+        monkeypatch.setattr(detector, "missed", lambda moment, points: np.full(points.shape[1:], UPRIGHT_UNSEEN))
+
+    def shows(self, trunks=(), legs=(), times=1) -> list[dict[int, tuple[float, float]]]:
+        """Where whom it says at each of so many moments that show the same."""
+        told = []
+        for _ in range(times):
+            found: Detections = detections(*trunks)
+            nothing = np.zeros(len(found), np.bool_)
+            histograms = np.zeros((len(found), self.tracker._detector.histogram.size))
+            self.seen = Seen(found, detections(*legs), None, histograms, nothing, nothing)
+            self.n += 1
+            self.tracker._work(Moment(self.n * NS_PER_S // 10))
+            told.append({each.id: (each.x, each.y) for each in self.tracker.tracks()})
+        return told
+
+
+@pytest.fixture
+def room(monkeypatch):
+    return Room(monkeypatch)
+
+
+def test_whoever_sat_and_is_seen_no_more_lies_there_and_gets_up_as_who_they_were(room):
+    room.shows([SEAT, ELSEWHERE], [*KNEES, *BESIDE], times=20)
+    (chest,) = room.shows([(-1.5, 2.5), ELSEWHERE], BESIDE)
+    assert set(chest) == {1, 2}
+    for told in room.shows([ELSEWHERE], BESIDE, times=60)[2:]:
+        assert set(told) == {1, 2}
+        assert np.hypot(*np.subtract(told[1], SEAT)) < 0.1
+    for told in room.shows([(-1.7, 2.5), (-0.2, 2.4), ELSEWHERE], BESIDE, times=5):  # head, and legs swung down
+        assert set(told) == {1, 2}
+
+
+def test_whoever_stood_and_is_seen_no_more_is_gone(room):
+    room.shows([SEAT, ELSEWHERE], [*BEHIND, *BESIDE], times=20)
+    assert [set(told) for told in room.shows([ELSEWHERE], BESIDE, times=6)[3:]] == 3 * [{2}]
+
+
+def test_what_is_left_of_somebody_gone_takes_nobody_elses_measurements(monkeypatch):
+    beside = (SEAT[0] + 0.35, SEAT[1])
+    for ends_below, still_1 in ((0.001, False), (0.0, True)):
+        room = Room(monkeypatch, management={"ends_below": ends_below})
+        room.shows([SEAT], BEHIND, times=20)
+        room.shows(times=9)
+        told = room.shows([beside], times=4)[-1]
+        assert (1 in told) == still_1
+
+
+def test_knees_stand_for_the_trunk_of_whoever_sits_behind_them(room):
+    room.shows([SEAT], KNEES, times=20)
+    for told in room.shows(legs=KNEES, times=10):
+        assert np.hypot(*np.subtract(told[1], SEAT)) < 0.1
+
+
+def test_nobody_lies_where_somebody_else_is_seen_now():
+    options = PostureOptions()
+    place = np.array([SEAT])
+    posture = Posture.upright(1)
+    for _ in range(20):
+        posture = posture.measured(np.array([0]), place, np.array([[-1.0, 1.9]]), options)
+    seated = posture.seated(place, options)
+    assert seated.tolist() == [True]
+    chance, free = np.array([UPRIGHT_UNSEEN]), np.ones(1, np.bool_)
+    for _ in range(5):
+        posture, _ = posture.missed(seated, chance, free, 0.1, options)
+    assert posture.lying.tolist() == [True]
+    posture, unseen = posture.missed(seated, chance, ~free, 0.1, options)
+    assert posture.lying.tolist() == [False]
+    assert unseen == pytest.approx(chance)
