@@ -1,0 +1,53 @@
+"""Which pairs are judged together, and what each recording adds to the statistic of that."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+
+import numpy as np
+
+from trackers.arrays import Array
+from twin.suites.pairs import Pair
+
+RARE = ("misidentifications", "lost_tracks", "id_switches", "misses")
+"""Events that are counted over all trackers and cases together: too rare to tell anything of one."""
+
+
+def over_scenarios(pairs: Sequence[Pair]) -> Iterator[list[Pair]]:
+    """A figure of a tracker in all its scenarios, where there are several."""
+    by_tracker = sorted(pairs, key=lambda pair: (pair.key.tracker, pair.metric))
+    for _, found in groupby(by_tracker, key=lambda pair: (pair.key.tracker, pair.metric)):
+        if len(several := list(found)) > 1:
+            yield several
+
+
+def rare_events(pairs: Sequence[Pair]) -> Iterator[list[Pair]]:
+    """Rare events of all trackers, where there are several."""
+    for metric in RARE:
+        found = [pair for pair in pairs if pair.metric == metric]
+        if len({pair.key.tracker for pair in found}) > 1:
+            yield found
+
+
+def shares_of(tests: Sequence[Sequence[Pair]]) -> tuple[Array, list[float]]:
+    """What each recording adds to each test's statistic, (r, t), and how much the test's mean may get worse, a number each.
+
+    A test is of one group, of a tracker's groups, or of all trackers': of several the mean over groups is judged, and what it
+    is allowed is the mean allowance over the root of their number G. With d, what a recording got worse in units of that, the
+    statistic is Σ d / √(Σ d² + n): a signal over its noise, in which what is far less than allowed counts for nothing (the
+    constant under the root: Tusher, Tibshirani, Chu, PNAS 98, 2001).
+    """
+    place: dict[tuple[str, str, int], int] = {}
+    for pairs in tests:
+        for pair in pairs:
+            for seed in pair.seeds:
+                place.setdefault((pair.key.scenario, pair.key.overrides, seed), len(place))
+    shares, allowances = np.zeros((len(place), len(tests))), []
+    for number, pairs in enumerate(tests):
+        allowances.append(float(np.mean([pair.allowed for pair in pairs])) / np.sqrt(len(pairs)))
+        for pair in pairs:
+            rows = [place[pair.key.scenario, pair.key.overrides, seed] for seed in pair.seeds]
+            shares[rows, number] += pair.worsened / max(allowances[-1], 1e-12)
+    n = np.array([sum(len(pair.seeds) for pair in pairs) for pairs in tests], dtype=float)
+    return shares / np.sqrt((shares**2).sum(axis=0) + n), allowances
