@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,28 +14,42 @@ from trackers.errors import InputError
 from trackers.plain_data import parse_json
 from trackers.text_file import read_text
 from twin.recording.whole_file import whole_file
-from twin.suites.figures import GATED
+from twin.suites.figures import GATED, GATED_READINGS
 from twin.suites.results import Group, GroupKey, Results
 from twin.suites.store import FILE, read_store
 
 _EXPECTED = "a baseline that `twin suite run --update-baseline` has written"
 
 
-class _BaselineGroup(Strict):
+class _Held(Strict):
+    """A group as the file holds it; what files of before the digests were kept lack is unknown."""
+
     scenario: str
     variant: str
     overrides: str
-    tracker: str
     seeds: dict[int, dict[str, float | None]]
     recordings: dict[int, str] = Field(default_factory=dict)
     recipes: dict[int, str] = Field(default_factory=dict)
+    people: dict[int, str] = Field(default_factory=dict)
+
+    def group(self) -> Group:
+        return Group(self.variant, self.seeds, recordings=self.recordings, recipes=self.recipes, people=self.people)
+
+
+class _HeldTracker(_Held):
+    tracker: str
+
+
+class _HeldSensor(_Held):
+    sensor: str
 
 
 class _Baseline(Strict):
     suite: str
     versions: dict[str, str | None]
     renderers: list[str] = Field(default_factory=list)
-    groups: list[_BaselineGroup]
+    groups: list[_HeldTracker]
+    sensors: list[_HeldSensor] = Field(default_factory=list)
 
 
 def read_baseline(path: Path) -> Results:
@@ -46,12 +60,8 @@ def read_baseline(path: Path) -> Results:
         suite=held.suite,
         versions=held.versions,
         renderers=tuple(held.renderers),
-        groups={
-            GroupKey(each.scenario, each.overrides, each.tracker): Group(
-                each.variant, each.seeds, recordings=each.recordings, recipes=each.recipes
-            )
-            for each in held.groups
-        },
+        groups={GroupKey(each.scenario, each.overrides, each.tracker): each.group() for each in held.groups},
+        sensors={GroupKey(each.scenario, each.overrides, each.sensor): each.group() for each in held.sensors},
     )
 
 
@@ -67,24 +77,33 @@ def write_baseline(path: Path, results: Results) -> None:
         "versions": dict(results.versions),
         "renderers": list(results.renderers),
     }
-    groups = []
-    for key, group in results.groups.items():
-        seeds = ",\n".join(
-            f"      {json.dumps(str(seed))}: {json.dumps({name: figures.get(name) for name in GATED})}"
-            for seed, figures in sorted(group.seeds.items())
-        )
-        about = {
-            "scenario": key.scenario,
-            "variant": group.variant,
-            "overrides": key.overrides,
-            "tracker": key.tracker,
-            "recordings": {str(seed): digest for seed, digest in sorted(group.recordings.items())},
-            "recipes": {str(seed): digest for seed, digest in sorted(group.recipes.items())},
-        }
-        groups.append(f'    {json.dumps(about, ensure_ascii=False)[:-1]}, "seeds": {{\n{seeds}}}}}')
     text = json.dumps(head, ensure_ascii=False, indent=2)[:-2]
+    groups = _lines(results.groups, "tracker", tuple(GATED))
+    sensors = _lines(results.sensors, "sensor", tuple(GATED_READINGS))
     with whole_file(path) as stream:
-        stream.write(f'{text},\n  "groups": [\n' + ",\n".join(groups) + "\n  ]\n}\n")
+        stream.write(f'{text},\n  "groups": [\n{groups}\n  ],\n  "sensors": [\n{sensors}\n  ]\n}}\n')
+
+
+def _lines(groups: Mapping[GroupKey, Group], whose: str, metrics: Sequence[str]) -> str:
+    """The groups as JSON, a line a seed; `whose` figures they are."""
+    return ",\n".join(_text(key, group, whose, metrics) for key, group in groups.items())
+
+
+def _text(key: GroupKey, group: Group, whose: str, metrics: Sequence[str]) -> str:
+    seeds = ",\n".join(
+        f"      {json.dumps(str(seed))}: {json.dumps({name: figures.get(name) for name in metrics})}"
+        for seed, figures in sorted(group.seeds.items())
+    )
+    about = {
+        "scenario": key.scenario,
+        "variant": group.variant,
+        "overrides": key.overrides,
+        whose: key.tracker,
+        "recordings": {str(seed): digest for seed, digest in sorted(group.recordings.items())},
+        "recipes": {str(seed): digest for seed, digest in sorted(group.recipes.items())},
+        "people": {str(seed): digest for seed, digest in sorted(group.people.items())},
+    }
+    return f'    {json.dumps(about, ensure_ascii=False)[:-1]}, "seeds": {{\n{seeds}}}}}'
 
 
 def read_results(path: Path) -> Results:

@@ -10,15 +10,27 @@ from twin.suites.results import GroupKey, Results
 
 
 def caveats_of(before: Results, now: Results, before_name: str, pairs: Sequence[Pair]) -> Iterator[str]:
+    """The sentences, none where there is nothing to know."""
     if before.suite != now.suite:
         yield f"{before_name} is of the suite {before.suite}, this one is {now.suite}"
-    changed = {pair.key: pair for pair in pairs if not pair.paired}
-    if changed:
+    strangers = [pair.key for pair in pairs if pair.kinship == "strangers"]
+    if strangers and not any(group.people for group in before.groups.values()):
         yield (
-            f"the recordings of {_names(list(changed))} are not those of {before_name}: other noise, another scenario, "
-            "or code that simulates; seeds are then two populations and no pairs"
+            f"{before_name} does not say on which ways its people went, as one written before that was kept: written anew, "
+            "it lets seeds be pairs where sensors alone report otherwise"
         )
-    if any(pair.paired and not pair.same_bits for pair in pairs):
+    if strangers:
+        yield (
+            f"the recordings of {_names(strangers)} are not those of {before_name}: another scenario, or other code that moves "
+            "people; seeds are then two populations and no pairs"
+        )
+    relations = [pair.key for pair in pairs if pair.kinship == "same people"]
+    if relations:
+        yield (
+            f"the recordings of {_names(relations)} show the people of {before_name} on the same ways, but the sensors report "
+            "otherwise: other noise, other sensors or other code; seeds are pairs of which each has a draw of the noise"
+        )
+    if any(pair.kinship == "same origin" for pair in pairs):
         yield (
             f"recordings have other bits than those of {before_name} though they are made from the same, as on another processor "
             "or renderer; seeds are pairs all the same"

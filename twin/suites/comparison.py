@@ -3,12 +3,13 @@
 The twin is deterministic: where recordings and figures have the same bits, nothing changed. Else three questions are asked.
 
 - Did the mean of a figure get worse by more than it may? Of a tracker in one scenario; of a tracker over all its scenarios;
-  and of events that are rare, of all trackers together. More than it may: than its tolerance, a mean over G groups than one
-  of them by √G. By more than chance: `twin.suites.evidence`.
+  of all trackers together, for places and rare events; and of what each scanner reports. More than it may: than its
+  tolerance, a mean over G groups than one of them by √G. By more than chance: `twin.suites.evidence`.
 - Did one case fall beyond any noise? By ten times what the mean may and four standard deviations between the seeds before.
 - Is a figure gone that was measured before?
 
-Where recordings are others than before, `twin.suites.pairs` says what seeds are to each other, and what they may then differ by.
+Where recordings are others than before, `twin.suites.pairs` says what runs of a seed are to each other, and may differ by.
+A scanner's noise that doubled shows in what the scanner reports: what it costs trackers is less than one more draw of it.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from twin.suites.caveats import caveats_of
 from twin.suites.evidence import ALPHA, family_wise_p
 from twin.suites.figures import GATED, worsening
 from twin.suites.pairs import Pair, pairs_of
-from twin.suites.pooling import over_scenarios, rare_events, shares_of
+from twin.suites.pooling import over_scenarios, over_trackers, shares_of
 from twin.suites.power import Power, power_of
 from twin.suites.results import GroupKey, Results
 
@@ -94,12 +95,16 @@ def compare(
 ) -> Comparison:
     """Every figure of `now` against `before`; `allowed(metric, before)`: how much worse it may be, in its unit."""
     pairs = list(pairs_of(before, now, allowed))
-    tests = [[pair] for pair in pairs] + [*over_scenarios(pairs), *rare_events(pairs)]
+    tests = [[pair] for pair in pairs] + [*over_scenarios(pairs), *over_trackers(pairs)]
     shares, allowances = shares_of(tests)
     p, p_better = family_wise_p(shares), family_wise_p(-shares)
     changes = [_change(*each) for each in zip(tests, p, p_better, allowances, strict=True)]
     gone = list(_gone(before, now))
-    identical = bool(pairs) and not gone and all(each.same_bits and (each.before == each.now).all() for each in pairs)
+    identical = (
+        bool(pairs)
+        and not gone
+        and all(each.kinship == "same bits" and (each.before == each.now).all() for each in pairs)
+    )
     warnings = tuple(caveats_of(before, now, before_name, pairs))
     return Comparison((*gone, *changes), warnings, tuple(power_of(pairs)), identical)
 

@@ -16,7 +16,7 @@ from twin import models
 from twin.scenario.model import Name
 from twin.suites.bounds import Required
 from twin.suites.expected import list_of, mapping_of, refused, single
-from twin.suites.figures import GATED
+from twin.suites.figures import GATED, GATED_READINGS
 
 Changes = Annotated[dict[str, JsonValue], mapping_of("a mapping of fields' paths to values, as in {duration_s: 10},")]
 """Values by the path of the scenario's field, as `--set path=value` would give them."""
@@ -143,8 +143,8 @@ class Suite(Strict):
     @classmethod
     def _known_figures(cls, tolerances: dict[str, Tolerance]) -> dict[str, Tolerance]:
         for name in tolerances:
-            if name not in GATED:
-                raise ValueError(f"there is no figure {name!r}; valid are {', '.join(GATED)}")
+            if name not in (*GATED, *GATED_READINGS):
+                raise ValueError(f"there is no figure {name!r}; valid are {', '.join((*GATED, *GATED_READINGS))}")
         return tolerances
 
     @model_validator(mode="after")

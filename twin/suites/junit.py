@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 from twin.recording.whole_file import whole_path
 from twin.suites.comparison import Change, Comparison
 from twin.suites.evidence import ALPHA
-from twin.suites.figures import FIGURE, written
+from twin.suites.figures import figure_named, written
 from twin.suites.promises import Kept
 from twin.suites.results import GroupKey
 from twin.suites.stored import DONE, FAILED, StoredCase
@@ -98,7 +98,7 @@ def _add_groups(
 
 def sentence(change: Change) -> str:
     """What changed, in words: "MOTP 0.067 m → 0.091 m (+0.024 m, allowed 0.004 m)"."""
-    name = FIGURE[change.metric].name
+    name = figure_named(change.metric).name
     was = written(change.metric, change.before)
     if change.now is None:
         return f"{name} {was} → no longer measured"

@@ -19,7 +19,7 @@ from twin.report.palette import IDENTITY_COLOURS, hex_colour
 from twin.suites.beside import COMPARED, Beside, beside
 from twin.suites.comparison import Change, Comparison
 from twin.suites.evidence import ALPHA
-from twin.suites.figures import FIGURE, GATED, SHOWN, written
+from twin.suites.figures import FIGURE, GATED, SHOWN, figure_named, written
 from twin.suites.junit import evidence
 from twin.suites.moments import look_at, page_of
 from twin.suites.multiples import colour_of, mark, multiple, scale_of
@@ -121,7 +121,7 @@ def _write(
         alpha=ALPHA,
         power=[
             (
-                FIGURE[each.metric],
+                figure_named(each.metric),
                 *(written(each.metric, loss) for loss in (each.everywhere, each.in_scenario, each.in_case)),
             )
             for each in (comparison.power if comparison is not None else ())
@@ -199,7 +199,7 @@ def _change(change: Change, looks: Mapping[int, tuple[str, str]]) -> dict[str, A
         "scenario": change.key.scenario,
         "variant": change.variant,
         "tracker": change.key.tracker,
-        "figure": FIGURE[metric].name,
+        "figure": figure_named(metric).name,
         "before": written(metric, change.before),
         "now": "gone" if gone else written(metric, change.now),
         "change": "" if gone else written(metric, change.change, sign=True),

@@ -8,10 +8,10 @@ from itertools import groupby
 import numpy as np
 
 from trackers.arrays import Array
-from twin.suites.pairs import Pair
+from twin.suites.pairs import Pair, allowance
 
-RARE = ("misidentifications", "lost_tracks", "id_switches", "misses")
-"""Events that are counted over all trackers and cases together: too rare to tell anything of one."""
+OF_ALL = ("motp_m", "misidentifications", "lost_tracks", "id_switches", "misses")
+"""What is judged over all trackers and cases together too: places, and events too rare to tell anything of one."""
 
 
 def over_scenarios(pairs: Sequence[Pair]) -> Iterator[list[Pair]]:
@@ -22,9 +22,9 @@ def over_scenarios(pairs: Sequence[Pair]) -> Iterator[list[Pair]]:
             yield several
 
 
-def rare_events(pairs: Sequence[Pair]) -> Iterator[list[Pair]]:
-    """Rare events of all trackers, where there are several."""
-    for metric in RARE:
+def over_trackers(pairs: Sequence[Pair]) -> Iterator[list[Pair]]:
+    """A figure of all trackers, where there are several."""
+    for metric in OF_ALL:
         found = [pair for pair in pairs if pair.metric == metric]
         if len({pair.key.tracker for pair in found}) > 1:
             yield found
@@ -33,10 +33,10 @@ def rare_events(pairs: Sequence[Pair]) -> Iterator[list[Pair]]:
 def shares_of(tests: Sequence[Sequence[Pair]]) -> tuple[Array, list[float]]:
     """What each recording adds to each test's statistic, (r, t), and how much the test's mean may get worse, a number each.
 
-    A test is of one group, of a tracker's groups, or of all trackers': of several the mean over groups is judged, and what it
-    is allowed is the mean allowance over the root of their number G. With d, what a recording got worse in units of that, the
-    statistic is Σ d / √(Σ d² + n): a signal over its noise, in which what is far less than allowed counts for nothing (the
-    constant under the root: Tusher, Tibshirani, Chu, PNAS 98, 2001).
+    A test is of one group, of a tracker's groups, or of all trackers': of several the mean over groups is judged. With d,
+    what a recording got worse in units of what that is allowed, the statistic is Σ d / √(Σ d² + n): a signal over its
+    noise, in which what is far less than allowed counts for nothing (the constant under the root: Tusher, Tibshirani,
+    Chu, PNAS 98, 2001).
     """
     place: dict[tuple[str, str, int], int] = {}
     for pairs in tests:
@@ -45,7 +45,7 @@ def shares_of(tests: Sequence[Sequence[Pair]]) -> tuple[Array, list[float]]:
                 place.setdefault((pair.key.scenario, pair.key.overrides, seed), len(place))
     shares, allowances = np.zeros((len(place), len(tests))), []
     for number, pairs in enumerate(tests):
-        allowances.append(float(np.mean([pair.allowed for pair in pairs])) / np.sqrt(len(pairs)))
+        allowances.append(allowance(pairs))
         for pair in pairs:
             rows = [place[pair.key.scenario, pair.key.overrides, seed] for seed in pair.seeds]
             shares[rows, number] += pair.worsened / max(allowances[-1], 1e-12)

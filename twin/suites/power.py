@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from twin.suites.evidence import fewest_for_an_alarm
-from twin.suites.figures import GATED
-from twin.suites.pairs import Pair
+from twin.suites.figures import GATED, GATED_READINGS
+from twin.suites.pairs import Pair, allowance
 from twin.suites.pooling import over_scenarios
 
 
@@ -30,20 +28,18 @@ def power_of(pairs: Sequence[Pair]) -> Iterator[Power]:
     """Of each figure, the smallest loss that is noticed wherever it happens, while nothing else changes."""
     fewest = fewest_for_an_alarm()
     by_metric: Mapping[str, list[Pair]] = {
-        metric: [pair for pair in pairs if pair.metric == metric] for metric in GATED
+        metric: [pair for pair in pairs if pair.metric == metric] for metric in (*GATED, *GATED_READINGS)
     }
     for metric, found in by_metric.items():
         if not found:
             continue
         in_case = max(pair.allowed_in_case for pair in found)
-        in_scenario = max(pair.allowed if len(pair.seeds) >= fewest else pair.allowed_in_case for pair in found)
+        in_scenario = max(allowance([pair]) if len(pair.seeds) >= fewest else pair.allowed_in_case for pair in found)
         everywhere = in_scenario
         together = list(over_scenarios(found))
         if together and len({pair.key.tracker for pair in found}) == len(together):
             everywhere = max(
-                float(np.mean([pair.allowed for pair in pairs])) / np.sqrt(len(pairs))
-                if sum(len(pair.seeds) for pair in pairs) >= fewest
-                else in_scenario
+                allowance(pairs) if sum(len(pair.seeds) for pair in pairs) >= fewest else in_scenario
                 for pairs in together
             )
         yield Power(metric, everywhere, in_scenario, in_case)

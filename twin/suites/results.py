@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,7 +11,7 @@ from trackers.errors import InputError
 from twin.streams import stream
 from twin.suites.figures import GATED
 from twin.suites.store import ResultStore
-from twin.suites.stored import DONE, EXPECTED, FAILED, StoredCase
+from twin.suites.stored import DONE, EXPECTED, FAILED, Recorded, StoredCase
 from twin.suites.worker import NO_RENDERER
 
 _N_REPLICATE = 2000
@@ -32,7 +32,8 @@ class Group:
     """The figures of each seed, by name; None where a figure does not apply.
 
     cases: the case's id by seed, if known; recordings: the digest of its recording, if known; recipes: the digest of what it
-    was made from, scenario, seed and code, if known: another processor or renderer makes other bits of the same.
+    was made from, scenario, seed and code, if known: another processor or renderer makes other bits of the same; people: the
+    digest of its people's ways, if known, whatever sensors look at them.
     """
 
     variant: str
@@ -40,6 +41,7 @@ class Group:
     cases: Mapping[int, str] = field(default_factory=dict)
     recordings: Mapping[int, str] = field(default_factory=dict)
     recipes: Mapping[int, str] = field(default_factory=dict)
+    people: Mapping[int, str] = field(default_factory=dict)
 
     def values(self, metric: str) -> list[float]:
         """The figure in each seed that has it."""
@@ -49,7 +51,11 @@ class Group:
 
 @dataclass(frozen=True)
 class Results:
-    """A run's results, or a baseline's. renderers: of all recordings with images; doubts: cases by what a tracker warns of."""
+    """A run's results, or a baseline's.
+
+    renderers: of all recordings with images; doubts: cases by what a tracker warns of; sensors: what the scanners report, a
+    group a scenario, variant and scanner, whose key names it in the tracker's place.
+    """
 
     suite: str
     versions: Mapping[str, str | None]
@@ -58,42 +64,50 @@ class Results:
     failed: tuple[StoredCase, ...] = ()
     unfinished: int = 0
     doubts: Mapping[str, int] = field(default_factory=dict)
+    sensors: Mapping[GroupKey, Group] = field(default_factory=dict)
 
 
 def results_of(store: ResultStore) -> Results:
     """What a run has given until now."""
-    facts, cases, metrics, digests = store.facts(), store.cases(), store.metrics(), store.recordings()
-    seeds: dict[GroupKey, dict[int, Mapping[str, float | None]]] = {}
-    ids: dict[GroupKey, dict[int, str]] = {}
-    recordings: dict[GroupKey, dict[int, str]] = {}
-    recipes: dict[GroupKey, dict[int, str]] = {}
-    made_from: Mapping[str, str] = facts.get("recipes", {})
-    first: dict[GroupKey, StoredCase] = {}
+    facts, cases, metrics, recorded = store.facts(), store.cases(), store.metrics(), store.recorded()
+    recipes: Mapping[str, str] = facts.get("recipes", {})
+    groups: dict[GroupKey, list[_Figures]] = {}
+    sensors: dict[GroupKey, list[_Figures]] = {}
     for case in cases:
-        if case.status == DONE:
-            if case.id not in metrics:
-                raise InputError(
-                    f"{store.path}: results: of {case.id}, which is done, there are none; {EXPECTED} is expected"
-                )
-            key = GroupKey(case.scenario, case.overrides, case.tracker)
-            first.setdefault(key, case)
-            seeds.setdefault(key, {})[case.seed] = metrics[case.id]
-            ids.setdefault(key, {})[case.seed] = case.id
-            if digests.get(case.id):
-                recordings.setdefault(key, {})[case.seed] = digests[case.id]
-            if case.id in made_from:
-                recipes.setdefault(key, {})[case.seed] = made_from[case.id]
+        if case.status != DONE:
+            continue
+        if case.id not in metrics:
+            raise InputError(
+                f"{store.path}: results: of {case.id}, which is done, there are none; {EXPECTED} is expected"
+            )
+        groups.setdefault(GroupKey(case.scenario, case.overrides, case.tracker), []).append((case, metrics[case.id]))
+        for scanner, scatter_m in recorded.get(case.id, Recorded()).scatter_m.items():
+            key = GroupKey(case.scenario, case.overrides, scanner)
+            sensors.setdefault(key, []).append((case, {"range_scatter_m": scatter_m}))
     return Results(
         suite=facts["suite"],
         versions=facts["versions"],
         doubts=facts.get("doubts", {}),
         renderers=tuple(name for name in facts.get("renderers", ()) if name != NO_RENDERER),
-        groups={
-            key: Group(case.variant, seeds[key], ids[key], recordings.get(key, {}), recipes.get(key, {}))
-            for key, case in first.items()
-        },
+        groups={key: _group(found, recorded, recipes) for key, found in groups.items()},
         failed=tuple(case for case in cases if case.status == FAILED),
         unfinished=sum(case.status not in (DONE, FAILED) for case in cases),
+        sensors={key: _group(found, recorded, recipes) for key, found in sensors.items()},
+    )
+
+
+_Figures = tuple[StoredCase, Mapping[str, float | None]]
+
+
+def _group(found: Sequence[_Figures], recorded: Mapping[str, Recorded], recipes: Mapping[str, str]) -> Group:
+    known = {case.seed: recorded.get(case.id, Recorded()) for case, _ in found}
+    return Group(
+        found[0][0].variant,
+        {case.seed: figures for case, figures in found},
+        {case.seed: case.id for case, _ in found},
+        recordings={seed: each.digest for seed, each in known.items() if each.digest},
+        recipes={case.seed: recipes[case.id] for case, _ in found if case.id in recipes},
+        people={seed: each.people for seed, each in known.items() if each.people},
     )
 
 

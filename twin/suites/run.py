@@ -23,7 +23,7 @@ from twin.suites.engine import run_on
 from twin.suites.figures import allowed_by_default, flat
 from twin.suites.fingerprint import recording_key, whole_code
 from twin.suites.store import ResultStore, open_store
-from twin.suites.stored import DONE, FAILED, Promise
+from twin.suites.stored import DONE, FAILED, Promise, Recorded
 from twin.suites.strips import StripWork, draw_strip
 from twin.suites.tasks import Ended, Listener, State, Task, run_here
 from twin.suites.worker import WORST, CaseResult, CaseWork, run_case
@@ -163,7 +163,8 @@ def _run_cases(
         if result.doubts:
             store.note(doubts=doubts)
         _write_files(folder / "cases" / case.id, result.files)
-        store.finished(case, end.attempts, end.seconds, flat(result.metrics), result.moments, result.recording)
+        recorded = Recorded(result.recording, result.people, result.scatter_m)
+        store.finished(case, end.attempts, end.seconds, flat(result.metrics), result.moments, recorded)
         if result.renderer not in renderers:
             renderers.add(result.renderer)
             store.note(renderers=sorted(renderers))

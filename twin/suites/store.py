@@ -1,8 +1,8 @@
 """Results in one SQLite file, written case by case; whatever kills the run, what was finished before is there.
 
 Tables: `cases` (case_id, status, attempts, seconds, error), `results` (case_id, scenario, seed, overrides, tracker,
-metric, value), `definitions` (what each case is, in order), `recordings` (a digest of what each case was recorded as), `moments`
-(where in a case to look), `facts` (about the run).
+metric, value), `definitions` (what each case is, in order), `recordings` (digests of what each case was recorded as, and of its
+people's ways), `scanners` (how far their ranges scatter there), `moments` (where in a case to look), `facts` (about the run).
 """
 
 from __future__ import annotations
@@ -21,15 +21,16 @@ from twin.run.out_folder import locked_folder
 from twin.suites.cases import Case
 from twin.suites.stored import (
     CASES,
-    DIGESTS,
     DONE,
     EXPECTED,
     FACTS,
     FAILED,
     METRICS,
     MOMENTS,
+    RECORDED,
     RUNNING,
     WAITING,
+    Recorded,
     StoredCase,
     checked,
 )
@@ -45,7 +46,8 @@ CREATE TABLE cases (case_id TEXT PRIMARY KEY REFERENCES definitions, status TEXT
     error TEXT);
 CREATE TABLE results (case_id TEXT REFERENCES definitions, scenario TEXT, seed INTEGER, overrides TEXT, tracker TEXT,
     metric TEXT, value REAL, PRIMARY KEY (case_id, metric));
-CREATE TABLE recordings (case_id TEXT PRIMARY KEY REFERENCES definitions, digest TEXT);
+CREATE TABLE recordings (case_id TEXT PRIMARY KEY REFERENCES definitions, digest TEXT, people TEXT);
+CREATE TABLE scanners (case_id TEXT REFERENCES definitions, scanner TEXT, scatter_m REAL, PRIMARY KEY (case_id, scanner));
 CREATE TABLE moments (case_id TEXT REFERENCES definitions, t_s REAL, kind TEXT, what TEXT, severity REAL);
 CREATE INDEX moments_of_case ON moments (case_id);
 """
@@ -72,9 +74,10 @@ class ResultStore:
         seconds: float,
         metrics: Mapping[str, float | None],
         moments: Sequence[Moment],
-        recording: str = "",
+        recorded: Recorded | None = None,
     ) -> None:
-        """Write a case's figures and the digest of its recording, all or none."""
+        """Write a case's figures and what its recording holds, all or none."""
+        recorded = recorded or Recorded()
         overrides = json.dumps(case.overrides, ensure_ascii=False)
         with self._writing():
             self._connection.executemany(
@@ -88,7 +91,13 @@ class ResultStore:
                 "INSERT INTO moments VALUES (?, ?, ?, ?, ?)",
                 [(case.id, moment.t_s, moment.kind, moment.what, moment.severity) for moment in moments],
             )
-            self._connection.execute("INSERT OR REPLACE INTO recordings VALUES (?, ?)", (case.id, recording))
+            self._connection.execute(
+                "INSERT OR REPLACE INTO recordings VALUES (?, ?, ?)", (case.id, recorded.digest, recorded.people)
+            )
+            self._connection.executemany(
+                "INSERT OR REPLACE INTO scanners VALUES (?, ?, ?)",
+                [(case.id, scanner, scatter) for scanner, scatter in recorded.scatter_m.items()],
+            )
             self._connection.execute(
                 "UPDATE cases SET status = ?, attempts = ?, seconds = ?, error = NULL WHERE case_id = ?",
                 (DONE, attempts, seconds, case.id),
@@ -133,15 +142,20 @@ class ResultStore:
             found.setdefault(case_id, {})[metric] = value
         return checked(METRICS, found, f"{self.path}: results")
 
-    def recordings(self) -> dict[str, str]:
-        """The digest of each finished case's recording, by the case's id; none in files of before they were kept."""
-        if not self._connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'recordings'").fetchone():
-            return {}
-        return checked(
-            DIGESTS,
-            dict(self._connection.execute("SELECT case_id, digest FROM recordings")),
-            f"{self.path}: recordings",
-        )
+    def recorded(self) -> dict[str, Recorded]:
+        """What the recording of each finished case holds, by the case's id; in files of before it was kept it is unknown."""
+        columns = {row[1] for row in self._connection.execute("PRAGMA table_info(recordings)")}
+        people = "people" if "people" in columns else "''"
+        scatter: dict[str, dict[str, float]] = {}
+        if people == "people":
+            for case_id, scanner, value in self._connection.execute("SELECT case_id, scanner, scatter_m FROM scanners"):
+                scatter.setdefault(case_id, {})[scanner] = value
+        rows = self._connection.execute(f"SELECT case_id, digest, {people} FROM recordings") if columns else ()
+        found = {
+            case_id: {"digest": digest, "people": ways, "scatter_m": scatter.get(case_id, {})}
+            for case_id, digest, ways in rows
+        }
+        return checked(RECORDED, found, f"{self.path}: recordings")
 
     def moments(self, case_id: str) -> list[Moment]:
         """The moments of a case, the worst second first, then in order of time."""

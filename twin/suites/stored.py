@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, Json, TypeAdapter, ValidationError
@@ -44,6 +45,18 @@ class StoredCase:
 
 
 @dataclass(frozen=True)
+class Recorded:
+    """What is known of a case's recording: digests of its bits and of its people's ways ("": unknown), and its scanners.
+
+    scatter_m: of each scanner's ranges, by where it is.
+    """
+
+    digest: str = ""
+    people: str = ""
+    scatter_m: Mapping[str, FiniteFloat] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Promise:
     """A bound of a figure that a tracker is to reach in a scenario, as a mean over its seeds."""
 
@@ -77,7 +90,7 @@ class Facts(BaseModel):
 
 FACTS = TypeAdapter(Facts)
 CASES = TypeAdapter(list[StoredCase])
-DIGESTS = TypeAdapter(dict[str, str])
+RECORDED = TypeAdapter(dict[str, Recorded])
 METRICS = TypeAdapter(dict[str, dict[str, FiniteFloat | None]])
 MOMENTS = TypeAdapter(list[Moment])
 

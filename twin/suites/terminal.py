@@ -14,7 +14,7 @@ from rich.table import Table
 
 from twin.suites.beside import COMPARED, beside
 from twin.suites.comparison import Change, Comparison
-from twin.suites.figures import FIGURE, SHOWN, written
+from twin.suites.figures import FIGURE, SHOWN, figure_named, written
 from twin.suites.junit import evidence
 from twin.suites.moments import look_at
 from twin.suites.promises import Kept
@@ -217,7 +217,7 @@ def _changes_table(changes: Sequence[Change]) -> Table:
         table.add_row(
             name,
             change.key.tracker,
-            FIGURE[metric].name,
+            figure_named(metric).name,
             written(metric, change.before),
             "gone" if gone else written(metric, change.now),
             "" if gone else written(metric, change.change, sign=True),

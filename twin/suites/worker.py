@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import tempfile
 import time
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from twin.scenario import Scenario
 from twin.sensors.render import OffscreenRenderer
 from twin.suites.cache import RecordingCache, digests_of
 from twin.suites.cases import NO_CAMERA, Case
+from twin.suites.contents import people_digest, range_scatter_m
 from twin.suites.fingerprint import recording_key, whole_code
 from twin.suites.people import staged_in
 from twin.world.staged import Staged
@@ -69,7 +71,8 @@ class Moment:
 class CaseResult:
     """What a case gave: the tracker's entry of `metrics.json`, the moments, the files of its folder, how it was made.
 
-    recording: a digest of what was recorded, bit by bit; doubts: what the tracker warns of.
+    recording: a digest of what was recorded, bit by bit; people: one of their ways; scatter_m: of each scanner's ranges, by
+    where it is; doubts: what the tracker warns of.
     """
 
     metrics: dict[str, Any]
@@ -79,6 +82,8 @@ class CaseResult:
     recorded: bool  # False: the recording was in the cache
     record_s: float
     recording: str = ""
+    people: str = ""
+    scatter_m: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
 
@@ -129,6 +134,8 @@ def run_case(work: CaseWork) -> CaseResult:
                 recorded=not found,
                 record_s=record_s,
                 recording=digests_of(entry)[RECORDING][:_DIGEST],
+                people=people_digest(entry / TRUTH),
+                scatter_m=range_scatter_m(entry / RECORDING, scenario),
                 warnings=tuple(warnings),
                 doubts=result.doubts,
             )

@@ -62,6 +62,7 @@ def result_of(work: CaseWork) -> CaseResult:
         beginning, _, kind = each.rpartition("=")
         if kind and case.tracker == "laser-kalman" and case.id.startswith(beginning):
             do({"kind": kind})
+    noise = float(os.environ.get("SYNTHETIC_NOISE", "1"))
     worse = float(os.environ.get("SYNTHETIC_WORSE_M", "0"))
     return CaseResult(
         metrics={
@@ -78,6 +79,8 @@ def result_of(work: CaseWork) -> CaseResult:
         renderer="none",
         recorded=True,
         record_s=0.0,
-        recording=f"{case.scenario} {case.seed}",
+        recording=f"{case.scenario} {case.seed} {noise}",
+        people=f"{case.scenario} {case.seed} people",
+        scatter_m={"scanner at 0, 0, 0.95": 0.008 * noise},
         doubts=(f"{case.tracker}: doubts everything",),
     )

@@ -216,12 +216,15 @@ def test_the_gate_passes_then_fails_and_says_where_to_look(
     assert code == 0 and "baseline.json" in text
     content = json.loads(Path(baseline).read_text())
     assert content["versions"]["mujoco"] and content["renderers"] == []
-    assert all(set(each["recipes"]) == set(each["seeds"]) for each in content["groups"])
+    held = [*content["groups"], *content["sensors"]]
+    assert len(content["sensors"]) == 3 and all(
+        set(each[digests]) == set(each["seeds"]) for each in held for digests in ("recordings", "recipes", "people")
+    )
     code, text, _ = command(monkeypatch, *common, "--out", str(tmp_path / "b"))
-    assert code == 0 and "every recording and figure has the same bits: 25 compared" in text
+    assert code == 0 and "every recording and figure has the same bits: 30 compared" in text
     monkeypatch.setenv("SYNTHETIC_WORSE_M", "0.02")
     code, text, _ = command(monkeypatch, *common, "--out", str(tmp_path / "c"))
-    assert code == 1 and "8 figures got worse" in text and "+0.020 m" in text
+    assert code == 1 and "9 figures got worse" in text and "+0.020 m" in text
     look = re.search(r"look at (\S+report.html) at ([\d.]+) s \(blue → white\)", text)
     assert look is not None and Path(look[1]).is_file()
     summary = json.loads((tmp_path / "c" / "summary.json").read_text())
@@ -230,14 +233,14 @@ def test_the_gate_passes_then_fails_and_says_where_to_look(
     junit = ElementTree.parse(tmp_path / "c" / "junit.xml").getroot()
     assert [(each.get("tests"), each.get("failures"), each.get("errors")) for each in junit] == [
         (str(N_CASE), "0", "0"),
-        ("9", "8", "0"),  # six groups, two trackers over all scenarios, and rare events of all trackers
+        ("13", "9", "0"),  # six groups, two trackers over all scenarios, all trackers, a scanner in three and over all
     ]
     assert junit.find(".//failure") is not None and "MOTP 0.0" in (junit.find(".//failure").text or "")
     page = (tmp_path / "c" / "report.html").read_text()
-    assert "8 of 25 figures got worse" in page and "<svg" in page and "nan" not in page
+    assert "9 of 30 figures got worse" in page and "<svg" in page and "nan" not in page
     assert "http://" not in page and "https://" not in page
     code, text, _ = command(monkeypatch, "show", str(tmp_path / "c"))
-    assert code == 0 and "8 figures got worse" in text
+    assert code == 0 and "9 figures got worse" in text
     code, text, _ = command(monkeypatch, "show", str(tmp_path / "c"), "--markdown")
     assert code == 0 and text.startswith("| scenario | tracker |") and text.count("\n") == 2 + 6
     page = tmp_path / "compare.html"
@@ -247,6 +250,38 @@ def test_the_gate_passes_then_fails_and_says_where_to_look(
     assert (tmp_path / link).is_file()
     code, text, _ = command(monkeypatch, "compare", str(tmp_path / "c"), str(tmp_path / "b"))
     assert code == 0 and "figures got better" in text
+
+
+def test_a_scanner_that_got_noisier_fails_the_gate_though_no_tracker_did_and_what_was_kept_before_is_read(
+    suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    baseline, before, now = tmp_path / "baseline.json", tmp_path / "before", tmp_path / "now"
+    common = ["run", str(suite), "--jobs", "1", "--baseline", str(baseline)]
+    assert command(monkeypatch, *common, "--out", str(before), "--update-baseline")[0] == 0
+    monkeypatch.setenv("SYNTHETIC_NOISE", "1.4")
+    noisier = ["--set", "sensors.knee.noise.sigma_m=0.01"]
+    code, text, _ = command(monkeypatch, *common, *noisier, "--out", str(now))
+    assert code == 1 and "1 figures got worse" in text and "show the people of the baseline on the same ways" in text
+    assert "Scatter of ranges" in text and "+0.0032 m" in text
+    junit = (now / "junit.xml").read_text()
+    assert junit.count("<failure") == 1 and "Scatter of ranges 0.0080 m → 0.0112 m" in junit
+    assert (now / "report.html").read_text().count(
+        "scanner at 0, 0, 0.95"
+    ) == 1  # over all scenarios: each alone has too few seeds
+    assert command(monkeypatch, "compare", str(before), str(now))[0] == 1
+    # a file of before people and scanners were kept
+    connection = sqlite3.connect(before / "results.sqlite")
+    with connection:
+        connection.executescript("DROP TABLE scanners; ALTER TABLE recordings DROP COLUMN people")
+    connection.close()
+    content = json.loads(baseline.read_text())
+    del content["sensors"]
+    for group in content["groups"]:
+        del group["people"]
+    baseline.write_text(json.dumps(content))
+    for old in (baseline, before):
+        code, text, _ = command(monkeypatch, "compare", str(old), str(now))
+        assert code == 0 and "does not say on which ways its people went" in text and "nothing got worse" in text
 
 
 def test_promises_hold_or_the_run_falls_short_whatever_the_baseline_says(
