@@ -21,9 +21,10 @@ _ONE_SURFACE_M = 0.05
 
 
 def people_digest(truth: Path) -> str:
-    """A digest of where people are in a `truth.csv` at every whole second; "" where none of its moments is one.
+    """Digests of where people are in a `truth.csv`, at its first whole second and at all; "" where no moment is one.
 
-    It is the same whatever sensors look at them, and in whatever order they are named.
+    They are the same whatever sensors look at them, and in whatever order they are named; the first one is also the same
+    however long they are looked at.
     """
     table = read_truth(truth)
     places = np.stack([table.x, table.y, table.head_x, table.head_y, table.head_z], axis=-1)
@@ -32,7 +33,13 @@ def people_digest(truth: Path) -> str:
     if not len(rows):
         return ""
     ordered = rows[np.lexsort(rows.T[::-1])]
-    return hashlib.sha256(np.ascontiguousarray(ordered).tobytes()).hexdigest()[:16]
+    start = ordered[ordered[:, 0] == ordered[0, 0]]
+    return "-".join(hashlib.sha256(np.ascontiguousarray(each).tobytes()).hexdigest()[:12] for each in (start, ordered))
+
+
+def start_of(people: str) -> str:
+    """The part of such digests that tells where people are at first."""
+    return people.partition("-")[0]
 
 
 def range_scatter_m(recording: Path, scenario: Scenario) -> dict[str, float]:

@@ -1,10 +1,11 @@
 """How likely chance alone would make so large a change somewhere: an exact test over all figures of a suite at once.
 
 If a change does not matter, before and now could be swapped in any recording: that turns the signs of all its differences, of
-all trackers and figures together. So every test's statistic is worked out for all ways to give the recordings signs, or for
-drawn ones where they are too many, and a test's p is the share of them in which the largest statistic of any test is at least
-its own (the single-step max-T of Westfall and Young, Resampling-Based Multiple Testing, 1993). That keeps the chance of any
-false alarm, however trackers, figures and tests depend on each other, and costs no power where they do.
+all trackers and figures together. (In any unit of chance: recordings of the same people before the same noise are one.) So
+every test's statistic is worked out for all ways to give the units signs, or for drawn ones where they are too many, and a
+test's p is the share of them in which the largest statistic of any test is at least its own (the single-step max-T of Westfall
+and Young, Resampling-Based Multiple Testing, 1993). That keeps the chance of any false alarm, however trackers, figures and
+tests depend on each other, and costs no power where they do.
 
 What the statistics are is the caller's choice; they are to have one scale, or the noisiest hides the others.
 """
@@ -19,7 +20,7 @@ from twin.streams import stream
 ALPHA = 0.05
 """The chance of a false alarm anywhere in a suite."""
 _MOST_EXACT = 12
-"""Up to so many changed recordings all signs are tried: 4096 ways."""
+"""Up to so many changed units all signs are tried: 4096 ways."""
 _MOST_AT_ONCE = 5_000_000
 """Statistics held at once."""
 _ROUNDING = 1e-9
@@ -28,7 +29,7 @@ _ROUNDING = 1e-9
 def family_wise_p(shares: Array) -> Array:
     """The p of each of t tests (t,), one-sided: how likely chance makes any statistic as large as this one.
 
-    shares (r, t): what each of r recordings adds to each statistic, positive for the worse, 0 where it takes no part.
+    shares (u, t): what each of u units of chance adds to each statistic, positive for the worse, 0 where it takes no part.
     """
     changed = shares[(shares != 0).any(axis=1)]
     if not len(changed):

@@ -7,9 +7,12 @@
 - It shows other people: the runs are draws from two populations.
 
 In the latter two chance moves a mean, so there it may also get worse by some standard errors: three between pairs, two between
-populations, which is what harmless draws asked for (the lab, seeds 1000 to 1105 with six to seven draws each). And one draw may
+populations, which is what harmless draws asked for (the lab, seeds 1000 to 1205 with up to seven draws each). And one draw may
 exchange many identities, which cost a case up to 30 times what a mean may change there (AssA): a case has to fall by 50 times
 that below the worst seed before, and the rare events count the rest.
+
+Scenarios that differ in light or shirts alone show one seed's people, scans and noise once more. What chance draws as one is
+counted as one: recordings of a seed whose people begin in the same places.
 """
 
 from __future__ import annotations
@@ -21,11 +24,14 @@ from typing import Literal
 import numpy as np
 
 from trackers.arrays import Array
+from twin.suites.contents import start_of
 from twin.suites.figures import GATED, GATED_READINGS, worsening
 from twin.suites.results import Group, GroupKey, Results
 
 Kinship = Literal["same bits", "same origin", "same people", "strangers"]
 """What the recordings of a group are to those before, the closest first."""
+Unit = tuple[int | str, ...]
+"""A seed, and what tells its recordings from those of the same seed that are another draw."""
 
 _BEYOND_NOISE, _BEYOND_ANY_DRAW, _BEYOND_SPREAD = 10.0, 50.0, 4.0
 _STANDARD_ERRORS: Mapping[Kinship, float] = {"same people": 3.0, "strangers": 2.0}
@@ -51,6 +57,15 @@ class Pair:
     def is_exact(self) -> bool:
         """Whether no chance is between before and now: the recordings are the same, or made from the same."""
         return self.kinship in ("same bits", "same origin")
+
+    @property
+    def units(self) -> list[Unit]:
+        """What chance draws as one, of each seed: recordings whose people begin alike, or each where that is not known."""
+        people = self.group.people
+        return [
+            (seed, start_of(people[seed])) if people.get(seed) else (seed, self.key.scenario, self.key.overrides)
+            for seed in self.seeds
+        ]
 
     @property
     def worsened(self) -> Array:
@@ -84,17 +99,16 @@ class Pair:
 def allowance(pairs: Sequence[Pair]) -> float:
     """How much worse the mean over these groups may be: the mean tolerance over the root of their number, and chance.
 
-    Chance is some standard errors of the mean. A seed counts once for that, whatever trackers and scenarios it is in: they
-    share its people and its noise.
+    Chance is some standard errors of the mean, for which recordings of the same people, whoever tracks them, count as one.
     """
     tolerance = float(np.mean([pair.tolerance for pair in pairs])) / np.sqrt(len(pairs))
-    moved: dict[tuple[int, int], float] = {}  # by row of the draws and seed
+    moved: dict[tuple[int, Unit], float] = {}  # by row of the draws
     for pair in pairs:
         n = len(pair.seeds)
         scale = _STANDARD_ERRORS.get(pair.kinship, 0.0) * np.sqrt(n / (n - 1)) / (n * len(pairs)) if n > 1 else 0.0
         for row, drawn in enumerate(pair.draws):
-            for seed, by in zip(pair.seeds, drawn, strict=True):
-                moved[row, seed] = moved.get((row, seed), 0.0) + scale * float(by)
+            for unit, by in zip(pair.units, drawn, strict=True):
+                moved[row, unit] = moved.get((row, unit), 0.0) + scale * float(by)
     return tolerance + float(np.sqrt(sum(by**2 for by in moved.values())))
 
 

@@ -8,7 +8,7 @@ from itertools import groupby
 import numpy as np
 
 from trackers.arrays import Array
-from twin.suites.pairs import Pair, allowance
+from twin.suites.pairs import Pair, Unit, allowance
 
 OF_ALL = ("motp_m", "misidentifications", "lost_tracks", "id_switches", "misses")
 """What is judged over all trackers and cases together too: places, and events too rare to tell anything of one."""
@@ -31,23 +31,23 @@ def over_trackers(pairs: Sequence[Pair]) -> Iterator[list[Pair]]:
 
 
 def shares_of(tests: Sequence[Sequence[Pair]]) -> tuple[Array, list[float]]:
-    """What each recording adds to each test's statistic, (r, t), and how much the test's mean may get worse, a number each.
+    """What each unit of chance adds to each test's statistic, (u, t), and how much the test's mean may get worse.
 
     A test is of one group, of a tracker's groups, or of all trackers': of several the mean over groups is judged. With d,
-    what a recording got worse in units of what that is allowed, the statistic is Σ d / √(Σ d² + n): a signal over its
+    what a unit got worse in units of what that is allowed, the statistic is Σ d / √(Σ d² + n): a signal over its
     noise, in which what is far less than allowed counts for nothing (the constant under the root: Tusher, Tibshirani,
     Chu, PNAS 98, 2001).
     """
-    place: dict[tuple[str, str, int], int] = {}
+    place: dict[Unit, int] = {}
     for pairs in tests:
         for pair in pairs:
-            for seed in pair.seeds:
-                place.setdefault((pair.key.scenario, pair.key.overrides, seed), len(place))
+            for unit in pair.units:
+                place.setdefault(unit, len(place))
     shares, allowances = np.zeros((len(place), len(tests))), []
     for number, pairs in enumerate(tests):
         allowances.append(allowance(pairs))
         for pair in pairs:
-            rows = [place[pair.key.scenario, pair.key.overrides, seed] for seed in pair.seeds]
+            rows = [place[unit] for unit in pair.units]
             shares[rows, number] += pair.worsened / max(allowances[-1], 1e-12)
     n = np.array([sum(len(pair.seeds) for pair in pairs) for pairs in tests], dtype=float)
     return shares / np.sqrt((shares**2).sum(axis=0) + n), allowances

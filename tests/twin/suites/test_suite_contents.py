@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from twin.scenario import load_scenario
-from twin.suites.contents import people_digest, range_scatter_m
+from twin.suites.contents import people_digest, range_scatter_m, start_of
 from twin.suites.figures import GATED_READINGS
 from twin.suites.worker import RECORDING, TRUTH, record
 
@@ -36,7 +36,7 @@ def as_it_is(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_people_are_the_same_whatever_sensors_look_at_them(as_it_is: Path, tmp_path: Path) -> None:
     digest = people_digest(as_it_is / TRUTH)
-    assert len(digest) == 16
+    assert len(digest) == 2 * 12 + 1
     third = {"kind": "laser", "rate_hz": 7, "mount": {"xyz": [2.3, 1.5, 1.2], "yaw_deg": 180}}
     for how, change in {
         "renamed": sensors(lambda lab: {f"{name}-2": each for name, each in lab.items()}),
@@ -48,6 +48,8 @@ def test_people_are_the_same_whatever_sensors_look_at_them(as_it_is: Path, tmp_p
     assert people_digest(recorded(tmp_path / "others", seed=1801) / TRUTH) != digest
     taller = recorded(tmp_path / "taller", "people.pink.height_m=1.7")
     assert people_digest(taller / TRUTH) != digest
+    longer = people_digest(recorded(tmp_path / "longer", "duration_s=3") / TRUTH)
+    assert longer != digest and start_of(longer) == start_of(digest)
 
 
 def changed_truth(path: Path, out: Path, change: Callable[[list[dict[str, str]]], Sequence[dict[str, str]]]) -> Path:
