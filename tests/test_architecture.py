@@ -67,6 +67,7 @@ TWIN_UPWARDS = (
     "reproduce",
     "studies",
     "check",
+    "commands",
     "cli",
     "__main__",
 )

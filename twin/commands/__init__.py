@@ -1,0 +1,1 @@
+"""The subcommands of `twin` that are no room's own: what each does lives elsewhere and is imported when it is asked for."""

@@ -1,0 +1,33 @@
+"""`twin evaluate`: metrics of two tables."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def evaluate(
+    truth: Annotated[Path, typer.Argument(help="truth.csv")],
+    tracks: Annotated[Path, typer.Argument(help="A tracks table.")],
+    situations: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="truth_situations.csv of the run, for the disposal of merges.")
+    ] = None,
+    gate: Annotated[float, typer.Option(metavar="M", help="A track matches a person within this distance [m].")] = 0.5,
+    no_limits: Annotated[bool, typer.Option("--no-limits", help="Read tables of more than 256 MiB too.")] = False,
+) -> None:
+    """Metrics from two tables, as JSON."""
+    import json
+
+    from trackers.errors import InputError
+    from twin.evaluate import evaluate_tracks
+    from twin.recording.situations import read_situations
+    from twin.recording.tables import MOST_TABLE_BYTES, read_tracks, read_truth
+
+    if not 0 < gate < float("inf"):
+        raise InputError(f"--gate {gate}: is not a distance; a number of metres above 0 is expected")
+    most_bytes = None if no_limits else MOST_TABLE_BYTES
+    tables = read_truth(truth, most_bytes), read_tracks(tracks, most_bytes)
+    pairs = read_situations(situations) if situations is not None else None
+    typer.echo(json.dumps(evaluate_tracks(*tables, gate_m=gate, situations=pairs), indent=2))

@@ -1,0 +1,92 @@
+"""`twin track` and `twin detections`: what trackers, or their detectors, make of a recording."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from twin.commands.exit_codes import tell_failures
+from twin.commands.options import Environment, NoVideo, Seed, Set, Trackers
+
+
+def track(
+    recording: Annotated[
+        Path, typer.Argument(help="A bag: the twin's recording.mcap, or a robot's ROS 1 or ROS 2 bag.")
+    ],
+    tracker: Trackers = None,
+    rig: Annotated[Path | None, typer.Option(help="rig.yaml: which topic is which sensor, and where it is.")] = None,
+    set_: Set = None,
+    environment: Environment = None,
+    seed: Seed = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the results; default: out/<recording's name>.")] = None,
+    no_video: NoVideo = False,
+    bag: Annotated[
+        Path | None, typer.Option(metavar="FILE.mcap", help="Write a copy of the recording with the tracks in it.")
+    ] = None,
+) -> None:
+    """Track a recording: the twin's or a robot's."""
+    from twin.console import print_metrics, print_paths, print_warning, progress
+    from twin.run.chosen_trackers import import_from_here, typed_classes
+    from twin.run.knowledge import environment_change
+    from twin.run.replay import track_recording
+
+    import_from_here([*typed_classes(set_ or []), *(tracker or [])])
+    with progress() as report:
+        result = track_recording(
+            recording,
+            trackers=tracker or ["laser-fisheye-imm"],
+            rig_path=rig,
+            changes=[*(set_ or []), *environment_change(environment)],
+            seed=seed,
+            out=out,
+            video=not no_video,
+            bag_copy=bag,
+            on_progress=report,
+            on_warning=print_warning,
+        )
+    if result.metrics is not None:
+        print_metrics(result.metrics)
+    print_paths(result.files)
+    tell_failures(result.failures)
+
+
+def detections(
+    recording: Annotated[Path, typer.Argument(help="A bag: the twin's recording.mcap, or a robot's.")],
+    tracker: Annotated[
+        str, typer.Option(metavar="NAME", help="Whose detector: a preset, one the scenario defines, or module:Class.")
+    ] = "sort",
+    rig: Annotated[Path | None, typer.Option(help="rig.yaml: which topic is which sensor, and where it is.")] = None,
+    set_: Set = None,
+    environment: Environment = None,
+    seed: Seed = None,
+    out: Annotated[Path | None, typer.Option(metavar="FILE", help="Table to write; default: stdout.")] = None,
+) -> None:
+    """What a tracker's detector saw, as a CSV table: t,sensors,role,x,y,variance,width in the room frame [s, m, m²]."""
+    from functools import partial
+
+    from twin.console import print_paths, print_warning
+    from twin.run.chosen_trackers import import_from_here, typed_classes
+    from twin.run.detections import write_detections
+    from twin.run.knowledge import environment_change
+
+    import_from_here([*typed_classes(set_ or []), tracker])
+    write = partial(
+        write_detections,
+        recording,
+        tracker=tracker,
+        rig_path=rig,
+        changes=[*(set_ or []), *environment_change(environment)],
+        seed=seed,
+        on_warning=print_warning,
+    )
+    if out is None:
+        write(sys.stdout)
+        return
+    from twin.recording.whole_file import whole_file
+
+    with whole_file(out) as file:
+        write(file)
+    print_paths({"detections": out})

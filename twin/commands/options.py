@@ -1,0 +1,42 @@
+"""What several commands take: their arguments and options as typer wants them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+ScenarioName = Annotated[
+    str, typer.Argument(help="Name of a shipped scenario (see `twin list`) or path of a YAML file.")
+]
+Set = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="PATH=VALUE", help="Change a field, e.g. sensors.waist.rate_hz=20. May be repeated."),
+]
+Seed = Annotated[int | None, typer.Option(min=0, help="Seed of all randomness; default: the scenario's.")]
+Out = Annotated[Path | None, typer.Option(help="Folder for the results; default: out/<scenario>-<seed>.")]
+Duration = Annotated[float | None, typer.Option(metavar="S", help="Seconds to simulate; default: the scenario's.")]
+Trackers = Annotated[
+    list[str] | None,
+    typer.Option("--tracker", metavar="NAME", help="A preset, one the scenario defines, or module:Class. Repeatable."),
+]
+AllowPlugins = Annotated[
+    bool, typer.Option("--allow-plugins", help="Run the classes (module:Class) that the scenario itself names.")
+]
+Environment = Annotated[
+    Path | None, typer.Option(metavar="FILE.npz", help="What trackers may know of the room, by `twin environment`.")
+]
+NoVideo = Annotated[bool, typer.Option("--no-video", help="Write no preview.mp4.")]
+NoLimits = Annotated[
+    bool, typer.Option("--no-limits", help="Make even what is larger than limits meant to catch mistakes.")
+]
+NoImages = Annotated[bool, typer.Option("--no-images", help="Leave the cameras out: no rendering at all.")]
+
+
+def overrides(changes: list[str] | None, seed: int | None, duration_s: float | None) -> list[str]:
+    """The changes of a scenario as `--set`, `--seed` and `--duration` ask for them, 'path=value' texts."""
+    extra = [] if seed is None else [f"seed={seed}"]
+    if duration_s is not None:
+        extra.append(f"duration_s={duration_s}")
+    return [*(changes or []), *extra]

@@ -1,0 +1,106 @@
+"""`twin run` and `twin render`: a scenario simulated, with trackers on it or recorded only."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+from twin.commands.exit_codes import tell_failures
+from twin.commands.options import (
+    AllowPlugins,
+    Duration,
+    Environment,
+    NoImages,
+    NoLimits,
+    NoVideo,
+    Out,
+    ScenarioName,
+    Seed,
+    Set,
+    Trackers,
+    overrides,
+)
+
+if TYPE_CHECKING:
+    from twin.scenario import Scenario
+
+
+def run(
+    scenario: ScenarioName,
+    tracker: Trackers = None,
+    set_: Set = None,
+    environment: Environment = None,
+    seed: Seed = None,
+    duration: Duration = None,
+    out: Out = None,
+    no_video: NoVideo = False,
+    no_images: NoImages = False,
+    no_limits: NoLimits = False,
+    allow_plugins: AllowPlugins = False,
+) -> None:
+    """Simulate, record, track, evaluate and report."""
+    from twin.console import print_metrics, print_paths, print_warning, progress
+    from twin.run.chosen_trackers import TrustedClasses, import_from_here, typed_classes, typed_schedulers
+    from twin.run.knowledge import environment_change
+    from twin.run.live import run_scenario
+    from twin.scenario import load_scenario
+
+    loaded = load_scenario(scenario, [*overrides(set_, seed, duration), *environment_change(environment)])
+    _tell_size(loaded, images=not no_images, limits=not no_limits)
+    typed = typed_classes(set_ or [])
+    import_from_here([*typed, *(tracker or [])])
+    with progress() as report:
+        result = run_scenario(
+            loaded,
+            trackers=tracker,
+            out=out,
+            video=not no_video,
+            images=not no_images,
+            trusted=TrustedClasses(typed | typed_schedulers(set_ or []), every=allow_plugins),
+            source=scenario,
+            on_progress=report,
+            on_warning=print_warning,
+        )
+    if result.metrics is not None:
+        print_metrics(result.metrics)
+    print_paths(result.files)
+    tell_failures(result.failures)
+
+
+def render(
+    scenario: ScenarioName,
+    set_: Set = None,
+    seed: Seed = None,
+    duration: Duration = None,
+    out: Out = None,
+    no_video: NoVideo = False,
+    no_images: NoImages = False,
+    no_limits: NoLimits = False,
+) -> None:
+    """Simulate and record only."""
+    from twin.console import print_paths, print_warning, progress
+    from twin.run.live import run_scenario
+    from twin.scenario import load_scenario
+
+    loaded = load_scenario(scenario, overrides(set_, seed, duration))
+    _tell_size(loaded, images=not no_images, limits=not no_limits)
+    with progress() as report:
+        result = run_scenario(
+            loaded,
+            trackers=[],
+            out=out,
+            video=not no_video,
+            images=not no_images,
+            on_progress=report,
+            on_warning=print_warning,
+        )
+    print_paths(result.files)
+
+
+def _tell_size(scenario: Scenario, *, images: bool, limits: bool) -> None:
+    """Say on stderr what a run will make; raise InputError where that is more than the limits, if they hold."""
+    from twin.scenario.size import check_size, size_of
+
+    if limits:
+        check_size(scenario, images=images)
+    sys.stderr.write(f"twin: to make: {size_of(scenario, images=images)}\n")

@@ -1,0 +1,52 @@
+"""`twin view`: a scenario, its people and its sensors' views, as pictures and videos."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from twin.commands.options import NoLimits, ScenarioName, Seed, Set, overrides
+
+
+def view(
+    scenario: ScenarioName,
+    at: Annotated[float, typer.Option(metavar="S", help="The moment to look at [s].")] = 0.0,
+    people: Annotated[bool, typer.Option("--people", help="Everybody from all sides, and everything they do.")] = False,
+    video: Annotated[Path | None, typer.Option(metavar="FILE.mp4", help="Write a video by a free camera.")] = None,
+    from_: Annotated[float, typer.Option("--from", metavar="S", help="Where the video begins [s].")] = 0.0,
+    to: Annotated[
+        float | None, typer.Option(metavar="S", help="Where it ends [s]; default: with the scenario.")
+    ] = None,
+    follow: Annotated[str | None, typer.Option(metavar="NAME", help="Whom the video's camera follows.")] = None,
+    no_limits: NoLimits = False,
+    set_: Set = None,
+    seed: Seed = None,
+    out: Annotated[Path | None, typer.Option(help="The picture to write; default: view.png or people.png.")] = None,
+) -> None:
+    """A look inside: the room and every sensor's view at one moment; its people (--people); a video of them (--video)."""
+    from twin.console import print_paths, print_warnings, progress
+    from twin.scenario import load_scenario
+    from twin.scenario.size import check_size
+    from twin.view import check_choice, write_people, write_video, write_view
+
+    check_choice(at=at, people=people, video=video, start_s=from_, end_s=to, follow=follow, out=out)
+    loaded = load_scenario(scenario, overrides(set_, seed, None))
+    if not no_limits:
+        check_size(loaded)
+    if video is not None:
+        with progress() as report:
+            write_video(loaded, video, start_s=from_, end_s=to, follow=follow, on_progress=report)
+        print_paths({"video": video})
+    elif people:
+        path = out or Path("people.png")
+        with progress() as report:
+            found = write_people(loaded, path, on_progress=report)
+        for occasion in found:
+            typer.echo(str(occasion))
+        print_paths({"people": path})
+    else:
+        path = out or Path("view.png")
+        print_warnings(write_view(loaded, at, path))
+        print_paths({"view": path})
