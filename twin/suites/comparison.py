@@ -35,6 +35,8 @@ EVERY_SCENARIO, EVERY_TRACKER = "every scenario", "every tracker"
 class Change:
     """A figure of a group, or of several together, before and now: means over the seeds that both have; totals of rare events.
 
+    A group is of a tracker in a scenario, or of a scanner there, which the key then names in the tracker's place.
+
     p: how likely chance makes any figure of the suite change so much for the worse; p_better: for the better. allowed: how
     much worse it may be. worst_seed: where it got worst (of now's; None: over several groups, or gone). fallen: a seed whose
     case fell beyond any noise.

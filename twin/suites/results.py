@@ -20,7 +20,7 @@ _CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class GroupKey:
-    """What is compared as one: a scenario with its overrides (JSON), and a tracker."""
+    """What is compared as one: a scenario with its overrides (JSON), and a tracker (or a scanner, by where it is)."""
 
     scenario: str
     overrides: str
