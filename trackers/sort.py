@@ -22,6 +22,7 @@ class SortOptions(Strict):
     measurement_m: float = Field(default=0.1, gt=0, description="standard deviation of a measured position [m]")
     gate: float = Field(default=4.0, gt=0, description="largest Mahalanobis distance of a pair")
     radius_m: float = Field(default=1.0, gt=0, description="and its largest distance [m]")
+    legs_m: float = Field(default=0.7, gt=0, description="how far legs may be from whom they belong to [m]")
     apart_m: float = Field(default=0.6, ge=0, description="no track starts nearer than this to another [m]")
     slowdown_s: float = Field(
         default=0.5, gt=0, description="time constant at which a coasting track's speed fades [s]"
@@ -68,7 +69,7 @@ class Sort(MomentTracker):
             p.predict()
         self.seen.append((moment.ns, {role: group.detect(moment.observations) for role, group in self.groups.items()}))
         expected = np.array([p.x[::2] for p in self.people]).reshape(-1, 2)
-        body, whole = people_seen(self.seen[-1][1], expected, self.area)
+        body, whole = people_seen(self.seen[-1][1], expected, self.area, options.legs_m)
         S = np.array([p.P[::2, ::2] + p.R for p in self.people]).reshape(-1, 1, 2, 2)
         deviations = mahalanobis(expected[:, None], S, body)
         out = (deviations > options.gate) | (distances(expected, body) > options.radius_m)

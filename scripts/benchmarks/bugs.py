@@ -44,12 +44,12 @@ _BY_FILE = {
     "trackers/filters/imm.py": [
         (
             "transition matrix transposed",
-            "self.transition.T @ state.probability",
-            "self.transition @ state.probability",
+            "transition.T @ state.probability",
+            "transition @ state.probability",
         ),
         (
             "modes mixed without the spread of their means",
-            '        covariance += np.einsum("aftn,bftn->abtn", spread * share, spread)\n',
+            '        covariance += np.einsum("aftn,bftn->abtn", spread * shares, spread)\n',
             "",
         ),
         ("likelihood without its determinant", "-0.5 * (square + np.log(determinant))", "-0.5 * square"),

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, strategies as st
+from hypothesis.extra.numpy import arrays
 
 from trackers.laser.clusters import ClusterOptions, find_clusters, pushed_back
 from trackers.laser.grouping import pair_off, take_legs, trunks
@@ -133,18 +135,43 @@ def test_strangers_legs_pair_off_from_the_closest_up():
 def test_expected_people_take_a_full_stride_or_one_leg_but_not_each_others():
     legs = np.array([(-0.33, 0.0), (0.33, 0.0), (1.0, 0.05), (5.0, 5.0)])
     expected = np.array([(0.02, 0.0), (1.1, 0.0), (9.0, 9.0)])
-    position, n_leg, free = take_legs(legs, expected, stride_m=0.8, reach_m=0.4, single_cost_m=0.1)
+    position, n_leg, free = take_legs(legs, np.zeros(4, bool), expected, reach_m=0.4, stride_m=0.8)
     np.testing.assert_allclose(position[:2], [(0, 0), (1.0, 0.05)])
     np.testing.assert_array_equal(n_leg, [2, 1, 0])
     np.testing.assert_array_equal(free, [False, False, False, True])
 
 
-@pytest.mark.parametrize(("wide_cost", "n_leg", "x"), [(0.0, 2, -0.55), (0.5, 1, -0.2)])
-def test_a_leg_beside_where_somebody_is_expected_is_likelier_theirs_than_a_pair_far_apart(wide_cost, n_leg, x):
-    legs, expected = np.array([(-0.2, 2.5), (-0.9, 2.3)]), np.array([(-0.33, 2.5)])
-    position, found, free = take_legs(legs, expected, 0.8, 0.4, 0.2, wide_above_m=0.25, wide_cost=wide_cost)
-    assert (found[0], position[0, 0]) == (n_leg, pytest.approx(x))
-    assert free.tolist() == [False, n_leg == 1]
+def test_nobody_takes_the_only_leg_of_another_for_their_second():
+    """As in `library-hall-busy`: two people side by side, the legs of each one cluster."""
+    legs, expected = np.array([(-1.31, -0.37), (-1.23, 0.24)]), np.array([(-1.36, -0.33), (-1.2, 0.2)])
+    for order in ([0, 1], [1, 0]):
+        position, n_leg, free = take_legs(legs, np.zeros(2, bool), expected[order], reach_m=0.7, stride_m=0.8)
+        np.testing.assert_allclose(position, legs[order])
+        assert (n_leg.tolist(), free.tolist()) == ([1, 1], [False, False])
+
+
+def test_a_cluster_as_wide_as_both_legs_is_both():
+    legs, together = np.array([(0.1, 0.0), (2.0, 0.1)]), np.array([True, False])
+    _, n_leg, _ = take_legs(legs, together, np.array([(0.0, 0.0), (2.0, 0.0)]), reach_m=0.5, stride_m=0.8)
+    np.testing.assert_array_equal(n_leg, [2, 1])
+
+
+@given(
+    legs=arrays(float, st.tuples(st.integers(0, 4), st.just(2)), elements=st.floats(-1, 1)),
+    expected=arrays(float, st.tuples(st.integers(0, 3), st.just(2)), elements=st.floats(-1, 1)),
+)
+def test_every_leg_is_one_persons_or_nobodys_and_as_many_see_one_as_can(legs, expected):
+    reach_m, stride_m = 0.7, 0.8
+    position, n_leg, free = take_legs(legs, np.zeros(len(legs), bool), expected, reach_m, stride_m)
+    assert n_leg.sum() == (~free).sum()
+    assert n_leg.max(initial=0) <= 2
+    np.testing.assert_array_equal(position[n_leg == 0], expected[n_leg == 0])
+    taken = legs[~free]
+    for place, before in zip(position[n_leg == 1], expected[n_leg == 1], strict=True):
+        assert np.linalg.norm(place - before) < reach_m
+        assert np.linalg.norm(taken - place, axis=1).min() == 0
+    # nobody without a leg is in reach of one that nobody has
+    assert (np.linalg.norm(expected[n_leg == 0][:, None] - legs[free], axis=2) >= reach_m - 1e-9).all()
 
 
 def layer(options, room_from_sensor=Pose()) -> LaserLayer:
@@ -193,3 +220,14 @@ def test_the_width_of_a_half_hidden_body_tells_nothing_of_its_depth():
 def test_a_knee_layer_shows_single_legs():
     found = layer(KneeOptions()).detect(discs([(1.5, -0.1), (1.6, 0.12)], radius=0.06))
     np.testing.assert_allclose(found.position, [(1.5, -0.1), (1.6, 0.12)], atol=0.02)
+
+
+def test_one_beam_on_a_far_leg_is_kept_for_those_known_but_not_on_the_edge_of_something_nearer():
+    ranges = np.full(361, 4.0)
+    ranges[100], ranges[200:203], ranges[203] = 3.5, 1.5, 2.5  # a far leg, a near one and a beam half past it
+    given_scan, known = scan(ranges), KneeOptions()
+    knee = KneeOptions(cluster=known.cluster.model_copy(update={"min_width_m": 0.001}))
+    found = layer(knee).detect(given_scan)
+    assert found.n_sample.tolist() == [1, 3]
+    without = layer(knee.model_copy(update={"weak_samples": None})).detect(given_scan)
+    assert without.n_sample.tolist() == [3]

@@ -21,7 +21,7 @@ def detections_at(points, half_width=0.17) -> Detections:
     half = half_width / range_m
     width_m, scanner = np.full(len(points), 2 * half_width), np.ones((len(points), 1), np.bool_)
     angles = np.stack([angle - half, angle + half], axis=-1)
-    return Detections(points, np.zeros(len(points)), width_m, range_m, angles, scanner)
+    return Detections(points, np.zeros(len(points)), np.full(len(points), 9), width_m, range_m, angles, scanner)
 
 
 def projector(**options) -> TorsoProjector:

@@ -1,5 +1,7 @@
 """The batched IMM against filterpy's, and where the mathematics ends."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from trackers.errors import InputError
 from trackers.filters.imm import Imm
 from trackers.filters.imm_state import ImmState
 from trackers.filters.kalman import kalman
-from trackers.filters.motion import HEADING, IMM_MODELS, SPEED, linearise, transition_matrix
+from trackers.filters.motion import HEADING, IMM_MODELS, KALMAN_MODELS, SPEED, linearise, transition_matrix
 
 PERIOD_S = 0.1
 
@@ -200,6 +202,28 @@ def test_a_gap_is_predicted_in_steps_of_the_nominal_period():
     # scans that jitter by a few percent are one step of their own length
     one = imm.predict_over(state, 0.104, PERIOD_S)
     np.testing.assert_allclose(one.mean, imm.predict(state, 0.104).mean)
+
+
+def test_the_noise_of_a_second_is_the_same_however_often_it_is_looked_at():
+    """Q and the transition matrix are for the nominal period: a scanner four times as fast makes nobody calmer."""
+    imm = Imm()
+    state = imm.start(np.zeros((1, 2)), np.array([[1.0, 0.0]]), speed_variance=1e-9, turn_rate_variance=0.0)
+    by_rate = []
+    for step_s in (PERIOD_S, PERIOD_S / 4):
+        followed = replace(state, probability=np.array([[1.0], [0.0], [0.0]]))
+        for _ in range(round(PERIOD_S / step_s)):
+            followed = imm.predict_over(followed, step_s, PERIOD_S)
+        by_rate.append(followed)
+    slow, fast = by_rate
+    np.testing.assert_allclose(fast.probability, slow.probability, atol=0.01)
+    single = Imm(KALMAN_MODELS)
+    spread = []
+    for step_s in (PERIOD_S, PERIOD_S / 4):
+        followed = single.start(np.zeros((1, 2)), np.array([[1.0, 0.0]]), speed_variance=1e-9)
+        for _ in range(round(1.0 / step_s)):
+            followed = single.predict_over(followed, step_s, PERIOD_S)
+        spread.append(followed.covariance[SPEED, SPEED, 0, 0])
+    assert spread[1] == pytest.approx(spread[0], rel=1e-6)
 
 
 @pytest.mark.parametrize("period", [-0.1, np.nan, np.inf])

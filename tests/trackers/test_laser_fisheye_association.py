@@ -24,7 +24,8 @@ def detections(*places: tuple[float, float]) -> Detections:
     position = np.array(places, dtype=float).reshape(-1, 2)
     nothing = np.zeros(len(position))
     scanner = np.ones((len(position), 1), np.bool_)
-    return Detections(position, nothing, nothing + 0.1, nothing + 2, np.zeros((len(position), 2)), scanner)
+    n_sample = np.full(len(position), 9)
+    return Detections(position, nothing, n_sample, nothing + 0.1, nothing + 2, np.zeros((len(position), 2)), scanner)
 
 
 def followed(people: People, measured_ns: np.ndarray) -> People:
@@ -41,7 +42,15 @@ def matched(trunks: Detections, legs: Detections, **options) -> Matches:
     people = People.started(state, places, 0, np.zeros((2, 4)), np.zeros(2, np.int64))
     people = followed(people, ago(PERIOD_S, 0.8))
     count = len(trunks)
-    seen = Seen(trunks, legs, None, np.zeros((count, 4)), np.zeros(count, np.bool_), np.zeros(count, np.bool_))
+    seen = Seen(
+        trunks,
+        legs,
+        np.ones(len(legs), np.bool_),
+        None,
+        np.zeros((count, 4)),
+        np.zeros(count, np.bool_),
+        np.zeros(count, np.bool_),
+    )
     return Association(people, LaserFisheyeImmOptions.model_validate(options), 0.5, NOW).matches(seen)
 
 
@@ -72,7 +81,15 @@ def test_trunk_before_legs_as_in_the_paper_or_whichever_is_likelier():
     )
     nothing = np.zeros(1, np.bool_)
     far_trunk, near_legs = (0.75, 1.5), ((-0.1, 1.45), (0.1, 1.55))
-    seen = Seen(detections(far_trunk), detections(*near_legs), None, np.zeros((1, 4)), nothing, nothing)
+    seen = Seen(
+        detections(far_trunk),
+        detections(*near_legs),
+        np.ones(len(near_legs), np.bool_),
+        None,
+        np.zeros((1, 4)),
+        nothing,
+        nothing,
+    )
 
     def trunk_of(**options) -> list[int]:
         return Association(people, LaserFisheyeImmOptions(**options), 0.5, NOW).matches(seen).trunk.tolist()
@@ -88,7 +105,7 @@ def test_a_shirt_decides_between_two_who_are_about_as_near():
     people = People.started(imm.start(places, np.zeros((2, 2)), 0.02, 0.1), places, 0, shirts, np.array([9, 9]))
     people = followed(people, ago(PERIOD_S, PERIOD_S))
     shown = np.ones(1, np.bool_)
-    seen = Seen(detections((0.2, 2.0)), detections(), None, np.array([[0.9, 0.1]]), shown, shown)
+    seen = Seen(detections((0.2, 2.0)), detections(), np.empty(0, np.bool_), None, np.array([[0.9, 0.1]]), shown, shown)
 
     def whose(**options) -> list[int]:
         given = LaserFisheyeImmOptions.model_validate(options)
@@ -106,7 +123,7 @@ def test_the_own_shirt_speaks_for_somebody_beside_whose_shirt_nobody_has_seen():
     shown = np.ones(1, np.bool_)
 
     def whose(look: list[float], **options) -> list[int]:
-        seen = Seen(detections((0.3, 2.0)), detections(), None, np.array([look]), shown, shown)
+        seen = Seen(detections((0.3, 2.0)), detections(), np.empty(0, np.bool_), None, np.array([look]), shown, shown)
         given = LaserFisheyeImmOptions.model_validate(options)
         return Association(people, given, 0.5, NOW).matches(seen).track.tolist()
 
@@ -121,7 +138,14 @@ def test_who_comes_back_far_from_the_prediction_is_known_by_the_shirt():
     people = followed(People.started(state, places, 0, np.array([[0.9, 0.1]]), np.array([9])), ago(0.8))
 
     def whose(shirt: list[float]) -> list[int]:
-        seen = Seen(detections((1.5, 2.3)), detections(), None, np.array([shirt]), *2 * (np.ones(1, np.bool_),))
+        seen = Seen(
+            detections((1.5, 2.3)),
+            detections(),
+            np.empty(0, np.bool_),
+            None,
+            np.array([shirt]),
+            *2 * (np.ones(1, np.bool_),),
+        )
         return Association(people, LaserFisheyeImmOptions(), 0.5, NOW).matches(seen).track.tolist()
 
     assert whose([0.8, 0.2]) == [0]
@@ -137,7 +161,8 @@ def of_two_hidden(legs: Detections, **options) -> Matches:
     )
     people = followed(people, ago(0.5, 0.5))
     nothing = np.zeros(0, np.bool_)
-    seen = Seen(detections(), legs, None, np.zeros((0, 4)), nothing, nothing)
+    firm = np.ones(len(legs), np.bool_)
+    seen = Seen(detections(), legs, firm, None, np.zeros((0, 4)), nothing, nothing)
     return Association(people, LaserFisheyeImmOptions.model_validate(options), 0.5, NOW).matches(seen)
 
 

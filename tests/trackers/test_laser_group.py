@@ -18,12 +18,20 @@ from trackers.tracks import track_frames
 AWAY_M = 3.6  # how far ahead the second rig stands, looking back
 
 
-def detections(*places, variance=0.0, width=0.1, column=0) -> Detections:
+def detections(*places, variance=0.0, width=0.1, column=0, n_sample=9) -> Detections:
     position = np.array(places, float).reshape(-1, 2)
     each = np.ones(len(position))
     scanner = np.zeros((len(position), 2), np.bool_)
     scanner[:, column] = True
-    return Detections(position, variance * each, width * each, 2 * each, np.zeros((len(position), 2)), scanner)
+    return Detections(
+        position,
+        variance * each,
+        np.full(len(position), n_sample),
+        width * each,
+        2 * each,
+        np.zeros((len(position), 2)),
+        scanner,
+    )
 
 
 def test_a_body_seen_by_two_scanners_is_one_detection_between_them():
@@ -76,6 +84,27 @@ def both_scans(walk: Walk, k: int, seed: int = 3) -> dict:
         "front": replace(scan(walk, k, "knee", stamp, rng), sensor="front"),
         "back": replace(scan(seen_back(walk), k, "knee", stamp, rng), sensor="back"),
     }
+
+
+def test_a_beam_of_each_of_two_scanners_is_enough_for_somebody_new():
+    both = fused(detections((1.0, 1.0), (3.0, 0.0), n_sample=1), detections((1.1, 1.0), column=1, n_sample=1), 0.2)
+    assert both.n_sample.tolist() == [2, 1]
+    assert ScannerGroup({"front": FRONT}, EMPTY, KneeOptions()).firm(both).tolist() == [True, False]
+
+
+def test_where_another_scanner_looks_past_there_is_nothing():
+    """A beam on the edge of a leg, half on the wall behind it, says something between."""
+    group = ScannerGroup({"front": FRONT, "back": BACK}, EMPTY, KneeOptions())
+    scans = both_scans(ONE_BEHIND_ANOTHER, 0)
+    ranges = scans["front"].ranges_m.copy()
+    free = ranges.size // 3
+    ranges[free : free + 6] = 1.6
+    scans["front"] = replace(scans["front"], ranges_m=ranges)
+    alone = ScannerGroup({"front": FRONT}, EMPTY, KneeOptions()).detect(scans)
+    assert (len(alone), len(group.detect(scans))) == (2, 2)
+    phantom = alone.position[np.abs(np.hypot(*alone.position.T) - 1.64) < 0.05]
+    assert len(phantom) == 1
+    assert np.hypot(*(group.detect(scans).position - phantom).T).min() > 0.3
 
 
 def test_what_stands_in_the_shadow_of_one_scanner_another_sees():

@@ -127,15 +127,19 @@ class Imm:
         velocity = (second - first) / elapsed_s[:, None] * trust[:, None]
         return self.start(second, velocity, position_variance_m2, speed_variance * (1 - trust))
 
-    def predict(self, state: ImmState, period_s: float) -> ImmState:
-        """Mix the modes and move each on by one step of `period_s` [s]; the probabilities become the predicted ones (c̄)."""
+    def predict(self, state: ImmState, period_s: float, share: float = 1.0) -> ImmState:
+        """Mix the modes and move each on by one step of `period_s` [s]; the probabilities become the predicted ones (c̄).
+
+        share: of the period that Q and the transition matrix M are for. In so much of it speeds spread by so much of their
+        variance, whatever the number of steps, and modes change by I + share (M − I), at most M.
+        """
         if not (np.isfinite(period_s) and period_s >= 0):
             raise InputError(f"prediction over {period_s!r} s; a finite period of 0 s or more is expected")
         if period_s == 0 or len(state) == 0:
             return state
-        mixed = self._mix(state) if self.n_mode > 1 else state
+        mixed = self._mix(state, min(share, 1.0)) if self.n_mode > 1 else state
         mean, F, G = linearise(mixed.mean, _UNDISTURBED, period_s, self._persistence)
-        noise = G * self._deviation
+        noise = G * (self._deviation / np.sqrt(share))
         half = _transition_times(F, mixed.covariance)
         covariance = _transition_times(F, half.swapaxes(0, 1))
         covariance += np.einsum("aqmn,bqmn->abmn", noise, noise)
@@ -152,7 +156,7 @@ class Imm:
             return state
         n_step = max(1, round(elapsed_s / period_s))
         for _ in range(n_step):
-            state = self.predict(state, elapsed_s / n_step)
+            state = self.predict(state, elapsed_s / n_step, elapsed_s / n_step / period_s)
         return state
 
     def innovation_covariance(self, predicted: ImmState) -> Float[Array, "n m 2 2"]:
@@ -209,20 +213,21 @@ class Imm:
         covariance = ((state.covariance + spread[:, None] * spread) * state.probability).sum(axis=2)
         return mean.T, covariance.T
 
-    def _mix(self, state: ImmState) -> ImmState:
+    def _mix(self, state: ImmState, share: float) -> ImmState:
         """The mixed initial conditions of every mode (eq. 3), with the predicted mode probabilities."""
         means = state.aligned_mean
-        predicted = self.transition.T @ state.probability  # (m, n)
-        joint = state.probability[:, None] * self.transition[:, :, None]  # (from, to, n)
+        transition = share * self.transition + (1 - share) * np.eye(self.n_mode)
+        predicted = transition.T @ state.probability  # (m, n)
+        joint = state.probability[:, None] * transition[:, :, None]  # (from, to, n)
         if predicted.min() > 0:
-            share = joint / predicted
+            shares = joint / predicted
         else:  # a mode that cannot be entered (c̄ = 0) keeps itself: it weighs nothing, but must stay finite
             staying = np.broadcast_to(np.eye(self.n_mode)[:, :, None], joint.shape)
-            share = np.where(predicted > 0, joint / np.where(predicted > 0, predicted, 1.0), staying)
-        mean = np.einsum("ftn,afn->atn", share, means)
-        covariance = np.einsum("ftn,abfn->abtn", share, state.covariance)
+            shares = np.where(predicted > 0, joint / np.where(predicted > 0, predicted, 1.0), staying)
+        mean = np.einsum("ftn,afn->atn", shares, means)
+        covariance = np.einsum("ftn,abfn->abtn", shares, state.covariance)
         spread = means[:, :, None] - mean[:, None]  # (5, from, to, n)
-        covariance += np.einsum("aftn,bftn->abtn", spread * share, spread)
+        covariance += np.einsum("aftn,bftn->abtn", spread * shares, spread)
         return ImmState(mean, covariance, predicted)
 
 

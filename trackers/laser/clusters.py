@@ -53,8 +53,10 @@ class Clusters(Rows):
     hidden_after: Bool[Mask, "k"]  # likewise where it ends
 
 
-def find_clusters(scan: LaserScan, foreground: Bool[Mask, "n_beam"], options: ClusterOptions) -> Clusters:
-    """The clusters among the foreground samples of a scan.
+def find_clusters(
+    scan: LaserScan, foreground: Bool[Mask, "n_beam"], options: ClusterOptions, min_samples: int | None = None
+) -> Clusters:
+    """The clusters among the foreground samples of a scan; min_samples: in place of the options'.
 
     Two foreground samples that follow one another are split where they lie farther apart than `jump_m` plus the spacing of
     the beams, or where more than `max_gap_beams` beams between them looked past. (The paper compares ranges; the distance
@@ -79,7 +81,8 @@ def find_clusters(scan: LaserScan, foreground: Bool[Mask, "n_beam"], options: Cl
     middle = np.add.reduceat(points, starts, axis=1) / n_sample
     range_m = np.hypot(middle[0], middle[1])
     expected = options.min_width_m / (increment * range_m)
-    kept = n_sample >= np.maximum(options.min_samples, np.minimum(expected, foreground.size))
+    least = options.min_samples if min_samples is None else min_samples
+    kept = n_sample >= np.maximum(least, np.minimum(expected, foreground.size))
     starts, stops, range_m = starts[kept], stops[kept], range_m[kept]
     first, last = beams[starts], beams[stops - 1]
     hidden_before, hidden_after = _hidden(ranges, hit, first, last, range_m, options.jump_m)

@@ -47,7 +47,7 @@ class ScannerGroup:
     def __init__(
         self, scanners: Mapping[str, LaserSensor], empty_room: Sequence[Observation], options: LayerOptions
     ) -> None:
-        self._gate_m = options.fuse_m
+        self._gate_m, self._least = options.fuse_m, options.cluster.min_samples
         self.layers: dict[str, LaserLayer] = {}
         for name, sensor in scanners.items():
             scans = [item for item in empty_room if isinstance(item, LaserScan) and item.sensor == name]
@@ -63,18 +63,29 @@ class ScannerGroup:
         """Whether a scanner came without scans of the empty room."""
         return any(layer.learns_background for layer in self.layers.values())
 
-    def detect(self, observations: Mapping[str, Observation]) -> Detections:
+    def detect(self, observations: Mapping[str, Observation], weak: bool = False) -> Detections:
         """What the group's scans among `observations`, by sensor, show in front of the room.
 
-        Those that the first scanner sees come first, in its order; their ranges and angles are its own.
+        Those that the first scanner sees come first, in its order; their ranges and angles are its own. weak: whether with
+        what too few samples show, of all scanners together, to be somebody new.
         """
-        n_scanner = len(self.layers)
+        n_scanner, scans = len(self.layers), self._scans(observations)
         together = Detections.none(n_scanner)
         for column, (name, layer) in enumerate(self.layers.items()):
-            scan = observations.get(name)
-            if isinstance(scan, LaserScan):
-                together = fused(together, layer.detect(scan).of_scanner(column, n_scanner), self._gate_m)
-        return together
+            if name in scans:
+                together = fused(together, layer.detect(scans[name]).of_scanner(column, n_scanner), self._gate_m)
+        seen_past = np.zeros(len(together), np.bool_)
+        for column, (name, layer) in enumerate(self.layers.items()):
+            if name in scans and len(scans) > 1:
+                seen_past |= layer.passes(scans[name], together.position.T) & ~together.scanner[:, column]
+        return together.select(~seen_past if weak else ~seen_past & self.firm(together))
+
+    def _scans(self, observations: Mapping[str, Observation]) -> dict[str, LaserScan]:
+        return {name: scan for name in self.layers if isinstance(scan := observations.get(name), LaserScan)}
+
+    def firm(self, detections: Detections) -> Bool[Mask, "k"]:
+        """Which of the group's detections enough samples show to be somebody new."""
+        return detections.n_sample >= self._least
 
     def points(self, observations: Mapping[str, Observation]) -> Points:
         """Every sample in front of the room of the group's scans among `observations`.
@@ -82,7 +93,7 @@ class ScannerGroup:
         Without those at which another scanner looks past: a beam that meets half a leg and half the wall says something
         between.
         """
-        scans = {name: scan for name in self.layers if isinstance(scan := observations.get(name), LaserScan)}
+        scans = self._scans(observations)
         found = [Points(np.empty((0, 2)), np.empty(0))]
         for name, scan in scans.items():
             place, width_m = self.layers[name].points(scan)
@@ -125,7 +136,8 @@ def fused(first: Detections, second: Detections, gate_m: float) -> Detections:
     weight, other_weight = 1 / (R + first.variance_m2[mine]), 1 / (R + second.variance_m2[theirs])
     total = weight + other_weight
     position, variance = first.position.copy(), first.variance_m2.copy()
-    width, scanner = first.width_m.copy(), first.scanner.copy()
+    n_sample, width, scanner = first.n_sample.copy(), first.width_m.copy(), first.scanner.copy()
+    n_sample[mine] += second.n_sample[theirs]
     position[mine] = (weight[:, None] * first.position[mine] + other_weight[:, None] * second.position[theirs]) / total[
         :, None
     ]
@@ -134,7 +146,7 @@ def fused(first: Detections, second: Detections, gate_m: float) -> Detections:
     scanner[mine] |= second.scanner[theirs]
     alone = np.ones(len(second), np.bool_)
     alone[theirs] = False
-    averaged = Detections(position, variance, width, first.range_m, first.angle, scanner)
+    averaged = Detections(position, variance, n_sample, width, first.range_m, first.angle, scanner)
     return averaged.joined(second.select(alone))
 
 
@@ -159,31 +171,23 @@ def people_seen(
     seen: Mapping[Role, Detections],
     expected: Float[Array, "n 2"],
     area: Area | None = None,
-    knee: KneeOptions | None = None,
+    reach_m: float = 0.7,
 ) -> tuple[Float[Array, "k 2"], Bool[Mask, "k"]]:
     """People [m] by their trunks, else by their legs; who is surely a person and not a lone leg.
 
     seen: detections by role, a role only where it is scanned for; expected: where people are expected [m], who take their
-    legs first; area: where people are looked for (None: everywhere). Legs nearer to a trunk than `claim_m` are its own.
-    Where no waists are scanned, a lone leg is somebody.
+    legs first; area: where people are looked for (None: everywhere); reach_m: how far the legs may be from where somebody
+    is expected, or from a trunk, to be theirs. Where no waists are scanned, a lone leg is somebody.
     """
-    knee = knee or _KNEE
     trunks = seen["waist"].position if "waist" in seen else np.empty((0, 2))
     legs = seen["knee"].position if "knee" in seen else np.empty((0, 2))
-    by_legs, n_leg, free = take_legs(
-        legs,
-        expected,
-        knee.stride_m,
-        knee.radius_alone_m,
-        knee.single_leg_cost_m,
-        knee.wide_above_m,
-        knee.wide_cost if "waist" in seen else 0.0,
-    )
-    new, n_new = pair_off(legs[free], knee.pair_m)
+    together = np.zeros(len(legs), np.bool_)
+    by_legs, n_leg, free = take_legs(legs, together, expected, reach_m, _KNEE.stride_m)
+    new, n_new = pair_off(legs[free], _KNEE.pair_m)
     walkers = np.concatenate([by_legs[n_leg > 0], new])
     whole = (np.concatenate([n_leg[n_leg > 0], n_new]) > 1) | ("waist" not in seen)
     if len(trunks) and len(walkers):
-        own = distances(walkers, trunks).min(axis=1) <= knee.claim_m
+        own = distances(walkers, trunks).min(axis=1) <= reach_m
         walkers, whole = walkers[~own], whole[~own]
     people, whole = np.concatenate([trunks, walkers]), np.concatenate([np.ones(len(trunks), np.bool_), whole])
     inside = np.ones(len(people), np.bool_) if area is None else area.contains(people)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.optimize import linear_sum_assignment
 
 from trackers.arrays import Array, Index, Mask
 from trackers.filters.gating import distances
@@ -39,44 +40,50 @@ def trunks(
 
 def take_legs(
     legs: Float[Array, "k 2"],
+    both_together: Bool[Mask, "k"],
     expected: Float[Array, "n 2"],
-    stride_m: float,
     reach_m: float,
-    single_cost_m: float,
-    wide_above_m: float = np.inf,
-    wide_cost: float = 0.0,
+    stride_m: float,
+    opposite: float = 0.0,
 ) -> tuple[Float[Array, "n 2"], Int[Index, "n"], Bool[Mask, "k"]]:
     """Which legs are those of people expected at these places [m].
 
-    Two legs up to `stride_m` apart (a full stride) stand for the middle between them; one leg may stand for a person whose
-    other leg is hidden. Nearest first, everybody takes the pair or the single leg that puts them nearest to where they are
-    expected, at most `reach_m` off, a single leg counting as `single_cost_m` farther, and a pair as `wide_cost` times what its
-    legs are farther apart than `wide_above_m`: the wider, the likelier they are two people's.
+    Everybody has two legs, at most `reach_m` off and `stride_m` apart; one cluster may be `both_together`. Legs go to people
+    in the assignment of least squares, two to each, a leg that nobody takes counting as one at the end of the reach: the
+    likeliest where legs stand about bodies by a Gaussian. So nobody takes for a second leg what is the only one of another.
+    Second legs are then assigned once more, by how far they are from where the first lets them be expected; opposite: minus
+    the correlation of a person's two legs about the place, below 1; 0 where both may be on one side, as a sitting person's.
 
-    Returns the position of each person, how many legs each took, 0 leaving the position as expected, and which legs nobody
-    took.
+    Returns the position of each person, the middle of their legs, how many legs each took, 0 leaving the position as
+    expected, and which legs nobody took.
     """
     n, k = len(expected), len(legs)
+    position, n_leg, free = expected.copy(), np.zeros(n, np.intp), np.ones(k, np.bool_)
     if n == 0 or k == 0:
-        return expected.copy(), np.zeros(n, np.intp), np.ones(k, np.bool_)
-    first, second, apart = _pairs(legs, stride_m)
-    one, other = np.concatenate([np.arange(k), first]), np.concatenate([np.arange(k), second])
-    middle = 0.5 * (legs[one] + legs[other])  # k single legs, then the pairs
-    cost = distances(expected, middle)
-    cost[:, :k] += single_cost_m
-    cost[:, k:] += wide_cost * np.maximum(apart - wide_above_m, 0)
-    who, what = (cost < reach_m).nonzero()
-    nearest_first = cost[who, what].argsort(kind="stable")
-    who, what = who[nearest_first], what[nearest_first]
-    chosen, n_leg, free = {}, [0] * n, [True] * k
-    rows = zip(who.tolist(), what.tolist(), one[what].tolist(), other[what].tolist(), strict=True)
-    for person, choice, leg, other_leg in rows:  # each choice depends on those before it
-        if person not in chosen and free[leg] and free[other_leg]:
-            free[leg] = free[other_leg] = False
-            chosen[person], n_leg[person] = choice, 1 if leg == other_leg else 2
-    position = expected.copy()
-    position[list(chosen)] = middle[list(chosen.values())]
-    return position, np.array(n_leg), np.array(free)
+        return position, n_leg, free
+    away = distances(expected, legs)
+    places, what = _worthiest(np.tile(reach_m**2 - away**2, (2, 1)))
+    who = places % n
+    nearest_first = away[who, what].argsort(kind="stable")
+    who, index = np.unique(who[nearest_first], return_index=True)
+    first = what[nearest_first][index]
+    position[who], n_leg[who], free[first] = legs[first], 1 + both_together[first], False
+
+    others = free.nonzero()[0]
+    other_side = (1 + opposite) * expected[who] - opposite * legs[first]
+    off = distances(other_side, legs[others]) / np.sqrt(1 - opposite**2)
+    near = distances(legs[first], legs[others]) < stride_m
+    row, column = _worthiest(np.where(near, reach_m**2 - off**2, 0.0))
+    who, second = who[row], others[column]
+    position[who], n_leg[who], free[second] = 0.5 * (position[who] + legs[second]), 2, False
+    return position, n_leg, free
+
+
+def _worthiest(worth: Float[Array, "n k"]) -> tuple[Int[Index, "p"], Int[Index, "p"]]:
+    """The pairs (row, column) of an assignment that are together worth most, without those that are worth nothing."""
+    rows, columns = linear_sum_assignment(np.maximum(worth, 0.0), maximize=True)
+    real = worth[rows, columns] > 0
+    return rows[real], columns[real]
 
 
 def pair_off(legs: Float[Array, "k 2"], pair_m: float) -> tuple[Float[Array, "p 2"], Int[Index, "p"]]:

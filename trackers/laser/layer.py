@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
-from pydantic import Field
+from jaxtyping import Bool, Float, Int
+from pydantic import Field, PositiveInt
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Index, Mask
 from trackers.configuration import Strict
 from trackers.filters.rows import Rows
 from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground, returns
@@ -30,6 +30,11 @@ class LayerOptions(Strict):
     background: BackgroundOptions = Field(default=BackgroundOptions(), description="what of a scan is the room")
     free_space: FreeSpaceOptions = Field(
         default=FreeSpaceOptions(), description="negative evidence of beams that go on"
+    )
+    weak_samples: PositiveInt | None = Field(
+        default=None,
+        description="least samples of a cluster that goes on with a track, but starts none, where nothing nearer is beside it; "
+        "null: the same as of any other (ours)",
     )
     radius_m: float = Field(
         gt=0, description="radius of the validation region's circles [m] (Bai and Takahashi: waist 1.0, knee 0.5)"
@@ -99,20 +104,20 @@ class KneeOptions(LayerOptions):
     free_space: FreeSpaceOptions = Field(
         default=FreeSpaceOptions(width_m=0.08, half_width_m=0.25, hidden_up_to=0.5), description=_told("free_space")
     )
+    weak_samples: PositiveInt | None = Field(default=1, description=_told("weak_samples"))
     radius_m: float = Field(default=0.5, gt=0, description=_told("radius_m"))
     half_depth_m: float = Field(default=0.04, ge=0, description=_told("half_depth_m"))
     fuse_m: float = Field(default=0.2, ge=0, description=_told("fuse_m"))
     radius_alone_m: float = Field(
-        default=0.7,
+        default=0.8,
         gt=0,
         description="radius of the validation region's circles without a waist scanner, where a single leg may be half a "
-        "stride from the body [m] (ours)",
+        "runner's stride from the body [m] (ours)",
     )
     claim_m: float = Field(
-        default=0.7,
+        default=0.5,
         ge=0,
-        description="how far the middle of two legs may be from a trunk or a prediction to belong to it: the knees of a "
-        "sitting person are half a metre before the trunk [m] (ours)",
+        description="how far a leg may be from where a trunk's legs were before to belong to it [m] (ours)",
     )
     pair_m: float = Field(
         default=0.5,
@@ -131,19 +136,15 @@ class KneeOptions(LayerOptions):
         description="measurement variance added for a single leg, which is up to half a stride from the body, beside "
         "`legs_variance_m2` [m²] (ours)",
     )
-    single_leg_cost_m: float = Field(
-        default=0.2,
+    opposite: float = Field(
+        default=0.3,
         ge=0,
-        description="cost of taking a single leg rather than a pair, when a person's legs are chosen [m] (ours)",
+        lt=1,
+        description="minus the correlation of the places of a person's two legs about the prediction, where no trunk is seen: a "
+        "stride puts one before it and one behind, an error of the prediction both on one side (ours)",
     )
-    wide_cost: float = Field(
-        default=0.5,
-        ge=0,
-        description="where waists are scanned too, cost of a pair of legs for every metre that they are farther apart than "
-        "`wide_above_m`; 0: none (ours)",
-    )
-    wide_above_m: float = Field(
-        default=0.25, ge=0, description="distance between the legs of a standing person [m] (ours)"
+    both_legs_m: float = Field(
+        default=0.18, gt=0, description="width above which a cluster is both legs, side by side [m] (ours)"
     )
     stride_m: float = Field(
         default=0.8, ge=0, description="longest distance between the two legs of a tracked person [m] (ours)"
@@ -156,6 +157,7 @@ class Detections(Rows):
 
     position: Float[Array, "k 2"]  # of the body's or leg's axis [m]
     variance_m2: Float[Array, "k"]  # of the position on each axis, beyond the measurement noise
+    n_sample: Int[Index, "k"]  # of all scanners
     width_m: Float[Array, "k"]
     range_m: Float[Array, "k"]  # from the first scanner that sees it to the middle of the samples
     angle: Float[Array, "k 2"]  # of the first sample and the last in that scanner's frame [rad]
@@ -171,7 +173,7 @@ class Detections(Rows):
     def none(cls, n_scanner: int = 1) -> Detections:
         """No detections."""
         nothing, by_nobody = np.empty(0), np.empty((0, n_scanner), np.bool_)
-        return cls(np.empty((0, 2)), nothing, nothing, nothing, np.empty((0, 2)), by_nobody)
+        return cls(np.empty((0, 2)), nothing, np.empty(0, np.intp), nothing, nothing, np.empty((0, 2)), by_nobody)
 
 
 class LaserLayer:
@@ -183,7 +185,8 @@ class LaserLayer:
     def __init__(self, sensor: LaserSensor, empty_scans: Sequence[LaserScan], options: LayerOptions) -> None:
         self.options = options
         self.learns_background = not empty_scans
-        self._free_space = FreeSpace(sensor, options.free_space, options.cluster.min_samples)
+        self._least = options.weak_samples or options.cluster.min_samples
+        self._free_space = FreeSpace(sensor, options.free_space, self._least)
         self._past_a_thing = FreeSpace(
             sensor, FreeSpaceOptions(half_width_m=_NARROW_M, behind_m=_BEHIND_M, detected=_SURE)
         )
@@ -195,12 +198,18 @@ class LaserLayer:
 
     def detect(self, scan: LaserScan) -> Detections:
         """What the scan shows in front of the room: trunks without their arms, or single legs."""
-        clusters = find_clusters(scan, self._background.foreground(scan), self.options.cluster)
-        options, hidden = self.options, clusters.hidden_before | clusters.hidden_after
+        options = self.options
+        clusters = find_clusters(scan, self._background.foreground(scan), options.cluster, self._least)
+        hidden = clusters.hidden_before | clusters.hidden_after
+        if self._least < options.cluster.min_samples:
+            # a beam on an edge, half on what is nearer and half on what is behind, reports a range between
+            kept = (clusters.n_sample >= options.cluster.min_samples) | ~hidden
+            clusters, hidden = clusters.select(kept), hidden[kept]
         middle = self._completed(clusters)
         detections = Detections(
             position=self._in_room(pushed_back(middle, self._half_depth_m(clusters.width_m, hidden))),
             variance_m2=np.where(hidden, options.hidden_variance_m2, 0.0),
+            n_sample=clusters.n_sample,
             width_m=clusters.width_m,
             range_m=clusters.range_m,
             angle=scan.angle_min_rad

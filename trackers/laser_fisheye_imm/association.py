@@ -141,17 +141,30 @@ class Association:
         Nobody whose trunk is seen: every trunk takes its own legs first. Whoever sits is as far behind the knees as before.
         """
         knee, legs = self.options.knee, seen.legs.position
-        wide_cost = knee.wide_cost if self.sees_waists else 0.0  # legs alone are everybody's, runners' too
-        rules = knee.stride_m, knee.claim_m, knee.single_leg_cost_m, knee.wide_above_m, wide_cost
-        own, n_own, free = take_legs(legs, seen.trunks.position, *rules)
-        own[n_own < 2] = np.nan  # a lone leg is up to half a stride from the middle
-        legs = legs[free]
-        if len(legs) == 0:
-            return legs, _NOBODY, own
         people = self.people.select(self.people.confirmed)
         seated = people.posture.seated(people.measured_at, self.options.posture)
         before = np.where(seated[:, None], people.posture.knees, 0.0)
-        known, n_leg, free = take_legs(legs, people.positions + before, *rules)
-        strangers, n_leg_of_strangers = pair_off(legs[free], knee.pair_m)
+        trunks = seen.trunks.position
+        expected = trunks + self._of_nearest(people.posture.knees, people.positions, trunks)
+        wide = seen.legs.width_m > knee.both_legs_m
+        own, n_own, free = take_legs(legs, wide, expected, knee.claim_m, knee.stride_m)
+        own[n_own < 2] = np.nan  # a lone leg is up to half a stride from the middle
+        legs, firm, wide = legs[free], seen.firm[free], wide[free]
+        if len(legs) == 0:
+            return legs, _NOBODY, own
+        known, n_leg, free = take_legs(
+            legs, wide, people.positions + before, self.knee_radius_m, knee.stride_m, knee.opposite
+        )
+        strangers, n_leg_of_strangers = pair_off(legs[free & firm], knee.pair_m)
         walkers = np.concatenate([(known - before)[n_leg > 0], strangers])
         return walkers, np.concatenate([n_leg[n_leg > 0], n_leg_of_strangers]), own
+
+    def _of_nearest(
+        self, before: Float[Array, "n 2"], people: Float[Array, "n 2"], trunks: Float[Array, "k 2"]
+    ) -> Float[Array, "k 2"]:
+        """How far before each trunk the knees of the person expected nearest to it are, nought where nobody is [m]."""
+        if len(people) == 0 or len(trunks) == 0:
+            return np.zeros_like(trunks)
+        apart = distances(trunks, people)
+        nearest = apart.argmin(axis=1)
+        return np.where(apart.min(axis=1)[:, None] < self.options.knee.claim_m, before[nearest], 0.0)

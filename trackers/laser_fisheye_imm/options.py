@@ -60,12 +60,6 @@ class ManagementOptions(Strict):
         description="probability of existence above which a coasting track is reported, and in a rig with an area goes on "
         "after `coast_s` (ours)",
     )
-    ends_below: float = Field(
-        default=0.001,
-        ge=0,
-        lt=1,
-        description="probability of existence below which a confirmed track ends at once; 0: it coasts for `coast_s` (ours)",
-    )
     apart_m: float = Field(
         default=0.3,
         ge=0,
@@ -169,7 +163,9 @@ class LaserFisheyeImmOptions(Strict):
     period_s: float = Field(
         default=0.1,
         ge=0.001,
-        description="scan period that the process noise is for; longer gaps are predicted in such steps [s]",
+        description="scan period that process and measurement noise and the detection probability are for; longer gaps are "
+        "predicted in such steps, and looks that follow sooner tell together what one a period would, since gait, clothes and "
+        "what hides a leg last (ours) [s]",
     )
     max_wait_s: float = Field(
         default=0.15, ge=0, description="how long a moment waits for a sensor that has not reported [s]"

@@ -47,7 +47,7 @@ from trackers.laser_fisheye_imm.people import People
 from trackers.observations import NS_PER_S, Observation
 from trackers.rig import Rig
 from trackers.tracking.held_back import Held, HeldBack, told
-from trackers.tracking.lifecycle import clear_of, coasting_within, measured_for_longer, measured_now
+from trackers.tracking.lifecycle import clear_of, coasting_within, measured_for_longer, measured_now, nanoseconds
 from trackers.tracking.moment_tracker import MomentTracker
 from trackers.tracking.moments import Moment, MomentRules
 from trackers.tracks import Track, TrackFrame
@@ -194,7 +194,10 @@ class LaserFisheyeImm(MomentTracker):
 
     def _update(self, matches: Matches, ns: int) -> None:
         people, track = self._people, matches.track
-        state = self._imm.update(people.state, track, matches.position, matches.variance[:, None, None] * _ISOTROPIC)
+        # gait and clothes last: looks that follow sooner than a period together tell what one a period would
+        shares = np.clip((ns - people.roster.measured_ns[track]) / nanoseconds(self.options.period_s), 1e-6, 1.0)
+        variance = matches.variance / shares
+        state = self._imm.update(people.state, track, matches.position, variance[:, None, None] * _ISOTROPIC)
         second = people.roster.n_measured[track] == 1
         if self.options.two_point_start and second.any():
             fresh, now_at = track[second], matches.position[second]
@@ -213,10 +216,11 @@ class LaserFisheyeImm(MomentTracker):
         if missed.size == 0:
             return
         taken = people.positions[measured & people.confirmed]
+        share = min(elapsed_s / self.options.period_s, 1.0)
 
         def unseen(points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
             free = clear_of(points.reshape(2, -1).T, taken, rules.apart_m).reshape(points.shape[1:])
-            return self._detector.missed(moment, points) * free
+            return self._detector.missed(moment, points) ** share * free
 
         state, chance = not_seen(people.state.select(missed), unseen)
         sitting, posture = self.options.posture, people.posture.select(missed)
@@ -280,8 +284,7 @@ class LaserFisheyeImm(MomentTracker):
         # without an area there is always somewhere to be, behind the walls
         if looked and rules.survival_s is not None and self._area is not None:
             alive |= roster.confirmed & self._exists()
-        # what is left of somebody whom every look should have shown only takes the measurements of others
-        return alive & (self._people.existence >= rules.ends_below)
+        return alive
 
     def _exists(self) -> Bool[Mask, "n"]:
         """Who is probably still there."""
