@@ -43,6 +43,11 @@ _BY_FILE = {
     ],
     "trackers/filters/imm.py": [
         (
+            "process noise taken once a step, however short",
+            "noise = G * (self._deviation / np.sqrt(share))",
+            "noise = G * self._deviation",
+        ),
+        (
             "transition matrix transposed",
             "transition.T @ state.probability",
             "transition @ state.probability",
@@ -110,13 +115,21 @@ _BY_FILE = {
         ("seen before, not behind", "distance + options.behind_m", "distance - options.behind_m"),
     ],
     "trackers/laser/group.py": [
+        ("what one beam shows starts a track", "detections.n_sample >= self._least", "detections.n_sample >= 1"),
         (
             "weighted by variance, not its inverse",
             "1 / (R + first.variance_m2[mine]), 1 / (R + second.variance_m2[theirs])",
             "R + first.variance_m2[mine], R + second.variance_m2[theirs]",
         ),
     ],
-    "trackers/laser/grouping.py": [("narrowest first", "(-width_m).argsort", "width_m.argsort")],
+    "trackers/laser/grouping.py": [
+        ("narrowest first", "(-width_m).argsort", "width_m.argsort"),
+        (
+            "second leg beside the first",
+            "(1 + opposite) * expected[who] - opposite",
+            "(1 - opposite) * expected[who] + opposite",
+        ),
+    ],
     "trackers/laser/layer.py": [
         (
             "completed on the wrong side",
@@ -128,6 +141,11 @@ _BY_FILE = {
     # laser_fisheye_imm
     "trackers/laser_fisheye_imm/association.py": [
         (
+            "knees looked for under the trunk",
+            "trunks + self._of_nearest(people.posture.knees, people.positions, trunks)",
+            "trunks",
+        ),
+        (
             "recognised by another shirt",
             "(colour <= self.options.recognised_below)",
             "(colour >= self.options.recognised_below)",
@@ -138,6 +156,8 @@ _BY_FILE = {
         ("likely outside the area", ".reshape(chance.shape)] = 0", ".reshape(chance.shape)] = 1"),
     ],
     "trackers/laser_fisheye_imm/tracker.py": [
+        ("fast scans taken for independent", "matches.variance / shares", "matches.variance"),
+        ("misses of fast scans taken for independent", "(moment, points) ** share * free", "(moment, points) * free"),
         (
             "two-point start backwards",
             "start_from_two(people.born_at[fresh], now_at,",

@@ -21,9 +21,10 @@ UPRIGHT_UNSEEN = 0.05
 
 
 class Room:
-    """The tracker, told what its scanners see, tenth of a second by tenth of a second."""
+    """The tracker, told what its scanners see at each moment."""
 
-    def __init__(self, monkeypatch, **options):
+    def __init__(self, monkeypatch, rate_hz=10, **options):
+        self.rate_hz = rate_hz
         self.tracker = LaserFisheyeImm(rig(camera=False), empty_room(np.random.default_rng(1)), None, **options)
         self.n, self.seen = 0, None
         detector = self.tracker._detector
@@ -39,7 +40,7 @@ class Room:
             histograms = np.zeros((len(found), self.tracker._detector.histogram.size))
             self.seen = Seen(found, detections(*legs), np.ones(len(legs), np.bool_), None, histograms, nothing, nothing)
             self.n += 1
-            self.tracker._work(Moment(self.n * NS_PER_S // 10))
+            self.tracker._work(Moment(self.n * NS_PER_S // self.rate_hz))
             told.append({each.id: (each.x, each.y) for each in self.tracker.tracks()})
         return told
 
@@ -69,6 +70,30 @@ def test_knees_stand_for_the_trunk_of_whoever_sits_behind_them(room):
     room.shows([SEAT], KNEES, times=20)
     for told in room.shows(legs=KNEES, times=10):
         assert np.hypot(*np.subtract(told[1], SEAT)) < 0.1
+
+
+def test_knees_that_move_away_from_the_trunk_little_by_little_stay_its_own(room):
+    """As somebody sits down: at last they are farther from it than a stranger's legs would be looked for."""
+    for ahead_m in np.linspace(0.05, 0.6, 12):
+        y = SEAT[1] - ahead_m
+        room.shows([SEAT], [(SEAT[0] - 0.1, y), (SEAT[0] + 0.1, y)], times=3)
+    people = room.tracker._people
+    assert people.posture.seated(people.measured_at, PostureOptions()).tolist() == [True]
+    np.testing.assert_allclose(people.posture.knees, [(0.0, -0.6)], atol=0.05)
+
+
+def test_a_scanner_four_times_as_fast_makes_nobody_surer(monkeypatch):
+    """Gait, clothes and what hides somebody last: what looks in a row tell is not independent."""
+    spread, existence = [], []
+    for rate_hz in (10, 40):
+        room = Room(monkeypatch, rate_hz)
+        room.shows([SEAT, ELSEWHERE], times=2 * rate_hz)
+        spread.append(room.tracker._people.state.covariance[0, 0, 0, 0])
+        room.shows([ELSEWHERE], times=rate_hz // 5)
+        existence.append(room.tracker._people.existence[0])
+    assert spread[1] == pytest.approx(spread[0], rel=0.3)
+    assert existence[1] == pytest.approx(existence[0], rel=0.5)
+    assert existence[0] < 0.9
 
 
 def test_nobody_lies_where_somebody_else_is_seen_now():
