@@ -127,6 +127,8 @@ def test_strangers_legs_pair_off_from_the_closest_up():
     people, n_leg = pair_off(legs, 0.5)
     np.testing.assert_allclose(people, [(0.1, 0), (0.675, 0), (3, 0)])
     np.testing.assert_array_equal(n_leg, [2, 2, 1])
+    firm, n_leg = pair_off(legs, 0.5, np.zeros(5, bool))
+    np.testing.assert_allclose(firm, [(0.1, 0), (0.675, 0)])  # a glimpse of one leg is nobody, of two is somebody
     nobody, n_leg = pair_off(np.empty((0, 2)), 0.5)
     assert nobody.shape == (0, 2)
     assert n_leg.size == 0

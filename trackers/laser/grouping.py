@@ -86,14 +86,14 @@ def _worthiest(worth: Float[Array, "n k"]) -> tuple[Int[Index, "p"], Int[Index, 
     return rows[real], columns[real]
 
 
-def pair_off(legs: Float[Array, "k 2"], pair_m: float) -> tuple[Float[Array, "p 2"], Int[Index, "p"]]:
+def pair_off(
+    legs: Float[Array, "k 2"], pair_m: float, firm: Bool[Mask, "k"] | None = None
+) -> tuple[Float[Array, "p 2"], Int[Index, "p"]]:
     """People from legs that nobody expected, and how many legs each has.
 
     Legs pair off from the closest up, at most `pair_m` apart, so that two people side by side, whose own legs are closer to
-    one another than to the neighbour's, stay two.
+    one another than to the neighbour's, stay two. firm: those that are somebody even alone (None: all).
     """
-    if len(legs) < 2:
-        return legs, np.ones(len(legs), np.intp)
     free = np.ones(len(legs), np.bool_)
     people = []
     first, second, apart = _pairs(legs, pair_m)
@@ -102,6 +102,8 @@ def pair_off(legs: Float[Array, "k 2"], pair_m: float) -> tuple[Float[Array, "p 
         if free[one] and free[other]:
             free[one] = free[other] = False
             people.append(0.5 * (legs[one] + legs[other]))
+    if firm is not None:
+        free &= firm
     position = np.concatenate([np.reshape(people, (-1, 2)), legs[free]])
     return position, np.repeat(np.array([2, 1], np.intp), [len(people), free.sum()])
 

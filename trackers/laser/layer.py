@@ -33,7 +33,7 @@ class LayerOptions(Strict):
     )
     weak_samples: PositiveInt | None = Field(
         default=None,
-        description="least samples of a cluster that goes on with a track, but starts none, where nothing nearer is beside it; "
+        description="least samples of a cluster that goes on with a track, but alone starts none, where nothing nearer is beside it; "
         "null: the same as of any other (ours)",
     )
     radius_m: float = Field(

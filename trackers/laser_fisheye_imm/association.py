@@ -155,7 +155,7 @@ class Association:
         known, n_leg, free = take_legs(
             legs, wide, people.positions + before, self.knee_radius_m, knee.stride_m, knee.opposite
         )
-        strangers, n_leg_of_strangers = pair_off(legs[free & firm], knee.pair_m)
+        strangers, n_leg_of_strangers = pair_off(legs[free], knee.pair_m, firm[free])
         walkers = np.concatenate([(known - before)[n_leg > 0], strangers])
         return walkers, np.concatenate([n_leg[n_leg > 0], n_leg_of_strangers]), own
 
