@@ -33,8 +33,8 @@ class LayerOptions(Strict):
     )
     weak_samples: PositiveInt | None = Field(
         default=None,
-        description="least samples of a cluster that goes on with a track, but alone starts none, where nothing nearer is beside it; "
-        "null: the same as of any other (ours)",
+        description="least samples of a cluster that goes on with a track, but alone starts none, where nothing nearer is "
+        "beside it; null: the same as of any other (ours)",
     )
     radius_m: float = Field(
         gt=0, description="radius of the validation region's circles [m] (Bai and Takahashi: waist 1.0, knee 0.5)"
