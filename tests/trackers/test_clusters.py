@@ -143,7 +143,7 @@ def test_expected_people_take_a_full_stride_or_one_leg_but_not_each_others():
     np.testing.assert_array_equal(free, [False, False, False, True])
 
 
-def test_nobody_takes_the_only_leg_of_another_for_their_second():
+def test_two_people_side_by_side_take_the_leg_nearest_to_each():
     """As in `library-hall-busy`: two people side by side, the legs of each one cluster."""
     legs, expected = np.array([(-1.31, -0.37), (-1.23, 0.24)]), np.array([(-1.36, -0.33), (-1.2, 0.2)])
     for order in ([0, 1], [1, 0]):

@@ -50,7 +50,8 @@ def take_legs(
 
     Everybody has two legs, at most `reach_m` off and `stride_m` apart; one cluster may be `both_together`. Legs go to people
     in the assignment of least squares, two to each, a leg that nobody takes counting as one at the end of the reach: the
-    likeliest where legs stand about bodies by a Gaussian. So nobody takes for a second leg what is the only one of another.
+    likeliest where legs stand about bodies by a Gaussian. So each leg goes to whom it is nearest to, unless they have two that
+    are nearer, though it be the only one that another could have.
     Second legs are then assigned once more, by how far they are from where the first lets them be expected; opposite: minus
     the correlation of a person's two legs about the place, below 1; 0 where both may be on one side, as a sitting person's.
 
