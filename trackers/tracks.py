@@ -108,7 +108,8 @@ class Reporting(Protocol):
 
     @property
     def discarded(self) -> int:
-        """Observations that the tracker itself dropped so far, as they came too late or twice. Default: 0."""
+        """Observations that the tracker itself dropped so far, as they came too late, twice, or said
+        no more than the one before again. Default: 0."""
         ...
 
     @property
@@ -212,7 +213,7 @@ class FedTracker:
 
     @property
     def discarded(self) -> int:
-        """Observations dropped so far because they came too late or twice."""
+        """Observations dropped so far: too late, twice, or no more than the one before again."""
         held_back = self._order.discarded if self._order is not None else 0
         return held_back + discarded(self.tracker)
 

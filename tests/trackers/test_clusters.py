@@ -162,7 +162,7 @@ def test_a_cluster_as_wide_as_both_legs_is_both():
     legs=arrays(float, st.tuples(st.integers(0, 4), st.just(2)), elements=st.floats(-1, 1)),
     expected=arrays(float, st.tuples(st.integers(0, 3), st.just(2)), elements=st.floats(-1, 1)),
 )
-def test_every_leg_is_one_persons_or_nobodys(legs, expected):
+def test_every_leg_is_one_persons_or_nobodys_and_as_many_see_one_as_can(legs, expected):
     reach_m, stride_m = 0.7, 0.8
     position, n_leg, free = take_legs(legs, np.zeros(len(legs), bool), expected, reach_m, stride_m)
     assert n_leg.sum() == (~free).sum()
@@ -172,6 +172,8 @@ def test_every_leg_is_one_persons_or_nobodys(legs, expected):
     for place, before in zip(position[n_leg == 1], expected[n_leg == 1], strict=True):
         assert np.linalg.norm(place - before) < reach_m
         assert np.linalg.norm(taken - place, axis=1).min() == 0
+    # nobody without a leg is in reach of one that nobody has
+    assert (np.linalg.norm(expected[n_leg == 0][:, None] - legs[free], axis=2) >= reach_m - 1e-9).all()
 
 
 def layer(options, room_from_sensor=Pose()) -> LaserLayer:

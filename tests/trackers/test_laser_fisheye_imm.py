@@ -258,6 +258,34 @@ def test_a_gap_longer_than_the_coasting_time_ends_everybody_a_shorter_one_nobody
                 assert (track.x, track.y) == pytest.approx((other.x, other.y), abs=1e-3)
 
 
+def hung(observations, sensors, from_s, to_s=np.inf):
+    """A recording in which some sensors repeat their last reading under new stamps for a while."""
+    last, told = {}, []
+    for item in observations:
+        if not (item.sensor in sensors and from_s * NS_PER_S <= item.stamp_ns < to_s * NS_PER_S):
+            last[item.sensor] = item
+        told.append(replace(last[item.sensor], stamp_ns=item.stamp_ns))
+    return told
+
+
+@pytest.mark.parametrize("sensor", ["waist", "knee"])
+def test_a_scanner_that_hangs_for_a_second_costs_nobody_their_id(sensor):
+    frames, tracker = tracked(CROSSING, observations=hung(observe(CROSSING, 7), {sensor}, 2.5, 3.5))
+    result = score(CROSSING, frames)
+    assert tracker.discarded == 10
+    assert result.switches == result.misidentified == 0
+    assert result.n_id == 5
+    assert result.error_m < 0.1
+
+
+def test_where_all_scanners_hang_frames_go_on_and_nobody_is_believed_for_longer_than_tracks_coast():
+    frames, _ = tracked(CROSSING, observations=hung(observe(CROSSING, 7), {"waist", "knee"}, 2.5))
+    assert len(frames) == len(CROSSING)
+    assert {track.status for frame in frames[15:] for track in frame.tracks} == {"coasting"}
+    assert frames[20].tracks
+    assert not any(frame.tracks for frame in frames[31:])
+
+
 def test_people_outside_the_area_are_not_tracked():
     walk = straight_walk([(0.0, 1.5)], [(0.0, 0.0)], 20)
     elsewhere = rig().model_copy(update={"area": ((1.0, 0.6), (2.0, 0.6), (2.0, 2.8), (1.0, 2.8))})

@@ -11,7 +11,7 @@ from trackers.laser.layer import Detections
 from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.posture import Posture, PostureOptions
 from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm
-from trackers.observations import NS_PER_S
+from trackers.observations import NS_PER_S, LaserScan
 from trackers.tracking.moments import Moment
 
 SEAT, ELSEWHERE = (-1.0, 2.4), (1.2, 1.0)
@@ -40,7 +40,8 @@ class Room:
             histograms = np.zeros((len(found), self.tracker._detector.histogram.size))
             self.seen = Seen(found, detections(*legs), np.ones(len(legs), np.bool_), None, histograms, nothing, nothing)
             self.n += 1
-            self.tracker._work(Moment(self.n * NS_PER_S // self.rate_hz))
+            ns = self.n * NS_PER_S // self.rate_hz
+            self.tracker._work(Moment(ns, {"waist": LaserScan("waist", ns, np.empty(0, np.float32), 0, 0.1, 0.1, 9)}))
             told.append({each.id: (each.x, each.y) for each in self.tracker.tracks()})
         return told
 

@@ -78,9 +78,9 @@ class ClusterKalman(MomentTracker):
             p.F = np.kron(np.eye(2), [[1, dt], [0, 1]])
             p.Q = np.kron(np.eye(2), np.outer([dt**2 / 2, dt], [dt**2 / 2, dt])) * options.acceleration_m_s2**2
             p.predict()
-        frame = moment.observations[self._name]
-        assert isinstance(frame, FloorFrame)
-        places = floor_clusters(frame, self._floor, options.floor).centroid
+        frame = moment.observations.get(self._name)
+        floor = isinstance(frame, FloorFrame)
+        places = floor_clusters(frame, self._floor, options.floor).centroid if floor else np.empty((0, 2))
         colours = self._colours(places, self._watchers.views(moment.observations))
         rows, columns = self._paired(places, colours)
         for row, column in zip(rows.tolist(), columns.tolist(), strict=True):

@@ -51,9 +51,9 @@ def take_legs(
     Everybody has two legs, at most `reach_m` off and `stride_m` apart; one cluster may be `both_together`. Legs go to people
     in the assignment of least squares, two to each, a leg that nobody takes counting as one at the end of the reach: the
     likeliest where legs stand about bodies by a Gaussian. So each leg goes to whom it is nearest to, unless they have two that
-    are nearer, though it be the only one that another could have.
-    Second legs are then assigned once more, by how far they are from where the first lets them be expected; opposite: minus
-    the correlation of a person's two legs about the place, below 1; 0 where both may be on one side, as a sitting person's.
+    are nearer. All but everybody's nearest are then assigned once more, as second legs by how far they are from where the
+    first lets them be expected, and as first ones to whoever has none yet. opposite: minus the correlation of a person's two
+    legs about the place, below 1; 0 where both may be on one side, as a sitting person's.
 
     Returns the position of each person, the middle of their legs, how many legs each took, 0 leaving the position as
     expected, and which legs nobody took.
@@ -71,12 +71,15 @@ def take_legs(
     position[who], n_leg[who], free[first] = legs[first], 1 + both_together[first], False
 
     others = free.nonzero()[0]
-    other_side = (1 + opposite) * expected[who] - opposite * legs[first]
-    off = distances(other_side, legs[others]) / np.sqrt(1 - opposite**2)
-    near = distances(legs[first], legs[others]) < stride_m
-    row, column = _worthiest(np.where(near, reach_m**2 - off**2, 0.0))
-    who, second = who[row], others[column]
-    position[who], n_leg[who], free[second] = 0.5 * (position[who] + legs[second]), 2, False
+    place, spread, near = expected.copy(), np.ones((n, 1)), np.ones((n, others.size), np.bool_)
+    place[who] += opposite * (expected[who] - legs[first])
+    spread[who] = np.sqrt(1 - opposite**2)
+    near[who] = distances(legs[first], legs[others]) < stride_m
+    off = distances(place, legs[others]) / spread
+    who, column = _worthiest(np.where(near, reach_m**2 - off**2, 0.0))
+    also, had = others[column], n_leg[who] > 0
+    position[who] = np.where(had[:, None], 0.5 * (position[who] + legs[also]), legs[also])
+    n_leg[who], free[also] = 1 + (had | both_together[also]), False
     return position, n_leg, free
 
 

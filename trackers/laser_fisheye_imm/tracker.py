@@ -5,9 +5,9 @@ Per moment: gather what the sensors report of one moment; detect trunks and legs
 under every motion model; associate by global nearest neighbour trunks, and legs where no trunk is seen (never both); update
 who was measured, let the others coast; end tracks; start tracks.
 
-What comes twice or too late, time that goes back among it, is dropped and counted; scans without a return, and hundreds of
-clusters, are worked like any other; a long gap ends everybody. Where the background is learned as it goes, somebody who has
-not moved yet is nobody.
+What comes twice or too late, time that goes back among it, is dropped and counted, as is what a sensor that hangs repeats;
+scans without a return, and hundreds of clusters, are worked like any other; a long gap ends everybody. Where the background
+is learned as it goes, somebody who has not moved yet is nobody.
 
 Simplified: the sensors of one moment are taken to look at one time (they differ by up to half a scan period), and a scan
 to be taken at once.
@@ -44,7 +44,7 @@ from trackers.laser_fisheye_imm.association import Association, Matches
 from trackers.laser_fisheye_imm.detection import Detector, Seen
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
-from trackers.observations import NS_PER_S, Observation
+from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.rig import Rig
 from trackers.tracking.held_back import Held, HeldBack, told
 from trackers.tracking.lifecycle import clear_of, coasting_within, measured_for_longer, measured_now, nanoseconds
@@ -95,6 +95,7 @@ class LaserFisheyeImm(MomentTracker):
         self._next_id = 1
         self._held_back = self._made_to_wait()
         self._ns: int | None = None
+        self._looked_ns = 0
         self._windows: list[tuple[int | None, Array]] = []
         self._seen: list[tuple[int, Seen]] = []
         if self.background_learned_causally:
@@ -166,6 +167,8 @@ class LaserFisheyeImm(MomentTracker):
         self._seen.append((moment.ns, seen))
         elapsed_s = self._predict(moment.ns)
         waists = self._detector.sees_waists
+        if any(isinstance(each, LaserScan) for each in moment.observations.values()):
+            self._looked_ns = moment.ns
         matches = Association(self._people, self.options, self._knee_radius_m, moment.ns, waists).matches(seen)
         self._update(matches, moment.ns)
         self._learn_colours(matches, seen)
@@ -181,12 +184,10 @@ class LaserFisheyeImm(MomentTracker):
         """Everybody at stamp ns; returns the time since the last moment [s]."""
         last_ns = ns if self._ns is None else self._ns
         self._ns = ns
-        rules, period_s, elapsed_s = self.options.management, self.options.period_s, (ns - last_ns) / NS_PER_S
+        period_s, elapsed_s = self.options.period_s, (ns - last_ns) / NS_PER_S
         period_ns = round(period_s * NS_PER_S)
         if ns - last_ns > period_ns:
-            # nobody still exists by looks that were not made: a long gap ends everybody
-            looked = elapsed_s <= rules.coast_s + period_s
-            self._people = self._people.select(self._alive(ns - period_ns, looked))
+            self._people = self._people.select(self._alive(ns - period_ns))
         self._people = self._people.in_state(self._imm.predict_over(self._people.state, elapsed_s, period_s))
         return elapsed_s
 
@@ -272,15 +273,17 @@ class LaserFisheyeImm(MomentTracker):
         self._next_id += new.size
 
     def _end(self, ns: int) -> None:
-        kept = self._alive(ns, True)
+        kept = self._alive(ns)
         # a prediction that strays out of the area is not yet a person who has left it
         kept &= self._inside() | ~measured_now(self._people.roster, ns)
         self._people = self._people.select(kept)
 
-    def _alive(self, ns: int, looked: bool) -> Bool[Mask, "n"]:
+    def _alive(self, ns: int) -> Bool[Mask, "n"]:
         """Who is followed on: tentative tracks while they are measured; who still exists by the looks made, for longer."""
         rules, roster = self.options.management, self._people.roster
         alive = coasting_within(roster, ns, rules.coast_s, 0.0)
+        # nobody still exists by looks that were not made: a long gap ends everybody
+        looked = ns - self._looked_ns <= nanoseconds(rules.coast_s)
         # without an area there is always somewhere to be, behind the walls
         if looked and rules.survival_s is not None and self._area is not None:
             alive |= roster.confirmed & self._exists()

@@ -19,7 +19,7 @@ class MomentTracker(ABC):
 
     @property
     def discarded(self) -> int:
-        """Observations dropped so far because they came too late, twice, or without a moment to join."""
+        """Observations dropped so far: too late, twice, without a moment to join, or no more than the one before again."""
         return self._gatherer.discarded
 
     def update(self, observation: Observation) -> list[TrackFrame]:

@@ -7,7 +7,8 @@ another, each picture at its own stamp: all open, `within_s=0`.
 
 A moment is whole when every awaited sensor has reported, and is given up waiting for when an observation at least
 `max_wait_s` newer has arrived; moments leave in order of time. So a silent sensor delays a tracker by little more than
-`max_wait_s`, never for ever. What comes too late (its moment has left) or twice is dropped and counted.
+`max_wait_s`, never for ever. What comes too late (its moment has left) or twice is dropped and counted, and so is a reading
+that only repeats the one before (`Repeats`); its moment leaves all the same.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from dataclasses import dataclass, field
 from statistics import median_low
 
 from trackers.observations import NS_PER_S, Observation
+from trackers.tracking.repeats import Repeats
 
 _GAPS = 9
 """How many of a sensor's last gaps between observations tell its period."""
@@ -62,12 +64,13 @@ class Moment:
     """The observations of one moment, by sensor, each with its own stamp.
 
     ns: the moment [ns], see `MomentRules.main`. held: the newest values not after it of the sensors that are held; their own
-    stamps say how old they are.
+    stamps say how old they are. repeated: the sensors that reported, but only repeated themselves.
     """
 
     ns: int
     observations: dict[str, Observation] = field(default_factory=dict)
     held: dict[str, Observation] = field(default_factory=dict)
+    repeated: frozenset[str] = frozenset()
 
     @property
     def t(self) -> float:
@@ -93,8 +96,9 @@ class MomentGatherer:
         self._waiting: list[Observation] = []  # those that join, while no moment is open for them
         self._held: dict[str, list[Observation]] = {name: [] for name in rules.held}  # by stamp
         self._left: Moment | None = None
+        self._repeats = Repeats()
         self.discarded = 0
-        """How many observations came too late, twice, or found no moment to join."""
+        """How many observations came too late or twice, found no moment to join, or only repeated the one before."""
 
     def add(self, observation: Observation) -> list[Moment]:
         """The moments that are ready now that `observation` has arrived, oldest first."""
@@ -144,7 +148,8 @@ class MomentGatherer:
         if ns <= self._left.ns:
             return True
         # it belonged to a moment that has left without it
-        return sensor not in self._left.observations and ns - self._left.ns <= self._within_ns
+        left = self._left
+        return sensor not in left.observations and sensor not in left.repeated and ns - left.ns <= self._within_ns
 
     def _has(self, sensor: str, ns: int) -> bool:
         """Whether an observation of that sensor and stamp is already waiting."""
@@ -208,7 +213,11 @@ class MomentGatherer:
         return sensor not in moment.observations
 
     def _leave(self, moment: Moment) -> None:
-        """Hand the moment the values that are held, as it leaves."""
+        """Hand the moment the values that are held, as it leaves, and take from it what only repeats."""
+        moment.repeated = frozenset(name for name, each in moment.observations.items() if self._repeats.repeats(each))
+        self.discarded += len(moment.repeated)
+        for name in moment.repeated:
+            del moment.observations[name]
         self._forget_held_before(moment.ns)
         moment.held = {
             name: values[0] for name, values in self._held.items() if values and values[0].stamp_ns <= moment.ns

@@ -160,7 +160,10 @@ def tracker_notes(at_work: Sequence[TrackerAtWork], faults: Mapping[str, Fault])
                 f"{each.name}: no scans of the empty room; the background was learned from the scans as they came."
             )
         if each.discarded:
-            notes.append(f"{each.name}: {each.discarded} observations came too late or twice and were discarded.")
+            notes.append(
+                f"{each.name}: {each.discarded} observations were discarded: too late, twice, or no more than the one before "
+                "them again."
+            )
     return notes
 
 

@@ -60,7 +60,7 @@ class TrackerAtWork:
 
     @property
     def discarded(self) -> int:
-        """Observations dropped so far because they came too late or twice."""
+        """Observations dropped so far: too late, twice, or no more than the one before again."""
         return self._fed.discarded if self._fed is not None else 0
 
     @contextmanager

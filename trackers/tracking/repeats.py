@@ -1,0 +1,54 @@
+"""Sensors that hang: a driver that hands out its last reading again and again, under new stamps.
+
+Readings with noise never come twice. One that is bit for bit the one before it says nothing new, neither where somebody is nor
+where nobody is: as if the sensor were silent.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.observations import DepthImage, FloorFrame, Image, LaserScan, Observation
+
+_ROWS = 8
+"""Of a picture, each so many rows are compared."""
+_LEAST = 20
+"""Readings of which each is as likely as not to differ: all of them agree by chance once in a million times."""
+
+
+class Repeats:
+    """Tells which readings only repeat the one before; asked once for each, a sensor's in order of time.
+
+    A sensor is taken to have noise while its last two different readings differ in at least half of their values. Without
+    noise it repeats itself in all honesty where nobody moves, and is believed; so is one with hardly a return.
+    """
+
+    def __init__(self) -> None:
+        self._last: dict[str, NDArray] = {}
+        self._noisy: dict[str, bool] = {}
+
+    def repeats(self, observation: Observation) -> bool:
+        """Whether the reading says no more than the sensor's last one did."""
+        sensor, values = observation.sensor, _values(observation)
+        before = self._last.get(sensor)
+        self._last[sensor] = values
+        if before is None or before.shape != values.shape:
+            return False
+        n_changed = int(np.count_nonzero(before != values))
+        n = int(np.count_nonzero((before >= 0) | (values >= 0)))
+        if n_changed:
+            self._noisy[sensor] = n >= _LEAST and 2 * n_changed >= n
+        return n_changed == 0 and n >= _LEAST and self._noisy.get(sensor, False)
+
+
+def _values(observation: Observation) -> NDArray:
+    """What the sensor measured, enough of it to know it again; below 0 where it measured nothing."""
+    match observation:
+        case LaserScan():
+            return np.where(np.isfinite(observation.ranges_m), observation.ranges_m, -1.0)
+        case Image() | DepthImage():
+            return observation.rgb[::_ROWS]
+        case FloorFrame():
+            return observation.values
+    raise TypeError(f"no reading of a sensor: {type(observation).__name__}")
