@@ -124,11 +124,7 @@ _BY_FILE = {
     ],
     "trackers/laser/grouping.py": [
         ("narrowest first", "(-width_m).argsort", "width_m.argsort"),
-        (
-            "second leg beside the first",
-            "(1 + opposite) * expected[who] - opposite",
-            "(1 - opposite) * expected[who] + opposite",
-        ),
+        ("second leg beside the first", "place[who] += opposite", "place[who] -= opposite"),
     ],
     "trackers/laser/layer.py": [
         (
@@ -157,15 +153,22 @@ _BY_FILE = {
     ],
     "trackers/laser_fisheye_imm/tracker.py": [
         ("fast scans taken for independent", "matches.variance / shares", "matches.variance"),
-        ("misses of fast scans taken for independent", "(moment, points) ** share * free", "(moment, points) * free"),
         (
             "two-point start backwards",
             "start_from_two(people.born_at[fresh], now_at,",
             "start_from_two(now_at, people.born_at[fresh],",
         ),
-        ("bodies three times as far apart", "taken, rules.apart_m)", "taken, 3 * rules.apart_m)"),
-        ("negative evidence left out", "people.state.replaced(missed, state)", "people.state"),
         ("clothes learned from another trunk", "seen.histograms[matches.trunk[looked]],", "seen.histograms[looked],"),
+    ],
+    "trackers/laser_fisheye_imm/life.py": [
+        ("misses of fast scans taken for independent", "(points) ** share * free", "(points) * free"),
+        ("bodies three times as far apart", "taken, rules.apart_m)", "taken, 3 * rules.apart_m)"),
+        ("negative evidence left out", "people.state.replaced(unseen, state)", "people.state"),
+        ("a long gap ends nobody", "looked = ns - self._looked_ns <= nanoseconds(rules.coast_s)", "looked = True"),
+    ],
+    "trackers/tracking/repeats.py": [
+        ("a hung sensor is believed", "return n_changed == 0 and", "return False and"),
+        ("noise is never forgotten", "2 * n_changed >= n", "2 * n_changed >= n or self._noisy.get(sensor, False)"),
     ],
     # laser_vision_learning and learning
     "trackers/laser_vision_learning/walking.py": [

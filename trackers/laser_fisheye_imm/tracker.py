@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,6 @@ from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.configuration import validate
 from trackers.detections import Detection
-from trackers.filters.absence import existence_unseen, not_seen
 from trackers.filters.imm import Imm
 from trackers.filters.motion import (
     IMM_MODELS,
@@ -39,15 +39,15 @@ from trackers.filters.motion import (
     MotionModel,
     transition_matrix,
 )
-from trackers.filters.rows import written
 from trackers.laser_fisheye_imm.association import Association, Matches
 from trackers.laser_fisheye_imm.detection import Detector, Seen
+from trackers.laser_fisheye_imm.life import Life
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.rig import Rig
 from trackers.tracking.held_back import Held, HeldBack, told
-from trackers.tracking.lifecycle import clear_of, coasting_within, measured_for_longer, measured_now, nanoseconds
+from trackers.tracking.lifecycle import clear_of, measured_now, nanoseconds
 from trackers.tracking.moment_tracker import MomentTracker
 from trackers.tracking.moments import Moment, MomentRules
 from trackers.tracks import Track, TrackFrame
@@ -55,8 +55,6 @@ from trackers.tracks import Track, TrackFrame
 logger = logging.getLogger(__name__)
 
 _ISOTROPIC = np.eye(2)
-_AT_REST = 0.01
-"""Variance of the speed of somebody who lies [m²/s²]."""
 
 
 class LaserFisheyeImm(MomentTracker):
@@ -74,9 +72,10 @@ class LaserFisheyeImm(MomentTracker):
     ) -> None:
         self.options = validate(LaserFisheyeImmOptions, options, "tracker laser-fisheye-imm")
         self._rig = rig
-        self._area = None if rig.area is None else Area(rig.area, self.options.management.area_margin_m)
-        self._detector = Detector(rig, list(background), self.options, self._area)
+        area = None if rig.area is None else Area(rig.area, self.options.management.area_margin_m)
+        self._detector = Detector(rig, list(background), self.options, area)
         self._imm = self._make_filter()
+        self._life = Life(self.options, area, self._imm, self._detector.learns_background)
         knee, used = self.options.knee, self._detector.sensors
         self._knee_radius_m = knee.radius_m if self._detector.sees_waists else knee.radius_alone_m
         scanners = tuple(name for name in used if name in rig.lasers())
@@ -92,10 +91,8 @@ class LaserFisheyeImm(MomentTracker):
         self._next_serial = 0
         no_colours = np.empty((0, self._detector.histogram.size))
         self._people = self._born(np.empty((0, 2)), 0, no_colours, np.empty(0, np.bool_))
-        self._next_id = 1
         self._held_back = self._made_to_wait()
         self._ns: int | None = None
-        self._looked_ns = 0
         self._windows: list[tuple[int | None, Array]] = []
         self._seen: list[tuple[int, Seen]] = []
         if self.background_learned_causally:
@@ -132,11 +129,7 @@ class LaserFisheyeImm(MomentTracker):
         if self._ns is None:
             return []
         roster = people.roster
-        measured = measured_now(roster, self._ns)  # in the area, or the track would have ended
-        shown = people.confirmed
-        if not measured.all():
-            shown = shown & (measured | (self._inside() & self._exists()))
-        shown = shown.nonzero()[0]
+        measured, shown = measured_now(roster, self._ns), self._life.reported(people, self._ns).nonzero()[0]
         shown = shown[roster.id[shown].argsort()]
         x, y, heading, speed, _ = people.state.mode_average[:, shown]
         columns = roster.id[shown], x, y, speed * np.cos(heading), speed * np.sin(heading), measured[shown]
@@ -168,14 +161,14 @@ class LaserFisheyeImm(MomentTracker):
         elapsed_s = self._predict(moment.ns)
         waists = self._detector.sees_waists
         if any(isinstance(each, LaserScan) for each in moment.observations.values()):
-            self._looked_ns = moment.ns
+            self._life.looked(moment.ns)
         matches = Association(self._people, self.options, self._knee_radius_m, moment.ns, waists).matches(seen)
         self._update(matches, moment.ns)
         self._learn_colours(matches, seen)
         self._note_windows(matches, seen)
-        self._confirm(moment.ns)
-        self._miss(moment, elapsed_s)
-        self._end(moment.ns)
+        people = self._life.confirmed(self._people, moment.ns)
+        people = self._life.unseen(people, moment.ns, elapsed_s, partial(self._detector.missed, moment))
+        self._people = self._life.remaining(people, moment.ns)
         self._start(matches, seen, moment.ns)
 
     # --- predict
@@ -187,7 +180,7 @@ class LaserFisheyeImm(MomentTracker):
         period_s, elapsed_s = self.options.period_s, (ns - last_ns) / NS_PER_S
         period_ns = round(period_s * NS_PER_S)
         if ns - last_ns > period_ns:
-            self._people = self._people.select(self._alive(ns - period_ns))
+            self._people = self._life.before(self._people, ns - period_ns)
         self._people = self._people.in_state(self._imm.predict_over(self._people.state, elapsed_s, period_s))
         return elapsed_s
 
@@ -209,36 +202,6 @@ class LaserFisheyeImm(MomentTracker):
         posture = people.posture.measured(track, matches.position, matches.legs, self.options.posture)
         self._people = people.measured(track, matches.position, ns, state).changed(posture=posture)
 
-    def _miss(self, moment: Moment, elapsed_s: float) -> None:
-        """Whoever was looked for and not seen is likelier where nothing would show them, and no longer there the likelier."""
-        people, rules = self._people, self.options.management
-        measured = measured_now(people.roster, moment.ns)
-        missed = (people.confirmed & ~measured).nonzero()[0]
-        if missed.size == 0:
-            return
-        taken = people.positions[measured & people.confirmed]
-        share = min(elapsed_s / self.options.period_s, 1.0)
-
-        def unseen(points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
-            free = clear_of(points.reshape(2, -1).T, taken, rules.apart_m).reshape(points.shape[1:])
-            return self._detector.missed(moment, points) ** share * free
-
-        state, chance = not_seen(people.state.select(missed), unseen)
-        sitting, posture = self.options.posture, people.posture.select(missed)
-        seated, seat = posture.seated(people.measured_at[missed], sitting), np.nan_to_num(posture.seat)
-        alone = clear_of(seat, taken, clearance_m=rules.apart_m)
-        posture, chance = posture.missed(seated, chance, alone, elapsed_s, sitting)
-        at_rest = self._imm.start(seat, None, sitting.place_m**2, _AT_REST)
-        state = state.replaced(posture.lying, at_rest.select(posture.lying))
-        existence = people.existence
-        if rules.survival_s is not None:
-            stays_s = np.where(seated, sitting.stays_s, rules.survival_s)
-            still = existence_unseen(existence[missed], chance, elapsed_s, stays_s)
-            existence = written(existence, missed, still)
-        posture = people.posture.replaced(missed, posture)
-        state = people.state.replaced(missed, state)
-        self._people = people.in_state(state).changed(existence=existence, posture=posture)
-
     def _learn_colours(self, matches: Matches, seen: Seen) -> None:
         if seen.windows is None:
             return
@@ -256,48 +219,7 @@ class LaserFisheyeImm(MomentTracker):
         )
         self._people = self._people.changed(clothes=clothes)
 
-    # --- confirm, end, start
-
-    def _confirm(self, ns: int) -> None:
-        people, rules = self._people, self.options.management
-        if people.confirmed.all():
-            return
-        learns = self._detector.learns_background
-        after_s = rules.confirm_learned_after_s if learns else rules.confirm_after_s
-        new = measured_for_longer(people.roster, ns, after_s, self.options.period_s)
-        if learns:
-            moved = people.measured_at - people.born_at
-            new &= np.hypot(moved[:, 0], moved[:, 1]) >= rules.confirm_moved_m
-        new = new.nonzero()[0]
-        self._people = people.changed(roster=people.roster.confirm(new, self._next_id))
-        self._next_id += new.size
-
-    def _end(self, ns: int) -> None:
-        kept = self._alive(ns)
-        # a prediction that strays out of the area is not yet a person who has left it
-        kept &= self._inside() | ~measured_now(self._people.roster, ns)
-        self._people = self._people.select(kept)
-
-    def _alive(self, ns: int) -> Bool[Mask, "n"]:
-        """Who is followed on: tentative tracks while they are measured; who still exists by the looks made, for longer."""
-        rules, roster = self.options.management, self._people.roster
-        alive = coasting_within(roster, ns, rules.coast_s, 0.0)
-        # nobody still exists by looks that were not made: a long gap ends everybody
-        looked = ns - self._looked_ns <= nanoseconds(rules.coast_s)
-        # without an area there is always somewhere to be, behind the walls
-        if looked and rules.survival_s is not None and self._area is not None:
-            alive |= roster.confirmed & self._exists()
-        return alive
-
-    def _exists(self) -> Bool[Mask, "n"]:
-        """Who is probably still there."""
-        return self._people.existence > self.options.management.exists_above
-
-    def _inside(self) -> Bool[Mask, "n"]:
-        """Which tracks are in the area or its margin."""
-        if self._area is None or len(self._people) == 0:
-            return np.ones(len(self._people), np.bool_)
-        return self._area.contains(self._people.positions)
+    # --- start
 
     def _start(self, matches: Matches, seen: Seen, ns: int) -> None:
         if len(matches.new_position) == 0:

@@ -1,0 +1,123 @@
+"""Who is confirmed, what it says of somebody that no look showed them, who is reported meanwhile, and who ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from trackers.area import Area
+from trackers.arrays import Array, Mask
+from trackers.filters.absence import existence_unseen, not_seen
+from trackers.filters.imm import Imm
+from trackers.filters.rows import written
+from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
+from trackers.laser_fisheye_imm.people import People
+from trackers.tracking.lifecycle import clear_of, coasting_within, measured_for_longer, measured_now, nanoseconds
+
+_AT_REST = 0.01
+"""Variance of the speed of somebody who lies [m²/s²]."""
+
+
+class Life:
+    """The rules, the numbers given so far, and when any scanner last looked.
+
+    area: where people are (None: everywhere). learns_background: whether whoever has not moved yet may be the room.
+    """
+
+    def __init__(self, options: LaserFisheyeImmOptions, area: Area | None, imm: Imm, learns_background: bool) -> None:
+        self._options, self._area, self._imm = options, area, imm
+        self._learns_background = learns_background
+        self._next_id = 1
+        self._looked_ns = 0
+
+    def looked(self, ns: int) -> None:
+        """A scanner has looked at stamp ns."""
+        self._looked_ns = ns
+
+    def confirmed(self, people: People, ns: int) -> People:
+        """With an id for whoever was measured for long enough, and has moved where only that tells them from the room."""
+        if people.confirmed.all():
+            return people
+        rules, learns = self._options.management, self._learns_background
+        after_s = rules.confirm_learned_after_s if learns else rules.confirm_after_s
+        new = measured_for_longer(people.roster, ns, after_s, self._options.period_s)
+        if learns:
+            moved = people.measured_at - people.born_at
+            new &= np.hypot(moved[:, 0], moved[:, 1]) >= rules.confirm_moved_m
+        new = new.nonzero()[0]
+        first, self._next_id = self._next_id, self._next_id + new.size
+        return people.changed(roster=people.roster.confirm(new, first))
+
+    def unseen(
+        self, people: People, ns: int, elapsed_s: float, missed: Callable[[Float[Array, "2 *n"]], Float[Array, "*n"]]
+    ) -> People:
+        """After a moment: whoever it did not show is likelier where nothing would show them, and the likelier gone.
+
+        missed: how probably the moment's scans show nothing of somebody at room points [m].
+        """
+        rules = self._options.management
+        measured = measured_now(people.roster, ns)
+        unseen = (people.confirmed & ~measured).nonzero()[0]
+        if unseen.size == 0:
+            return people
+        taken = people.positions[measured & people.confirmed]
+        share = min(elapsed_s / self._options.period_s, 1.0)
+
+        def not_shown(points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
+            free = clear_of(points.reshape(2, -1).T, taken, rules.apart_m).reshape(points.shape[1:])
+            return missed(points) ** share * free
+
+        state, chance = not_seen(people.state.select(unseen), not_shown)
+        sitting, posture = self._options.posture, people.posture.select(unseen)
+        seated, seat = posture.seated(people.measured_at[unseen], sitting), np.nan_to_num(posture.seat)
+        alone = clear_of(seat, taken, clearance_m=rules.apart_m)
+        posture, chance = posture.missed(seated, chance, alone, elapsed_s, sitting)
+        at_rest = self._imm.start(seat, None, sitting.place_m**2, _AT_REST)
+        state = state.replaced(posture.lying, at_rest.select(posture.lying))
+        existence = people.existence
+        if rules.survival_s is not None:
+            stays_s = np.where(seated, sitting.stays_s, rules.survival_s)
+            still = existence_unseen(existence[unseen], chance, elapsed_s, stays_s)
+            existence = written(existence, unseen, still)
+        posture = people.posture.replaced(unseen, posture)
+        return people.in_state(people.state.replaced(unseen, state)).changed(existence=existence, posture=posture)
+
+    def reported(self, people: People, ns: int) -> Bool[Mask, "n"]:
+        """Everyone confirmed in the area; whom nothing shows for long is kept in mind alone."""
+        measured = measured_now(people.roster, ns)  # in the area, or the track would have ended
+        if measured.all():
+            return people.confirmed
+        return people.confirmed & (measured | (self._inside(people) & self._exists(people)))
+
+    def remaining(self, people: People, ns: int) -> People:
+        """Without whoever has left the area or has not been shown for long."""
+        # a prediction that strays out of the area is not yet a person who has left it
+        inside = self._inside(people) | ~measured_now(people.roster, ns)
+        return people.select(self._goes_on(people, ns) & inside)
+
+    def before(self, people: People, ns: int) -> People:
+        """Without whoever no longer was there at a stamp that has passed without a look."""
+        return people.select(self._goes_on(people, ns))
+
+    def _goes_on(self, people: People, ns: int) -> Bool[Mask, "n"]:
+        """Who is followed on: tentative tracks while they are measured; who still exists by the looks made, for longer."""
+        rules, roster = self._options.management, people.roster
+        goes_on = coasting_within(roster, ns, rules.coast_s, 0.0)
+        # nobody still exists by looks that were not made: a long gap ends everybody
+        looked = ns - self._looked_ns <= nanoseconds(rules.coast_s)
+        # without an area there is always somewhere to be, behind the walls
+        if looked and rules.survival_s is not None and self._area is not None:
+            goes_on |= roster.confirmed & self._exists(people)
+        return goes_on
+
+    def _exists(self, people: People) -> Bool[Mask, "n"]:
+        """Who is probably still there."""
+        return people.existence > self._options.management.exists_above
+
+    def _inside(self, people: People) -> Bool[Mask, "n"]:
+        """Which tracks are in the area or its margin."""
+        if self._area is None or len(people) == 0:
+            return np.ones(len(people), np.bool_)
+        return self._area.contains(people.positions)
