@@ -1,32 +1,27 @@
-"""Where each device of a study may hang: every place turned every way, the reasons against it, and what it costs."""
+"""The options of a study: where each device may be mounted, what that costs, and which of them go together."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
-from math import atan2, degrees, hypot
 
 import mujoco
 import numpy as np
 
-from trackers.area import Area
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.room.building import Building
 from twin.room.floor import floor_of
 from twin.room.obstacles import Footprints, obstacles_of
 from twin.scenario import Scenario
-from twin.scenario.floor import FloorDescription, check_floor
-from twin.scenario.housings import in_the_room
-from twin.scenario.mount import Mount, mount_of
-from twin.scenario.sensors import CAMERA_KINDS
+from twin.scenario.mount import Mount
 from twin.studies.description import Study
-from twin.studies.moves import Move, steps
+from twin.studies.mounts import every_mount, positions_at
+from twin.studies.moves import Move
+from twin.studies.refusals import cable_lengths_m, reasons_against
 from twin.world.scene import Scene
 
-_AIM_HEIGHT_M = 1.0
 _MOST_OPTIONS = 200_000
 
 Candidate = tuple[int, ...]
@@ -70,7 +65,7 @@ class Layout:
         tried: dict[str, int] = {}
         faults: list[str] = []
         for name, move in study.move.items():
-            mounts = _mounts(move, scenario, building, scene)
+            mounts = every_mount(move, scenario, building, scene)
             tried[name] = len(mounts)
             if len(mounts) * len(move.kinds) > _MOST_OPTIONS:
                 faults.append(
@@ -81,8 +76,8 @@ class Layout:
             if not mounts:
                 faults.append(f"{source}: move.{name}: there is no place in the room; larger ranges are expected")
                 continue
-            held = [_held(move, scenario, each) for each in mounts]
-            reasons = _reasons(study, building, scene, scenario, move, mounts, held)
+            held = [positions_at(move, scenario, each) for each in mounts]
+            reasons = reasons_against(study, building, scene, scenario, move, mounts, held)
             left = np.ones(len(mounts), dtype=bool)
             counts = {}
             for reason, against in reasons.items():
@@ -96,7 +91,7 @@ class Layout:
                     "constraints are expected"
                 )
                 continue
-            cable_m = _cable_m(study, building, held)
+            cable_m = cable_lengths_m(study, building, held)
             for number in np.flatnonzero(left):
                 for kind_number, kind in enumerate(move.kinds):
                     each = kind.price if kind.price is not None else move.price
@@ -199,155 +194,3 @@ def building_of(scene: Scene) -> Building:
     mujoco.mj_kinematics(room, data)
     floor = floor_of(room, data, scene.room_file.name)
     return Building.of(room, data, floor, scene.walkable, Footprints(obstacles_of(room, scene.room_file.name)))
-
-
-def first_sensor(move: Move, scenario: Scenario) -> str:
-    """The sensor by which a device is described."""
-    if move.housing is not None:
-        return next(name for name, each in scenario.sensors.items() if getattr(each, "housing", None) == move.housing)
-    return (*move.sensors, *move.together)[0]
-
-
-def inner_mounts(move: Move, scenario: Scenario) -> list[Mount]:
-    """Where the sensors of a device are in its own frame: that of its first sensor, or of its housing."""
-    if move.housing is not None:
-        on_it = [each for each in scenario.sensors.values() if getattr(each, "housing", None) == move.housing]
-        return [each.mount for each in on_it]  # pyright: ignore[reportReturnType]
-    if move.sensors:
-        return [Mount(xyz=(0.0, 0.0, 0.0))]
-    first, *_ = hung = [in_the_room(scenario, name).mount.room_from_housing() for name in move.together]  # pyright: ignore
-    back = first.rotation.T
-    return [mount_of(back @ each.rotation, back @ (each.translation - first.translation)) for each in hung]
-
-
-def _held(move: Move, scenario: Scenario, mounts: tuple[Mount, ...]) -> Array:
-    """Where all sensors of a device (or pair) at these mounts are, (k, 3) [m]."""
-    return np.array([mount.carrying(inner).xyz for mount in mounts for inner in inner_mounts(move, scenario)])
-
-
-def _mounts(move: Move, scenario: Scenario, building: Building, scene: Scene) -> list[tuple[Mount, ...]]:
-    """Every place, turned every way, with its mirror image where there is one; yaw and tilt in the room."""
-    first = scenario.sensors[first_sensor(move, scenario)]
-    is_camera = first.kind in CAMERA_KINDS
-    own_pitch = (
-        0.0
-        if isinstance(first, FloorDescription)
-        else in_the_room(scenario, first_sensor(move, scenario)).mount.pitch_deg
-    )  # pyright: ignore
-    bases: list[Mount] = [Mount(xyz=each.xyz, yaw_deg=each.yaw_deg, pitch_deg=each.pitch_deg) for each in move.places]
-    if move.walls is not None:
-        walls = move.walls
-        heights = steps(walls.height_m, walls.height_every_m)
-        places, facing = building.along_walls(walls.every_m, walls.off_m, heights)
-        for place, yaw in zip(places.tolist(), facing.tolist(), strict=True):
-            x, y, z = place
-            bases.append(Mount(xyz=(x, y, z), yaw_deg=degrees(yaw), pitch_deg=own_pitch))
-    if move.ceiling is not None:
-        low, high = building.outline.min(axis=0), building.outline.max(axis=0)
-        grid = [steps((a + move.ceiling.every_m / 2, b), move.ceiling.every_m) for a, b in zip(low, high, strict=True)]
-        places = np.array(list(product(*grid)))
-        places = places[building.is_indoors(places)]
-        heights = building.ceiling_m(places) - move.ceiling.off_m
-        for (x, y), z in zip(places.tolist(), heights.tolist(), strict=True):
-            if np.isfinite(z):
-                bases.append(Mount(xyz=(x, y, z), pitch_deg=own_pitch))
-    if move.box is not None:
-        axes = [steps(each, move.box.every_m) for each in (move.box.x_m, move.box.y_m, move.box.z_m)]
-        bases += [Mount(xyz=(x, y, z), pitch_deg=own_pitch) for x, y, z in product(*axes)]
-    middle = scene.area.mean(axis=0)
-    turned = []
-    for base in bases:
-        if move.aim:
-            x, y, z = base.xyz
-            gap = hypot(middle[0] - x, middle[1] - y)
-            yaw = degrees(atan2(middle[1] - y, middle[0] - x))
-            pitch = degrees(atan2(z - _AIM_HEIGHT_M, gap)) if is_camera else base.pitch_deg
-            turned.append(base.model_copy(update={"yaw_deg": yaw, "pitch_deg": pitch}))
-            continue
-        yaws = steps(move.yaw_deg, move.yaw_every_deg) if move.yaw_deg else [0.0]
-        tilts = steps(move.tilt_deg, move.tilt_every_deg) if move.tilt_deg else [base.pitch_deg]
-        turned += [
-            base.model_copy(update={"yaw_deg": base.yaw_deg + yaw, "pitch_deg": tilt}) for yaw in yaws for tilt in tilts
-        ]
-    rounded = [_rounded(each) for each in turned]
-    return [(each,) if move.mirrored is None else (each, _image(each, move)) for each in rounded]
-
-
-def _rounded(mount: Mount) -> Mount:
-    """To the millimetre and a hundredth of a degree: what somebody with a drill can read off a plan, and more."""
-    x, y, z = (round(each, 3) + 0.0 for each in mount.xyz)
-    yaw = (mount.yaw_deg + 180) % 360 - 180
-    return Mount(xyz=(x, y, z), yaw_deg=round(yaw, 2) + 0.0, pitch_deg=round(mount.pitch_deg, 2) + 0.0)
-
-
-def _image(mount: Mount, move: Move) -> Mount:
-    mirror = move.mirrored
-    assert mirror is not None
-    x, y, z = mount.xyz
-    if mirror.x_m is not None:
-        return _rounded(mount.model_copy(update={"xyz": (2 * mirror.x_m - x, y, z), "yaw_deg": 180 - mount.yaw_deg}))
-    assert mirror.y_m is not None
-    return _rounded(mount.model_copy(update={"xyz": (x, 2 * mirror.y_m - y, z), "yaw_deg": -mount.yaw_deg}))
-
-
-def _cable_m(study: Study, building: Building, held: list[Array]) -> Array:
-    """Length of cable to each option (n,) [m], to each of a pair; 0 where cables are not counted."""
-    cable = study.constraints.cable
-    if cable is None:
-        return np.zeros(len(held))
-    start = np.array(cable.start)
-    places = np.concatenate(held)
-    straight = cable.along == "straight"
-    each = np.linalg.norm(places - start, axis=1) if straight else building.way_along_walls_m(start, places)
-    per = len(held[0])
-    return each.reshape(len(held), per).max(axis=1)
-
-
-def _reasons(
-    study: Study,
-    building: Building,
-    scene: Scene,
-    scenario: Scenario,
-    move: Move,
-    mounts: list[tuple[Mount, ...]],
-    held: list[Array],
-) -> dict[str, Mask]:
-    """By reason, which of a device's options (n,) it is against."""
-    constraints, places = study.constraints, np.concatenate(held)
-
-    def any_of(which: Mask) -> Mask:
-        return np.asarray(which.reshape(len(held), -1).any(axis=1))
-
-    first = scenario.sensors[first_sensor(move, scenario)]
-    if isinstance(first, FloorDescription):
-        return {"not on the floor of the room": np.array([not _lies(first, scene, each) for each in mounts])}
-    reasons = {
-        "below the floor": any_of(places[:, 2] < 0),
-        "outside the building": any_of(~building.is_indoors(places)),
-        "inside a wall or a thing": any_of(building.is_solid(places)),
-        f"where people walk below {constraints.walked_below_m:g} m": any_of(
-            building.is_walked(places, constraints.walked_below_m)
-        ),
-    }
-    for zone in constraints.keep_free:
-        inside = Area(np.array(zone.polygon)).contains(places[:, :2])
-        reasons[f"in the zone {zone.name!r}"] = any_of(
-            inside & (places[:, 2] >= zone.from_m) & (places[:, 2] <= zone.to_m)
-        )
-    cable = constraints.cable
-    if cable is not None and cable.most_m is not None:
-        reasons[f"with more than {cable.most_m:g} m of cable"] = _cable_m(study, building, held) > cable.most_m
-    return reasons
-
-
-def _lies(floor: FloorDescription, scene: Scene, mounts: tuple[Mount, ...]) -> bool:
-    """Whether a pressure floor can lie there."""
-    for mount in mounts:
-        if mount.xyz[2] != 0 or mount.pitch_deg:
-            return False
-        try:
-            there = {"xyz": mount.xyz, "yaw_deg": mount.yaw_deg}
-            check_floor(floor.model_copy(update={"mount": floor.mount.model_copy(update=there)}), scene.floor, "")
-        except InputError:
-            return False
-    return True

@@ -18,7 +18,8 @@ from twin.scenario.floor import FloorDescription
 from twin.scenario.housings import rig_told
 from twin.streams import stream
 from twin.studies.description import Study, StudyScenario, load_study
-from twin.studies.layout import Layout, first_sensor
+from twin.studies.layout import Layout
+from twin.studies.mounts import first_sensor
 from twin.studies.moves import Move
 from twin.studies.placed import placed
 from twin.studies.trial import key_of
