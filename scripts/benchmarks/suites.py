@@ -25,8 +25,8 @@ from twin.suites.description import Suite, SuiteScenario, load_suite
 from twin.suites.engine import run_on
 from twin.suites.fingerprint import whole_code
 from twin.suites.junit import sentence
+from twin.suites.opening import read_store
 from twin.suites.run import Place, Watcher, run_suite, tolerances_of
-from twin.suites.store import read_store
 from twin.suites.tasks import Listener, Task
 from twin.suites.worker import CaseResult, CaseWork, run_case
 

@@ -18,8 +18,8 @@ from twin.suites.cache import RecordingCache, cache_folder, cache_limit_bytes
 from twin.suites.cases import Case, expand
 from twin.suites.description import Suite, load_suite
 from twin.suites.fingerprint import recording_key
+from twin.suites.opening import read_store
 from twin.suites.run import Place, Watcher, run_suite
-from twin.suites.store import read_store
 from twin.suites.stored import DONE
 from twin.suites.tasks import State
 from twin.suites.worker import TRUTH, Moment, record, renderer_of, resolved_scenario

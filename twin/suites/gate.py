@@ -17,11 +17,12 @@ from twin.suites.description import Suite, load_suite
 from twin.suites.figures import allowed_by_default
 from twin.suites.junit import write_junit
 from twin.suites.markdown import markdown_table
+from twin.suites.opening import read_store
 from twin.suites.page import write_comparison_page, write_page
 from twin.suites.promises import Kept, promises_of
 from twin.suites.results import Results, results_of
 from twin.suites.run import Place, run_suite, tolerances_of
-from twin.suites.store import ResultStore, read_store
+from twin.suites.store import ResultStore
 from twin.suites.summary import write_summary
 from twin.suites.terminal import print_comparison, print_promises, print_results, suite_progress
 

@@ -22,7 +22,8 @@ from twin.suites.description import Suite, Tolerance
 from twin.suites.engine import run_on
 from twin.suites.figures import allowed_by_default, flat
 from twin.suites.fingerprint import recording_key, whole_code
-from twin.suites.store import ResultStore, open_store
+from twin.suites.opening import open_store
+from twin.suites.store import ResultStore
 from twin.suites.stored import DONE, FAILED, Promise, Recorded
 from twin.suites.strips import StripWork, draw_strip
 from twin.suites.tasks import Ended, Listener, State, Task, run_here

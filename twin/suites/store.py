@@ -17,7 +17,6 @@ from typing import Any
 
 from trackers.errors import InputError
 from trackers.plain_data import parse_json
-from twin.run.out_folder import locked_folder
 from twin.suites.cases import Case
 from twin.suites.stored import (
     CASES,
@@ -36,8 +35,6 @@ from twin.suites.stored import (
 )
 from twin.suites.worker import Moment
 
-FILE = "results.sqlite"
-
 _SCHEMA = """
 CREATE TABLE facts (name TEXT PRIMARY KEY, value TEXT);
 CREATE TABLE definitions (case_id TEXT PRIMARY KEY, place INTEGER UNIQUE, scenario TEXT, variant TEXT, overrides TEXT,
@@ -54,11 +51,54 @@ CREATE INDEX moments_of_case ON moments (case_id);
 
 
 class ResultStore:
-    """The results of one run of a suite, open for reading and, by `open_store`, for writing."""
+    """The results of one run of a suite, opened by `open_store` for writing or by `read_store` for reading alone."""
 
     def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
         self._connection = connection
         self.path = path
+
+    def define(self, cases: Sequence[Case]) -> None:
+        """Make the tables of a new file, all cases waiting."""
+        self._connection.executescript(f"BEGIN IMMEDIATE;{_SCHEMA}COMMIT;")
+        with self._writing():
+            self._connection.executemany(
+                "INSERT INTO definitions VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+                [
+                    (
+                        case.id,
+                        place,
+                        case.scenario,
+                        case.variant,
+                        json.dumps(case.overrides, ensure_ascii=False),
+                        case.seed,
+                        case.tracker,
+                        case.knowledge_digest,
+                    )
+                    for place, case in enumerate(cases)
+                ],
+            )
+            self._connection.executemany(
+                "INSERT INTO cases VALUES (?, ?, 0, NULL, NULL)", [(case.id, WAITING) for case in cases]
+            )
+
+    def take_up(self, cases: Sequence[Case]) -> None:
+        """What was running when the run was killed, what failed, and whose files of knowledge changed, is to be done anew."""
+        held = dict(self._connection.execute("SELECT case_id, knowledge FROM definitions"))
+        changed = [(case.id,) for case in cases if held[case.id] != case.knowledge_digest]
+        with self._writing():
+            self._connection.executemany("DELETE FROM results WHERE case_id = ?", changed)
+            self._connection.executemany("DELETE FROM moments WHERE case_id = ?", changed)
+            self._connection.executemany(
+                "UPDATE cases SET status = ? WHERE case_id = ?", [(WAITING, case_id) for (case_id,) in changed]
+            )
+            self._connection.executemany(
+                "UPDATE definitions SET knowledge = ? WHERE case_id = ?",
+                [(case.knowledge_digest, case.id) for case in cases],
+            )
+            self._connection.execute(
+                "UPDATE cases SET status = ?, attempts = 0, seconds = NULL, error = NULL WHERE status != ?",
+                (WAITING, DONE),
+            )
 
     def started(self, case_id: str, attempt: int) -> None:
         """Note that an attempt at a case begins."""
@@ -165,48 +205,6 @@ class ResultStore:
         names = [field.name for field in fields(Moment)]
         return checked(MOMENTS, [dict(zip(names, row, strict=True)) for row in rows], f"{self.path}: moments")
 
-    def _define(self, cases: Sequence[Case]) -> None:
-        self._connection.executescript(f"BEGIN IMMEDIATE;{_SCHEMA}COMMIT;")
-        with self._writing():
-            self._connection.executemany(
-                "INSERT INTO definitions VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-                [
-                    (
-                        case.id,
-                        place,
-                        case.scenario,
-                        case.variant,
-                        json.dumps(case.overrides, ensure_ascii=False),
-                        case.seed,
-                        case.tracker,
-                        case.knowledge_digest,
-                    )
-                    for place, case in enumerate(cases)
-                ],
-            )
-            self._connection.executemany(
-                "INSERT INTO cases VALUES (?, ?, 0, NULL, NULL)", [(case.id, WAITING) for case in cases]
-            )
-
-    def _take_up(self, cases: Sequence[Case]) -> None:
-        """What was running when the run was killed, what failed, and whose files of knowledge changed, is to be done anew."""
-        held = dict(self._connection.execute("SELECT case_id, knowledge FROM definitions"))
-        changed = [(case.id,) for case in cases if held[case.id] != case.knowledge_digest]
-        with self._writing():
-            self._connection.executemany("DELETE FROM results WHERE case_id = ?", changed)
-            self._connection.executemany("DELETE FROM moments WHERE case_id = ?", changed)
-            self._connection.executemany(
-                "UPDATE cases SET status = ? WHERE case_id = ?", [(WAITING, case_id) for (case_id,) in changed]
-            )
-            self._connection.executemany(
-                "UPDATE definitions SET knowledge = ? WHERE case_id = ?",
-                [(case.knowledge_digest, case.id) for case in cases],
-            )
-            self._connection.execute(
-                "UPDATE cases SET status = ?, attempts = 0, seconds = NULL, error = NULL WHERE status != ?",
-                (WAITING, DONE),
-            )
-
     @contextmanager
     def _writing(self) -> Iterator[None]:
         try:
@@ -219,94 +217,3 @@ class ResultStore:
                     "the rest"
                 ) from error
             raise
-
-
-@contextmanager
-def open_store(folder: Path, cases: Sequence[Case], facts: Mapping[str, Any], resume: bool) -> Iterator[ResultStore]:
-    """The results in `folder`, ours alone as long as the block runs.
-
-    A new file holds the cases and `facts`; with `resume` an earlier one is taken up, where there is one; cases whose files
-    of knowledge have changed since are done anew. Raises
-    InputError where another process writes there, where there are results and none were to be taken up, and where those
-    are of other cases, or of another suite, other changes or other code.
-    """
-    path = folder / FILE
-    with locked_folder(folder):
-        exists = path.exists()
-        if exists and not resume:
-            raise InputError(
-                f"--out {folder}: holds the results of an earlier run; --resume to do the rest of it, or another folder, "
-                "is expected"
-            )
-        with _connected(path) as connection:
-            store = ResultStore(connection, path)
-            if exists and _is_defined(connection, path):
-                with _sound(path):
-                    _check_whole(connection, path)
-                    _check_same(store, cases, facts)
-                    store._take_up(cases)
-            else:
-                with _sound(path):
-                    store._define(cases)
-                store.note(**facts)
-            yield store
-
-
-@contextmanager
-def read_store(folder: Path) -> Iterator[ResultStore]:
-    """The results in `folder`, for reading, also while a run writes them; raises InputError where there are none."""
-    path = folder / FILE
-    if not path.is_file():
-        raise InputError(f"{folder}: has no {FILE}; a folder that `twin suite run` has written is expected")
-    with _sound(path), _connected(path) as connection:
-        yield ResultStore(connection, path)
-
-
-def _is_defined(connection: sqlite3.Connection, path: Path) -> bool:
-    """Whether the file has all tables: a run that was killed at its very start leaves one without."""
-    with _sound(path):
-        query = "SELECT 1 FROM sqlite_master WHERE name = 'moments_of_case'"
-        return connection.execute(query).fetchone() is not None
-
-
-def _check_whole(connection: sqlite3.Connection, path: Path) -> None:
-    """Raise InputError where a page of the file is damaged, be it one that is not read until the run is over."""
-    found = connection.execute("PRAGMA quick_check(1)").fetchone()[0]
-    if found != "ok":
-        raise InputError(f"{path}: is damaged ({' '.join(found.split())}); {EXPECTED}, or another folder, is expected")
-
-
-@contextmanager
-def _sound(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except sqlite3.DatabaseError as error:
-        raise InputError(f"{path}: is no file of results ({error}); {EXPECTED} is expected") from error
-
-
-def _check_same(store: ResultStore, cases: Sequence[Case], facts: Mapping[str, Any]) -> None:
-    held = store.facts()
-    where = f"--resume: {store.path}"
-    if held.get("suite") != facts.get("suite") or {each.id for each in store.cases()} != {case.id for case in cases}:
-        raise InputError(
-            f"{where}: holds the suite {held.get('suite')!r} with other cases; the same suite, or another folder, is expected"
-        )
-    if held.get("changes") != facts.get("changes"):
-        raise InputError(f"{where}: was run with --set {held.get('changes')}; the same, or another folder, is expected")
-    if held.get("code") != facts.get("code"):
-        raise InputError(
-            f"{where}: was made by other code, and results of two versions must not mix; another folder is expected "
-            "(recordings that are still good are not made again)"
-        )
-
-
-@contextmanager
-def _connected(path: Path) -> Iterator[sqlite3.Connection]:
-    connection = sqlite3.connect(path, timeout=30)
-    try:
-        with _sound(path):
-            connection.execute("PRAGMA journal_mode = WAL")
-            connection.execute("PRAGMA synchronous = NORMAL")
-        yield connection
-    finally:
-        connection.close()

@@ -24,8 +24,8 @@ from twin.suites.cache import RecordingCache
 from twin.suites.cases import expand
 from twin.suites.description import load_suite
 from twin.suites.fingerprint import recording_key
+from twin.suites.opening import read_store
 from twin.suites.run import Place, run_suite
-from twin.suites.store import read_store
 
 PLUG_IN = """
 import json

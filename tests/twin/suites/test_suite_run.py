@@ -20,14 +20,14 @@ from synthetic_cases import result_of
 from typer.testing import CliRunner
 
 from trackers.errors import InputError
-from twin.suites import run as suite_run, store as suite_store
+from twin.suites import opening, run as suite_run
 from twin.suites.cache import RecordingCache
 from twin.suites.command import app
 from twin.suites.description import load_suite
+from twin.suites.opening import read_store
 from twin.suites.page import write_page
 from twin.suites.results import results_of
 from twin.suites.run import Place, run_suite
-from twin.suites.store import read_store
 
 pytestmark = pytest.mark.slow
 
@@ -156,7 +156,7 @@ def test_a_run_killed_in_the_middle_is_resumed_and_nothing_is_done_twice(suite: 
 def test_a_disk_that_is_full_ends_the_run_and_what_was_done_stays(
     suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    connected = suite_store._connected
+    connected = opening._connected
 
     @contextmanager
     def small_disk(path: Path):
@@ -167,7 +167,7 @@ def test_a_disk_that_is_full_ends_the_run_and_what_was_done_stays(
 
     folder = tmp_path / "out"
     with monkeypatch.context() as patch:
-        patch.setattr(suite_store, "_connected", small_disk)
+        patch.setattr(opening, "_connected", small_disk)
         with pytest.raises(
             InputError, match=r"results.sqlite: cannot be written \(database or disk is full\); .*--resume"
         ):

@@ -1,0 +1,108 @@
+"""How the file of a run's results is opened: a new one, an earlier one to go on with, or any of them to read."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from trackers.errors import InputError
+from twin.run.out_folder import locked_folder
+from twin.suites.cases import Case
+from twin.suites.store import ResultStore
+from twin.suites.stored import EXPECTED
+
+FILE = "results.sqlite"
+
+
+@contextmanager
+def open_store(folder: Path, cases: Sequence[Case], facts: Mapping[str, Any], resume: bool) -> Iterator[ResultStore]:
+    """The results in `folder`, ours alone as long as the block runs.
+
+    A new file holds the cases and `facts`; with `resume` an earlier one is taken up, where there is one; cases whose files
+    of knowledge have changed since are done anew. Raises InputError where another process writes there, where there are
+    results and none were to be taken up, and where those are of other cases, or of another suite, other changes or other
+    code.
+    """
+    path = folder / FILE
+    with locked_folder(folder):
+        exists = path.exists()
+        if exists and not resume:
+            raise InputError(
+                f"--out {folder}: holds the results of an earlier run; --resume to do the rest of it, or another folder, "
+                "is expected"
+            )
+        with _connected(path) as connection:
+            store = ResultStore(connection, path)
+            if exists and _is_defined(connection, path):
+                with _sound(path):
+                    _check_whole(connection, path)
+                    _check_same(store, cases, facts)
+                    store.take_up(cases)
+            else:
+                with _sound(path):
+                    store.define(cases)
+                store.note(**facts)
+            yield store
+
+
+@contextmanager
+def read_store(folder: Path) -> Iterator[ResultStore]:
+    """The results in `folder`, for reading, also while a run writes them; raises InputError where there are none."""
+    path = folder / FILE
+    if not path.is_file():
+        raise InputError(f"{folder}: has no {FILE}; a folder that `twin suite run` has written is expected")
+    with _sound(path), _connected(path) as connection:
+        yield ResultStore(connection, path)
+
+
+def _is_defined(connection: sqlite3.Connection, path: Path) -> bool:
+    """Whether the file has all tables: a run that was killed at its very start leaves one without."""
+    with _sound(path):
+        query = "SELECT 1 FROM sqlite_master WHERE name = 'moments_of_case'"
+        return connection.execute(query).fetchone() is not None
+
+
+def _check_whole(connection: sqlite3.Connection, path: Path) -> None:
+    """Raise InputError where a page of the file is damaged, be it one that is not read until the run is over."""
+    found = connection.execute("PRAGMA quick_check(1)").fetchone()[0]
+    if found != "ok":
+        raise InputError(f"{path}: is damaged ({' '.join(found.split())}); {EXPECTED}, or another folder, is expected")
+
+
+@contextmanager
+def _sound(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except sqlite3.DatabaseError as error:
+        raise InputError(f"{path}: is no file of results ({error}); {EXPECTED} is expected") from error
+
+
+def _check_same(store: ResultStore, cases: Sequence[Case], facts: Mapping[str, Any]) -> None:
+    held = store.facts()
+    where = f"--resume: {store.path}"
+    if held.get("suite") != facts.get("suite") or {each.id for each in store.cases()} != {case.id for case in cases}:
+        raise InputError(
+            f"{where}: holds the suite {held.get('suite')!r} with other cases; the same suite, or another folder, is expected"
+        )
+    if held.get("changes") != facts.get("changes"):
+        raise InputError(f"{where}: was run with --set {held.get('changes')}; the same, or another folder, is expected")
+    if held.get("code") != facts.get("code"):
+        raise InputError(
+            f"{where}: was made by other code, and results of two versions must not mix; another folder is expected "
+            "(recordings that are still good are not made again)"
+        )
+
+
+@contextmanager
+def _connected(path: Path) -> Iterator[sqlite3.Connection]:
+    connection = sqlite3.connect(path, timeout=30)
+    try:
+        with _sound(path):
+            connection.execute("PRAGMA journal_mode = WAL")
+            connection.execute("PRAGMA synchronous = NORMAL")
+        yield connection
+    finally:
+        connection.close()
