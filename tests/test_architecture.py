@@ -62,6 +62,7 @@ TWIN_UPWARDS = (
     "run",
     "view",
     "console",
+    "options",
     "environment",
     "suites",
     "reproduce",

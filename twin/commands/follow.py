@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from twin.commands.exit_codes import tell_failures
-from twin.commands.options import Environment, NoVideo, Seed, Set, Trackers
+from twin.options import Environment, NoVideo, Rig, Seed, Set, Trackers
 
 
 def track(
@@ -17,7 +17,7 @@ def track(
         Path, typer.Argument(help="A bag: the twin's recording.mcap, or a robot's ROS 1 or ROS 2 bag.")
     ],
     tracker: Trackers = None,
-    rig: Annotated[Path | None, typer.Option(help="rig.yaml: which topic is which sensor, and where it is.")] = None,
+    rig: Rig = None,
     set_: Set = None,
     environment: Environment = None,
     seed: Seed = None,
@@ -58,7 +58,7 @@ def detections(
     tracker: Annotated[
         str, typer.Option(metavar="NAME", help="Whose detector: a preset, one the scenario defines, or module:Class.")
     ] = "sort",
-    rig: Annotated[Path | None, typer.Option(help="rig.yaml: which topic is which sensor, and where it is.")] = None,
+    rig: Rig = None,
     set_: Set = None,
     environment: Environment = None,
     seed: Seed = None,

@@ -6,7 +6,7 @@ import sys
 from typing import TYPE_CHECKING
 
 from twin.commands.exit_codes import tell_failures
-from twin.commands.options import (
+from twin.options import (
     AllowPlugins,
     Duration,
     Environment,

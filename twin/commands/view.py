@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from twin.commands.options import NoLimits, ScenarioName, Seed, Set, overrides
+from twin.options import NoLimits, ScenarioName, Seed, Set, overrides
 
 
 def view(
@@ -32,7 +32,7 @@ def view(
     from twin.view import check_choice, write_people, write_video, write_view
 
     check_choice(at=at, people=people, video=video, start_s=from_, end_s=to, follow=follow, out=out)
-    loaded = load_scenario(scenario, overrides(set_, seed, None))
+    loaded = load_scenario(scenario, overrides(set_, seed))
     if not no_limits:
         check_size(loaded)
     if video is not None:

@@ -7,13 +7,13 @@ from typing import Annotated
 
 import typer
 
+from twin.options import ScenarioName, Seed, SetOfScenario, overrides
+
 _NOISE = ("off", "default", "worse")
 
 
 def environment(
-    scenario: Annotated[
-        str, typer.Argument(help="Name of a shipped scenario (see `twin list`) or path of a YAML file.")
-    ],
+    scenario: ScenarioName,
     station: Annotated[
         list[str] | None,
         typer.Option(
@@ -22,11 +22,8 @@ def environment(
     ] = None,
     voxel: Annotated[float | None, typer.Option(metavar="M", help="Side of a voxel [m]; default: 0.05.")] = None,
     noise: Annotated[str, typer.Option(help="The scanner's errors: off, default or worse.")] = "default",
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="PATH=VALUE", help="Change a field of the scenario. Repeatable."),
-    ] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Seed of all randomness; default: the scenario's.")] = None,
+    set_: SetOfScenario = None,
+    seed: Seed = None,
     out: Annotated[Path | None, typer.Option(help="The file to write, .npz; default: out/<room>.npz.")] = None,
     cloud: Annotated[Path | None, typer.Option(help="Write the point cloud too, as .ply.")] = None,
 ) -> None:
@@ -42,11 +39,10 @@ def environment(
     if voxel is not None and not 0.01 <= voxel <= 0.5:
         raise InputError(f"--voxel {voxel:g}: is not the side of a voxel; 0.01 to 0.5 m is expected")
     places = [_place(text) for text in station or []]
-    changes = [*(set_ or []), *([] if seed is None else [f"seed={seed}"])]
     options = EnvironmentOptions() if voxel is None else EnvironmentOptions(voxel_m=voxel)
     with progress() as report:
         files = write_environment(
-            load_scenario(scenario, changes),
+            load_scenario(scenario, overrides(set_, seed)),
             places,
             noise=noise,
             options=options,

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from twin.options import ScenarioName, SetOfScenario, overrides
 from twin.suites.place_options import Jobs, Resource, Scheduler, place_of
 
 app = typer.Typer(
@@ -54,13 +55,8 @@ def run(
 
 @app.command(epilog="Example: twin study coverage library-hall --set sensors.west.mount.xyz='[-12.8, 0, 0.9]'")
 def coverage(
-    scenario: Annotated[
-        str, typer.Argument(help="Name of a shipped scenario (see `twin list`) or path of a YAML file.")
-    ],
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="PATH=VALUE", help="Change a field of the scenario. Repeatable."),
-    ] = None,
+    scenario: ScenarioName,
+    set_: SetOfScenario = None,
     seed: Annotated[
         int | None, typer.Option(min=0, help="Seed of the people's motion; default: the scenario's.")
     ] = None,
@@ -76,8 +72,7 @@ def coverage(
     from twin.scenario import load_scenario
     from twin.studies.as_it_stands import print_coverage, write_coverage
 
-    changes = [*(set_ or []), *([f"seed={seed}"] if seed is not None else [])]
-    loaded = load_scenario(scenario, changes)
+    loaded = load_scenario(scenario, overrides(set_, seed))
     folder = out or Path("out") / f"coverage-{loaded.name}"
     found = write_coverage(loaded, folder, beams=beams, px_per_m=px_per_m, moments=moments)
     print_coverage(found)

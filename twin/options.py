@@ -14,6 +14,9 @@ Set = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="PATH=VALUE", help="Change a field, e.g. sensors.waist.rate_hz=20. May be repeated."),
 ]
+SetOfScenario = Annotated[
+    list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="Change a field of the scenario. Repeatable.")
+]
 Seed = Annotated[int | None, typer.Option(min=0, help="Seed of all randomness; default: the scenario's.")]
 Out = Annotated[Path | None, typer.Option(help="Folder for the results; default: out/<scenario>-<seed>.")]
 Duration = Annotated[float | None, typer.Option(metavar="S", help="Seconds to simulate; default: the scenario's.")]
@@ -24,6 +27,7 @@ Trackers = Annotated[
 AllowPlugins = Annotated[
     bool, typer.Option("--allow-plugins", help="Run the classes (module:Class) that the scenario itself names.")
 ]
+Rig = Annotated[Path | None, typer.Option(help="rig.yaml: which topic is which sensor, and where it is.")]
 Environment = Annotated[
     Path | None, typer.Option(metavar="FILE.npz", help="What trackers may know of the room, by `twin environment`.")
 ]
@@ -34,7 +38,7 @@ NoLimits = Annotated[
 NoImages = Annotated[bool, typer.Option("--no-images", help="Leave the cameras out: no rendering at all.")]
 
 
-def overrides(changes: list[str] | None, seed: int | None, duration_s: float | None) -> list[str]:
+def overrides(changes: list[str] | None, seed: int | None, duration_s: float | None = None) -> list[str]:
     """The changes of a scenario as `--set`, `--seed` and `--duration` ask for them, 'path=value' texts."""
     extra = [] if seed is None else [f"seed={seed}"]
     if duration_s is not None:
