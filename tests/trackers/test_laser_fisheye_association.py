@@ -63,6 +63,15 @@ def test_legs_beside_a_trunk_are_those_of_somebody_hidden():
     assert found.trunk[found.track == 1].tolist() == [-1]
 
 
+def test_a_bag_beside_the_legs_of_a_trunk_is_not_somebody_hidden_near_by():
+    bag = (0.2, 1.62)
+    found = matched(detections((0.0, 1.5)), detections(*LEGS_OF_THE_FIRST, bag))
+    assert found.track.tolist() == [0]
+    assert len(found.new_position) == 0
+    mistaken = matched(detections((0.0, 1.5)), detections(*LEGS_OF_THE_FIRST, bag), management={"apart_m": 0.0})
+    assert sorted(mistaken.track.tolist()) == [0, 1]
+
+
 def test_the_only_one_hidden_is_re_identified_by_both_legs_but_not_by_what_may_be_no_leg_at_all():
     beyond_the_prediction = (1.5, 2.3)
     one = matched(detections((0.0, 1.5)), detections(*LEGS_OF_THE_FIRST, beyond_the_prediction))

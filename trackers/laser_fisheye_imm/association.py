@@ -15,7 +15,7 @@ from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
 from trackers.observations import NS_PER_S
 from trackers.tracking.association import Stage, associate, left_over
-from trackers.tracking.lifecycle import nanoseconds
+from trackers.tracking.lifecycle import clear_of, nanoseconds
 
 _NOBODY = np.empty(0, np.intp)
 
@@ -138,7 +138,8 @@ class Association:
     def _walkers(self, seen: Seen) -> tuple[Float[Array, "p 2"], Int[Index, "p"], Float[Array, "k 2"]]:
         """People as their legs show them, how many legs each shows, and the middle of the legs under each of k trunks, NaN: none.
 
-        Nobody whose trunk is seen: every trunk takes its own legs first. Whoever sits is as far behind the knees as before.
+        Nobody whose trunk is seen: every trunk takes its own legs first, and what else hangs there. Whoever sits is as far behind
+        the knees as before.
         """
         knee, legs = self.options.knee, seen.legs.position
         people = self.people.select(self.people.confirmed)
@@ -149,6 +150,7 @@ class Association:
         wide = seen.legs.width_m > knee.both_legs_m
         own, n_own, free = take_legs(legs, wide, expected, knee.claim_m, knee.stride_m)
         own[n_own < 2] = np.nan  # a lone leg is up to half a stride from the middle
+        free &= clear_of(legs, expected, self.options.management.apart_m)  # a third under a trunk is a bag
         legs, firm, wide = legs[free], seen.firm[free], wide[free]
         if len(legs) == 0:
             return legs, _NOBODY, own

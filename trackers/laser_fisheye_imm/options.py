@@ -63,8 +63,9 @@ class ManagementOptions(Strict):
     apart_m: float = Field(
         default=0.3,
         ge=0,
-        description="distance within which there is never a second person: an unseen one is not where another is seen, and a "
-        "measurement so near a prediction is never gated off [m]; 0: there may be (ours)",
+        description="distance within which there is never a second person: an unseen one is not where another is seen, a third "
+        "leg so near a trunk's is a bag of theirs, and a measurement so near a prediction is never gated off [m]; 0: there may "
+        "be (ours)",
     )
     body_radius_m: float = Field(
         default=0.6,
