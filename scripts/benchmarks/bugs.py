@@ -261,8 +261,8 @@ _BY_FILE = {
     "trackers/camera_floor_particle/body.py": [
         (
             "memory of the velocity inverted",
-            "memory * people.velocity + (1 - memory)",
-            "(1 - memory) * people.velocity + memory",
+            "motion.memory * velocity + (1 - motion.memory)",
+            "(1 - motion.memory) * velocity + motion.memory",
         ),
     ],
     "trackers/camera_floor_particle/exclusion.py": [

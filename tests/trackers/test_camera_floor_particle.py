@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 from synthetic_home import LOAD, PERIOD_S, empty_room, observe, rig, walks
 
 from trackers.area import Area
-from trackers.camera_floor_particle.body import BodyFilter
+from trackers.camera_floor_particle.body import BodyFilter, smoothed
 from trackers.camera_floor_particle.exclusion import excluded
 from trackers.camera_floor_particle.loads import FloorWatch
-from trackers.camera_floor_particle.options import CameraFloorParticleOptions, ExclusionOptions
+from trackers.camera_floor_particle.options import CameraFloorParticleOptions, ExclusionOptions, MotionOptions
 from trackers.camera_floor_particle.pan import GRID, Looks, pan_bin, turned, walk as walk_of
 from trackers.camera_floor_particle.people import PAN_BINS
 from trackers.camera_floor_particle.views import Watchers, padded_roots, shows_floor
@@ -34,6 +34,12 @@ SEEN = observe(RIG, WALK)
 
 def follow(observations=SEEN, on=RIG, room=ROOM, name="camera-floor-particle", **options) -> list[TrackFrame]:
     return list(track_frames(make_tracker(name, on, room, np.random.default_rng(0), options), on, observations))
+
+
+def test_the_velocity_keeps_its_share_of_the_last_one():
+    before, way = np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 0.1, 0.0]])
+    assert smoothed(before, way, 0.1, MotionOptions(memory=0.0)) == pytest.approx(np.array([[0.0, 1.0, 0.0]]))
+    assert smoothed(before, way, 0.1, MotionOptions(memory=0.8)) == pytest.approx(np.array([[0.8, 0.2, 0.0]]))
 
 
 def end_errors(frames, walk=WALK):

@@ -34,6 +34,13 @@ def spread(velocity: Float[Array, "n 3"], motion: MotionOptions) -> Float[Array,
     return np.stack([aside, aside, np.full(len(velocity), motion.up_m)])
 
 
+def smoothed(
+    velocity: Float[Array, "n 3"], way: Float[Array, "n 3"], dt: float, motion: MotionOptions
+) -> Float[Array, "n 3"]:
+    """The velocity after a way [m] that took `dt` [s], some of it as before [m/s]."""
+    return motion.memory * velocity + (1 - motion.memory) * way / dt
+
+
 def ruled(kept: Bool[Mask, "*k"], ruling: Ruling) -> Float[Array, "*k"]:
     """Log-likelihoods: 0 where a check is passed, what the ruling says where it is not."""
     return np.where(kept, 0.0, -np.inf if ruling == "drop" else ruling)
@@ -88,8 +95,7 @@ class BodyFilter:
 
         cloud = FILTER.step(people.body, move, log_likelihood, rng)
         place = cloud.expectation(cloud.state).T
-        memory = options.motion.memory
-        velocity = memory * people.velocity + (1 - memory) * (place - people.place) / dt
+        velocity = smoothed(people.velocity, place - people.place, dt, options.motion)
         kept = np.exp(-dt / _COURSE_S)
         course = kept * people.course + (1 - kept) * (place - people.place)[:, :2] / dt
         return people.changed(body=cloud, place=place, velocity=velocity, course=course, lost=cloud.weights.lost)

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from trackers.area import Area
 from trackers.arrays import Array, Index
-from trackers.camera_floor_particle.body import FILTER, checked, in_room, spread
+from trackers.camera_floor_particle.body import FILTER, checked, in_room, smoothed, spread
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
 from trackers.camera_floor_particle.pan import aligned, learned, looks, pan_bin, turned, whole
 from trackers.camera_floor_particle.people import PAN_BINS, People
@@ -49,8 +49,7 @@ class HeadFilter:
         stages = [in_room(self._area), self._near_body(people), self._seen_by(views, people)]
         cloud = FILTER.step_proposed(people.head, MixtureProposal(options.share, move, draw), staged(stages), rng)
         place = cloud.expectation(cloud.state[:3]).T
-        memory = options.motion.memory
-        velocity = memory * people.head_velocity + (1 - memory) * (place - people.head_place) / dt
+        velocity = smoothed(people.head_velocity, place - people.head_place, dt, options.motion)
         people = people.changed(head=cloud, head_place=place, head_velocity=velocity)
         if options.pan == "particles":
             pan, _ = circular_mean(cloud.state[3], cloud.weights.normalised)
