@@ -124,7 +124,8 @@ def _unit_tests(file: str, tree: Path) -> list[list[str]]:
         name, text = path.relative_to(tree).as_posix(), path.read_text(encoding="utf-8")
         if name not in (_GOLDEN, "tests/test_gate_bugs.py"):  # the latter misses the text that the bug replaced
             named = set(re.findall(r"\b(?:trackers|twin)\.[\w.]+", text))
-            lot = 0 if {module, package} & named else 1 if any(each.startswith(package) for each in named) else 2
+            inside = "." in package and any(each.startswith(package) for each in named)
+            lot = 0 if {module, package} & named else 1 if inside else 2
             lots[lot].append((len(named), name))
     return [[name for _, name in sorted(files)] for files in lots]
 
