@@ -77,6 +77,8 @@ def _lines(error: ValidationError, model: type[BaseModel], content: Any, source:
             about = fault.get("ctx", {})
             tag, valid = about["tag"], about["expected_tags"].replace("'", "")
             path, message = f"{path}.kind", f"{_shown(tag)} is not known; valid are {valid}"
+        elif fault["type"] == "union_tag_not_found":
+            path, message = f"{path}.kind", "Field required"
         elif fault["type"] in _SHAPES:
             message = f"{_SHAPES[fault['type']]} is expected (got {_shown(fault['input'])})"
         elif fault["type"] != "missing" and not isinstance(fault["input"], dict | BaseModel):

@@ -153,6 +153,7 @@ _BY_FILE = {
     ],
     "trackers/laser_fisheye_imm/tracker.py": [
         ("fast scans taken for independent", "matches.variance / shares", "matches.variance"),
+        ("looks upon a standing leg taken for independent", "knee.single_leg_s", "period_s"),
         (
             "two-point start backwards",
             "start_from_two(people.born_at[fresh], now_at,",

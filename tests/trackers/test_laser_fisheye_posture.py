@@ -23,9 +23,10 @@ UPRIGHT_UNSEEN = 0.05
 class Room:
     """The tracker, told what its scanners see at each moment."""
 
-    def __init__(self, monkeypatch, rate_hz=10, **options):
+    def __init__(self, monkeypatch, rate_hz=10, waist=True, **options):
         self.rate_hz = rate_hz
-        self.tracker = LaserFisheyeImm(rig(camera=False), empty_room(np.random.default_rng(1)), None, **options)
+        room = [each for each in empty_room(np.random.default_rng(1)) if waist or each.sensor != "waist"]
+        self.tracker = LaserFisheyeImm(rig(waist=waist, camera=False), room, None, **options)
         self.n, self.seen = 0, None
         detector = self.tracker._detector
         monkeypatch.setattr(detector, "detect", lambda moment: self.seen)
@@ -95,6 +96,21 @@ def test_a_scanner_four_times_as_fast_makes_nobody_surer(monkeypatch):
     assert spread[1] == pytest.approx(spread[0], rel=0.3)
     assert existence[1] == pytest.approx(existence[0], rel=0.5)
     assert existence[0] < 0.9
+
+
+def test_a_leg_that_stands_holds_nobody_back_who_walks_on(monkeypatch):
+    """Where legs are all there is to see, one that is seen alone stays behind the body for as long as it stands."""
+
+    def lag_m(**knee: float) -> float:
+        room = Room(monkeypatch, rate_hz=25, waist=False, knee=knee)
+        body = -1.5 + 0.04 * np.arange(33)  # 1 m/s
+        for x in body[:25]:
+            room.shows(legs=[(x - 0.1, 1.9), (x + 0.1, 2.1)])
+        told = room.shows(legs=[(body[24], 2.1)], times=8)
+        return float(body[-1] - told[-1][1][0])
+
+    assert lag_m() < 0.18
+    assert lag_m(single_leg_s=0.04) > 0.24
 
 
 def test_nobody_lies_where_somebody_else_is_seen_now():

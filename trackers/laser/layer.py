@@ -136,6 +136,12 @@ class KneeOptions(LayerOptions):
         description="measurement variance added for a single leg, which is up to half a stride from the body, beside "
         "`legs_variance_m2` [m²] (ours)",
     )
+    single_leg_s: float = Field(
+        default=0.2,
+        gt=0,
+        description="without a waist scanner, time in which all looks upon a single leg together tell what one tells: it stays "
+        "behind the body or before it while it stands [s] (ours)",
+    )
     opposite: float = Field(
         default=0.3,
         ge=0,

@@ -27,6 +27,7 @@ class Matches:
     track: Int[Index, "p"]
     position: Float[Array, "p 2"]
     variance: Float[Array, "p"]  # of the position on each axis
+    lone: Bool[Mask, "p"]  # by a single leg alone
     trunk: Int[Index, "p"]  # the trunk, or -1 where legs were used
     legs: Float[Array, "p 2"]  # the middle of the legs under that trunk [m], NaN where none is seen
     new_position: Float[Array, "q 2"]  # measurements that no track took
@@ -69,6 +70,7 @@ class Association:
             track=tracks,
             position=position[taken],
             variance=variance[taken],
+            lone=lone[taken],
             trunk=trunk[taken],
             legs=np.concatenate([own_legs, np.full((len(walkers), 2), np.nan)])[taken],
             new_position=position[new],

@@ -185,7 +185,7 @@ class LaserFisheyeImmOptions(Strict):
     )
     torso: TorsoOptions = Field(default=TorsoOptions(), description="torso windows in the camera's picture")
     histogram: HistogramOptions = Field(
-        default=HistogramOptions(grey_bins=0), description="colour histograms of torsos"
+        default=HistogramOptions(grey_bins=0, smoothing_deg=0.0), description="colour histograms of torsos"
     )
     management: ManagementOptions = Field(
         default=ManagementOptions(), description="when tracks are confirmed, coast, end and start"

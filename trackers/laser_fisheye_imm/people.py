@@ -15,6 +15,8 @@ from trackers.laser_fisheye_imm.posture import Posture
 from trackers.tracking.appearance import Appearance
 from trackers.tracking.roster import Roster
 
+_NEVER_NS = -(2**62)
+
 
 @dataclass(frozen=True, eq=False)
 class People(Rows):
@@ -25,6 +27,7 @@ class People(Rows):
     clothes: Appearance
     born_at: Float[Array, "n 2"]  # first measured position [m]
     measured_at: Float[Array, "n 2"]  # last measured position [m]
+    lone_ns: Int[Index, "n"]  # stamp of the last measurement by a single leg; before any other: never
     posture: Posture
     existence: Float[Array, "n"]  # how probably they are still there; 1 for who was measured at the last moment
 
@@ -42,7 +45,8 @@ class People(Rows):
         clothes = Appearance.started(reference, n_look)
         serial = first_serial + np.arange(len(position))
         n = len(position)
-        return cls(serial, Roster.started(state, ns), clothes, position, position, Posture.upright(n), np.ones(n))
+        roster, lone_ns = Roster.started(state, ns), np.full(n, _NEVER_NS)
+        return cls(serial, roster, clothes, position, position, lone_ns, Posture.upright(n), np.ones(n))
 
     @property
     def state(self) -> ImmState:

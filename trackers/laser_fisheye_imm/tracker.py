@@ -39,6 +39,7 @@ from trackers.filters.motion import (
     MotionModel,
     transition_matrix,
 )
+from trackers.filters.rows import written
 from trackers.laser_fisheye_imm.association import Association, Matches
 from trackers.laser_fisheye_imm.detection import Detector, Seen
 from trackers.laser_fisheye_imm.life import Life
@@ -47,7 +48,7 @@ from trackers.laser_fisheye_imm.people import People
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.rig import Rig
 from trackers.tracking.held_back import Held, HeldBack, told
-from trackers.tracking.lifecycle import clear_of, measured_now, nanoseconds
+from trackers.tracking.lifecycle import clear_of, measured_now
 from trackers.tracking.moment_tracker import MomentTracker
 from trackers.tracking.moments import Moment, MomentRules
 from trackers.tracks import Track, TrackFrame
@@ -189,7 +190,11 @@ class LaserFisheyeImm(MomentTracker):
     def _update(self, matches: Matches, ns: int) -> None:
         people, track = self._people, matches.track
         # gait and clothes last: looks that follow sooner than a period together tell what one a period would
-        shares = np.clip((ns - people.roster.measured_ns[track]) / nanoseconds(self.options.period_s), 1e-6, 1.0)
+        last_ns, lasts_s = people.roster.measured_ns[track], np.full(track.size, self.options.period_s)
+        if not self._detector.sees_waists:  # where all that is known of a body may be the leg that stands
+            last_ns = np.where(matches.lone, people.lone_ns[track], last_ns)
+            lasts_s[matches.lone] = self.options.knee.single_leg_s
+        shares = np.clip((ns - last_ns) / (lasts_s * NS_PER_S), 1e-6, 1.0)
         variance = matches.variance / shares
         state = self._imm.update(people.state, track, matches.position, variance[:, None, None] * _ISOTROPIC)
         second = people.roster.n_measured[track] == 1
@@ -200,7 +205,8 @@ class LaserFisheyeImm(MomentTracker):
             moving = self._imm.start_from_two(people.born_at[fresh], now_at, elapsed_s, R, speed_variance)
             state = state.replaced(fresh, moving)
         posture = people.posture.measured(track, matches.position, matches.legs, self.options.posture)
-        self._people = people.measured(track, matches.position, ns, state).changed(posture=posture)
+        lone_ns = written(people.lone_ns, track[matches.lone], ns)
+        self._people = people.measured(track, matches.position, ns, state).changed(posture=posture, lone_ns=lone_ns)
 
     def _learn_colours(self, matches: Matches, seen: Seen) -> None:
         if seen.windows is None:
