@@ -28,7 +28,7 @@ from twin.room.furniture import Seat
 from twin.scenario.behaviour import Path, Sit, Wander
 from twin.scenario.people import Person
 
-_ENTER_APART_M = 0.7
+_ENTER_APART_M, _THROUGH_S = 0.7, 1.0
 _BLOCKED_FOR_S = 0.8
 _NEAR_ENOUGH_M, _HALTS_FOR_S = 0.2, 1.5
 
@@ -86,6 +86,7 @@ class Population(Poses):
         )
         self._arrive_s = np.array([person.arrive_s for person in described], dtype=float)
         self._arrive_s[self._recorded.numbers] = np.inf  # they come with their paths
+        self._out_s = np.full(count, -np.inf)  # when each has left
         self._gaze = FreeGaze(random)
         self._entered = np.zeros(count, dtype=bool)
         self._everybody_came = count == 0
@@ -184,14 +185,16 @@ class Population(Poses):
         leaving = self._stage.leaving
         if leaving:
             crowd.present[list(leaving)] = False
+            self._out_s[list(leaving)] = tick * TICK_S
             self._stage.gone |= leaving
             leaving.clear()
         if not len(self._recorded.numbers) and self._everybody_came:
             return
         entering = []
         for person in map(int, np.flatnonzero(~self._entered & (self._arrive_s <= tick * TICK_S))):
-            apart = np.abs(crowd.place - crowd.place[person])[crowd.present]
-            # whoever stands in the doorway is waited for
+            # whoever stands in the doorway, or has just gone into it, is waited for
+            there = crowd.present | (tick * TICK_S - self._out_s < _THROUGH_S)
+            apart = np.abs(crowd.place - crowd.place[person])[there]
             if tick == 0 or not (apart < _ENTER_APART_M).any():
                 crowd.enter(person, complex(crowd.place[person]), float(crowd.heading[person]))
                 entering.append(person)

@@ -91,7 +91,10 @@ class Person(Strict):
     heading_deg: FiniteFloat | None = Field(
         default=None, description="where the person faces at t = 0, counter-clockwise from x [deg]"
     )
-    arrive_s: Seconds = Field(default=0.0, description="when the person comes into being at `start` [s]")
+    arrive_s: Seconds = Field(
+        default=0.0,
+        description="when the person comes into being at `start` [s], or a second after nobody is in that doorway any more",
+    )
     script: Script = Field(
         default=(Wander(),), description="what the person does: one action, or a list of them, done one after another"
     )

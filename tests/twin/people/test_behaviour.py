@@ -298,6 +298,19 @@ def test_only_feet_on_the_floor_carry() -> None:
             assert not (foot.contact and foot.z > 0.001), k / 100
 
 
+def test_whoever_comes_waits_until_who_left_is_through_the_door() -> None:
+    """Nobody turns into somebody else in the doorway from one scan to the next."""
+    door = [0.9, 1.7]
+    people = {
+        "anna": act({"kind": "walk", "waypoints": [[0.0, -0.5]]}, start=door, arrive_s=1.5),
+        "ben": act({"kind": "leave", "to": door}, start=[0.5, 0.3]),
+    }
+    left = moments(people, 8.0, "ben")[-1].t
+    came = moments(people, 8.0, "anna")[0].t
+    assert left > 1.5
+    assert 1.0 <= came - left < 1.3
+
+
 def test_people_come_and_leave() -> None:
     script = {"kind": "leave", "to": [-1.0, 0.0]}
     world = World(scenario({"anna": act(script, arrive_s=2.0), "ben": act({"kind": "stand"}, start=[1.2, -0.6])}))
