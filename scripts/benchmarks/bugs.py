@@ -146,6 +146,11 @@ _BY_FILE = {
             "(colour <= self.options.recognised_below)",
             "(colour >= self.options.recognised_below)",
         ),
+        (
+            "back in another shirt",
+            "np.nan_to_num(colour) > options.other_above",
+            "np.nan_to_num(colour) > 1",
+        ),
         ("appearance left out", "options.colour_weight * np.nan_to_num", "0 * np.nan_to_num"),
     ],
     "trackers/laser_fisheye_imm/detection.py": [
@@ -159,7 +164,11 @@ _BY_FILE = {
             "start_from_two(people.born_at[fresh], now_at,",
             "start_from_two(now_at, people.born_at[fresh],",
         ),
+        ("clothes kept when the light goes out", "options.other_above < 1", "options.other_above > 1"),
         ("clothes learned from another trunk", "seen.histograms[matches.trunk[looked]],", "seen.histograms[looked],"),
+    ],
+    "trackers/laser_fisheye_imm/light.py": [
+        ("a lamp for every shadow", "> own.size / 2", "> 0"),
     ],
     "trackers/laser_fisheye_imm/life.py": [
         ("misses of fast scans taken for independent", "(points) ** share * free", "(points) * free"),

@@ -105,6 +105,8 @@ class Association:
         if colour is not None:
             terms.append(options.colour_weight * np.nan_to_num(colour - options.even_at))
         hidden = people.confirmed & self._hidden()
+        if colour is not None:  # nobody comes back in another shirt
+            out_of_gate |= hidden[:, None] & (np.nan_to_num(colour) > options.other_above)
         if options.at_once:
             stages = [Stage(who, terms, [out_of_gate]) for who in (people.confirmed, ~people.confirmed)]
         else:

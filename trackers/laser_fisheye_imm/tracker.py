@@ -14,8 +14,8 @@ to be taken at once.
 
 Ours, not the paper's, each an option: the correction from a cluster's middle to the body's axis, the completion of half
 hidden clusters, the grouping of arms and legs, that tracks start by trunks, the velocity of a new track from its first two
-measurements, that beams which go on show where nobody is, and that an occluded person is re-identified by the shirt, or in
-what only that one of the occluded can have become, and that whoever sat and is seen no more lies where they sat.
+measurements, that beams which go on show where nobody is, that an occluded person is re-identified by the shirt, or in what
+only that one of the occluded can have become, and never in another shirt, and that whoever sat and is seen no more lies there.
 """
 
 from __future__ import annotations
@@ -33,16 +33,12 @@ from trackers.arrays import Array, Mask
 from trackers.configuration import validate
 from trackers.detections import Detection
 from trackers.filters.imm import Imm
-from trackers.filters.motion import (
-    IMM_MODELS,
-    KALMAN_MODELS,
-    MotionModel,
-    transition_matrix,
-)
+from trackers.filters.motion import IMM_MODELS, KALMAN_MODELS, MotionModel, transition_matrix
 from trackers.filters.rows import written
 from trackers.laser_fisheye_imm.association import Association, Matches
 from trackers.laser_fisheye_imm.detection import Detector, Seen
 from trackers.laser_fisheye_imm.life import Life
+from trackers.laser_fisheye_imm.light import light_changed
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
 from trackers.observations import NS_PER_S, LaserScan, Observation
@@ -160,6 +156,7 @@ class LaserFisheyeImm(MomentTracker):
         seen = self._detector.detect(moment)
         self._seen.append((moment.ns, seen))
         elapsed_s = self._predict(moment.ns)
+        self._forget_clothes(seen)
         waists = self._detector.sees_waists
         if any(isinstance(each, LaserScan) for each in moment.observations.values()):
             self._life.looked(moment.ns)
@@ -207,6 +204,12 @@ class LaserFisheyeImm(MomentTracker):
         posture = people.posture.measured(track, matches.position, matches.legs, self.options.posture)
         lone_ns = written(people.lone_ns, track[matches.lone], ns)
         self._people = people.measured(track, matches.position, ns, state).changed(posture=posture, lone_ns=lone_ns)
+
+    def _forget_clothes(self, seen: Seen) -> None:
+        """Those of everybody, where the light is another than at the last moment."""
+        options, people = self.options, self._people
+        if options.other_above < 1 and light_changed(people, seen, options.management.apart_m, options.even_at):
+            self._people = people.changed(clothes=people.clothes.forgotten())
 
     def _learn_colours(self, matches: Matches, seen: Seen) -> None:
         if seen.windows is None:
