@@ -150,7 +150,7 @@ class LaserFisheyeImmOptions(Strict):
         description="E up to which two looks are taken for the same person in re-identification (ours)",
     )
     other_above: float = Field(
-        default=0.6,
+        default=0.75,
         ge=0,
         le=1,
         description="E above which a person in view is another one than the hidden one expected there, since nobody comes back "
