@@ -93,7 +93,7 @@ class Person(Strict):
     )
     arrive_s: Seconds = Field(
         default=0.0,
-        description="when the person comes into being at `start` [s], or a second after nobody is in that doorway any more",
+        description="when the person comes into being at `start` [s]; later where somebody stands there, or left within a second",
     )
     script: Script = Field(
         default=(Wander(),), description="what the person does: one action, or a list of them, done one after another"
