@@ -151,6 +151,7 @@ _BY_FILE = {
             "np.nan_to_num(colour) > options.other_above",
             "np.nan_to_num(colour) > 1",
         ),
+        ("another's shirt before theirs", "hidden[:, None] & clear & (", "hidden[:, None] & ("),
         ("appearance left out", "options.colour_weight * np.nan_to_num", "0 * np.nan_to_num"),
     ],
     "trackers/laser_fisheye_imm/detection.py": [

@@ -153,9 +153,9 @@ class LaserFisheyeImmOptions(Strict):
         default=0.75,
         ge=0,
         le=1,
-        description="E above which a person in view is another one than the hidden one expected there, since nobody comes back "
-        "in another shirt; where most people in view look unlike themselves by more than `even_at` the light has changed, and "
-        "clothes are forgotten; 1: neither is asked (ours)",
+        description="E above which a person in clear view is another than the hidden one expected there, since nobody comes "
+        "back in another shirt; where most people in view look unlike themselves by more than `even_at` the light has "
+        "changed, and clothes are forgotten; 1: neither is asked (ours)",
     )
     expected_below: float = Field(
         default=2.0,
