@@ -41,12 +41,14 @@ _BY_FILE = {
     "trackers/filters/motion.py": [
         ("sign of a Jacobian", "by_state[X, HEADING] = -distance", "by_state[X, HEADING] = distance"),
     ],
+    "trackers/filters/heading_motion.py": [
+        ("process noise taken once a step, however short", "(self.models) / share)", "(self.models))"),
+    ],
+    "trackers/filters/velocity_motion.py": [
+        ("standing taken for walking", "STANDS = VelocityModel(0.0, 1.0)", "STANDS = VelocityModel(1.0, 1.0)"),
+        ("place and speed spread apart", "spread[place, speed] += variance", "spread[place, speed] -= variance"),
+    ],
     "trackers/filters/imm.py": [
-        (
-            "process noise taken once a step, however short",
-            "noise = G * (self._deviation / np.sqrt(share))",
-            "noise = G * self._deviation",
-        ),
         (
             "transition matrix transposed",
             "transition.T @ state.probability",

@@ -11,7 +11,7 @@ from filterpy.kalman import ExtendedKalmanFilter, IMMEstimator
 from benchmarks.figure import Figure
 from trackers.filters.imm import Imm
 from trackers.filters.imm_state import ImmState
-from trackers.filters.motion import MotionModel, linearise
+from trackers.filters.motion import IMM_MODELS, MotionModel, linearise
 from twin.reproduce.laser_fisheye_imm.figure7 import simulate
 from twin.reproduce.laser_fisheye_imm.walk import maneuvering_walk
 
@@ -79,7 +79,7 @@ def _filterpy_step_s() -> float:
     start: ImmState = filters.start(np.zeros((1, 2)), np.ones((1, 2)))
     modes = [
         _ModelFilter(model, start.mean[:, mode, 0], start.covariance[:, :, mode, 0], filters.R)
-        for mode, model in enumerate(filters.models)
+        for mode, model in enumerate(IMM_MODELS)
     ]
     estimator = IMMEstimator(modes, start.probability[:, 0], filters.transition)
 

@@ -8,6 +8,7 @@ from hypothesis import given, settings, strategies as st
 from scipy import stats
 
 from trackers.filters.absence import existence_unseen, not_seen
+from trackers.filters.heading_motion import HeadingMotion
 from trackers.filters.imm import Imm
 from trackers.filters.imm_state import ImmState
 from trackers.filters.motion import KALMAN_MODELS, SPEED
@@ -15,7 +16,7 @@ from trackers.filters.motion import KALMAN_MODELS, SPEED
 
 def walking_to(x_m_s: float = 1.0, n_coasted: int = 5, models=None) -> ImmState:
     """One track at the origin half a second after it was last seen, walking along x."""
-    imm = Imm() if models is None else Imm(models)
+    imm = Imm() if models is None else Imm(HeadingMotion(models))
     state = imm.start(np.array([[-0.1 * x_m_s * n_coasted, 0.0]]), np.array([[x_m_s, 0.0]]), 0.02, 0.2)
     return imm.predict_over(state, 0.1 * n_coasted, 0.1)
 

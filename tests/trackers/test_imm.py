@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from trackers.errors import InputError
+from trackers.filters.heading_motion import HeadingMotion
 from trackers.filters.imm import Imm
 from trackers.filters.imm_state import ImmState
 from trackers.filters.kalman import kalman
-from trackers.filters.motion import HEADING, IMM_MODELS, KALMAN_MODELS, SPEED, linearise, transition_matrix
+from trackers.filters.motion import HEADING, KALMAN_MODELS, SPEED, linearise, transition_matrix
 
 PERIOD_S = 0.1
 
@@ -33,7 +34,7 @@ def filterpy_imm(start: ImmState, imm: Imm):
 
     filters = [
         ModelFilter(model, start.mean[:, mode, 0], start.covariance[:, :, mode, 0])
-        for mode, model in enumerate(imm.models)
+        for mode, model in enumerate(imm.motion.models)
     ]
     return IMMEstimator(filters, start.probability[:, 0], imm.transition)
 
@@ -206,8 +207,8 @@ def test_a_gap_is_predicted_in_steps_of_the_nominal_period():
 
 def test_the_noise_of_a_second_is_the_same_however_often_it_is_looked_at():
     """Q and the transition matrix are for the nominal period: a scanner four times as fast makes nobody calmer."""
-    imm = Imm()
-    state = imm.start(np.zeros((1, 2)), np.array([[1.0, 0.0]]), speed_variance=1e-9, turn_rate_variance=0.0)
+    imm = Imm(HeadingMotion(turn_rate_variance=0.0))
+    state = imm.start(np.zeros((1, 2)), np.array([[1.0, 0.0]]), speed_variance=1e-9)
     by_rate = []
     for step_s in (PERIOD_S, PERIOD_S / 4):
         followed = replace(state, probability=np.array([[1.0], [0.0], [0.0]]))
@@ -216,7 +217,7 @@ def test_the_noise_of_a_second_is_the_same_however_often_it_is_looked_at():
         by_rate.append(followed)
     slow, fast = by_rate
     np.testing.assert_allclose(fast.probability, slow.probability, atol=0.01)
-    single = Imm(KALMAN_MODELS)
+    single = Imm(HeadingMotion(KALMAN_MODELS))
     spread = []
     for step_s in (PERIOD_S, PERIOD_S / 4):
         followed = single.start(np.zeros((1, 2)), np.array([[1.0, 0.0]]), speed_variance=1e-9)
@@ -298,7 +299,7 @@ def test_imm_beats_the_single_model_on_a_maneuvering_walk():
     truth = np.cumsum(PERIOD_S * speed[:, None] * np.stack([np.cos(heading), np.sin(heading)], 1), axis=0)
     measured = truth[:, None] + rng.normal(0, 0.1, (n, runs, 2))
     npe = {}
-    for name, estimator in (("imm", Imm(IMM_MODELS)), ("kalman", kalman())):
+    for name, estimator in (("imm", Imm()), ("kalman", kalman())):
         state = estimator.start(measured[0], (measured[1] - measured[0]) / PERIOD_S, speed_variance=2.0)
         errors = []
         for k in range(1, n):

@@ -35,7 +35,7 @@ def not_seen(
     missed: the probability that the look does not show a target at positions (2, m, n, k) [m], (m, n, k). A mode that it
     would have shown (all but surely, to `least`) stays as it is: then it is the model that is wrong.
     """
-    P = state.covariance  # (5, 5, m, n)
+    P = state.covariance  # (s, s, m, n)
     # the root L of the position's covariance, L Lᵀ = H P Hᵀ
     l_xx = np.sqrt(np.maximum(P[0, 0], _LEAST_VARIANCE_M2))
     l_yx = P[0, 1] / l_xx
@@ -52,7 +52,7 @@ def not_seen(
     # what a standard deviation of position does to the state: P Hᵀ L⁻ᵀ
     by_x = P[0] / l_xx
     by_y = (P[1] - l_yx * by_x) / l_yy
-    gain = np.stack([by_x, by_y])  # (2, 5, m, n)
+    gain = np.stack([by_x, by_y])  # (2, s, m, n)
     covariance = P + np.einsum("pamn,pqmn,qbmn->abmn", gain, change, gain)
     covariance = 0.5 * (covariance + covariance.swapaxes(0, 1))
     joint = state.probability * chance

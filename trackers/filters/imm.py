@@ -1,15 +1,12 @@
-"""Interacting multiple model estimator of extended Kalman filters, batched over tracks (Bar-Shalom; Bai and Takahashi).
+"""Interacting multiple model estimator of (extended) Kalman filters, batched over tracks (Bar-Shalom; Bai and Takahashi).
 
 An `Imm` is the algorithm and never changes; an `ImmState` holds the arrays of n tracks with m modes each and is passed in
-and handed back. With one mode it is a plain extended Kalman filter (`trackers.filters.kalman`).
+and handed back. With one mode it is a plain Kalman filter (`trackers.filters.kalman`). How the modes move is a `Motion`.
 
     predicted = imm.predict(state, period_s)          # a track that is not measured now coasts on this: nothing more to do
     state = imm.update(predicted, index, positions)   # the tracks `index` measured at `positions`
 
 After `predict` the mode probabilities are those that the transition matrix predicts, c̄ = μ M: a coasting track keeps them.
-
-Headings are angles: before modes are mixed or averaged each heading is moved by whole turns to within half a turn of the
-most probable mode's, so that modes a full turn apart mix as equals. Headings are not wrapped to one turn otherwise.
 
 Where the mathematics ends: a period of 0 changes nothing (no time, no switching); a negative or non-finite period, a
 non-finite measurement and a covariance that overflows are refused with InputError; a singular covariance is allowed,
@@ -26,44 +23,36 @@ from jaxtyping import Float, Int
 
 from trackers.arrays import Array, Index
 from trackers.errors import InputError
+from trackers.filters.heading_motion import HeadingMotion
 from trackers.filters.imm_state import ImmState
-from trackers.filters.motion import (
-    DISTURBANCE_SIZE,
-    HEADING,
-    IMM_MODELS,
-    MEASUREMENT_VARIANCE_M2,
-    SPEED,
-    STATE_SIZE,
-    TURN_RATE,
-    MotionModel,
-    disturbance_variances,
-    linearise,
-    persistence,
-    transition_matrix,
-)
+from trackers.filters.motion import MEASUREMENT_VARIANCE_M2, transition_matrix
+from trackers.filters.velocity_motion import VelocityMotion
 
 _TINY = np.finfo(float).tiny
-_UNDISTURBED = np.zeros(DISTURBANCE_SIZE)
+
+
+Motion = HeadingMotion | VelocityMotion
+"""How the modes move, over a state that starts with the position."""
 
 
 class Imm:
-    """IMM of extended Kalman filters over the state (x, y, θ, v, θ̇), measured in (x, y), for any number of modes.
+    """IMM over the state of a motion, measured in (x, y), for any number of modes.
 
-    models: one per mode; transition: (m, m) mode transition probabilities per step, row: from, column: to (None: 0.9 to
-    stay, the rest shared evenly); measurement_covariance: R (2, 2) [m²] (None: the paper's). Raises InputError for a
-    transition matrix that is not one or an R that is not positive definite.
+    motion: how its modes move (None: the paper's three); transition: (m, m) mode transition probabilities per step, row:
+    from, column: to (None: 0.9 to stay, the rest shared evenly); measurement_covariance: R (2, 2) [m²] (None: the paper's).
+    Raises InputError for a motion without modes, a transition matrix that is not one or an R that is not positive definite.
     """
 
     def __init__(
         self,
-        models: tuple[MotionModel, ...] = IMM_MODELS,
+        motion: Motion | None = None,
         transition: Array | None = None,
         measurement_covariance: Array | None = None,
     ) -> None:
-        if not models:
+        self.motion: Motion = HeadingMotion() if motion is None else motion
+        self.n_mode = self.motion.n_mode
+        if self.n_mode == 0:
             raise InputError("an IMM needs at least one motion model; none was given")
-        self.models = models
-        self.n_mode = len(models)
         self.transition = transition_matrix(self.n_mode) if transition is None else np.asarray(transition, float)
         self.R = (
             np.eye(2) * MEASUREMENT_VARIANCE_M2
@@ -72,8 +61,6 @@ class Imm:
         )
         _check_transition(self.transition, self.n_mode)
         _check_measurement_covariance(self.R)
-        self._persistence = persistence(models)[:, None]  # (m, 1)
-        self._deviation = np.sqrt(disturbance_variances(models)).T[:, :, None]  # (2, m, 1)
 
     def start(
         self,
@@ -81,11 +68,9 @@ class Imm:
         velocity: Float[Array, "n 2"] | None = None,
         position_variance_m2: float = MEASUREMENT_VARIANCE_M2,
         speed_variance: float | Float[Array, "n"] = 1.0,
-        turn_rate_variance: float = 1.0,
     ) -> ImmState:
         """New tracks at `position` [m], at rest or with `velocity` [m/s]; `speed_variance` [m²/s²] is that of the speed.
 
-        The heading's standard deviation is the speed's over the speed itself, at most that of an unknown angle (π/√3).
         Every mode starts alike and equally probable.
         """
         position = np.asarray(position, float).reshape(-1, 2)
@@ -93,16 +78,7 @@ class Imm:
         _check_finite(position, "the position of a new track")
         _check_finite(velocity, "the velocity of a new track")
         n = len(position)
-        speed = np.hypot(velocity[:, 0], velocity[:, 1])
-        mean = np.zeros((STATE_SIZE, n))
-        mean[:2] = position.T
-        mean[HEADING] = np.arctan2(velocity[:, 1], velocity[:, 0])
-        mean[SPEED] = speed
-        covariance = np.zeros((STATE_SIZE, STATE_SIZE, n))
-        covariance[0, 0] = covariance[1, 1] = position_variance_m2
-        covariance[HEADING, HEADING] = np.minimum(speed_variance / np.maximum(speed, 1e-6) ** 2, np.pi**2 / 3)
-        covariance[SPEED, SPEED] = speed_variance
-        covariance[TURN_RATE, TURN_RATE] = turn_rate_variance
+        mean, covariance = self.motion.started(position, velocity, position_variance_m2, speed_variance)
         return ImmState(
             np.repeat(mean[:, None], self.n_mode, axis=1),
             np.repeat(covariance[:, :, None], self.n_mode, axis=2),
@@ -138,11 +114,7 @@ class Imm:
         if period_s == 0 or len(state) == 0:
             return state
         mixed = self._mix(state, min(share, 1.0)) if self.n_mode > 1 else state
-        mean, F, G = linearise(mixed.mean, _UNDISTURBED, period_s, self._persistence)
-        noise = G * (self._deviation / np.sqrt(share))
-        half = _transition_times(F, mixed.covariance)
-        covariance = _transition_times(F, half.swapaxes(0, 1))
-        covariance += np.einsum("aqmn,bqmn->abmn", noise, noise)
+        mean, covariance = self.motion.moved(mixed.mean, mixed.covariance, period_s, share)
         covariance = _symmetric(covariance)
         _check_finite(mean, "a predicted mean")
         _check_finite(covariance, "a predicted covariance")
@@ -205,9 +177,13 @@ class Imm:
             probability = weight / weight.sum(axis=0)
         return predicted.replaced(index, ImmState(mean, _symmetric(covariance), probability))
 
-    def estimate(self, state: ImmState) -> tuple[Float[Array, "n 5"], Float[Array, "n 5 5"]]:
+    def average(self, state: ImmState) -> Float[Array, "s n"]:
+        """Mean of each track over its modes."""
+        return (self.motion.aligned(state.mean, state.probability) * state.probability).sum(axis=1)
+
+    def estimate(self, state: ImmState) -> tuple[Float[Array, "n s"], Float[Array, "n s s"]]:
         """Mean and covariance of each track over its modes."""
-        means = state.aligned_mean
+        means = self.motion.aligned(state.mean, state.probability)
         mean = (means * state.probability).sum(axis=1)
         spread = means - mean[:, None]
         covariance = ((state.covariance + spread[:, None] * spread) * state.probability).sum(axis=2)
@@ -215,7 +191,7 @@ class Imm:
 
     def _mix(self, state: ImmState, share: float) -> ImmState:
         """The mixed initial conditions of every mode (eq. 3), with the predicted mode probabilities."""
-        means = state.aligned_mean
+        means = self.motion.aligned(state.mean, state.probability)
         transition = share * self.transition + (1 - share) * np.eye(self.n_mode)
         predicted = transition.T @ state.probability  # (m, n)
         joint = state.probability[:, None] * transition[:, :, None]  # (from, to, n)
@@ -226,21 +202,12 @@ class Imm:
             shares = np.where(predicted > 0, joint / np.where(predicted > 0, predicted, 1.0), staying)
         mean = np.einsum("ftn,afn->atn", shares, means)
         covariance = np.einsum("ftn,abfn->abtn", shares, state.covariance)
-        spread = means[:, :, None] - mean[:, None]  # (5, from, to, n)
+        spread = means[:, :, None] - mean[:, None]  # (s, from, to, n)
         covariance += np.einsum("aftn,bftn->abtn", spread * shares, spread)
         return ImmState(mean, covariance, predicted)
 
 
-def _transition_times(F: Float[Array, "5 5 m n"], matrix: Float[Array, "5 5 m n"]) -> Float[Array, "5 5 m n"]:
-    """F matrix, doing only the products that the models' Jacobian F (identity elsewhere) holds."""
-    product = matrix.copy()
-    product[:2] += np.einsum("abmn,bcmn->acmn", F[:2, HEADING:], matrix[HEADING:])
-    product[HEADING] += F[HEADING, TURN_RATE] * matrix[TURN_RATE]
-    product[TURN_RATE] *= F[TURN_RATE, TURN_RATE]
-    return product
-
-
-def _symmetric(matrix: Float[Array, "5 5 m n"]) -> Float[Array, "5 5 m n"]:
+def _symmetric(matrix: Float[Array, "s s m n"]) -> Float[Array, "s s m n"]:
     return 0.5 * (matrix + matrix.swapaxes(0, 1))
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Float
 
 from trackers.arrays import Array
-from trackers.filters.motion import HEADING, nearest_turn
 from trackers.filters.rows import Selection
 
 
@@ -16,8 +15,8 @@ from trackers.filters.rows import Selection
 class ImmState:
     """n tracks with m modes each; the tracks stand in the last axis, so that every operation runs along them."""
 
-    mean: Float[Array, "5 m n"]
-    covariance: Float[Array, "5 5 m n"]
+    mean: Float[Array, "s m n"]  # position first [m]
+    covariance: Float[Array, "s s m n"]
     probability: Float[Array, "m n"]  # each column sums to 1
 
     def __len__(self) -> int:
@@ -27,22 +26,6 @@ class ImmState:
     def positions(self) -> Float[Array, "n m 2"]:
         """Position of each track in each mode [m]."""
         return self.mean[:2].T
-
-    @property
-    def aligned_mean(self) -> Float[Array, "5 m n"]:
-        """Means with headings within half a turn of the most probable mode's."""
-        if len(self.probability) == 1:
-            return self.mean
-        headings = self.mean[HEADING]  # (m, n)
-        likeliest = headings[self.probability.argmax(axis=0), np.arange(len(self))]
-        means = self.mean.copy()
-        means[HEADING] = nearest_turn(headings, likeliest)
-        return means
-
-    @property
-    def mode_average(self) -> Float[Array, "5 n"]:
-        """Mean of each track over its modes."""
-        return (self.aligned_mean * self.probability).sum(axis=1)
 
     def select(self, index: Selection) -> ImmState:
         """The tracks at `index`."""

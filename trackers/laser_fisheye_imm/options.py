@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -12,11 +12,15 @@ from trackers.filters.motion import (
     KALMAN_MODELS,
     MODE_STAYS,
 )
+from trackers.filters.velocity_motion import VelocityMotion
 from trackers.laser.layer import KneeOptions, WaistOptions
 from trackers.laser.roles import Role
 from trackers.laser_fisheye_imm.posture import PostureOptions
 from trackers.vision.histogram import HistogramOptions
 from trackers.vision.torso import TorsoOptions
+
+Share = Annotated[float, Field(ge=0, le=1)]
+Variance = Annotated[float, Field(ge=0)]
 
 
 class ManagementOptions(Strict):
@@ -73,7 +77,10 @@ class ManagementOptions(Strict):
         description="no track starts nearer than this to a track or a measurement of one [m]; 0: anywhere (ours)",
     )
     area_margin_m: float = Field(
-        default=0.3, ge=0, description="how far outside the rig's area people are still tracked [m]"
+        default=0.6,
+        ge=0,
+        description="how far outside the rig's area people are still tracked, so that people coming in are told from those "
+        "leaving beside them [m] (ours; the paper does not say)",
     )
 
 
@@ -87,12 +94,19 @@ class LaserFisheyeImmOptions(Strict):
         default=("waist", "knee"), min_length=1, description="roles of the scanners to use, where the rig has them"
     )
     camera: bool = Field(default=True, description="whether to use the camera, where the rig has one")
+    motions: tuple[tuple[Share, Variance], ...] | None = Field(
+        default=tuple((model.kept, model.acceleration_variance) for model in VelocityMotion().models),
+        min_length=1,
+        description="modes of the filter: the share of the velocity that a period keeps, and the variance of white acceleration "
+        "in any direction, on each axis [m²/s⁴]: people walk on, change their way, or stand (ours, since a heading cannot tell "
+        "to which side a standing person steps); null: the paper's models of heading and speed",
+    )
     imm_variances: tuple[tuple[float, float], ...] = Field(
-        default=((0.1, 0.1), (10.0, 0.1), (9.0, 80.0)),
+        default=tuple((model.acceleration_variance, model.turn_acceleration_variance) for model in IMM_MODELS),
         min_length=len(IMM_MODELS),
         max_length=len(IMM_MODELS),
-        description="process noise: diagonals of Q1, Q2, Q3 [m²/s⁴, rad²/s⁴]; people accelerate by 3 m/s² (ours; the paper: "
-        "100, 0.1 for Q2, and 90, 800 for Q3)",
+        description="process noise of heading and speed: diagonals of Q1, Q2, Q3 [m²/s⁴, rad²/s⁴]; used where "
+        "`motions` is null",
     )
     kalman_variances: tuple[float, float] = Field(
         default=(KALMAN_MODELS[0].acceleration_variance, KALMAN_MODELS[0].turn_acceleration_variance),

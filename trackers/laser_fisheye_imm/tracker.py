@@ -14,8 +14,9 @@ to be taken at once.
 
 Ours, not the paper's, each an option: the correction from a cluster's middle to the body's axis, the completion of half
 hidden clusters, the grouping of arms and legs, that tracks start by trunks, the velocity of a new track from its first two
-measurements, that beams which go on show where nobody is, that an occluded person is re-identified by the shirt, or in what
-only that one of the occluded can have become, and never in another shirt, and that whoever sat and is seen no more lies there.
+measurements, that people accelerate to whichever side, that beams which go on show where nobody is, that an occluded person is
+re-identified by the shirt, or in what only that one of the occluded can have become, and never in another shirt, and that
+whoever sat and is seen no more lies there.
 """
 
 from __future__ import annotations
@@ -32,11 +33,10 @@ from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.configuration import validate
 from trackers.detections import Detection
-from trackers.filters.imm import Imm
-from trackers.filters.motion import IMM_MODELS, KALMAN_MODELS, MotionModel, transition_matrix
 from trackers.filters.rows import written
 from trackers.laser_fisheye_imm.association import Association, Matches
 from trackers.laser_fisheye_imm.detection import Detector, Seen
+from trackers.laser_fisheye_imm.filter import filter_of
 from trackers.laser_fisheye_imm.life import Life
 from trackers.laser_fisheye_imm.light import light_changed
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
@@ -71,7 +71,7 @@ class LaserFisheyeImm(MomentTracker):
         self._rig = rig
         area = None if rig.area is None else Area(rig.area, self.options.management.area_margin_m)
         self._detector = Detector(rig, list(background), self.options, area)
-        self._imm = self._make_filter()
+        self._imm = filter_of(self.options)
         self._life = Life(self.options, area, self._imm, self._detector.learns_background)
         knee, used = self.options.knee, self._detector.sensors
         self._knee_radius_m = knee.radius_m if self._detector.sees_waists else knee.radius_alone_m
@@ -128,8 +128,8 @@ class LaserFisheyeImm(MomentTracker):
         roster = people.roster
         measured, shown = measured_now(roster, self._ns), self._life.reported(people, self._ns).nonzero()[0]
         shown = shown[roster.id[shown].argsort()]
-        x, y, heading, speed, _ = people.state.mode_average[:, shown]
-        columns = roster.id[shown], x, y, speed * np.cos(heading), speed * np.sin(heading), measured[shown]
+        mean = self._imm.average(people.state)[:, shown]
+        columns = roster.id[shown], *mean[:2], *self._imm.motion.velocity(mean), measured[shown]
         return [
             Track(id=number, x=x, y=y, vx=vx, vy=vy, status="confirmed" if is_measured else "coasting")
             for number, x, y, vx, vy, is_measured in zip(*(column.tolist() for column in columns), strict=True)
@@ -281,15 +281,3 @@ class LaserFisheyeImm(MomentTracker):
         if not options.smoothed_s:
             return None
         return HeldBack(options.smoothed_s, np.sqrt(options.measurement_variance_m2), options.start_speed_m_s)
-
-    def _make_filter(self) -> Imm:
-        options = self.options
-        pattern, variances = (
-            (IMM_MODELS, options.imm_variances)
-            if options.filter == "imm"
-            else (KALMAN_MODELS, (options.kalman_variances,))
-        )
-        models = tuple(MotionModel(model.turn_persists, *pair) for model, pair in zip(pattern, variances, strict=True))
-        return Imm(
-            models, transition_matrix(len(models), options.mode_stays), np.eye(2) * options.measurement_variance_m2
-        )
