@@ -77,10 +77,7 @@ class ManagementOptions(Strict):
         description="no track starts nearer than this to a track or a measurement of one [m]; 0: anywhere (ours)",
     )
     area_margin_m: float = Field(
-        default=0.6,
-        ge=0,
-        description="how far outside the rig's area people are still tracked, so that people coming in are told from those "
-        "leaving beside them [m] (ours; the paper does not say)",
+        default=0.3, ge=0, description="how far outside the rig's area people are still tracked [m]"
     )
 
 
