@@ -45,6 +45,7 @@ def take_legs(
     reach_m: float,
     stride_m: float,
     opposite: float = 0.0,
+    first_leg_m2: Float[Array, "n"] | float = 0.0,
 ) -> tuple[Float[Array, "n 2"], Int[Index, "n"], Bool[Mask, "k"]]:
     """Which legs are those of people expected at these places [m].
 
@@ -53,7 +54,8 @@ def take_legs(
     likeliest where legs stand about bodies by a Gaussian. So each leg goes to whom it is nearest to, unless they have two that
     are nearer. All but everybody's nearest are then assigned once more, as second legs by how far they are from where the
     first lets them be expected, and as first ones to whoever has none yet. opposite: minus the correlation of a person's two
-    legs about the place, below 1; 0 where both may be on one side, as a sitting person's.
+    legs about the place, below 1; 0 where both may be on one side, as a sitting person's. first_leg_m2: what is added to the
+    squared distance of each person's first leg [m²], so that of two people who could have a leg one goes first.
 
     Returns the position of each person, the middle of their legs, how many legs each took, 0 leaving the position as
     expected, and which legs nobody took.
@@ -63,7 +65,8 @@ def take_legs(
     if n == 0 or k == 0:
         return position, n_leg, free
     away = distances(expected, legs)
-    places, what = _worthiest(np.tile(reach_m**2 - away**2, (2, 1)))
+    first_leg = np.broadcast_to(first_leg_m2, n)[:, None].copy()
+    places, what = _worthiest(np.tile(reach_m**2 - away**2 - first_leg, (2, 1)))
     who = places % n
     nearest_first = away[who, what].argsort(kind="stable")
     who, index = np.unique(who[nearest_first], return_index=True)
@@ -76,7 +79,8 @@ def take_legs(
     spread[who] = np.sqrt(1 - opposite**2)
     near[who] = distances(legs[first], legs[others]) < stride_m
     off = distances(place, legs[others]) / spread
-    who, column = _worthiest(np.where(near, reach_m**2 - off**2, 0.0))
+    first_leg[who] = 0.0
+    who, column = _worthiest(np.where(near, reach_m**2 - off**2 - first_leg, 0.0))
     also, had = others[column], n_leg[who] > 0
     position[who] = np.where(had[:, None], 0.5 * (position[who] + legs[also]), legs[also])
     n_leg[who], free[also] = 1 + (had | both_together[also]), False

@@ -21,6 +21,8 @@ from trackers.rig import LaserSensor
 
 _NARROW_M, _BEHIND_M, _SURE = 0.06, 0.15, 0.9
 """Half the width of the narrowest thing looked for, and how far behind it a beam has passed it [m]; any probability."""
+_ARM_HALF_DEPTH_M = 0.04
+"""Half the thickness of an arm in a sleeve [m]."""
 
 
 class LayerOptions(Strict):
@@ -137,10 +139,16 @@ class KneeOptions(LayerOptions):
         "`legs_variance_m2` [m²] (ours)",
     )
     single_leg_s: float = Field(
-        default=0.2,
+        default=0.3,
         gt=0,
         description="without a waist scanner, time in which all looks upon a single leg together tell what one tells: it stays "
         "behind the body or before it while it stands [s] (ours)",
+    )
+    half_seen_m2: float = Field(
+        default=0.1,
+        ge=0,
+        description="what is added to the squared distance to the first leg of a person who has shown neither trunk nor both "
+        "legs for `single_leg_s`, so that a hidden person takes no leg of one who walks past; 0: nothing (ours) [m²]",
     )
     opposite: float = Field(
         default=0.3,
@@ -224,8 +232,10 @@ class LaserLayer:
         )
         if options.satellite_width_m is None:
             return detections
+        # what is narrow may be an arm, which is as thick from every side, and nothing that a trunk's width is missing of
+        depth_m = np.where(clusters.width_m < options.satellite_width_m, _ARM_HALF_DEPTH_M, options.half_depth_m)
         kept = trunks(
-            pushed_back(middle, options.half_depth_m),  # arms are narrow from every side
+            pushed_back(clusters.middle, depth_m),
             detections.width_m,
             hidden,
             options.satellite_width_m,

@@ -161,8 +161,15 @@ class Association:
         legs, firm, wide = legs[free], seen.firm[free], wide[free]
         if len(legs) == 0:
             return legs, _NOBODY, own
+        half_seen = self.ns - people.whole_ns > nanoseconds(knee.single_leg_s)
         known, n_leg, free = take_legs(
-            legs, wide, people.positions + before, self.knee_radius_m, knee.stride_m, knee.opposite
+            legs,
+            wide,
+            people.positions + before,
+            self.knee_radius_m,
+            knee.stride_m,
+            knee.opposite,
+            knee.half_seen_m2 * half_seen,
         )
         strangers, n_leg_of_strangers = pair_off(legs[free], knee.pair_m, firm[free])
         walkers = np.concatenate([(known - before)[n_leg > 0], strangers])

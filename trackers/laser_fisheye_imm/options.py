@@ -123,7 +123,8 @@ class LaserFisheyeImmOptions(Strict):
     )
     two_point_start: bool = Field(
         default=True,
-        description="whether a track takes its velocity from its first two measurements; else it starts at rest (ours)",
+        description="whether a track takes its velocity from its first two measurements; else it starts at rest; used where "
+        "`motions` is null (ours)",
     )
     start_by_trunks: bool = Field(
         default=True,

@@ -28,6 +28,7 @@ class People(Rows):
     born_at: Float[Array, "n 2"]  # first measured position [m]
     measured_at: Float[Array, "n 2"]  # last measured position [m]
     lone_ns: Int[Index, "n"]  # stamp of the last measurement by a single leg; before any other: never
+    whole_ns: Int[Index, "n"]  # stamp of the last measurement by a trunk or both legs; before any: of the first
     posture: Posture
     existence: Float[Array, "n"]  # how probably they are still there; 1 for who was measured at the last moment
 
@@ -45,8 +46,8 @@ class People(Rows):
         clothes = Appearance.started(reference, n_look)
         serial = first_serial + np.arange(len(position))
         n = len(position)
-        roster, lone_ns = Roster.started(state, ns), np.full(n, _NEVER_NS)
-        return cls(serial, roster, clothes, position, position, lone_ns, Posture.upright(n), np.ones(n))
+        roster, never, now = Roster.started(state, ns), np.full(n, _NEVER_NS), np.full(n, ns)
+        return cls(serial, roster, clothes, position, position, never, now, Posture.upright(n), np.ones(n))
 
     @property
     def state(self) -> ImmState:

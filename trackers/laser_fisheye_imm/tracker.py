@@ -195,7 +195,7 @@ class LaserFisheyeImm(MomentTracker):
         variance = matches.variance / shares
         state = self._imm.update(people.state, track, matches.position, variance[:, None, None] * _ISOTROPIC)
         second = people.roster.n_measured[track] == 1
-        if self.options.two_point_start and second.any():
+        if self.options.motions is None and self.options.two_point_start and second.any():
             fresh, now_at = track[second], matches.position[second]
             elapsed_s = (ns - people.roster.born_ns[fresh]) / NS_PER_S
             R, speed_variance = self.options.measurement_variance_m2, self.options.start_speed_m_s**2
@@ -203,7 +203,9 @@ class LaserFisheyeImm(MomentTracker):
             state = state.replaced(fresh, moving)
         posture = people.posture.measured(track, matches.position, matches.legs, self.options.posture)
         lone_ns = written(people.lone_ns, track[matches.lone], ns)
-        self._people = people.measured(track, matches.position, ns, state).changed(posture=posture, lone_ns=lone_ns)
+        whole_ns = written(people.whole_ns, track[~matches.lone], ns)
+        people = people.measured(track, matches.position, ns, state)
+        self._people = people.changed(posture=posture, lone_ns=lone_ns, whole_ns=whole_ns)
 
     def _forget_clothes(self, seen: Seen) -> None:
         """Those of everybody, where the light is another than at the last moment."""
