@@ -127,6 +127,8 @@ _BY_FILE = {
     "trackers/laser/grouping.py": [
         ("narrowest first", "(-width_m).argsort", "width_m.argsort"),
         ("second leg beside the first", "place[who] += opposite", "place[who] -= opposite"),
+        ("hidden people first", "- away**2 - first_leg", "- away**2 + first_leg"),
+        ("a trunk cut in two is two", "near |= apart < apart_m", "near &= apart < apart_m"),
     ],
     "trackers/laser/layer.py": [
         (
@@ -134,6 +136,7 @@ _BY_FILE = {
             "clusters.hidden_after.astype(float) - clusters.hidden_before",
             "clusters.hidden_before.astype(float) - clusters.hidden_after",
         ),
+        ("arms completed to trunks", "pushed_back(clusters.middle, depth_m)", "pushed_back(middle, depth_m)"),
         ("width twice as large", "across = np.pi / 8 * width_m", "across = np.pi / 4 * width_m"),
     ],
     # laser_fisheye_imm

@@ -104,22 +104,41 @@ def test_arms_go_with_their_trunk_and_two_people_stay_two():
     position = np.array([(0, 1.5), (0.25, 1.45), (-0.24, 1.5), (0.6, 1.5), (0.5, 2.1)])
     width = np.array([0.33, 0.09, 0.08, 0.3, 0.1])
     hidden = np.array([False, False, False, False, True])
-    kept = trunks(position, width, hidden, 0.16, 0.38, 0.7)
+    kept = trunks(position, width, hidden, 0.16, 0.38, 0.7, 0.25)
     np.testing.assert_array_equal(kept, [True, False, False, True, True])  # the last: half hidden behind, out of reach
 
 
 def test_an_arm_takes_nobody_with_it():
     position = np.array([(0.0, 1.5), (0.5, 1.5), (1.0, 1.5)])
-    kept = trunks(position, np.array([0.3, 0.1, 0.05]), np.zeros(3, bool), 0.16, 0.38, 0.7)
+    kept = trunks(position, np.array([0.3, 0.1, 0.05]), np.zeros(3, bool), 0.16, 0.38, 0.7, 0.25)
     np.testing.assert_array_equal(kept, [True, False, True])
 
 
 def test_the_pieces_of_somebody_side_on_are_one():
     position = np.array([(0, 1.5), (0.02, 1.38), (-0.05, 1.55)])
-    kept = trunks(position, np.array([0.12, 0.08, 0.07]), np.array([True, False, True]), 0.16, 0.38, 0.7)
+    kept = trunks(position, np.array([0.12, 0.08, 0.07]), np.array([True, False, True]), 0.16, 0.38, 0.7, 0.25)
     np.testing.assert_array_equal(kept, [True, False, False])
-    equal = trunks(position, np.full(3, 0.1), np.ones(3, bool), 0.16, 0.38, 0.7)
+    equal = trunks(position, np.full(3, 0.1), np.ones(3, bool), 0.16, 0.38, 0.7, 0.25)
     assert equal.sum() == 1
+
+
+@pytest.mark.parametrize(("apart_m", "people"), [(0.13, 1), (0.35, 2)])
+def test_a_trunk_cut_in_two_by_an_arm_is_one_and_two_people_are_as_far_apart_as_bodies(apart_m, people):
+    position = np.array([(0.0, 1.5), (apart_m, 1.5)])
+    kept = trunks(position, np.array([0.18, 0.25]), np.array([True, False]), 0.16, 0.38, 0.7, 0.25)
+    assert kept.sum() == people
+    assert kept[1]
+
+
+def test_who_has_shown_both_legs_goes_first_where_two_could_have_a_leg():
+    legs, expected = np.array([(-0.1, 0.0), (0.3, 0.0)]), np.array([(0.0, 0.0), (0.45, 0.0)])
+    together = np.zeros(2, bool)
+    _, n_leg, _ = take_legs(legs, together, expected, reach_m=0.8, stride_m=0.8)
+    assert n_leg.tolist() == [1, 1]
+    _, n_leg, _ = take_legs(legs, together, expected, reach_m=0.8, stride_m=0.8, first_leg_m2=np.array([0.0, 0.1]))
+    assert n_leg.tolist() == [2, 0]
+    _, n_leg, _ = take_legs(legs, together, expected, reach_m=0.8, stride_m=0.8, first_leg_m2=np.array([0.1, 0.1]))
+    assert n_leg.tolist() == [1, 1]
 
 
 def test_strangers_legs_pair_off_from_the_closest_up():
@@ -198,6 +217,14 @@ def test_the_axis_of_a_body_is_found_from_every_side():
         assert np.hypot(*(found - centre)) < 0.02
         off = np.hypot(*(as_from_the_front - centre))
         assert off > 0.055 if degrees == 90 else off < 0.075
+
+
+def test_an_arm_behind_its_own_trunk_is_an_arm_and_somebody_behind_is_not():
+    trunk, arm, behind = (1.9, 0.0), (2.2, 0.22), (2.5, 0.15)  # of the latter two as much is seen
+    for other, radius, expected in ((arm, 0.045, 1), (behind, 0.15, 2)):
+        ranges = np.minimum(discs([trunk], radius=0.15).ranges_m, discs([other], radius=radius).ranges_m)
+        found = layer(WaistOptions()).detect(scan(ranges))
+        assert len(found) == expected, other
 
 
 def test_a_half_hidden_body_is_completed_behind_what_hides_it():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trackers.filters.imm import Imm
-from trackers.laser.layer import Detections
+from trackers.laser.detections import Detections
 from trackers.laser_fisheye_imm.association import Association, Matches
 from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions

@@ -7,7 +7,7 @@ import pytest
 from synthetic_room import empty_room, rig
 from test_laser_fisheye_association import detections
 
-from trackers.laser.layer import Detections
+from trackers.laser.detections import Detections
 from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.posture import Posture, PostureOptions
 from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm
@@ -111,6 +111,25 @@ def test_a_leg_that_stands_holds_nobody_back_who_walks_on(monkeypatch):
 
     assert lag_m() < 0.18
     assert lag_m(single_leg_s=0.04) > 0.24
+
+
+def test_a_hidden_person_takes_no_leg_of_one_who_walks_past(monkeypatch):
+    def astray_m(**knee: float) -> float:
+        """How far from the walker, at most, is whom the tracker takes for the walker."""
+        room = Room(monkeypatch, rate_hz=25, waist=False, knee=knee)
+        for _ in range(20):
+            room.shows(legs=[(-0.1, 2.0), (0.1, 2.0), (0.6, 1.9), (0.6, 2.1)])
+        (told,) = room.shows(legs=[(-0.1, 2.0), (0.1, 2.0), (0.6, 1.9), (0.6, 2.1)])
+        walker = min(told, key=lambda number: abs(told[number][0]))
+        room.shows(legs=[(-0.1, 2.0), (0.1, 2.0)], times=8)
+        middles = 0.04 * np.arange(25)
+        told = [room.shows(legs=[(x - 0.15, 2.0), (x + 0.15, 2.0)])[0] for x in middles]
+        return max(
+            abs(each[walker][0] - x) if walker in each else np.inf for each, x in zip(told, middles, strict=True)
+        )
+
+    assert astray_m() < 0.2
+    assert astray_m(half_seen_m2=0.0) == np.inf
 
 
 def test_nobody_lies_where_somebody_else_is_seen_now():

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from synthetic_room import Walk, empty_room, observe, rig, scan, score, straight_walk
 
+from trackers.laser.detections import Detections
 from trackers.laser.group import ScannerGroup, fused
-from trackers.laser.layer import Detections, KneeOptions, LaserLayer, WaistOptions
+from trackers.laser.layer import KneeOptions, LaserLayer, WaistOptions
 from trackers.laser.roles import scanners_by_role
 from trackers.observations import NS_PER_S
 from trackers.presets import make_tracker

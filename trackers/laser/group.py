@@ -23,8 +23,9 @@ from trackers.detections import Detection
 from trackers.filters.gating import distances, global_nearest_neighbour
 from trackers.filters.motion import MEASUREMENT_VARIANCE_M2
 from trackers.filters.rows import Rows
+from trackers.laser.detections import Detections
 from trackers.laser.grouping import pair_off, take_legs
-from trackers.laser.layer import Detections, KneeOptions, LaserLayer, LayerOptions, WaistOptions
+from trackers.laser.layer import KneeOptions, LaserLayer, LayerOptions, WaistOptions
 from trackers.laser.roles import scanners_by_role
 from trackers.observations import LaserScan, Observation
 from trackers.rig import LaserSensor, Rig, Role

@@ -17,21 +17,22 @@ def trunks(
     satellite_width_m: float,
     reach_m: float,
     arm_reach_m: float,
+    apart_m: float,
 ) -> Bool[Mask, "k"]:
     """Which of k clusters are trunks: the widest of every body's pieces.
 
-    From the widest down, each cluster that is left is a trunk, and takes with it the narrow ones about its axis: up to
-    `arm_reach_m` those that nothing hides, for a trunk in full view is never that narrow; up to `reach_m` those that are
-    partly `hidden`, as the far side of a trunk is that the own arm cuts in two. Beyond, a narrow hidden cluster is
-    somebody standing behind.
+    From the widest down, each cluster that is left is a trunk, and takes with it all within `apart_m`, where nobody else can
+    stand, and the narrow ones about its axis: up to `arm_reach_m` those that nothing hides, for a trunk in full view is never
+    that narrow; up to `reach_m` those that are partly `hidden`, as the far side of a trunk is that the own arm cuts in two.
+    Beyond, a narrow hidden cluster is somebody standing behind.
     """
-    narrow = width_m < satellite_width_m
-    kept = np.ones(len(width_m), np.bool_)
-    if not narrow.any():
-        return kept
-    near = (distances(position, position) < np.where(hidden, reach_m, arm_reach_m)) & narrow
+    apart, kept = distances(position, position), np.ones(len(width_m), np.bool_)
+    near = (apart < np.where(hidden, reach_m, arm_reach_m)) & (width_m < satellite_width_m)
+    near |= apart < apart_m
     near &= width_m <= width_m[:, None]
     np.fill_diagonal(near, False)
+    if not near.any():
+        return kept
     for one in (-width_m).argsort(kind="stable").tolist():  # each choice depends on those before it
         if kept[one]:
             kept &= ~near[one]

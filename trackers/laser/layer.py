@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from pydantic import Field, PositiveInt
 
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Mask
 from trackers.configuration import Strict
-from trackers.filters.rows import Rows
 from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground, returns
 from trackers.laser.clusters import ClusterOptions, Clusters, directions, find_clusters, pushed_back
+from trackers.laser.detections import Detections
 from trackers.laser.free_space import FreeSpace, FreeSpaceOptions
 from trackers.laser.grouping import trunks
 from trackers.observations import LaserScan
@@ -71,6 +70,12 @@ class LayerOptions(Strict):
     )
     arm_reach_m: float = Field(
         default=0.7, gt=0, description="how far from its trunk's axis an arm in full view may be [m] (ours)"
+    )
+    trunks_apart_m: float = Field(
+        default=0.25,
+        ge=0,
+        description="distance within which there is no second trunk: of two clusters the narrower is a piece of the wider, which "
+        "an arm before it cuts in two [m] (ours)",
     )
     fuse_m: float = Field(
         default=0.35,
@@ -148,7 +153,7 @@ class KneeOptions(LayerOptions):
         default=0.1,
         ge=0,
         description="what is added to the squared distance to the first leg of a person who has shown neither trunk nor both "
-        "legs for `single_leg_s`, so that a hidden person takes no leg of one who walks past; 0: nothing (ours) [m²]",
+        "legs for `single_leg_s`, so that a hidden person takes no leg of another walking past; 0: nothing (ours) [m²]",
     )
     opposite: float = Field(
         default=0.3,
@@ -163,31 +168,6 @@ class KneeOptions(LayerOptions):
     stride_m: float = Field(
         default=0.8, ge=0, description="longest distance between the two legs of a tracked person [m] (ours)"
     )
-
-
-@dataclass(frozen=True, eq=False)
-class Detections(Rows):
-    """k things that the scans of one moment show in front of the room; positions are in the room frame."""
-
-    position: Float[Array, "k 2"]  # of the body's or leg's axis [m]
-    variance_m2: Float[Array, "k"]  # of the position on each axis, beyond the measurement noise
-    n_sample: Int[Index, "k"]  # of all scanners
-    width_m: Float[Array, "k"]
-    range_m: Float[Array, "k"]  # from the first scanner that sees it to the middle of the samples
-    angle: Float[Array, "k 2"]  # of the first sample and the last in that scanner's frame [rad]
-    scanner: Bool[Mask, "k s"]  # which of s scanners see it
-
-    def of_scanner(self, column: int, n_scanner: int) -> Detections:
-        """The same as seen by one of several scanners."""
-        scanner = np.zeros((len(self), n_scanner), np.bool_)
-        scanner[:, column] = True
-        return self.changed(scanner=scanner)
-
-    @classmethod
-    def none(cls, n_scanner: int = 1) -> Detections:
-        """No detections."""
-        nothing, by_nobody = np.empty(0), np.empty((0, n_scanner), np.bool_)
-        return cls(np.empty((0, 2)), nothing, np.empty(0, np.intp), nothing, nothing, np.empty((0, 2)), by_nobody)
 
 
 class LaserLayer:
@@ -241,6 +221,7 @@ class LaserLayer:
             options.satellite_width_m,
             options.satellite_reach_m,
             options.arm_reach_m,
+            options.trunks_apart_m,
         )
         return detections.select(kept)
 

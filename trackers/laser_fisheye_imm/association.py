@@ -169,7 +169,7 @@ class Association:
             self.knee_radius_m,
             knee.stride_m,
             knee.opposite,
-            knee.half_seen_m2 * half_seen,
+            np.where(half_seen, knee.half_seen_m2, 0.0),
         )
         strangers, n_leg_of_strangers = pair_off(legs[free], knee.pair_m, firm[free])
         walkers = np.concatenate([(known - before)[n_leg > 0], strangers])

@@ -13,8 +13,8 @@ from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.detections import Detection
 from trackers.errors import InputError
+from trackers.laser.detections import Detections
 from trackers.laser.group import ScannerGroup
-from trackers.laser.layer import Detections
 from trackers.laser.roles import Role, scanners_by_role
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.observations import Image, Observation

@@ -15,7 +15,7 @@ from pydantic import Field, PositiveInt
 
 from trackers.arrays import Array, Mask
 from trackers.configuration import Strict
-from trackers.laser.layer import Detections
+from trackers.laser.detections import Detections
 from trackers.rig import FisheyeSensor, LaserSensor, PinholeSensor, placed_camera
 from trackers.vision.person_windows import largest_overlap
 

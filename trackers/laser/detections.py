@@ -1,0 +1,36 @@
+"""What the scans of one moment show in front of the room."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from trackers.arrays import Array, Index, Mask
+from trackers.filters.rows import Rows
+
+
+@dataclass(frozen=True, eq=False)
+class Detections(Rows):
+    """k things that the scans of one moment show in front of the room; positions are in the room frame."""
+
+    position: Float[Array, "k 2"]  # of the body's or leg's axis [m]
+    variance_m2: Float[Array, "k"]  # of the position on each axis, beyond the measurement noise
+    n_sample: Int[Index, "k"]  # of all scanners
+    width_m: Float[Array, "k"]
+    range_m: Float[Array, "k"]  # from the first scanner that sees it to the middle of the samples
+    angle: Float[Array, "k 2"]  # of the first sample and the last in that scanner's frame [rad]
+    scanner: Bool[Mask, "k s"]  # which of s scanners see it
+
+    def of_scanner(self, column: int, n_scanner: int) -> Detections:
+        """The same as seen by one of several scanners."""
+        scanner = np.zeros((len(self), n_scanner), np.bool_)
+        scanner[:, column] = True
+        return self.changed(scanner=scanner)
+
+    @classmethod
+    def none(cls, n_scanner: int = 1) -> Detections:
+        """No detections."""
+        nothing, by_nobody = np.empty(0), np.empty((0, n_scanner), np.bool_)
+        return cls(np.empty((0, 2)), nothing, np.empty(0, np.intp), nothing, nothing, np.empty((0, 2)), by_nobody)
