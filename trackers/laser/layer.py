@@ -152,8 +152,8 @@ class KneeOptions(LayerOptions):
     half_seen_m2: float = Field(
         default=0.1,
         ge=0,
-        description="what is added to the squared distance to the first leg of a person who has shown neither trunk nor both "
-        "legs for `single_leg_s`, so that a hidden person takes no leg of another walking past; 0: nothing (ours) [m²]",
+        description="what is added to the squared distance to the first leg of a person of whom neither trunk nor both legs "
+        "were seen for `single_leg_s`, so that a hidden person takes no leg of another walking past; 0: nothing (ours) [m²]",
     )
     opposite: float = Field(
         default=0.3,
