@@ -66,7 +66,7 @@ class LayerOptions(Strict):
         description="width below which a cluster beside a wider one is its arm [m]; null: arms are people (ours)",
     )
     satellite_reach_m: float = Field(
-        default=0.38, gt=0, description="how far from its trunk's axis a partly occluded arm may be [m] (ours)"
+        default=0.42, gt=0, description="how far from its trunk's axis a partly occluded arm may be [m] (ours)"
     )
     arm_reach_m: float = Field(
         default=0.7, gt=0, description="how far from its trunk's axis an arm in full view may be [m] (ours)"
