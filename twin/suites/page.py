@@ -109,6 +109,7 @@ def _write(
 ) -> None:
     trackers = [(name, colour_of(slot), Markup(mark(slot, 11, 7))) for name, slot in _slots(results).items()]
     rows = [] if reference is None else beside(results, reference)
+    power = comparison.power if comparison is not None else ()
     page = _template().render(
         results=results,
         trackers=trackers,
@@ -124,7 +125,13 @@ def _write(
                 figure_named(each.metric),
                 *(written(each.metric, loss) for loss in (each.everywhere, each.in_scenario, each.in_case)),
             )
-            for each in (comparison.power if comparison is not None else ())
+            for each in power
+        ],
+        power_trackers=sorted({tracker for each in power if each.metric in SHOWN for tracker in each.of_tracker}),
+        power_of=[
+            (figure_named(each.metric), {name: written(each.metric, loss) for name, loss in each.of_tracker.items()})
+            for each in power
+            if each.metric in SHOWN
         ],
         broken=[(each, FIGURE[each.metric].name) for each in promises if each.broken],
         n_promise=len(promises),

@@ -56,7 +56,12 @@ def write_summary(
             "warnings": list(comparison.warnings),
             "identical": comparison.identical,
             "smallest_loss_noticed": {
-                each.metric: {"everywhere": each.everywhere, "in_scenario": each.in_scenario, "in_case": each.in_case}
+                each.metric: {
+                    "everywhere": each.everywhere,
+                    "of_tracker": dict(each.of_tracker),
+                    "in_scenario": each.in_scenario,
+                    "in_case": each.in_case,
+                }
                 for each in comparison.power
             },
         }

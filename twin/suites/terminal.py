@@ -171,7 +171,7 @@ def print_comparison(
         )
     elif not comparison.worse:
         console.print(f"nothing got worse: {len(comparison.changes)} figures compared", highlight=False)
-    console.print("the smallest loss that would be noticed, wherever it happens", highlight=False)
+    console.print("the smallest loss that would be noticed", highlight=False)
     console.print(_power_table(comparison))
 
 
@@ -182,12 +182,15 @@ def _power_table(comparison: Comparison) -> Table:
     shown = [each for each in comparison.power if each.metric in SHOWN]
     for each in shown:
         table.add_column(_heading(each.metric), justify="right")
-    for name, losses in (
-        ("in all scenarios of a tracker", [each.everywhere for each in shown]),
-        ("in all seeds of a scenario", [each.in_scenario for each in shown]),
-        ("in one case", [each.in_case for each in shown]),
-    ):
-        table.add_row(name, *(written(each.metric, loss).split()[0] for each, loss in zip(shown, losses, strict=True)))
+
+    def add(name: str, losses: Sequence[float | None]) -> None:
+        cells = ["" if loss is None else written(each.metric, loss) for each, loss in zip(shown, losses, strict=True)]
+        table.add_row(name, *(cell.split()[0] if cell else "" for cell in cells))
+
+    for tracker in sorted({tracker for each in shown for tracker in each.of_tracker}):
+        add(f"in all scenarios of {tracker}", [each.of_tracker.get(tracker) for each in shown])
+    add("in all seeds of any one scenario", [each.in_scenario for each in shown])
+    add("in any one case", [each.in_case for each in shown])
     return table
 
 

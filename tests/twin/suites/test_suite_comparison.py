@@ -315,12 +315,12 @@ def test_what_is_said_to_be_noticed_is_noticed_and_less_is_not(n_seed: int) -> N
         for shift in (
             somewhere(metric, 1.001 * power.in_case, "room 0", "full", 0),
             somewhere(metric, 1.001 * power.in_scenario, "room 0", "full"),
-            somewhere(metric, 1.001 * power.everywhere, tracker="full"),
+            somewhere(metric, 1.001 * power.of_tracker["full"], tracker="full"),
         ):
             assert any(each.metric == metric for each in found(before, results(n_seed=n_seed, shift=shift)).worse), (
                 power
             )
-        small = somewhere(metric, 0.2 * min(power.everywhere, power.in_scenario))
+        small = somewhere(metric, 0.2 * min(*power.of_tracker.values(), power.in_scenario))
         assert not found(before, results(n_seed=n_seed, shift=small)).worse
 
 
