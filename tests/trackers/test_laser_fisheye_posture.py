@@ -68,6 +68,17 @@ def test_whoever_stood_and_is_seen_no_more_is_gone(room):
     assert [set(told) for told in room.shows([ELSEWHERE], BESIDE, times=6)[3:]] == 3 * [{2}]
 
 
+@pytest.mark.parametrize(
+    ("away_s", "options", "same"), [(0.6, {}, True), (1.2, {}, False), (1.2, {"coast_gone_s": 1.5}, True)]
+)
+def test_the_next_person_in_a_doorway_is_not_the_one_who_left(monkeypatch, away_s, options, same):
+    room = Room(monkeypatch, management=options)
+    room.shows([SEAT, ELSEWHERE], [*BEHIND, *BESIDE], times=20)
+    room.shows([ELSEWHERE], BESIDE, times=round(away_s * room.rate_hz))  # where the first stood every look shows nobody
+    told = room.shows([SEAT, ELSEWHERE], [*BEHIND, *BESIDE], times=5)[-1]
+    assert (set(told) == {1, 2}) == same, told
+
+
 def test_knees_stand_for_the_trunk_of_whoever_sits_behind_them(room):
     room.shows([SEAT], KNEES, times=20)
     for told in room.shows(legs=KNEES, times=10):

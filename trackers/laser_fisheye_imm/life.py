@@ -16,6 +16,8 @@ from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
 from trackers.tracking.lifecycle import clear_of, coasting_within, measured_for_longer, measured_now, nanoseconds
 
+_SURELY_GONE = 0.1
+"""Probability of existence below which a person is all but surely gone."""
 _AT_REST = 0.01
 """Variance of the speed of somebody who lies [m²/s²]."""
 
@@ -102,9 +104,10 @@ class Life:
         return people.select(self._goes_on(people, ns))
 
     def _goes_on(self, people: People, ns: int) -> Bool[Mask, "n"]:
-        """Who is followed on: tentative tracks while they are measured; who still exists by the looks made, for longer."""
+        """Who is followed on: tentative tracks while measured; by the looks made, the gone more shortly, the existing longer."""
         rules, roster = self._options.management, people.roster
-        goes_on = coasting_within(roster, ns, rules.coast_s, 0.0)
+        coast_s = np.where(people.existence < _SURELY_GONE, rules.coast_gone_s, rules.coast_s)
+        goes_on = coasting_within(roster, ns, coast_s, 0.0)
         # nobody still exists by looks that were not made: a long gap ends everybody
         looked = ns - self._looked_ns <= nanoseconds(rules.coast_s)
         # without an area there is always somewhere to be, behind the walls
