@@ -180,6 +180,7 @@ _BY_FILE = {
         ("misses of fast scans taken for independent", "(points) ** share * free", "(points) * free"),
         ("bodies three times as far apart", "taken, rules.apart_m)", "taken, 3 * rules.apart_m)"),
         ("negative evidence left out", "people.state.replaced(unseen, state)", "people.state"),
+        ("the gone as long as the hidden", "people.existence < _SURELY_GONE", "people.existence < 0"),
         ("a long gap ends nobody", "looked = ns - self._looked_ns <= nanoseconds(rules.coast_s)", "looked = True"),
     ],
     "trackers/tracking/repeats.py": [
