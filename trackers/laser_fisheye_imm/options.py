@@ -51,7 +51,7 @@ class ManagementOptions(Strict):
         description="a confirmed track not measured for longer ends [s], but for one that still exists",
     )
     coast_gone_s: float = Field(
-        default=0.8,
+        default=0.9,
         ge=0,
         description="the same of a track that is all but surely gone by the looks made since: long enough for a detector that "
         "misses a person several times in a row, too short for the next person in a doorway [s] (ours)",
