@@ -220,11 +220,18 @@ def test_the_axis_of_a_body_is_found_from_every_side():
 
 
 def test_an_arm_behind_its_own_trunk_is_an_arm_and_somebody_behind_is_not():
-    trunk, arm, behind = (1.9, 0.0), (2.2, 0.22), (2.5, 0.15)  # of the latter two as much is seen
+    trunk, arm, behind = (1.9, 0.0), (2.26, 0.226), (2.5, 0.15)  # of the latter two as much is seen
     for other, radius, expected in ((arm, 0.045, 1), (behind, 0.15, 2)):
         ranges = np.minimum(discs([trunk], radius=0.15).ranges_m, discs([other], radius=radius).ranges_m)
         found = layer(WaistOptions()).detect(scan(ranges))
         assert len(found) == expected, other
+
+
+def test_an_arm_that_somebody_nearer_hides_a_part_of_is_not_completed_to_a_trunk():
+    trunk, arm, nearer = (1.9, 0.0), (2.0, 0.36), (1.144, 0.36)
+    discs_of = [discs([at], radius=radius).ranges_m for at, radius in ((trunk, 0.15), (arm, 0.045), (nearer, 0.12))]
+    found = layer(WaistOptions()).detect(scan(np.min(discs_of, axis=0)))
+    assert len(found) == 2
 
 
 def test_a_half_hidden_body_is_completed_behind_what_hides_it():
