@@ -130,6 +130,14 @@ def test_a_trunk_cut_in_two_by_an_arm_is_one_and_two_people_are_as_far_apart_as_
     assert kept[1]
 
 
+def test_the_second_leg_is_looked_for_across_from_the_first():
+    legs, together, expected = np.array([(0.1, 0.0), (-0.2, 0.0), (0.16, 0.0)]), np.zeros(3, bool), np.zeros((1, 2))
+    for opposite, middle in ((0.0, 0.13), (0.3, -0.05)):
+        position, n_leg, _ = take_legs(legs, together, expected, reach_m=0.8, stride_m=0.8, opposite=opposite)
+        assert n_leg.tolist() == [2]
+        np.testing.assert_allclose(position, [(middle, 0.0)])
+
+
 def test_who_has_shown_both_legs_goes_first_where_two_could_have_a_leg():
     legs, expected = np.array([(-0.1, 0.0), (0.3, 0.0)]), np.array([(0.0, 0.0), (0.45, 0.0)])
     together = np.zeros(2, bool)
