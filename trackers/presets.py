@@ -68,7 +68,10 @@ PRESETS: Mapping[str, Preset] = {
         _LASER_FISHEYE, "the waist scanner and the camera alone, IMM", _BAI, {"layers": ("waist",)}
     ),
     "laser-fisheye-kalman": Preset(
-        _LASER_FISHEYE, "the full sensor set, one Kalman filter on the sudden-turn model", _BAI, {"filter": "kalman"}
+        _LASER_FISHEYE,
+        "the full sensor set, one motion model instead of three: a Kalman filter",
+        _BAI,
+        {"filter": "kalman"},
     ),
     "laser-kalman": Preset(
         _LASER_FISHEYE, "two laser layers without a camera, Kalman filter", _BAI, {"filter": "kalman", "camera": False}

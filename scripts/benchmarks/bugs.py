@@ -165,11 +165,6 @@ _BY_FILE = {
     "trackers/laser_fisheye_imm/tracker.py": [
         ("fast scans taken for independent", "matches.variance / shares", "matches.variance"),
         ("looks upon a standing leg taken for independent", "knee.single_leg_s", "period_s"),
-        (
-            "two-point start backwards",
-            "start_from_two(people.born_at[fresh], now_at,",
-            "start_from_two(now_at, people.born_at[fresh],",
-        ),
         ("clothes kept when the light goes out", "options.other_above < 1", "options.other_above > 1"),
         ("clothes learned from another trunk", "seen.histograms[matches.trunk[looked]],", "seen.histograms[looked],"),
     ],

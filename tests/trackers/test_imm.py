@@ -276,20 +276,6 @@ def test_an_own_noise_for_each_measurement():
     assert 0 < mean[1, 0] < 0.2 * mean[0, 0] / 0.2
 
 
-def test_two_points_start_a_track_on_its_way():
-    # one walks for 0.1 s, one for 2 s, one stands
-    first, second = np.zeros((3, 2)), np.array([[0.1, 0.0], [0.0, -2.0], [0.0, 0.0]])
-    elapsed_s, R, prior = np.array([0.1, 2.0, 1.0]), 0.01, 2.0
-    state = Imm().start_from_two(first, second, elapsed_s, R, prior)
-    # the conditional mean of a speed expected to be 0 ± √prior, measured with the noise of two points
-    variance = 1 / (1 / prior + elapsed_s**2 / (2 * R))
-    measured_m_s = np.array([1.0, 1.0, 0.0])
-    assert state.mean[SPEED, 0] == pytest.approx(measured_m_s * variance * elapsed_s**2 / (2 * R))
-    assert state.covariance[SPEED, SPEED, 0] == pytest.approx(variance)
-    assert state.mean[HEADING, 0, :2] == pytest.approx([0.0, -np.pi / 2])
-    np.testing.assert_allclose(state.mean[:2, 0], second.T)
-
-
 def test_imm_beats_the_single_model_on_a_maneuvering_walk():
     rng = np.random.default_rng(8)
     n, runs = 90, 40

@@ -9,6 +9,11 @@ from synthetic_room import rig
 
 import trackers.presets
 from trackers.errors import InputError
+from trackers.filters.heading_motion import HeadingMotion
+from trackers.filters.motion import KALMAN_MODELS
+from trackers.filters.velocity_motion import VelocityModel, VelocityMotion
+from trackers.laser_fisheye_imm.filter import filter_of
+from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm
 from trackers.presets import PRESETS, available, make_tracker
 
@@ -35,6 +40,27 @@ def test_presets_are_options_of_one_class():
     assert tracker.options.layers == ("waist",)
     changed = make_tracker("waist-fisheye-kalman", rig(), options={"filter": "imm"})
     assert changed.options.filter == "imm"
+
+
+@pytest.mark.parametrize(
+    ("options", "motion", "n_mode"),
+    [
+        ({}, VelocityMotion, 3),
+        ({"filter": "kalman"}, VelocityMotion, 1),
+        ({"motions": None}, HeadingMotion, 3),
+        ({"motions": None, "filter": "kalman"}, HeadingMotion, 1),
+    ],
+)
+def test_one_mode_or_three_over_velocities_or_as_in_the_paper_over_headings(options, motion, n_mode):
+    made = filter_of(LaserFisheyeImmOptions(**options)).motion
+    assert (type(made), made.n_mode) == (motion, n_mode)
+
+
+def test_the_kalman_filter_is_of_its_own_option_or_the_papers():
+    made = filter_of(LaserFisheyeImmOptions(filter="kalman", kalman_motion=(0.5, 2.0))).motion
+    assert made == VelocityMotion((VelocityModel(0.5, 2.0),))
+    papers = filter_of(LaserFisheyeImmOptions(filter="kalman", motions=None)).motion
+    assert papers == HeadingMotion(KALMAN_MODELS)
 
 
 def test_an_unknown_name_lists_the_valid_ones():

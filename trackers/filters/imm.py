@@ -85,24 +85,6 @@ class Imm:
             np.full((self.n_mode, n), 1 / self.n_mode),
         )
 
-    def start_from_two(
-        self,
-        first: Float[Array, "n 2"],
-        second: Float[Array, "n 2"],
-        elapsed_s: Float[Array, "n"],
-        position_variance_m2: float,
-        speed_variance: float,
-    ) -> ImmState:
-        """Tracks measured at `first`, then `elapsed_s` later at `second` [m]: two-point initiation.
-
-        A filter over heading and speed cannot find the heading of somebody it believes at rest. The velocity between the
-        two (Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 5.5.3)
-        is shrunk by its own uncertainty beside `speed_variance` [m²/s²], what speeds are expected before looking.
-        """
-        trust = speed_variance / (speed_variance + 2 * position_variance_m2 / elapsed_s**2)
-        velocity = (second - first) / elapsed_s[:, None] * trust[:, None]
-        return self.start(second, velocity, position_variance_m2, speed_variance * (1 - trust))
-
     def predict(self, state: ImmState, period_s: float, share: float = 1.0) -> ImmState:
         """Mix the modes and move each on by one step of `period_s` [s]; the probabilities become the predicted ones (c̄).
 

@@ -1,4 +1,4 @@
-"""Which filter follows a person: ours over velocities, the paper's over heading and speed, or its baseline of one model."""
+"""Which filter follows a person: several models or one, ours over velocities or the paper's over heading and speed."""
 
 from __future__ import annotations
 
@@ -19,11 +19,13 @@ def filter_of(options: LaserFisheyeImmOptions) -> Imm:
 
 
 def _motion(options: LaserFisheyeImmOptions) -> Motion:
-    if options.filter == "kalman":
+    single = options.filter == "kalman"
+    if options.motions is not None:
+        pairs = (options.kalman_motion,) if single else options.motions
+        return VelocityMotion(tuple(VelocityModel(*pair) for pair in pairs))
+    if single:
         return _over_headings(KALMAN_MODELS, (options.kalman_variances,))
-    if options.motions is None:
-        return _over_headings(IMM_MODELS, options.imm_variances)
-    return VelocityMotion(tuple(VelocityModel(*pair) for pair in options.motions))
+    return _over_headings(IMM_MODELS, options.imm_variances)
 
 
 def _over_headings(pattern: tuple[MotionModel, ...], variances: tuple[tuple[float, float], ...]) -> HeadingMotion:

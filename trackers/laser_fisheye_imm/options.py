@@ -91,7 +91,8 @@ class LaserFisheyeImmOptions(Strict):
     """Every constant of the paper, and what we added to it; `trackers.laser_fisheye_imm.rules` switches ours off."""
 
     filter: Literal["imm", "kalman"] = Field(
-        default="imm", description="interacting multiple models, or the paper's baseline of the sudden-turn model alone"
+        default="imm",
+        description="interacting multiple models, or the paper's baseline: one model for all that people do, a Kalman filter",
     )
     layers: tuple[Role, ...] = Field(
         default=("waist", "knee"), min_length=1, description="roles of the scanners to use, where the rig has them"
@@ -104,6 +105,11 @@ class LaserFisheyeImmOptions(Strict):
         "in any direction, on each axis [m²/s⁴]: people walk on, change their way, or stand (ours, since a heading cannot tell "
         "to which side a standing person steps); null: the paper's models of heading and speed",
     )
+    kalman_motion: tuple[Share, Variance] = Field(
+        default=(1.0, 3.0),
+        description="mode of the Kalman filter: the share of the velocity that a period keeps, and the variance of white "
+        "acceleration [m²/s⁴]: the best of any single one, measured (ours); used unless `motions` is null",
+    )
     imm_variances: tuple[tuple[float, float], ...] = Field(
         default=tuple((model.acceleration_variance, model.turn_acceleration_variance) for model in IMM_MODELS),
         min_length=len(IMM_MODELS),
@@ -113,7 +119,8 @@ class LaserFisheyeImmOptions(Strict):
     )
     kalman_variances: tuple[float, float] = Field(
         default=(KALMAN_MODELS[0].acceleration_variance, KALMAN_MODELS[0].turn_acceleration_variance),
-        description="process noise of the single model: diagonal of Q [m²/s⁴, rad²/s⁴]",
+        description="process noise of the paper's single model, of sudden turns: diagonal of Q [m²/s⁴, rad²/s⁴]; used where "
+        "`motions` is null",
     )
     mode_stays: float = Field(
         default=MODE_STAYS, gt=0, le=1, description="probability that a mode stays from one scan to the next"
@@ -126,11 +133,6 @@ class LaserFisheyeImmOptions(Strict):
     )
     start_speed_m_s: float = Field(
         default=1.5, gt=0, description="standard deviation of a new track's speed [m/s] (the paper does not say)"
-    )
-    two_point_start: bool = Field(
-        default=True,
-        description="whether a track takes its velocity from its first two measurements; else it starts at rest; used where "
-        "`motions` is null (ours)",
     )
     start_by_trunks: bool = Field(
         default=True,

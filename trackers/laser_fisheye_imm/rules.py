@@ -19,7 +19,7 @@ RULES: Mapping[str, Mapping[str, Any]] = {
     "arms": {"waist": {"satellite_width_m": None}},
     "leg-pairs": {"knee": {"pair_m": 0.0}},
     "measured-noise": {"measurement_variance_m2": 0.01, "knee": {"legs_variance_m2": 0.0}},
-    "motions": {"motions": None, "two_point_start": False},
+    "motions": {"motions": None},
     "one-assignment": {"at_once": False},
     "likelihood": {"by_likelihood": False, "colour_weight": 10.0, "even_at": 0.0},
     "single-legs": {"knee": {"single_leg_variance_m2": 0.0}},

@@ -194,13 +194,6 @@ class LaserFisheyeImm(MomentTracker):
         shares = np.clip((ns - last_ns) / (lasts_s * NS_PER_S), 1e-6, 1.0)
         variance = matches.variance / shares
         state = self._imm.update(people.state, track, matches.position, variance[:, None, None] * _ISOTROPIC)
-        second = people.roster.n_measured[track] == 1
-        if self.options.motions is None and self.options.two_point_start and second.any():
-            fresh, now_at = track[second], matches.position[second]
-            elapsed_s = (ns - people.roster.born_ns[fresh]) / NS_PER_S
-            R, speed_variance = self.options.measurement_variance_m2, self.options.start_speed_m_s**2
-            moving = self._imm.start_from_two(people.born_at[fresh], now_at, elapsed_s, R, speed_variance)
-            state = state.replaced(fresh, moving)
         posture = people.posture.measured(track, matches.position, matches.legs, self.options.posture)
         lone_ns = written(people.lone_ns, track[matches.lone], ns)
         whole_ns = written(people.whole_ns, track[~matches.lone], ns)
