@@ -146,6 +146,7 @@ _BY_FILE = {
             "trunks + self._of_nearest(people.posture.knees, people.positions, trunks)",
             "trunks",
         ),
+        ("a flicker takes legs", "self.people if self.knows_room else", "self.people if True else"),
         (
             "recognised by another shirt",
             "(colour <= self.options.recognised_below)",

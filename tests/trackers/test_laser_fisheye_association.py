@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from trackers.filters.imm import Imm
 from trackers.laser.detections import Detections
@@ -197,3 +198,29 @@ def of_two_hidden(legs: Detections, **options) -> Matches:
 
 def test_legs_that_one_hidden_person_explains_better_are_that_persons():
     assert of_two_hidden(detections((0.3, 2.1))).track.tolist() == [1]
+
+
+def of_somebody_new(knows_room: bool) -> Matches:
+    """Of one person seen once, at (0, 2), with a foot ahead and one behind, and a third leg half a step before them."""
+    place, legs = np.array([[0.0, 2.0]]), detections((-0.25, 2.0), (0.25, 2.0), (0.45, 2.1))
+    people = People.started(
+        Imm().start(place, np.zeros((1, 2)), 0.06, 0.1), place, 0, np.zeros((1, 4)), np.zeros(1, np.int64)
+    )
+    assert not people.confirmed.any()
+    seen = Seen(detections(), legs, np.ones(3, np.bool_), None, np.zeros((0, 4)), *[np.zeros(0, np.bool_)] * 2)
+    return Association(people, LaserFisheyeImmOptions(), 0.5, NOW, sees_waists=False, knows_room=knows_room).matches(
+        seen
+    )
+
+
+def test_somebody_new_takes_both_their_legs_before_legs_pair_off():
+    theirs = of_somebody_new(knows_room=True)
+    assert theirs.position == pytest.approx(np.array([[0.0, 2.0]]))
+    assert not theirs.lone
+    assert theirs.new_position == pytest.approx(np.array([[0.45, 2.1]]))
+
+
+def test_what_may_be_a_flicker_of_the_room_takes_no_legs():
+    paired = of_somebody_new(knows_room=False)
+    assert paired.position == pytest.approx(np.array([[-0.25, 2.0]]))
+    assert paired.lone.all()

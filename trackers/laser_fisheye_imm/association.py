@@ -40,7 +40,8 @@ class Association:
     """The pairing of one moment: global nearest neighbour on d = N + w E, or on likelihoods, within the validation regions.
 
     people: predicted to stamp ns; knee_radius_m: the validation radius of legs; sees_waists: whether trunks are looked for,
-    without which legs are all there is to know anybody by.
+    without which legs are all there is to know anybody by; knows_room: whether the background was captured, or else is learned
+    from the scans, so that what is tentative may be a flicker of the room, and takes no legs before they are somebody's.
     """
 
     people: People
@@ -48,6 +49,7 @@ class Association:
     knee_radius_m: float
     ns: int
     sees_waists: bool = True
+    knows_room: bool = True
 
     def matches(self, seen: Seen) -> Matches:
         """Trunks, and legs where no trunk is seen, to tracks: waist, else knee, never both."""
@@ -149,7 +151,7 @@ class Association:
         the knees as before.
         """
         knee, legs = self.options.knee, seen.legs.position
-        people = self.people.select(self.people.confirmed)
+        people = self.people if self.knows_room else self.people.select(self.people.confirmed)
         seated = people.posture.seated(people.measured_at, self.options.posture)
         before = np.where(seated[:, None], people.posture.knees, 0.0)
         trunks = seen.trunks.position

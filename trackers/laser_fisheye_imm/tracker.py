@@ -160,7 +160,9 @@ class LaserFisheyeImm(MomentTracker):
         waists = self._detector.sees_waists
         if any(isinstance(each, LaserScan) for each in moment.observations.values()):
             self._life.looked(moment.ns)
-        matches = Association(self._people, self.options, self._knee_radius_m, moment.ns, waists).matches(seen)
+        knows_room = not self._detector.learns_background
+        at = Association(self._people, self.options, self._knee_radius_m, moment.ns, waists, knows_room)
+        matches = at.matches(seen)
         self._update(matches, moment.ns)
         self._learn_colours(matches, seen)
         self._note_windows(matches, seen)
