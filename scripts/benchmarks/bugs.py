@@ -152,12 +152,6 @@ _BY_FILE = {
             "(colour <= self.options.recognised_below)",
             "(colour >= self.options.recognised_below)",
         ),
-        (
-            "back in another shirt",
-            "np.nan_to_num(colour) > options.other_above",
-            "np.nan_to_num(colour) > 1",
-        ),
-        ("another's shirt before theirs", "hidden[:, None] & clear & (", "hidden[:, None] & ("),
         ("appearance left out", "options.colour_weight * np.nan_to_num", "0 * np.nan_to_num"),
     ],
     "trackers/laser_fisheye_imm/detection.py": [
@@ -166,11 +160,7 @@ _BY_FILE = {
     "trackers/laser_fisheye_imm/tracker.py": [
         ("fast scans taken for independent", "matches.variance / shares", "matches.variance"),
         ("looks upon a standing leg taken for independent", "knee.single_leg_s", "period_s"),
-        ("clothes kept when the light goes out", "options.other_above < 1", "options.other_above > 1"),
         ("clothes learned from another trunk", "seen.histograms[matches.trunk[looked]],", "seen.histograms[looked],"),
-    ],
-    "trackers/laser_fisheye_imm/light.py": [
-        ("a lamp for every shadow", "> own.size / 2", "> 0"),
     ],
     "trackers/laser_fisheye_imm/life.py": [
         ("misses of fast scans taken for independent", "(points) ** share * free", "(points) * free"),

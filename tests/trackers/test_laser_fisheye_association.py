@@ -162,26 +162,6 @@ def test_who_comes_back_far_from_the_prediction_is_known_by_the_shirt():
     assert whose([0.1, 0.9]) == []
 
 
-def test_nobody_who_was_hidden_comes_back_in_another_shirt():
-    places = np.array([[0.4, 1.9]])
-    state = Imm().start(places, np.zeros((1, 2)), 0.02, 0.1)
-    shown = np.ones(1, np.bool_)
-    for_s = {"hidden": 0.8, "in sight": PERIOD_S}
-
-    def whose(shirt: list[float], unseen: str, clear: bool = True, **options) -> list[int]:
-        people = People.started(state, places, 0, np.array([[0.9, 0.1]]), np.array([9]))
-        legs, firm, clear_look = detections(), np.empty(0, np.bool_), np.array([clear])
-        look = Seen(detections((0.45, 1.9)), legs, firm, None, np.array([shirt]), shown, clear_look)
-        given = LaserFisheyeImmOptions.model_validate(options)
-        return Association(followed(people, ago(for_s[unseen])), given, 0.5, NOW).matches(look).track.tolist()
-
-    assert whose([0.8, 0.2], "hidden") == [0]
-    assert whose([0.0, 1.0], "hidden") == []
-    assert whose([0.0, 1.0], "hidden", other_above=1) == [0]
-    assert whose([0.0, 1.0], "hidden", clear=False) == [0]  # the shirt of whoever stands before them
-    assert whose([0.0, 1.0], "in sight") == [0]  # some shadow, or the light
-
-
 def of_two_hidden(legs: Detections, **options) -> Matches:
     """Of two people out of sight since half a second, last seen at (-0.3, 2) and (0.3, 2)."""
     imm = Imm()

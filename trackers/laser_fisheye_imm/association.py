@@ -64,8 +64,7 @@ class Association:
         colour = self.people.clothes.distance(seen.histograms, seen.comparable)
         if colour is not None:
             colour = np.pad(colour, ((0, 0), (0, len(walkers))), constant_values=np.nan)
-        clear = np.pad(seen.clear, (0, len(walkers)))
-        tracks, taken = self._match(position, variance, radius_m, trunk < 0, ~(lone & self.sees_waists), colour, clear)
+        tracks, taken = self._match(position, variance, radius_m, trunk < 0, ~(lone & self.sees_waists), colour)
         new = left_over(len(position), taken)
         # a lone leg within a stride of somebody is likelier theirs than somebody new
         body = options.management.body_radius_m
@@ -89,12 +88,10 @@ class Association:
         by_legs: Bool[Mask, "k"],
         whole: Bool[Mask, "k"],
         colour: Float[Array, "n k"] | None,
-        clear: Bool[Mask, "k"],
     ) -> tuple[Int[Index, "pairs"], Int[Index, "pairs"]]:
         """Pairs (track, measurement): first whom a prediction explains, those known before somebody new.
 
-        `whole`: what is a person rather than one leg, which may be anything; `colour`: E of all tracks, NaN where unknown;
-        `clear`: whose shirt nobody else covers.
+        `whole`: what is a person rather than one leg, which may be anything; `colour`: E of all tracks, NaN where unknown.
         """
         people, options = self.people, self.options
         if len(people) == 0 or len(position) == 0:
@@ -110,8 +107,6 @@ class Association:
         if colour is not None:
             terms.append(options.colour_weight * np.nan_to_num(colour - options.even_at))
         hidden = people.confirmed & self._hidden()
-        if colour is not None:  # nobody comes back in another shirt
-            out_of_gate |= hidden[:, None] & clear & (np.nan_to_num(colour) > options.other_above)
         if options.at_once:
             stages = [Stage(who, terms, [out_of_gate]) for who in (people.confirmed, ~people.confirmed)]
         else:

@@ -169,14 +169,6 @@ class LaserFisheyeImmOptions(Strict):
         ge=0,
         description="E up to which two looks are taken for the same person in re-identification (ours)",
     )
-    other_above: float = Field(
-        default=0.75,
-        ge=0,
-        le=1,
-        description="E above which a person in clear view is another than the hidden one expected there, since nobody comes "
-        "back in another shirt; where most people in view look unlike themselves by more than `even_at` the light has "
-        "changed, and clothes are forgotten; 1: neither is asked (ours)",
-    )
     expected_below: float = Field(
         default=2.0,
         ge=0,

@@ -30,7 +30,6 @@ RULES: Mapping[str, Mapping[str, Any]] = {
     "detection-by-beams": {"knee": {"free_space": {"width_m": None}}},
     "clear-looks": {"torso": {"learn_width_m": 0.0, "max_overlap": 1.0}},
     "deviation-gate": {"max_deviations": None},
-    "another-shirt": {"other_above": 1.0},
     "re-identification": {"reach_m_s": None},
     "start-by-trunks": {"start_by_trunks": False},
     "early-confirmation": {"management": {"confirm_after_s": 0.5}},

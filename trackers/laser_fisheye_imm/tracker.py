@@ -38,7 +38,6 @@ from trackers.laser_fisheye_imm.association import Association, Matches
 from trackers.laser_fisheye_imm.detection import Detector, Seen
 from trackers.laser_fisheye_imm.filter import filter_of
 from trackers.laser_fisheye_imm.life import Life
-from trackers.laser_fisheye_imm.light import light_changed
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
 from trackers.observations import NS_PER_S, LaserScan, Observation
@@ -156,7 +155,6 @@ class LaserFisheyeImm(MomentTracker):
         seen = self._detector.detect(moment)
         self._seen.append((moment.ns, seen))
         elapsed_s = self._predict(moment.ns)
-        self._forget_clothes(seen)
         waists = self._detector.sees_waists
         if any(isinstance(each, LaserScan) for each in moment.observations.values()):
             self._life.looked(moment.ns)
@@ -201,12 +199,6 @@ class LaserFisheyeImm(MomentTracker):
         whole_ns = written(people.whole_ns, track[~matches.lone], ns)
         people = people.measured(track, matches.position, ns, state)
         self._people = people.changed(posture=posture, lone_ns=lone_ns, whole_ns=whole_ns)
-
-    def _forget_clothes(self, seen: Seen) -> None:
-        """Those of everybody, where the light is another than at the last moment."""
-        options, people = self.options, self._people
-        if options.other_above < 1 and light_changed(people, seen, options.management.apart_m, options.even_at):
-            self._people = people.changed(clothes=people.clothes.forgotten())
 
     def _learn_colours(self, matches: Matches, seen: Seen) -> None:
         if seen.windows is None:

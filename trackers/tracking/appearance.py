@@ -31,10 +31,6 @@ class Appearance(Rows):
         """Who has been seen clearly at least once."""
         return self.n_look > 0
 
-    def forgotten(self) -> Self:
-        """These tracks without any clothes remembered."""
-        return type(self).started(np.zeros_like(self.reference), np.zeros_like(self.n_look))
-
     def learned(
         self,
         track: Int[Index, "p"],
