@@ -108,7 +108,7 @@ class LaserFisheyeImmOptions(Strict):
     kalman_motion: tuple[Share, Variance] = Field(
         default=(1.0, 3.0),
         description="mode of the Kalman filter: the share of the velocity that a period keeps, and the variance of white "
-        "acceleration [m²/s⁴]: the best of any single one, measured (ours); used unless `motions` is null",
+        "acceleration [m²/s⁴]: the best of 1, 3 and 9, measured (ours); used unless `motions` is null",
     )
     imm_variances: tuple[tuple[float, float], ...] = Field(
         default=tuple((model.acceleration_variance, model.turn_acceleration_variance) for model in IMM_MODELS),
