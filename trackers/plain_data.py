@@ -22,6 +22,7 @@ from trackers.errors import InputError
 
 DEEPEST = 64
 """Mappings and lists within each other."""
+_TOO_DEEP = f"more than {DEEPEST} lists and mappings in each other"
 MOST_VALUES = 1_000_000
 """Keys, values, lists and mappings of one text, those that an alias repeats counted each time."""
 LONGEST_NUMBER = 64
@@ -66,7 +67,7 @@ class _Loader(Composer, SafeConstructor, _PlainResolver, CParser):
             self._count(self._n_within[node], event)
             return node
         if self._depth == DEEPEST:
-            raise ComposerError(None, None, f"more than {DEEPEST} lists and mappings in each other", event.start_mark)
+            raise ComposerError(None, None, _TOO_DEEP, event.start_mark)
         if event.anchor in self.anchors:
             raise ComposerError(None, None, f"&{event.anchor} names two things", event.start_mark)
         self._depth += 1
@@ -136,6 +137,8 @@ def _loaded(text: str, source: str, expected: str, *, tells_line: bool) -> Any:
         mark = getattr(error, "problem_mark", None)
         where = f"{source}, line {mark.line + 1}" if mark is not None and tells_line else source
         problem = getattr(error, "problem", None) or str(error).splitlines()[0]
+        if problem == "exceeded maximum nesting depth":  # libyaml's own limit, of the texts that it reads ahead
+            problem = _TOO_DEEP
         raise InputError(f"{where}: not valid YAML ({problem}); {expected} is expected") from error
     except UnicodeEncodeError as error:  # an argument whose bytes are no UTF-8
         raise InputError(f"{source!r}: not valid YAML (it is not UTF-8); {expected} is expected") from error
