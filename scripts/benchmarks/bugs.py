@@ -69,10 +69,12 @@ _BY_FILE = {
         ),
         ("radius not squared", "<= radius_m**2, axis=1)", "<= radius_m, axis=1)"),
         ("cross term halved", "2 * s_xy * y", "s_xy * y"),
+        ("tails of the square root", "(degrees_of_freedom + 2)", "(degrees_of_freedom + 2) / 2"),
     ],
     "trackers/filters/absence.py": [
         ("mean square left in the variance", "xx - mean_x**2 - 1", "xx - 1"),
         ("existence by who would be seen", "unseen = there * missed", "unseen = there * (1 - missed)"),
+        ("evidence upside down", "theirs = existence * likelihood_ratio", "theirs = existence / likelihood_ratio"),
     ],
     "trackers/filters/circular.py": [("arctangent's arguments exchanged", "arctan2(y, x)", "arctan2(x, y)")],
     "trackers/filters/particle.py": [
@@ -91,6 +93,7 @@ _BY_FILE = {
         ),
     ],
     "trackers/tracking/association.py": [
+        ("whom nothing fits is paired first", "stage.unpaired[:, None] - cost", "stage.unpaired[:, None] + cost"),
         ("measurement paired twice", "allowed[rows] = allowed[:, columns] = False", "allowed[rows] = False"),
     ],
     "trackers/tracking/lifecycle.py": [
@@ -126,7 +129,7 @@ _BY_FILE = {
     ],
     "trackers/laser/grouping.py": [
         ("narrowest first", "(-width_m).argsort", "width_m.argsort"),
-        ("second leg beside the first", "place[who] += opposite", "place[who] -= opposite"),
+        ("second leg beside the first", "place[who] += against", "place[who] -= against"),
         ("hidden people first", "- away**2 - first_leg", "- away**2 + first_leg"),
         ("a trunk cut in two is two", "near |= apart < apart_m", "near &= apart < apart_m"),
     ],
@@ -141,18 +144,37 @@ _BY_FILE = {
     ],
     # laser_fisheye_imm
     "trackers/laser_fisheye_imm/association.py": [
-        (
-            "knees looked for under the trunk",
-            "trunks + self._of_nearest(people.posture.knees, people.positions, trunks)",
-            "trunks",
-        ),
-        ("a flicker takes legs", "self.people if self.knows_room else", "self.people if True else"),
+        ("a flicker takes legs", "np.bool_) if self.knows_room else", "np.bool_) if True else"),
+        ("the gone are recognised", "hidden & (people.existence > options.management.exists_above)", "hidden"),
         (
             "recognised by another shirt",
             "(colour <= self.options.recognised_below)",
             "(colour >= self.options.recognised_below)",
         ),
-        ("appearance left out", "options.colour_weight * np.nan_to_num", "0 * np.nan_to_num"),
+        ("appearance left out", "self.options.colour_weight * np.nan_to_num", "0 * np.nan_to_num"),
+        ("a look is wrong as often as not", "wrong = self.options.wrong_look", "wrong = 0.5"),
+        ("a look counts twice", "- 0.5 * cost)", "- cost)"),
+    ],
+    "trackers/laser_fisheye_imm/legs.py": [
+        ("knees looked for under the trunk", "+= people.posture.knees[shown]", "+= 0 * people.posture.knees[shown]"),
+        ("a bag is whose it is nearest to", "barred[n_trunk:] = at_trunks", "barred[n_trunk:] = False"),
+        ("every trunk takes its own legs first", "if knee.shared else", "if not knee.shared else"),
+        ("one leg is the middle of two", "n_leg[:n_trunk, None] == 2", "n_leg[:n_trunk, None] >= 1"),
+    ],
+    "trackers/laser_fisheye_imm/pairing.py": [
+        ("a density counts half", "unlikely + 2 * np.log(density_m2)", "unlikely + np.log(density_m2)"),
+        ("a trunk taken for a lone leg", "np.where(alone, ", "np.where(~np.asarray(alone), "),
+        (
+            "the hidden taken for seen",
+            "e * np.maximum(unseen, _LEAST_UNSEEN)",
+            "e * np.maximum(1 - unseen, _LEAST_UNSEEN)",
+        ),
+        ("the gone paired as readily", "_LEAST_UNSEEN)) / e)", "_LEAST_UNSEEN)))"),
+        (
+            "every measurement is proof",
+            "existence_measured(np.maximum(existence, _LEAST_EXISTENCE), np.exp(-0.5 * cost))",
+            "np.ones_like(existence)",
+        ),
     ],
     "trackers/laser_fisheye_imm/detection.py": [
         ("likely outside the area", ".reshape(chance.shape)] = 0", ".reshape(chance.shape)] = 1"),
@@ -160,13 +182,13 @@ _BY_FILE = {
     "trackers/laser_fisheye_imm/tracker.py": [
         ("fast scans taken for independent", "matches.variance / shares", "matches.variance"),
         ("looks upon a standing leg taken for independent", "knee.single_leg_s", "period_s"),
+        ("misses of fast scans taken for independent", "missed(moment, points) ** share", "missed(moment, points)"),
+        ("the gone hold newcomers back", "people.positions[exists]", "people.positions"),
         ("clothes learned from another trunk", "seen.histograms[matches.trunk[looked]],", "seen.histograms[looked],"),
     ],
     "trackers/laser_fisheye_imm/life.py": [
-        ("misses of fast scans taken for independent", "(points) ** share * free", "(points) * free"),
         ("bodies three times as far apart", "taken, rules.apart_m)", "taken, 3 * rules.apart_m)"),
         ("negative evidence left out", "people.state.replaced(unseen, state)", "people.state"),
-        ("the gone as long as the hidden", "people.existence < _SURELY_GONE", "people.existence < 0"),
         ("a long gap ends nobody", "looked = ns - self._looked_ns <= nanoseconds(rules.coast_s)", "looked = True"),
     ],
     "trackers/tracking/repeats.py": [

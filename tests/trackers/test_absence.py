@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from scipy import stats
 
-from trackers.filters.absence import existence_unseen, not_seen
+from trackers.filters.absence import chance_unseen, existence_measured, existence_unseen, not_seen
 from trackers.filters.heading_motion import HeadingMotion
 from trackers.filters.imm import Imm
 from trackers.filters.imm_state import ImmState
@@ -123,3 +123,20 @@ def test_who_cannot_be_seen_fades_as_people_leave_and_in_plain_sight_at_once():
         plain = existence_unseen(plain, np.full(1, 0.05), 0.1, 10.0)
     assert hidden[0] == pytest.approx(np.exp(-1))
     assert plain[0] < 0.02
+
+
+@given(PROBABILITIES, st.floats(1e-3, 1e3))
+def test_existence_is_bayes_over_theirs_and_not(existence, likelihood_ratio):
+    odds = existence / (1 - existence) * likelihood_ratio
+    got = existence_measured(np.array([existence]), np.array([likelihood_ratio]))
+    assert got[0] == pytest.approx(odds / (1 + odds), rel=1e-9)
+
+
+@given(st.floats(-1.0, 1.0), st.floats(0.1, 1.0))
+def test_how_probably_a_look_shows_nothing_is_over_all_places_and_modes(edge_m, missed_beyond):
+    state = walking_to(1.0, 8)
+    missed = lambda at: np.where(at[0] > edge_m, missed_beyond, 1.0)  # noqa: E731
+    beyond = 1 - stats.norm.cdf(edge_m, state.mean[0, :, 0], np.sqrt(state.covariance[0, 0, :, 0]))
+    expected = state.probability[:, 0] @ (1 - (1 - missed_beyond) * beyond)
+    assert chance_unseen(state, missed)[0] == pytest.approx(expected, abs=0.12)
+    assert chance_unseen(state, missed)[0] == pytest.approx(not_seen(state, missed)[1][0])

@@ -35,6 +35,12 @@ def followed(people: People, measured_ns: np.ndarray) -> People:
     return people.changed(roster=roster.changed(measured_ns=measured_ns))
 
 
+def associated(people: People, options: LaserFisheyeImmOptions, radius_m: float, ns: int, **given) -> Association:
+    """Of a moment that all but surely shows whoever was seen at the last, and hardly who was not."""
+    seen_lately = ns - people.roster.measured_ns < round(1.5 * PERIOD_S * NS_PER_S)
+    return Association(people, np.where(seen_lately, 0.05, 0.9), options, radius_m, ns, **given)
+
+
 def matched(trunks: Detections, legs: Detections, **options) -> Matches:
     """Of one person in sight at (0, 1.5) and one last seen 0.8 s ago at (0.4, 1.9), both confirmed."""
     imm = Imm()
@@ -52,7 +58,7 @@ def matched(trunks: Detections, legs: Detections, **options) -> Matches:
         np.zeros(count, np.bool_),
         np.zeros(count, np.bool_),
     )
-    return Association(people, LaserFisheyeImmOptions.model_validate(options), 0.5, NOW).matches(seen)
+    return associated(people, LaserFisheyeImmOptions.model_validate(options), 0.5, NOW).matches(seen)
 
 
 LEGS_OF_THE_FIRST = ((-0.1, 1.45), (0.12, 1.5))
@@ -81,7 +87,7 @@ def test_the_only_one_hidden_is_re_identified_by_both_legs_but_not_by_what_may_b
     assert sorted(both.track.tolist()) == [0, 1]
 
 
-def test_trunk_before_legs_as_in_the_paper_or_whichever_is_likelier():
+def test_trunk_before_legs_however_near_as_in_the_paper():
     places = np.array([[0.0, 1.5]])
     people = followed(
         People.started(
@@ -101,11 +107,9 @@ def test_trunk_before_legs_as_in_the_paper_or_whichever_is_likelier():
         nothing,
     )
 
-    def trunk_of(**options) -> list[int]:
-        return Association(people, LaserFisheyeImmOptions(**options), 0.5, NOW).matches(seen).trunk.tolist()
-
-    assert trunk_of() == [-1]
-    assert trunk_of(at_once=False) == [0]
+    found = associated(people, LaserFisheyeImmOptions(), 0.5, NOW).matches(seen)
+    assert found.trunk.tolist() == [0]
+    assert found.position == pytest.approx(np.array([far_trunk]))
 
 
 def test_a_shirt_decides_between_two_who_are_about_as_near():
@@ -119,10 +123,24 @@ def test_a_shirt_decides_between_two_who_are_about_as_near():
 
     def whose(**options) -> list[int]:
         given = LaserFisheyeImmOptions.model_validate(options)
-        return Association(people, given, 0.5, NOW).matches(seen).track.tolist()
+        return associated(people, given, 0.5, NOW).matches(seen).track.tolist()
 
     assert whose() == [1]
     assert whose(colour_weight=0) == [0]
+
+
+def test_another_shirt_rules_nobody_out_whom_nothing_else_explains():
+    """A look may be of what stands before them."""
+    place, shown = np.array([[0.0, 2.0]]), np.ones(1, np.bool_)
+    state = Imm().start(place, np.zeros((1, 2)), 0.02, 0.1)
+    people = followed(People.started(state, place, 0, np.array([[1.0, 0.0]]), np.array([9])), ago(PERIOD_S))
+    seen = Seen(detections((0.1, 2.0)), detections(), np.empty(0, np.bool_), None, np.array([[0.0, 1.0]]), shown, shown)
+
+    def whose(**options) -> list[int]:
+        return associated(people, LaserFisheyeImmOptions(**options), 0.5, NOW).matches(seen).track.tolist()
+
+    assert whose() == [0]
+    assert whose(wrong_look=0) == []
 
 
 def test_the_own_shirt_speaks_for_somebody_beside_whose_shirt_nobody_has_seen():
@@ -135,7 +153,7 @@ def test_the_own_shirt_speaks_for_somebody_beside_whose_shirt_nobody_has_seen():
     def whose(look: list[float], **options) -> list[int]:
         seen = Seen(detections((0.3, 2.0)), detections(), np.empty(0, np.bool_), None, np.array([look]), shown, shown)
         given = LaserFisheyeImmOptions.model_validate(options)
-        return Association(people, given, 0.5, NOW).matches(seen).track.tolist()
+        return associated(people, given, 0.5, NOW).matches(seen).track.tolist()
 
     assert whose([0.8, 0.2]) == [0]
     assert whose([0.8, 0.2], even_at=0) == [1]
@@ -156,7 +174,7 @@ def test_who_comes_back_far_from_the_prediction_is_known_by_the_shirt():
             np.array([shirt]),
             *2 * (np.ones(1, np.bool_),),
         )
-        return Association(people, LaserFisheyeImmOptions(), 0.5, NOW).matches(seen).track.tolist()
+        return associated(people, LaserFisheyeImmOptions(), 0.5, NOW).matches(seen).track.tolist()
 
     assert whose([0.8, 0.2]) == [0]
     assert whose([0.1, 0.9]) == []
@@ -173,7 +191,7 @@ def of_two_hidden(legs: Detections, **options) -> Matches:
     nothing = np.zeros(0, np.bool_)
     firm = np.ones(len(legs), np.bool_)
     seen = Seen(detections(), legs, firm, None, np.zeros((0, 4)), nothing, nothing)
-    return Association(people, LaserFisheyeImmOptions.model_validate(options), 0.5, NOW).matches(seen)
+    return associated(people, LaserFisheyeImmOptions.model_validate(options), 0.5, NOW).matches(seen)
 
 
 def test_legs_that_one_hidden_person_explains_better_are_that_persons():
@@ -188,7 +206,7 @@ def of_somebody_new(knows_room: bool) -> Matches:
     )
     assert not people.confirmed.any()
     seen = Seen(detections(), legs, np.ones(3, np.bool_), None, np.zeros((0, 4)), *[np.zeros(0, np.bool_)] * 2)
-    return Association(people, LaserFisheyeImmOptions(), 0.5, NOW, sees_waists=False, knows_room=knows_room).matches(
+    return associated(people, LaserFisheyeImmOptions(), 0.5, NOW, sees_waists=False, knows_room=knows_room).matches(
         seen
     )
 
@@ -204,3 +222,67 @@ def test_what_may_be_a_flicker_of_the_room_takes_no_legs():
     paired = of_somebody_new(knows_room=False)
     assert paired.position == pytest.approx(np.array([[-0.25, 2.0]]))
     assert paired.lone.all()
+
+
+def of_one(measured: Detections, unseen: float, existence: float = 1.0, trunk: bool = True, **options) -> Matches:
+    """Of one confirmed person expected at (0, 2), about 0.2 m, a moment that would not show them so probably."""
+    place, nobody = np.array([[0.0, 2.0]]), detections()
+    state = Imm().start(place, np.zeros((1, 2)), 0.04, 0.1)
+    people = followed(People.started(state, place, 0, np.zeros((1, 4)), np.zeros(1, np.int64)), ago(PERIOD_S))
+    people = people.changed(existence=np.array([existence]))
+    trunks, legs = (measured, nobody) if trunk else (nobody, measured)
+    nothing = np.zeros(len(trunks), np.bool_)
+    seen = Seen(trunks, legs, np.ones(len(legs), np.bool_), None, np.zeros((len(trunks), 4)), nothing, nothing)
+    given = LaserFisheyeImmOptions.model_validate(options)
+    return Association(people, np.array([unseen]), given, 0.5, NOW).matches(seen)
+
+
+def test_who_stands_in_plain_sight_is_what_is_seen_there_and_who_is_hidden_stays_hidden():
+    """Almost six deviations from where they are expected, where the gate ends."""
+    there, options = detections((1.17, 2.0)), {"waist": {"radius_m": 2.0}}
+    assert of_one(there, unseen=0.01, **options).track.tolist() == [0]
+    hidden = of_one(there, unseen=0.9, **options)
+    assert hidden.track.tolist() == []
+    assert hidden.new_trunk.tolist() == [0]
+    assert of_one(there, unseen=0.9, **options, new_density_m2=None).track.tolist() == [0]
+
+
+def test_who_is_likely_gone_is_not_the_next_to_come():
+    there = detections((0.8, 2.0))
+    assert of_one(there, unseen=0.9).track.tolist() == [0]
+    assert of_one(there, unseen=0.9, existence=0.02).track.tolist() == []
+
+
+def test_a_leg_without_a_trunk_is_less_to_go_by_than_a_pair_of_legs():
+    """Of somebody who is likely gone."""
+    one, both = detections((0.4, 2.0)), detections((0.4, 1.9), (0.4, 2.1))
+    assert of_one(one, 0.9, 0.1, trunk=False).track.tolist() == []
+    assert of_one(one, 0.9, 0.1, trunk=False, lone_leg_density_m2=1e-3).track.tolist() == [0]
+    assert of_one(both, 0.9, 0.1, trunk=False).track.tolist() == [0]
+
+
+def test_what_is_measured_where_it_is_expected_makes_surer_that_somebody_is_there():
+    near, far = (of_one(detections((x, 2.0)), 0.01, existence=0.1).existence for x in (0.0, 0.7))
+    assert near > 0.95
+    assert 0.05 < far < 0.9
+    assert of_one(detections((0.7, 2.0)), 0.01, 0.1, management={"survival_s": None}).existence == 1
+
+
+def test_who_is_likely_gone_is_not_re_identified():
+    places = np.array([[0.4, 1.9]])
+    state = Imm().start(places, np.zeros((1, 2)), 0.02, 0.1)
+    people = followed(People.started(state, places, 0, np.array([[0.9, 0.1]]), np.array([9])), ago(0.8))
+    shown = np.ones(1, np.bool_)
+    seen = Seen(detections((1.5, 2.3)), detections(), np.empty(0, np.bool_), None, np.array([[0.8, 0.2]]), shown, shown)
+    for existence, track in ((0.6, [0]), (0.4, [])):
+        at = associated(people.changed(existence=np.array([existence])), LaserFisheyeImmOptions(), 0.5, NOW)
+        assert at.matches(seen).track.tolist() == track
+
+
+def test_a_leg_between_a_trunk_and_somebody_hidden_is_whose_other_is_missing():
+    """The trunk has both its legs nearer; without it they would all be in reach of either."""
+    between = (0.33, 1.8)
+    found = matched(detections((0.0, 1.5)), detections(*LEGS_OF_THE_FIRST, between, (0.48, 2.0)))
+    (hidden,) = found.position[found.track == 1]
+    assert hidden == pytest.approx(np.mean([between, (0.48, 2.0)], axis=0))
+    assert not found.lone[found.track == 1]

@@ -75,19 +75,6 @@ def test_who_is_gone_in_plain_view_is_not_reported_for_long(management, n_more):
     assert max(k for k, frame in enumerate(frames) if frame.tracks) == 19 + n_more  # `coast_s` at most
 
 
-@pytest.mark.parametrize(("by_trunks", "first_k"), [(True, 7), (False, 1)])
-def test_where_waists_are_scanned_a_track_starts_by_a_trunk(by_trunks, first_k):
-    walk = straight_walk([(-1.6, 1.0)], [(0.4, 0.0)], 20)
-    hidden, rng = straight_walk([(9.0, 9.0)], [(0.0, 0.0)], 20), np.random.default_rng(5)
-    given = [
-        scan(hidden if height == "waist" and k < 6 else walk, k, height, round((1 + 0.1 * k) * NS_PER_S), rng)
-        for k in range(20)
-        for height in ("waist", "knee")
-    ]
-    frames, _ = tracked(walk, name="laser-imm", observations=given, start_by_trunks=by_trunks)
-    assert next(k for k, frame in enumerate(frames) if frame.tracks) == first_k
-
-
 def test_velocities_are_the_walkers():
     frames, _ = tracked(CROSSING)
     errors = []

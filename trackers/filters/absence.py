@@ -36,13 +36,8 @@ def not_seen(
     would have shown (all but surely, to `least`) stays as it is: then it is the model that is wrong.
     """
     P = state.covariance  # (s, s, m, n)
-    # the root L of the position's covariance, L Lᵀ = H P Hᵀ
-    l_xx = np.sqrt(np.maximum(P[0, 0], _LEAST_VARIANCE_M2))
-    l_yx = P[0, 1] / l_xx
-    l_yy = np.sqrt(np.maximum(P[1, 1] - l_yx**2, _LEAST_VARIANCE_M2))
-    x = state.mean[0, ..., None] + l_xx[..., None] * _Z[0]
-    y = state.mean[1, ..., None] + l_yx[..., None] * _Z[0] + l_yy[..., None] * _Z[1]
-    moments = ((_DENSITY * missed(np.stack([x, y]))) @ _MOMENTS).transpose(2, 0, 1)  # (6, m, n)
+    points, l_xx, l_yx, l_yy = _places(state)
+    moments = ((_DENSITY * missed(points)) @ _MOMENTS).transpose(2, 0, 1)  # (6, m, n)
     chance = moments[0]
     possible = chance > least
     mean_x, mean_y, xx, xy, yy = np.where(possible, moments[1:] / np.where(possible, chance, 1.0), _NOTHING_TOLD)
@@ -60,6 +55,25 @@ def not_seen(
     return ImmState(state.mean + by_x * mean_x + by_y * mean_y, covariance, joint / missed_all), missed_all
 
 
+def chance_unseen(state: ImmState, missed: Callable[[Array], Array]) -> Float[Array, "n"]:
+    """How probably a look does not show the n tracks, over all the places where they may be; missed: as of `not_seen`."""
+    points, *_ = _places(state)
+    return (state.probability * (missed(points) @ _DENSITY)).sum(axis=0)
+
+
+def _places(
+    state: ImmState,
+) -> tuple[Float[Array, "2 m n k"], Float[Array, "m n"], Float[Array, "m n"], Float[Array, "m n"]]:
+    """Places that stand for each mode's density, and the root L of the position's covariance, L Lᵀ = H P Hᵀ [m]."""
+    P = state.covariance
+    l_xx = np.sqrt(np.maximum(P[0, 0], _LEAST_VARIANCE_M2))
+    l_yx = P[0, 1] / l_xx
+    l_yy = np.sqrt(np.maximum(P[1, 1] - l_yx**2, _LEAST_VARIANCE_M2))
+    x = state.mean[0, ..., None] + l_xx[..., None] * _Z[0]
+    y = state.mean[1, ..., None] + l_yx[..., None] * _Z[0] + l_yy[..., None] * _Z[1]
+    return np.stack([x, y]), l_xx, l_yx, l_yy
+
+
 def existence_unseen(
     existence: Float[Array, "n"], missed: Float[Array, "n"], elapsed_s: float, survival_s: Float[Array, "n"] | float
 ) -> Float[Array, "n"]:
@@ -72,6 +86,16 @@ def existence_unseen(
     there = existence * np.exp(-elapsed_s / survival_s)
     unseen = there * missed
     return unseen / (1 - there + unseen)
+
+
+def existence_measured(existence: Float[Array, "n"], likelihood_ratio: Float[Array, "n"]) -> Float[Array, "n"]:
+    """How probably the n tracks still are somebody, after a measurement taken for theirs.
+
+    likelihood_ratio: its density if it is theirs, over that of whatever else it may be. With e before it, it is
+    e L / (1 − e + e L) (Mušicki et al., as above, with one measurement in the gate).
+    """
+    theirs = existence * likelihood_ratio
+    return theirs / (1 - existence + theirs)
 
 
 def cloud_not_seen(cloud: Cloud, missed: Callable[[Array], Array]) -> tuple[Cloud, Float[Array, "n"]]:

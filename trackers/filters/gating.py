@@ -48,11 +48,13 @@ def deviations(
     covariance: Float[Array, "n m 2 2"],
     position: Float[Array, "k 2"],
     variance_m2: Float[Array, "k"],
+    degrees_of_freedom: float | None = None,
 ) -> tuple[Float[Array, "n k"], Float[Array, "n k"]]:
-    """N of measurements each with a variance of its own on each axis [m²], and N² + ln |S|, the least over the modes.
+    """N of measurements each with a variance of its own on each axis [m²], and −2 ln p, of the likeliest mode.
 
-    S is the predicted covariance and that variance. The second is −2 ln of the likelihood but for a constant: somebody known
-    badly explains a measurement anywhere, and none of them well.
+    p is the density of a measurement [1/m²], a Gaussian of the predicted covariance and that variance, S: N² + ln |S| + 2 ln 2π
+    is −2 ln p. Somebody known badly explains a measurement anywhere, and none of them well. degrees_of_freedom ν: of Student's t
+    instead of the Gaussian, with (ν + 2) ln(1 + N² / ν) for N², for what errs by far more often.
     """
     x, y = _differences(predicted, position)
     s_xx = covariance[..., 0, 0, None] + variance_m2
@@ -62,7 +64,10 @@ def deviations(
     # the quadratic form of the inverse, in closed form
     square = (x * (s_yy * x - 2 * s_xy * y) + s_xx * y * y) / determinant
     square = np.maximum(square, 0.0)
-    return np.sqrt(square.min(axis=1)), (square + np.log(determinant)).min(axis=1)
+    N = np.sqrt(square.min(axis=1))
+    if degrees_of_freedom is not None:
+        square = (degrees_of_freedom + 2) * np.log1p(square / degrees_of_freedom)
+    return N, (square + np.log(determinant)).min(axis=1) + 2 * np.log(2 * np.pi)
 
 
 def _differences(
@@ -70,6 +75,13 @@ def _differences(
 ) -> tuple[Float[Array, "n m k"], Float[Array, "n m k"]]:
     """x and y of measurements less those of modes."""
     return position[:, 0] - predicted[..., 0, None], position[:, 1] - predicted[..., 1, None]
+
+
+def worthiest(worth: Float[Array, "n k"]) -> tuple[Int[Index, "pairs"], Int[Index, "pairs"]]:
+    """One-to-one pairs (tracks, ascending; measurements) that are together worth most, without those that are worth nothing."""
+    rows, columns = linear_sum_assignment(np.maximum(worth, 0.0), maximize=True)
+    real = worth[rows, columns] > 0
+    return rows[real], columns[real]
 
 
 def global_nearest_neighbour(

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.optimize import linear_sum_assignment
 
 from trackers.arrays import Array, Index, Mask
-from trackers.filters.gating import distances
+from trackers.filters.gating import distances, worthiest
 
 
 def trunks(
@@ -43,10 +42,11 @@ def take_legs(
     legs: Float[Array, "k 2"],
     both_together: Bool[Mask, "k"],
     expected: Float[Array, "n 2"],
-    reach_m: float,
+    reach_m: Float[Array, "n"] | float,
     stride_m: float,
-    opposite: float = 0.0,
+    opposite: Float[Array, "n"] | float = 0.0,
     first_leg_m2: Float[Array, "n"] | float = 0.0,
+    barred: Bool[Mask, "n k"] | None = None,
 ) -> tuple[Float[Array, "n 2"], Int[Index, "n"], Bool[Mask, "k"]]:
     """Which legs are those of people expected at these places [m].
 
@@ -56,7 +56,8 @@ def take_legs(
     are nearer. All but everybody's nearest are then assigned once more, as second legs by how far they are from where the
     first lets them be expected, and as first ones to whoever has none yet. opposite: minus the correlation of a person's two
     legs about the place, below 1; 0 where both may be on one side, as a sitting person's. first_leg_m2: what is added to the
-    squared distance of each person's first leg [m²], so that of two people who could have a leg one goes first.
+    squared distance of each person's first leg [m²], so that of two people who could have a leg one goes first. barred: legs
+    that are not for these people, however near.
 
     Returns the position of each person, the middle of their legs, how many legs each took, 0 leaving the position as
     expected, and which legs nobody took.
@@ -66,8 +67,9 @@ def take_legs(
     if n == 0 or k == 0:
         return position, n_leg, free
     away = distances(expected, legs)
-    first_leg = np.broadcast_to(first_leg_m2, n)[:, None].copy()
-    places, what = _worthiest(np.tile(reach_m**2 - away**2 - first_leg, (2, 1)))
+    away[np.zeros_like(away, np.bool_) if barred is None else barred] = np.inf
+    reach, first_leg, against = (np.broadcast_to(each, n)[:, None].copy() for each in (reach_m, first_leg_m2, opposite))
+    places, what = worthiest(np.tile(reach**2 - away**2 - first_leg, (2, 1)))
     who = places % n
     nearest_first = away[who, what].argsort(kind="stable")
     who, index = np.unique(who[nearest_first], return_index=True)
@@ -75,24 +77,17 @@ def take_legs(
     position[who], n_leg[who], free[first] = legs[first], 1 + both_together[first], False
 
     others = free.nonzero()[0]
-    place, spread, near = expected.copy(), np.ones((n, 1)), np.ones((n, others.size), np.bool_)
-    place[who] += opposite * (expected[who] - legs[first])
-    spread[who] = np.sqrt(1 - opposite**2)
-    near[who] = distances(legs[first], legs[others]) < stride_m
+    place, spread, near = expected.copy(), np.ones((n, 1)), np.isfinite(away[:, others])
+    place[who] += against[who] * (expected[who] - legs[first])
+    spread[who] = np.sqrt(1 - against[who] ** 2)
+    near[who] &= distances(legs[first], legs[others]) < stride_m
     off = distances(place, legs[others]) / spread
     first_leg[who] = 0.0
-    who, column = _worthiest(np.where(near, reach_m**2 - off**2 - first_leg, 0.0))
+    who, column = worthiest(np.where(near, reach**2 - off**2 - first_leg, 0.0))
     also, had = others[column], n_leg[who] > 0
     position[who] = np.where(had[:, None], 0.5 * (position[who] + legs[also]), legs[also])
     n_leg[who], free[also] = 1 + (had | both_together[also]), False
     return position, n_leg, free
-
-
-def _worthiest(worth: Float[Array, "n k"]) -> tuple[Int[Index, "p"], Int[Index, "p"]]:
-    """The pairs (row, column) of an assignment that are together worth most, without those that are worth nothing."""
-    rows, columns = linear_sum_assignment(np.maximum(worth, 0.0), maximize=True)
-    real = worth[rows, columns] > 0
-    return rows[real], columns[real]
 
 
 def pair_off(

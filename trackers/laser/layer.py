@@ -20,6 +20,8 @@ from trackers.rig import LaserSensor
 
 _NARROW_M, _BEHIND_M, _SURE = 0.06, 0.15, 0.9
 """Half the width of the narrowest thing looked for, and how far behind it a beam has passed it [m]; any probability."""
+_TOLD_BY_LEARNED = 0.5
+"""Share of the people seen whom a background learned from the scans leaves: all who walk, few who stand."""
 _ARM_HALF_DEPTH_M = 0.04
 """Half the thickness of an arm in a sleeve [m]."""
 
@@ -149,6 +151,11 @@ class KneeOptions(LayerOptions):
         description="without a waist scanner, time in which all looks upon a single leg together tell what one tells: it stays "
         "behind the body or before it while it stands [s] (ours)",
     )
+    shared: bool = Field(
+        default=True,
+        description="whether legs are shared out at once among the trunks and those whom no trunk shows; else every trunk takes "
+        "its own first (ours)",
+    )
     half_seen_m2: float = Field(
         default=0.1,
         ge=0,
@@ -259,8 +266,12 @@ class LaserLayer:
         return np.where(hidden, (front + side) / 2, turned)
 
     def missed(self, scan: LaserScan, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
-        """How probably the scan shows nothing of somebody at room points."""
-        return 1 - self._free_space.seen(scan, points)
+        """How probably the scan shows nothing of somebody at room points.
+
+        Where the background is learned, somebody who stands may be taken for the room.
+        """
+        told = _TOLD_BY_LEARNED if self.learns_background else 1.0
+        return 1 - told * self._free_space.seen(scan, points)
 
     def passes(self, scan: LaserScan, points: Float[Array, "2 *n"]) -> Bool[Mask, "*n"]:
         """Whether the scan's beams go on behind room points on either side of them, and stand close enough to tell."""

@@ -16,8 +16,6 @@ from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
 from trackers.tracking.lifecycle import clear_of, coasting_within, measured_for_longer, measured_now, nanoseconds
 
-_SURELY_GONE = 0.1
-"""Probability of existence below which a person is all but surely gone."""
 _AT_REST = 0.01
 """Variance of the speed of somebody who lies [m²/s²]."""
 
@@ -57,7 +55,7 @@ class Life:
     ) -> People:
         """After a moment: whoever it did not show is likelier where nothing would show them, and the likelier gone.
 
-        missed: how probably the moment's scans show nothing of somebody at room points [m].
+        missed: how probably the moment, a share of a period, shows nothing of somebody at room points [m].
         """
         rules = self._options.management
         measured = measured_now(people.roster, ns)
@@ -65,11 +63,10 @@ class Life:
         if unseen.size == 0:
             return people
         taken = people.positions[measured & people.confirmed]
-        share = min(elapsed_s / self._options.period_s, 1.0)
 
         def not_shown(points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
             free = clear_of(points.reshape(2, -1).T, taken, rules.apart_m).reshape(points.shape[1:])
-            return missed(points) ** share * free
+            return missed(points) * free
 
         state, chance = not_seen(people.state.select(unseen), not_shown)
         sitting, posture = self._options.posture, people.posture.select(unseen)
@@ -104,10 +101,9 @@ class Life:
         return people.select(self._goes_on(people, ns))
 
     def _goes_on(self, people: People, ns: int) -> Bool[Mask, "n"]:
-        """Who is followed on: tentative tracks while measured; by the looks made, the gone more shortly, the existing longer."""
+        """Who is followed on: tentative tracks while measured; by the looks made, those who exist longer."""
         rules, roster = self._options.management, people.roster
-        coast_s = np.where(people.existence < _SURELY_GONE, rules.coast_gone_s, rules.coast_s)
-        goes_on = coasting_within(roster, ns, coast_s, 0.0)
+        goes_on = coasting_within(roster, ns, rules.coast_s, 0.0)
         # nobody still exists by looks that were not made: a long gap ends everybody
         looked = ns - self._looked_ns <= nanoseconds(rules.coast_s)
         # without an area there is always somewhere to be, behind the walls

@@ -50,12 +50,6 @@ class ManagementOptions(Strict):
         ge=0,
         description="a confirmed track not measured for longer ends [s], but for one that still exists",
     )
-    coast_gone_s: float = Field(
-        default=0.9,
-        ge=0,
-        description="the same of a track that is all but surely gone by the looks made since: long enough for a detector that "
-        "misses a person several times in a row, too short for the next person in a doorway [s] (ours)",
-    )
     survival_s: float | None = Field(
         default=30.0,
         gt=0,
@@ -134,9 +128,10 @@ class LaserFisheyeImmOptions(Strict):
     start_speed_m_s: float = Field(
         default=1.5, gt=0, description="standard deviation of a new track's speed [m/s] (the paper does not say)"
     )
-    start_by_trunks: bool = Field(
-        default=True,
-        description="whether in a rig with a waist scanner a track starts by a trunk alone; else by legs as well (ours)",
+    start_by_single_legs: bool = Field(
+        default=False,
+        description="whether in a rig with a waist scanner a track starts by a single leg as well, not by a trunk or both legs "
+        "alone (ours: it does not)",
     )
     colour_weight: float = Field(
         default=60.0, ge=0, description="weight w of the appearance E, in the paper's distance d = N + w E (inferred)"
@@ -148,15 +143,30 @@ class LaserFisheyeImmOptions(Strict):
         description="E of a look that is as likely the same person's as another's, so that an unknown shirt is neither alike nor "
         "different (ours, measured; the paper: 0)",
     )
-    by_likelihood: bool = Field(
-        default=True,
-        description="whether a pair costs N² + ln |S|, −2 ln of its likelihood, instead of N, so that a track known badly takes "
-        "nothing from one known well (ours)",
+    wrong_look: float = Field(
+        default=0.005,
+        ge=0,
+        lt=1,
+        description="share of looks at a torso that show what hides it, so that a wrong shirt costs so much and no more (ours)",
     )
-    at_once: bool = Field(
-        default=True,
-        description="whether trunks and legs are assigned at once, to confirmed tracks before tentative ones; else trunks to all "
-        "tracks, then legs to those left over, as in the paper (ours)",
+    new_density_m2: float | None = Field(
+        default=1e-3,
+        gt=0,
+        description="density of measurements of new people and of clutter [1/m²]: a pair costs −2 ln of "
+        "how much likelier it is than those, and is taken where that is likelier than that the track was not shown (ours); "
+        "null: a pair costs N, and as many are taken as can be, as in the paper",
+    )
+    lone_leg_density_m2: float = Field(
+        default=0.1,
+        gt=0,
+        description="the same of a single leg in a rig that sees waists: there a leg whose trunk is not seen is rarely a person "
+        "[1/m²] (ours)",
+    )
+    degrees_of_freedom: float | None = Field(
+        default=10.0,
+        gt=0,
+        description="of Student's t, the density of a measurement about its prediction, since people turn and clusters are cut "
+        "more often than a Gaussian says (ours); null: a Gaussian; used where pairs cost −2 ln of a likelihood",
     )
     max_deviations: float | None = Field(
         default=6.0,

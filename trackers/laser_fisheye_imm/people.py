@@ -30,7 +30,7 @@ class People(Rows):
     lone_ns: Int[Index, "n"]  # stamp of the last measurement by a single leg; before any other: never
     whole_ns: Int[Index, "n"]  # stamp of the last measurement by a trunk or both legs; before any: of the first
     posture: Posture
-    existence: Float[Array, "n"]  # how probably they are still there; 1 for who was measured at the last moment
+    existence: Float[Array, "n"]  # how probably they are still there
 
     @classmethod
     def started(
@@ -68,10 +68,17 @@ class People(Rows):
         """These tracks with another state."""
         return self.changed(roster=self.roster.changed(state=state))
 
-    def measured(self, track: Int[Index, "p"], position: Float[Array, "p 2"], ns: int, state: ImmState) -> Self:
-        """These tracks in `state`, with those at `track` measured at `position` at ns."""
+    def measured(
+        self,
+        track: Int[Index, "p"],
+        position: Float[Array, "p 2"],
+        ns: int,
+        state: ImmState,
+        existence: Float[Array, "p"],
+    ) -> Self:
+        """These tracks in `state`, with those at `track` measured at `position` at ns, and now so probably still there."""
         return self.changed(
             roster=self.roster.measured(track, ns, state),
             measured_at=written(self.measured_at, track, position),
-            existence=written(self.existence, track, np.ones(track.size)),
+            existence=written(self.existence, track, existence),
         )

@@ -13,17 +13,16 @@ Simplified: the sensors of one moment are taken to look at one time (they differ
 to be taken at once.
 
 Ours, not the paper's, each an option: the correction from a cluster's middle to the body's axis, the completion of half
-hidden clusters, the grouping of arms and legs, that tracks start by trunks, the velocity of a new track from its first two
-measurements, that people accelerate to whichever side, that beams which go on show where nobody is, that an occluded person is
-re-identified by the shirt, or in what only that one of the occluded can have become, and never in another shirt, and that
-whoever sat and is seen no more lies there.
+hidden clusters, the grouping of arms and legs, that no track starts by a leg alone, that people accelerate to whichever side,
+that a measurement is left apart where that is likelier, that beams which go on show where nobody is, that an occluded person
+is re-identified by the shirt, or in what only that one of the occluded can have become, and that whoever sat and is seen no
+more lies there.
 """
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Iterable
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -33,6 +32,7 @@ from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.configuration import validate
 from trackers.detections import Detection
+from trackers.filters.absence import chance_unseen
 from trackers.filters.rows import written
 from trackers.laser_fisheye_imm.association import Association, Matches
 from trackers.laser_fisheye_imm.detection import Detector, Seen
@@ -159,13 +159,19 @@ class LaserFisheyeImm(MomentTracker):
         if any(isinstance(each, LaserScan) for each in moment.observations.values()):
             self._life.looked(moment.ns)
         knows_room = not self._detector.learns_background
-        at = Association(self._people, self.options, self._knee_radius_m, moment.ns, waists, knows_room)
+        share = min(elapsed_s / self.options.period_s, 1.0)
+
+        def missed(points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
+            return self._detector.missed(moment, points) ** share
+
+        unseen = chance_unseen(self._people.state, missed)
+        at = Association(self._people, unseen, self.options, self._knee_radius_m, moment.ns, waists, knows_room)
         matches = at.matches(seen)
         self._update(matches, moment.ns)
         self._learn_colours(matches, seen)
         self._note_windows(matches, seen)
         people = self._life.confirmed(self._people, moment.ns)
-        people = self._life.unseen(people, moment.ns, elapsed_s, partial(self._detector.missed, moment))
+        people = self._life.unseen(people, moment.ns, elapsed_s, missed)
         self._people = self._life.remaining(people, moment.ns)
         self._start(matches, seen, moment.ns)
 
@@ -197,7 +203,7 @@ class LaserFisheyeImm(MomentTracker):
         posture = people.posture.measured(track, matches.position, matches.legs, self.options.posture)
         lone_ns = written(people.lone_ns, track[matches.lone], ns)
         whole_ns = written(people.whole_ns, track[~matches.lone], ns)
-        people = people.measured(track, matches.position, ns, state)
+        people = people.measured(track, matches.position, ns, state, matches.existence)
         self._people = people.changed(posture=posture, lone_ns=lone_ns, whole_ns=whole_ns)
 
     def _learn_colours(self, matches: Matches, seen: Seen) -> None:
@@ -222,13 +228,17 @@ class LaserFisheyeImm(MomentTracker):
     def _start(self, matches: Matches, seen: Seen, ns: int) -> None:
         if len(matches.new_position) == 0:
             return
-        bodies = np.concatenate([self._people.positions, matches.position])
-        free = clear_of(matches.new_position, bodies, matches.new_clearance)
         people, sitting = self._people, self.options.posture
+        exists = people.existence > self.options.management.exists_above
+        bodies = np.concatenate([people.positions[exists], matches.position])
+        # a lone leg, or knees without a trunk where waists are scanned, within a stride of somebody are likelier theirs
+        maybe_theirs = matches.new_lone | (self._detector.sees_waists & (matches.new_trunk < 0))
+        stride_m = np.where(maybe_theirs, self.options.knee.stride_m, 0.0)
+        free = clear_of(matches.new_position, bodies, np.maximum(self.options.management.body_radius_m, stride_m))
         seats = people.posture.seat[people.posture.seated(people.measured_at, sitting)]
         free &= clear_of(matches.new_position, seats, sitting.length_m)  # trunk and legs of who lies or gets up
-        if self.options.start_by_trunks and self._detector.sees_waists:
-            free &= matches.new_trunk >= 0
+        if self._detector.sees_waists and not self.options.start_by_single_legs:
+            free &= ~matches.new_lone
         position, trunk = matches.new_position[free], matches.new_trunk[free]
         histograms = np.zeros((len(position), self._detector.histogram.size))
         by_trunk = trunk >= 0

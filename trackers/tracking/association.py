@@ -9,20 +9,24 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from trackers.arrays import Array, Index, Mask
-from trackers.filters.gating import global_nearest_neighbour
+from trackers.filters.gating import global_nearest_neighbour, worthiest
 
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Which tracks take part; costs of the pairs, added up; a pair that any of the vetoes marks is forbidden."""
+    """Which tracks take part; costs of the pairs, added up; a pair that any of the vetoes marks is forbidden.
+
+    unpaired: what each track costs without a measurement; None: as many are paired as can be, whatever that costs.
+    """
 
     tracks: Bool[Mask, "n"]
     terms: Sequence[Float[Array, "n k"]]
     vetoes: Sequence[Bool[Mask, "n k"]] = ()
+    unpaired: Float[Array, "n"] | None = None
 
 
 def associate(stages: Sequence[Stage]) -> tuple[Int[Index, "p"], Int[Index, "p"]]:
-    """Pairs (tracks, measurements) by the global nearest neighbour of each stage in turn, as many in each as can be.
+    """Pairs (tracks, measurements) by the global nearest neighbour of each stage in turn.
 
     Whoever is paired in one stage takes no part in the next. Pairs come in the order of their stages.
     """
@@ -34,7 +38,11 @@ def associate(stages: Sequence[Stage]) -> tuple[Int[Index, "p"], Int[Index, "p"]
         for veto in stage.vetoes:
             allowed &= ~veto
         allowed[rows] = allowed[:, columns] = False
-        more_rows, more_columns = global_nearest_neighbour(sum(stage.terms[1:], start=stage.terms[0]), allowed)
+        cost = sum(stage.terms[1:], start=stage.terms[0])
+        if stage.unpaired is None:
+            more_rows, more_columns = global_nearest_neighbour(cost, allowed)
+        else:
+            more_rows, more_columns = worthiest(np.where(allowed, stage.unpaired[:, None] - cost, 0.0))
         rows, columns = np.concatenate([rows, more_rows]), np.concatenate([columns, more_columns])
     return rows, columns
 

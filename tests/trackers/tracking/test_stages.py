@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import permutations
+
 import numpy as np
+import pytest
+from hypothesis import given, strategies as st
 
 from trackers.tracking.association import Stage, associate, left_over
 
@@ -38,3 +42,21 @@ def test_whoever_was_paired_is_not_paired_again():
     again = pairs(Stage(everyone, [COST]), Stage(everyone, [COST]))
     assert len({track for track, _ in again}) == len({measurement for _, measurement in again}) == len(again) == 2
     assert left_over(3, np.array([track for track, _ in again])).size == 1
+
+
+def test_a_track_stays_without_a_measurement_where_that_is_cheaper():
+    everyone = np.ones(3, np.bool_)
+    assert pairs(Stage(everyone, [COST], unpaired=np.array([0.5, 0.4, 0.3]))) == [(2, 0)]
+    assert pairs(Stage(everyone, [COST], unpaired=np.array([0.5, 9.0, 0.3]))) == [(1, 0), (2, 1)]
+    assert pairs(Stage(everyone, [COST], [COST < 1], unpaired=np.full(3, 99.0))) == [(0, 0), (1, 1)]
+
+
+@given(st.integers(1, 4), st.integers(1, 4), st.integers(0, 2**32 - 1))
+def test_pairs_and_tracks_without_cost_least_together(n, k, seed):
+    rng = np.random.default_rng(seed)
+    cost, unpaired, allowed = rng.normal(size=(n, k)), rng.normal(size=n), rng.random((n, k)) < 0.7
+    choices = set(permutations([*range(k), *[-1] * n], n))
+    possible = [each for each in choices if all(j < 0 or allowed[i, j] for i, j in enumerate(each))]
+    least = min(sum(unpaired[i] if j < 0 else cost[i, j] for i, j in enumerate(each)) for each in possible)
+    found = dict(pairs(Stage(np.ones(n, np.bool_), [cost], [~allowed], unpaired)))
+    assert sum(cost[i, found[i]] if i in found else unpaired[i] for i in range(n)) == pytest.approx(least)
