@@ -70,7 +70,7 @@ LAB = "scenarios: [{scenario: lab-five-people, %s}]\n"
         # where an option was written: the suite's own set, an entry's, a grid, a variant
         (
             "trackers: [mine]\nset: {trackers.mine: {preset: laser-imm, camra: false}}\n" + LAB % "name: a",
-            "set.trackers.mine.camra: unknown key; did you mean 'camera'? valid here: at_once, camera, ",
+            "set.trackers.mine.camra: unknown key; did you mean 'camera'? valid here: camera, colour_weight, ",
         ),
         (
             "trackers: [mine]\n" + LAB % "set: {trackers.mine: {preset: laser-imm, knee: {radius_m: wide}}}",
