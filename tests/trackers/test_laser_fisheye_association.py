@@ -286,3 +286,18 @@ def test_a_leg_between_a_trunk_and_somebody_hidden_is_whose_other_is_missing():
     (hidden,) = found.position[found.track == 1]
     assert hidden == pytest.approx(np.mean([between, (0.48, 2.0)], axis=0))
     assert not found.lone[found.track == 1]
+
+
+def test_a_look_costs_its_weight_about_what_is_even_and_never_more_than_that_it_is_wrong():
+    people = People.started(
+        Imm().start(np.zeros((1, 2)), np.zeros((1, 2)), 0.02, 0.1),
+        np.zeros((1, 2)),
+        0,
+        np.zeros((1, 4)),
+        np.ones(1, np.int64),
+    )
+    at = associated(people, LaserFisheyeImmOptions(colour_weight=60, even_at=0.37, wrong_look=0.005), 0.5, NOW)
+    alike, even, unknown, other = at._by_colour(np.array([[0.27, 0.37, np.nan, 1.0]]))[0]
+    assert alike == pytest.approx(-6, abs=0.1)
+    assert even == unknown == pytest.approx(0, abs=0.02)
+    assert 10 < other < -2 * np.log(0.005)
