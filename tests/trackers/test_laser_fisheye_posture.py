@@ -173,3 +173,11 @@ def test_nobody_lies_where_somebody_else_is_seen_now():
 def test_where_waists_are_scanned_nobody_starts_by_a_leg_alone(monkeypatch, trunks, legs, options, starts):
     told = Room(monkeypatch, **options).shows(trunks, legs, times=5)[-1]
     assert bool(told) == starts
+
+
+def test_who_is_gone_in_plain_sight_holds_no_newcomer_back(room):
+    room.shows([SEAT, ELSEWHERE], times=20)
+    room.shows([ELSEWHERE], times=4)
+    told = room.shows([(SEAT[0] + 0.5, SEAT[1]), ELSEWHERE], times=4)[-1]
+    assert set(told) == {2, 3}
+    assert told[3] == pytest.approx((SEAT[0] + 0.5, SEAT[1]), abs=0.02)
