@@ -145,7 +145,7 @@ _BY_FILE = {
     # laser_fisheye_imm
     "trackers/laser_fisheye_imm/association.py": [
         ("a flicker takes legs", "np.bool_) if self.knows_room else", "np.bool_) if True else"),
-        ("the gone are recognised", "hidden & (people.existence > options.management.exists_above)", "hidden"),
+        ("the gone are recognised", "hidden & people.exist(options.management.exists_above)", "hidden"),
         (
             "recognised by another shirt",
             "(colour <= self.options.recognised_below)",
@@ -183,7 +183,7 @@ _BY_FILE = {
         ("fast scans taken for independent", "matches.variance / shares", "matches.variance"),
         ("looks upon a standing leg taken for independent", "knee.single_leg_s", "period_s"),
         ("misses of fast scans taken for independent", "missed(moment, points) ** share", "missed(moment, points)"),
-        ("the gone hold newcomers back", "people.positions[exists]", "people.positions"),
+        ("the gone hold newcomers back", "people.positions[exist]", "people.positions"),
         ("clothes learned from another trunk", "seen.histograms[matches.trunk[looked]],", "seen.histograms[looked],"),
     ],
     "trackers/laser_fisheye_imm/life.py": [

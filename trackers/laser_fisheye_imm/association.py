@@ -107,7 +107,7 @@ class Association:
         """Pairs of the occluded, with what no prediction explains, but for what is but a `part` of a person."""
         people, options = self.people, self.options
         hidden = people.confirmed & self._hidden() & (options.reach_m_s is not None)
-        existing = hidden & (people.existence > options.management.exists_above)
+        existing = hidden & people.exist(options.management.exists_above)
         explained = ((options.expected_below >= cost.deviations) & ~hidden[:, None]).any(axis=0)
         cannot_be = ~self._recognised(existing, position, colour) | part | explained
         return Stage(hidden, [cost.pair, self._by_colour(colour)], [cannot_be])

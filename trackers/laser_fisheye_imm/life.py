@@ -113,7 +113,7 @@ class Life:
 
     def _exists(self, people: People) -> Bool[Mask, "n"]:
         """Who is probably still there."""
-        return people.existence > self._options.management.exists_above
+        return people.exist(self._options.management.exists_above)
 
     def _inside(self, people: People) -> Bool[Mask, "n"]:
         """Which tracks are in the area or its margin."""

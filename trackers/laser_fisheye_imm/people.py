@@ -64,6 +64,10 @@ class People(Rows):
         """Each track's position over its modes [m]."""
         return (self.state.mean[:2] * self.state.probability).sum(axis=1).T
 
+    def exist(self, above: float) -> Bool[Mask, "n"]:
+        """Who is still there more probably than `above`."""
+        return self.existence > above
+
     def in_state(self, state: ImmState) -> Self:
         """These tracks with another state."""
         return self.changed(roster=self.roster.changed(state=state))

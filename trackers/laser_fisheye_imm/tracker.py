@@ -229,8 +229,8 @@ class LaserFisheyeImm(MomentTracker):
         if len(matches.new_position) == 0:
             return
         people, sitting = self._people, self.options.posture
-        exists = people.existence > self.options.management.exists_above
-        bodies = np.concatenate([people.positions[exists], matches.position])
+        exist = people.exist(self.options.management.exists_above)
+        bodies = np.concatenate([people.positions[exist], matches.position])
         # a lone leg, or knees without a trunk where waists are scanned, within a stride of somebody are likelier theirs
         maybe_theirs = matches.new_lone | (self._detector.sees_waists & (matches.new_trunk < 0))
         stride_m = np.where(maybe_theirs, self.options.knee.stride_m, 0.0)
