@@ -1,14 +1,20 @@
 """The arrays that functions take and hand back. Their shapes stand beside them, `Float[Array, "n 2"]` (jaxtyping).
 
 A name stands for one size throughout a call; the test run checks dtypes and shapes at every call, nothing else does.
+The aliases are written out: from numpy 2.5 on `numpy.typing.NDArray[...]` is no class, which jaxtyping asks for.
 """
 
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
-Array = NDArray[np.float64]
+import numpy as np
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
 ArrayOrNumber = Array | np.float64
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
-Singles = NDArray[np.float32]
-Bytes = NDArray[np.uint8]
+Index = np.ndarray[Any, np.dtype[np.intp]]
+Mask = np.ndarray[Any, np.dtype[np.bool_]]
+Singles = np.ndarray[Any, np.dtype[np.float32]]
+Bytes = np.ndarray[Any, np.dtype[np.uint8]]
+Floats = np.ndarray[Any, np.dtype[np.floating]]
+"""Single or double precision."""
+Complexes = np.ndarray[Any, np.dtype[np.complex128]]
+AnyArray = np.ndarray[Any, np.dtype[Any]]

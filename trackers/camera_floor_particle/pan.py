@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Complex, Float, Int
-from numpy.typing import NDArray
 
-from trackers.arrays import Array, Index
+from trackers.arrays import AnyArray, Array, Index
 from trackers.camera_floor_particle.options import HeadOptions
 from trackers.camera_floor_particle.people import PAN_BINS, People
 from trackers.camera_floor_particle.views import Views
@@ -48,7 +47,7 @@ class Looks(NamedTuple):
     bearing: Float[Array, "k"]
     roots: Float[Array, "k colours"]
     alike: Float[Array, "k sides"]
-    skin: Complex[NDArray, "k"]  # its share, in the direction that it faces, e^iφ in the room
+    skin: Complex[AnyArray, "k"]  # its share, in the direction that it faces, e^iφ in the room
 
 
 def looks(people: People, views: Views, options: HeadOptions) -> Looks | None:
@@ -89,7 +88,7 @@ def turned(people: People, dt: float, seen: Looks | None, options: HeadOptions) 
     return people.changed(facing=belief, pan=mean_direction(belief)[0])
 
 
-def _trusting_skin(people: People, face: Complex[NDArray, "n"]) -> People:
+def _trusting_skin(people: People, face: Complex[AnyArray, "n"]) -> People:
     """Who walks teaches whether skin is where their face is, and not hair of its colour or light on it: the mean cosine."""
     heading, speed = walk(people)
     right = np.cos(np.angle(face) - heading) - people.skin_true

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Complex, Float, Float32, Int
 from numpy.typing import NDArray
 
 from trackers.area import Area
-from trackers.arrays import Array, Index, Mask, Singles
+from trackers.arrays import AnyArray, Array, Floats, Index, Mask, Singles
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions, WindowOptions
 from trackers.cameras.placed import CameraGroup, PlacedCamera
 from trackers.observations import DepthImage, Image, Observation
@@ -66,7 +66,7 @@ class View:
         window: WindowOptions,
         root_references: Float32[Singles, "n padded"],
         of: Int[Index, "k"],
-    ) -> Float[NDArray[np.floating], "k"]:
+    ) -> Float[Floats, "k"]:
         """Σ √(p q), 1 − D² of eq. 4, of the colours in windows and the reference `of` each (`padded_roots`).
 
         Colours are shares of the window's pixels, or of those of the foreground as a share of all the window.
@@ -138,7 +138,7 @@ class Views(Sequence[View]):
         pixels: Float[Array, "cameras k 2"],
         shown: Bool[Mask, "cameras k"],
         window: WindowOptions,
-    ) -> Complex[NDArray, "looks"]:
+    ) -> Complex[AnyArray, "looks"]:
         """Where skin is on heads at places [m]: the mean over a window's pixels of e^iφ where there is skin, 0 elsewhere.
 
         φ is how far the head's surface is turned from the camera there, seen from above, as if it were round [rad].

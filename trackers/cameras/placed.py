@@ -7,9 +7,9 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Floats, Mask
 from trackers.cameras.ellipse import Ellipses, Ellipsoids, outline_ellipses
 from trackers.cameras.intrinsics import Intrinsics
 from trackers.cameras.pinhole import PinholeIntrinsics
@@ -45,7 +45,7 @@ class PlacedCamera:
         """The unit vectors from the eye that the pixels' centres see; NaN where there is no light."""
         return _kept(self.intrinsics.pixel_rays() @ self.rotation.T)
 
-    def points(self, depth_m: Float[NDArray[np.floating], "height width"]) -> Float[Array, "height width 3"]:
+    def points(self, depth_m: Float[Floats, "height width"]) -> Float[Array, "height width 3"]:
         """The point [m] that each pixel of a depth picture shows; NaN where the picture is 0.
 
         Depth is along the optical axis. Raises TypeError for a camera that is no pinhole, ValueError for a picture of
@@ -122,9 +122,7 @@ class CameraGroup:
             np.array([[each.intrinsics.width, each.intrinsics.height] for each in cameras]).reshape(-1, 2, 1) - 0.5
         )
 
-    def project(
-        self, points_m: Float[NDArray[np.floating], "*#c 3 k"]
-    ) -> tuple[Float[Array, "c 2 k"], Bool[Mask, "c k"]]:
+    def project(self, points_m: Float[Floats, "*#c 3 k"]) -> tuple[Float[Array, "c 2 k"], Bool[Mask, "c k"]]:
         """Pixels u, v of points [m], the same or each camera's own, and whether its picture shows each.
 
         See `PlacedCamera.project`.

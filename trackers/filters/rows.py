@@ -7,9 +7,8 @@ from typing import Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Int, Shaped
-from numpy.typing import NDArray
 
-from trackers.arrays import Index, Mask
+from trackers.arrays import AnyArray, Index, Mask
 
 Selection = Int[Index, "k"] | Bool[Mask, "n"]
 """Indices of k targets, or a mask of all n."""
@@ -72,7 +71,7 @@ class Rows:
         return type(self)(**fields)
 
 
-def written(array: Shaped[NDArray[Any], "n *each"], index: Selection, values: Any) -> Shaped[NDArray[Any], "n *each"]:
+def written(array: Shaped[AnyArray, "n *each"], index: Selection, values: Any) -> Shaped[AnyArray, "n *each"]:
     """A copy of an array with `values` at `index`."""
     copy = array.copy()
     copy[index] = values

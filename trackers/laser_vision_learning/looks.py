@@ -14,10 +14,9 @@ from typing import Literal, Self
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
-from numpy.typing import NDArray
 from pydantic import Field, NonNegativeInt, PositiveInt
 
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Bytes, Index, Mask
 from trackers.cameras import PlacedCamera
 from trackers.configuration import Strict
 from trackers.filters.particle import LogLikelihood
@@ -28,7 +27,7 @@ from trackers.vision.histogram import ColourHistogram, HistogramOptions
 from trackers.vision.patch_features import FeatureOptions, PatchDescriber
 from trackers.vision.patches import Patches, PatchOptions, PatchSampler
 
-Picture = UInt8[NDArray[np.uint8], "height width 3"]
+Picture = UInt8[Bytes, "height width 3"]
 _NEVER_NS = -1
 HISTOGRAM = ColourHistogram(HistogramOptions())
 """Of the colours of a body, where histograms are compared instead."""

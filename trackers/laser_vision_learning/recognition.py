@@ -17,10 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
-from numpy.typing import NDArray
 from pydantic import Field
 
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Bytes, Index, Mask
 from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.filters.gating import linked
@@ -97,7 +96,7 @@ class _Split:
 class _Shown:
     """What a picture shows, and where everybody was as it was taken."""
 
-    rgb: UInt8[NDArray[np.uint8], "height width 3"]
+    rgb: UInt8[Bytes, "height width 3"]
     foreground: Bool[Mask, "height width"] | None
     places: Float[Array, "n 2"]
 

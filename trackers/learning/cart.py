@@ -20,9 +20,8 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
-from numpy.typing import NDArray
 
-from trackers.arrays import Array, Index, Mask
+from trackers.arrays import Array, Complexes, Index, Mask
 from trackers.filters.rows import Rows
 
 _SAME = 1e-7
@@ -130,7 +129,7 @@ class SortedSamples:
         said = np.where(answers, leaves[2 * n :, None], leaves[: 2 * n, None])
         return Grown(root, branches, leaves, np.where(yes, said[n:], said[:n]))
 
-    def _asked(self, weighed: Complex[NDArray[np.complex128], "n k"]) -> tuple[Questions, Bool[Mask, "n k"]]:
+    def _asked(self, weighed: Complex[Complexes, "n k"]) -> tuple[Questions, Bool[Mask, "n k"]]:
         """The best question for each set, and of which samples the answer is yes."""
         n, _, places = self.parts.shape
         if places == 0:

@@ -18,9 +18,8 @@ from functools import cached_property, lru_cache
 import cv2
 import numpy as np
 from jaxtyping import Float, Int, Int16, UInt8
-from numpy.typing import NDArray
 
-from trackers.arrays import Array, Bytes, Index, Singles
+from trackers.arrays import AnyArray, Array, Bytes, Index, Singles
 from trackers.filters.rows import Rows
 from trackers.rgbd_head.options import ColourOptions
 
@@ -46,7 +45,7 @@ _BLUR_LUMA, _BLUR_CHROMA = _blur(STEPS[0]), np.kron(_blur(STEPS[1]), _blur(STEPS
 
 
 @lru_cache(maxsize=1)
-def _numbers() -> Int16[NDArray, "65536"]:
+def _numbers() -> Int16[AnyArray, "65536"]:
     """The number of every colour that 16 bits tell apart: of the middle of what has the same 5, 6 and 5 bits."""
     every = np.arange(1 << 16, dtype=np.uint16).view(np.uint8).reshape(256, 256, 2)
     rgb = cv2.cvtColor(every, cv2.COLOR_BGR5652RGB) + np.array([4, 2, 4], np.uint8)
@@ -54,7 +53,7 @@ def _numbers() -> Int16[NDArray, "65536"]:
     return (((luma >> 4) << 6) + (((red - 112) >> 3).clip(0, 7) << 3) + ((blue - 84) >> 3).clip(0, 7)).ravel()
 
 
-def colour_numbers(rgb: UInt8[Bytes, "height width 3"]) -> Int16[NDArray, "height width"]:
+def colour_numbers(rgb: UInt8[Bytes, "height width 3"]) -> Int16[AnyArray, "height width"]:
     """The number of each pixel's colour: by Y, Cr and Cb, of the first 5 or 6 bits of red, green and blue."""
     return _numbers().take(cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR565).view(np.uint16)[..., 0])
 

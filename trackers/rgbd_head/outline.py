@@ -16,9 +16,8 @@ from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from numpy.typing import NDArray
 
-from trackers.arrays import Array, Index, Mask, Singles
+from trackers.arrays import Array, Floats, Index, Mask, Singles
 from trackers.cameras.placed import CameraGroup
 
 ASPECTS = (72, 16)
@@ -66,7 +65,7 @@ class Outlines:
         return aspects(self.facing, self.rise)
 
 
-def aspects(facing: Float[NDArray[np.floating], "*n"], rise: Float[NDArray[np.floating], "*#n"]) -> Int[Index, "*n"]:
+def aspects(facing: Float[Floats, "*n"], rise: Float[Floats, "*#n"]) -> Int[Index, "*n"]:
     """From where a head is seen, as a column of `cells_shown`, by the angles of `Outlines` [rad]."""
     turn = np.floor(facing * (ASPECTS[0] / (2 * np.pi)))
     turn -= ASPECTS[0] * np.floor(
@@ -76,9 +75,7 @@ def aspects(facing: Float[NDArray[np.floating], "*n"], rise: Float[NDArray[np.fl
     return (turn * ASPECTS[1] + level).astype(np.intp)
 
 
-def outlines(
-    cameras: CameraGroup, heads: Float[NDArray[np.floating], "4 c k"], semi_axes_m: tuple[float, float, float]
-) -> Outlines:
+def outlines(cameras: CameraGroup, heads: Float[Floats, "4 c k"], semi_axes_m: tuple[float, float, float]) -> Outlines:
     """The ellipses of heads (x, y, z [m], yaw [rad]) of semi-axes ahead, to the side and up [m].
 
     heads: k of each camera; their ellipses are in a row, one camera's after another's.

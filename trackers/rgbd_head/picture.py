@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int32, UInt8
-from numpy.typing import NDArray
 
 from trackers.area import Area
-from trackers.arrays import Array, Bytes, Mask, Singles
+from trackers.arrays import AnyArray, Array, Bytes, Mask, Singles
 from trackers.observations import DepthImage, Observation
 from trackers.rgbd_head.colours import colour_numbers
 from trackers.rgbd_head.learned import Learned
@@ -45,12 +44,12 @@ class Picture:
     its ray it is [mm], 0 where unknown. mask: the foreground alone. knows_depth: false where the whole depth picture is empty.
     """
 
-    pixels: Int32[NDArray, "height width"]
+    pixels: Int32[AnyArray, "height width"]
     mask: Bool[Mask, "height width"]
     knows_depth: bool
 
     def at(
-        self, columns: Float[Singles, "points n"], rows: Float[Singles, "points n"], out: Int32[NDArray, "points n"]
+        self, columns: Float[Singles, "points n"], rows: Float[Singles, "points n"], out: Int32[AnyArray, "points n"]
     ) -> None:
         """Write the pixels at these columns and rows; 0 beyond the picture's edges."""
         for first in range(
@@ -115,7 +114,7 @@ class Watcher:
         depth_m: Float[Singles, "height width"],
         mask: UInt8[Bytes, "height width"],
         mm_per_depth: Float[Singles, "height width"],
-    ) -> Int32[NDArray, "height width"]:
+    ) -> Int32[AnyArray, "height width"]:
         """A part of a picture as `Picture.pixels` holds it."""
         rgb = np.ascontiguousarray(rgb)
         code = colour_numbers(rgb)
@@ -161,6 +160,6 @@ def _empty_room(
     return median, most
 
 
-def range_m(pixels: Int32[NDArray, "*n"]) -> Float[Singles, "*n"]:
+def range_m(pixels: Int32[AnyArray, "*n"]) -> Float[Singles, "*n"]:
     """How far along its ray each pixel is [m], 0 where unknown."""
     return (pixels >> _RANGE_BITS) * np.float32(1e-3)

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float16, Int, Int32, Shaped
 from numpy.typing import NDArray
 
-from trackers.arrays import Array, Index, Mask, Singles
+from trackers.arrays import AnyArray, Array, Index, Mask, Singles
 from trackers.cameras.placed import CameraGroup
 from trackers.rgbd_head.colours import COLOURS, SHARES
 from trackers.rgbd_head.options import WeightOptions
@@ -129,19 +129,19 @@ class Weigher:
         return np.stack([person[on_head], steps[on_head], pixels[on_head] & (COLOURS - 1)]).astype(np.intp)
 
     @cached_property
-    def _steps_shown(self) -> Int32[NDArray, "points aspects"]:
+    def _steps_shown(self) -> Int32[AnyArray, "points aspects"]:
         return self._steps(self._options.points)
 
     @cached_property
-    def _steps_looked_at(self) -> Int32[NDArray, "points aspects"]:
+    def _steps_looked_at(self) -> Int32[AnyArray, "points aspects"]:
         return self._steps(_LOOKED_AT)
 
     @cached_property
-    def _steps_turned(self) -> Int32[NDArray, "rises points turns"]:
+    def _steps_turned(self) -> Int32[AnyArray, "rises points turns"]:
         """`_steps_looked_at` by the camera's height angle, for every turn."""
         return np.ascontiguousarray(np.moveaxis(self._steps_looked_at.reshape(_LOOKED_AT, *ASPECTS), -1, 0))
 
-    def _steps(self, points: int) -> Int32[NDArray, "points aspects"]:
+    def _steps(self, points: int) -> Int32[AnyArray, "points aspects"]:
         """The first entry of the step of s that each of so many points of the ellipse shows in every aspect."""
         return (self._learned.share_steps.take(cells_shown(points)) * COLOURS).astype(np.int32)
 
@@ -171,7 +171,7 @@ class Weigher:
 
 def _pixels(
     pictures: Sequence[Picture], seen_as: Outlines, disc: Float[Array, "points 2"]
-) -> Int32[NDArray, "points n"]:
+) -> Int32[AnyArray, "points n"]:
     """Each picture's pixels at points of the unit disc in its ellipses, one picture's after another's."""
     columns, rows = seen_as.pixels(disc)
     found, n = np.empty(columns.shape, np.int32), columns.shape[1] // len(pictures)
@@ -193,11 +193,11 @@ def _linear(off: Float[Singles, "*n"], slope: tuple[float, float]) -> Float[Sing
     return np.log(np.maximum(a - b * off, _NOTHING)).astype(np.float32)
 
 
-def _mean(rows: Shaped[NDArray, "k n"]) -> Float[Singles, "n"]:
+def _mean(rows: Shaped[AnyArray, "k n"]) -> Float[Singles, "n"]:
     """The mean over the first axis; by a product, which numpy does fastest."""
     return np.full(len(rows), 1 / len(rows), np.float32) @ rows.astype(np.float32, copy=False)
 
 
-def _share(pixels: Int32[NDArray, "k n"], flag: int) -> Float[Singles, "n"]:
+def _share(pixels: Int32[AnyArray, "k n"], flag: int) -> Float[Singles, "n"]:
     """The share of pixels that have a flag."""
     return _mean(pixels & flag) / np.float32(flag)

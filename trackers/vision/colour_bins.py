@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Float32, Int, Integer, Shaped, UInt8
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, NonNegativeInt, PositiveInt
 
-from trackers.arrays import Array, Bytes, Index, Mask, Singles
+from trackers.arrays import AnyArray, Array, Bytes, Index, Mask, Singles
 from trackers.configuration import Strict
 from trackers.vision.hsv import FULL, HALF_TURNS, Hsv, hsv_of
 
@@ -40,7 +40,7 @@ class BinnedSamples:
         """How much of each set falls in each bin; of the pixels `inside` alone where given."""
         return self.counts(inside)[:, : self.size].astype(float)
 
-    def counts(self, inside: Bool[Mask, "k n"] | None = None) -> Shaped[NDArray[Any], "k padded"]:
+    def counts(self, inside: Bool[Mask, "k n"] | None = None) -> Shaped[AnyArray, "k padded"]:
         """The same, and last of all how much counts in no bin."""
         k = self.number.shape[1]
         number = self.number if inside is None else np.where(inside, self.number, self.size)

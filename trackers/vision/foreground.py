@@ -20,11 +20,10 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
-from numpy.typing import NDArray
 from pydantic import Field, NonNegativeInt, model_validator
 
 from trackers.area import Area
-from trackers.arrays import Bytes, Mask, Singles
+from trackers.arrays import Bytes, Floats, Mask, Singles
 from trackers.cameras.intrinsics import Intrinsics
 from trackers.cameras.placed import PlacedCamera
 from trackers.configuration import Strict
@@ -144,7 +143,7 @@ class Foreground:
             self._t = t
         return background
 
-    def _background_of(self, levels: Float[NDArray[np.floating], "height width 3"]) -> _Background:
+    def _background_of(self, levels: Float[Floats, "height width 3"]) -> _Background:
         background = _Background.of(np.rint(levels).astype(np.uint8), self.options)
         if self._may_be_shaded is None:
             return background

@@ -12,16 +12,15 @@ from collections.abc import Iterable
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
-from numpy.typing import NDArray
 
-from trackers.arrays import Array, Bytes, Mask
+from trackers.arrays import AnyArray, Array, Bytes, Mask
 
 _SQUARE = 3
 """Averages go over squares of this side [px of the level]."""
 _MOST_LEVELS = 6
 
 
-def level_of(cell_px: Float[Array, "n"]) -> Int[NDArray, "n"]:
+def level_of(cell_px: Float[Array, "n"]) -> Int[AnyArray, "n"]:
     """The level whose squares come nearest to cells of this side; of one that is not in the picture (NaN) the finest."""
     wanted = np.log2(np.maximum(np.nan_to_num(cell_px), 1.0) / _SQUARE)
     return np.clip(np.rint(wanted), 0, _MOST_LEVELS - 1).astype(np.intp)
@@ -36,7 +35,7 @@ class MaskLevels:
         self._start = dict(zip(self._shape, np.cumsum([0, *lengths]).tolist(), strict=False))
         self._length = sum(lengths)
 
-    def index(self, pixels: Float[Array, "n *cells 2"], level: Int[NDArray, "n"]) -> Int[NDArray, "n *cells"]:
+    def index(self, pixels: Float[Array, "n *cells 2"], level: Int[AnyArray, "n"]) -> Int[AnyArray, "n *cells"]:
         """Where in the table the squares about pixels stand; of one outside the picture, or NaN, somewhere on the border."""
         index = np.zeros(pixels.shape[:-1], np.int32)
         for each, (rows, columns) in self._shape.items():

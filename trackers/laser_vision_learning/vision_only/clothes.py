@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
-from numpy.typing import NDArray
 
-from trackers.arrays import Array, Mask
+from trackers.arrays import Array, Bytes, Mask
 from trackers.cameras.placed import PlacedCamera
 from trackers.vision.histogram import ColourHistogram, HistogramOptions
 from trackers.vision.person_windows import largest_overlap, person_windows
@@ -27,7 +26,7 @@ class Clothes:
         self.size = 2 * self._histogram.size
 
     def looks(
-        self, rgb: UInt8[NDArray[np.uint8], "h w 3"], mask: Mask, places_m: Float[Array, "k 2"]
+        self, rgb: UInt8[Bytes, "h w 3"], mask: Mask, places_m: Float[Array, "k 2"]
     ) -> tuple[Float[Array, "k bins"], Bool[Mask, "k"], Float[Array, "k"]]:
         """Colours at places [m], whether enough of them is seen, and how much of each window another covers."""
         windows = person_windows(self._camera, places_m, _ROWS, _COLUMNS)
