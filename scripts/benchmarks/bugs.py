@@ -1,407 +1,480 @@
-"""Bugs that somebody could really write, each one replacement of a text that stands once in its file.
+"""Mistakes that somebody could really write, each a change of one definition (`benchmarks.mutation`).
 
 Not such as raise at once, but signs, units, constants twice as large, frames off by one, channels and axes exchanged, transposed
-rotations, rules left out, greedy for optimal. They are what the gate is tested by: see `benchmarks.gate_bugs`.
+rotations, rules left out, nearest for optimal. They are what the gate is tested by: see `benchmarks.gate_bugs`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
-
-
-@dataclass(frozen=True)
-class Bug:
-    """What somebody got wrong, in which file below the root, and the texts without and with it."""
-
-    name: str
-    file: str
-    old: str
-    new: str
-
-    def write(self, root: Path) -> None:
-        """Make this mistake in the tree at `root`. Raises ValueError where the text is not there just once."""
-        path = root / self.file
-        text = path.read_text(encoding="utf-8")
-        if text.count(self.old) != 1:
-            raise ValueError(f"{self.file}: holds {self.old!r} {text.count(self.old)} times; once is expected")
-        path.write_text(text.replace(self.old, self.new), encoding="utf-8")
-
-
-_GREEDY = """order = np.argsort(np.where(allowed, distance, forbidden), axis=None)
-    pairs: dict[int, int] = {}
-    for row, column in zip(*np.unravel_index(order, distance.shape), strict=True):
-        if row not in pairs and column not in pairs.values():
-            pairs[row] = column
-    rows = np.array(sorted(pairs))
-    columns = np.array([pairs[row] for row in sorted(pairs)])"""
+from benchmarks.mutation import Bug
 
 _BY_FILE = {
-    # filters
     "trackers/filters/motion.py": [
-        ("sign of a Jacobian", "by_state[X, HEADING] = -distance", "by_state[X, HEADING] = distance"),
+        ("sign of a Jacobian", "linearise", "-_A", "_A"),
     ],
     "trackers/filters/heading_motion.py": [
-        ("process noise taken once a step, however short", "(self.models) / share)", "(self.models))"),
+        (
+            "process noise taken once a step, however short",
+            "HeadingMotion.moved",
+            "disturbance_variances(_A) / _B",
+            "disturbance_variances(_A)",
+        ),
     ],
     "trackers/filters/velocity_motion.py": [
-        ("standing taken for walking", "STANDS = VelocityModel(0.0, 1.0)", "STANDS = VelocityModel(1.0, 1.0)"),
-        ("place and speed spread apart", "spread[place, speed] += variance", "spread[place, speed] -= variance"),
+        ("standing taken for walking", "", "VelocityModel(0.0, 1.0)", "VelocityModel(1.0, 1.0)"),
+        (
+            "place and speed spread apart",
+            "VelocityMotion.moved",
+            "spread[place, speed] += variance * period_s ** 3 / 2",
+            "spread[place, speed] -= variance * period_s ** 3 / 2",
+        ),
     ],
     "trackers/filters/imm.py": [
-        (
-            "transition matrix transposed",
-            "transition.T @ state.probability",
-            "transition @ state.probability",
-        ),
+        ("transition matrix transposed", "Imm._mix", "_A.T", "_A"),
+        ("likelihood without its determinant", "Imm.update", "_A + np.log(_B)", "_A"),
         (
             "modes mixed without the spread of their means",
-            '        covariance += np.einsum("aftn,bftn->abtn", spread * shares, spread)\n',
+            "Imm._mix",
+            "_A += np.einsum('aftn,bftn->abtn', _B * _C, _B)",
             "",
         ),
-        ("likelihood without its determinant", "-0.5 * (square + np.log(determinant))", "-0.5 * square"),
     ],
     "trackers/filters/gating.py": [
+        ("radius not squared", "validation_region", "_A ** 2", "_A"),
+        ("cross term halved", "deviations", "2 * s_xy", "s_xy"),
+        ("tails of the square root", "deviations", "_A + 2", "(_A + 2) / 2"),
         (
-            "greedy for optimal assignment",
-            "rows, columns = linear_sum_assignment(np.where(allowed, distance, forbidden))",
-            _GREEDY,
+            "nearest for optimal assignment",
+            "global_nearest_neighbour",
+            "linear_sum_assignment(np.where(_A, _B, _C))",
+            "(np.arange(len(_A)), np.where(_A, _B, _C).argmin(axis=1))",
         ),
-        ("radius not squared", "<= radius_m**2, axis=1)", "<= radius_m, axis=1)"),
-        ("cross term halved", "2 * s_xy * y", "s_xy * y"),
-        ("tails of the square root", "(degrees_of_freedom + 2)", "(degrees_of_freedom + 2) / 2"),
     ],
     "trackers/filters/absence.py": [
-        ("mean square left in the variance", "xx - mean_x**2 - 1", "xx - 1"),
-        ("existence by who would be seen", "unseen = there * missed", "unseen = there * (1 - missed)"),
-        ("evidence upside down", "theirs = existence * likelihood_ratio", "theirs = existence / likelihood_ratio"),
+        ("mean square left in the variance", "not_seen", "xx - mean_x ** 2", "xx"),
+        ("existence by who would be seen", "existence_unseen", "there * missed", "there * (1 - missed)"),
+        ("evidence upside down", "existence_measured", "_A * _B", "_A / _B"),
     ],
-    "trackers/filters/circular.py": [("arctangent's arguments exchanged", "arctan2(y, x)", "arctan2(x, y)")],
+    "trackers/filters/circular.py": [
+        ("arctangent's arguments exchanged", "circular_mean", "np.arctan2(_A, _B)", "np.arctan2(_B, _A)"),
+    ],
     "trackers/filters/particle.py": [
-        ("evidence without the total", "np.where(lost, -np.inf, top + log_total)", "np.where(lost, -np.inf, top)"),
-        ("resampled while nothing has degenerated", "(share <= self.threshold)", "(share >= self.threshold)"),
+        ("evidence without the total", "LogWeights.updated", "top + log_total", "top"),
+        ("resampled while nothing has degenerated", "ParticleFilter.resampled", "_A <= _B", "_A >= _B"),
     ],
     "trackers/filters/resampling.py": [
-        ("systematic without its offset", "p * cumulative - offset", "p * cumulative - 0.5")
+        ("systematic without its offset", "_systematic", "_A * _B - _C", "_A * _B - 0.5"),
     ],
-    # tracking
     "trackers/tracking/appearance.py": [
-        (
-            "first look blended with nothing",
-            "np.where(self.known[track, None], blended, histogram)",
-            "blended",
-        ),
+        ("first look blended with nothing", "Appearance.learned", "np.where(_A[_B, None], _C, _D)", "_C"),
     ],
     "trackers/tracking/association.py": [
-        ("whom nothing fits is paired first", "stage.unpaired[:, None] - cost", "stage.unpaired[:, None] + cost"),
-        ("measurement paired twice", "allowed[rows] = allowed[:, columns] = False", "allowed[rows] = False"),
+        ("whom nothing fits is paired first", "associate", "_A[:, None] - _B", "_A[:, None] + _B"),
+        ("measurement paired twice", "associate", "_A[_B] = _A[:, _C] = False", "_A[_B] = False"),
     ],
     "trackers/tracking/lifecycle.py": [
-        ("confirmed a frame late", "ns - roster.born_ns + nanoseconds(period_s)", "ns - roster.born_ns"),
-        ("clear of anybody, not of everybody", ".min(axis=1) > clearance_m", ".max(axis=1) > clearance_m"),
+        ("confirmed a frame late", "measured_for_longer", "_A - _B + nanoseconds(_C)", "_A - _B"),
+        ("clear of anybody, not of everybody", "clear_of", "distances(_A, _B).min", "distances(_A, _B).max"),
     ],
     "trackers/tracking/moments.py": [
-        ("joins within a period, not half of one", "NS_PER_S), *seen_ns) // 2", "NS_PER_S), *seen_ns)"),
+        (
+            "joins within a period, not half of one",
+            "MomentGatherer._learn_period",
+            "min(round(_A * _B), *_C) // 2",
+            "min(round(_A * _B), *_C)",
+        ),
     ],
-    "trackers/area.py": [("margin not squared", "(gap_square <= self._margin_m**2)", "(gap_square <= self._margin_m)")],
-    "trackers/order.py": [("holds nothing back", "self._newest_ns - self._max_wait_ns", "self._newest_ns")],
-    # lasers
+    "trackers/area.py": [
+        ("margin not squared", "Area._exactly", "self._margin_m ** 2", "self._margin_m"),
+    ],
+    "trackers/order.py": [
+        ("holds nothing back", "StampOrder.add", "_A - _B", "_A"),
+    ],
     "trackers/laser/background.py": [
-        ("memory fades forwards", "np.exp(elapsed / self._options", "np.exp(-elapsed / self._options"),
-        ("margin behind the wall", "room - np.maximum(", "room + np.maximum("),
+        ("memory fades forwards", "LearnedBackground._learn", "_A / _B", "-_A / _B"),
+        (
+            "margin behind the wall",
+            "KnownBackground.__init__",
+            "_A - np.maximum(_B, _C * _D)",
+            "_A + np.maximum(_B, _C * _D)",
+        ),
     ],
     "trackers/laser/clusters.py": [
-        ("pushed towards the scanner", "(1 + depth_m / range_m)", "(1 - depth_m / range_m)"),
-        ("farther taken for nearer", "nearer = range_m - jump_m", "nearer = range_m + jump_m"),
+        ("pushed towards the scanner", "pushed_back", "1 + _A / _B", "1 - _A / _B"),
+        ("farther taken for nearer", "_hidden", "_A - _B", "_A + _B"),
     ],
     "trackers/laser/free_space.py": [
-        ("rotation not transposed", "rotation[:2, :2].T.copy()", "rotation[:2, :2].copy()"),
-        ("a beam more is asked for", "(self._least - 1)", "self._least"),
-        ("seen before, not behind", "distance + options.behind_m", "distance - options.behind_m"),
+        ("rotation not transposed", "FreeSpace.__init__", "_A[:2, :2].T", "_A[:2, :2]"),
+        ("a beam more is asked for", "FreeSpace.seen", "self._least - 1", "self._least"),
+        ("seen before, not behind", "FreeSpace.seen", "distance + options.behind_m", "distance - options.behind_m"),
     ],
     "trackers/laser/group.py": [
-        ("what one beam shows starts a track", "detections.n_sample >= self._least", "detections.n_sample >= 1"),
+        ("what one beam shows starts a track", "ScannerGroup.firm", "self._least", "1"),
         (
             "weighted by variance, not its inverse",
-            "1 / (R + first.variance_m2[mine]), 1 / (R + second.variance_m2[theirs])",
-            "R + first.variance_m2[mine], R + second.variance_m2[theirs]",
+            "fused",
+            "(1 / (_A + _B[_C]), 1 / (_A + _D[_E]))",
+            "(_A + _B[_C], _A + _D[_E])",
         ),
     ],
     "trackers/laser/grouping.py": [
-        ("narrowest first", "(-width_m).argsort", "width_m.argsort"),
-        ("second leg beside the first", "place[who] += against", "place[who] -= against"),
-        ("hidden people first", "- away**2 - first_leg", "- away**2 + first_leg"),
-        ("a trunk cut in two is two", "near |= apart < apart_m", "near &= apart < apart_m"),
+        ("narrowest first", "trunks", "-_A", "_A"),
+        (
+            "second leg beside the first",
+            "take_legs",
+            "_A[_B] += _C[_B] * (_D[_B] - _E[_F])",
+            "_A[_B] -= _C[_B] * (_D[_B] - _E[_F])",
+        ),
+        (
+            "hidden people first",
+            "take_legs",
+            "reach ** 2 - away ** 2 - first_leg",
+            "reach ** 2 - away ** 2 + first_leg",
+        ),
+        ("a trunk cut in two is two", "trunks", "_A |= _B < _C", "_A &= _B < _C"),
     ],
     "trackers/laser/layer.py": [
-        (
-            "completed on the wrong side",
-            "clusters.hidden_after.astype(float) - clusters.hidden_before",
-            "clusters.hidden_before.astype(float) - clusters.hidden_after",
-        ),
-        ("arms completed to trunks", "pushed_back(clusters.middle, depth_m)", "pushed_back(middle, depth_m)"),
-        ("width twice as large", "across = np.pi / 8 * width_m", "across = np.pi / 4 * width_m"),
+        ("completed on the wrong side", "LaserLayer._completed", "_A.astype(_B) - _C", "_C.astype(_B) - _A"),
+        ("arms completed to trunks", "LaserLayer.detect", "clusters.middle", "middle"),
+        ("width twice as large", "LaserLayer._half_depth_m", "np.pi / 8", "np.pi / 4"),
     ],
-    # laser_fisheye_imm
     "trackers/laser_fisheye_imm/association.py": [
-        ("a flicker takes legs", "np.bool_) if self.knows_room else", "np.bool_) if True else"),
-        ("the gone are recognised", "hidden & people.exist(options.management.exists_above)", "hidden"),
+        ("a flicker takes legs", "Association.matches", "self.knows_room", "True"),
+        ("the gone are recognised", "Association._known_again", "_A & _B.exist(_C)", "_A"),
         (
             "recognised by another shirt",
-            "(colour <= self.options.recognised_below)",
-            "(colour >= self.options.recognised_below)",
+            "Association._recognised",
+            "colour <= self.options.recognised_below",
+            "colour >= self.options.recognised_below",
         ),
-        ("appearance left out", "self.options.colour_weight * np.nan_to_num", "0 * np.nan_to_num"),
-        ("a look is wrong as often as not", "wrong = self.options.wrong_look", "wrong = 0.5"),
-        ("a look counts twice", "- 0.5 * cost)", "- cost)"),
+        ("appearance left out", "Association._by_colour", "self.options.colour_weight", "0"),
+        ("a look is wrong as often as not", "Association._by_colour", "self.options.wrong_look", "0.5"),
+        ("a look counts twice", "Association._by_colour", "0.5 * _A", "_A"),
     ],
     "trackers/laser_fisheye_imm/legs.py": [
-        ("knees looked for under the trunk", "+= people.posture.knees[shown]", "+= 0 * people.posture.knees[shown]"),
-        ("a bag is whose it is nearest to", "barred[n_trunk:] = at_trunks", "barred[n_trunk:] = False"),
-        ("every trunk takes its own legs first", "if knee.shared else", "if not knee.shared else"),
-        ("one leg is the middle of two", "n_leg[:n_trunk, None] == 2", "n_leg[:n_trunk, None] >= 1"),
+        (
+            "knees looked for under the trunk",
+            "find_walkers",
+            "people.posture.knees[shown]",
+            "0 * people.posture.knees[shown]",
+        ),
+        ("a bag is whose it is nearest to", "find_walkers", "_A[_B:] = _C", "_A[_B:] = False"),
+        ("every trunk takes its own legs first", "find_walkers", "knee.shared", "not knee.shared"),
+        ("one leg is the middle of two", "find_walkers", "_A[:_B, None] == 2", "_A[:_B, None] >= 1"),
     ],
     "trackers/laser_fisheye_imm/pairing.py": [
-        ("a density counts half", "unlikely + 2 * np.log(density_m2)", "unlikely + np.log(density_m2)"),
-        ("a trunk taken for a lone leg", "np.where(alone, ", "np.where(~np.asarray(alone), "),
+        ("a density counts half", "costs", "2 * np.log(_A)", "np.log(_A)"),
+        ("a trunk taken for a lone leg", "costs", "np.where(_A, _B, _C)", "np.where(~np.asarray(_A), _B, _C)"),
         (
             "the hidden taken for seen",
-            "e * np.maximum(unseen, _LEAST_UNSEEN)",
-            "e * np.maximum(1 - unseen, _LEAST_UNSEEN)",
+            "unpaired",
+            "np.maximum(unseen, _LEAST_UNSEEN)",
+            "np.maximum(1 - unseen, _LEAST_UNSEEN)",
         ),
-        ("the gone paired as readily", "_LEAST_UNSEEN)) / e)", "_LEAST_UNSEEN)))"),
+        (
+            "the gone paired as readily",
+            "unpaired",
+            "(1 - _A + _A * np.maximum(_B, _C)) / _A",
+            "1 - _A + _A * np.maximum(_B, _C)",
+        ),
         (
             "every measurement is proof",
-            "existence_measured(np.maximum(existence, _LEAST_EXISTENCE), np.exp(-0.5 * cost))",
-            "np.ones_like(existence)",
+            "existence_paired",
+            "existence_measured(np.maximum(_A, _B), np.exp(-0.5 * _C))",
+            "np.ones_like(_A)",
         ),
     ],
     "trackers/laser_fisheye_imm/detection.py": [
-        ("likely outside the area", ".reshape(chance.shape)] = 0", ".reshape(chance.shape)] = 1"),
+        (
+            "likely outside the area",
+            "Detector.missed",
+            "_A[~_B.contains(_C.reshape(2, -1).T).reshape(_D)] = 0",
+            "_A[~_B.contains(_C.reshape(2, -1).T).reshape(_D)] = 1",
+        ),
     ],
     "trackers/laser_fisheye_imm/tracker.py": [
-        ("fast scans taken for independent", "matches.variance / shares", "matches.variance"),
-        ("looks upon a standing leg taken for independent", "knee.single_leg_s", "period_s"),
-        ("misses of fast scans taken for independent", "missed(moment, points) ** share", "missed(moment, points)"),
-        ("the gone hold newcomers back", "people.positions[exist]", "people.positions"),
-        ("clothes learned from another trunk", "seen.histograms[matches.trunk[looked]],", "seen.histograms[looked],"),
+        (
+            "fast scans taken for independent",
+            "LaserFisheyeImm._update",
+            "matches.variance / shares",
+            "matches.variance",
+        ),
+        (
+            "looks upon a standing leg taken for independent",
+            "LaserFisheyeImm._update",
+            "self.options.knee.single_leg_s",
+            "self.options.period_s",
+        ),
+        (
+            "misses of fast scans taken for independent",
+            "LaserFisheyeImm._work.missed",
+            "_A.missed(_B, _C) ** _D",
+            "_A.missed(_B, _C)",
+        ),
+        ("the gone hold newcomers back", "LaserFisheyeImm._start", "people.positions[exist]", "people.positions"),
+        (
+            "clothes learned from another trunk",
+            "LaserFisheyeImm._learn_colours",
+            "seen.histograms[matches.trunk[looked]]",
+            "seen.histograms[looked]",
+        ),
     ],
     "trackers/laser_fisheye_imm/life.py": [
-        ("bodies three times as far apart", "taken, rules.apart_m)", "taken, 3 * rules.apart_m)"),
-        ("negative evidence left out", "people.state.replaced(unseen, state)", "people.state"),
-        ("a long gap ends nobody", "looked = ns - self._looked_ns <= nanoseconds(rules.coast_s)", "looked = True"),
+        ("bodies three times as far apart", "Life.unseen.not_shown", "rules.apart_m", "3 * rules.apart_m"),
+        ("negative evidence left out", "Life.unseen", "people.state.replaced(unseen, state)", "people.state"),
+        ("a long gap ends nobody", "Life._goes_on", "_A - _B <= nanoseconds(_C)", "True"),
     ],
     "trackers/tracking/repeats.py": [
-        ("a hung sensor is believed", "return n_changed == 0 and", "return False and"),
-        ("noise is never forgotten", "2 * n_changed >= n", "2 * n_changed >= n or self._noisy.get(sensor, False)"),
+        ("a hung sensor is believed", "Repeats.repeats", "_A == 0", "False"),
+        (
+            "noise is never forgotten",
+            "Repeats.repeats",
+            "n >= _LEAST and 2 * n_changed >= n",
+            "n >= _LEAST and 2 * n_changed >= n or self._noisy.get(sensor, False)",
+        ),
     ],
-    # laser_vision_learning and learning
     "trackers/laser_vision_learning/walking.py": [
-        ("two strides for one", "elapsed_s / (2 * options.step)", "elapsed_s / options.step"),
+        ("two strides for one", "WalkingModel.move", "2 * options.step", "options.step"),
         (
             "both legs on one side",
-            "np.subtract(state[X], off_x, out=legs[1, 0])",
-            "np.add(state[X], off_x, out=legs[1, 0])",
+            "WalkingModel.legs",
+            "np.subtract(_A[_B], _C, out=_D[1, 0])",
+            "np.add(_A[_B], _C, out=_D[1, 0])",
         ),
     ],
     "trackers/laser_vision_learning/points.py": [
-        ("gate not squared", "unknown = np.exp(-(options.gate_m**2)", "unknown = np.exp(-options.gate_m"),
+        ("gate not squared", "shares", "-_A ** 2", "-_A"),
     ],
     "trackers/laser_vision_learning/identities.py": [
-        ("least alike instead of most", "linear_sum_assignment(said, maximize=True)", "linear_sum_assignment(said)"),
+        (
+            "least alike instead of most",
+            "decided",
+            "linear_sum_assignment(said, maximize=True)",
+            "linear_sum_assignment(said)",
+        ),
     ],
     "trackers/laser_vision_learning/score_maps.py": [
-        ("smoothed twice as much", "side_px / np.sqrt(2)", "side_px * np.sqrt(2)"),
+        ("smoothed twice as much", "ScoreMaps.of", "_A * _B / np.sqrt(2)", "_A * _B * np.sqrt(2)"),
     ],
     "trackers/laser_vision_learning/situations.py": [
-        ("seconds for nanoseconds", "<= nanoseconds(options.lasting_s)", "<= options.lasting_s"),
+        ("seconds for nanoseconds", "assessed", "nanoseconds(_A)", "_A"),
     ],
     "trackers/laser_vision_learning/looks.py": [
         (
             "those first that have waited least",
-            "np.lexsort((rng.random(waiting.size), looks.learned_ns[waiting]))",
-            "np.lexsort((rng.random(waiting.size), -looks.learned_ns[waiting]))",
+            "Learner.trained",
+            "looks.learned_ns[waiting]",
+            "-looks.learned_ns[waiting]",
         ),
     ],
     "trackers/laser_vision_learning/recognition.py": [
-        ("moved back to the picture", "people.places + late_s", "people.places - late_s"),
+        ("moved back to the picture", "Recognition._shown", "_A + _B * _C", "_A - _B * _C"),
     ],
-    "trackers/learning/boosting.py": [("worst tree kept", "best = each.argmin(axis=1)", "best = each.argmax(axis=1)")],
-    "trackers/learning/cart.py": [("threshold on a sample", "low + 0.5 * (high - low)", "low + (high - low)")],
-    # vision and cameras
+    "trackers/learning/boosting.py": [
+        ("worst tree kept", "OnlineBoosting._boosted", "each.argmin", "each.argmax"),
+    ],
+    "trackers/learning/cart.py": [
+        ("threshold on a sample", "SortedSamples._asked", "0.5 * (_A - _B)", "_A - _B"),
+    ],
     "trackers/vision/histogram.py": [
-        ("appearance memory of .95", "default=0.4, ge=0, lt=1", "default=0.95, ge=0, lt=1"),
-        ("hue does not wrap", 'self._hue_kernel, "wrap"', 'self._hue_kernel, "constant"'),
+        ("appearance memory of .95", "HistogramOptions", "0.4", "0.95"),
+        (
+            "hue does not wrap",
+            "ColourHistogram.of_pixels",
+            "_smoothed(_A, _B, 'wrap')",
+            "_smoothed(_A, _B, 'constant')",
+        ),
     ],
     "trackers/vision/colour_bins.py": [
-        ("blue for red", "np.float32(FULL), cv2.COLOR_RGB2HSV", "np.float32(FULL), cv2.COLOR_BGR2HSV"),
+        ("blue for red", "HueAndGreyBins._binned", "cv2.COLOR_RGB2HSV", "cv2.COLOR_BGR2HSV"),
     ],
     "trackers/vision/foreground.py": [
-        ("hue does not wrap", "np.minimum(hue_off, HALF_TURNS - hue_off)", "np.minimum(hue_off, HALF_TURNS)"),
-        ("degrees for OpenCV's half degrees", "options.hue_change_deg / 2", "options.hue_change_deg"),
+        ("hue does not wrap", "_Background.differs", "_A - _B", "_A"),
+        (
+            "degrees for OpenCV's half degrees",
+            "_Background.differs",
+            "options.hue_change_deg / 2",
+            "options.hue_change_deg",
+        ),
     ],
     "trackers/vision/patches.py": [
-        ("hidden by who stands behind", "theirs < distance[:, None] - _SAME_M", "theirs > distance[:, None] + _SAME_M"),
+        ("hidden by who stands behind", "PatchSampler.drawn", "_A < _B[:, None] - _C", "_A > _B[:, None] + _C"),
     ],
     "trackers/vision/floor_places.py": [
-        (
-            "rows and columns exchanged",
-            "[row / self._pitch_m, column / self._pitch_m]",
-            "[column / self._pitch_m, row / self._pitch_m]",
-        ),
+        ("rows and columns exchanged", "FloorPlaces.read", "[_A / _B, _C / _B]", "[_C / _B, _A / _B]"),
     ],
     "trackers/vision/torso.py": [
         (
             "sine for cosine",
-            "[reach * np.cos(angles), reach * np.sin(angles)]",
-            "[reach * np.sin(angles), reach * np.cos(angles)]",
+            "TorsoProjector.windows",
+            "[_A * np.cos(_B), _A * np.sin(_B)]",
+            "[_A * np.sin(_B), _A * np.cos(_B)]",
         ),
     ],
     "trackers/cameras/fisheye.py": [
-        (
-            "half the field of view for the whole",
-            "(theta <= self.field_of_view_rad / 2)",
-            "(theta <= self.field_of_view_rad)",
-        ),
+        ("half the field of view for the whole", "FisheyeIntrinsics.project", "_A / 2", "_A"),
     ],
     "trackers/cameras/pinhole.py": [
         (
             "tangential terms exchanged",
-            "2 * p1 * cross + p2 * (square + 2 * x * x)",
-            "2 * p2 * cross + p1 * (square + 2 * x * x)",
+            "PinholeIntrinsics._bend",
+            "_A * _B + 2 * _C * _D + _E * (_F + 2 * _A * _A)",
+            "_A * _B + 2 * _E * _D + _C * (_F + 2 * _A * _A)",
         ),
     ],
     "trackers/cameras/placed.py": [
-        (
-            "rotation transposed",
-            "self.intrinsics.rays(pixels) @ self.rotation.T",
-            "self.intrinsics.rays(pixels) @ self.rotation",
-        ),
+        ("rotation transposed", "PlacedCamera.rays", "_A.T", "_A"),
     ],
-    "trackers/cameras/ellipse.py": [("turned the wrong way", "(ahead - aside) * cosine", "(aside - ahead) * cosine")],
-    # floor and camera_floor_particle
+    "trackers/cameras/ellipse.py": [
+        ("turned the wrong way", "Ellipsoids.upright", "_A - _B", "_B - _A"),
+    ],
     "trackers/floor/clusters.py": [
-        ("elements of no cluster count", "load_n=total_n[kept],", "load_n=total_n[kept] + total_n[0],"),
+        ("elements of no cluster count", "floor_clusters", "total_n[kept]", "total_n[kept] + total_n[0]"),
     ],
     "trackers/camera_floor_particle/body.py": [
-        (
-            "memory of the velocity inverted",
-            "motion.memory * velocity + (1 - motion.memory)",
-            "(1 - motion.memory) * velocity + motion.memory",
-        ),
+        ("memory of the velocity inverted", "smoothed", "_A * _B + (1 - _A) * _C / _D", "(1 - _A) * _B + _A * _C / _D"),
     ],
     "trackers/camera_floor_particle/exclusion.py": [
-        ("unlikeliest stays", "np.argsort(-evidence", "np.argsort(evidence")
+        ("unlikeliest stays", "excluded", "-_A", "_A"),
     ],
     "trackers/camera_floor_particle/head.py": [
-        ("degrees for radians", "np.deg2rad(options.turn_deg)", "options.turn_deg"),
-        ("pan turned the other way", "views.bearings(state) - state[3]", "views.bearings(state) + state[3]"),
+        ("degrees for radians", "HeadFilter.step", "np.deg2rad(_A)", "_A"),
+        (
+            "pan turned the other way",
+            "HeadFilter._seen_by.log_likelihood",
+            "_A.bearings(_B) - _B[3]",
+            "_A.bearings(_B) + _B[3]",
+        ),
     ],
-    "trackers/camera_floor_particle/loads.py": [("rows and columns exchanged", "local.T[::-1]", "local.T")],
-    # rgbd_head, environment
+    "trackers/camera_floor_particle/loads.py": [
+        ("rows and columns exchanged", "Loads.log_likelihood", "_A.T[::-1]", "_A.T"),
+    ],
     "trackers/rgbd_head/sight.py": [
-        ("moved back to the picture", "[:3] += np.float32(later)", "[:3] -= np.float32(later)"),
+        (
+            "moved back to the picture",
+            "Sight.weighed",
+            "_A[_B][:3] += np.float32(_C) * _D",
+            "_A[_B][:3] -= np.float32(_C) * _D",
+        ),
     ],
     "trackers/rgbd_head/picture.py": [
-        ("depth for range", "_mm_per_depth = 1000 * per_depth", "_mm_per_depth = np.full_like(per_depth, 1000)")
+        ("depth for range", "Watcher.__init__", "1000 * _A", "np.full_like(_A, 1000)"),
     ],
-    "trackers/rgbd_head/colours.py": [("blue for red", "cv2.COLOR_RGB2YCrCb", "cv2.COLOR_BGR2YCrCb")],
+    "trackers/rgbd_head/colours.py": [
+        ("blue for red", "_numbers", "cv2.COLOR_RGB2YCrCb", "cv2.COLOR_BGR2YCrCb"),
+    ],
     "trackers/rgbd_head/outline.py": [
-        ("seen from behind", "np.arctan2(-off[1], -off[0])", "np.arctan2(off[1], off[0])"),
+        ("seen from behind", "outlines", "np.arctan2(-_A[1], -_A[0])", "np.arctan2(_A[1], _A[0])"),
     ],
     "trackers/environment/model.py": [
-        ("distance halfway off", "(np.arange(self.grid.shape[axis]) + 0.5)", "np.arange(self.grid.shape[axis])"),
+        ("distance halfway off", "Environment._fields", "np.arange(_A[_B]) + 0.5", "np.arange(_A[_B])"),
     ],
     "trackers/environment/build.py": [
-        ("one stray point occupies", "occupied &= (hits > 1) | (passes == 0)", "occupied &= hits > 0"),
-        ("top a voxel too high", "grid.shape[2] - 1 - np.argmax(", "grid.shape[2] - np.argmax("),
+        ("one stray point occupies", "build_environment", "(_A > 1) | (_B == 0)", "_A > 0"),
+        ("top a voxel too high", "_tops", "_A[2] - 1", "_A[2]"),
     ],
-    # the baseline
     "trackers/sort.py": [
-        ("those in sight slow down", "(np.exp(-dt / options.slowdown_s), 1)", "(1, np.exp(-dt / options.slowdown_s))"),
-        ("acceleration not squared", "* options.acceleration_m_s2**2", "* options.acceleration_m_s2"),
+        ("those in sight slow down", "Sort._work", "(np.exp(-_A / _B), 1)", "(1, np.exp(-_A / _B))"),
+        ("acceleration not squared", "Sort._work", "options.acceleration_m_s2 ** 2", "options.acceleration_m_s2"),
     ],
-    # sensors
     "twin/sensors/laser.py": [
-        ("rotation transposed", "in_sensor @ pose.rotation.T", "in_sensor @ pose.rotation"),
-        ("sweep twice as slow", "(sector.start + sector.stop - 1) / 2", "(sector.start + sector.stop - 1)"),
+        ("rotation transposed", "Laser.__init__", "_A.T", "_A"),
+        ("sweep twice as slow", "Laser._split_sweep", "_A * (_B + _C - 1) / 2", "_A * (_B + _C - 1)"),
     ],
     "twin/sensors/laser_noise.py": [
-        ("degrees for radians", "np.deg2rad(self.divergence_deg)", "self.divergence_deg"),
-        ("noise twice as large", '"default": LaserNoise(sigma_m=0.005', '"default": LaserNoise(sigma_m=0.01'),
+        ("degrees for radians", "LaserNoise._mix", "np.deg2rad(_A)", "_A"),
+        (
+            "noise twice as large",
+            "",
+            "LaserNoise(sigma_m=0.005, quantisation_m=0.01, dropout=0.005, mixed_pixel=0.5)",
+            "LaserNoise(sigma_m=0.01, quantisation_m=0.01, dropout=0.005, mixed_pixel=0.5)",
+        ),
     ],
     "twin/sensors/camera_noise.py": [
-        ("read noise not squared", "np.sqrt(self.read_sigma**2 +", "np.sqrt(self.read_sigma +")
+        ("read noise not squared", "CameraNoise._draw_bank", "_A ** 2", "_A"),
     ],
     "twin/sensors/lens.py": [
-        ("half a pixel off", "(self.width - 1) / 2, (self.height - 1) / 2", "self.width / 2, self.height / 2"),
+        ("half a pixel off", "Lens.intrinsics", "((_A - 1) / 2, (_B - 1) / 2)", "(_A / 2, _B / 2)"),
     ],
-    "twin/sensors/fisheye.py": [("blue for red", "cv2.COLOR_RGBA2RGB", "cv2.COLOR_RGBA2BGR")],
+    "twin/sensors/fisheye.py": [
+        ("blue for red", "_Faces.bend", "cv2.COLOR_RGBA2RGB", "cv2.COLOR_RGBA2BGR"),
+    ],
     "twin/sensors/schedule.py": [
-        ("first look a period late", "timing.phase_s + number / timing", "timing.phase_s + (number + 1) / timing"),
-        ("jitter both ways", "timing.jitter_s * late)", "timing.jitter_s * (2 * late - 1))"),
+        ("first look a period late", "Schedule._looks", "_A / _B", "(_A + 1) / _B"),
+        ("jitter both ways", "Schedule._looks", "timing.jitter_s * late", "timing.jitter_s * (2 * late - 1)"),
     ],
     "twin/sensors/stereo.py": [
-        ("depth upside down", "self._measured(depth_m[::-1], rng)", "self._measured(depth_m, rng)"),
-        (
-            "noise on depth, not disparity",
-            "self._focal_baseline / true_m + noise_px",
-            "self._focal_baseline / (true_m + noise_px)",
-        ),
+        ("depth upside down", "Stereo.observe", "_A[::-1]", "_A"),
+        ("noise on depth, not disparity", "Stereo._measured", "_A / _B + _C", "_A / (_B + _C)"),
     ],
-    "twin/sensors/message_faults.py": [("drifts from the start", "(stamp_ns - fault.from_ns)", "stamp_ns")],
+    "twin/sensors/message_faults.py": [
+        ("drifts from the start", "MessageFaultsOf.said_ns", "_A - _B", "_A"),
+    ],
     "twin/sensors/fault_kinds.py": [
-        ("a frame too long", "stamp_ns < round(self.to_s * NS_PER_S)", "stamp_ns <= round(self.to_s * NS_PER_S)"),
+        ("a frame too long", "_Fault.holds", "_A < round(_B * _C)", "_A <= round(_B * _C)"),
     ],
-    "twin/sensors/obstruction.py": [("axes exchanged", "fault.at[0] * width", "fault.at[1] * width")],
-    "twin/sensors/dead_parts.py": [("last beam left out", "each[0] : each[-1] + 1", "each[0] : each[-1]")],
-    "twin/sensors/floor_electronics.py": [("crosstalk twice as large", "(share / 4) * load_n", "(share / 2) * load_n")],
+    "twin/sensors/obstruction.py": [
+        ("axes exchanged", "Blob.cover", "_A[0]", "_A[1]"),
+    ],
+    "twin/sensors/dead_parts.py": [
+        ("last beam left out", "BrokenBeams._which", "_A[-1] + 1", "_A[-1]"),
+    ],
+    "twin/sensors/floor_electronics.py": [
+        ("crosstalk twice as large", "spread_to_neighbours", "_A / 4", "_A / 2"),
+    ],
     "twin/sensors/floor_plate.py": [
-        ("sign of a torque", "np.stack([-tilt[:, 0], tilt[:, 1]]", "np.stack([tilt[:, 0], tilt[:, 1]]"),
+        ("sign of a torque", "_Group.press", "-_A[:, 0]", "_A[:, 0]"),
     ],
-    # truth
-    "twin/truth/ray_runs.py": [("one beam too many", "(stops[met] - 1).tolist()", "stops[met].tolist()")],
-    "twin/truth/situations.py": [("no beam may look past", "> MAX_GAP_BEAMS + 1)", "> MAX_GAP_BEAMS)")],
-    "twin/truth/rig_merging.py": [("rotation transposed", "rotation[:2, :2] @ ahead", "rotation[:2, :2].T @ ahead")],
+    "twin/truth/ray_runs.py": [
+        ("one beam too many", "person_runs", "_A[_B] - 1", "_A[_B]"),
+    ],
+    "twin/truth/situations.py": [
+        ("no beam may look past", "_splits", "_A + 1", "_A"),
+    ],
+    "twin/truth/rig_merging.py": [
+        ("rotation transposed", "look_of", "_A[:2, :2]", "_A[:2, :2].T"),
+    ],
     "twin/truth/visibility.py": [
-        (
-            "plane band twice as high",
-            "np.abs(local[..., 2]) <= _PLANE_BAND_M",
-            "np.abs(local[..., 2]) <= 2 * _PLANE_BAND_M",
-        ),
+        ("plane band twice as high", "first_met", "np.abs(_A[..., 2]) <= _B", "np.abs(_A[..., 2]) <= 2 * _B"),
     ],
     "twin/truth/boxes.py": [
         (
             "width and height exchanged",
-            "columns.start, rows.start, width, height",
-            "columns.start, rows.start, height, width",
-        )
-    ],
-    # recording
-    "twin/recording/messages.py": [
-        ("blue for red", "bgr = cv2.cvtColor(image.rgb, cv2.COLOR_RGB2BGR)", "bgr = image.rgb"),
-        ("sweep a beam too long", "time_increment_s * max(ranges_m.size - 1, 0)", "time_increment_s * ranges_m.size"),
-    ],
-    "twin/recording/depth_picture.py": [
-        (
-            "millimetres cut off",
-            "np.rint(np.where(np.isfinite(depth_m), depth_m, 0) * 1000.0)",
-            "np.floor(np.where(np.isfinite(depth_m), depth_m, 0) * 1000.0)",
+            "person_boxes",
+            "Box(_A, _B, _C, _D, _E, int(_F[_A]), _A in _G)",
+            "Box(_A, _B, _C, _E, _D, int(_F[_A]), _A in _G)",
         ),
     ],
+    "twin/recording/messages.py": [
+        ("blue for red", "_encode_image", "cv2.cvtColor(_A, cv2.COLOR_RGB2BGR)", "_A"),
+        ("sweep a beam too long", "_scan", "max(_A - 1, 0)", "_A"),
+    ],
+    "twin/recording/depth_picture.py": [
+        ("millimetres cut off", "encode_png", "np.rint", "np.floor"),
+    ],
     "twin/recording/reader.py": [
-        ("start added, not taken off", "_offset_ns(sensor) - self.start_ns", "_offset_ns(sensor) + self.start_ns"),
+        ("start added, not taken off", "Recording._decoded", "_offset_ns(_A) - _B", "_offset_ns(_A) + _B"),
     ],
-    # evaluation
     "twin/evaluate/clear.py": [
-        ("switches cost nothing", "self.false_positives + self.id_switches) /", "self.false_positives) /"),
+        ("switches cost nothing", "ClearScores.mota", "_A + _B + _C", "_A + _B"),
     ],
-    "twin/evaluate/hota.py": [("alignment over both", "overlap / (either - overlap)", "overlap / either")],
-    "twin/evaluate/frames.py": [("angles not wrapped", "wrap_angle(change[:, 5])", "change[:, 5]")],
+    "twin/evaluate/hota.py": [
+        ("alignment over both", "hota", "either - overlap", "either"),
+    ],
+    "twin/evaluate/frames.py": [
+        ("angles not wrapped", "_people_at", "wrap_angle(_A[:, 5])", "_A[:, 5]"),
+    ],
     "twin/evaluate/continuity.py": [
-        ("coasting counts", "            if not is_confirmed:\n                continue\n", "")
+        ("coasting counts", "continuity", "if not _A:\n    continue", ""),
     ],
-    "twin/evaluate/occlusion.py": [("hidden from any sensor", "hidden &= truth", "hidden |= truth")],
+    "twin/evaluate/occlusion.py": [
+        ("hidden from any sensor", "long_occlusions", "_A &= _B[_C] == 0", "_A |= _B[_C] == 0"),
+    ],
 }
+"""By module: what is wrong, the definition (or "": the module), pattern, what takes its place."""
 
-BUGS = tuple(Bug(name, file, old, new) for file, rows in _BY_FILE.items() for name, old, new in rows)
+BUGS = tuple(
+    Bug(name, f"{file}:{definition}", old, new)
+    for file, bugs in _BY_FILE.items()
+    for name, definition, old, new in bugs
+)
