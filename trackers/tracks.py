@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from math import nan
 from typing import Any, Literal, Protocol, runtime_checkable
 
@@ -19,8 +19,29 @@ from trackers.rig import Rig
 Status = Literal["confirmed", "coasting"]
 
 
-@dataclass(frozen=True, slots=True)
-class Track:
+class NanEqual:
+    """Base of a dataclass (`eq=False`) whose NaN fields say "unknown": two that are alike and know the same are equal.
+
+    NaN differs from itself; tuples, and so the comparisons that dataclasses had before Python 3.13, hide that for the same
+    object only.
+    """
+
+    __slots__ = ()
+
+    def __eq__(self, other: object) -> bool:
+        return type(other) is type(self) and self._known() == other._known()
+
+    def __hash__(self) -> int:
+        return hash((type(self), self._known()))
+
+    def _known(self) -> tuple[object, ...]:
+        """The fields in their order, None for NaN."""
+        values = (getattr(self, each.name) for each in fields(self))  # pyright: ignore[reportArgumentType]
+        return tuple(None if isinstance(value, float) and value != value else value for value in values)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track(NanEqual):
     """One person as a tracker sees them, in the room frame; NaN where the tracker does not estimate a quantity.
 
     x, y: ground point under the pelvis [m]; z: height of the pelvis [m]; vx, vy: velocity [m/s]; head_*: centre of

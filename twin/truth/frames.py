@@ -7,12 +7,14 @@ from dataclasses import dataclass, field
 from math import nan
 from typing import Literal
 
+from trackers.tracks import NanEqual
+
 SituationKind = Literal["interaction", "correlated", "merged", "merged_rig"]
 Separation = Literal["", "joined", "hidden", "both"]
 
 
-@dataclass(frozen=True, slots=True)
-class FootTruth:
+@dataclass(frozen=True, slots=True, eq=False)
+class FootTruth(NanEqual):
     """Where one foot truly is and what it carries, in the room frame.
 
     x, y: point of the sole under the ankle, as if the foot were flat [m]; z: lowest point of the sole above the floor
@@ -36,8 +38,8 @@ class FootTruth:
         return self.load_n > 0
 
 
-@dataclass(frozen=True, slots=True)
-class PersonTruth:
+@dataclass(frozen=True, slots=True, eq=False)
+class PersonTruth(NanEqual):
     """Where one person truly is, in the room frame.
 
     x, y: ground point under the pelvis [m]; z: height of the pelvis [m]; yaw: heading of the trunk [rad]; head_*:
