@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import heapq
+from collections import Counter
 
 from trackers.observations import NS_PER_S, Observation
 
 MAX_WAIT_S = 0.3
 """How long an observation is held back for older ones [s]: two scans and a half at 10 Hz."""
+
+LATE = "too late: newer ones had been worked"
+TWICE = "twice under one stamp"
+"""Reasons for which observations are dropped, see `trackers.tracks.Reporting.losses`."""
 
 
 class StampOrder:
@@ -15,7 +20,7 @@ class StampOrder:
 
     One is handed on when another at least `max_wait_s` newer has arrived: whatever overtook it by less comes behind it.
     Of one stamp they leave in order of arrival. What comes when a newer one has been handed on, or comes twice, is dropped
-    and counted in `discarded`.
+    and counted in `losses`, by sensor and reason.
     Stamps are on one clock: whoever decodes messages adds the rig's time offsets.
     """
 
@@ -26,13 +31,19 @@ class StampOrder:
         self._newest_ns: int | None = None
         self._left_ns: int | None = None  # the stamp of what was handed on last
         self._known: set[tuple[int, str]] = set()  # stamps and sensors held, and those that left at the last stamp
-        self.discarded = 0
+        self.losses: Counter[tuple[str, str]] = Counter()
+
+    @property
+    def discarded(self) -> int:
+        """How many observations were dropped."""
+        return self.losses.total()
 
     def add(self, observation: Observation) -> list[Observation]:
         """What may be handed on now that `observation` has arrived, oldest first."""
         ns, key = observation.stamp_ns, (observation.stamp_ns, observation.sensor)
-        if key in self._known or (self._left_ns is not None and ns < self._left_ns):
-            self.discarded += 1
+        is_late = self._left_ns is not None and ns < self._left_ns
+        if is_late or key in self._known:
+            self.losses[observation.sensor, LATE if is_late else TWICE] += 1
             return []
         self._known.add(key)
         heapq.heappush(self._held, (ns, self._arrived, observation))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from math import nan
 from typing import Any, Literal, Protocol, runtime_checkable
@@ -134,6 +135,11 @@ class Reporting(Protocol):
         ...
 
     @property
+    def losses(self) -> Mapping[tuple[str, str], int]:
+        """`discarded` by sensor and reason, a clause like 'too late'. Default: all of them, of no sensor in particular."""
+        ...
+
+    @property
     def unused_sensors(self) -> Sequence[str]:
         """The rig's sensors that the tracker makes no use of: whoever starts a run is told. Default: none."""
         ...
@@ -168,6 +174,15 @@ def discarded(tracker: Tracker) -> int:
     return getattr(tracker, "discarded", 0)
 
 
+def losses(tracker: Tracker) -> Mapping[tuple[str, str], int]:
+    """Observations that the tracker itself has dropped, by sensor ('': not said) and reason."""
+    told: Mapping[tuple[str, str], int] | None = getattr(tracker, "losses", None)
+    if told is not None:
+        return told
+    count = discarded(tracker)
+    return {("", "dropped by the tracker"): count} if count else {}
+
+
 def unused_sensors(tracker: Tracker) -> Sequence[str]:
     """The sensors that the tracker makes no use of."""
     return getattr(tracker, "unused_sensors", ())
@@ -200,6 +215,7 @@ def misreported(tracker: Tracker, rig: Rig) -> list[str]:
     yes_or_no = "True or False is expected"
     parts: list[tuple[str, Any, bool, str]] = [
         ("takes_any_order", order := takes_any_order(tracker), isinstance(order, bool), yes_or_no),
+        ("losses", lost := getattr(tracker, "losses", {}), _is_count_by_reason(lost), _BY_REASON),
         ("discarded", count, type(count) is int and count >= 0, "an int from 0 up is expected"),
         ("unused_sensors", unused, listed, f"a list of the rig's sensors ({', '.join(rig.sensors)}) is expected"),
         (
@@ -220,6 +236,16 @@ def misreported(tracker: Tracker, rig: Rig) -> list[str]:
     return [f"{name} is {value!r}; {expected}" for name, value, is_right, expected in parts if not is_right]
 
 
+_BY_REASON = "a mapping from (sensor, reason) to an int from 0 up is expected"
+
+
+def _is_count_by_reason(told: object) -> bool:
+    return isinstance(told, Mapping) and all(
+        isinstance(key, tuple) and len(key) == 2 and all(isinstance(part, str) for part in key) and type(n) is int
+        for key, n in told.items()
+    )
+
+
 class FedTracker:
     """A tracker and what stands between it and the observations: their order, and the reading of its frames.
 
@@ -237,6 +263,11 @@ class FedTracker:
         """Observations dropped so far: too late, twice, or no more than the one before again."""
         held_back = self._order.discarded if self._order is not None else 0
         return held_back + discarded(self.tracker)
+
+    @property
+    def losses(self) -> Counter[tuple[str, str]]:
+        """The same by sensor ('': not said) and reason."""
+        return Counter(self._order.losses if self._order is not None else {}) + Counter(losses(self.tracker))
 
     def update(self, observation: Observation) -> list[TrackFrame]:
         """Take one observation in order of arrival; the frames that are complete with it, oldest first."""

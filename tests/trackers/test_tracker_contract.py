@@ -174,7 +174,8 @@ def test_what_is_read_of_a_tracker_is_what_the_protocol_lists():
     parts = {name for name in (*vars(Reporting), *Reporting.__annotations__) if not name.startswith("_")}
     whole = make_tracker("laser-fisheye-imm", RIG, BACKGROUND)
     assert parts == {
-        "takes_any_order", "discarded", "unused_sensors", "warnings", "background_learned_causally", "finish", "detections",
+        "takes_any_order", "discarded", "losses", "unused_sensors", "warnings", "background_learned_causally", "finish",
+        "detections",
     }  # fmt: skip
     assert all(hasattr(whole, part) for part in parts - {"warnings"})  # those of trackers that doubt what they know
     tracks = Path(tracks_module.__file__)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 
 from trackers.observations import Observation
 from trackers.tracking.moments import Moment, MomentGatherer, MomentRules
@@ -21,6 +22,11 @@ class MomentTracker(ABC):
     def discarded(self) -> int:
         """Observations dropped so far: too late, twice, without a moment to join, or no more than the one before again."""
         return self._gatherer.discarded
+
+    @property
+    def losses(self) -> Mapping[tuple[str, str], int]:
+        """The same by sensor and reason."""
+        return self._gatherer.losses
 
     def update(self, observation: Observation) -> list[TrackFrame]:
         """Take one observation; the frames it completes, oldest first."""

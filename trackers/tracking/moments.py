@@ -13,15 +13,20 @@ that only repeats the one before (`Repeats`); its moment leaves all the same.
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass, field
 from statistics import median_low
 
 from trackers.observations import NS_PER_S, Observation
+from trackers.order import LATE, TWICE
 from trackers.tracking.repeats import Repeats
 
 _GAPS = 9
 """How many of a sensor's last gaps between observations tell its period."""
+
+ALONE = "without another sensor's observation near enough in time"
+REPEATED = "bit for bit the same as the one before: the sensor or its driver hangs"
+"""Reasons for which observations are dropped, beside those of `trackers.order`."""
 
 
 @dataclass(frozen=True)
@@ -97,8 +102,13 @@ class MomentGatherer:
         self._held: dict[str, list[Observation]] = {name: [] for name in rules.held}  # by stamp
         self._left: Moment | None = None
         self._repeats = Repeats()
-        self.discarded = 0
-        """How many observations came too late or twice, found no moment to join, or only repeated the one before."""
+        self.losses: Counter[tuple[str, str]] = Counter()
+        """The observations dropped, by sensor and reason: too late, twice, no moment to join, or a repetition."""
+
+    @property
+    def discarded(self) -> int:
+        """How many observations were dropped."""
+        return self.losses.total()
 
     def add(self, observation: Observation) -> list[Moment]:
         """The moments that are ready now that `observation` has arrived, oldest first."""
@@ -107,8 +117,11 @@ class MomentGatherer:
             self._hold(observation)
         elif sensor not in rules.opens and sensor not in rules.joins:
             return []
-        elif self._came_too_late(sensor, ns) or self._has(sensor, ns):
-            self.discarded += 1
+        elif self._has(sensor, ns):
+            self.losses[sensor, TWICE] += 1
+            return []
+        elif self._came_too_late(sensor, ns):
+            self.losses[sensor, LATE] += 1
             return []
         elif sensor in rules.opens:
             self._learn_period(sensor, ns)
@@ -127,7 +140,7 @@ class MomentGatherer:
         moments, self._pending = self._pending, []
         for moment in moments:
             self._leave(moment)
-        self.discarded += len(self._waiting)
+        self._lose_alone(self._waiting)
         self._waiting = []
         return moments
 
@@ -185,7 +198,7 @@ class MomentGatherer:
         values, ns = self._held[observation.sensor], observation.stamp_ns
         handed_out = self._left.held.get(observation.sensor) if self._left is not None else None
         if any(value.stamp_ns == ns for value in values) or (handed_out is not None and ns <= handed_out.stamp_ns):
-            self.discarded += 1
+            self.losses[observation.sensor, TWICE] += 1
             return
         values.append(observation)
         values.sort(key=lambda value: value.stamp_ns)
@@ -201,10 +214,13 @@ class MomentGatherer:
         # a moment that these could join may open until then
         oldest_ns = newest_ns - max(self._max_wait_ns, self._within_ns + 1)
         kept = [observation for observation in self._waiting if observation.stamp_ns > oldest_ns]
-        self.discarded += len(self._waiting) - len(kept)
+        self._lose_alone([each for each in self._waiting if each.stamp_ns <= oldest_ns])
         self._waiting = kept
         self._forget_held_before(min([oldest_ns, *(moment.ns for moment in self._pending[:1])]))
         return ready
+
+    def _lose_alone(self, observations: list[Observation]) -> None:
+        self.losses.update((each.sensor, ALONE) for each in observations)
 
     def _lacks(self, moment: Moment, sensor: str) -> bool:
         """Whether an awaited sensor has not yet said of the moment what it can say."""
@@ -215,8 +231,8 @@ class MomentGatherer:
     def _leave(self, moment: Moment) -> None:
         """Hand the moment the values that are held, as it leaves, and take from it what only repeats."""
         moment.repeated = frozenset(name for name, each in moment.observations.items() if self._repeats.repeats(each))
-        self.discarded += len(moment.repeated)
         for name in moment.repeated:
+            self.losses[name, REPEATED] += 1
             del moment.observations[name]
         self._forget_held_before(moment.ns)
         moment.held = {

@@ -13,6 +13,7 @@ not detected there: what the camera cannot see is nobody's.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from typing import Any, cast
 
@@ -34,6 +35,7 @@ from trackers.laser_vision_learning.vision_only.options import VisionOnlyOptions
 from trackers.laser_vision_learning.vision_only.people import People
 from trackers.laser_vision_learning.vision_only.weighing import AtDetections, WithoutDetection
 from trackers.observations import NS_PER_S, DepthImage, Image, Observation
+from trackers.order import LATE
 from trackers.rig import Rig, placed_camera
 from trackers.tracking.association import Stage, associate, left_over
 from trackers.tracking.lifecycle import clear_of, coasting_within, measured_for_longer, measured_now
@@ -62,7 +64,7 @@ class VisionOnly:
         self.options = validate(VisionOnlyOptions, options, "tracker laser-vision-learning-vision")
         self.camera = _camera_of(rig, self.options.camera)
         self.unused_sensors = [name for name in rig.sensors if name != self.camera]
-        self.discarded = 0
+        self.losses: Counter[tuple[str, str]] = Counter()  # pictures dropped, by sensor and reason
         known, sensor = Knowledge.of(background), rig.cameras()[self.camera]
         empty_room = [cast("Image | DepthImage", each) for each in known if each.sensor == self.camera]
         self._foreground = Foreground(sensor.intrinsics, empty_room, self.options.foreground)
@@ -76,13 +78,18 @@ class VisionOnly:
         self._next_id, self._ns = 1, -1
         self._told: list[Detection] = []
 
+    @property
+    def discarded(self) -> int:
+        """How many pictures were dropped: too late, or twice."""
+        return self.losses.total()
+
     def update(self, observation: Observation) -> list[TrackFrame]:
         """Take one observation; the frame of a picture. Other sensors than the camera are ignored."""
         self._told = []
         if observation.sensor != self.camera:
             return []
         if observation.stamp_ns <= self._ns:
-            self.discarded += 1
+            self.losses[self.camera, LATE] += 1
             return []
         self._work(cast("Image | DepthImage", observation))
         return [TrackFrame(self._ns, tuple(self.tracks()))]
