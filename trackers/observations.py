@@ -6,7 +6,7 @@ Stamps are integer nanoseconds as in a bag (`stamp_ns`); `t` is the same in seco
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, pi
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 from trackers.errors import InputError
 
 NS_PER_S = 1_000_000_000
+_FARTHEST_BEARING_RAD = 4 * pi + 1e-3
+_WIDEST_RAD = 1.1 * 2 * pi
+"""From the first beam to the last: scanners that turn all around may go on a little."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +38,8 @@ class LaserScan(_Stamped):
     `sweep_time_s` is the time from the first beam (taken at the stamp) to the last; 0 for an instantaneous scan.
     `range_max_m` may be infinite, as some drivers have it: the scanner names no limit.
 
-    Raises InputError for ranges that are no row, and for beams or limits that no scanner has.
+    Beams may differ from scan to scan in number and bearing, and go clockwise (a negative increment). A scan without beams, or
+    with NaN alone, is no reading. Raises InputError for ranges that are no row, and for beams or limits that no scanner has.
     """
 
     ranges_m: NDArray[np.float32]  # (n_beam,)
@@ -53,15 +57,21 @@ class LaserScan(_Stamped):
                 f"scan of {self.sensor!r}: range_min is {self.range_min_m:g} m and range_max {self.range_max_m:g} m; "
                 f"0 <= range_min < range_max is expected"
             )
-        if not isfinite(self.angle_min_rad):
+        if not abs(self.angle_min_rad) <= _FARTHEST_BEARING_RAD:
             raise InputError(
                 f"scan of {self.sensor!r}: angle_min is {self.angle_min_rad:g} rad; the bearing of the first beam, "
-                "a finite number, is expected"
+                "a finite number of at most two turns (4π rad), is expected"
             )
         if not isfinite(self.angle_increment_rad) or self.angle_increment_rad == 0:
             raise InputError(
                 f"scan of {self.sensor!r}: angle_increment is {self.angle_increment_rad:g} rad; the angle from beam to "
                 "beam, a finite number other than 0, is expected"
+            )
+        span_rad = abs(self.angle_increment_rad) * (self.ranges_m.size - 1)
+        if span_rad > _WIDEST_RAD:
+            raise InputError(
+                f"scan of {self.sensor!r}: {self.ranges_m.size} beams {abs(self.angle_increment_rad):g} rad apart go over "
+                f"{span_rad:g} rad; at most a turn (2π rad, and a tenth) is expected, in radians"
             )
         if not isfinite(self.sweep_time_s):
             raise InputError(

@@ -6,11 +6,18 @@ the same scanner only.
 Samples follow ROS REP 117. A finite range within the scanner's limits is a return; +inf, or a range beyond the limit, is a
 beam that met nothing; NaN and −inf are no reading at all and teach nothing. A finite range below the limit is counted as
 met nothing: many drivers write 0 or a small error code where no light came back.
+
+Both keep what they know per bearing (`BearingGrid`): scans may have any beams. A beam between two cells is in front of the room
+where it is in front of what either of them has seen, so that the edges of things do not flicker. Where no scan has looked,
+nothing is known and nothing is foreground. A scan without beams teaches nothing.
 """
 
 from __future__ import annotations
 
+import logging
+from collections import deque
 from collections.abc import Sequence
+from statistics import median_low
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -19,11 +26,22 @@ from pydantic import Field
 from trackers.arrays import Array, Index, Mask
 from trackers.configuration import Strict
 from trackers.errors import InputError
+from trackers.laser.bearings import BearingGrid
 from trackers.observations import LaserScan
+
+logger = logging.getLogger(__name__)
 
 _RENORMALISE_ABOVE = 1e9
 _MOST_CELLS = 25_000_000
-"""Of the table of what was learned, beams times bins; it takes 16 bytes each."""
+"""Of the table of what was learned, bearings times bins; it takes 16 bytes each."""
+_SCANS = 9
+"""How many of the last scans tell how far apart beams are."""
+_FINER, _COARSER = 0.75, 1.5
+"""Widths of beams, in cells, between which the cells serve them."""
+_LEAST, _SHARE = 20, 0.1
+"""Number and share of beams that cannot all begin to meet people in one scan: it is the scanner that begins."""
+_UNKNOWN_SHARE = 0.02
+"""Share of a scan's beams without a background from which on it is told."""
 
 
 class BackgroundOptions(Strict):
@@ -81,40 +99,61 @@ def returns(scan: LaserScan) -> tuple[Float[Array, "n_beam"], Bool[Mask, "n_beam
 
 
 class KnownBackground:
-    """The room as scans without people show it: per beam a low quantile of the ranges, and their spread.
+    """The room as scans without people show it: per bearing a low quantile of the ranges, and their spread.
 
-    Raises InputError for no scans, or scans of different beams.
+    Raises InputError for no scans, or none with a beam.
     """
 
     def __init__(self, scans: Sequence[LaserScan], options: BackgroundOptions | None = None) -> None:
         options = options or BackgroundOptions()
+        scans = [scan for scan in scans if scan.ranges_m.size]
         if not scans:
-            raise InputError("background: no scans of the empty room; at least one is expected")
-        self._first = scans[0]
-        for scan in scans:
-            _check_same_beams(scan, self._first)
-        ranges, hit, _ = zip(*(returns(scan) for scan in scans), strict=True)
-        seen = np.where(np.array(hit), np.array(ranges), np.inf)  # (n_scan, n_beam); nothing met counts as far away
-        room = np.quantile(seen, options.quantile, axis=0, method="lower")
+            raise InputError("background: no scans of the empty room; at least one, with beams, is expected")
+        self._grid = BearingGrid.of(scans)
+        covered = [self._grid.cover(scan) for scan in scans]
+        seen = np.full((len(scans), self._grid.n_row), np.nan)  # NaN where a scan did not look
+        for of_scan, scan, (row, beam) in zip(seen, scans, covered, strict=True):
+            ranges, hit, _ = returns(scan)
+            of_scan[row] = np.where(hit, ranges, np.inf)[beam]  # nothing met counts as far away
+        quantile = np.nanquantile if np.isnan(seen).any() else np.quantile
+        room = quantile(seen, options.quantile, axis=0, method="lower")
         near = np.where(np.isfinite(seen), seen, np.nan)
         finite = np.isfinite(seen).any(axis=0)
         deviation = np.zeros(room.size)
         centre = np.nanmedian(near[:, finite], axis=0)
         deviation[finite] = 1.4826 * np.nanmedian(np.abs(near[:, finite] - centre), axis=0)
-        self.range_m = room
         self.threshold_m = room - np.maximum(options.margin_m, options.spread_factor * deviation)
+        self._told = False
 
     def foreground(self, scan: LaserScan) -> Bool[Mask, "n_beam"]:
         """Which samples stand in front of the room."""
-        _check_same_beams(scan, self._first)
         ranges, hit, _ = returns(scan)
-        return hit & (ranges < self.threshold_m)
+        before, after = self._grid.rows(scan)
+        threshold_m = self._threshold(before)
+        if after is not before:
+            threshold_m = np.fmin(threshold_m, self._threshold(after))
+        unknown = np.isnan(threshold_m)
+        if unknown.any() and not self._told and unknown.mean() > _UNKNOWN_SHARE:
+            self._told = True
+            logger.warning(
+                "scan of %r at %.3f s: %d of %d beams look where no scan of the empty room looked, and show nobody there; "
+                "scans of the empty room by the same scanner, all around, are expected",
+                scan.sensor,
+                scan.t,
+                unknown.sum(),
+                unknown.size,
+            )
+        return hit & (ranges < threshold_m)
+
+    def _threshold(self, row: Int[Index, "n_beam"]) -> Float[Array, "n_beam"]:
+        """The threshold of rows [m]; NaN where there is none."""
+        return np.where(row < 0, np.nan, self.threshold_m[row])
 
 
 class LearnedBackground:
     """The room learned from the scans so far: no scan ahead of the present one is used.
 
-    Each beam keeps, per range bin (one more for "met nothing"), how long it has seen something there, fading over
+    Each bearing keeps, per range bin (one more for "met nothing"), how long it has seen something there, fading over
     `memory_s`. A nearer object hides a bin and counts neither for nor against it; a farther reading counts against it.
     A bin is the room if it fills `static_share` of the time in which the beam came that far; or if it fills `flicker_share`
     with short stays, the first of which is none yet (an edge that the beam meets now and then comes back, and far more
@@ -128,36 +167,70 @@ class LearnedBackground:
 
     def __init__(self, options: BackgroundOptions | None = None) -> None:
         self._options = options or BackgroundOptions()
-        self._first: LaserScan | None = None
+        self._grid: BearingGrid | None = None
+        self._steps_rad: deque[float] = deque(maxlen=_SCANS)
+        self._met_something = False
         self._farthest_m = 0.0
-        self._seen = np.empty((0, 0))  # (n_beam, n_bin + 4): seconds seen, times the weight of the scan; see `_column`
+        self._seen = np.empty((0, 0))  # (n_row, n_bin + 4): seconds seen, times the weight of the scan; see `_column`
         self._flickered = np.empty((0, 0))  # like `_seen`, with the first `flicker_s` of every stay but the first only
-        self._total = np.empty(0)  # (n_beam,)
-        self._stay_column = np.empty(0, np.intp)  # (n_beam,) what each beam saw last
-        self._stay_s = np.empty(0)  # (n_beam,) and for how long by now
-        self._came_back = np.empty(0, np.bool_)  # (n_beam,) and whether it had been there before
+        self._total = np.empty(0)  # (n_row,)
+        self._stay_column = np.empty(0, np.intp)  # (n_row,) what each bearing saw last
+        self._stay_s = np.empty(0)  # (n_row,) and for how long by now
+        self._came_back = np.empty(0, np.bool_)  # (n_row,) and whether it had been there before
         self._weight = 1.0  # grows with time, so that nothing has to be faded at every scan
         self._t = -np.inf
 
     def foreground(self, scan: LaserScan) -> Bool[Mask, "n_beam"]:
         """Which samples stand in front of the room as known so far; the scan is then learned from."""
         ranges, hit, missed = returns(scan)
-        if self._first is None:
-            self._first = scan
+        if ranges.size == 0:
+            return np.zeros(0, np.bool_)
+        grid = self._fitting_grid(scan, hit)
+        row, beam = grid.cover(scan)
+        self._make_rows(scan, grid.n_row)
+        column = self._column(ranges, hit, missed)
+        before, after = grid.rows(scan)
+        known, foreground = self._in_front(before, column, hit)
+        if after is not before:
+            known_after, in_front_after = self._in_front(after, column, hit)
+            foreground = (foreground | ~known) & (in_front_after | ~known_after) & (known | known_after)
+        self._learn(row, column[beam], (hit | missed)[beam], scan.t)
+        return foreground
+
+    def _fitting_grid(self, scan: LaserScan, hit: Bool[Mask, "n_beam"]) -> BearingGrid:
+        """The grid, anew where the scanner begins to see only now, and where its beams are by now of another width."""
+        self._steps_rad.append(abs(scan.angle_increment_rad))
+        n_hit = int(hit.sum())
+        begins = not self._met_something and n_hit >= max(_LEAST, _SHARE * hit.size)
+        self._met_something |= n_hit > 0
+        if self._grid is None or begins:
+            self._grid = BearingGrid.of([scan])
             self._farthest_m = min(scan.range_max_m, self._options.farthest_m)
             n_bin = int(np.ceil(self._farthest_m / self._options.bin_m)) + 1
-            _check_size(scan, n_bin)
-            self._seen = np.zeros((ranges.size, n_bin + 4))
-            self._flickered = np.zeros_like(self._seen)
-            self._total = np.zeros(ranges.size)
-            self._stay_column = np.zeros(ranges.size, np.intp)
-            self._stay_s = np.zeros(ranges.size)
-            self._came_back = np.zeros(ranges.size, np.bool_)
-        _check_same_beams(scan, self._first)
-        column = self._column(ranges, hit, missed)
-        foreground = self._in_front(column, hit)
-        self._learn(column, hit | missed, scan.t)
-        return foreground
+            self._keep_rows(np.empty(0, np.intp), n_bin + 4)
+        step_rad = median_low(self._steps_rad)
+        if not _FINER * self._grid.step_rad < step_rad < _COARSER * self._grid.step_rad:
+            self._grid, old_row = self._grid.resized(step_rad)
+            self._keep_rows(old_row, self._seen.shape[1])
+        return self._grid
+
+    def _keep_rows(self, row: Int[Index, "k"], n_column: int) -> None:
+        """Go on with these rows of all that was learned; with none, in tables of so many columns."""
+        self._seen = self._seen[row] if row.size else np.empty((0, n_column))
+        self._flickered = self._flickered[row] if row.size else np.empty((0, n_column))
+        self._total, self._stay_s = self._total[row], self._stay_s[row]
+        self._stay_column, self._came_back = self._stay_column[row], self._came_back[row]
+
+    def _make_rows(self, scan: LaserScan, n_row: int) -> None:
+        """Empty rows for the bearings that are new."""
+        new, n_column = n_row - self._total.size, self._seen.shape[1]
+        if new == 0:
+            return
+        _check_size(scan, n_row, n_column - 4)
+        self._seen = np.concatenate([self._seen, np.zeros((new, n_column))])
+        self._flickered = np.concatenate([self._flickered, np.zeros((new, n_column))])
+        self._total, self._stay_s = np.pad(self._total, (0, new)), np.pad(self._stay_s, (0, new))
+        self._stay_column, self._came_back = np.pad(self._stay_column, (0, new)), np.pad(self._came_back, (0, new))
 
     def _column(
         self, ranges: Float[Array, "n_beam"], hit: Bool[Mask, "n_beam"], missed: Bool[Mask, "n_beam"]
@@ -168,23 +241,28 @@ class LearnedBackground:
         column[missed] = self._seen.shape[1] - 2
         return column
 
-    def _in_front(self, column: Int[Index, "n_beam"], hit: Bool[Mask, "n_beam"]) -> Bool[Mask, "n_beam"]:
-        beams = np.flatnonzero(hit & (self._total > 0))
-        here = column[beams]
-        near = _around(self._seen, beams, here)
+    def _in_front(
+        self, row: Int[Index, "n_beam"], column: Int[Index, "n_beam"], hit: Bool[Mask, "n_beam"]
+    ) -> tuple[Bool[Mask, "n_beam"], Bool[Mask, "n_beam"]]:
+        """Which rows, one a beam, have learned anything, and which samples stand in front of what theirs has."""
+        known = (row >= 0) & (self._total[row] > 0)
+        beams = np.flatnonzero(hit & known)
+        rows, here = row[beams], column[beams]
+        near = _around(self._seen, rows, here)
         # where this range fills the share of all time, it fills that of the time beyond: no need to sum
-        undecided = near <= self._options.static_share * self._total[beams]
-        beams, here, near = beams[undecided], here[undecided], near[undecided]
+        undecided = near <= self._options.static_share * self._total[rows]
+        beams, rows, here, near = beams[undecided], rows[undecided], here[undecided], near[undecided]
         farther = np.arange(self._seen.shape[1]) > here[:, None] + 1
-        beyond = (self._seen[beams] * farther).sum(axis=1)
+        beyond = (self._seen[rows] * farther).sum(axis=1)
         room = near > self._options.static_share * (near + beyond)
-        room |= _around(self._flickered, beams, here) > self._options.flicker_share * (near + beyond)
-        open_beam = beyond >= self._options.open_share * self._total[beams]
+        room |= _around(self._flickered, rows, here) > self._options.flicker_share * (near + beyond)
+        is_open = beyond >= self._options.open_share * self._total[rows]
         foreground = np.zeros(hit.size, np.bool_)
-        foreground[beams[~room & open_beam]] = True
-        return foreground
+        foreground[beams[~room & is_open]] = True
+        return known, foreground
 
-    def _learn(self, column: Int[Index, "n_beam"], informed: Bool[Mask, "n_beam"], t: float) -> None:
+    def _learn(self, row: Int[Index, "k"], column: Int[Index, "k"], informed: Bool[Mask, "k"], t: float) -> None:
+        """Learn at a time [s] what each of these rows sees now, those that are told anything."""
         elapsed = t - self._t
         if elapsed <= 0:
             return
@@ -192,18 +270,17 @@ class LearnedBackground:
         elapsed = min(elapsed, self._options.initial_s)
         self._t = t
         self._weight *= np.exp(elapsed / self._options.memory_s)
-        beams = np.flatnonzero(informed)
-        new = self._total[beams] == 0
+        rows, here = row[informed], column[informed]
+        new = self._total[rows] == 0
         seconds = self._weight * np.where(new, self._options.initial_s, elapsed)
-        here = column[beams]
-        stays = np.abs(here - self._stay_column[beams]) <= 1
-        self._came_back[beams] = np.where(stays, self._came_back[beams], _around(self._seen, beams, here) > 0)
-        self._seen[beams, here] += seconds
-        self._stay_s[beams] = np.where(stays, self._stay_s[beams] + elapsed, 0.0)
-        self._stay_column[beams] = here
-        short = self._came_back[beams] & (self._stay_s[beams] < self._options.flicker_s)
-        self._flickered[beams[short], here[short]] += seconds[short]
-        self._total[beams] += seconds
+        stays = np.abs(here - self._stay_column[rows]) <= 1
+        self._came_back[rows] = np.where(stays, self._came_back[rows], _around(self._seen, rows, here) > 0)
+        self._seen[rows, here] += seconds
+        self._stay_s[rows] = np.where(stays, self._stay_s[rows] + elapsed, 0.0)
+        self._stay_column[rows] = here
+        short = self._came_back[rows] & (self._stay_s[rows] < self._options.flicker_s)
+        self._flickered[rows[short], here[short]] += seconds[short]
+        self._total[rows] += seconds
         if self._weight > _RENORMALISE_ABOVE:
             self._seen /= self._weight
             self._flickered /= self._weight
@@ -211,34 +288,15 @@ class LearnedBackground:
             self._weight = 1.0
 
 
-def _around(
-    table: Float[Array, "n_beam columns"], beams: Int[Index, "k"], column: Int[Index, "k"]
-) -> Float[Array, "k"]:
-    """The table's entries at a column and its two neighbours, summed, for each of `beams`."""
-    return table[beams, column - 1] + table[beams, column] + table[beams, column + 1]
+def _around(table: Float[Array, "n_row columns"], row: Int[Index, "k"], column: Int[Index, "k"]) -> Float[Array, "k"]:
+    """The table's entries at a column and its two neighbours, summed, for each of these rows."""
+    return table[row, column - 1] + table[row, column] + table[row, column + 1]
 
 
-def _check_size(scan: LaserScan, n_bin: int) -> None:
-    if scan.ranges_m.size * n_bin > _MOST_CELLS:
+def _check_size(scan: LaserScan, n_row: int, n_bin: int) -> None:
+    if n_row * n_bin > _MOST_CELLS:
         raise InputError(
-            f"scan of {scan.sensor!r}: {scan.ranges_m.size} beams of {n_bin} range bins are more than the "
+            f"scan of {scan.sensor!r}: {n_row} beams of {n_bin} range bins are more than the "
             f"{_MOST_CELLS} cells a background is learned in; fewer beams, wider bins (background.bin_m) or a nearer "
             "background.farthest_m are expected"
-        )
-
-
-def _check_same_beams(scan: LaserScan, first: LaserScan) -> None:
-    if scan.ranges_m.size != first.ranges_m.size:
-        raise InputError(
-            f"scan of {scan.sensor!r} at {scan.t:.3f} s has {scan.ranges_m.size} beams; "
-            f"its background has {first.ranges_m.size}, and as many are expected"
-        )
-    if (
-        abs(scan.angle_min_rad - first.angle_min_rad) > 1e-3
-        or abs(scan.angle_increment_rad - first.angle_increment_rad) * first.ranges_m.size > 1e-2
-    ):
-        raise InputError(
-            f"scan of {scan.sensor!r} at {scan.t:.3f} s starts at {scan.angle_min_rad:.4f} rad in steps of "
-            f"{scan.angle_increment_rad:.6f} rad; its background at {first.angle_min_rad:.4f} rad in steps of "
-            f"{first.angle_increment_rad:.6f} rad, and the same beams are expected"
         )

@@ -1,6 +1,7 @@
 """From foreground samples to clusters: split where neighbouring samples jump, one representative point each.
 
-All in the scanner's frame (x ahead, y left), samples in order of angle.
+All in the scanner's frame (x ahead, y left), samples in order of angle. Where a scan goes all around, its first beam follows its
+last, and a cluster may lie across the seam.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from trackers.arrays import Array, Index, Mask
 from trackers.configuration import Strict
 from trackers.filters.rows import Rows
 from trackers.laser.background import returns
+from trackers.laser.bearings import beams_of_turn
 from trackers.observations import LaserScan
 
 
@@ -44,7 +46,7 @@ class Clusters(Rows):
     """k clusters of one scan, by angle."""
 
     first_beam: Int[Index, "k"]
-    last_beam: Int[Index, "k"]
+    last_beam: Int[Index, "k"]  # lower than the first of a cluster across the seam
     n_sample: Int[Index, "k"]
     middle: Float[Array, "k 2"]  # mean of the samples [m]
     width_m: Float[Array, "k"]  # from the first sample to the last
@@ -62,17 +64,23 @@ def find_clusters(
     the beams, or where more than `max_gap_beams` beams between them looked past. (The paper compares ranges; the distance
     between the points also holds across a lost beam.)
     """
-    ranges, hit, missed = returns(scan)
+    turn = beams_of_turn(scan)
+    ranges, hit, missed = (each[:turn] for each in returns(scan))
+    foreground = foreground[:turn]
     beams = foreground.nonzero()[0]
     if beams.size == 0:
         return _none()
+    looked_past = np.cumsum((hit | missed) & ~foreground)
+    if turn is not None:
+        beams = _from_a_gap(beams, looked_past, options.max_gap_beams)
     increment = abs(scan.angle_increment_rad)
     near = ranges[beams]
     points = near * directions(scan)[:, beams]  # (2, n)
 
     step = points[:, 1:] - points[:, :-1]
     jump = options.jump_m + options.jump_spacings * (increment * np.minimum(near[1:], near[:-1]))
-    seen_past = np.cumsum((hit | missed) & ~foreground)[beams]
+    seen_past = looked_past[beams]
+    seen_past[beams < beams[0]] += looked_past[-1]
     splits = (np.hypot(step[0], step[1]) > jump) | (seen_past[1:] - seen_past[:-1] > options.max_gap_beams)
     edges = np.concatenate([[0], splits.nonzero()[0] + 1, [beams.size]])
     starts, stops = edges[:-1], edges[1:]
@@ -85,7 +93,7 @@ def find_clusters(
     kept = n_sample >= np.maximum(least, np.minimum(expected, foreground.size))
     starts, stops, range_m = starts[kept], stops[kept], range_m[kept]
     first, last = beams[starts], beams[stops - 1]
-    hidden_before, hidden_after = _hidden(ranges, hit, first, last, range_m, options.jump_m)
+    hidden_before, hidden_after = _hidden(np.where(hit, ranges, np.inf), turn, first, last, range_m, options.jump_m)
     return Clusters(
         first_beam=first,
         last_beam=last,
@@ -96,6 +104,21 @@ def find_clusters(
         hidden_before=hidden_before,
         hidden_after=hidden_after,
     )
+
+
+def with_beside(ranges: Float[Array, "n_beam"], turn: int | None, reach: int) -> Float[Array, "n_padded"]:
+    """Ranges with `reach` more at either end: the next ones of a full turn, or +inf beside the field of view."""
+    padded = np.full(ranges.size + 2 * reach, np.inf)
+    padded[reach:-reach] = ranges
+    if turn is not None:
+        padded[:reach], padded[-reach:] = ranges[-reach:], ranges[:reach]
+    return padded
+
+
+def _from_a_gap(beams: Int[Index, "n"], looked_past: Int[Index, "n_beam"], max_gap_beams: int) -> Int[Index, "n"]:
+    """The foreground beams of a full turn from one on that follows a gap, so that no cluster lies across the end."""
+    between = np.diff(np.append(looked_past[beams], looked_past[beams[0]] + looked_past[-1]))
+    return beams if between[-1] > max_gap_beams else np.roll(beams, -1 - between.argmax())
 
 
 def directions(scan: LaserScan) -> Float[Array, "2 n_beam"]:
@@ -126,7 +149,7 @@ def _width(points: Float[Array, "2 n"], starts: Int[Index, "k"], stops: Int[Inde
 
 def _hidden(
     ranges: Float[Array, "n_beam"],
-    hit: Bool[Mask, "n_beam"],
+    turn: int | None,
     first: Int[Index, "k"],
     last: Int[Index, "k"],
     range_m: Float[Array, "k"],
@@ -136,8 +159,7 @@ def _hidden(
 
     Two, because the beam that straddles an edge may report a range between the two sides.
     """
-    padded = np.full(ranges.size + 4, np.inf)
-    np.copyto(padded[2:-2], ranges, where=hit)
+    padded = with_beside(ranges, turn, 2)
     nearer = range_m - jump_m
     before = np.minimum(padded[first], padded[first + 1]) < nearer
     after = np.minimum(padded[last + 3], padded[last + 4]) < nearer

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from trackers.arrays import Array
 from trackers.configuration import Strict
+from trackers.laser.bearings import beams_of_turn
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor
 
@@ -59,6 +60,8 @@ class FreeSpace:
         options, count = self.options, scan.ranges_m.size
         reach_m = np.zeros(count + 2)  # beside the scan nothing is seen
         np.copyto(reach_m[1:-1], np.minimum(scan.ranges_m, scan.range_max_m), where=~np.isnan(scan.ranges_m))
+        if beams_of_turn(scan) is not None:
+            reach_m[0], reach_m[-1] = reach_m[-2], reach_m[1]
         # bearings are taken from the middle beam, so that they wrap around behind it
         middle = scan.angle_min_rad + 0.5 * (count - 1) * scan.angle_increment_rad
         cos, sin = np.cos(middle), np.sin(middle)

@@ -11,7 +11,8 @@ from pydantic import Field, PositiveInt
 from trackers.arrays import Array, Mask
 from trackers.configuration import Strict
 from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground, returns
-from trackers.laser.clusters import ClusterOptions, Clusters, directions, find_clusters, pushed_back
+from trackers.laser.bearings import beams_of_turn, counter_clockwise
+from trackers.laser.clusters import ClusterOptions, Clusters, directions, find_clusters, pushed_back, with_beside
 from trackers.laser.detections import Detections
 from trackers.laser.free_space import FreeSpace, FreeSpaceOptions
 from trackers.laser.grouping import trunks
@@ -185,6 +186,7 @@ class LaserLayer:
 
     def __init__(self, sensor: LaserSensor, empty_scans: Sequence[LaserScan], options: LayerOptions) -> None:
         self.options = options
+        empty_scans = [scan for scan in empty_scans if not np.isnan(scan.ranges_m).all()]
         self.learns_background = not empty_scans
         self._least = options.weak_samples or options.cluster.min_samples
         self._free_space = FreeSpace(sensor, options.free_space, self._least)
@@ -199,7 +201,7 @@ class LaserLayer:
 
     def detect(self, scan: LaserScan) -> Detections:
         """What the scan shows in front of the room: trunks without their arms, or single legs."""
-        options = self.options
+        options, scan = self.options, counter_clockwise(scan)
         clusters = find_clusters(scan, self._background.foreground(scan), options.cluster, self._least)
         hidden = clusters.hidden_before | clusters.hidden_after
         if self._least < options.cluster.min_samples:
@@ -213,8 +215,7 @@ class LaserLayer:
             n_sample=clusters.n_sample,
             width_m=clusters.width_m,
             range_m=clusters.range_m,
-            angle=scan.angle_min_rad
-            + scan.angle_increment_rad * np.stack([clusters.first_beam, clusters.last_beam], axis=-1).astype(float),
+            angle=_angles(scan, clusters),
             scanner=np.ones((len(clusters), 1), np.bool_),
         )
         if options.satellite_width_m is None:
@@ -238,9 +239,10 @@ class LaserLayer:
         And how much of a thing's width each beam covers [m]: the spacing of the beams at its range. A lone sample beside a
         nearer one is left out: a beam on an edge, half on what is nearer and half on what is behind, reports a range between.
         """
-        ranges, _, _ = returns(scan)
-        foreground = self._background.foreground(scan)
-        padded = np.pad(np.where(np.isnan(ranges), np.inf, ranges), 1, constant_values=np.inf)
+        scan, turn = counter_clockwise(scan), beams_of_turn(scan)
+        ranges = returns(scan)[0][:turn]
+        foreground = self._background.foreground(scan)[:turn]
+        padded = with_beside(np.where(np.isnan(ranges), np.inf, ranges), turn, 1)
         beams = foreground.nonzero()[0]
         near = ranges[beams]
         beside = np.stack([padded[beams], padded[beams + 2]]) - near
@@ -292,3 +294,10 @@ class LaserLayer:
     def _in_room(self, points: Float[Array, "k 2"]) -> Float[Array, "k 2"]:
         """Points of the scan plane as ground points of the room [m]."""
         return points @ self._room_from_scan + self._origin_m
+
+
+def _angles(scan: LaserScan, clusters: Clusters) -> Float[Array, "k 2"]:
+    """The bearings of the first beam of each cluster and of the last, which is the greater [rad]."""
+    angle = np.stack([clusters.first_beam, clusters.last_beam], axis=-1) * scan.angle_increment_rad + scan.angle_min_rad
+    angle[clusters.last_beam < clusters.first_beam, 1] += 2 * np.pi
+    return angle

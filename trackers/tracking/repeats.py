@@ -1,7 +1,11 @@
-"""Sensors that hang: a driver that hands out its last reading again and again, under new stamps.
+"""Readings that say nothing: of sensors that hang, and of scanners that read nothing.
 
-Readings with noise never come twice. One that is bit for bit the one before it says nothing new, neither where somebody is nor
-where nobody is: as if the sensor were silent.
+A driver may hand out its last reading again and again, under new stamps. Readings with noise never come twice: one that is bit
+for bit the one before it says nothing new, neither where somebody is nor where nobody is: as if the sensor were silent.
+
+So does a scan without beams, or with invalid ones (NaN) alone. One that meets nothing at all (+inf throughout) is a look into
+open space, where somebody would be seen, unless the scan before it met something in many beams: a room does not vanish between
+two scans, but a scanner that starts, stops or is covered reports so.
 """
 
 from __future__ import annotations
@@ -14,11 +18,14 @@ from trackers.observations import DepthImage, FloorFrame, Image, LaserScan, Obse
 _ROWS = 8
 """Of a picture, each so many rows are compared."""
 _LEAST = 20
-"""Readings of which each is as likely as not to differ: all of them agree by chance once in a million times."""
+"""Readings of which each is as likely as not to differ: all of them agree by chance once in a million times.
+
+Likewise returns, each as likely as not to be lost.
+"""
 
 
 class Repeats:
-    """Tells which readings only repeat the one before; asked once for each, a sensor's in order of time.
+    """Tells which readings say no more than the one before; asked once for each, a sensor's in order of time.
 
     A sensor is taken to have noise while its last two different readings differ in at least half of their values. Without
     noise it repeats itself in all honesty where nobody moves, and is believed; so is one with hardly a return.
@@ -27,9 +34,12 @@ class Repeats:
     def __init__(self) -> None:
         self._last: dict[str, NDArray] = {}
         self._noisy: dict[str, bool] = {}
+        self._n_return: dict[str, int] = {}
 
     def repeats(self, observation: Observation) -> bool:
         """Whether the reading says no more than the sensor's last one did."""
+        if isinstance(observation, LaserScan) and self._reads_nothing(observation):
+            return True
         sensor, values = observation.sensor, _values(observation)
         before = self._last.get(sensor)
         self._last[sensor] = values
@@ -40,6 +50,17 @@ class Repeats:
         if n_changed:
             self._noisy[sensor] = n >= _LEAST and 2 * n_changed >= n
         return n_changed == 0 and n >= _LEAST and self._noisy.get(sensor, False)
+
+    def _reads_nothing(self, scan: LaserScan) -> bool:
+        """Whether the scan has no reading, or loses all the returns that the last one with a reading had."""
+        if np.isnan(scan.ranges_m).all():
+            return True
+        ranges = scan.ranges_m
+        n_return = int(((ranges >= scan.range_min_m) & (ranges <= scan.range_max_m) & (ranges < np.inf)).sum())
+        if n_return == 0 and self._n_return.get(scan.sensor, 0) >= _LEAST:
+            return True
+        self._n_return[scan.sensor] = n_return
+        return False
 
 
 def _values(observation: Observation) -> NDArray:

@@ -1,0 +1,124 @@
+"""Beams as bearings: what is known of a scanner's surroundings is kept per bearing, whatever beams a scan has.
+
+Many scanners (LD19, YDLidar, RPLidar) change the number of their beams by a few from scan to scan and start each somewhere
+else; others turn clockwise, or all around with the seam anywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from trackers.arrays import Array, Index
+from trackers.observations import LaserScan
+
+_FINEST_RAD = 1e-6
+"""Least width of a cell: 1 mm at 1 km. Finer beams share cells."""
+_ON_CELL = 0.05
+"""Distance from the middle of a cell, in cells, within which a beam is on it: what rounding and jitter of a mirror make."""
+_HALF = 0.5 - 1e-6
+"""Half a cell, so that a beam between two cells belongs to one of them whatever its last digit."""
+
+
+def counter_clockwise(scan: LaserScan) -> LaserScan:
+    """The same scan with its beams in counter-clockwise order: itself, or its beams the other way around."""
+    if scan.angle_increment_rad > 0:
+        return scan
+    last_rad = scan.angle_min_rad + max(scan.ranges_m.size - 1, 0) * scan.angle_increment_rad
+    return replace(
+        scan, ranges_m=scan.ranges_m[::-1], angle_min_rad=last_rad, angle_increment_rad=-scan.angle_increment_rad
+    )
+
+
+def beams_of_turn(scan: LaserScan) -> int | None:
+    """Number of beams after which the scan has gone all around and the first follows the last; None for less than a turn.
+
+    At most one beam may be missing at the seam. Beams beyond a turn look where the first ones did.
+    """
+    count, step = scan.ranges_m.size, abs(scan.angle_increment_rad)
+    if count < 3 or (count + 1.5) * step < 2 * pi:
+        return None
+    return min(count, round(2 * pi / step))
+
+
+class BearingGrid:
+    """Cells of equal width around the circle, and one row of a background's table per cell that a scan covered.
+
+    origin_rad: the bearing of the middle of the first cell. Rows are numbered in the order in which they were covered.
+    """
+
+    def __init__(self, origin_rad: float, step_rad: float) -> None:
+        self.step_rad = max(step_rad, _FINEST_RAD)
+        self._origin_rad = origin_rad
+        self._n_cell = max(round(2 * pi / self.step_rad), 1)
+        self._row = np.full(self._n_cell, -1, np.intp)
+        self.n_row = 0
+        self._beams: tuple[float, float, int] | None = None
+        self._looked_up = np.empty(0, np.intp), np.empty(0, np.intp)
+
+    def rows(self, scan: LaserScan) -> tuple[Int[Index, "n_beam"], Int[Index, "n_beam"]]:
+        """Rows of the cells on either side of each beam; −1: no scan covered it. Where it is on a cell, both are that one.
+
+        Where every beam is on a cell, both are the same array.
+        """
+        beams = (scan.angle_min_rad, scan.angle_increment_rad, scan.ranges_m.size)
+        if beams != self._beams:
+            place = self._place(scan.angles_rad)
+            nearest = np.rint(place)
+            on_cell = np.abs(place - nearest) <= _ON_CELL
+            before = np.where(on_cell, nearest, np.floor(place))
+            after = np.where(on_cell, nearest, before + 1)
+            lower = self._row[before.astype(np.intp) % self._n_cell]
+            upper = lower if on_cell.all() else self._row[after.astype(np.intp) % self._n_cell]
+            self._beams, self._looked_up = beams, (lower, upper)
+        return self._looked_up
+
+    def cover(self, scan: LaserScan) -> tuple[Int[Index, "k"], Int[Index, "k"]]:
+        """Rows of the cells that the scan looks at, and the beam nearest to each; cells new to the grid get new rows."""
+        count, spacing = scan.ranges_m.size, abs(scan.angle_increment_rad)
+        if count == 0:
+            return np.empty(0, np.intp), np.empty(0, np.intp)
+        first_rad, span_rad = counter_clockwise(scan).angle_min_rad, (count - 1) * spacing
+        reach_rad = _HALF * max(spacing, self.step_rad)
+        start = float(self._place(np.array([first_rad]))[0])
+        lowest = int(np.ceil(start - reach_rad / self.step_rad))
+        highest = int(np.floor(start + (span_rad + reach_rad) / self.step_rad))
+        cell = np.arange(lowest, min(highest, lowest + self._n_cell - 1) + 1)
+        # a turn is no whole number of cells
+        rest_rad = 2 * pi - self._n_cell * self.step_rad
+        off_rad = (cell - start) * self.step_rad + cell // self._n_cell * rest_rad
+        looked_at = (off_rad >= -reach_rad) & (off_rad <= span_rad + reach_rad)
+        cell, off_rad = cell[looked_at] % self._n_cell, off_rad[looked_at]
+        beam = np.minimum(np.maximum(np.rint(off_rad / spacing), 0), count - 1).astype(np.intp)
+        new = cell[self._row[cell] < 0]
+        if new.size:
+            self._row[new] = self.n_row + np.arange(new.size)
+            self.n_row += new.size
+            self._beams = None
+        return self._row[cell], beam if scan.angle_increment_rad > 0 else count - 1 - beam
+
+    @classmethod
+    def of(cls, scans: Sequence[LaserScan]) -> BearingGrid:
+        """A grid whose first cells are the beams of the first scan, and as wide as the scans' beams mostly are."""
+        first = counter_clockwise(scans[0])
+        steps_rad = sorted(abs(scan.angle_increment_rad) for scan in scans)
+        return cls(first.angle_min_rad, steps_rad[(len(steps_rad) - 1) // 2])
+
+    def resized(self, step_rad: float) -> tuple[BearingGrid, Int[Index, "n_row"]]:
+        """The same bearings in cells of another width, and of each new row the old one that it takes over."""
+        grid = BearingGrid(self._origin_rad, step_rad)
+        place = np.arange(grid._n_cell) * (grid.step_rad / self.step_rad)
+        row = self._row[np.rint(place).astype(np.intp) % self._n_cell]
+        known = row >= 0
+        grid.n_row = int(known.sum())
+        grid._row = np.where(known, np.cumsum(known) - 1, -1)
+        return grid, row[known]
+
+    def _place(self, bearing_rad: Float[Array, "n"]) -> Float[Array, "n"]:
+        """Bearings in cells after the origin, from −1/2 on."""
+        half_rad = 0.5 * self.step_rad
+        return ((bearing_rad - self._origin_rad + half_rad) % (2 * pi) - half_rad) / self.step_rad
