@@ -65,12 +65,12 @@ def find_clusters(
     between the points also holds across a lost beam.)
     """
     turn = beams_of_turn(scan)
-    ranges, hit, missed = (each[:turn] for each in returns(scan))
-    foreground = foreground[:turn]
+    ranges, hit, missed = returns(scan)
+    ranges, hit, missed, foreground = ranges[:turn], hit[:turn], missed[:turn], foreground[:turn]
     beams = foreground.nonzero()[0]
     if beams.size == 0:
         return _none()
-    looked_past = np.cumsum((hit | missed) & ~foreground)
+    looked_past = np.cumsum((hit | missed) & ~foreground, dtype=np.intp)
     if turn is not None:
         beams = _from_a_gap(beams, looked_past, options.max_gap_beams)
     increment = abs(scan.angle_increment_rad)

@@ -298,6 +298,7 @@ class LaserLayer:
 
 def _angles(scan: LaserScan, clusters: Clusters) -> Float[Array, "k 2"]:
     """The bearings of the first beam of each cluster and of the last, which is the greater [rad]."""
-    angle = np.stack([clusters.first_beam, clusters.last_beam], axis=-1) * scan.angle_increment_rad + scan.angle_min_rad
+    beam = np.stack([clusters.first_beam, clusters.last_beam], axis=-1).astype(np.float64)
+    angle = scan.angle_min_rad + scan.angle_increment_rad * beam
     angle[clusters.last_beam < clusters.first_beam, 1] += 2 * np.pi
     return angle

@@ -116,7 +116,8 @@ class ScannerOnFloor:
 
         A beam without return reaches to the scanner's range limit (at most 1 km); an invalid one (NaN) sees nothing.
         """
-        ranges = np.nan_to_num(scan.ranges_m.astype(float), nan=0.0, posinf=min(scan.range_max_m, _FARTHEST_M))
+        farthest_m = min(scan.range_max_m, _FARTHEST_M)
+        ranges = np.clip(np.nan_to_num(scan.ranges_m.astype(float), nan=0.0, posinf=farthest_m), 0.0, farthest_m)
         return np.concatenate([self._origin[None], self._ends(ranges, scan.angles_rad)])
 
     def reach(self, scan: LaserScan) -> Polygon:

@@ -79,13 +79,15 @@ class FloorPanel:
         self._beliefs = [each for each in beliefs(rig, true) if about is None or each.name in about]
         self._scanners = {name: ScannerOnFloor(laser.room_from_sensor) for name, laser in rig.lasers().items()}
         self._view: FloorView | None = None
+        self._has_extent = bool(outline) or rig.area is not None
         self._unseen = self._seen = np.zeros((height_px, width_px, 3), dtype=np.uint8)
         self._mask = np.zeros((height_px, width_px), dtype=np.uint8)
         self._light = np.zeros_like(self._seen)
 
     def _paint(self, scans: Mapping[str, LaserScan]) -> FloorView:
-        """The room as it stays; a robot's bag has no room, so that its first scans say what to show."""
+        """The room as it stays; a robot's bag has no room, so that its first scans with a return say what to show."""
         reach = [self._scanners[name].reach(scan) for name, scan in scans.items()]
+        self._has_extent |= any(len(points) for points in reach)
         extent = floor_extent(self._true, self._outline, *reach)
         view = FloorView.fit(extent, self.width_px, self.height_px)
         self._unseen, self._seen = self._unseen.copy(), self._seen.copy()
@@ -114,7 +116,7 @@ class FloorPanel:
 
         Of `maps` the tracker's hypotheses are dots.
         """
-        if self._view is None:
+        if self._view is None or not self._has_extent:
             self._view = self._paint(scans)
         view = self._view
         panel[:] = self._unseen

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -59,8 +60,9 @@ def range_scatter_m(recording: Path, scenario: Scenario) -> dict[str, float]:
     squares: dict[str, list[Array]] = {}
     for topic, ranges in scans.items():
         with np.errstate(invalid="ignore"):  # inf − inf where neither beam returns
-            differences = np.diff(np.array(ranges), axis=0)
-            squares.setdefault(topics[topic], []).append(differences[np.abs(differences) < _ONE_SURFACE_M] ** 2)
+            differences = [after - before for before, after in pairwise(ranges) if after.size == before.size]
+        for each in differences:
+            squares.setdefault(topics[topic], []).append(each[np.abs(each) < _ONE_SURFACE_M] ** 2)
     pooled = {place: np.concatenate(each) for place, each in squares.items()}
     return {place: float(np.sqrt(each.mean() / 2)) for place, each in pooled.items() if each.size}
 
