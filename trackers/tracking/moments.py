@@ -25,6 +25,7 @@ _GAPS = 9
 """How many of a sensor's last gaps between observations tell its period."""
 
 ALONE = "without another sensor's observation near enough in time"
+BLANK = "without any reading: no beam of the scan returns, or it has none"
 REPEATED = "bit for bit the same as the one before: the sensor or its driver hangs"
 """Reasons for which observations are dropped, beside those of `trackers.order`."""
 
@@ -69,7 +70,7 @@ class Moment:
     """The observations of one moment, by sensor, each with its own stamp.
 
     ns: the moment [ns], see `MomentRules.main`. held: the newest values not after it of the sensors that are held; their own
-    stamps say how old they are. repeated: the sensors that reported, but only repeated themselves.
+    stamps say how old they are. repeated: the sensors that reported, but only repeated themselves, or nothing at all.
     """
 
     ns: int
@@ -229,11 +230,17 @@ class MomentGatherer:
         return sensor not in moment.observations
 
     def _leave(self, moment: Moment) -> None:
-        """Hand the moment the values that are held, as it leaves, and take from it what only repeats."""
-        moment.repeated = frozenset(name for name, each in moment.observations.items() if self._repeats.repeats(each))
-        for name in moment.repeated:
-            self.losses[name, REPEATED] += 1
+        """Hand the moment the values that are held, as it leaves, and take from it what says nothing."""
+        mute: dict[str, str] = {}
+        for name, each in moment.observations.items():
+            if self._repeats.is_blank(each):
+                mute[name] = BLANK
+            elif self._repeats.repeats(each):
+                mute[name] = REPEATED
+        for name, reason in mute.items():
+            self.losses[name, reason] += 1
             del moment.observations[name]
+        moment.repeated = frozenset(mute)
         self._forget_held_before(moment.ns)
         moment.held = {
             name: values[0] for name, values in self._held.items() if values and values[0].stamp_ns <= moment.ns

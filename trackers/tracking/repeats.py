@@ -38,8 +38,6 @@ class Repeats:
 
     def repeats(self, observation: Observation) -> bool:
         """Whether the reading says no more than the sensor's last one did."""
-        if isinstance(observation, LaserScan) and self._reads_nothing(observation):
-            return True
         sensor, values = observation.sensor, _values(observation)
         before = self._last.get(sensor)
         self._last[sensor] = values
@@ -51,15 +49,18 @@ class Repeats:
             self._noisy[sensor] = n >= _LEAST and 2 * n_changed >= n
         return n_changed == 0 and n >= _LEAST and self._noisy.get(sensor, False)
 
-    def _reads_nothing(self, scan: LaserScan) -> bool:
-        """Whether the scan has no reading, or loses all the returns that the last one with a reading had."""
-        if np.isnan(scan.ranges_m).all():
+    def is_blank(self, observation: Observation) -> bool:
+        """Whether a scan has no reading, or has lost all the returns that the last one with a reading had."""
+        if not isinstance(observation, LaserScan):
+            return False
+        ranges = observation.ranges_m
+        if np.isnan(ranges).all():
             return True
-        ranges = scan.ranges_m
-        n_return = int(((ranges >= scan.range_min_m) & (ranges <= scan.range_max_m) & (ranges < np.inf)).sum())
-        if n_return == 0 and self._n_return.get(scan.sensor, 0) >= _LEAST:
+        limited = (ranges >= observation.range_min_m) & (ranges <= observation.range_max_m)
+        n_return = int((limited & (ranges < np.inf)).sum())
+        if n_return == 0 and self._n_return.get(observation.sensor, 0) >= _LEAST:
             return True
-        self._n_return[scan.sensor] = n_return
+        self._n_return[observation.sensor] = n_return
         return False
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trackers.observations import NS_PER_S, DepthImage, Image, LaserScan
-from trackers.tracking.moments import MomentGatherer, MomentRules
+from trackers.tracking.moments import BLANK, MomentGatherer, MomentRules
 from trackers.tracking.repeats import Repeats
 
 RNG = np.random.default_rng(3)
@@ -46,8 +46,7 @@ def test_after_one_great_change_a_scanner_without_noise_is_believed_again():
 def test_scans_with_hardly_a_return_are_believed():
     """In the open nobody there is nothing again and again."""
     nothing = np.full(200, np.inf)
-    post = np.where(np.arange(200) < 10, noisy(), np.inf)
-    assert not any(told(map(scan, [nothing, post, nothing, nothing, nothing])))
+    assert not any(told(map(scan, [noisy(), noisy(), nothing, nothing, nothing])))
     few = nothing.copy()
     few[:10] = noisy(10)
     assert not any(told(map(scan, [noisy(), noisy(), few, few])))
@@ -76,3 +75,22 @@ def test_the_moment_of_a_repetition_leaves_without_it_and_nobody_waits():
     assert gatherer.discarded == 2
     again = replace(scan(ranges[1], 3), stamp_ns=left[3].ns + 1)
     assert [moment.ns for moment in gatherer.add(again)] == [again.stamp_ns]  # not too late: a moment of its own
+
+
+NO_BEAMS, INVALID, NOTHING = np.empty(0), np.full(200, np.nan), np.full(200, np.inf)
+
+
+@pytest.mark.parametrize("blank", [NO_BEAMS, INVALID, NOTHING], ids=["no beams", "invalid", "nothing met"])
+def test_a_scan_that_loses_every_return_is_no_reading(blank):
+    gatherer = MomentGatherer(MomentRules(opens=("knee",)))
+    scans = [scan(each, n) for n, each in enumerate((noisy(), blank, blank, noisy(), blank, noisy()))]
+    moments = [moment for each in scans for moment in gatherer.add(each)] + gatherer.finish()
+    assert [len(moment.observations) for moment in moments] == [1, 0, 0, 1, 0, 1]
+    assert gatherer.losses == {("knee", BLANK): 3}
+
+
+def test_nothing_met_in_open_space_is_a_look():
+    repeats = Repeats()
+    post = np.where(np.arange(200) < 10, noisy(), np.inf)
+    assert not any(repeats.is_blank(scan(each)) for each in (NOTHING, post, NOTHING, NOTHING))
+    assert repeats.is_blank(scan(NO_BEAMS))
