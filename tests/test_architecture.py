@@ -51,6 +51,7 @@ TWIN_UPWARDS = (
     "geometry",
     "instant",
     "sensors",
+    "drawn",
     "scenario",
     "room",
     "people",

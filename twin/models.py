@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 from pathlib import Path
 
 from trackers.errors import InputError
@@ -40,6 +41,31 @@ def find(folder: str, name: str, relative_to: Path | None = None, asked_by: str 
         f"{start}there is no {_ONE.get(folder, folder[:-1])} {name!r}; {hint}valid are {', '.join(valid)} or the path of a "
         f"{suffix} file"
     )
+
+
+def cache_folder() -> Path:
+    """$ROOMTWIN_CACHE, else roomtwin in $XDG_CACHE_HOME, else ~/.cache/roomtwin."""
+    named = os.environ.get("ROOMTWIN_CACHE")
+    if named:
+        return Path(named)
+    home = os.environ.get("XDG_CACHE_HOME")
+    return (Path(home) if home else Path.home() / ".cache") / "roomtwin"
+
+
+def kept_room(name: str, mjcf: str) -> str:
+    """Keep a drawn room's MJCF file in the cache, under a name made from its content, and return its path."""
+    path = cache_folder() / "rooms" / f"{name}.xml"
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        if not is_file(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            partial.write_text(mjcf, encoding="utf-8")
+            os.replace(partial, path)
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be written ({error.strerror}); ROOMTWIN_CACHE with a folder that can be is expected"
+        ) from error
+    return str(path)
 
 
 SENSOR_KINDS = {

@@ -44,7 +44,7 @@ def schema(
     from trackers.errors import InputError
 
     if kind == "scenario":
-        from twin.scenario.load import ScenarioFile as Described
+        from twin.scenario.load import DrawableScenarioFile as Described
     elif kind == "suite":
         from twin.suites.description import Suite as Described
     elif kind == "study":

@@ -18,9 +18,13 @@ from trackers.merging import laid_over
 from trackers.plain_data import DEEPEST, parse_yaml, parse_yaml_value
 from trackers.text_file import read_text
 from twin import models
-from twin.scenario.model import Scenario
+from twin.drawn.distributions import DrawnPeople, DrawnRoom, DrawnSensors
+from twin.drawn.scene import draw_scene, is_drawn
+from twin.scenario.model import Name, Scenario
 from twin.scenario.pedestrians import Pedestrians, people_from
+from twin.scenario.people import Person
 from twin.scenario.removal import check_removals
+from twin.scenario.sensors import SensorDescription
 
 _MOST_SHOWN = 200
 """Characters of an override that an error tells."""
@@ -36,6 +40,20 @@ class ScenarioFile(Scenario):
     )
 
 
+class DrawableScenarioFile(ScenarioFile):
+    """A scenario as a file may hold it, for editors, with what can be left to be drawn."""
+
+    room: str | DrawnRoom = Field(  # pyright: ignore[reportIncompatibleVariableOverride]
+        description="name of a shipped room, path of an MJCF file relative to the scenario, or a room to draw"
+    )
+    people: dict[Name, Person] | DrawnPeople = Field(  # pyright: ignore[reportIncompatibleVariableOverride]
+        description="who is in the room, by name, or people to draw"
+    )
+    sensors: dict[Name, SensorDescription] | DrawnSensors = Field(  # pyright: ignore[reportIncompatibleVariableOverride]
+        description="what watches the room, by name, or a rig to draw"
+    )
+
+
 def load_scenario(
     name: str | Path, overrides: Sequence[str] = (), *, suites: Sequence[str] = (), folder: Path = Path()
 ) -> Scenario:
@@ -45,6 +63,7 @@ def load_scenario(
 
     `extends: NAME` starts from another scenario: mappings merge, everything else replaces, null removes an entry (among a
     tracker's options it is a value: some may be none).
+    A room, people and sensors of `kind: drawn` are drawn with the scenario's seed (`twin.drawn`).
     A room, parent or file of knowledge given by path is relative to the file that names it. Raises InputError, every
     fault on one line.
     """
@@ -57,6 +76,8 @@ def load_scenario(
     said = " ".join(map(_said, (*suites, *overrides)))
     source = f"{path} with {said}" if said else str(path)
     content = _without_removed(content)
+    if is_drawn(content):
+        content = draw_scene(content, source, models.kept_room)
     _bring_pedestrians(content, source)
     return validate(Scenario, content, source)
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from trackers.errors import InputError
+from twin.models import cache_folder as cache_folder
 
 DEFAULT_LIMIT_GB = 20.0
 LIMIT_VARIABLE = "ROOMTWIN_CACHE_GB"
@@ -23,15 +24,6 @@ _LOCK = ".lock"
 _MAKING = ".making-"
 _SUMS = ".sha256.json"
 """The digest of each file of a recording, by its name, as it was written."""
-
-
-def cache_folder() -> Path:
-    """$ROOMTWIN_CACHE, else roomtwin in $XDG_CACHE_HOME, else ~/.cache/roomtwin."""
-    named = os.environ.get("ROOMTWIN_CACHE")
-    if named:
-        return Path(named)
-    home = os.environ.get("XDG_CACHE_HOME")
-    return (Path(home) if home else Path.home() / ".cache") / "roomtwin"
 
 
 def cache_limit_bytes() -> int:

@@ -10,12 +10,12 @@ import pytest
 from pydantic import BaseModel
 
 from trackers.rig import Rig
-from twin.scenario.load import ScenarioFile
+from twin.scenario.load import DrawableScenarioFile
 from twin.scenario.people import Person
 from twin.scenario.wardrobe import wardrobe
 from twin.suites.description import Suite
 
-FILES = (ScenarioFile, Suite, Rig)
+FILES = (DrawableScenarioFile, Suite, Rig)
 
 
 def properties(described: type[BaseModel]) -> Iterator[tuple[str, dict[str, Any], bool]]:

@@ -1,0 +1,228 @@
+"""The plan of a drawn building: its outline, the rooms in it, partitions with doorways, doors that lead out.
+
+Everything is in the plan's own frame: metres, axis-aligned, the outline's lower left corner at the origin.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackers.arrays import Array
+from twin.drawn.distributions import DrawnRoom
+
+PARTITION_M = 0.1
+"""Thickness of a wall between two rooms [m]."""
+DOOR_M = 0.9
+"""Width of a door that leads out [m]."""
+_FROM_CORNER_M = 0.35
+"""Least distance of a door's or doorway's edge from a corner [m]."""
+
+
+@dataclass(frozen=True)
+class Rectangle:
+    """An axis-aligned part of the floor [m]."""
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+    @property
+    def area_m2(self) -> float:
+        """Its area [m²]."""
+        return (self.x1 - self.x0) * (self.y1 - self.y0)
+
+    @property
+    def middle(self) -> Array:
+        """Its middle (2,) [m]."""
+        return np.array([self.x0 + self.x1, self.y0 + self.y1]) / 2
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A stretch of wall along an axis, seen from inside: from `start` to `end` [m], the room to its left."""
+
+    start: tuple[float, float]
+    end: tuple[float, float]
+
+    @property
+    def length_m(self) -> float:
+        """Its length [m]."""
+        return float(np.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]))
+
+    @property
+    def along(self) -> Array:
+        """Unit vector (2,) from start to end."""
+        return (np.array(self.end) - self.start) / self.length_m
+
+    @property
+    def inwards(self) -> Array:
+        """Unit vector (2,) from the wall into the room."""
+        return np.array([-self.along[1], self.along[0]])
+
+    def at(self, along_m: float, off_m: float = 0.0) -> Array:
+        """The place (2,) so far along the wall and off it, into the room [m]."""
+        return np.array(self.start) + along_m * self.along + off_m * self.inwards
+
+
+@dataclass(frozen=True)
+class Partition:
+    """A wall between two rooms, from `start` to `end` [m], with one doorway from `gap_m[0]` to `gap_m[1]` along it."""
+
+    start: tuple[float, float]
+    end: tuple[float, float]
+    gap_m: tuple[float, float]
+    is_glass: bool
+
+    @property
+    def wall(self) -> Wall:
+        """Its line."""
+        return Wall(self.start, self.end)
+
+
+@dataclass(frozen=True)
+class Door:
+    """A door that leads out: in which wall, and how far along it its middle is [m]."""
+
+    wall: Wall
+    along_m: float
+
+    def before(self, off_m: float) -> Array:
+        """The place (2,) before the door, so far into the room [m]."""
+        return self.wall.at(self.along_m, off_m)
+
+
+@dataclass(frozen=True)
+class FloorPlan:
+    """A building: outline (k, 2) counter-clockwise [m], rooms, walls around it, partitions, doors that lead out."""
+
+    outline: Array
+    rooms: tuple[Rectangle, ...]
+    walls: tuple[Wall, ...]
+    partitions: tuple[Partition, ...]
+    doors: tuple[Door, ...]
+    height_m: float
+
+    @property
+    def size_m(self) -> Array:
+        """Length and width (2,) [m]."""
+        return self.outline.max(axis=0)
+
+    def is_inside(self, places: Array) -> Array:
+        """Which places (n, 2) [m] are over the floor."""
+        return np.any(
+            [
+                (places[:, 0] >= room.x0) & (places[:, 0] <= room.x1) & (places[:, 1] >= room.y0) & (places[:, 1] <= room.y1)
+                for room in self.rooms
+            ],
+            axis=0,
+        )  # fmt: skip
+
+
+def draw_floor_plan(options: DrawnRoom, rng: np.random.Generator) -> FloorPlan:
+    """Draw a building's plan."""
+    length, width = (round(rng.uniform(*bounds), 2) for bounds in (options.length_m, options.width_m))
+    parts = [Rectangle(0.0, 0.0, length, width)]
+    outline = np.array([[0.0, 0.0], [length, 0.0], [length, width], [0.0, width]])
+    partitions: list[Partition] = []
+    least = options.least_room_m
+    if rng.random() < options.l_shape and min(length, width) >= 2 * least:
+        cut_x = round(length * rng.uniform(0.3, 0.6), 2)
+        cut_y = round(width * rng.uniform(0.3, 0.55), 2)
+        x, y = max(length - cut_x, least), max(width - cut_y, least)
+        outline = np.array([[0.0, 0.0], [length, 0.0], [length, y], [x, y], [x, width], [0.0, width]])
+        parts = [Rectangle(0.0, 0.0, length, y), Rectangle(0.0, y, x, width)]
+    n_room = int(rng.integers(options.rooms[0], options.rooms[1] + 1))
+    joined = parts  # two of them are one room where nothing divides an L
+    if len(parts) == 2 and n_room > 1 and rng.random() < 0.5:
+        partitions.append(_partition((0.0, parts[0].y1), (parts[1].x1, parts[0].y1), partitions, options, rng))
+    while 1 + len(partitions) < n_room:
+        divided = _divided(joined, partitions, options, rng)
+        if divided is None:
+            break
+        joined = divided
+    walls = tuple(
+        Wall(_pair(corner), _pair(following))
+        for corner, following in zip(outline, np.roll(outline, -1, axis=0), strict=True)
+    )
+    height_m = round(rng.uniform(*options.height_m), 2)
+    doors = _doors(walls, partitions, int(rng.integers(options.doors[0], options.doors[1] + 1)), rng)
+    return FloorPlan(outline, tuple(joined), walls, tuple(partitions), doors, height_m)
+
+
+def _pair(place: Array) -> tuple[float, float]:
+    return float(place[0]), float(place[1])
+
+
+def _divided(
+    rooms: list[Rectangle], partitions: list[Partition], options: DrawnRoom, rng: np.random.Generator
+) -> list[Rectangle] | None:
+    """The rooms with the largest one that can be divided in two, and its partition added; None where none can."""
+    for room in sorted(rooms, key=lambda each: -each.area_m2):
+        sides = np.array([room.x1 - room.x0, room.y1 - room.y0])
+        axis = int(sides.argmax())
+        if sides[axis] < 2 * options.least_room_m:
+            continue
+        low, high = options.least_room_m, sides[axis] - options.least_room_m
+        for _ in range(8):
+            cut = round(float((room.x0, room.y0)[axis] + rng.uniform(low, high)), 2)
+            start, end = ((cut, room.y0), (cut, room.y1)) if axis == 0 else ((room.x0, cut), (room.x1, cut))
+            if not _meets_a_doorway(start, end, partitions):
+                break
+        else:
+            continue
+        partitions.append(_partition(start, end, partitions, options, rng))
+        one = Rectangle(room.x0, room.y0, *((cut, room.y1) if axis == 0 else (room.x1, cut)))
+        other = Rectangle(*((cut, room.y0) if axis == 0 else (room.x0, cut)), room.x1, room.y1)
+        return [each for each in rooms if each is not room] + [one, other]
+    return None
+
+
+def _meets_a_doorway(start: tuple[float, float], end: tuple[float, float], partitions: list[Partition]) -> bool:
+    """Whether a partition would end in or right beside a doorway of another."""
+    for each in partitions:
+        for place in (start, end):
+            off = np.array(place) - each.start
+            along, across = float(off @ each.wall.along), float(off @ each.wall.inwards)
+            if abs(across) < 0.01 and each.gap_m[0] - _FROM_CORNER_M < along < each.gap_m[1] + _FROM_CORNER_M:
+                return True
+    return False
+
+
+def _partition(
+    start: tuple[float, float],
+    end: tuple[float, float],
+    others: list[Partition],
+    options: DrawnRoom,
+    rng: np.random.Generator,
+) -> Partition:
+    """A partition with its doorway, away from both ends."""
+    length = Wall(start, end).length_m
+    gap = min(round(rng.uniform(*options.doorway_m), 2), length - 2 * _FROM_CORNER_M)
+    first = round(rng.uniform(_FROM_CORNER_M, length - _FROM_CORNER_M - gap), 2)
+    return Partition(start, end, (first, first + gap), bool(rng.random() < options.glass))
+
+
+def _doors(
+    walls: tuple[Wall, ...], partitions: list[Partition], count: int, rng: np.random.Generator
+) -> tuple[Door, ...]:
+    """Doors that lead out, apart from each other, from corners and from where partitions meet the wall."""
+    ends = np.array([place for each in partitions for place in (each.start, each.end)]).reshape(-1, 2)
+    doors: list[Door] = []
+    lengths = np.array([wall.length_m for wall in walls])
+    for _ in range(40 * count):
+        if len(doors) == count:
+            break
+        wall = walls[int(rng.choice(len(walls), p=lengths / lengths.sum()))]
+        room_for = wall.length_m - 2 * _FROM_CORNER_M - DOOR_M
+        if room_for < 0:
+            continue
+        door = Door(wall, round(_FROM_CORNER_M + DOOR_M / 2 + rng.uniform(0, room_for), 2))
+        place = door.before(0.0)
+        apart = [np.hypot(*(other.before(0.0) - place)) for other in doors]
+        clear = np.hypot(*(ends - place).T).min(initial=np.inf)
+        if min(apart, default=np.inf) > 2.0 and clear > DOOR_M / 2 + _FROM_CORNER_M:
+            doors.append(door)
+    return tuple(doors)

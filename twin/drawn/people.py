@@ -1,0 +1,209 @@
+"""People of drawn rooms: who comes, alone or in groups, and what they do; scripts as scenarios hold them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from trackers.arrays import Array
+from twin.drawn.building import DrawnBuilding
+from twin.drawn.distributions import DrawnPeople
+from twin.streams import stream
+
+_NAMES = (
+    "ada", "ben", "cleo", "dan", "eva", "finn", "gina", "hugo", "ines", "jan", "kira", "leo", "mia", "nils", "olga",
+    "paul", "quin", "rosa", "sam", "tara", "udo", "vera", "wim", "xenia", "yara", "zoe",
+)  # fmt: skip
+_APART_M = 0.8
+"""Least distance of two people's starts [m]."""
+_GROUP_SIZES = (2, 3, 4)
+_GROUP_SHARES = (0.65, 0.25, 0.1)
+"""How large groups are: most are pairs (Moussaïd et al. 2010, figure 1, sizes of two to four)."""
+_ABREAST_M, _BEHIND_M = (0.65, 0.8), (0.8, 1.1)
+
+Script = list[dict[str, Any]]
+
+
+def draw_people(
+    options: DrawnPeople, building: DrawnBuilding, duration_s: float, seed: int
+) -> dict[str, dict[str, Any]]:
+    """Draw people by name, each as a scenario's entry; fewer than asked where the floor is short of space."""
+    seed = options.seed if options.seed is not None else seed
+    rng = stream(seed, "drawn people", "")
+    count = int(rng.integers(options.count[0], options.count[1] + 1))
+    count = max(1, min(count, int(building.space.area_m2 / options.least_floor_m2)))
+    groups = _groups(count, options, rng)
+    draws = _Draws(options, building, duration_s, rng)
+    people: dict[str, dict[str, Any]] = {}
+    for size in groups:
+        names = [_name(len(people) + place) for place in range(size)]
+        members = draws.group(names, list(people))
+        people |= {name: member for name, member in zip(names, members, strict=True) if member is not None}
+    return people
+
+
+def _name(number: int) -> str:
+    again = number // len(_NAMES)
+    return _NAMES[number % len(_NAMES)] + (f"_{again + 1}" if again else "")
+
+
+def _groups(count: int, options: DrawnPeople, rng: np.random.Generator) -> list[int]:
+    """Sizes of the groups that `count` people come in; 1: alone."""
+    groups: list[int] = []
+    grouped, left = 0, count
+    while left:
+        size = 1
+        if left >= 2 and grouped < round(options.in_groups * count):
+            size = min(int(rng.choice(_GROUP_SIZES, p=_GROUP_SHARES)), left)
+            grouped += size
+        groups.append(size)
+        left -= size
+    return groups
+
+
+class _Draws:
+    """The choices that people's scripts are made of; seats, beds and starts are given once."""
+
+    def __init__(
+        self, options: DrawnPeople, building: DrawnBuilding, duration_s: float, rng: np.random.Generator
+    ) -> None:
+        self._options, self._building, self._duration_s, self._rng = options, building, duration_s, rng
+        self._free = {kind: building.spots(kind) for kind in ("seat", "bed")}
+        self._starts: list[Array] = []
+
+    def group(self, names: list[str], others: list[str]) -> list[dict[str, Any] | None]:
+        """One person, or a group: its first member walks about and the others go with them."""
+        options, rng = self._options, self._rng
+        arrives = bool(self._building.plan.doors) and rng.random() < options.arriving
+        leaves = bool(self._building.plan.doors) and rng.random() < options.leaving
+        arrive_s = round(float(rng.uniform(0.5, 0.6 * self._duration_s)), 1) if arrives else 0.0
+        first = self._person(arrive_s, None, arrives)
+        if first is None:
+            return [None] * len(names)
+        script = self._walking() if len(names) > 1 else self._script(others)
+        members: list[dict[str, Any] | None] = [first]
+        for place, _ in enumerate(names[1:], start=1):
+            near = None if arrives else self._starts[-place]
+            member = self._person(round(arrive_s + 1.3 * place, 1) if arrives else 0.0, near, arrives)
+            members.append(member)
+            if member is not None:
+                member["script"] = [self._following(names[0], place, leaves), *self._parting(leaves)]
+        first["script"] = [*script[:-1], *self._parting(leaves)] if leaves else script
+        return members
+
+    def _person(self, arrive_s: float, near: Array | None, by_door: bool) -> dict[str, Any] | None:
+        """Stature and start of somebody; None where no place to start is left."""
+        rng, building = self._rng, self._building
+        is_child = rng.random() < self._options.children
+        height_m = rng.uniform(1.05, 1.38) if is_child else np.clip(rng.normal(1.71, 0.08), 1.5, 1.98)
+        person: dict[str, Any] = {"height_m": round(float(height_m), 2)}
+        if by_door:
+            door = building.plan.doors[int(rng.integers(len(building.plan.doors)))]
+            place = door.before(0.6)
+            inwards = np.degrees(np.arctan2(door.wall.inwards[1], door.wall.inwards[0]) + building.placement.turn)
+            person |= {"arrive_s": arrive_s, "heading_deg": round(float(inwards), 1)}
+        else:
+            place = self._start(near)
+            if place is None:
+                return None
+            self._starts.append(place)
+        person["start"] = list(building.to_room(place)[0])
+        return person
+
+    def _start(self, near: Array | None) -> Array | None:
+        """A free place away from all other starts; close to `near` where that is given."""
+        for place in self._building.space.draw(60, self._rng):
+            if all(np.hypot(*(place - other)) >= _APART_M for other in self._starts) and (
+                near is None or np.hypot(*(place - near)) < 2.0
+            ):
+                return place
+        return None if near is None else self._start(None)
+
+    def _script(self, others: list[str]) -> Script:
+        """One to four activities; the last goes on to the end."""
+        rng, options = self._rng, self._options
+        kinds = [kind for kind, weight in options.activities.items() if weight > 0]
+        weights = np.array([options.activities[kind] for kind in kinds])
+        script: Script = []
+        for _ in range(int(rng.integers(1, 5))):
+            kind = kinds[int(rng.choice(len(kinds), p=weights / weights.sum()))]
+            script += self._activity(kind, others)
+        return [*script, self._wandering(None)]
+
+    def _activity(self, kind: str, others: list[str]) -> Script:
+        """The actions of one activity; nothing where there is nothing to do it with."""
+        rng = self._rng
+        lasts_s = round(float(rng.uniform(2, max(0.4 * self._duration_s, 3))), 1)
+        match kind:
+            case "wander":
+                return [self._wandering(lasts_s)]
+            case "walk":
+                return self._walking()[:1]
+            case "run":
+                return [
+                    {"kind": "run", "waypoints": self._places(2), "speed_m_s": round(float(rng.uniform(2.2, 3.2)), 1)}
+                ]
+            case "stand":
+                return [{"kind": "stand", "for_s": lasts_s}]
+            case "look":
+                return [{"kind": "look", "yaw_deg": round(float(rng.uniform(-70, 70)), 0), "for_s": lasts_s}]
+            case "bend":
+                return [
+                    {"kind": "bend", "angle_deg": round(float(rng.uniform(40, 90)), 0), "for_s": round(lasts_s / 3, 1)}
+                ]
+            case "reach":
+                x, y = self._places(1)[0]
+                return [
+                    {"kind": "walk", "waypoints": [[x, y]]},
+                    {
+                        "kind": "reach",
+                        "point": [round(x + 0.4, 3), y, round(float(rng.uniform(0.8, 1.5)), 2)],
+                        "for_s": 1.5,
+                    },
+                ]
+            case "meet":
+                return [{"kind": "meet", "person": str(rng.choice(others)), "for_s": lasts_s}] if others else []
+            case _:
+                spots = self._free["seat" if kind == "sit" else "bed"]
+                if not spots:
+                    return []
+                spot = spots.pop(int(rng.integers(len(spots))))
+                return [{"kind": kind, "seat" if kind == "sit" else "bed": spot, "for_s": lasts_s}]
+
+    def _wandering(self, for_s: float | None) -> dict[str, Any]:
+        low, high = sorted(self._rng.uniform(*self._options.speed_m_s, 2))
+        action: dict[str, Any] = {"kind": "wander", "speed_m_s": [round(float(low), 2), round(float(high), 2)]}
+        return action if for_s is None else action | {"for_s": for_s}
+
+    def _walking(self) -> Script:
+        """Through a few places, then standing a while, then about."""
+        speed = round(float(self._rng.uniform(*self._options.speed_m_s)), 2)
+        walk = {"kind": "walk", "waypoints": self._places(int(self._rng.integers(2, 6))), "speed_m_s": speed}
+        return [walk, {"kind": "stand", "for_s": round(float(self._rng.uniform(1, 6)), 1)}, self._wandering(None)]
+
+    def _places(self, count: int) -> list[list[float]]:
+        return [list(place) for place in self._building.to_room(self._building.space.draw(count, self._rng))]
+
+    def _following(self, person: str, place: int, leaves: bool) -> dict[str, Any]:
+        """With the first of the group: abreast on alternate sides, or behind."""
+        rng = self._rng
+        action: dict[str, Any] = {"kind": "follow", "person": person}
+        if rng.random() < self._options.abreast and place <= 2:
+            action |= {
+                "beside": "left" if place == 1 else "right",
+                "distance_m": round(float(rng.uniform(*_ABREAST_M)), 2),
+            }
+        else:
+            action |= {"distance_m": round(float(rng.uniform(*_BEHIND_M)), 2)}
+        if leaves:
+            action["for_s"] = round(float(rng.uniform(0.4, 0.8)) * self._duration_s, 1)
+        return action
+
+    def _parting(self, leaves: bool) -> Script:
+        """Leave by a door."""
+        if not leaves:
+            return []
+        doors = self._building.plan.doors
+        door = doors[int(self._rng.integers(len(doors)))]
+        return [{"kind": "leave", "to": list(self._building.to_room(door.before(0.6))[0])}]

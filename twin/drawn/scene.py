@@ -1,0 +1,66 @@
+"""Resolve `room`, `people` and `sensors` of `kind: drawn` in a scenario into plain entries and a room's file."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from typing import Any
+
+from trackers.configuration import validate
+from trackers.errors import InputError
+from twin.drawn.building import DrawnBuilding, draw_building
+from twin.drawn.distributions import DrawnPeople, DrawnRoom, DrawnSensors
+from twin.drawn.people import draw_people
+from twin.drawn.sensors import draw_sensors
+
+FIELDS = ("room", "people", "sensors")
+
+
+def is_drawn(content: dict[str, Any]) -> bool:
+    """Tell whether a scenario's content leaves something to be drawn."""
+    return any(_asks(content, field) for field in FIELDS)
+
+
+def draw_scene(content: dict[str, Any], source: str, keep_room: Callable[[str, str], str]) -> dict[str, Any]:
+    """Return a scenario's content with what it leaves to be drawn in its place.
+
+    content: plain data with `seed` and `duration_s`. keep_room: given a name and the MJCF, writes the room's file and returns
+    the path for the entry `room`. People and sensors are drawn into drawn rooms only. Raises InputError, naming `source`.
+    """
+    room = content.get("room")
+    if not _asks(content, "room"):
+        field = next(each for each in FIELDS if _asks(content, each))
+        raise InputError(f"{source}: {field}: can be drawn into a drawn room only; room: {{kind: drawn}} is expected")
+    seed, duration_s = content.get("seed", 0), content.get("duration_s")
+    if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed < 2**63:
+        return content | {"room": "drawn"}  # the scenario's own check says so
+    if isinstance(duration_s, bool) or not isinstance(duration_s, int | float) or not duration_s > 0:
+        duration_s = 20.0
+    options = validate(DrawnRoom, room, f"{source}: room")
+    building = _building(options, seed, source)
+    digest = hashlib.sha256(building.mjcf.encode()).hexdigest()[:16]
+    drawn = content | {"room": keep_room(f"drawn_{digest}", building.mjcf)}
+    if _asks(content, "people"):
+        people = validate(DrawnPeople, content["people"], f"{source}: people")
+        drawn["people"] = draw_people(people, building, float(duration_s), seed)
+    if _asks(content, "sensors"):
+        sensors = validate(DrawnSensors, content["sensors"], f"{source}: sensors")
+        rig = draw_sensors(sensors, building, float(duration_s), seed)
+        drawn["sensors"] = rig["sensors"]
+        if "faults" in rig:
+            own = content.get("faults")
+            drawn["faults"] = rig["faults"] | (own if isinstance(own, dict) else {})
+    return drawn
+
+
+def _building(options: DrawnRoom, seed: int, source: str) -> DrawnBuilding:
+    try:
+        return draw_building(options, seed, "drawn")
+    except ValueError as error:
+        raise InputError(f"{source}: room: {error}") from error
+
+
+def _asks(content: dict[str, Any], field: str) -> bool:
+    """Whether a field is a mapping with `kind: drawn`; a person or sensor called kind is a mapping itself."""
+    entry = content.get(field)
+    return isinstance(entry, dict) and entry.get("kind") == "drawn"

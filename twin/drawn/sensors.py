@@ -1,0 +1,178 @@
+"""Rigs of drawn rooms: sensors where installers hang them, as entries of a scenario."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from trackers.arrays import Array
+from twin.drawn.building import DrawnBuilding
+from twin.drawn.distributions import DrawnSensors
+from twin.drawn.floor_plan import DOOR_M
+from twin.streams import stream
+
+_OFF_WALL_M = 0.06
+_CLEAR_M = 0.6
+"""Floor before a scanner that no furniture stands on [m]."""
+_TRIES = 60
+
+
+def draw_sensors(options: DrawnSensors, building: DrawnBuilding, duration_s: float, seed: int) -> dict[str, Any]:
+    """Draw the entries `sensors` and `faults` of a scenario."""
+    seed = options.seed if options.seed is not None else seed
+    rng = stream(seed, "drawn sensors", "")
+    draws = _Draws(options, building, rng)
+    sensors: dict[str, dict[str, Any]] = {}
+    for kind, bounds, draw in (
+        ("scanner", options.scanners, draws.scanner),
+        ("fisheye", options.fisheyes, draws.fisheye),
+        ("camera", options.cameras, draws.camera),
+        ("stereo", options.stereos, draws.stereo),
+    ):
+        for number in range(1, int(rng.integers(bounds[0], bounds[1] + 1)) + 1):
+            sensors[f"{kind}_{number}"] = draw(number)
+    if rng.random() < options.floor:
+        sensors["floor"] = draws.floor()
+    if not sensors:
+        sensors["scanner_1"] = draws.scanner(1)
+    faults = {}
+    for name in sensors:
+        if rng.random() < options.faults:
+            start = rng.uniform(0, 0.6) * duration_s
+            faults[f"{name}_drops"] = {
+                "sensor": name,
+                "kind": "dropout",
+                "probability": round(float(rng.uniform(0.1, 1.0)), 2),
+                "from_s": round(float(start), 1),
+                "to_s": round(float(start + rng.uniform(0.1, 0.3) * duration_s), 1),
+            }
+    return {"sensors": sensors} | ({"faults": faults} if faults else {})
+
+
+class _Draws:
+    def __init__(self, options: DrawnSensors, building: DrawnBuilding, rng: np.random.Generator) -> None:
+        self._options, self._building, self._rng = options, building, rng
+        self._hung: list[Array] = []  # places on walls that are taken
+        self._corners = [*range(len(building.plan.outline))]
+        rng.shuffle(self._corners)
+
+    def scanner(self, number: int) -> dict[str, Any]:
+        """A scanner on a wall, level, looking into the room."""
+        rng, options = self._rng, self._options
+        is_waist = rng.random() < options.waist
+        height = float(rng.uniform(0.85, 1.1) if is_waist else rng.uniform(0.25, 0.45))
+        place, yaw = self._on_a_wall(options.field_of_view_deg)
+        fov = float(rng.choice(options.field_of_view_deg))
+        return {
+            "kind": "laser",
+            "role": "waist" if is_waist else "knee",
+            "rate_hz": round(float(rng.uniform(*options.scanner_hz)), 1),
+            "phase_s": round(float(rng.uniform(0, 0.03)), 3),
+            "field_of_view_deg": fov,
+            "resolution_deg": float(rng.choice(options.resolution_deg)),
+            "range_max_m": round(float(rng.uniform(*options.range_m)), 1),
+            "mount": self._mount(place, height, yaw + rng.uniform(-10, 10)),
+            "noise": self._noise(),
+        }
+
+    def fisheye(self, number: int) -> dict[str, Any]:
+        """A fisheye camera at head height on a wall, looking into the room."""
+        place, yaw = self._on_a_wall(())
+        return {
+            "kind": "fisheye",
+            "rate_hz": self._rate(),
+            "size": [480, 480],
+            "mount": self._mount(
+                place, float(self._rng.uniform(1.05, 2.2)), yaw, pitch_deg=float(self._rng.uniform(0, 20))
+            ),
+            "noise": self._noise(),
+        }
+
+    def camera(self, number: int) -> dict[str, Any]:
+        """A pinhole camera in a corner under the ceiling, looking down into the room."""
+        return {"kind": "camera", "rate_hz": self._rate(), "size": [480, 360], "vertical_field_of_view_deg": 62,
+                "mount": self._in_a_corner(), "noise": self._noise()}  # fmt: skip
+
+    def stereo(self, number: int) -> dict[str, Any]:
+        """A stereo camera in a corner under the ceiling."""
+        return {"kind": "stereo", "rate_hz": min(self._rate(), 8.0), "size": [320, 240], "vertical_field_of_view_deg": 59,
+                "baseline_m": 0.12, "mode": "matched", "mount": self._in_a_corner(), "noise": self._noise()}  # fmt: skip
+
+    def floor(self) -> dict[str, Any]:
+        """A pressure floor of 200 mm elements under the largest room."""
+        room = max(self._building.plan.rooms, key=lambda each: each.area_m2)
+        columns, rows = int((room.x1 - room.x0 - 0.1) / 0.2), int((room.y1 - room.y0 - 0.1) / 0.2)
+        corner = self._building.to_room(np.array([room.x0 + 0.05, room.y0 + 0.05]))[0]
+        yaw = round(float(np.degrees(self._building.placement.turn)), 3)
+        return {"kind": "floor", "rate_hz": 10, "rows": rows, "columns": columns, "pitch_m": 0.2,
+                "mount": {"xyz": [*corner, 0], "yaw_deg": yaw}}  # fmt: skip
+
+    def _noise(self) -> str:
+        return str(self._rng.choice(list(self._options.noise)))
+
+    def _rate(self) -> float:
+        return round(float(self._rng.uniform(*self._options.camera_hz)), 1)
+
+    def _mount(self, place: Array, height_m: float, yaw_deg: float, pitch_deg: float = 0.0) -> dict[str, Any]:
+        """A mount of a place and yaw of the plan."""
+        yaw = (yaw_deg + np.degrees(self._building.placement.turn) + 180) % 360 - 180
+        mount: dict[str, Any] = {
+            "xyz": [*self._building.to_room(place)[0], round(height_m, 3)],
+            "yaw_deg": round(float(yaw), 1),
+        }
+        return mount | ({"pitch_deg": round(pitch_deg, 1)} if pitch_deg else {})
+
+    def _on_a_wall(self, _: tuple[float, ...]) -> tuple[Array, float]:
+        """A free place on an outer wall, not behind furniture, in a door or beside another sensor, and where it faces [deg]."""
+        plan, rng = self._building.plan, self._rng
+        lengths = np.array([wall.length_m for wall in plan.walls])
+        best: tuple[float, Array, float] | None = None
+        for _ in range(_TRIES):
+            wall = plan.walls[int(rng.choice(len(lengths), p=lengths / lengths.sum()))]
+            along = rng.uniform(0.15, wall.length_m - 0.15)
+            place = wall.at(along, _OFF_WALL_M)
+            in_door = any(door.wall == wall and abs(door.along_m - along) < DOOR_M / 2 + 0.1 for door in plan.doors)
+            if in_door or not self._is_clear(place, wall.inwards):
+                continue
+            apart = min((float(np.hypot(*(place - other))) for other in self._hung), default=np.inf)
+            found = (apart, place, float(np.degrees(np.arctan2(wall.inwards[1], wall.inwards[0]))))
+            if best is None or apart > best[0]:
+                best = found
+            if apart > 2.5:
+                break
+        if best is None:  # every wall is furnished: a corner is free
+            corner = plan.outline[0] + _OFF_WALL_M
+            best = (0.0, corner, 45.0)
+        self._hung.append(best[1])
+        return best[1], best[2]
+
+    def _is_clear(self, place: Array, inwards: Array) -> bool:
+        """Whether no piece of furniture stands right before a place on a wall, or where a partition meets it."""
+        ahead = place + np.linspace(0, _CLEAR_M, 7)[:, None] * inwards
+        aside = np.array([-inwards[1], inwards[0]])
+        points = np.concatenate([ahead, ahead + 0.15 * aside, ahead - 0.15 * aside])
+        for piece in self._building.pieces:
+            local = (points - piece.place) @ np.array(
+                [[np.cos(piece.yaw), -np.sin(piece.yaw)], [np.sin(piece.yaw), np.cos(piece.yaw)]]
+            )
+            if (
+                (np.abs(local[:, 0]) < piece.width_m / 2 + 0.05)
+                & (local[:, 1] > -0.1)
+                & (local[:, 1] < piece.depth_m + 0.05)
+            ).any():
+                return False
+        ends = [np.array(end) for each in self._building.plan.partitions for end in (each.start, each.end)]
+        return all(np.hypot(*(place - end)) > 0.4 for end in ends)
+
+    def _in_a_corner(self) -> dict[str, Any]:
+        """A place in a corner under the ceiling that looks at the middle of the nearest room."""
+        plan, rng = self._building.plan, self._rng
+        corner = self._corners.pop() if self._corners else int(rng.integers(len(plan.outline)))
+        before, after = plan.walls[corner - 1], plan.walls[corner]
+        place = plan.outline[corner] + 0.15 * (before.inwards + after.inwards)
+        room = min(plan.rooms, key=lambda each: float(np.hypot(*(each.middle - place))))
+        off = room.middle - place
+        height = min(plan.height_m - 0.15, 3.0)
+        pitch = float(np.degrees(np.arctan2(height - 1.0, np.hypot(*off))))
+        return self._mount(place, height, float(np.degrees(np.arctan2(off[1], off[0]))), pitch_deg=min(pitch, 50.0))
