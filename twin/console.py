@@ -13,6 +13,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from twin.progress import OnProgress
+from twin.report.figures_table import judged_text
 
 _ROWS = (
     ("MOTA", "mota", "{:.3f}"),
@@ -58,6 +59,7 @@ def print_metrics(metrics: Mapping[str, Any]) -> None:
     table.add_column("")
     for name in trackers:
         table.add_column(name, justify="right")
+    table.add_row("evaluated in", *(judged_text(figures) for figures in trackers.values()))
     for label, key, form in _ROWS:
         values = [figures[key] for figures in trackers.values()]
         table.add_row(label, *("–" if value is None else form.format(value) for value in values))

@@ -21,7 +21,8 @@ def evaluate(
     import json
 
     from trackers.errors import InputError
-    from twin.evaluate import evaluate_tracks
+    from twin.console import print_warnings
+    from twin.evaluate import evaluate_with_details
     from twin.recording.situations import read_situations
     from twin.recording.tables import MOST_TABLE_BYTES, read_tracks, read_truth
 
@@ -30,4 +31,6 @@ def evaluate(
     most_bytes = None if no_limits else MOST_TABLE_BYTES
     tables = read_truth(truth, most_bytes), read_tracks(tracks, most_bytes)
     pairs = read_situations(situations) if situations is not None else None
-    typer.echo(json.dumps(evaluate_tracks(*tables, gate_m=gate, situations=pairs), indent=2))
+    evaluation = evaluate_with_details(*tables, gate_m=gate, situations=pairs)
+    print_warnings(evaluation.notes)
+    typer.echo(json.dumps(evaluation.metrics, indent=2))

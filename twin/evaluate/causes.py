@@ -40,12 +40,20 @@ class Errors:
     cause: NDArray[np.str_]  # (e,) one of MISSES or FALSE_POSITIVES
     posture: NDArray[np.str_]  # (e,) of the missed person, one of POSTURES; "" for a track
 
-    def figures(self) -> dict[str, Any]:
-        """`errors` of `metrics.json`: how many frames of each kind and cause."""
-        count = Counter(self.cause.tolist())
+    def figures(self, *, sight: bool = True, status: bool = True) -> dict[str, Any]:
+        """`errors` of `metrics.json`: how many frames of each kind and cause.
+
+        Without `sight` the truth does not say which sensors see whom, without `status` the tracks do not say which of them
+        coast: the causes that need it are None.
+        """
+        count: dict[str, int | None] = dict(Counter(self.cause.tolist()))
+        if not sight:
+            count |= dict.fromkeys(("unseen", "unused", "ghost_unseen"))
+        if not status:
+            count |= dict.fromkeys(("ghost", "ghost_unseen"))
         return {
-            "missed": {cause: count[cause] for cause in MISSES},
-            "false_positive": {cause: count[cause] for cause in FALSE_POSITIVES},
+            "missed": {cause: count.get(cause, 0) for cause in MISSES},
+            "false_positive": {cause: count.get(cause, 0) for cause in FALSE_POSITIVES},
         }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,10 @@ from twin.evaluate.clear import FrameMatches, PairMatrix, match_frames
 from twin.recording.tables import TrackTable, TruthTable
 
 MAX_TRUTH_GAP_NS = NS_PER_S // 4
+GAP_PERIODS = 2.5  # of a person's usual time between rows: one row may be lost on the way, not two
 SILENCE_FACTOR = 1.5
+TOLD_SHARE = 0.02  # frames that are not judged: more than these are told
+LEAST_SHARE = 0.5  # judged frames: with less than these, figures say little
 JITTER_SHARE = 0.25  # of a period: how far a missing frame may stand outside the truth's span
 
 
@@ -43,44 +47,82 @@ class Frame:
         return PairMatrix(self.person_ids, self.track_ids, self.distances_m)
 
 
-def align(truth: TruthTable, tracks: TrackTable) -> list[Frame]:
-    """The judged frames, in order of time.
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """The judged frames in order of time, of how many frames they are, and what a reader must know of that."""
+
+    frames: list[Frame]
+    n_total: int  # frames that the tracks hold, and those in which they are silent
+    notes: tuple[str, ...]
+
+    def figures(self) -> dict[str, Any]:
+        """The frames in `judged` of `metrics.json`: how many were judged, of how many, and the share."""
+        n_frame = len(self.frames)
+        return {"frames": n_frame, "frames_total": self.n_total, "share": n_frame / self.n_total}
+
+
+def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) -> Alignment:
+    """Find the judged frames, and who is where in each.
 
     Judged is every stamp of the tracks at which the truth is known: one of the truth's own stamps, or one between two
-    of them at most 0.25 s apart. Where the tracker was silent for more than 1.5 of its median periods, the truth's
-    stamps in that silence, thinned to that period, are judged too, with no track in them. Without any frame of
-    tracks, every stamp of the truth is judged. A person is where their row says at that stamp, else linearly between
-    the person's own neighbouring rows at most 0.25 s apart (inside the area as in the nearer row), else not there.
+    of them no further apart than 0.25 s or 2.5 of the usual intervals between a person's rows. Where the tracker was silent
+    for more than 1.5 of its median periods, the truth's stamps in that silence, thinned to that period, are judged too, with
+    no track in them; a stamp of the truth that stands alone, too far from all others, is not. Without any frame of tracks,
+    every stamp of the truth is judged. A person is where their row says at that stamp, else linearly between the person's
+    own neighbouring rows no further apart than that (inside the area as in the nearer row), else not there. Without
+    `interpolate` a person is only where a row says so: for tables that count frames.
 
     Raises InputError where the truth holds no moment at all, or the tracks none at which the truth is known.
     """
     if truth.frame_stamps_ns.size == 0:
         raise InputError(f"{truth.source}: holds no rows; at least one moment of truth is expected")
-    reported = tracks.frame_stamps_ns[_is_covered(truth.frame_stamps_ns, tracks.frame_stamps_ns)]
+    usual_ns = _usual_interval_ns(truth)
+    gap_ns = max(MAX_TRUTH_GAP_NS, int(GAP_PERIODS * usual_ns)) if interpolate else 0
+    reported = tracks.frame_stamps_ns[_is_covered(truth.frame_stamps_ns, tracks.frame_stamps_ns, gap_ns)]
     if tracks.frame_stamps_ns.size and reported.size == 0:
-        raise InputError(
-            f"{tracks.source}: no stamp from {_span(tracks.frame_stamps_ns)} is covered by {truth.source} "
-            f"from {_span(truth.frame_stamps_ns)}; t of both tables is expected on the same clock"
-        )
-    silent = _silent_stamps(truth.frame_stamps_ns, tracks.frame_stamps_ns)
+        raise _nothing_shared(truth, tracks, gap_ns)
+    near = _without_lone_stamps(truth.frame_stamps_ns, gap_ns) if interpolate else truth.frame_stamps_ns
+    silent = _silent_stamps(near, tracks.frame_stamps_ns)
     stamps = np.union1d(reported, silent)
-    persons, xy, head, in_area, present = _people_at(truth, stamps)
+    frames = _frames_at(truth, tracks, stamps, gap_ns)
+    n_total = int(tracks.frame_stamps_ns.size + silent.size)
+    notes = []
+    if interpolate and gap_ns > MAX_TRUTH_GAP_NS and not np.isin(reported, truth.frame_stamps_ns).all():
+        notes.append(
+            f"{truth.source}: a person's rows come every {usual_ns / NS_PER_S:.3g} s; between rows at most "
+            f"{gap_ns / NS_PER_S:.3g} s apart people are taken to walk straight on"
+        )
+    if len(frames) < (1 - TOLD_SHARE) * n_total:
+        unknown = np.setdiff1d(tracks.frame_stamps_ns, reported)
+        remedy = "truth around the stamps of all tracks is needed"
+        if len(frames) < LEAST_SHARE * n_total:
+            remedy = f"figures of less than half of the frames say little; {remedy}"
+        notes.append(
+            f"{tracks.source}: evaluated in {len(frames)} of {n_total} frames ({len(frames) / n_total:.1%}); at the others, "
+            f"the first of them at {unknown[0] / NS_PER_S:.3f} s, {truth.source} does not say where people are; {remedy}"
+        )
+    return Alignment(frames, n_total, tuple(notes))
+
+
+def _frames_at(truth: TruthTable, tracks: TrackTable, stamps: NDArray[np.int64], gap_ns: int) -> list[Frame]:
+    """Everybody at each of these stamps (f,)."""
+    persons, xy, head, in_area, bounds = _people_at(truth, stamps, gap_ns)
     track_numbers = np.column_stack([tracks.head_x, tracks.head_y, tracks.head_z, tracks.head_yaw, tracks.z])
     track_xy = np.column_stack([tracks.x, tracks.y])
-    confirmed = tracks.status == "confirmed"
+    confirmed = tracks.status != "coasting"
     first = np.searchsorted(tracks.stamps_ns, stamps, side="left")
     last = np.searchsorted(tracks.stamps_ns, stamps, side="right")
     frames = []
     for index, stamp in enumerate(stamps.tolist()):
-        here = present[:, index]
+        here = slice(int(bounds[index]), int(bounds[index + 1]))
         rows = slice(int(first[index]), int(last[index]))
         frames.append(
             Frame(
                 stamp_ns=stamp,
                 person_ids=persons[here],
-                person_xy=xy[here, index],
-                person_pose=head[here, index],
-                in_area=in_area[here, index],
+                person_xy=xy[here],
+                person_pose=head[here],
+                in_area=in_area[here],
                 track_ids=tracks.id[rows],
                 track_xy=track_xy[rows],
                 track_pose=track_numbers[rows],
@@ -121,37 +163,82 @@ def inside_area(frames: Sequence[Frame], matches: Sequence[FrameMatches]) -> lis
     return kept
 
 
-def _is_covered(truth_stamps: NDArray[np.int64], stamps: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _usual_interval_ns(truth: TruthTable) -> float:
+    """The median time from one row of a person to their next [ns]; from one frame to the next where nobody has two rows."""
+    order = np.lexsort((truth.stamps_ns, truth.id))
+    same = np.diff(truth.id[order]) == 0
+    own = np.diff(truth.stamps_ns[order])[same]
+    intervals = own if own.size else np.diff(truth.frame_stamps_ns)
+    return float(np.median(intervals)) if intervals.size else 0.0
+
+
+def _without_lone_stamps(stamps: NDArray[np.int64], gap_ns: int) -> NDArray[np.int64]:
+    """The stamps (n,) that have another within `gap_ns`; all of them where none has."""
+    if stamps.size < 2:
+        return stamps
+    near = np.diff(stamps) <= gap_ns
+    together = np.append(near, False) | np.insert(near, 0, False)
+    return stamps[together] if together.any() else stamps
+
+
+def _nothing_shared(truth: TruthTable, tracks: TrackTable, gap_ns: int) -> InputError:
+    """Why no frame can be judged: two clocks, or a truth that has nothing where the tracks report."""
+    theirs, ours = tracks.frame_stamps_ns, truth.frame_stamps_ns
+    apart = theirs[-1] < ours[0] or theirs[0] > ours[-1]
+    where = f"{tracks.source}: no stamp from {_span(theirs)} is covered by {truth.source} from {_span(ours)}"
+    if apart:
+        return InputError(f"{where}; t of both tables is expected on the same clock")
+    return InputError(
+        f"{where}: none is a stamp of the truth, or between two of them at most {gap_ns / NS_PER_S:.3g} s apart; "
+        "truth around the stamps of the tracks is expected"
+    )
+
+
+def _is_covered(truth_stamps: NDArray[np.int64], stamps: NDArray[np.int64], gap_ns: int) -> NDArray[np.bool_]:
     """Whether the truth is known at each stamp, (n,)."""
+    if not truth_stamps.size:
+        return np.zeros(stamps.size, dtype=np.bool_)
     before = np.searchsorted(truth_stamps, stamps, side="right") - 1
     after = np.searchsorted(truth_stamps, stamps, side="left")
     bracketed = (before >= 0) & (after < truth_stamps.size)
     gap = truth_stamps[np.minimum(after, truth_stamps.size - 1)] - truth_stamps[np.maximum(before, 0)]
-    return bracketed & (gap <= MAX_TRUTH_GAP_NS)
+    return bracketed & (gap <= gap_ns)
 
 
 def _silent_stamps(truth_stamps: NDArray[np.int64], track_stamps: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The truth's stamps that stand for frames which the tracker did not report, ascending."""
+    """The truth's stamps that stand for frames which the tracker did not report, ascending.
+
+    In a silence a frame is wanted every period. Only those within half a period of a stamp of the truth can be judged, and
+    only those are looked at: a silence may last for years.
+    """
     if track_stamps.size == 0:
         return truth_stamps
     periods = np.diff(track_stamps if track_stamps.size > 1 else truth_stamps)
     if periods.size == 0:
         return np.zeros(0, dtype=np.int64)
     period = float(np.median(periods))
-    start, end = int(truth_stamps[0]), int(truth_stamps[-1])
-    wanted = []
-    for before, after in zip(track_stamps[:-1].tolist(), track_stamps[1:].tolist(), strict=True):
-        if after - before > SILENCE_FACTOR * period:
-            steps = np.arange(1, int((after - before) / period + 0.5))  # the last at least half a period before `after`
-            wanted.append(before + steps * period)
     first, last = int(track_stamps[0]), int(track_stamps[-1])
+    start, end = int(truth_stamps[0]), int(truth_stamps[-1])
+    wanted = [np.zeros(0)]
+    before, after = track_stamps[:-1], track_stamps[1:]
+    counts = ((after - before) / period + 0.5).astype(np.int64) - 1  # the last at least half a period before `after`
+    counts[after - before <= SILENCE_FACTOR * period] = 0
+    inside = truth_stamps[(truth_stamps > first) & (truth_stamps <= last)]
+    gap = np.searchsorted(track_stamps, inside, side="left") - 1
+    for steps in _steps_near((inside - before[gap]) / period):
+        kept = (steps >= 1) & (steps <= counts[gap])
+        wanted.append(before[gap[kept]] + steps[kept] * period)
     if first - start > SILENCE_FACTOR * period:
-        wanted.append(first - np.arange(1, int((first - start) / period + JITTER_SHARE) + 1) * period)
+        n_step = int((first - start) / period + JITTER_SHARE)
+        for steps in _steps_near((first - truth_stamps[truth_stamps < first]) / period):
+            wanted.append(first - steps[(steps >= 1) & (steps <= n_step)] * period)
     if end - last > SILENCE_FACTOR * period:
-        wanted.append(last + np.arange(1, int((end - last) / period + JITTER_SHARE) + 1) * period)
-    if not wanted:
-        return np.zeros(0, dtype=np.int64)
+        n_step = int((end - last) / period + JITTER_SHARE)
+        for steps in _steps_near((truth_stamps[truth_stamps > last] - last) / period):
+            wanted.append(last + steps[(steps >= 1) & (steps <= n_step)] * period)
     times = np.concatenate(wanted)
+    if not times.size:
+        return np.zeros(0, dtype=np.int64)
     after = np.clip(np.searchsorted(truth_stamps, times), 1, max(truth_stamps.size - 1, 1))
     low, high = truth_stamps[after - 1], truth_stamps[np.minimum(after, truth_stamps.size - 1)]
     nearest = np.where(times - low <= high - times, low, high)
@@ -160,30 +247,40 @@ def _silent_stamps(truth_stamps: NDArray[np.int64], track_stamps: NDArray[np.int
     return np.setdiff1d(near, track_stamps)
 
 
+def _steps_near(steps: NDArray[np.float64]) -> list[NDArray[np.int64]]:
+    """The whole numbers around each of these (n,), far enough on either side to hold all within a half and rounding."""
+    whole = np.rint(steps).astype(np.int64)
+    return [whole - 1, whole, whole + 1]
+
+
 def _people_at(
-    truth: TruthTable, stamps: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
-    """Ids (p,), ground points (p, f, 2) [m], poses (p, f, 5), in the area (p, f), and whether there at all (p, f)."""
-    persons = np.unique(truth.id)
+    truth: TruthTable, stamps: NDArray[np.int64], gap_ns: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], NDArray[np.intp]]:
+    """Who is there at each stamp (f,), by stamp, then id, k in all.
+
+    Ids (k,), ground points (k, 2) [m], poses (k, 5), in the area (k,), and where each stamp's people begin (f + 1,).
+    """
     values = np.column_stack([truth.x, truth.y, truth.head_x, truth.head_y, truth.head_z, truth.head_yaw, truth.z])
-    positions = np.full((persons.size, stamps.size, 7), np.nan)
-    in_area = np.zeros((persons.size, stamps.size), dtype=np.bool_)
-    present = np.zeros((persons.size, stamps.size), dtype=np.bool_)
-    for index, person in enumerate(persons):
-        rows = np.flatnonzero(truth.id == person)
+    low, high, where = [], [], []
+    order = np.argsort(truth.id, kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(truth.id[order])) + 1):
         own = truth.stamps_ns[rows]
-        before = np.searchsorted(own, stamps, side="right") - 1
-        after = np.searchsorted(own, stamps, side="left")
-        there = np.flatnonzero(_is_covered(own, stamps))
-        low, high = rows[before[there]], rows[after[there]]
-        span = truth.stamps_ns[high] - truth.stamps_ns[low]
-        share = (stamps[there] - truth.stamps_ns[low]) / np.maximum(span, 1)  # 0 at a stamp of the person's own
-        change = values[high] - values[low]
-        change[:, 5] = wrap_angle(change[:, 5])
-        positions[index, there] = values[low] + share[:, None] * change
-        in_area[index, there] = truth.in_area[np.where(share <= 0.5, low, high)]
-        present[index, there] = True
-    return persons, positions[..., :2], positions[..., 2:], in_area, present
+        first, last = np.searchsorted(stamps, own[[0, -1]], side="left") if own.size else (0, 0)
+        there = first + np.flatnonzero(_is_covered(own, stamps[first : last + 1], gap_ns))
+        low.append(rows[np.searchsorted(own, stamps[there], side="right") - 1])
+        high.append(rows[np.searchsorted(own, stamps[there], side="left")])
+        where.append(there)
+    low, high, where = np.concatenate(low), np.concatenate(high), np.concatenate(where)
+    by_stamp = np.argsort(where, kind="stable")
+    low, high, where = low[by_stamp], high[by_stamp], where[by_stamp]
+    span = truth.stamps_ns[high] - truth.stamps_ns[low]
+    share = (stamps[where] - truth.stamps_ns[low]) / np.maximum(span, 1)  # 0 at a stamp of the person's own
+    change = values[high] - values[low]
+    change[:, 5] = wrap_angle(change[:, 5])
+    positions = values[low] + share[:, None] * change
+    in_area = truth.in_area[np.where(share <= 0.5, low, high)]
+    bounds = np.searchsorted(where, np.arange(stamps.size + 1))
+    return truth.id[low], positions[:, :2], positions[:, 2:], in_area, bounds
 
 
 def wrap_angle(angle_rad: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -51,6 +51,7 @@ class Evaluation:
     people: PersonFrames  # the failures behind the accuracy
     situations: SituationTable | None  # of pairs of people, by which it was judged
     errors: Errors  # every miss and false positive, by cause
+    notes: tuple[str, ...] = ()  # what a reader must know of which frames were judged
 
 
 def evaluate_tracks(
@@ -69,17 +70,21 @@ def evaluate_with_details(
     gate_m: float = DEFAULT_GATE_M,
     situations: SituationTable | None = None,
     unused: Collection[str] = (),
+    *,
+    interpolate: bool = True,
 ) -> Evaluation:
     """The figures of one tracker, and what stands behind them; raises as `evaluate_tracks`.
 
     Errors of heads and of the pelvis's height are mean absolute differences over the matches in which truth and track both
     have a value, yaw the shorter way round, and its median too. Disposal (`twin.evaluate.disposal`) needs the
     `situations` of the run and is None without. `unused`: sensors that the tracker leaves alone, by which misses are told
-    apart (`twin.evaluate.causes`). OSPA (c = 1 m, p = 1) and GOSPA (c = 1 m, p = 2, α = 2) are means over the frames.
+    apart (`twin.evaluate.causes`). `interpolate`: see `frames.align`. OSPA (c = 1 m, p = 1) and GOSPA (c = 1 m, p = 2,
+    α = 2) are means over the frames. `judged` holds the n of the figures: frames, of how many, people in them, pairs, heads.
     """
     if not (isfinite(gate_m) and gate_m > 0):
         raise InputError(f"gate is {gate_m} m; a positive number of metres is expected")
-    frames = align(truth, tracks)
+    aligned = align(truth, tracks, interpolate=interpolate)
+    frames = aligned.frames
     everybody = everybody_matched(frames, gate_m)
     judged = inside_area(frames, everybody)
     pair_matrices = [frame.pair_matrix() for frame in judged]
@@ -94,7 +99,7 @@ def evaluate_with_details(
     stamps = np.array([frame.stamp_ns for frame in judged], dtype=np.int64)
     people = person_frames(frames, everybody, gate_m)
     errors = errors_by_cause(truth, judged, matches, gate_m, unused)
-    pose_errors = _pose_errors(judged, matches)
+    pose_errors, n_head = _pose_errors(judged, matches)
     metrics: dict[str, Any] = {
         **_matrix_figures(pair_matrices, gate_m, matches),
         "gospa_m": float(gospa_m.mean()),
@@ -103,13 +108,14 @@ def evaluate_with_details(
         "misses": scores.misses,
         "misidentifications": len(misidentifications),
         "lost_tracks": len(lost),
-        "errors": errors.figures(),
+        "errors": errors.figures(sight=bool(truth.visible), status=not (tracks.status == "").any()),
         **people.figures(),
         "disposal": disposal(people, stamps, situations) if situations is not None else None,
         **pose_errors,
         "right_at_end": right_at_end(judged, matches),
         "gate_m": float(gate_m),
         "at_1m": {name: at_1m[name] for name in ("mota", "motp_m", "idf1", "hota", "id_switches")},
+        "judged": {**aligned.figures(), "person_frames": scores.persons, "matches": scores.matches, "heads": n_head},
     }
     n_matches = np.array([pairs.rows.size for pairs in matches])
     return Evaluation(
@@ -127,6 +133,7 @@ def evaluate_with_details(
         people=people,
         situations=situations,
         errors=errors,
+        notes=aligned.notes,
     )
 
 
@@ -152,8 +159,11 @@ def _matrix_figures(
     }
 
 
-def _pose_errors(judged: Sequence[Frame], matches: Sequence[FrameMatches]) -> dict[str, Any]:
-    """Absolute errors of the head per axis [m] and in yaw [rad], and of the pelvis's height [m]; None: not estimated."""
+def _pose_errors(judged: Sequence[Frame], matches: Sequence[FrameMatches]) -> tuple[dict[str, Any], int]:
+    """Absolute errors of the head per axis [m] and in yaw [rad], and of the pelvis's height [m]; None: not estimated.
+
+    And in how many matches both truth and track have the head's place.
+    """
     gaps = np.concatenate(
         [
             frame.track_pose[pairs.columns] - frame.person_pose[pairs.rows]
@@ -163,12 +173,13 @@ def _pose_errors(judged: Sequence[Frame], matches: Sequence[FrameMatches]) -> di
     gaps[:, 3] = wrap_angle(gaps[:, 3])
     means = [_mean_absolute(gaps[:, axis]) for axis in range(5)]
     turned = np.abs(gaps[:, 3][~np.isnan(gaps[:, 3])])
-    return {
+    errors = {
         "head_error_m": dict(zip("xyz", means[:3], strict=True)),
         "head_yaw_error_rad": means[3],
         "head_yaw_median_rad": float(np.median(turned)) if turned.size else None,
         "body_height_error_m": means[4],
     }
+    return errors, int(np.count_nonzero(~np.isnan(gaps[:, :3]).any(axis=1)))
 
 
 def _mean_absolute(values: NDArray[np.float64]) -> float | None:

@@ -120,6 +120,15 @@ def grouped_rows(trackers: Sequence[Mapping[str, Any]]) -> list[tuple[str, list[
     return groups
 
 
+def judged_text(tracker: Mapping[str, Any]) -> str:
+    """The n of a tracker's figures as a person reads it; a dash where they have none."""
+    judged = tracker.get("judged")
+    if judged is None:
+        return _NONE
+    share = "" if judged["share"] == 1 else f" ({judged['share']:.1%})"
+    return f"{judged['frames']} of {judged['frames_total']} frames{share}, {judged['person_frames']} person-frames"
+
+
 def value_of(tracker: Mapping[str, Any], figure: Figure) -> float | None:
     """A figure in a tracker's entry of `metrics.json`; None where it is not there or does not apply."""
     value: Any = tracker

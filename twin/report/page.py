@@ -24,7 +24,7 @@ from twin.report.birdseye import Polygon
 from twin.report.clock import origin_ns
 from twin.report.distances import distance_chart
 from twin.report.error_causes import DISTANCES, cause_rows
-from twin.report.figures_table import grouped_rows, headline_figures, text_of, value_of
+from twin.report.figures_table import grouped_rows, headline_figures, judged_text, text_of, value_of
 from twin.report.palette import IDENTITY_COLOURS, IdentityColours, hex_colour
 from twin.report.paths import path_map
 from twin.report.scan_density import ScanDensity
@@ -105,6 +105,7 @@ def write_report(
         facts=facts,
         tracker_names=[tracker.name for tracker in trackers],
         groups=grouped_rows(figures),
+        judged=[judged_text(own) for own in figures],
         sections=[
             _section(tracker, own, axis, rig, true_rig, outline, truth, scans, names, silent)
             for tracker, own in zip(trackers, figures, strict=True)
@@ -155,6 +156,7 @@ def _section(
         "map": Markup(path_map(rig, true_rig, outline, truth, tracks, evaluation, scans, colours, names, silent)),
         "n_tracks": int(ids.size),
         "tiles": [],
+        "judged": "",
         "events": [],
         "n_events_left_out": 0,
         "distances": "",
@@ -164,6 +166,7 @@ def _section(
     }
     if truth is not None and evaluation is not None:
         section["tiles"] = [(figure, text_of(figure, value_of(figures, figure))) for figure in headline_figures()]
+        section["judged"] = judged_text(figures)
         section["gate"] = f"{evaluation.metrics['gate_m']:g} m"
         section["distances"] = Markup(distance_chart(axis, truth, tracks, evaluation, colours, names))
         section["timeline"] = Markup(identity_timeline(axis, truth, tracks, evaluation, colours, names))

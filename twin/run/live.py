@@ -181,7 +181,7 @@ def _run(
         stream.write(resolved)
     if fed.shown is not None:
         files["preview"] = folder / "preview.mp4"
-    result = RunResult(None, {}, told)
+    result = RunResult(None, {})
     if chosen:
         on_progress("evaluating and reporting", 0, 1)
         truth, situations = read_truth(files["truth"]), read_situations(files["truth_situations"])
@@ -204,10 +204,12 @@ def _run(
         )
         results = evaluate_trackers(folder, fed.at_work, truth, situations)
         result = write_results(folder, facts, results, fed, truth, place)
+        for note in result.warnings:
+            on_warning(note)
         on_progress("evaluating and reporting", 1, 1)
     files |= result.files
     out.finish(list(files.values()))
-    return replace(result, files=files, warnings=(*told, *new), doubts=tuple(doubts))
+    return replace(result, files=files, warnings=(*told, *new, *result.warnings), doubts=tuple(doubts))
 
 
 def _unfit(rig: Rig, knowledge: Knowledge, seed: int) -> str:

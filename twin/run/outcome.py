@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -84,6 +84,11 @@ def evaluate_trackers(
     return results
 
 
+def notes_of_evaluation(results: Sequence[TrackerResult]) -> tuple[str, ...]:
+    """What a reader must know of how the figures came about, each thing once."""
+    return tuple(dict.fromkeys(note for each in results if each.evaluation for note in each.evaluation.notes))
+
+
 def write_results(
     folder: Path,
     facts: RunFacts,
@@ -105,12 +110,13 @@ def write_results(
         with whole_file(files["metrics"]) as stream:
             json.dump(metrics, stream, indent=2, allow_nan=False)
             stream.write("\n")
+    notes = notes_of_evaluation(results)
     if report:
         files["report"] = folder / "report.html"
         stills = feed.shown.stills if feed.shown is not None else []
         write_report(
             files["report"],
-            facts,
+            replace(facts, notes=(*(f"{note}." for note in notes), *facts.notes)),
             results,
             place.rig,
             true_rig=place.true_rig,
@@ -124,6 +130,7 @@ def write_results(
     return RunResult(
         metrics,
         files,
+        notes,
         failures=tuple(each.failure for each in feed.at_work if each.failure),
         evaluations={each.name: each.evaluation for each in results if each.evaluation is not None},
     )

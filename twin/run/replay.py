@@ -187,6 +187,8 @@ def _track(
     )
     results = evaluate_trackers(folder, fed.at_work, truth, situations)
     result = write_results(folder, facts, results, fed, truth, place, report=report)
+    for note in result.warnings:
+        on_warning(note)
     out.finish(
         list(result.files.values()),
         kept=("recording.mcap", "truth.csv", "truth_people.csv", "truth_feet.csv", *DETAIL_FILES, "scenario.yaml"),
@@ -197,7 +199,7 @@ def _track(
         frames = [(name, frame) for name, frame in frames if name in names]
         copy_with_tracks(recording, bag_copy, names, frames, bag.start_ns)
         left = left | {"bag": bag_copy}
-    return replace(result, files=left, warnings=(*warnings, *new), doubts=tuple(doubts))
+    return replace(result, files=left, warnings=(*warnings, *new, *result.warnings), doubts=tuple(doubts))
 
 
 def _default_folder(recording: Path, bag: Recording) -> Path:

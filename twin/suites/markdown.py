@@ -13,7 +13,10 @@ _SHOWN = ("mota", "idf1", "hota", "id_switches", "misidentifications", "lost_tra
 def markdown_table(results: Results) -> str:
     """Means over seeds, a row a scenario, variant and tracker; the best trackers of each scenario in bold."""
     heads = [FIGURE[metric].name for metric in _SHOWN]
-    lines = [_line(["scenario", "tracker", *heads]), _line(["---", "---", *["--:"] * len(heads)])]
+    lines = [
+        _line(["scenario", "tracker", "seeds", "person-frames", *heads]),
+        _line(["---", "---", *["--:"] * (2 + len(heads))]),
+    ]
     for _, rows in groupby(results.groups.items(), key=lambda row: (row[0].scenario, row[0].overrides)):
         lines += _rows_of_scenario(list(rows))
     return "\n".join(lines)
@@ -24,7 +27,13 @@ def _rows_of_scenario(rows: list[tuple[GroupKey, Group]]) -> list[str]:
     lines = []
     for place, (key, group) in enumerate(rows):
         name = f"{key.scenario} ({group.variant})" if group.variant else key.scenario
-        cells = [name if place == 0 else "", f"`{key.tracker}`", *[column[place] for column in columns]]
+        cells = [
+            name if place == 0 else "",
+            f"`{key.tracker}`",
+            str(len(group.seeds)),
+            group.n,
+            *[column[place] for column in columns],
+        ]
         lines.append(_line(cells))
     return lines
 

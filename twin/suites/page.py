@@ -167,6 +167,7 @@ def _sections(results: Results, before: Results | None) -> list[dict[str, Any]]:
                     (FIGURE[metric], Markup(multiple(metric, scales[metric], trackers, slots, old))) for metric in SHOWN
                 ],
                 "trackers": [name for name, _ in trackers],
+                "n": [f"{group.n} in {len(group.seeds)} seeds" for _, group in trackers],
                 "table": [
                     (FIGURE[metric], [_cell(metric, group) for _, group in trackers])
                     for metric in GATED

@@ -48,6 +48,15 @@ class Group:
         values = (figures.get(metric) for figures in self.seeds.values())
         return [value for value in values if value is not None]
 
+    @property
+    def n(self) -> str:
+        """The person-frames behind its figures, all seeds together, and the share of the frames judged where not all were."""
+        counts, shares = self.values("judged.person_frames"), self.values("judged.share")
+        if len(counts) < len(self.seeds) or not counts:
+            return "–"  # a run of an older version
+        share = min(shares, default=1.0)
+        return f"{sum(counts):.0f}" + (f" ({share:.1%} of the frames or more)" if share < 1 else "")
+
 
 @dataclass(frozen=True)
 class Results:

@@ -90,14 +90,14 @@ class _Clock:
 def print_results(results: Results, reference: str | None = None) -> None:
     """The means over seeds, a row a scenario, variant and tracker; all trackers beside `reference`; and what failed."""
     table = Table()
-    for name in ("scenario", "tracker", "seeds"):
+    for name in ("scenario", "tracker", "seeds", "person-frames"):
         table.add_column(name)
     for metric in SHOWN:
         table.add_column(_heading(metric), justify="right")
     for key, group in results.groups.items():
         name = f"{key.scenario} ({group.variant})" if group.variant else key.scenario
         cells = [_mean_text(metric, mean_over_seeds(group.values(metric))) for metric in SHOWN]
-        table.add_row(name, key.tracker, str(len(group.seeds)), *cells)
+        table.add_row(name, key.tracker, str(len(group.seeds)), group.n, *cells)
     console = _console()
     console.print(f"{results.suite}: means over seeds, gate 0.5 m", highlight=False)
     console.print(table)

@@ -123,7 +123,7 @@ def test_disposal_outside_the_area_is_not_counted():
 
 
 def by_loops(truth: TruthTable, tracks: TrackTable, situations: SituationTable) -> dict:
-    frames = align(truth, tracks)
+    frames = align(truth, tracks).frames
     owner: dict[int, int] = {}
     for frame, pairs in zip(frames, everybody_matched(frames, GATE_M), strict=True):
         for row, column in zip(pairs.rows, pairs.columns, strict=True):

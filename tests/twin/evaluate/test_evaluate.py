@@ -75,8 +75,8 @@ def test_perfect_tracks():
         "misidentifications": 0,
         "lost_tracks": 0,
         "errors": {
-            "missed": {"unseen": 0, "unused": 0, "start_up": 0, "seen": 0},
-            "false_positive": {"ghost": 0, "ghost_unseen": 0, "double": 0, "clutter": 0},
+            "missed": {"unseen": None, "unused": None, "start_up": 0, "seen": 0},  # no sensor is named in this truth
+            "false_positive": {"ghost": 0, "ghost_unseen": None, "double": 0, "clutter": 0},
         },
         "accuracy": 1.0,
         "failures": {"person_frames": 60, "missed": 0, "false_location": 0, "identity_wrong": 0},
@@ -88,6 +88,14 @@ def test_perfect_tracks():
         "right_at_end": 1.0,
         "gate_m": 0.5,
         "at_1m": {"mota": 1.0, "motp_m": 0.0, "idf1": 1.0, "hota": 1.0, "id_switches": 0},
+        "judged": {
+            "frames": 30,
+            "frames_total": 30,
+            "share": 1.0,
+            "person_frames": 60,
+            "matches": 60,
+            "heads": 0,
+        },
     }
     assert json.loads(json.dumps(metrics, allow_nan=False)) == metrics
 
@@ -291,13 +299,13 @@ def test_truth_is_interpolated_between_near_rows():
 def test_yaw_is_interpolated_the_shorter_way_round():
     people = [PersonTruth(1, 0, 0, head_x=0, head_y=0, head_z=1.6, head_yaw=yaw) for yaw in (pi - 0.1, -pi + 0.1)]
     truth = truth_table([TruthFrame(ns(0), (people[0],)), TruthFrame(ns(2), (people[1],))])
-    (frame,) = align(truth, tracks_of({7: {1: (0, 0)}}))
+    (frame,) = align(truth, tracks_of({7: {1: (0, 0)}})).frames
     assert abs(frame.person_pose[0, 3]) == pytest.approx(pi)
 
 
 def test_truth_is_not_interpolated_across_a_wide_gap():
     truth = truth_of({1: {0: (0, 0), 3: (0, 0)}, 2: still(2, 0, range(4))})
-    frames = align(truth, tracks_of({7: still(0, 0, range(4))}))
+    frames = align(truth, tracks_of({7: still(0, 0, range(4))})).frames
     assert [frame.person_ids.tolist() for frame in frames] == [[1, 2], [2], [2], [1, 2]]
 
 
@@ -412,7 +420,7 @@ def test_names_do_not_matter(run):
         tracks_of({names[t]: path for t, path in tracks.items()}, steps),
     )
     at_1m, renamed_at_1m = metrics.pop("at_1m"), renamed.pop("at_1m")
-    for whole in ("head_error_m", "failures", "errors"):
+    for whole in ("head_error_m", "failures", "errors", "judged"):
         assert renamed.pop(whole) == metrics.pop(whole)
     assert renamed == pytest.approx(metrics)
     assert renamed_at_1m == pytest.approx(at_1m)
