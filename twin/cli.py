@@ -14,6 +14,7 @@ import typer
 from twin.commands.evaluate import evaluate
 from twin.commands.exit_codes import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FELL_SHORT, EXIT_INTERRUPTED, EXIT_OUR_FAULT
 from twin.commands.follow import detections, track
+from twin.commands.new import app as new
 from twin.commands.offer import check, list_, schema
 from twin.commands.simulate import render, run
 from twin.commands.view import view
@@ -44,6 +45,7 @@ app.command(epilog="Example: twin evaluate out/lab-five-people-0/truth.csv out/l
 app.command(name="list", epilog="Example: twin list")(list_)
 app.command(epilog="Example: twin schema > scenario.schema.json")(schema)
 app.command(epilog="Example: twin check")(check)
+app.add_typer(new, name="new")
 app.add_typer(suites, name="suite")
 app.add_typer(studies, name="study")
 app.command(epilog="Example: twin environment home-three-people --out out/home.npz")(environment)

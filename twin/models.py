@@ -52,6 +52,11 @@ def cache_folder() -> Path:
     return (Path(home) if home else Path.home() / ".cache") / "roomtwin"
 
 
+def is_kept_room(room: str) -> bool:
+    """Tell whether a scenario's room is a drawn one from the cache."""
+    return Path(room).parent == cache_folder() / "rooms"
+
+
 def kept_room(name: str, mjcf: str) -> str:
     """Keep a drawn room's MJCF file in the cache, under a name made from its content, and return its path."""
     path = cache_folder() / "rooms" / f"{name}.xml"

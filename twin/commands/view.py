@@ -21,16 +21,29 @@ def view(
     ] = None,
     follow: Annotated[str | None, typer.Option(metavar="NAME", help="Whom the video's camera follows.")] = None,
     no_limits: NoLimits = False,
+    drawn: Annotated[
+        int | None, typer.Option(min=1, max=200, metavar="N", help="N seeds side by side, from --seed on.")
+    ] = None,
     set_: Set = None,
     seed: Seed = None,
     out: Annotated[Path | None, typer.Option(help="The picture to write; default: view.png or people.png.")] = None,
 ) -> None:
     """A look inside: the room and every sensor's view at one moment; its people (--people); a video of them (--video)."""
+    from trackers.errors import InputError
     from twin.console import print_paths, print_warnings, progress
     from twin.scenario import load_scenario
     from twin.scenario.size import check_size
-    from twin.view import check_choice, write_people, write_video, write_view
+    from twin.view import check_choice, write_drawn, write_people, write_video, write_view
 
+    if drawn is not None:
+        if people or video is not None:
+            raise InputError(f"--drawn {drawn}: is a picture of its own beside --people and --video; one is expected")
+        path, first = out or Path("drawn.png"), 0 if seed is None else seed
+        with progress() as report:
+            told = write_drawn(scenario, set_ or [], range(first, first + drawn), at, path, on_progress=report)
+        print_warnings(told)
+        print_paths({"drawn": path})
+        return
     check_choice(at=at, people=people, video=video, start_s=from_, end_s=to, follow=follow, out=out)
     loaded = load_scenario(scenario, overrides(set_, seed))
     if not no_limits:

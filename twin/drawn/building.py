@@ -54,13 +54,8 @@ def draw_building(options: DrawnRoom, seed: int, name: str) -> DrawnBuilding:
         plan = draw_floor_plan(options, rng)
         space = FreeSpace(plan)
         floor_m2 = sum(room.area_m2 for room in plan.rooms)
-        at_doors = np.array([door.before(0.6) for door in plan.doors]).reshape(-1, 2)
-        at_doorways = np.array(
-            [each.wall.at(sum(each.gap_m) / 2, off) for each in plan.partitions for off in (-0.6, 0.6)]
-        ).reshape(-1, 2)
         area = space.walkable_area()
-        wanted = np.concatenate([at_doors, at_doorways])
-        enough = plan.doors and space.area_m2 >= _LEAST_FREE * floor_m2 and space.is_reached(wanted).all()
+        enough = plan.doors and space.area_m2 >= _LEAST_FREE * floor_m2 and space.is_reached(plan.thresholds()).all()
         if enough and area is not None:
             break
     else:

@@ -18,6 +18,8 @@ DOOR_M = 0.9
 """Width of a door that leads out [m]."""
 _FROM_CORNER_M = 0.35
 """Least distance of a door's or doorway's edge from a corner [m]."""
+_BEFORE_M = 0.6
+"""How far before a door or doorway people stand [m]."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,14 @@ class FloorPlan:
     def size_m(self) -> Array:
         """Length and width (2,) [m]."""
         return self.outline.max(axis=0)
+
+    def thresholds(self) -> Array:
+        """Return the places (n, 2) [m] before each door and on both sides of each doorway."""
+        inside = [door.before(_BEFORE_M) for door in self.doors]
+        between = [
+            each.wall.at(sum(each.gap_m) / 2, off) for each in self.partitions for off in (-_BEFORE_M, _BEFORE_M)
+        ]
+        return np.array([*inside, *between]).reshape(-1, 2)
 
     def is_inside(self, places: Array) -> Array:
         """Which places (n, 2) [m] are over the floor."""

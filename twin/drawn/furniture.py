@@ -311,7 +311,7 @@ def _put(piece: Piece, plan: FloorPlan, space: FreeSpace, others: list[Piece]) -
     x, y = piece.width_m + 0.8, piece.depth_m + 0.8
     if lost_m2 > x * y * 1.15 + 0.1:  # more than the piece itself: something is cut off
         return False
-    wanted = [door.before(0.6) for door in plan.doors]
+    wanted = list(plan.thresholds())
     for each in (*others, piece):
         wanted += list(standing_places(each))
     if not changed.is_reached(np.array(wanted).reshape(-1, 2)).all():

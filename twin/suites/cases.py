@@ -13,6 +13,7 @@ from pydantic import JsonValue
 
 from trackers.errors import InputError
 from trackers.knowledge_files import NO_FILES, KnowledgeFiles
+from twin.models import is_kept_room
 from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
 from twin.run.tracker_at_work import file_name
 from twin.scenario import load_scenario
@@ -147,7 +148,10 @@ def _of_entry(
             lines = str(error).splitlines()
             raise InputError("\n".join(f"{path}: scenarios.{number}: {line}" for line in lines)) from error
         for seed in entry.seeds or suite.seeds:
-            seeded = scenario.model_copy(update={"seed": seed, "trackers": {}, "knowledge": NO_FILES})
+            of_seed = scenario
+            if is_kept_room(scenario.room):  # each seed draws a scene of its own
+                of_seed = load_scenario(scenario_path, [*changes, f"seed={seed}"], suites=overrides, folder=path.parent)
+            seeded = of_seed.model_copy(update={"seed": seed, "trackers": {}, "knowledge": NO_FILES})
             resolved, people = dump_scenario(seeded), people_key(seeded)
             for tracker in variant.trackers:
                 yield Case(
@@ -161,7 +165,7 @@ def _of_entry(
                     report=suite.reports,
                     require={**suite.require.get(tracker, {}), **entry.require.get(tracker, {})},
                     resolved=resolved,
-                    size=size_of(scenario),
+                    size=size_of(of_seed),
                     people=people,
                     knowledge=scenario.knowledge,
                     knowledge_digest=digest,

@@ -7,7 +7,7 @@ from math import prod
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field, JsonValue, field_validator, model_validator
+from pydantic import BeforeValidator, Field, JsonValue, ValidationError, field_validator, model_validator
 
 from trackers.configuration import Strict, validate
 from trackers.plain_data import parse_yaml
@@ -24,14 +24,30 @@ Changes = Annotated[dict[str, JsonValue], mapping_of("a mapping of fields' paths
 _MOST_SEEDS = 100_000
 
 
+class SeedRange(Strict):
+    """Seeds one after another."""
+
+    first: int = Field(alias="from", ge=0, lt=2**62, description="the first seed")
+    count: int = Field(ge=1, le=_MOST_SEEDS, description="how many seeds")
+
+
 def _seeds(value: Any) -> Any:
-    """`seeds: 3` is short for the first three."""
+    """`seeds: 3` is short for the first three, `{from: 1000, count: 200}` for 200 from 1000 on."""
+    if isinstance(value, dict):
+        try:
+            between = SeedRange.model_validate(value)
+        except ValidationError as error:
+            raise refused(value, "seeds as in {from: 1000, count: 200} are expected") from error
+        return tuple(range(between.first, between.first + between.count))
     if isinstance(value, int) and not isinstance(value, bool):
         if not 1 <= value <= _MOST_SEEDS:
             raise ValueError(f"how many seeds there are from 0 on; 1 to {_MOST_SEEDS} is valid")
         return tuple(range(value))
     if not isinstance(value, list | tuple) or not value:
-        raise refused(value, "a list of seeds, as in [0, 1, 2], or how many from 0 on, as in 3, is expected")
+        raise refused(
+            value,
+            "a list of seeds, as in [0, 1, 2], how many from 0 on, as in 3, or {from: 1000, count: 200} is expected",
+        )
     return value
 
 
@@ -39,7 +55,9 @@ Seed = Annotated[int, Field(ge=0, lt=2**63), single("a seed, a whole number from
 HowMany = Annotated[int, Field(ge=1, le=_MOST_SEEDS)]
 SeedList = Annotated[list[Seed], Field(min_length=1)]
 Seeds = Annotated[
-    tuple[Seed, ...], Field(min_length=1), BeforeValidator(_seeds, json_schema_input_type=HowMany | SeedList)
+    tuple[Seed, ...],
+    Field(min_length=1),
+    BeforeValidator(_seeds, json_schema_input_type=HowMany | SeedList | SeedRange),
 ]
 Limit = Annotated[float, Field(gt=0, le=86_400), single("a time above 0, up to 86400 s,")]
 Text = Annotated[str, single("a text")]

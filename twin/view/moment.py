@@ -70,7 +70,7 @@ def drawn_view(
         raise InputError(f"--at {t:g}: is not in the scenario; 0 up to {scenario.duration_s:g} s is expected")
     with Simulation(scenario) as simulation:
         looks = simulation.look(round(t * NS_PER_S))
-        sheet, warnings = _Sheet(simulation, t, tile_px), simulation.warnings
+        sheet, warnings = Sheet(simulation, t, tile_px), simulation.warnings
         tiles = [
             (f"{scenario.name}, {t:g} s", sheet.room()),
             (sheet.plan_label(), sheet.plan(looks, simulation.rig.sensors.keys() - looks.keys())),
@@ -93,7 +93,7 @@ def drawn_view(
                     tiles.append((what, sheet.plan({name: look})))
     with_depth = any(isinstance(look, DepthImage) for look in looks.values())
     columns = min(_COLUMNS_WITH_DEPTH if with_depth else _COLUMNS, key=lambda each: -len(tiles) % each)
-    return tiled([_framed(label, tile) for label, tile in tiles], min(columns, len(tiles)), BACKDROP), warnings
+    return tiled([framed(label, tile) for label, tile in tiles], min(columns, len(tiles)), BACKDROP), warnings
 
 
 def _what(sensor: RigSensor) -> str:
@@ -103,7 +103,7 @@ def _what(sensor: RigSensor) -> str:
     return _WHAT[sensor.kind]
 
 
-def _framed(label: str, tile: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def framed(label: str, tile: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """A tile under its label, with an edge around both."""
     strip = np.full((_LABEL_PX, tile.shape[1], 3), BACKDROP, dtype=np.uint8)
     fitting = (size for size in _LETTERS_PX if text_width(label, size, BOLD) <= tile.shape[1] - 4)
@@ -114,7 +114,7 @@ def _framed(label: str, tile: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return framed
 
 
-class _Sheet:
+class Sheet:
     """Draws one moment's tiles, all of the same size."""
 
     def __init__(self, simulation: Simulation, t: float, tile_px: tuple[int, int]) -> None:

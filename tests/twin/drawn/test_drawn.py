@@ -1,0 +1,181 @@
+"""Drawn scenes: the seed fixes everything, each part is drawn by itself, and whatever is drawn can be run."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given, settings, strategies
+
+from trackers.configuration import validate
+from trackers.errors import InputError
+from twin.drawn.building import draw_building
+from twin.drawn.distributions import DrawnPeople, DrawnRoom
+from twin.drawn.furniture import standing_places
+from twin.drawn.people import draw_people
+from twin.drawn.scene import draw_scene
+from twin.run.live import run_scenario
+from twin.scenario import load_scenario
+from twin.scenario.model import Scenario
+from twin.suites.cases import expand
+from twin.suites.description import load_suite
+from twin.world.world import World
+
+MIXED = {
+    "room": {"kind": "drawn", "turned_deg": [-180, 180], "rooms": [1, 5], "furniture_per_m2": [0.05, 0.2]},
+    "people": {"kind": "drawn", "count": [1, 20], "in_groups": 0.6, "arriving": 0.4, "leaving": 0.4},
+    "sensors": {
+        "kind": "drawn", "scanners": [0, 4], "fisheyes": [0, 1], "cameras": [0, 2], "stereos": [1, 2], "floor": 0.5,
+        "noise": ["off", "default", "worse"], "faults": 0.3,
+    },
+}  # fmt: skip
+
+
+def drawn(seed: int, **changes: dict[str, Any]) -> tuple[dict[str, Any], str]:
+    """A scene's content and the room's MJCF."""
+    kept: list[str] = []
+
+    def keep(name: str, mjcf: str) -> str:
+        kept.append(mjcf)
+        return name
+
+    parts = {name: {"kind": "drawn"} | changes.get(name, {}) for name in ("room", "people", "sensors")}
+    content = draw_scene({"name": "s", "seed": seed, "duration_s": 20, **parts}, "test", keep)
+    return content, kept[0]
+
+
+def test_the_seed_fixes_everything_and_each_part_is_drawn_by_itself() -> None:
+    content, mjcf = drawn(1003)
+    assert (content, mjcf) == drawn(1003)
+    other, other_room = drawn(1004)
+    assert other_room != mjcf and other["people"] != content["people"] and other["sensors"] != content["sensors"]
+    crowded, same_room = drawn(1003, people={"count": [6, 6]})
+    assert same_room == mjcf and crowded["sensors"] == content["sensors"] and crowded["people"] != content["people"]
+    own_seed, other_room = drawn(1003, room={"seed": 1004})
+    assert other_room == drawn(1004)[1] and own_seed["room"] != content["room"]
+
+
+@pytest.mark.parametrize("seed", range(1500, 1508))
+def test_whatever_is_drawn_is_a_scenario_that_can_begin(seed: int, tmp_path: Path) -> None:
+    content, mjcf = drawn(seed, **MIXED)
+    room = tmp_path / "room.xml"
+    room.write_text(mjcf)
+    scenario = validate(Scenario, content | {"room": str(room)}, "drawn")
+    World(scenario)  # people's places and ways, seats and mounts are checked here
+    assert {sensor.kind for sensor in scenario.sensors.values()} <= {"laser", "fisheye", "camera", "stereo", "floor"}
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=strategies.integers(0, 2**31))
+def test_doors_doorways_seats_and_starts_can_all_be_reached(seed: int) -> None:
+    options = DrawnRoom(kind="drawn", rooms=(1, 6), furniture_per_m2=(0.0, 0.3), pillars=(0, 8))
+    building = draw_building(options, seed, "room")
+    space, plan = building.space, building.plan
+    assert plan.doors
+    assert len(plan.thresholds()) == len(plan.doors) + 2 * len(plan.partitions)
+    assert space.is_reached(plan.thresholds()).all()
+    seats = [standing_places(piece) for piece in building.pieces]
+    assert all(space.is_reached(places).all() for places in seats)
+    assert plan.is_inside(space.draw(50, np.random.default_rng(seed))).all()
+    walls = sum(wall.length_m for wall in plan.walls)
+    edges = np.hypot(*(np.roll(plan.outline, -1, axis=0) - plan.outline).T).sum()
+    assert walls == pytest.approx(edges)
+    model = mujoco.MjSpec.from_string(building.mjcf).compile()
+    assert len(building.spots("seat")) + len(building.spots("bed")) == sum(
+        model.site(site).name.startswith(("seat_", "bed_")) for site in range(model.nsite)
+    )
+
+
+def test_a_turned_building_is_the_same_building() -> None:
+    straight = draw_building(DrawnRoom(kind="drawn"), 1010, "room")
+    turned = draw_building(DrawnRoom(kind="drawn", turned_deg=(90, 90)), 1010, "room")
+    assert np.allclose(straight.plan.outline, turned.plan.outline)
+    places = straight.space.draw(5, np.random.default_rng(0))
+    before, after = np.array(straight.to_room(places)), np.array(turned.to_room(places))
+    assert np.allclose(after, np.column_stack([-before[:, 1], before[:, 0]]), atol=2e-3)
+    geoms = [mujoco.MjSpec.from_string(each.mjcf).compile() for each in (straight, turned)]
+    assert geoms[0].ngeom == geoms[1].ngeom
+
+
+def test_people_come_in_groups_as_often_as_asked() -> None:
+    building = draw_building(DrawnRoom(kind="drawn", length_m=(14, 14), width_m=(10, 10)), 1001, "room")
+    followers = 0
+    for seed in range(1000, 1020):
+        people = draw_people(DrawnPeople(kind="drawn", count=(12, 12), in_groups=0.7), building, 20.0, seed)
+        assert len(people) == 12
+        followers += sum(person["script"][0]["kind"] == "follow" for person in people.values() if person.get("script"))
+    # of groups of two to four, one member leads: 0.7 × 12 people are about 3.5 groups with 5 followers
+    assert 4 <= followers / 20 <= 6.5
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"room": "lab"}, "people: can be drawn into a drawn room only"),
+        ({"room": {"kind": "drawn", "length_m": [2, 4]}}, "length_m [2.0, 4.0] cannot be built; 3 to 60 is valid"),
+        ({"room": {"kind": "drawn", "width_m": [9, 4]}}, "is not a range; the smaller number comes first"),
+        ({"room": {"kind": "drawn", "furniture": {"tabel": 1}}}, "'tabel' is no kind of furniture; valid are table"),
+        ({"people": {"kind": "drawn", "count": [0, 3]}}, "1 to 60 people are valid"),
+        ({"people": {"kind": "drawn", "activities": {"dance": 1}}}, "'dance' is not drawn; valid are wander"),
+        ({"sensors": {"kind": "drawn", "scanners": [0, 0]}}, "at least one sensor is expected"),
+        ({"sensors": {"kind": "drawn", "lasers": [0, 0]}}, "lasers: unknown key"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused_in_a_sentence(changes: dict[str, Any], said: str, tmp_path: Path) -> None:
+    parts: dict[str, Any] = {name: {"kind": "drawn"} for name in ("room", "people", "sensors")}
+    path = tmp_path / "own.yaml"
+    path.write_text(yaml.safe_dump({"name": "own", "duration_s": 5, **parts, **changes}))
+    with pytest.raises(InputError) as refused:
+        load_scenario(path)
+    assert said in str(refused.value) and str(path) in str(refused.value)
+
+
+@pytest.mark.slow
+def test_plain_files_of_a_drawn_scene_run_to_the_same_bits(tmp_path: Path) -> None:
+    command = [
+        sys.executable,
+        "-m",
+        "twin",
+        "new",
+        "scenario",
+        "--drawn",
+        "--seed",
+        "1042",
+        "--out",
+        str(tmp_path / "n"),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    again = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert again.returncode == 2 and "is there already" in again.stderr
+    truth = []
+    for name, scenario in (("plain", str(tmp_path / "n/scenario.yaml")), ("drawn", "drawn")):
+        loaded = load_scenario(scenario, ["seed=1042"])
+        short = loaded.model_copy(update={"duration_s": 1.5})
+        run = run_scenario(short, trackers=["sort"], out=tmp_path / name, video=False, images=False)
+        truth.append((run.files["truth"].read_bytes(), run.files["tracks sort"].read_bytes()))
+    assert truth[0] == truth[1]
+
+
+def test_a_rig_has_what_is_asked_for() -> None:
+    content, _ = drawn(1007, sensors={"scanners": [3, 3], "waist": 1, "scanner_hz": [12, 12], "fisheyes": [1, 1]})
+    kinds = [sensor["kind"] for sensor in content["sensors"].values()]
+    assert kinds.count("laser") == 3 and kinds.count("fisheye") == 1
+    assert {sensor.get("role") for sensor in content["sensors"].values()} == {"waist", None}
+
+
+def test_a_suite_draws_another_scene_for_each_seed(tmp_path: Path) -> None:
+    path = tmp_path / "own.yaml"
+    path.write_text(
+        "name: own\nseeds: {from: 1000, count: 3}\ntrackers: [sort, laser-imm]\nscenarios: [{scenario: drawn}]\n"
+    )
+    cases = expand(*load_suite(path))
+    rooms = {case.seed: yaml.safe_load(case.resolved)["room"] for case in cases}
+    assert sorted(rooms) == [1000, 1001, 1002] and len(set(rooms.values())) == 3
+    assert rooms[1001] == load_scenario("drawn", ["seed=1001"]).room
