@@ -47,6 +47,7 @@ TWIN_UPWARDS = (
     "models",
     "streams",
     "progress",
+    "limits",
     "interruption",
     "geometry",
     "instant",

@@ -7,6 +7,25 @@ from typing import Annotated
 
 import typer
 
+
+def _lift_limits(is_asked: bool) -> bool:
+    """Lift the limits of this process and its workers where --no-limits is there."""
+    from twin.limits import lift_limits
+
+    if is_asked:
+        lift_limits()
+    return is_asked
+
+
+def _allow_room_root(folder: Path | None) -> Path | None:
+    """Let rooms read files of the folder that --room-root names, here and in workers."""
+    from twin.room.files import allow_room_root
+
+    if folder is not None:
+        allow_room_root(folder)
+    return folder
+
+
 ScenarioName = Annotated[
     str, typer.Argument(help="Name of a shipped scenario (see `twin list`) or path of a YAML file.")
 ]
@@ -33,7 +52,19 @@ Environment = Annotated[
 ]
 NoVideo = Annotated[bool, typer.Option("--no-video", help="Write no preview.mp4.")]
 NoLimits = Annotated[
-    bool, typer.Option("--no-limits", help="Make even what is larger than limits meant to catch mistakes.")
+    bool,
+    typer.Option(
+        "--no-limits", callback=_lift_limits, help="Make even what is larger than limits meant to catch mistakes."
+    ),
+]
+RoomRoot = Annotated[
+    Path | None,
+    typer.Option(
+        "--room-root",
+        metavar="DIR",
+        callback=_allow_room_root,
+        help="Let rooms read files of this folder too; without it, of the room's own alone.",
+    ),
 ]
 NoImages = Annotated[bool, typer.Option("--no-images", help="Leave the cameras out: no rendering at all.")]
 

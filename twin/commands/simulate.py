@@ -14,6 +14,7 @@ from twin.options import (
     NoLimits,
     NoVideo,
     Out,
+    RoomRoot,
     ScenarioName,
     Seed,
     Set,
@@ -35,6 +36,7 @@ def run(
     out: Out = None,
     no_video: NoVideo = False,
     no_images: NoImages = False,
+    room_root: RoomRoot = None,
     no_limits: NoLimits = False,
     allow_plugins: AllowPlugins = False,
 ) -> None:
@@ -75,6 +77,7 @@ def render(
     out: Out = None,
     no_video: NoVideo = False,
     no_images: NoImages = False,
+    room_root: RoomRoot = None,
     no_limits: NoLimits = False,
 ) -> None:
     """Simulate and record only."""

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from twin.options import NoLimits, ScenarioName, Seed, Set, overrides
+from twin.options import NoLimits, RoomRoot, ScenarioName, Seed, Set, overrides
 
 
 def view(
@@ -20,6 +20,7 @@ def view(
         float | None, typer.Option(metavar="S", help="Where it ends [s]; default: with the scenario.")
     ] = None,
     follow: Annotated[str | None, typer.Option(metavar="NAME", help="Whom the video's camera follows.")] = None,
+    room_root: RoomRoot = None,
     no_limits: NoLimits = False,
     drawn: Annotated[
         int | None, typer.Option(min=1, max=200, metavar="N", help="N seeds side by side, from --seed on.")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from twin.options import ScenarioName, Seed, SetOfScenario, overrides
+from twin.options import NoLimits, RoomRoot, ScenarioName, Seed, SetOfScenario, overrides
 
 _NOISE = ("off", "default", "worse")
 
@@ -22,6 +22,8 @@ def environment(
     ] = None,
     voxel: Annotated[float | None, typer.Option(metavar="M", help="Side of a voxel [m]; default: 0.05.")] = None,
     noise: Annotated[str, typer.Option(help="The scanner's errors: off, default or worse.")] = "default",
+    no_limits: NoLimits = False,
+    room_root: RoomRoot = None,
     set_: SetOfScenario = None,
     seed: Seed = None,
     out: Annotated[Path | None, typer.Option(help="The file to write, .npz; default: out/<room>.npz.")] = None,

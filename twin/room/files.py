@@ -1,18 +1,24 @@
-"""The files that an MJCF room reads: all of them in its own folder, and what each holds.
+"""The files that an MJCF room reads: all of them in folders that it may read, and what each holds.
 
 A scenario that somebody shares names a room, and a room names files: MuJoCo would open whatever they say. So they are
-looked through before MuJoCo sees any of them.
+looked through before MuJoCo sees any of them. A room may read its own folder, and the one that `--room-root` names.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path, PureWindowsPath
 from xml.etree import ElementTree
 
 from trackers.errors import InputError
-from twin.room.size import check_size
+from twin.limits import check_limit
+from twin.room.elements import check_elements
+from twin.room.size import MOST_BYTES, MOST_TEXT_BYTES, bytes_asked, check_bytes, check_counts, check_depth
+
+ROOM_ROOT = "TWIN_ROOM_ROOT"
+"""Environment variable with the folder that `--room-root` names, so that workers know it too."""
 
 _FOLDERS = ("meshdir", "texturedir", "assetdir")
 _MJCF = ("include", "model")
@@ -21,11 +27,22 @@ _MJCF = ("include", "model")
 
 @dataclass(frozen=True)
 class _Part:
-    """One MJCF file of a room, and the folder of the model that it is part of."""
+    """One MJCF file of a room, the folder of the model that it is part of, and the MJCF files that it brings in."""
 
     path: Path
     model_folder: Path
     root: ElementTree.Element
+    brings: list[Path] = field(default_factory=list)
+
+
+def allow_room_root(folder: Path) -> None:
+    """Let the rooms of this process, and of those that it starts from now on, read files of a folder.
+
+    Raises InputError where there is no such folder.
+    """
+    if not folder.is_dir():
+        raise InputError(f"--room-root {folder}: is no folder; the folder that holds the rooms' files is expected")
+    os.environ[ROOM_ROOT] = str(folder.resolve())
 
 
 def room_files(room: Path) -> dict[Path, bytes]:
@@ -35,54 +52,78 @@ def room_files(room: Path) -> dict[Path, bytes]:
     texturedir or assetdir, without its folders under strippath: each place at which there is a file counts. Files that are
     missing are left out; MuJoCo tells of them.
 
-    Raises InputError for what is not plain, well-formed XML, for a file outside the room's folder, be it by '..', an
-    absolute path, a folder of the compiler or a symbolic link, for one that comes back to itself, and for more than a room
-    needs (`check_size`).
+    Raises InputError for what is not plain, well-formed XML, for a file outside the folders that the room may read, be it by
+    '..', an absolute path, a folder of the compiler or a symbolic link, for one that comes back to itself, for elements that
+    are not modelled (`check_elements`), and for more than a room needs (`twin.room.size`).
     """
     found: dict[Path, bytes] = {}
     parts: dict[tuple[Path, Path], _Part] = {}
     waiting: list[tuple[Path, Path, tuple[Path, ...]]] = [(room, room.parent, ())]
     while waiting:
-        part, model_folder, through = waiting.pop()
-        if part.resolve() in through:
+        path, model_folder, through = waiting.pop()
+        if path.resolve() in through:
             raise InputError(
-                f"{room}: {part.name} is read by itself, through {' and '.join(each.name for each in through)}, and so "
+                f"{room}: {path.name} is read by itself, through {' and '.join(each.name for each in through)}, and so "
                 "without end; files that do not come back to themselves are expected"
             )
-        if (part, model_folder) in parts:
+        if (path, model_folder) in parts:
             continue
-        found[part] = part.read_bytes()
-        parts[part, model_folder] = read = _Part(part, model_folder, _parsed(found[part], part, room))
+        _read(path, found, MOST_TEXT_BYTES, f"{room}: is, with the MJCF files that it reads, of")
+        parts[path, model_folder] = part = _Part(path, model_folder, _parsed(found[path], path, room))
         for element in _MJCF:
-            for candidate in _places(read, element, room, ()):
+            for _, candidate in _places(part, element, room, ()):
+                part.brings.append(candidate)
                 folder = model_folder if element == "include" else candidate.parent
-                waiting.append((candidate, folder, (*through, part.resolve())))
-    check_size((part.root for part in parts.values()), str(room))
+                waiting.append((candidate, folder, (*through, path.resolve())))
+    roots = {part.path: part.root for part in parts.values()}
+    for path, root in roots.items():
+        check_elements(root, _where(path, room), is_model=path == room)
+    check_counts(roots, {part.path: part.brings for part in parts.values()}, room)
+    asked: list[float] = []
     for part in parts.values():
         of_model = [each.root for each in parts.values() if each.model_folder == part.model_folder]
-        for place in _places(part, None, room, of_model):
-            found.setdefault(place, place.read_bytes())
+        files: dict[ElementTree.Element, list[Path]] = {}
+        for node, place in _places(part, None, room, of_model):
+            _read(place, found, MOST_BYTES, f"{room}: is, with all files that it reads, of")
+            files.setdefault(node, []).append(place)
+        for node in part.root.iter():
+            defaults = [each for root in of_model for group in root.iter("default") for each in group.iter(node.tag)]
+            asked.append(bytes_asked(node, defaults, [found[place] for place in files.get(node, [])]))
+    check_bytes(asked, room)
     return {path: found[path] for path in sorted(found)}
+
+
+def _read(path: Path, found: dict[Path, bytes], most: int, said: str) -> None:
+    """Read a file that is not among those found, unless all together they would be more bytes than `most`."""
+    if path not in found:
+        check_limit(path.stat().st_size + sum(map(len, found.values())), most, said, "bytes")
+        found[path] = path.read_bytes()
+
+
+def _where(path: Path, room: Path) -> str:
+    return f"{room}" if path == room else f"{room}: {path.name}"
 
 
 def _parsed(content: bytes, path: Path, room: Path) -> ElementTree.Element:
     """The root of an MJCF file, read as MuJoCo reads it: UTF-8 without a document type of its own."""
-    where = f"{room}" if path == room else f"{room}: {path.name}"
+    where = _where(path, room)
     try:
         text = content.decode("utf-8-sig")
         if "<!DOCTYPE" in text.upper():
             raise InputError(f"{where}: holds a <!DOCTYPE; MJCF without one is expected")
-        return ElementTree.fromstring(text.encode())
+        root = ElementTree.fromstring(text.encode())
     except UnicodeDecodeError as error:
         raise InputError(f"{where}: byte {error.start} is not UTF-8; an MJCF file in UTF-8 is expected") from error
     except ElementTree.ParseError as error:
         raise InputError(f"{where}: is not well-formed XML ({error}); a valid MJCF file is expected") from error
+    check_depth(root, where)
+    return root
 
 
 def _places(
     part: _Part, element: str | None, room: Path, of_model: tuple | list[ElementTree.Element]
-) -> Iterator[Path]:
-    """The files there are for what the elements of one name say, None: all that do not name MJCF."""
+) -> Iterator[tuple[ElementTree.Element, Path]]:
+    """The files there are for what the elements of one name say, None: all that do not name MJCF; each with its element."""
     compilers = [compiler for root in of_model for compiler in root.iter("compiler")]
     folders = [""] + [compiler.get(name, "") for compiler in compilers for name in _FOLDERS]
     strips = any(compiler.get("strippath") == "true" for compiler in compilers)
@@ -99,7 +140,9 @@ def _places(
                 for folder in dict.fromkeys(folders)
                 for name in names
             ]
-            yield from _inside(candidates, room, f"<{node.tag} {attribute}={value!r}>", part.path, folders)
+            said = f"<{node.tag} {attribute}={value!r}>"
+            for place in _inside(candidates, room, said, part.path, folders):
+                yield node, place
 
 
 def _joined(base: Path, folder: str, name: str) -> Path:
@@ -113,14 +156,17 @@ def _joined(base: Path, folder: str, name: str) -> Path:
 
 def _inside(candidates: list[Path], room: Path, said: str, part: Path, folders: list[str]) -> Iterator[Path]:
     """Those of the candidates at which there is a file; raises InputError where that, or all of them, is elsewhere."""
-    home = room.parent.resolve()
-    away = [not place.resolve().is_relative_to(home) for place in candidates]
+    homes = [room.parent.resolve()]
+    if root := os.environ.get(ROOM_ROOT):
+        homes.append(Path(root).resolve())
+    away = [not any(place.resolve().is_relative_to(home) for home in homes) for place in candidates]
     there = [place.is_file() for place in candidates]
     if all(away) or any(is_away and is_there for is_away, is_there in zip(away, there, strict=True)):
-        where = f"{room}" if part == room else f"{room}: {part.name}"
         through = ", ".join(repr(folder) for folder in dict.fromkeys(folders) if folder)
         from_folder = f" (with the compiler's folder {through})" if through else ""
+        outside = "the room's folder" if len(homes) == 1 else f"the room's folder and --room-root {homes[1]}"
         raise InputError(
-            f"{where}: {said}{from_folder} leads outside the room's folder; a path inside of it, relative, is expected"
+            f"{_where(part, room)}: {said}{from_folder} leads outside {outside}; a relative path inside of it, or "
+            "--room-root with a folder that holds both, is expected"
         )
     return (place for place, is_there in zip(candidates, there, strict=True) if is_there)

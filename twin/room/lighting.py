@@ -1,4 +1,4 @@
-"""The room's lights as they change over time."""
+"""The room's lamps: which of them a picture can show, the light that walls throw back, and how all change over time."""
 
 from __future__ import annotations
 
@@ -12,11 +12,56 @@ from numpy.typing import NDArray
 from trackers.errors import InputError
 from twin.scenario.lights import EVERY_LIGHT, LightChange
 
+MOST_LAMPS = 8
+"""That OpenGL's own lighting has; one more and its picture is black."""
+_INDIRECT = 0.3
+"""What walls throw back of the lamps' light, where no lamp of a room has ambient light that says it."""
+_CEILING, _WINDOW = ((-0.2, 0.3, -0.9), 0.45), ((0.7, -0.5, -0.4), 0.3)
+"""Direction and brightness of the lamps of a room without any."""
+
+
+def light_room(spec: mujoco.MjSpec, source: str) -> None:
+    """Light a room by its own lamps: what lights MuJoCo's viewer from the eye, the headlight, is no lamp of a room.
+
+    A room without any gets two. Where no lamp has ambient light, the headlight is made light that is the same everywhere
+    and from everywhere, as what walls throw back is about; it goes dark with the lamps. Raises InputError, naming `source`,
+    for lamps that cannot be drawn, and for more than `MOST_LAMPS` lamps that shine, that light included.
+    """
+    if not spec.lights:
+        for direction, diffuse in (_CEILING, _WINDOW):
+            spec.worldbody.add_light(
+                type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+                pos=[0.0, 0.0, 2.0],
+                dir=direction,
+                diffuse=[diffuse] * 3,
+                specular=[0.0] * 3,
+            )
+    for place, lamp in enumerate(spec.lights):
+        if lamp.type not in (mujoco.mjtLightType.mjLIGHT_SPOT, mujoco.mjtLightType.mjLIGHT_DIRECTIONAL):
+            kind = mujoco.mjtLightType(lamp.type).name.removeprefix("mjLIGHT_").lower()
+            raise InputError(
+                f"{source}: light {lamp.name or place!r} is of type {kind!r}, which MuJoCo draws as another; "
+                "spot or directional is expected"
+            )
+    shining = [lamp for lamp in spec.lights if lamp.active and np.any([lamp.diffuse, lamp.ambient, lamp.specular])]
+    for lamp in spec.lights:
+        lamp.active = lamp in shining
+    is_thrown_back = bool(shining) and not any(np.any(lamp.ambient) for lamp in shining)
+    head = spec.visual.headlight
+    head.active = is_thrown_back
+    head.ambient, head.diffuse, head.specular = [_INDIRECT] * 3, [0.0] * 3, [0.0] * 3
+    if len(shining) + is_thrown_back > MOST_LAMPS:
+        most = f"{MOST_LAMPS - 1}, or {MOST_LAMPS} of which one has ambient light," if is_thrown_back else MOST_LAMPS
+        raise InputError(
+            f"{source}: {len(shining)} <light> shine, more than a picture can show; at most {most} are expected, "
+            'others switched off by active="false"'
+        )
+
 
 class Lighting:
     """Sets a model's lights to what a scenario's changes make of them at a time; a function of time alone.
 
-    Diffuse, ambient and specular light are scaled alike; a headlight, if the room has one on, goes with 'all'.
+    Diffuse, ambient and specular light are scaled alike. What walls throw back goes with the lamps, each by its share.
     Raises InputError naming `source` for a light that the room does not have.
     """
 
@@ -31,9 +76,9 @@ class Lighting:
                     f"valid are {valid + ', ' if valid else ''}{EVERY_LIGHT}"
                 )
         in_order = sorted(changes, key=lambda change: change.at_s)
-        self._changes = [
-            [change for change in in_order if change.name in (name, EVERY_LIGHT)] for name in [*names, EVERY_LIGHT]
-        ]
+        self._changes = [[change for change in in_order if change.name in (name, EVERY_LIGHT)] for name in names]
+        brightness = model.light_diffuse.sum(axis=1) * (model.light_active != 0)
+        self._shares = brightness / max(float(brightness.sum()), 1e-9)
         self._room = [array.copy() for array in self._of_lights()]
         self._head = [array.copy() for array in self._of_headlight()]
         self._is_changing = bool(changes)
@@ -44,12 +89,12 @@ class Lighting:
             return
         factors = self.factors(t, until_s=until_s)
         for array, own in zip(self._of_lights(), self._room, strict=True):
-            array[:] = own * factors[:-1, None]
+            array[:] = own * factors[:, None]
         for array, own in zip(self._of_headlight(), self._head, strict=True):
-            array[:] = own * factors[-1]
+            array[:] = own * (self._shares @ factors)
 
     def factors(self, t: float, *, until_s: float = inf) -> NDArray[np.float64]:
-        """What each light's brightness is multiplied by at time t [s], and last the headlight's, (n_light + 1,)."""
+        """What each light's brightness is multiplied by at time t [s], (n_light,)."""
         return np.array([_factor(changes, min(t, until_s), t) for changes in self._changes])
 
     def _of_lights(self) -> tuple[NDArray, ...]:

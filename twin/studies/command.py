@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from twin.options import ScenarioName, SetOfScenario, overrides
+from twin.options import NoLimits, RoomRoot, ScenarioName, SetOfScenario, overrides
 from twin.suites.place_options import Jobs, Resource, Scheduler, place_of
 
 app = typer.Typer(
@@ -36,6 +36,8 @@ def run(
     allow_plugins: Annotated[
         bool, typer.Option("--allow-plugins", help="Run the classes (module:Class) that the study names.")
     ] = False,
+    room_root: RoomRoot = None,
+    no_limits: NoLimits = False,
     out: Out = None,
 ) -> None:
     """Search for the best placement; leaves tables, a scenario and a page to build by in out/study-<name>."""
@@ -65,6 +67,8 @@ def coverage(
         float, typer.Option(min=1, help="A camera sees at so many pixels a metre (EN 62676-4).")
     ] = 125.0,
     moments: Annotated[int, typer.Option(min=1, help="Moments of the run to look at.")] = 100,
+    room_root: RoomRoot = None,
+    no_limits: NoLimits = False,
     out: Out = None,
 ) -> None:
     """What the sensors of a scenario see as they stand: figures, and a page with maps."""

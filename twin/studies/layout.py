@@ -13,6 +13,7 @@ from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.room.building import Building
 from twin.room.floor import floor_of
+from twin.room.model import compiled
 from twin.room.obstacles import Footprints, obstacles_of
 from twin.scenario import Scenario
 from twin.scenario.mount import Mount
@@ -189,7 +190,7 @@ class Layout:
 
 def building_of(scene: Scene) -> Building:
     """The building of a scene's room, without its people."""
-    room = scene.room.compile()
+    room = compiled(scene.room, scene.room_file)
     data = mujoco.MjData(room)
     mujoco.mj_kinematics(room, data)
     floor = floor_of(room, data, scene.room_file.name)

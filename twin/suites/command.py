@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from twin.options import NoLimits, RoomRoot
 from twin.suites.place_options import Jobs, Resource, Scheduler, place_of
 
 app = typer.Typer(
@@ -44,9 +45,8 @@ def run(
     seed: Annotated[
         int | None, typer.Option(min=0, help="Add this to every seed of the suite: other people, other noise.")
     ] = None,
-    no_limits: Annotated[
-        bool, typer.Option("--no-limits", help="Run even what is larger than limits meant to catch mistakes.")
-    ] = False,
+    no_limits: NoLimits = False,
+    room_root: RoomRoot = None,
     allow_plugins: Annotated[
         bool, typer.Option("--allow-plugins", help="Run the classes (module:Class) that the suite's files name.")
     ] = False,

@@ -11,9 +11,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.errors import InputError
 from twin.people.body.appearance import Appearance
 from twin.people.body.body import NQ_PERSON, person_spec
+from twin.room.model import compiled
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,20 +71,6 @@ class Bodies:
     def there(self) -> NDArray[np.bool_]:
         """Who has a body, (n_people,)."""
         return self.head_site >= 0
-
-
-def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
-    """The model of a room; raises InputError naming its file where it does not compile."""
-    try:
-        return spec.compile()
-    except ValueError as error:
-        raise InputError(f"{path}: does not compile ({what_is_wrong(error)}); a valid MJCF room is expected") from error
-
-
-def what_is_wrong(error: Exception) -> str:
-    """MuJoCo's message and, where it gives them, the element and the line."""
-    what, *where = [line.strip().rstrip(".") for line in str(error).strip().splitlines()]
-    return ", ".join([what, *(line for line in where if line.startswith("Element"))])
 
 
 def _person_of_geom(model: mujoco.MjModel, ids: Mapping[str, int]) -> NDArray[np.int16]:

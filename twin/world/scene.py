@@ -21,15 +21,17 @@ from twin.people.crowd.routes import Routes
 from twin.people.motion import Motion, MovedBefore
 from twin.people.population import Population
 from twin.people.posture.measures import BodyMeasures
-from twin.room.files import room_files
 from twin.room.floor import check_floor_under, floor_hull, floor_of
 from twin.room.furniture import Bed, Seat, furniture_of
+from twin.room.model import compiled, load_room, set_planes
 from twin.room.obstacles import OBSTACLE_REACH_M, Obstacle, obstacles_of, within_reach
 from twin.room.walkable import walkable_area
 from twin.scenario import Scenario
 from twin.scenario.behaviour import Lie, Sit
+from twin.scenario.floor import FloorDescription
+from twin.scenario.housings import in_the_room
 from twin.streams import stream
-from twin.world.bodies import Bodies, compiled, what_is_wrong
+from twin.world.bodies import Bodies
 from twin.world.placement import check_placement, check_polygon, check_seat
 
 _BEFORE_SEAT_M = 0.2
@@ -70,7 +72,6 @@ class Scene:
         """The same room and people, of whom these have bodies."""
         looks = {name: self.appearances[name] for name in names}
         bodies = Bodies.in_room(self.room, self.room_file, self.names, self.ids, looks)
-        bodies.model.stat.extent = self.model.stat.extent  # near and far planes stay, in a room that fixes none
         return replace(self, bodies=bodies)
 
 
@@ -81,9 +82,12 @@ def build_scene(scenario: Scenario) -> Scene:
     the area or a person does not fit into it.
     """
     path = models.find("rooms", scenario.room, asked_by=f"scenario {scenario.name!r}: room")
-    spec = _room_spec(path)
+    spec = load_room(path)
     room = compiled(spec, path)
-    floor, walkable = _where_one_walks(spec, room, path)
+    data = mujoco.MjData(room)
+    mujoco.mj_kinematics(room, data)
+    floor, walkable = _where_one_walks(spec, room, data, path)
+    set_planes(spec, room, data, walkable, _places_of_sensors(scenario))
     area = np.array(scenario.area, dtype=float) if scenario.area is not None else walkable
     if scenario.area is not None:
         check_polygon(area, f"scenario {scenario.name!r}: area")
@@ -120,8 +124,11 @@ def walkable_in(scenario: Scenario) -> NDArray[np.float64]:
     Raises InputError for a room that reads files outside its folder, does not compile, has no floor or nowhere to walk.
     """
     path = models.find("rooms", scenario.room, asked_by=f"scenario {scenario.name!r}: room")
-    spec = _room_spec(path)
-    return _where_one_walks(spec, compiled(spec, path), path)[1]
+    spec = load_room(path)
+    room = compiled(spec, path)
+    data = mujoco.MjData(room)
+    mujoco.mj_kinematics(room, data)
+    return _where_one_walks(spec, room, data, path)[1]
 
 
 def as_before(scene: Scene, motion: Motion) -> MovedBefore:
@@ -157,6 +164,12 @@ def _check_seats(scenario: Scenario, furniture: Mapping[str, Seat | Bed], routes
                 )
 
 
+def _places_of_sensors(scenario: Scenario) -> list[NDArray[np.float64]]:
+    """Where the sensors hang, (3,) in the room frame [m]."""
+    described = (in_the_room(scenario, name) for name in scenario.sensors)
+    return [np.array(each.mount.xyz, dtype=float) for each in described if not isinstance(each, FloorDescription)]
+
+
 def _routes(walkable: NDArray[np.float64], obstacles: Sequence[Obstacle], source: str) -> Routes:
     try:
         return Routes(walkable, obstacles)
@@ -183,20 +196,10 @@ def _check_furniture(scenario: Scenario, furniture: Mapping[str, Seat | Bed]) ->
                 )
 
 
-def _room_spec(path: Path) -> mujoco.MjSpec:
-    room_files(path)  # raises for what must not be read
-    try:
-        return mujoco.MjSpec.from_file(str(path))
-    except ValueError as error:
-        raise InputError(f"{path}: is not a room ({what_is_wrong(error)}); a valid MJCF file is expected") from error
-
-
 def _where_one_walks(
-    spec: mujoco.MjSpec, room: mujoco.MjModel, path: Path
+    spec: mujoco.MjSpec, room: mujoco.MjModel, data: mujoco.MjData, path: Path
 ) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
     """The pieces (k, 2) of the room's floor and its walkable area (k, 2) [m], the room's own or from its geometry."""
-    data = mujoco.MjData(room)
-    mujoco.mj_kinematics(room, data)
     check_extent(room, data, str(path))
     floor = floor_of(room, data, str(path))
     walkable = _own_walkable_area(spec, path)

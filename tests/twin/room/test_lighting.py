@@ -47,14 +47,14 @@ def test_a_cloud_comes_slowly_and_may_be_overtaken():
     assert sun == pytest.approx([1, 1, 0.875, 0.75, 0.875, 1, 1])
 
 
-def test_all_lights_and_the_headlight_go_together():
+def test_what_walls_throw_back_goes_with_the_lamps_each_by_its_share():
     lit, model = lighting({"at_s": 0, "brightness": 0.25})
     lit.apply(0.0)
     np.testing.assert_allclose(model.light_diffuse[1], 0.2)
     np.testing.assert_allclose(model.vis.headlight.diffuse, 0.125)
     lamp_only, other = lighting({"at_s": 0, "name": "lamp", "brightness": 0})
     lamp_only.apply(0.0)
-    np.testing.assert_allclose(other.vis.headlight.diffuse, 0.5)
+    np.testing.assert_allclose(other.vis.headlight.diffuse, 0.5 * 2.4 / 3.3)
 
 
 def test_flicker_swings_between_full_and_its_depth_until_the_next_change():

@@ -1,0 +1,151 @@
+"""A room's MJCF file as a model: what stands in it, and nothing of how MuJoCo's viewer would show or move it.
+
+Viewers' settings (`visual`, `statistic`), the engine's (`option`, `size`) and what moves things (joints, mocap, tendons,
+actuators, keyframes) have no effect on a sensor: everything stands still where the file has it, and is drawn with the
+settings that are the twin's own. `docs/mjcf.md` has the whole table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from trackers.arrays import Array
+from trackers.errors import InputError
+from twin.geometry.geom_hull import FARTHEST_M
+from twin.room.files import room_files
+from twin.room.lighting import light_room
+
+NEAR_M = 0.02
+"""Nothing nearer to a camera is drawn [m]."""
+_FAR_M = 20.0
+"""The least far plane [m]. Farther ones are this times a power of `_STEP`: a chair more in a room moves no plane."""
+_STEP = 4.0
+_EXTENT = 4.0
+"""How far the far plane of a room is, in extents: half the side of the map that a directional lamp's shadows are drawn in."""
+_SLICES, _STACKS, _QUADS = 20, 12, 1
+"""Of round things, and of a flat one's side: light is worked out a pixel, so that one quad looks as many do."""
+_WITHOUT_EFFECT = (
+    "keys", "sensors", "actuators", "equalities", "tendons", "pairs", "excludes", "tuples", "texts", "joints"
+)  # fmt: skip
+_NOT_SET = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
+"""A geom's colour under which MuJoCo draws its material's."""
+
+
+def load_room(path: Path) -> mujoco.MjSpec:
+    """The room of an MJCF file, all of it at rest, with the twin's own settings in place of the file's.
+
+    Raises InputError for files that it may not read, for elements that are not modelled, and where it is no valid MJCF.
+    """
+    room_files(path)  # raises for what must not be read
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+    except ValueError as error:
+        raise InputError(f"{path}: is not a room ({what_is_wrong(error)}); a valid MJCF file is expected") from error
+    _put_at_rest(spec)
+    _set_settings(spec)
+    light_room(spec, str(path))
+    return spec
+
+
+def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
+    """The model of a room; raises InputError naming its file where it does not compile."""
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        raise InputError(f"{path}: does not compile ({what_is_wrong(error)}); a valid MJCF room is expected") from error
+    _check_groups(model, path)
+    _agree_on_the_unseen(model)
+    return model
+
+
+def what_is_wrong(error: Exception) -> str:
+    """MuJoCo's message and, where it gives them, the element and the line."""
+    what, *where = [line.strip().rstrip(".") for line in str(error).strip().splitlines()]
+    return ", ".join([what, *(line for line in where if line.startswith("Element"))])
+
+
+def set_planes(
+    spec: mujoco.MjSpec, room: mujoco.MjModel, data: mujoco.MjData, walkable: Array, places: Iterable[Array]
+) -> None:
+    """Set near and far plane of every camera, and how far shadows reach, whatever the file says.
+
+    The far plane is beyond everything in the room, seen from anywhere in it or from `places` (3,) [m] where cameras hang.
+    Shadows are drawn around where people walk, `walkable` (k, 2) [m]. `data`, of the compiled `room`, needs kinematics.
+    """
+    is_plane = room.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+    half_m = np.hypot(room.geom_size[:, 0], room.geom_size[:, 1])
+    half_m[(room.geom_size[:, :2] == 0).any(axis=1)] = FARTHEST_M  # planes without an end
+    reach_m = np.linalg.norm(data.geom_xpos, axis=1) + np.where(is_plane, half_m, room.geom_rbound)
+    room_m = min(float(reach_m.max(initial=0.0)), FARTHEST_M)
+    farthest_m = max([room_m, *(float(np.linalg.norm(place)) for place in places)])
+    people_m = float(np.linalg.norm(walkable - walkable.mean(axis=0), axis=1).max())
+    extent_m = _stepped(people_m, _FAR_M / _EXTENT)
+    spec.stat.extent = extent_m
+    spec.stat.center = [*walkable.mean(axis=0), 0.0]
+    spec.visual.map.znear = NEAR_M / extent_m
+    spec.visual.map.zfar = _stepped(room_m + farthest_m, _FAR_M) / extent_m
+
+
+def _stepped(length_m: float, least_m: float) -> float:
+    """The least of `least_m` times a power of `_STEP` that is at least as long [m]."""
+    while least_m < length_m:
+        least_m *= _STEP
+    return least_m
+
+
+def _put_at_rest(spec: mujoco.MjSpec) -> None:
+    """Take out what moves things or measures them, so that each stands still where the file has it."""
+    for kind in _WITHOUT_EFFECT:
+        for element in list(getattr(spec, kind)):
+            spec.delete(element)
+    for body in spec.bodies:
+        body.mocap = False
+
+
+def _set_settings(spec: mujoco.MjSpec) -> None:
+    """Put MuJoCo's own settings in place of the file's, for the viewer, the engine and the compiler.
+
+    Of the compiler's, those stay that say how the file is to be read: angles, folders.
+    """
+    fresh = mujoco.MjSpec()
+    spec.visual, spec.option, spec.stat = fresh.visual, fresh.option, fresh.stat
+    quality = spec.visual.quality
+    quality.numslices, quality.numstacks, quality.numquads = _SLICES, _STACKS, _QUADS
+    for name in ("memory", "njmax", "nconmax", "nstack", "nuserdata", "nkey"):
+        setattr(spec, name, getattr(fresh, name))
+    for name in (each for each in dir(spec) if each.startswith("nuser_")):
+        setattr(spec, name, getattr(fresh, name))
+    for name in (
+        "fusestatic", "discardvisual", "passthrough", "conflict", "alignfree", "balanceinertia", "boundinertia",
+        "boundmass", "settotalmass", "inertiafromgeom", "inertiagrouprange", "fitaabb",
+    ):  # fmt: skip
+        setattr(spec.compiler, name, getattr(fresh.compiler, name))
+    for texture in spec.textures:
+        texture.embed = mujoco.MjSpec().add_texture().embed
+
+
+def _check_groups(model: mujoco.MjModel, path: Path) -> None:
+    """Raise InputError for a geom in a group that MuJoCo does not tell apart from others."""
+    for geom in np.flatnonzero((model.geom_group < 0) | (model.geom_group >= mujoco.mjNGROUP))[:1].tolist():
+        name = model.geom(geom).name or f"geom {geom}"
+        raise InputError(
+            f"{path}: geom {name!r} is in group {model.geom_group[geom]}; a group from 0 to {mujoco.mjNGROUP - 1} is expected "
+            "(0 to 2: every sensor sees it, 3: rays alone, 4: cameras alone, 5: none)"
+        )
+
+
+def _agree_on_the_unseen(model: mujoco.MjModel) -> None:
+    """Make rays leave out the geoms that are not drawn, and no others, by the alpha of each geom's own colour.
+
+    MuJoCo draws a geom in its own colour, or in its material's where it has none; its rays go by the material's alone.
+    """
+    with_material = model.geom_matid >= 0
+    of_material = model.mat_rgba[model.geom_matid, 3] if model.nmat else np.ones(model.ngeom)
+    has_own = (model.geom_rgba != _NOT_SET).any(axis=1)
+    alpha = np.where(with_material & ~has_own, of_material, model.geom_rgba[:, 3])
+    model.geom_rgba[alpha == 0, 3] = 0
+    model.geom_matid[with_material & ((alpha == 0) | (of_material == 0))] = -1
