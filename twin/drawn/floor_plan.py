@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackers.arrays import Array
+from trackers.arrays import Array, Mask
 from twin.drawn.distributions import DrawnRoom
 
 PARTITION_M = 0.1
@@ -120,8 +120,8 @@ class FloorPlan:
         ]
         return np.array([*inside, *between]).reshape(-1, 2)
 
-    def is_inside(self, places: Array) -> Array:
-        """Which places (n, 2) [m] are over the floor."""
+    def is_inside(self, places: Array) -> Mask:
+        """Tell which places (n, 2) [m] are over the floor."""
         return np.any(
             [
                 (places[:, 0] >= room.x0) & (places[:, 0] <= room.x1) & (places[:, 1] >= room.y0) & (places[:, 1] <= room.y1)

@@ -56,7 +56,8 @@ class FreeSpace:
         """The connected parts of the places where a middle can be, numbered from 1 by size; 0: taken."""
         if self._number is None:
             gap_m = cv2.distanceTransform(1 - self._taken, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * _CELL_M
-            _, number, stats, _ = cv2.connectedComponentsWithStats((gap_m >= KEEP_M).astype(np.uint8), connectivity=4)
+            found = cv2.connectedComponentsWithStats((gap_m >= KEEP_M).astype(np.uint8), connectivity=4)
+            number, stats = np.asarray(found[1], np.int32), np.asarray(found[2])
             order = np.zeros(len(stats), np.int32)
             order[1 + (-stats[1:, cv2.CC_STAT_AREA]).argsort(kind="stable")] = np.arange(1, len(stats))
             self._number = order[number]
@@ -82,7 +83,7 @@ class FreeSpace:
         outlines, _ = cv2.findContours((gap_m >= WALKED_M).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         outline = max(outlines, key=cv2.contourArea)
         for rough_cells in (0.6, 1.2, 2.4):
-            corners = (cv2.approxPolyDP(outline, rough_cells, closed=True)[:, 0] - 1) * _CELL_M
+            corners = (cv2.approxPolyDP(outline, rough_cells, closed=True)[:, 0].astype(np.float64) - 1) * _CELL_M
             if meets_itself_at(corners) is None and all(inset(corners, each) is not None for each in _MARGINS_M):
                 return corners
         return None
@@ -91,4 +92,4 @@ class FreeSpace:
         """Draw places (count, 2) [m] of the largest free part, uniformly."""
         rows, columns = np.nonzero(self._parts == 1)
         chosen: Index = rng.integers(len(rows), size=count)
-        return (np.column_stack([columns[chosen], rows[chosen]]) - 1) * _CELL_M
+        return (np.column_stack([columns[chosen], rows[chosen]]).astype(np.float64) - 1) * _CELL_M

@@ -62,7 +62,7 @@ class _Draws:
         rng, options = self._rng, self._options
         is_waist = rng.random() < options.waist
         height = float(rng.uniform(0.85, 1.1) if is_waist else rng.uniform(0.25, 0.45))
-        place, yaw = self._on_a_wall(options.field_of_view_deg)
+        place, yaw = self._on_a_wall()
         fov = float(rng.choice(options.field_of_view_deg))
         return {
             "kind": "laser",
@@ -78,7 +78,7 @@ class _Draws:
 
     def fisheye(self, number: int) -> dict[str, Any]:
         """A fisheye camera at head height on a wall, looking into the room."""
-        place, yaw = self._on_a_wall(())
+        place, yaw = self._on_a_wall()
         return {
             "kind": "fisheye",
             "rate_hz": self._rate(),
@@ -123,7 +123,7 @@ class _Draws:
         }
         return mount | ({"pitch_deg": round(pitch_deg, 1)} if pitch_deg else {})
 
-    def _on_a_wall(self, _: tuple[float, ...]) -> tuple[Array, float]:
+    def _on_a_wall(self) -> tuple[Array, float]:
         """A free place on an outer wall, not behind furniture, in a door or beside another sensor, and where it faces [deg]."""
         plan, rng = self._building.plan, self._rng
         lengths = np.array([wall.length_m for wall in plan.walls])

@@ -24,6 +24,11 @@ Changes = Annotated[dict[str, JsonValue], mapping_of("a mapping of fields' paths
 _MOST_SEEDS = 100_000
 
 
+_SEEDS_EXPECTED = (
+    "a list of seeds, as in [0, 1, 2], how many from 0 on, as in 3, or {from: 1000, count: 200} is expected"
+)
+
+
 class SeedRange(Strict):
     """Seeds one after another."""
 
@@ -37,17 +42,14 @@ def _seeds(value: Any) -> Any:
         try:
             between = SeedRange.model_validate(value)
         except ValidationError as error:
-            raise refused(value, "seeds as in {from: 1000, count: 200} are expected") from error
+            raise refused(value, _SEEDS_EXPECTED) from error
         return tuple(range(between.first, between.first + between.count))
     if isinstance(value, int) and not isinstance(value, bool):
         if not 1 <= value <= _MOST_SEEDS:
             raise ValueError(f"how many seeds there are from 0 on; 1 to {_MOST_SEEDS} is valid")
         return tuple(range(value))
     if not isinstance(value, list | tuple) or not value:
-        raise refused(
-            value,
-            "a list of seeds, as in [0, 1, 2], how many from 0 on, as in 3, or {from: 1000, count: 200} is expected",
-        )
+        raise refused(value, _SEEDS_EXPECTED)
     return value
 
 

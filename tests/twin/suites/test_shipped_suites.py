@@ -106,10 +106,10 @@ def test_a_suite_says_what_it_is_for(name: str) -> None:
 
 def test_baseline_sets_every_scenario_with_a_scanner_beside_sort_on_seeds_of_its_own() -> None:
     cases = cases_of("baseline")
-    scanned = {
+    scanned = {  # drawn rooms have a suite of their own
         name
         for name in models.names("scenarios")
-        if any(sensor.kind == "laser" for sensor in load_scenario(name).sensors.values())
+        if name != "drawn" and any(sensor.kind == "laser" for sensor in load_scenario(name).sensors.values())
     }
     assert {case.scenario for case in cases} >= scanned
     trackers = {name: {case.tracker for case in cases if case.scenario == name} for name in scanned}

@@ -24,6 +24,11 @@ def cases_of(tmp_path: Path, text: str) -> list[Case]:
     return expand(*load_suite(path))
 
 
+SEEDS_EXPECTED = (
+    "a list of seeds, as in [0, 1, 2], how many from 0 on, as in 3, or {from: 1000, count: 200} is expected"
+)
+
+
 @pytest.mark.parametrize("name", models.names("suites"))
 def test_shipped_suites_can_be_run(name: str) -> None:
     suite, path = load_suite(name)
@@ -113,7 +118,7 @@ def test_bad_suites_are_told_with_the_field(tmp_path: Path, text: str, said: str
     [
         ("seeds: [a]", "seeds.0: a seed, a whole number from 0 up, is expected (got 'a')"),
         ("seeds: [0, -1]", "seeds.1: a seed, a whole number from 0 up, is expected (got -1)"),
-        ("seeds: {}", "seeds: a list of seeds, as in [0, 1, 2], or how many from 0 on, as in 3, is expected (got {})"),
+        ("seeds: {}", f"seeds: {SEEDS_EXPECTED} (got {{}})"),
         ("seeds: 1000000000000", "seeds: how many seeds there are from 0 on; 1 to 100000 is valid (got 1000000000000)"),
         ("trackers: 3", "trackers: a list of trackers' names, as in [laser-imm], is expected (got 3)"),
         (
@@ -139,7 +144,7 @@ def test_bad_suites_are_told_with_the_field(tmp_path: Path, text: str, said: str
         ),
         (
             "scenarios: [{scenario: lab-five-people, seeds: {a: 1}}]",
-            "scenarios.0.seeds: a list of seeds, as in [0, 1, 2], or how many from 0 on, as in 3, is expected (got {'a': 1})",
+            f"scenarios.0.seeds: {SEEDS_EXPECTED} (got {{'a': 1}})",
         ),
         (
             "scenarios: [{scenario: lab-five-people, grid: {duration_s: 5}}]",
