@@ -18,3 +18,4 @@ Floats = np.ndarray[Any, np.dtype[np.floating]]
 """Single or double precision."""
 Complexes = np.ndarray[Any, np.dtype[np.complex128]]
 AnyArray = np.ndarray[Any, np.dtype[Any]]
+Nanoseconds = np.ndarray[Any, np.dtype[np.int64]]

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import struct
 import sys
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import apsw  # what rosbags reads sqlite3 bags with; named here for its error only
 from rosbags import rosbag1, rosbag2
-from rosbags.interfaces import Connection
+from rosbags.interfaces import Connection, ConnectionExtRosbag2
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
 from trackers.errors import InputError
+from twin.recording.bag_path import BagPath
+from twin.recording.broken_bag import unreadable, why_broken
 from twin.recording.messages import TYPESTORE
 
 if sys.version_info >= (3, 14):
@@ -43,58 +45,98 @@ _BROKEN_BAG = (
     zstd.ZstdError,
 )
 _EXPECTED = "a whole ROS 1 .bag, ROS 2 bag folder, .mcap or .db3 is expected"
+_ROS1_TYPESTORE = get_typestore(Stores.ROS1_NOETIC)
 
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """A topic in a bag: the type of its messages in ROS 2 notation, and how many there are."""
+    """A topic in a bag: the type of its messages in ROS 2 notation, and how many there are of all types.
+
+    others: further types of messages on the topic, and how many messages there are of each.
+    """
 
     msgtype: str
     message_count: int
+    others: Mapping[str, int] = field(default_factory=dict)
+
+    def count_of(self, msgtype: str) -> int:
+        """How many messages there are of a type, as the bag's index says."""
+        if msgtype != self.msgtype:
+            return self.others.get(msgtype, 0)
+        return self.message_count - sum(self.others.values())
+
+    def type_among(self, msgtypes: Collection[str]) -> str | None:
+        """The type with most messages among these, which the topic has; None where it has none of them."""
+        have = [each for each in (self.msgtype, *self.others) if each in msgtypes]
+        return max(have, key=self.count_of, default=None)
 
 
 class Bag:
-    """An open bag; made by `open_bag`."""
+    """An open bag; made by `open_bag`.
+
+    Attributes: `start_ns`, `end_ns`: log times of the first and the last message as the bag's index has them [ns], equal for
+    an empty bag.
+    """
 
     def __init__(self, path: Path, reader: rosbag1.Reader | rosbag2.Reader) -> None:
         self._path = path
         self._reader = reader
-        # Only standard messages are used; the definitions in the bag need not be parsed, and cannot break anything.
-        is_ros1 = isinstance(reader, rosbag1.Reader)
-        self._deserialize = get_typestore(Stores.ROS1_NOETIC).deserialize_ros1 if is_ros1 else TYPESTORE.deserialize_cdr
+        self._is_ros1_bag = isinstance(reader, rosbag1.Reader)
+        is_empty = reader.duration <= 0
+        self.start_ns = 0 if is_empty else reader.start_time
+        self.end_ns = 0 if is_empty else reader.end_time - 1  # rosbags counts to 1 ns after the last
 
     @property
     def topics(self) -> dict[str, Topic]:
         """The topics by name, each with one slash in front; a topic of several types has the type of the first."""
         topics: dict[str, Topic] = {}
         for connection in self._reader.connections:
-            name = normal_topic(connection.topic)
-            known = topics.get(name, Topic(connection.msgtype, 0))
-            topics[name] = Topic(known.msgtype, known.message_count + connection.msgcount)
+            name, msgtype, count = normal_topic(connection.topic), self._type(connection), connection.msgcount
+            known = topics.get(name, Topic(msgtype, 0))
+            others = dict(known.others)
+            if msgtype != known.msgtype:
+                others[msgtype] = others.get(msgtype, 0) + count
+            topics[name] = Topic(known.msgtype, known.message_count + count, others)
         return topics
 
     @property
     def duration_s(self) -> float:
         """From the first message logged to the last [s]; 0 for an empty bag."""
-        return max(self._reader.duration - 1, 0) / 1e9  # rosbags counts to 1 ns after the last
+        return (self.end_ns - self.start_ns) / 1e9
+
+    def encoded_messages(self, topics: Mapping[str, str]) -> Iterator[tuple[str, int, bytes, bool]]:
+        """Topic, log time [ns], encoded message and whether it is encoded as ROS 1 does, in order of log time.
+
+        `topics`: the type of the messages wanted of each topic. Messages of one log time come as they were written. Raises
+        InputError where the bag is damaged.
+        """
+        connections = [
+            connection
+            for connection in self._reader.connections
+            if topics.get(normal_topic(connection.topic)) == self._type(connection)
+        ]
+        if not connections:
+            return  # rosbags takes no connections for all
+        is_ros1 = {connection.id: self._is_ros1(connection) for connection in connections}
+        with _bag_errors(self._path):
+            for connection, log_time_ns, data in self._reader.messages(connections):
+                yield normal_topic(connection.topic), log_time_ns, data, is_ros1[connection.id]
 
     def messages(self, topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
         """Topic, log time [ns] and message, in order of log time, read as they are asked for.
 
-        Messages of one log time come as they were written. Raises InputError where the bag is damaged.
+        Of a topic of several types, those of the first. Raises InputError where the bag is damaged, or a message.
         """
-        topic_types = self.topics
-        connections = [
-            connection
-            for connection in self._reader.connections
-            if (name := normal_topic(connection.topic)) in topics and connection.msgtype == topic_types[name].msgtype
-        ]
-        if not connections:
-            return  # rosbags takes no connections for all
-        with _bag_errors(self._path):
-            for connection, log_time_ns, data in self._reader.messages(connections):
-                message = self._deserialize(data, connection.msgtype)
-                yield normal_topic(connection.topic), log_time_ns, message
+        types = {name: topic.msgtype for name, topic in self.topics.items() if name in topics}
+        for topic, log_time_ns, data, is_ros1 in self.encoded_messages(types):
+            with _bag_errors(self._path):
+                message = decode(data, types[topic], is_ros1)
+            yield topic, log_time_ns, message
+
+    @property
+    def is_ros1(self) -> bool:
+        """Whether messages are encoded as in ROS 1, in a ROS 1 bag or an MCAP file."""
+        return self._is_ros1_bag or any(map(self._is_ros1, self._reader.connections))
 
     @property
     def connections(self) -> list[Connection]:
@@ -110,23 +152,52 @@ class Bag:
             with _bag_errors(self._path):
                 yield from self._reader.messages(connections)
 
+    def _is_ros1(self, connection: Connection) -> bool:
+        extra = connection.ext
+        return not isinstance(extra, ConnectionExtRosbag2) or extra.serialization_format == "ros1"
+
+    def _type(self, connection: Connection) -> str:
+        """The type in ROS 2 notation; of messages that are encoded in a way that cannot be read, that way too."""
+        package, _, name = connection.msgtype.partition("/")
+        msgtype = connection.msgtype if "/" in name or not name else f"{package}/msg/{name}"
+        extra = connection.ext
+        if isinstance(extra, ConnectionExtRosbag2) and extra.serialization_format not in ("cdr", "ros1"):
+            return f"{msgtype} encoded as {extra.serialization_format or 'nothing that is named'}"
+        return msgtype
+
 
 @contextmanager
 def open_bag(path: Path) -> Iterator[Bag]:
     """Open a bag for reading; raises InputError for one that is missing, of another kind, or damaged."""
     if not path.exists():
         raise InputError(f"{path}: does not exist; {_EXPECTED}")
-    if path.is_dir() and not (path / "metadata.yaml").exists():
-        raise InputError(f"{path}: is a folder without metadata.yaml, so no ROS 2 bag; {_EXPECTED}")
-    if not path.is_dir() and path.suffix not in (".bag", ".mcap", ".db3"):
-        raise InputError(f"{path}: is not named like a bag; {_EXPECTED}")
     with _bag_errors(path):
-        reader = rosbag1.Reader(path) if path.suffix == ".bag" and path.is_file() else rosbag2.Reader(path)
+        if reason := unreadable(path):
+            raise InputError(f"{path}: {reason}; {_EXPECTED}")
+        shown = BagPath(path)
+        is_ros1 = path.suffix == ".bag" and path.is_file()
+        reader = rosbag1.Reader(path) if is_ros1 else rosbag2.Reader(cast("Path", shown))
         reader.open()
     try:
         yield Bag(path, reader)
     finally:
         reader.close()
+
+
+def decode(data: bytes, msgtype: str, is_ros1: bool) -> Any:
+    """A message of a standard type from its bytes; raises what `rosbags` does where they are none.
+
+    The definitions in the bag are not parsed: only standard messages are used, and nothing can be broken there.
+    """
+    return (_ROS1_TYPESTORE.deserialize_ros1 if is_ros1 else TYPESTORE.deserialize_cdr)(data, msgtype)
+
+
+def decoded(data: bytes, msgtype: str, is_ros1: bool) -> Any:
+    """`decode`, raising InputError for bytes that are no such message."""
+    try:
+        return decode(data, msgtype, is_ros1)
+    except _BROKEN_BAG as error:
+        raise InputError(f"{len(data)} bytes that are no {msgtype} ({_first_line(error)})") from error
 
 
 def normal_topic(name: str) -> str:
@@ -141,7 +212,10 @@ def _bag_errors(path: Path) -> Iterator[None]:
     except InputError:
         raise
     except _BROKEN_BAG as error:
-        reason = (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
-        raise InputError(f"{path}: is truncated or damaged ({reason}); {_EXPECTED}") from error
+        raise InputError(f"{path}: {why_broken(path, _first_line(error))}; {_EXPECTED}") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}); {_EXPECTED}") from error
+
+
+def _first_line(error: BaseException) -> str:
+    return (str(error) or type(error).__name__).splitlines()[0].rstrip(".")

@@ -2,44 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import TypeVar
 
+from trackers.arrays import Nanoseconds
 from trackers.errors import InputError
-from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, Observation
-from trackers.rig import CameraSensor, FloorSensor, LaserSensor, Rig, RigSensor, StereoSensor
+from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
+from trackers.rig import CameraSensor, FloorSensor, Rig, RigSensor, StereoSensor
 from twin.recording import topics
-from twin.recording.bag import Bag, Topic, normal_topic, open_bag
-from twin.recording.depth_pairs import DepthPairs
+from twin.recording.bag import Bag, Topic, decoded, open_bag
+from twin.recording.clocks import SetRight, set_right
+from twin.recording.depth_pairs import DepthPairs, partners, tolerance_ns
 from twin.recording.depth_picture import decode_depth
-from twin.recording.messages import COMPRESSED_IMAGE, LASER_SCAN, RAW_IMAGE, STRING, from_message, stamp_of
+from twin.recording.losses import Loss, missing
+from twin.recording.message_times import MessageTimes, read_times
+from twin.recording.messages import STRING, from_message, stamp_of
+from twin.recording.motion import motions
+from twin.recording.sensor_topics import MSGTYPES, SensorTopics, absent, guessed_rig, sensor_topics
 from twin.recording.situations import decode_situation
 from twin.recording.tables import TruthFrame
 from twin.recording.truth_messages import decode_people
 from twin.truth.frames import Situation
 
 _Told = TypeVar("_Told")
-_PICTURES = (COMPRESSED_IMAGE, RAW_IMAGE)
-_MSGTYPES = {
-    "laser": (LASER_SCAN,),
-    "fisheye": _PICTURES,
-    "camera": _PICTURES,
-    "stereo": _PICTURES,
-    "floor": (RAW_IMAGE,),
-}
 
 
 class Recording:
     """A bag as observations: a twin's `.mcap`, or a robot's ROS 1 `.bag`, ROS 2 folder, `.mcap` or `.db3`.
 
-    A twin's bag keeps its stamps, which count from the start of the run. A robot's are shifted by `start_ns`, the
-    earliest first stamp of its sensors, so that they count from the start too. A sensor's `time_offset_s` is added to
-    its stamps. The file is open only while something is read from it; every iterator starts over.
+    A twin's bag keeps its stamps, which count from the start of the run. A robot's are set right where clocks were wrong
+    (`twin.recording.clocks`) and shifted by `start_ns`, the earliest first stamp of its sensors, so that they count from the
+    start too. A sensor's `time_offset_s` is added to its stamps. The file is open only while something is read from it; every
+    iterator starts over.
 
     Attributes: `path`; `rig`; `topics` by name; `scenario_yaml` (None in a robot's bag); `is_twin`; `start_ns`, the
-    header stamp [ns] that became 0 (0 in a twin's bag); `duration_s`, first to last message.
+    header stamp [ns] that became 0 (0 in a twin's bag); `duration_s`, first to last message; `ahead_s`, how far each
+    sensor's stamps are ahead of the others' logged at the same time [s].
     """
 
     def __init__(self, path: Path, rig: Rig | Path | None = None) -> None:
@@ -56,6 +56,7 @@ class Recording:
             carried = self._text(bag, topics.RIG)
             self.is_twin = carried is not None
             self.scenario_yaml = self._text(bag, topics.SCENARIO)
+            silent: list[Loss] = []
             if isinstance(rig, Path):
                 self.rig, source = Rig.load(rig), str(rig)
             elif rig is not None:
@@ -64,15 +65,36 @@ class Recording:
                 source = f"{path}, topic {topics.RIG}"
                 self.rig = Rig.parse(carried, source)
             else:
-                self.rig, source = self._guessed_rig(), "the rig"
-            self._sensors = self._sensors_by_topic(source)
-            self._depths = self._depths_by_topic(source)
-            self.start_ns = 0 if self.is_twin else self._first_stamp_ns(bag)
+                (self.rig, silent), source = guessed_rig(path, self.topics), "the rig"
+            self._topics = sensor_topics(path, self.topics, self.rig, source)
+            times = read_times(bag, self._topics.types)
+            self._check_has_messages(times)
+            right = self._set_right(times)
+            self.ahead_s = right.ahead_s
+            self.start_ns = 0 if self.is_twin else self._first_stamp_ns(right)
+            self._stamps = {
+                topic: right.stamps_ns[self._topics.label(topic)] - self.start_ns for topic in self._topics.types
+            }
+            self._times = times
+            self._found = [*silent, *self._topics.losses, *right.losses, *self._not_there(times, bag)]
+            self.moving: list[str] = [] if self.is_twin else motions(bag, self._frames())
+            """What says that a sensor moves, a clause each; none in a twin's bag."""
+        self._reading = _Reading()
 
     @property
     def observation_count(self) -> int:
         """How many observations there are, all sensors together."""
-        return sum(self.topics[topic].message_count for topic in self._sensors)
+        return sum(len(self._times[topic]) for topic in self._topics.sensors)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many messages of each sensor there are."""
+        return {name: len(self._times[topic]) for topic, name in self._topics.sensors.items()}
+
+    @property
+    def losses(self) -> list[Loss]:
+        """What of the recording does not reach a tracker, or was set right; whole when `observations` has come to its end."""
+        return [*self._found, *self._reading.losses(self._topics, self._times)]
 
     @cached_property
     def background(self) -> list[Observation]:
@@ -80,19 +102,29 @@ class Recording:
         sensors, depths = {}, {}
         for name, sensor in self.rig.sensors.items():
             topic = topics.background_topic(name, topics.SUFFIXES[sensor.kind])
-            if topic in self.topics and self.topics[topic].msgtype in _MSGTYPES[sensor.kind]:
+            if topic in self.topics and self.topics[topic].msgtype in MSGTYPES[sensor.kind]:
                 sensors[topic] = name
             depth_topic = topics.background_topic(name, topics.DEPTH)
             if isinstance(sensor, StereoSensor) and depth_topic in self.topics:
                 depths[depth_topic] = name
-        return list(self._decoded(sensors, depths))
+        types = {topic: self.topics[topic].msgtype for topic in (*sensors, *depths)}
+        with open_bag(self.path) as bag:
+            times = read_times(bag, types)
+        names = sensors | depths
+        stamps = {
+            topic: each.stamp_ns + _offset_ns(self.rig.sensors[names[topic]]) - self.start_ns
+            for topic, each in times.items()
+        }
+        return list(self._decoded(SensorTopics(sensors, depths, types), stamps, _Reading()))
 
     def observations(self) -> Iterator[Observation]:
         """The observations in order of arrival (log time), read as they are asked for.
 
-        Raises InputError where the bag is damaged or a message cannot be used.
+        Messages that cannot be used are left out and counted (`losses`). Raises InputError where the bag is damaged, or most
+        of a sensor's messages cannot be used.
         """
-        return self._decoded(self._sensors, self._depths)
+        self._reading = _Reading()
+        return self._decoded(self._topics, self._stamps, self._reading)
 
     def truth(self) -> Iterator[TruthFrame]:
         """The truth in order of time; nothing in a robot's bag. Raises InputError where it is something else."""
@@ -114,47 +146,61 @@ class Recording:
                 except InputError as error:
                     raise InputError(f"{self.path}: topic {topic}: {error}") from error
 
-    def _decoded(self, sensors: dict[str, str], depths: dict[str, str]) -> Iterator[Observation]:
-        pairs = {name: DepthPairs() for name in depths.values()}
+    def _decoded(
+        self, found: SensorTopics, stamps: Mapping[str, Nanoseconds], reading: _Reading
+    ) -> Iterator[Observation]:
+        colours = {name: topic for topic, name in found.sensors.items()}
+        pairs = {
+            name: DepthPairs(partners(stamps[colours[name]], stamps[topic]))
+            for topic, name in found.depths.items()
+            if name in colours
+        }
+        reading.pairs = pairs
+        numbers = dict.fromkeys(found.types, -1)
         with open_bag(self.path) as bag:
-            for topic, _, message in bag.messages({*sensors, *depths}):
-                name = sensors.get(topic) or depths[topic]
-                sensor = self.rig.sensors[name]
+            for topic, _, data, is_ros1 in bag.encoded_messages(found.types):
+                number = numbers[topic] = numbers[topic] + 1
+                stamp_ns = int(stamps[topic][number])
+                name = found.sensors.get(topic) or found.depths[topic]
                 try:
-                    offset_ns = _offset_ns(sensor) - self.start_ns
-                    if topic in depths:
-                        stamp_ns = stamp_of(message) + offset_ns
-                        observation = pairs[name].depth(stamp_ns, decode_depth(message, name))
+                    message = decoded(data, found.types[topic], is_ros1)
+                    if topic in found.depths:
+                        observation = pairs[name].depth(number, decode_depth(message, name))
                     else:
+                        sensor = self.rig.sensors[name]
+                        offset_ns = stamp_ns - stamp_of(message)
                         observation = from_message(message, name, kind=sensor.kind, offset_ns=offset_ns)
                         if name in pairs and isinstance(observation, Image):
-                            observation = pairs[name].colour(observation)
+                            observation = pairs[name].colour(number, observation)
+                    self._check_fits(name, observation)
                 except InputError as error:
-                    raise InputError(f"{self.path}: topic {topic}: {error}") from error
-                if observation is None:
+                    reading.leave_out(topic, stamp_ns, str(error))
+                    if 2 * reading.left_out[topic] > stamps[topic].size:
+                        raise InputError(f"{self.path}: topic {topic}: {reading.first[topic][1]}") from error
                     continue
-                if isinstance(observation, Image | DepthImage) and isinstance(sensor, CameraSensor):
-                    self._check_size(topic, name, observation, sensor)
-                if isinstance(observation, FloorFrame) and isinstance(sensor, FloorSensor):
-                    self._check_grid(topic, name, observation, sensor)
-                yield observation
+                if observation is not None:
+                    yield observation
+        reading.is_done = True
 
-    def _check_size(self, topic: str, name: str, image: Image | DepthImage, camera: CameraSensor) -> None:
-        height, width, _ = image.rgb.shape
-        lens = camera.intrinsics
-        if (width, height) != (lens.width, lens.height):
-            raise InputError(
-                f"{self.path}: topic {topic}: image is {width} x {height}; sensors.{name}.intrinsics of the rig "
-                f"say {lens.width} x {lens.height}, the size of the images is expected there"
-            )
-
-    def _check_grid(self, topic: str, name: str, frame: FloorFrame, floor: FloorSensor) -> None:
-        rows, columns = frame.values.shape
-        if (rows, columns) != (floor.rows, floor.columns):
-            raise InputError(
-                f"{self.path}: topic {topic}: frame is {rows} rows x {columns} columns; sensors.{name} of the rig says "
-                f"{floor.rows} x {floor.columns}, the size of the frames is expected there"
-            )
+    def _check_fits(self, name: str, observation: Observation | None) -> None:
+        sensor = self.rig.sensors[name]
+        if isinstance(observation, LaserScan) and not observation.ranges_m.size:
+            raise InputError(f"scan of {name!r}: has no ranges; one for each beam is expected")
+        if isinstance(observation, Image | DepthImage) and isinstance(sensor, CameraSensor):
+            height, width, _ = observation.rgb.shape
+            lens = sensor.intrinsics
+            if (width, height) != (lens.width, lens.height):
+                raise InputError(
+                    f"image is {width} x {height}; sensors.{name}.intrinsics of the rig "
+                    f"say {lens.width} x {lens.height}, the size of the images is expected there"
+                )
+        if isinstance(observation, FloorFrame) and isinstance(sensor, FloorSensor):
+            rows, columns = observation.values.shape
+            if (rows, columns) != (sensor.rows, sensor.columns):
+                raise InputError(
+                    f"frame is {rows} rows x {columns} columns; sensors.{name} of the rig says "
+                    f"{sensor.rows} x {sensor.columns}, the size of the frames is expected there"
+                )
 
     def _text(self, bag: Bag, topic: str) -> str | None:
         if topic not in self.topics or self.topics[topic].msgtype != STRING:
@@ -168,86 +214,88 @@ class Recording:
         if msgtype != STRING:
             raise InputError(f"{self.path}: topic {topic} is {msgtype}; {STRING} is expected")
 
-    def _first_stamp_ns(self, bag: Bag) -> int:
-        firsts = []
-        for topic, name in self._sensors.items():
-            for _, _, message in bag.messages([topic]):
-                firsts.append(stamp_of(message) + _offset_ns(self.rig.sensors[name]))
-                break
-        if not firsts:
+    def _check_has_messages(self, times: Mapping[str, MessageTimes]) -> None:
+        if self.is_twin or any(len(times[topic]) for topic in self._topics.sensors):
+            return
+        if any(self.topics[topic].message_count for topic in self._topics.sensors):
             raise InputError(
                 f"{self.path}: is damaged, its index counts messages that are not there; a whole bag is expected"
             )
-        return min(firsts)
+        named = ", ".join(self._topics.sensors) or "no topic at all"
+        raise InputError(f"{self.path}: holds no message on {named}; a recording of the rig's sensors is expected")
 
-    def _sensors_by_topic(self, source: str) -> dict[str, str]:
-        sensors: dict[str, str] = {}
-        for name, sensor in self.rig.sensors.items():
-            topic, valid = normal_topic(sensor.topic), _MSGTYPES[sensor.kind]
-            where = f"{source}: sensors.{name}.topic is {sensor.topic!r}"
-            if topic not in self.topics:
-                raise InputError(f"{where}, which {self.path} does not have; {self._usable(*valid)}")
-            if self.topics[topic].msgtype not in valid:
-                raise InputError(
-                    f"{where}, which is {self.topics[topic].msgtype} in {self.path}; {self._usable(*valid)}"
-                )
-            if topic in sensors:
-                raise InputError(f"{where}, as is that of {sensors[topic]!r}; a topic of its own is expected")
-            sensors[topic] = name
-        if not self.is_twin and not any(self.topics[topic].message_count for topic in sensors):
-            named = ", ".join(sensors) or "no topic at all"
-            raise InputError(f"{self.path}: holds no message on {named}; a recording of the rig's sensors is expected")
-        return sensors
+    def _set_right(self, times: Mapping[str, MessageTimes]) -> SetRight:
+        labels = {self._topics.label(topic): each for topic, each in times.items()}
+        names = self._topics.sensors | self._topics.depths
+        offsets = {self._topics.label(topic): _offset_ns(self.rig.sensors[name]) for topic, name in names.items()}
+        try:
+            return set_right(labels, offsets, keeps_stamps=self.is_twin)
+        except InputError as error:
+            raise InputError(f"{self.path}: {error}") from error
 
-    def _depths_by_topic(self, source: str) -> dict[str, str]:
-        """The topics of depth, each with the sensor that it belongs to."""
-        depths: dict[str, str] = {}
-        for name, sensor in self.rig.sensors.items():
-            if not isinstance(sensor, StereoSensor):
-                continue
-            topic = normal_topic(sensor.depth_topic)
-            where = f"{source}: sensors.{name}.depth_topic is {sensor.depth_topic!r}"
-            if topic not in self.topics:
-                raise InputError(f"{where}, which {self.path} does not have; {self._usable(*_PICTURES)}")
-            if self.topics[topic].msgtype not in _PICTURES:
-                raise InputError(
-                    f"{where}, which is {self.topics[topic].msgtype} in {self.path}; {self._usable(*_PICTURES)}"
-                )
-            if topic in self._sensors or topic in depths:
-                raise InputError(f"{where}, as is that of another; a topic of its own is expected")
-            depths[topic] = name
-        return depths
+    def _first_stamp_ns(self, right: SetRight) -> int:
+        firsts = (right.stamps_ns[name] for name in self._topics.sensors.values())
+        return min(int(stamps[0]) for stamps in firsts if stamps.size)
 
-    def _guessed_rig(self) -> Rig:
-        scans = self._topics_of(LASER_SCAN)
-        images = self._topics_of(COMPRESSED_IMAGE, RAW_IMAGE)
-        if len(scans) == 1:
-            name = scans[0].strip("/").replace("/", "_")
-            return Rig(sensors={name: LaserSensor(topic=scans[0])})
-        if scans:
-            raise InputError(
-                f"{self.path}: has {len(scans)} LaserScan topics ({', '.join(scans)}); "
-                f"a rig.yaml that says which sensor each is and where it stands is expected"
-            )
-        if images:
-            raise InputError(
-                f"{self.path}: has no LaserScan topic, only images ({', '.join(images)}); "
-                f"a rig.yaml with the place and the lens of each camera is expected"
-            )
-        have = ", ".join(f"{name} ({topic.msgtype})" for name, topic in sorted(self.topics.items())) or "none"
-        raise InputError(f"{self.path}: has no usable topic, its topics are: {have}; a {LASER_SCAN} topic is expected")
+    def _frames(self) -> dict[str, set[str]]:
+        """The frames that each sensor's headers name."""
+        return {name: set(self._times[topic].frames) for topic, name in self._topics.sensors.items()}
 
-    def _usable(self, *msgtypes: str) -> str:
-        """'expected is one of ...': the topics of these types."""
-        have = self._topics_of(*msgtypes)
-        kinds = " or ".join(msgtypes)
-        return f"expected is a topic of {kinds}, of which the bag has {', '.join(have) if have else 'none'}"
+    def _not_there(self, times: Mapping[str, MessageTimes], bag: Bag) -> Iterator[Loss]:
+        """What the bag says that it holds and does not, and what is missing by the sensors' own rhythm."""
+        stamps = [stamps for stamps in self._stamps.values() if stamps.size]
+        if not stamps:
+            return
+        from_ns = min(int(each.min()) for each in stamps)
+        logged_on_ns = max(bag.end_ns - max(int(each.log_ns.max()) for each in times.values() if len(each)), 0)
+        to_ns = max(int(each.max()) for each in stamps) + logged_on_ns
+        for topic, each in times.items():
+            label, counted = self._topics.label(topic), self.topics[topic].count_of(self._topics.types[topic])
+            if not len(each):
+                yield absent(label, topic, "it is empty")
+            elif (loss := missing(label, self._stamps[topic], from_ns, to_ns)) is not None:
+                yield loss
+            if counted > len(each):
+                what = f"that the bag's index counts on {topic} are not there"
+                yield Loss(label, counted - len(each), counted, what, "the bag is damaged, or was cut")
+            (frame, most), *_ = each.frames.most_common(1) or [("", len(each))]
+            if most < len(each):
+                others = ", ".join(repr(other) for other in each.frames if other != frame)
+                what = f"are of frame {others}, the others of {frame!r}: two sensors on one topic"
+                yield Loss(label, len(each) - most, len(each), what, "a topic for each sensor is expected")
 
-    def _topics_of(self, *msgtypes: str) -> list[str]:
-        background = "/background/"
-        return sorted(
-            name for name, topic in self.topics.items() if topic.msgtype in msgtypes and background not in name
-        )
+
+class _Reading:
+    """What was left out while observations were read, by topic."""
+
+    def __init__(self) -> None:
+        self.left_out: dict[str, int] = {}
+        self.first: dict[str, tuple[int, str]] = {}
+        self.pairs: dict[str, DepthPairs] = {}
+        self.is_done = False
+
+    def leave_out(self, topic: str, stamp_ns: int, why: str) -> None:
+        """Count a message that cannot be used."""
+        self.left_out[topic] = self.left_out.get(topic, 0) + 1
+        self.first.setdefault(topic, (stamp_ns, why))
+
+    def losses(self, found: SensorTopics, times: Mapping[str, MessageTimes]) -> list[Loss]:
+        """What was left out, as losses."""
+        losses = []
+        for topic, count in self.left_out.items():
+            stamp_ns, why = self.first[topic]
+            what = f"cannot be used and were left out, the first at {stamp_ns / NS_PER_S:.2f} s: {why}"
+            losses.append(Loss(found.label(topic), count, len(times[topic]), what, always=True))
+        topic_of = {name: topic for topic, name in found.sensors.items()}
+        depth_of = {name: topic for topic, name in found.depths.items()}
+        for name, each in self.pairs.items() if self.is_done else ():
+            colour, depth = times[topic_of[name]], times[depth_of[name]]
+            if (alone := len(colour) - each.paired - self.left_out.get(topic_of[name], 0)) > 0:
+                within_ms = tolerance_ns(colour.stamp_ns, depth.stamp_ns) / 1e6
+                what = f"are colour pictures without one of depth within half a period ({within_ms:.0f} ms)"
+                remedy = f"see whether {depth_of[name]} comes as often and from the same clock"
+                losses.append(Loss(name, alone, len(colour), what, remedy))
+        return losses
 
 
 def _offset_ns(sensor: RigSensor) -> int:

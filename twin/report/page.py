@@ -59,7 +59,7 @@ class RunFacts:
 
     title: the scenario or recording; versions: what the result depends on, by name; sensors: by name, `frames` and
     `ms_mean` (None: unknown) as in `metrics.json`; command: how to get the same again; notes: one sentence each, on
-    what a reader must know of the physics, the background, what was discarded.
+    what a reader must know of the physics, the background, what was discarded; start_stamp_ns: the stamp that is t = 0 [ns].
     """
 
     title: str
@@ -70,6 +70,7 @@ class RunFacts:
     versions: Mapping[str, str | None] = field(default_factory=dict)
     sensors: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
     command: str = ""
+    start_stamp_ns: int = 0
     notes: Sequence[str] = ()
 
 

@@ -10,6 +10,7 @@ from trackers.knowledge import Knowledge
 from trackers.observations import Observation
 from trackers.rig import Rig
 from trackers.tracks import TrackFrame
+from twin.recording.losses import Heard, Loss, dropped_by
 from twin.report.birdseye import Polygon
 from twin.run.chosen_trackers import ChosenTracker
 from twin.run.preview import Preview, preview
@@ -27,12 +28,11 @@ class Feed:
         self.shown = shown
         self.on_frame: Callable[[str, TrackFrame], object] | None = None
         """Called with each tracker's name and frame, if set."""
-        self.heard: set[str] = set()
-        """The sensors that have reported something."""
+        self.heard = Heard()
 
     def observe(self, observation: Observation) -> None:
         """Feed one observation; raises PlugInError when the last tracker that was left has failed."""
-        self.heard.add(observation.sensor)
+        self.heard.add(observation)
         if self.shown is not None:
             self.shown.observe(observation)
             if not self.at_work or self.at_work[0].failure:
@@ -48,6 +48,12 @@ class Feed:
         check_somebody_tracks(self.at_work)
         if self.shown is not None:
             self.shown.finish()
+
+    def losses(self, ahead_s: Mapping[str, float] | None = None) -> list[Loss]:
+        """What scanners did not see, and what each tracker has dropped; `ahead_s` as in `twin.recording.losses.dropped_by`."""
+        counts = self.heard.counts
+        dropped = [dropped_by(each.name, each.losses, counts, ahead_s) for each in self.at_work if not each.failure]
+        return [*self.heard.blind(), *(loss for losses in dropped for loss in losses)]
 
     def _show(self, place: int, frames: list[TrackFrame]) -> None:
         if self.on_frame is not None:

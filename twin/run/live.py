@@ -18,6 +18,7 @@ from trackers.rig import Rig
 from twin.progress import OnProgress, OnWarning
 from twin.recording.details import DETAIL_FILES, detail_writer
 from twin.recording.feet import feet_writer
+from twin.recording.losses import lines
 from twin.recording.people import write_people
 from twin.recording.situations import read_situations
 from twin.recording.tables import read_truth, truth_writer
@@ -162,9 +163,10 @@ def _run(
             on_progress("simulating and tracking", delivered.arrival_ns / NS_PER_S, scenario.duration_s)
         fed.finish()
         doubts = doubts_of(fed.at_work)
-        new = [doubt for doubt in doubts if doubt not in told]  # that came on the way
-        for doubt in new:
-            on_warning(doubt)
+        losses = [*fed.heard.missing(), *fed.losses()]
+        new = [each for each in (*lines(losses), *doubts) if each not in told]  # that came on the way
+        for each in new:
+            on_warning(each)
         spent_s = time.perf_counter() - start
         out.announce()
 
@@ -196,14 +198,14 @@ def _run(
             command=_command(folder, chosen, images),
             notes=(
                 *conditions_of(scenario),
-                *(f"{each}." for each in warnings),
+                *(f"{each}." for each in (*warnings, *lines(losses))),
                 *notes_of(handed),
                 *tracker_notes(fed.at_work, scenario.faults),
                 *simplifications(scenario),
             ),
         )
         results = evaluate_trackers(folder, fed.at_work, truth, situations)
-        result = write_results(folder, facts, results, fed, truth, place)
+        result = write_results(folder, facts, results, fed, truth, place, losses=losses)
         for note in result.warnings:
             on_warning(note)
         on_progress("evaluating and reporting", 1, 1)

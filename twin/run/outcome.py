@@ -15,6 +15,7 @@ from trackers.rig import Rig
 from trackers.tracks import background_learned_causally, unused_sensors, warnings
 from twin.evaluate import evaluate_with_details
 from twin.evaluate.summary import Evaluation
+from twin.recording.losses import Loss, documents
 from twin.recording.situations import SituationTable
 from twin.recording.tables import TruthTable, read_tracks
 from twin.recording.whole_file import whole_file
@@ -97,15 +98,19 @@ def write_results(
     truth: TruthTable | None,
     place: Place,
     *,
+    losses: Sequence[Loss] = (),
     report: bool = True,
 ) -> RunResult:
-    """Write `report.html`, unless nobody wants it, and `metrics.json` where there is truth."""
+    """Write `report.html`, unless nobody wants it, and `metrics.json` where there is truth.
+
+    losses: those of the recording and of the trackers; the metrics hold them all, the notes in `facts` what is told.
+    """
     files = {f"tracks {each.name}": folder / "tracks" / f"{file_name(each.name)}.csv" for each in results}
     if feed.shown is not None:
         files["preview"] = folder / "preview.mp4"
     metrics = None
     if truth is not None:
-        metrics = _metrics_document(facts, results)
+        metrics = _metrics_document(facts, results, losses)
         files["metrics"] = folder / "metrics.json"
         with whole_file(files["metrics"]) as stream:
             json.dump(metrics, stream, indent=2, allow_nan=False)
@@ -124,7 +129,7 @@ def write_results(
             outline=place.outline,
             scans=place.scans,
             person_names=place.person_names,
-            silent=[name for name in place.rig.sensors if name not in feed.heard],
+            silent=[name for name in place.rig.sensors if name not in feed.heard.counts],
             stills=[Still(jpeg, f"{feed.at_work[0].name} at {t:.1f} s") for t, jpeg in stills],
         )
     return RunResult(
@@ -166,11 +171,6 @@ def tracker_notes(at_work: Sequence[TrackerAtWork], faults: Mapping[str, Fault])
             notes.append(
                 f"{each.name}: no scans of the empty room; the background was learned from the scans as they came."
             )
-        if each.discarded:
-            notes.append(
-                f"{each.name}: {each.discarded} observations were discarded: too late, twice, or no more than the one before "
-                "them again."
-            )
     return notes
 
 
@@ -189,7 +189,7 @@ def versions(gl: GlInfo | None) -> dict[str, str | None]:
     }
 
 
-def _metrics_document(facts: RunFacts, results: Sequence[TrackerResult]) -> dict[str, Any]:
+def _metrics_document(facts: RunFacts, results: Sequence[TrackerResult], losses: Sequence[Loss]) -> dict[str, Any]:
     return {
         "scenario": facts.title,
         "seed": facts.seed,
@@ -197,6 +197,8 @@ def _metrics_document(facts: RunFacts, results: Sequence[TrackerResult]) -> dict
         "versions": dict(facts.versions),
         "realtime_factor": facts.realtime_factor,
         "sensors": {name: dict(costs) for name, costs in facts.sensors.items()},
+        "losses": documents(losses),
+        "start_stamp_ns": facts.start_stamp_ns,
         "trackers": {
             each.name: each.evaluation.metrics | {"ms_per_frame": dict(each.ms_per_frame)}
             for each in results

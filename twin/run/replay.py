@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 import time
 from collections import deque
@@ -22,10 +23,12 @@ from trackers.plain_data import parse_yaml
 from trackers.tracks import TrackFrame
 from twin.progress import OnProgress, OnWarning
 from twin.recording.details import DETAIL_FILES
+from twin.recording.losses import documents, lines
 from twin.recording.reader import Recording
 from twin.recording.situations import situation_table
 from twin.recording.tables import truth_table
 from twin.recording.track_messages import check_copy, copy_with_tracks
+from twin.recording.whole_file import whole_file
 from twin.report.birdseye import Polygon
 from twin.report.page import RunFacts
 from twin.report.scan_density import ScanDensity
@@ -58,7 +61,9 @@ from twin.scenario.load import apply_overrides
 from twin.world.world import World
 
 _RATE_PROBE = 20
-_BESIDES = ("metrics.json", "preview.mp4")
+_ABOUT = "recording.json"
+"""Says of a recording what the tables of tracks do not: the stamp of t = 0, and what of it was lost."""
+_BESIDES = ("metrics.json", "preview.mp4", _ABOUT)
 
 
 def track_recording(
@@ -151,7 +156,7 @@ def _track(
         frames: list[tuple[str, TrackFrame]] = []
         if bag_copy is not None:
             fed.on_frame = lambda name, frame: frames.append((name, frame))
-        warnings = [*missing, *left_alone(fed.at_work, faults)]
+        warnings = [*missing, *lines(bag.losses), *bag.moving, *left_alone(fed.at_work, faults)]
         for warning in warnings:
             on_warning(warning)
         untold = deque(truth_frames)
@@ -164,36 +169,44 @@ def _track(
             fed.observe(observation)
         fed.finish()
         doubts = doubts_of(fed.at_work)
-        new = [doubt for doubt in doubts if doubt not in warnings]  # that came on the way
-        for doubt in new:
-            on_warning(doubt)
+        losses = [*bag.losses, *fed.losses(bag.ahead_s)]
+        new = [each for each in (*lines(losses), *doubts) if each not in warnings]  # that came on the way
+        for each in new:
+            on_warning(each)
         spent_s = time.perf_counter() - start
         out.announce()
 
     duration_s = scenario.duration_s if scenario is not None else bag.duration_s
     facts = RunFacts(
         title=title,
-        description=f"recorded in {recording.name}",
+        description=f"recorded in {recording.name}"
+        + ("" if bag.is_twin else f"; t = 0 is the stamp {bag.start_ns} ns"),
         seed=seed,
         duration_s=duration_s,
         realtime_factor=duration_s / spent_s,
         versions=versions(None),
         command=command,
+        start_stamp_ns=bag.start_ns,
         notes=(
             *notes_of(files),
+            *(f"{each}." for each in (*lines(losses), *bag.moving)),
             *tracker_notes(fed.at_work, faults),
             *(simplifications(scenario) if bag.is_twin else ()),
         ),
     )
     results = evaluate_trackers(folder, fed.at_work, truth, situations)
-    result = write_results(folder, facts, results, fed, truth, place, report=report)
+    about = {"recording": str(recording), "start_stamp_ns": bag.start_ns, "losses": documents(losses)}
+    with whole_file(folder / _ABOUT) as stream:
+        json.dump(about, stream, indent=2, allow_nan=False)
+        stream.write("\n")
+    result = write_results(folder, facts, results, fed, truth, place, losses=losses, report=report)
     for note in result.warnings:
         on_warning(note)
+    left = result.files | {"recording": folder / _ABOUT}
     out.finish(
-        list(result.files.values()),
+        list(left.values()),
         kept=("recording.mcap", "truth.csv", "truth_people.csv", "truth_feet.csv", *DETAIL_FILES, "scenario.yaml"),
     )
-    left = result.files
     if bag_copy is not None:
         names = [each.name for each in fed.at_work if not each.failure]
         frames = [(name, frame) for name, frame in frames if name in names]

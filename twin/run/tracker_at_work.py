@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
@@ -59,9 +59,9 @@ class TrackerAtWork:
         self._fed = FedTracker(self.tracker, self._rig)
 
     @property
-    def discarded(self) -> int:
-        """Observations dropped so far: too late, twice, or no more than the one before again."""
-        return self._fed.discarded if self._fed is not None else 0
+    def losses(self) -> Mapping[tuple[str, str], int]:
+        """Observations dropped so far, by sensor and reason."""
+        return self._fed.losses if self._fed is not None else {}
 
     @contextmanager
     def writing(self, path: Path) -> Iterator[None]:

@@ -23,7 +23,7 @@ from trackers.errors import InputError
 from trackers.observations import DepthImage, Image, LaserScan
 from trackers.rig import LaserSensor, PinholeSensor, Rig, StereoSensor
 from twin.recording.bag import open_bag
-from twin.recording.depth_pairs import DepthPairs
+from twin.recording.depth_pairs import DepthPairs, partners
 from twin.recording.depth_picture import decode_depth
 from twin.recording.messages import COMPRESSED_IMAGE, RAW_IMAGE, TYPESTORE, decode, encode, time_message
 from twin.recording.reader import Recording
@@ -164,23 +164,31 @@ def test_depth_that_cannot_be_used(message, complaint):
 
 
 def test_pairs_find_each_other_late_early_and_across_gaps():
-    pairs = DepthPairs()
-    depth_m = np.ones((32, 48), dtype=np.float32)
-
-    def colour(stamp_ms: int) -> Image:
-        return Image("deep", stamp_ms * MS, a_depth_image(0).rgb)
-
+    late, early, apart = [1040 * MS], [997 * MS], [1300 * MS]
+    colours = np.array([k * 100 * MS for k in range(10)] + late + [1100 * MS], np.int64)
+    depths = np.array([k * 100 * MS + 20 * MS for k in range(8)] + early + apart, np.int64)
+    assert partners(colours, depths).tolist() == [*range(8), -1, -1, 8, -1]
+    pairs, depth_m = DepthPairs(np.array([1, 0, -1, 2])), np.ones((32, 48), dtype=np.float32)
+    picture = Image("deep", 7 * MS, a_depth_image(0).rgb)
     assert pairs.depth(0, depth_m) is None
-    assert pairs.colour(colour(40)) is None, "too far apart"
-    joined = pairs.depth(47 * MS, depth_m)
+    assert pairs.colour(0, picture) is None, "its depth is to come"
+    joined = pairs.colour(1, picture)
     assert joined is not None
-    assert joined.stamp_ns == 40 * MS
-    early = pairs.colour(colour(3))
-    assert early is not None
-    assert early.stamp_ns == 3 * MS
-    for stamp_ms in range(1000, 5000, 100):
-        assert pairs.colour(colour(stamp_ms)) is None
-    assert pairs.depth(1000 * MS, depth_m) is None, "held no longer"
+    assert joined.stamp_ns == 7 * MS
+    assert pairs.colour(2, picture) is None, "has no depth"
+    assert pairs.depth(1, depth_m) is not None
+    assert pairs.paired == 2
+
+
+@pytest.mark.parametrize("gap_ms", [20, 33, 100, 200, 1000])
+@pytest.mark.parametrize("apart", [-0.4, 0.1, 0.45])
+def test_pictures_stamped_apart_find_each_other_at_any_rate(gap_ms, apart):
+    colours = np.arange(0, 40 * gap_ms, gap_ms) * MS
+    depths = colours + round(apart * gap_ms * MS)
+    lost = np.array([3, 4, 17])
+    kept = np.delete(np.arange(40), lost)
+    np.testing.assert_array_equal(partners(colours, depths[kept])[kept], np.arange(37))
+    assert (partners(colours, depths[kept])[lost] == -1).all()
 
 
 def test_a_robots_bag_of_raw_colour_and_depth(tmp_path):

@@ -143,7 +143,9 @@ def test_a_cut_sqlite_bag(tmp_path, share):
 
 def refuse_cut(path: Path, whole: bytes, share: float) -> None:
     path.write_bytes(whole[: int(len(whole) * share)])
-    with pytest.raises(InputError, match=f"^{path}: is truncated or damaged .* is expected$"):
+    tool = {".bag": "rosbag reindex", ".mcap": "mcap recover", ".db3": "sqlite3"}[path.suffix]
+    why = f"is empty, 0 bytes.*|.*`{tool} .*" if share else "is empty, 0 bytes.*"
+    with pytest.raises(InputError, match=f"^{path}: ({why}); .* is expected$"):
         list(Recording(path).observations())
 
 
@@ -287,8 +289,8 @@ def test_files_that_are_no_bags(tmp_path):
     for name, complaint in {
         "missing.bag": "does not exist",
         "notes.txt": "is not named like a bag",
-        "notes.bag": "is truncated or damaged",
-        "notes.mcap": "is truncated or damaged",
+        "notes.bag": "is no ROS 1 bag",
+        "notes.mcap": "is no MCAP file",
         "folder": "is a folder without metadata.yaml",
     }.items():
         with pytest.raises(InputError, match=f"{name}: {complaint}.* is expected$"):

@@ -1,59 +1,166 @@
-"""A robot's bag as drivers write it: clocks that jump or start at 1970, scanners that name no limit."""
+"""A robot's bag as drivers write it: clocks that are set, drift, start at 1970 or say nothing; scanners that name no limit."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from recorded import MS, a_scan, write_ros2_bag
 
 from trackers.errors import InputError
-from twin.recording.messages import LASER_SCAN, TYPESTORE, encode
+from trackers.rig import LaserSensor, Rig
+from twin.recording.losses import lines
+from twin.recording.messages import LASER_SCAN, TYPESTORE, encode, time_message
+from twin.recording.reader import Recording
 from twin.recording.tables import read_tracks
 from twin.run.replay import track_recording
 
-NS_PER_DAY = 86_400 * 10**9
-EPOCH_NS = 1_700_000_000 * 10**9
-REGULAR = [k * 100 * MS for k in range(20)]
+NS_PER_S = 10**9
+NS_PER_DAY = 86_400 * NS_PER_S
+EPOCH_NS = 1_700_000_000 * NS_PER_S
+N = 80
+REGULAR = [k * 100 * MS for k in range(N)]
+RIG = Rig(
+    sensors={"waist": LaserSensor(topic="/high", role="waist"), "knee": LaserSensor(topic="/low", role="knee")},
+)
+RNG = np.random.default_rng(5)
+JITTER = RNG.integers(0, 20 * MS, N).tolist()
+SOME = set(RNG.choice(N, 12, replace=False).tolist()) | {0}
+Said = Callable[[int], int]
+"""What a message's header says, by its number."""
 
 
-def a_bag(folder, stamps_ns, **changes):
-    """A robot's bag of scans with these stamps in their headers, logged every 100 ms."""
+def true(k: int) -> int:
+    return EPOCH_NS + REGULAR[k]
+
+
+def a_bag(folder, waist: Said = true, knee: Said = true, logged: Said = true, **changes):
+    """Scans of two scanners with these stamps in their headers, by default all right."""
     messages = []
-    for number, stamp_ns in enumerate(stamps_ns):
-        message = TYPESTORE.deserialize_cdr(encode(a_scan(stamp_ns)).data, LASER_SCAN)
-        messages.append(("/scan", LASER_SCAN, EPOCH_NS + number * 100 * MS, replace(message, **changes)))
-    write_ros2_bag(folder / "bag", messages)
+    for topic, said in (("/high", waist), ("/low", knee)):
+        for k in range(N):
+            message = TYPESTORE.deserialize_cdr(encode(a_scan(REGULAR[k], seed=len(topic))).data, LASER_SCAN)
+            header = replace(message.header, stamp=time_message(said(k)))
+            messages.append((topic, LASER_SCAN, logged(k), replace(message, header=header, **changes)))
+    write_ros2_bag(folder / "bag", sorted(messages, key=lambda message: message[2]))
     return folder / "bag"
 
 
+def stamps_of(recording: Recording) -> dict[str, list[int]]:
+    found: dict[str, list[int]] = {}
+    for each in recording.observations():
+        found.setdefault(each.sensor, []).append(each.stamp_ns)
+    return found
+
+
+WRONG: dict[str, Said] = {
+    "set back by 6 s": lambda k: true(k) - 6 * NS_PER_S * (k > 30),
+    "set back by .65 s": lambda k: true(k) - 650 * MS * (k > 50),
+    "set back by an hour": lambda k: true(k) - 3600 * NS_PER_S * (k > 60),
+    "set ahead by 2 s": lambda k: true(k) + 2 * NS_PER_S * (k > 50),
+    "set ahead by 30 days": lambda k: true(k) + 30 * NS_PER_DAY * (k > 60),
+    "set from 1970": lambda k: true(k) - EPOCH_NS * (k < 10),
+    "set ahead and back": lambda k: true(k) + 40 * NS_PER_S * (20 < k < 30),
+    "one stamp of 0": lambda k: true(k) * (k > 0),
+    "some stamps of 0": lambda k: true(k) * (k not in SOME),
+    "most stamps of 0": lambda k: true(k) * (k % 4 == 0),
+    "no stamp": lambda k: 0,
+    "one stamp for all": lambda k: EPOCH_NS - 77 * NS_PER_S,
+    "whole seconds": lambda k: true(k) // NS_PER_S * NS_PER_S,
+    "one stamp far ahead": lambda k: true(k) + NS_PER_DAY * (k == 33),
+}
+
+
+@pytest.mark.parametrize("said", WRONG.values(), ids=WRONG.keys())
+@pytest.mark.parametrize("both", [True, False], ids=["both", "one"])
+def test_stamps_are_set_right_by_the_log_times_and_that_is_told(tmp_path, said, both):
+    recording = Recording(a_bag(tmp_path, said, said if both else true), RIG)
+    found = stamps_of(recording)
+    for name in ("waist", "knee"):
+        np.testing.assert_allclose(np.array(found[name]), REGULAR, rtol=0, atol=1 * MS)
+        assert any(line.startswith(f"{name}: ") for line in lines(recording.losses)) == (both or name == "waist")
+    assert recording.start_ns == pytest.approx(EPOCH_NS, abs=NS_PER_DAY)
+
+
+@pytest.mark.parametrize("off_s", [-1.7e9, -3600, -2, 0.8, 5, 1e7])
+def test_another_clock_is_moved_onto_that_of_the_others_and_the_offset_is_told(tmp_path, off_s):
+    bag = a_bag(tmp_path, knee=lambda k: true(k) + round(off_s * NS_PER_S))
+    recording = Recording(bag, RIG)
+    np.testing.assert_allclose(stamps_of(recording)["knee"], REGULAR, rtol=0, atol=1 * MS)
+    (line,) = lines(recording.losses)
+    assert f"`time_offset_s: {-off_s:.3f}` for knee in rig.yaml" in line
+    stated = {"knee": RIG.sensors["knee"].model_copy(update={"time_offset_s": -off_s})}
+    again = Recording(bag, Rig(sensors=RIG.sensors | stated))
+    assert lines(again.losses) == []
+    np.testing.assert_allclose(stamps_of(again)["knee"], REGULAR, rtol=0, atol=1 * MS)
+
+
+@pytest.mark.parametrize("ppm", [-50_000, 30_000])
+def test_a_clock_that_drifts_is_set_right(tmp_path, ppm):
+    recording = Recording(a_bag(tmp_path, knee=lambda k: true(k) + REGULAR[k] * ppm // 1_000_000), RIG)
+    np.testing.assert_allclose(stamps_of(recording)["knee"], REGULAR, rtol=0, atol=1 * MS)
+    (line,) = lines(recording.losses)
+    assert line.startswith(f"knee: {N} of {N} messages were stamped by a clock that ")
+    assert f"{'gains' if ppm > 0 else 'loses'} {abs(ppm) / 1000:.3g} ms a second" in line
+
+
+RIGHT: dict[str, tuple[Said, Said]] = {
+    "on one clock": (true, true),
+    "since the robot was switched on": (lambda k: REGULAR[k], true),
+    "logged with jitter": (true, lambda k: true(k) + JITTER[k]),
+    "logged 0.2 s late": (true, lambda k: true(k) + 200 * MS),
+    "a recorder that stalls": (true, lambda k: max(true(k), true(40) + k * MS) if 20 < k <= 40 else true(k) + 200 * MS),
+    "simulated time": (lambda k: REGULAR[k], lambda k: EPOCH_NS + REGULAR[k] * 5 // 4),
+    "log times written later": (true, lambda k: EPOCH_NS + NS_PER_DAY + k * MS),
+    "log times all the same": (true, lambda k: EPOCH_NS),
+    "a clock of the recorder that is a day off": (true, lambda k: true(k) + NS_PER_DAY),
+}
+
+
+@pytest.mark.parametrize(("said", "logged"), RIGHT.values(), ids=RIGHT.keys())
+def test_stamps_that_are_right_keep_each_bit(tmp_path, said, logged):
+    recording = Recording(a_bag(tmp_path, said, said, logged), RIG)
+    assert lines(recording.losses) == []
+    assert recording.start_ns == said(0)
+    assert {name: sorted(stamps) for name, stamps in stamps_of(recording).items()} == dict.fromkeys(
+        RIG.sensors, REGULAR
+    )
+
+
 @pytest.mark.timeout(60)
-@pytest.mark.parametrize(
-    "stamps_ns",
-    [
-        [*REGULAR[:10], *(stamp + 30 * NS_PER_DAY for stamp in REGULAR[10:])],
-        [*REGULAR[:10], *(stamp + EPOCH_NS for stamp in REGULAR[10:])],
-        [0, *(stamp + EPOCH_NS for stamp in REGULAR)],
-    ],
-    ids=["30 days", "from 1970", "one stamp of 0"],
-)
-def test_a_clock_that_jumps_is_a_gap(tmp_path, stamps_ns):
-    result = track_recording(a_bag(tmp_path, stamps_ns), trackers=["laser-imm"], out=tmp_path / "out")
-    table = read_tracks(result.files["tracks laser-imm"])
-    np.testing.assert_array_equal(table.frame_stamps_ns, stamps_ns)
-    assert result.files["report"].exists()
+@pytest.mark.parametrize("said", [WRONG["set ahead by 30 days"], WRONG["set from 1970"], WRONG["one stamp of 0"]])
+def test_time_goes_on_in_the_tables_where_a_clock_was_set(tmp_path, said):
+    told: list[str] = []
+    bag = a_bag(tmp_path, said, said)
+    (tmp_path / "rig.yaml").write_text(RIG.dump_yaml())
+    result = track_recording(
+        bag,
+        trackers=["laser-imm"],
+        rig_path=tmp_path / "rig.yaml",
+        out=tmp_path / "out",
+        video=False,
+        on_warning=told.append,
+    )
+    stamps = read_tracks(result.files["tracks laser-imm"]).frame_stamps_ns
+    assert all(0 < later - earlier < NS_PER_S for earlier, later in pairwise(stamps.tolist()))
+    assert any(line.startswith("waist: ") for line in told)
+    assert any(line in result.files["report"].read_text().replace("&#39;", "'") for line in told)
 
 
 @pytest.mark.parametrize("range_max", [1e6, np.inf])
 def test_a_scanner_without_a_limit_is_tracked_and_drawn(tmp_path, range_max):
-    bag = a_bag(tmp_path, REGULAR, range_max=range_max)
-    result = track_recording(bag, trackers=["laser-imm"], out=tmp_path / "out")
-    assert len(read_tracks(result.files["tracks laser-imm"]).frame_stamps_ns) == len(REGULAR)
+    bag = a_bag(tmp_path, range_max=range_max)
+    (tmp_path / "rig.yaml").write_text(RIG.dump_yaml())
+    result = track_recording(bag, trackers=["laser-imm"], rig_path=tmp_path / "rig.yaml", out=tmp_path / "out")
+    assert len(read_tracks(result.files["tracks laser-imm"]).frame_stamps_ns) == N
 
 
-def test_a_scan_whose_beams_are_nowhere_is_refused_with_bag_and_topic(tmp_path):
-    bag = a_bag(tmp_path, REGULAR, angle_increment=0.0)
-    with pytest.raises(InputError, match=r"bag: topic /scan: scan of 'scan': angle_increment is 0 rad"):
-        track_recording(bag, trackers=["laser-imm"], out=tmp_path / "out", video=False)
+def test_a_scanner_whose_beams_are_nowhere_is_refused_with_bag_and_topic(tmp_path):
+    bag = a_bag(tmp_path, angle_increment=0.0)
+    (tmp_path / "rig.yaml").write_text(RIG.dump_yaml())
+    with pytest.raises(InputError, match=r"bag: topic /high: scan of 'waist': angle_increment is 0 rad"):
+        track_recording(bag, trackers=["laser-imm"], rig_path=tmp_path / "rig.yaml", out=tmp_path / "out", video=False)
     assert not (tmp_path / "out" / "report.html").exists()

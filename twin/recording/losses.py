@@ -1,0 +1,179 @@
+"""What of a recording or a run does not reach the tracks: counted by sensor and reason, told where it is more than a trifle.
+
+There is one list of losses a run, from whatever counts them: the reader of a bag (malformed messages, clocks, a topic without
+messages), the schedule (messages that are missing), the trackers (observations that they drop). What is told goes to stderr,
+to the report and to `metrics.json`.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from trackers.arrays import Nanoseconds
+from trackers.observations import NS_PER_S, LaserScan, Observation
+from trackers.order import LATE
+
+TOLD_ABOVE = 0.02
+"""Share of a sensor's messages; losses up to it are counted only."""
+
+_GAP = 1.75
+"""A gap of so many usual ones holds messages that are missing."""
+_QUARTILES_APART = 1.5
+_IRREGULAR_GAP = 4.0
+"""The same for a sensor whose usual gaps differ much: their third quartile is more than 1.5 times the first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """Messages of a sensor that are lost or were set right, of how many, and why, as a clause that follows 'messages'.
+
+    remedy: what to do, or to type. always: told however few there are. A total of 0 stands for what cannot be counted.
+    """
+
+    sensor: str
+    count: int
+    total: int
+    what: str
+    remedy: str = ""
+    always: bool = False
+
+    @property
+    def is_told(self) -> bool:
+        """Whether the loss is more than a trifle."""
+        return self.always or self.count > TOLD_ABOVE * self.total
+
+    @property
+    def line(self) -> str:
+        """The loss as a warning, on one line."""
+        end = f"; {self.remedy}" if self.remedy else ""
+        counted = f"{self.count} of {self.total} messages " if self.total else ""
+        return f"{self.sensor}: {counted}{self.what}{end}"
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The loss as an entry of `losses` in metrics.json."""
+        return {
+            "sensor": self.sensor,
+            "count": self.count,
+            "total": self.total,
+            "what": self.what,
+            "remedy": self.remedy or None,
+        }
+
+
+def lines(losses: Iterable[Loss]) -> list[str]:
+    """The warnings: a line for each loss that is more than a trifle."""
+    return [loss.line for loss in losses if loss.is_told]
+
+
+def missing(sensor: str, stamps_ns: Nanoseconds, from_ns: int, to_ns: int) -> Loss | None:
+    """Estimate how many messages of a sensor are missing between two times, from the gaps between its stamps [ns].
+
+    A sensor's usual gap is the median. None where nothing is missing, or too few came to tell.
+    """
+    ordered = np.unique(stamps_ns)
+    gaps = np.diff(ordered)
+    if gaps.size < 2:
+        return None
+    usual = float(np.median(gaps))
+    first, third = np.quantile(gaps, (0.25, 0.75))
+    least = _IRREGULAR_GAP * third if third > _QUARTILES_APART * first else _GAP * usual
+    ends = np.array([ordered[0] - from_ns, to_ns - ordered[-1]], dtype=float)
+    end_least = max(3 * least, NS_PER_S / 2)  # sensors start and stop one after the other
+    all_gaps = np.concatenate([gaps[gaps > least], ends[ends > end_least]])
+    count = int(np.maximum(np.rint(all_gaps / usual) - 1, 0).sum())
+    if not count:
+        return None
+    starts = np.concatenate([ordered[:-1][gaps > least], np.array([from_ns, ordered[-1]])[ends > end_least]])
+    longest = int(all_gaps.argmax())
+    begins_s, lasts_s = starts[longest] / NS_PER_S, all_gaps[longest] / NS_PER_S
+    silent = f"silent for up to {lasts_s:.3g} s, from {begins_s:.2f} s on"
+    what = f"or so are missing by its usual gap of {usual / NS_PER_S:.3g} s: {silent}"
+    return Loss(sensor, count, ordered.size + count, what, "see whether driver, network or recorder lost them")
+
+
+class Heard:
+    """What each sensor has reported so far: when, and in how many of its beams there was a reading."""
+
+    def __init__(self) -> None:
+        self._stamps_ns: dict[str, array[int]] = {}
+        self._readings: dict[str, array[int]] = {}
+
+    def add(self, observation: Observation) -> None:
+        """Take an observation as it arrives."""
+        name = observation.sensor
+        self._stamps_ns.setdefault(name, array("q")).append(observation.stamp_ns)
+        if isinstance(observation, LaserScan):
+            valid = int(np.count_nonzero(~np.isnan(observation.ranges_m)))
+            self._readings.setdefault(name, array("q")).append(valid)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many observations came of each sensor."""
+        return {name: len(stamps) for name, stamps in self._stamps_ns.items()}
+
+    def missing(self) -> list[Loss]:
+        """The messages that are missing by each sensor's own rhythm, from the first stamp of all to the last."""
+        stamps = {name: np.array(each, dtype=np.int64) for name, each in self._stamps_ns.items()}
+        if not stamps:
+            return []
+        from_ns, to_ns = (
+            min(int(each.min()) for each in stamps.values()),
+            max(int(each.max()) for each in stamps.values()),
+        )
+        found = [missing(name, each, from_ns, to_ns) for name, each in stamps.items()]
+        return [loss for loss in found if loss is not None]
+
+    def blind(self) -> list[Loss]:
+        """The scans with readings in less than half as many beams as the scanner usually has: it, or its view, is spoiled."""
+        losses = []
+        for name, each in self._readings.items():
+            valid = np.array(each)
+            usual = float(np.median(valid))
+            few = int(np.count_nonzero((valid < 0.5 * usual) | (valid == 0)))
+            if few:
+                what = (
+                    f"have readings in less than half of the {usual:.0f} beams that usually have one"
+                    if usual
+                    else "have no reading in any beam"
+                )
+                losses.append(
+                    Loss(name, few, valid.size, what, "see whether the scanner is covered, dirty or in error")
+                )
+        return losses
+
+
+def dropped_by(
+    tracker: str,
+    losses: Mapping[tuple[str, str], int],
+    totals: Mapping[str, int],
+    ahead_s: Mapping[str, float] | None = None,
+) -> list[Loss]:
+    """What a tracker dropped, by sensor and reason (`trackers.tracks.Reporting.losses`), of how many that it was handed.
+
+    ahead_s: how far a sensor's stamps are from those of the others logged at the same time [s]; a remedy for lateness.
+    """
+    found = []
+    for (sensor, reason), count in losses.items():
+        remedy = ""
+        if reason == LATE:
+            remedy = "a longer delay than trackers wait for; see what holds the messages up"
+            off_s = (ahead_s or {}).get(sensor, 0.0)
+            if abs(off_s) >= _LEAST_OFFSET_S:
+                remedy = f"`time_offset_s: {-off_s:.3f}` for {sensor} in rig.yaml, if its clock is off"
+        total = totals.get(sensor, sum(totals.values())) if sensor else sum(totals.values())
+        found.append(Loss(sensor or "all sensors", count, total, f"were dropped by {tracker}: {reason}", remedy))
+    return found
+
+
+_LEAST_OFFSET_S = 0.05
+
+
+def documents(losses: Sequence[Loss]) -> list[dict[str, Any]]:
+    """All losses, trifles too, as `losses` of metrics.json."""
+    return [loss.document for loss in losses]

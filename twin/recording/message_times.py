@@ -1,0 +1,88 @@
+"""When a bag's messages were logged, and when their headers say that they were made: read without decoding them."""
+
+from __future__ import annotations
+
+import struct
+from array import array
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from trackers.arrays import Mask, Nanoseconds
+from trackers.observations import NS_PER_S
+from twin.recording.bag import Bag
+
+_CDR_BYTES = 4
+_MOST_FRAMES = 20
+"""So many names of frames are counted of a topic; nobody reads more."""
+
+
+@dataclass(frozen=True, eq=False)
+class MessageTimes:
+    """The messages of a topic in the order in which the bag hands them out.
+
+    log_ns, stamp_ns: log time and header stamp [ns]; is_set: whether there is a stamp of the message's own: its header can
+    be read, and the message before has not the same stamp with other content. frames: messages by their header's frame_id.
+    """
+
+    log_ns: Nanoseconds
+    stamp_ns: Nanoseconds
+    is_set: Mask
+    frames: Counter[str] = field(default_factory=Counter)
+
+    def __len__(self) -> int:
+        return self.log_ns.size
+
+
+class _Topic:
+    def __init__(self) -> None:
+        self.log_ns, self.stamp_ns, self.is_set = array("q"), array("q"), array("b")
+        self.frames: Counter[str] = Counter()
+        self._last: tuple[int, bytes] | None = None
+
+    def add(self, log_ns: int, header: tuple[int, str] | None, body: bytes) -> None:
+        stamp_ns, frame = header or (0, "")
+        is_set = header is not None
+        if self._last is not None and self._last[0] == stamp_ns and self._last[1] != body:
+            is_set = False
+        self._last = stamp_ns, body
+        self.log_ns.append(log_ns)
+        self.stamp_ns.append(stamp_ns)
+        self.is_set.append(is_set)
+        if frame in self.frames or len(self.frames) < _MOST_FRAMES:
+            self.frames[frame] += 1
+
+    def times(self) -> MessageTimes:
+        log_ns, stamp_ns = (np.array(each, dtype=np.int64) for each in (self.log_ns, self.stamp_ns))
+        return MessageTimes(log_ns, stamp_ns, np.array(self.is_set, dtype=bool), self.frames)
+
+
+def read_times(bag: Bag, topics: Mapping[str, str]) -> dict[str, MessageTimes]:
+    """The times of all messages of these topics, by type, which begin with a header; one message is held at a time.
+
+    Raises InputError where the bag is damaged.
+    """
+    read = {topic: _Topic() for topic in topics}
+    for topic, log_ns, data, is_ros1 in bag.encoded_messages(topics):
+        read[topic].add(log_ns, header_of(data, is_ros1), data)
+    return {topic: each.times() for topic, each in read.items()}
+
+
+def header_of(data: bytes, is_ros1: bool) -> tuple[int, str] | None:
+    """Stamp [ns] and frame_id of an encoded message that begins with a header; None where they cannot be read."""
+    try:
+        if is_ros1:
+            _, seconds, nanoseconds, length = struct.unpack_from("<IIII", data, 0)
+            start = 16
+        else:
+            order = "<" if data[1] & 1 else ">"
+            seconds, nanoseconds, length = struct.unpack_from(f"{order}iII", data, _CDR_BYTES)
+            start = _CDR_BYTES + 12
+    except (struct.error, IndexError):
+        return None
+    if nanoseconds >= NS_PER_S or start + length > len(data):
+        return None
+    frame = bytes(data[start : start + length]).rstrip(b"\0").decode("utf-8", "replace")
+    return seconds * NS_PER_S + nanoseconds, frame
