@@ -15,7 +15,8 @@ _DEFORMABLE = (
 )
 REFUSED = {
     "flexcomp": _DEFORMABLE,
-    "deformable": _DEFORMABLE,
+    "flex": _DEFORMABLE,
+    "flexstrain": _DEFORMABLE,
     "skin": 'is seen by cameras alone; a <geom type="mesh"> of its shape is expected',
     "hfield": 'is a height field, on which nobody can walk; boxes, planes, round shapes or a <geom type="mesh"> are expected',
     "extension": "asks for plug-ins of MuJoCo, which are code; a room without them is expected",

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.sensors.gl_context import INSTALL_EGL, GlInfo, gl_info, make_context, make_mjr_context
-from twin.sensors.scene_geoms import SceneGeoms, drawing_option
+from twin.sensors.scene_geoms import SceneGeoms, drawing_option, has_open_mesh
 from twin.sensors.view import Mark, View
 
 __all__ = ["INSTALL_EGL", "GlInfo", "Mark", "OffscreenRenderer", "RendererOnDemand", "View"]
@@ -61,7 +61,7 @@ class OffscreenRenderer:
         self._samples = samples
         self._scene = mujoco.MjvScene(model, model.ngeom + model.nskin + model.nflex + 1 + most_marks)
         self._scene.flags[:] = 0
-        self._scene.flags[mujoco.mjtRndFlag.mjRND_CULL_FACE] = 1
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_CULL_FACE] = not has_open_mesh(model)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = 1
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
         self._leave_out_unseen = leave_out_unseen and not shadows
@@ -117,7 +117,7 @@ class OffscreenRenderer:
             self._add(mark)
         rectangle = mujoco.MjrRect(0, 0, width, height)
         drawn = self._scene_geoms()
-        seen = self._seen(drawn, data, eye_m, views) if self._leave_out_unseen else None
+        seen = self._seen(drawn, data, eye_m, views)
         passes = [(exact, out, depth)] if exact is mjr or out is None else [(mjr, out, None), (exact, None, depth)]
         for context, colours, depths in passes:
             if colours is not None or depths is not None:
@@ -135,15 +135,14 @@ class OffscreenRenderer:
         self,
         context: mujoco.MjrContext,
         drawn: SceneGeoms,
-        seen: NDArray[np.bool_] | None,
+        seen: NDArray[np.bool_],
         eye_m: NDArray[np.float64],
         views: Sequence[View],
     ) -> None:
-        """Draw the scene as it was last updated; `seen` (n_view, n_scene_geom), None: every geom."""
+        """Draw the scene as it was last updated, of its geoms those that are `seen`, (n_view, n_scene_geom)."""
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)  # the other context's may be bound
         for place, view in enumerate(views):
-            if seen is not None:
-                drawn.show_only(seen[place])
+            drawn.show_only(seen[place])
             self._point_cameras(eye_m, view)
             mujoco.mjr_render(mujoco.MjrRect(*view.viewport), self._scene, context)
 
@@ -157,7 +156,7 @@ class OffscreenRenderer:
         self,
         context: mujoco.MjrContext,
         drawn: SceneGeoms,
-        seen: NDArray[np.bool_] | None,
+        seen: NDArray[np.bool_],
         eye_m: NDArray[np.float64],
         views: Sequence[View],
     ) -> None:
@@ -195,13 +194,15 @@ class OffscreenRenderer:
             self._listed = count, SceneGeoms(self.model, self._geoms[:count])
         return self._listed[1]
 
-    @staticmethod
     def _seen(
-        drawn: SceneGeoms, data: mujoco.MjData, eye_m: NDArray[np.float64], views: Sequence[View]
+        self, drawn: SceneGeoms, data: mujoco.MjData, eye_m: NDArray[np.float64], views: Sequence[View]
     ) -> NDArray[np.bool_]:
-        """Whether each geom of the scene reaches into each view, (n_view, n_scene_geom)."""
+        """Whether each geom of the scene is drawn in each view, (n_view, n_scene_geom)."""
         eyes_m = eye_m + np.array([view.offset_m for view in views])
-        return drawn.in_sight(data, eyes_m, np.stack([view.inward_normals for view in views]))
+        faces = drawn.from_the_front(data, eyes_m)
+        if not self._leave_out_unseen:
+            return faces
+        return faces & drawn.in_sight(data, eyes_m, np.stack([view.inward_normals for view in views]))
 
     def _point_cameras(self, eye_m: NDArray[np.float64], view: View) -> None:
         for camera in self._cameras:  # left and right eye of the same picture

@@ -28,6 +28,7 @@ class SceneGeoms:
         radius = np.where(bounded, model.geom_rbound[index], 0.0)
         radius[radius == 0] = np.inf  # planes
         self._index, self._radius = index, radius
+        self._is_plane = bounded & (model.geom_type[index] == mujoco.mjtGeom.mjGEOM_PLANE)
 
     def updated(self) -> bool:
         """Whether they list the same objects after an update; all are shown again then."""
@@ -45,6 +46,15 @@ class SceneGeoms:
         depth = data.geom_xpos[self._index] @ inward.reshape(-1, 3).T - behind.reshape(-1)  # (n_geom, 4 n_view)
         return (depth > -self._radius[:, None]).reshape(len(self._radius), -1, 4).all(axis=2).T
 
+    def from_the_front(self, data: mujoco.MjData, eyes_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether each view's eye (n_view, 3) [m] is before each geom, (n_view, n_geom): planes alone have a back.
+
+        Rays pass through a plane from behind, so it is not drawn from there either.
+        """
+        normal = data.geom_xmat[self._index].reshape(-1, 3, 3)[:, :, 2]
+        height = eyes_m @ normal.T - (data.geom_xpos[self._index] * normal).sum(axis=1)
+        return (height >= 0) | ~self._is_plane
+
     def show_only(self, shown: NDArray[np.bool_]) -> None:
         """Hide and show those (n_geom,) whose visibility changes from one view to the next."""
         for place in np.flatnonzero(self._shown != shown).tolist():
@@ -61,6 +71,22 @@ class SceneGeoms:
             if geom.objtype == IS_GEOM:
                 geom_of_number[geom.segid + 1] = geom.objid  # 0 is the background
         return geom_of_number
+
+
+def has_open_mesh(model: mujoco.MjModel) -> bool:
+    """Whether a mesh of the room can be seen from inside: some edge of it is not between two faces.
+
+    Rays meet a face from both sides; of such meshes both are to be drawn.
+    """
+    of_room = (model.geom_type == mujoco.mjtGeom.mjGEOM_MESH) & (model.body_weldid[model.geom_bodyid] == 0)
+    for mesh in np.unique(model.geom_dataid[of_room]).tolist():
+        first = model.mesh_faceadr[mesh]
+        face = model.mesh_face[first : first + model.mesh_facenum[mesh]]
+        edges = np.sort(face[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1).astype(np.int64)
+        _, count = np.unique(edges[:, 0] * model.mesh_vertnum[mesh] + edges[:, 1], return_counts=True)
+        if (count != 2).any():
+            return True
+    return False
 
 
 def drawing_option() -> mujoco.MjvOption:
