@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from benchmarks import (
+    bag_drill,
     camera_floor,
     cameras,
     environment,
@@ -85,6 +86,7 @@ BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
     "real-time": runs.real_time,
     "memory": runs.memory,
     "fuzz": fuzz.measure,
+    "bags": bag_drill.measure,
 }
 
 

@@ -122,7 +122,8 @@ class MomentGatherer:
             self.losses[sensor, TWICE] += 1
             return []
         elif self._came_too_late(sensor, ns):
-            self.losses[sensor, LATE] += 1
+            again = self._left is not None and (left := self._left.observations.get(sensor)) and left.stamp_ns == ns
+            self.losses[sensor, TWICE if again else LATE] += 1
             return []
         elif sensor in rules.opens:
             self._learn_period(sensor, ns)

@@ -23,9 +23,13 @@ TOLD_ABOVE = 0.02
 
 _GAP = 1.75
 """A gap of so many usual ones holds messages that are missing."""
-_QUARTILES_APART = 1.5
+_NEARLY_WHOLE = 0.2
+_MOSTLY = 0.8
 _IRREGULAR_GAP = 4.0
-"""The same for a sensor whose usual gaps differ much: their third quartile is more than 1.5 times the first."""
+"""The same in third quartiles of the gaps, for a sensor that keeps no period."""
+_CROWD = 6
+_DENSE = 1.3
+"""Two gaps that last no longer than 1.3 usual ones, six times on end, are no jitter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,9 +84,7 @@ def missing(sensor: str, stamps_ns: Nanoseconds, from_ns: int, to_ns: int) -> Lo
     gaps = np.diff(ordered)
     if gaps.size < 2:
         return None
-    usual = float(np.median(gaps))
-    first, third = np.quantile(gaps, (0.25, 0.75))
-    least = _IRREGULAR_GAP * third if third > _QUARTILES_APART * first else _GAP * usual
+    usual, least = _rhythm(gaps)
     ends = np.array([ordered[0] - from_ns, to_ns - ordered[-1]], dtype=float)
     end_least = max(3 * least, NS_PER_S / 2)  # sensors start and stop one after the other
     all_gaps = np.concatenate([gaps[gaps > least], ends[ends > end_least]])
@@ -97,8 +99,44 @@ def missing(sensor: str, stamps_ns: Nanoseconds, from_ns: int, to_ns: int) -> Lo
     return Loss(sensor, count, ordered.size + count, what, "see whether driver, network or recorder lost them")
 
 
+def _rhythm(gaps: Nanoseconds) -> tuple[float, float]:
+    """The gap (of n) that a sensor keeps, and the least that holds messages that are missing [ns].
+
+    Where most gaps are whole numbers of the short ones, these are its period, however many messages are missing.
+    """
+    short = gaps[gaps < _GAP * np.quantile(gaps, 0.1)]
+    period = float(np.median(short))
+    times = gaps / period
+    is_whole = np.abs(times - np.rint(times)) < _NEARLY_WHOLE
+    if 2 * short.size >= gaps.size and np.mean(is_whole) > _MOSTLY:
+        return period, _GAP * period
+    return float(np.median(gaps)), _IRREGULAR_GAP * float(np.quantile(gaps, 0.75))
+
+
+def crowded(sensor: str, stamps_ns: Nanoseconds) -> Loss | None:
+    """Messages that lie between others twice as dense as the sensor reports elsewhere; None where there are none.
+
+    Two streams lie over one another there: the recorder's clock was set back, or two drivers write on one topic.
+    """
+    ordered = np.sort(stamps_ns)
+    if ordered.size < 4 * _CROWD:
+        return None
+    usual = float(np.median(np.diff(ordered)))
+    dense = ordered[2:] - ordered[:-2] < _DENSE * usual
+    lasting = np.convolve(dense, np.ones(_CROWD), "valid") >= _CROWD - 1
+    count = int(np.count_nonzero(np.convolve(lasting, np.ones(_CROWD)) > 0))
+    if not lasting.any():
+        return None
+    begins_s = float(ordered[int(lasting.argmax())]) / NS_PER_S
+    what = f"come twice as dense as the others, from {begins_s:.2f} s on: two streams lie over one another"
+    remedy = (
+        "the clock of the recorder was set back, or two drivers write on one topic; record again, or cut the bag there"
+    )
+    return Loss(sensor, count, stamps_ns.size, what, remedy)
+
+
 class Heard:
-    """What each sensor has reported so far: when, and in how many of its beams there was a reading."""
+    """What each sensor has reported so far: when, and in how many of its beams something was in range."""
 
     def __init__(self) -> None:
         self._stamps_ns: dict[str, array[int]] = {}
@@ -109,7 +147,7 @@ class Heard:
         name = observation.sensor
         self._stamps_ns.setdefault(name, array("q")).append(observation.stamp_ns)
         if isinstance(observation, LaserScan):
-            valid = int(np.count_nonzero(~np.isnan(observation.ranges_m)))
+            valid = int(np.count_nonzero(np.isfinite(observation.ranges_m)))
             self._readings.setdefault(name, array("q")).append(valid)
 
     @property
@@ -130,7 +168,7 @@ class Heard:
         return [loss for loss in found if loss is not None]
 
     def blind(self) -> list[Loss]:
-        """The scans with readings in less than half as many beams as the scanner usually has: it, or its view, is spoiled."""
+        """The scans with returns in less than half as many beams as the scanner usually has: it, or its view, is spoiled."""
         losses = []
         for name, each in self._readings.items():
             valid = np.array(each)
@@ -138,12 +176,18 @@ class Heard:
             few = int(np.count_nonzero((valid < 0.5 * usual) | (valid == 0)))
             if few:
                 what = (
-                    f"have readings in less than half of the {usual:.0f} beams that usually have one"
+                    f"have returns in less than half of the {usual:.0f} beams that usually have one"
                     if usual
-                    else "have no reading in any beam"
+                    else "have no return in any beam"
                 )
                 losses.append(
-                    Loss(name, few, valid.size, what, "see whether the scanner is covered, dirty or in error")
+                    Loss(
+                        name,
+                        few,
+                        valid.size,
+                        what,
+                        "see whether the scanner is covered, in error, or gives ranges in another unit than m",
+                    )
                 )
         return losses
 

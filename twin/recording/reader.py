@@ -16,7 +16,7 @@ from twin.recording.bag import Bag, Topic, decoded, open_bag
 from twin.recording.clocks import SetRight, set_right
 from twin.recording.depth_pairs import DepthPairs, partners, tolerance_ns
 from twin.recording.depth_picture import decode_depth
-from twin.recording.losses import Loss, missing
+from twin.recording.losses import Loss, crowded, missing
 from twin.recording.message_times import MessageTimes, read_times
 from twin.recording.messages import STRING, from_message, stamp_of
 from twin.recording.motion import motions
@@ -254,6 +254,8 @@ class Recording:
             if not len(each):
                 yield absent(label, topic, "it is empty")
             elif (loss := missing(label, self._stamps[topic], from_ns, to_ns)) is not None:
+                yield loss
+            if (loss := crowded(label, self._stamps[topic])) is not None:
                 yield loss
             if counted > len(each):
                 what = f"that the bag's index counts on {topic} are not there"

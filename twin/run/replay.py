@@ -202,7 +202,7 @@ def _track(
     result = write_results(folder, facts, results, fed, truth, place, losses=losses, report=report)
     for note in result.warnings:
         on_warning(note)
-    left = result.files | {"recording": folder / _ABOUT}
+    left = result.files | {"about": folder / _ABOUT}
     out.finish(
         list(left.values()),
         kept=("recording.mcap", "truth.csv", "truth_people.csv", "truth_feet.csv", *DETAIL_FILES, "scenario.yaml"),
