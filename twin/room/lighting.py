@@ -14,10 +14,16 @@ from twin.scenario.lights import EVERY_LIGHT, LightChange
 
 MOST_LAMPS = 8
 """That OpenGL's own lighting has; one more and its picture is black."""
-_INDIRECT = 0.3
-"""What walls throw back of the lamps' light, where no lamp of a room has ambient light that says it."""
+_THROWN_BACK, _MOST_THROWN_BACK = 0.4, 0.3
+"""What walls throw back of the lamps' light where no lamp of a room has ambient light that says it, and the most of it."""
 _CEILING, _WINDOW = ((-0.2, 0.3, -0.9), 0.45), ((0.7, -0.5, -0.4), 0.3)
 """Direction and brightness of the lamps of a room without any."""
+
+ENOUGH_LIGHT = 0.5
+"""Light, as `light_of` has it, in which a picture shows what is in a room."""
+
+DARK_LIGHT = 0.05
+"""Light in which pictures are next to black."""
 
 
 def light_room(spec: mujoco.MjSpec, source: str) -> None:
@@ -48,14 +54,22 @@ def light_room(spec: mujoco.MjSpec, source: str) -> None:
         lamp.active = lamp in shining
     is_thrown_back = bool(shining) and not any(np.any(lamp.ambient) for lamp in shining)
     head = spec.visual.headlight
-    head.active = is_thrown_back
-    head.ambient, head.diffuse, head.specular = [_INDIRECT] * 3, [0.0] * 3, [0.0] * 3
+    head.active = is_thrown_back or not shining  # without any lamp MuJoCo draws everything as if lit
+    thrown_back = min(_THROWN_BACK * sum(float(np.max(lamp.diffuse)) for lamp in shining), _MOST_THROWN_BACK)
+    head.ambient, head.diffuse, head.specular = [thrown_back] * 3, [0.0] * 3, [0.0] * 3
     if len(shining) + is_thrown_back > MOST_LAMPS:
         most = f"{MOST_LAMPS - 1}, or {MOST_LAMPS} of which one has ambient light," if is_thrown_back else MOST_LAMPS
         raise InputError(
             f"{source}: {len(shining)} <light> shine, more than a picture can show; at most {most} are expected, "
             'others switched off by active="false"'
         )
+
+
+def light_of(model: mujoco.MjModel) -> float:
+    """How bright the lamps of a model shine together, those behind walls too; 1: as bright as lamps of a room are."""
+    lamps = (model.light_diffuse + model.light_ambient).max(axis=1, initial=0.0)
+    head = model.vis.headlight
+    return float(lamps[model.light_active != 0].sum()) + (float(head.ambient.max()) if head.active else 0.0)
 
 
 class Lighting:

@@ -16,10 +16,11 @@ from trackers.rig import CameraSensor, RigSensor
 from twin.instant.snapshot import Snapshot
 from twin.report.beliefs import beliefs
 from twin.report.lettering import BOLD, Tag, text_width, write, write_tags
-from twin.report.look_at import picture
+from twin.report.look_at import DARK, picture
 from twin.report.palette import IDENTITY_COLOURS, LAYER_COLOURS, RGB, IdentityColours
 from twin.report.panels import BACKDROP, INK, FloorPanel, TruePoses
 from twin.report.people_sheet import check_picture_name, tiled, write_png
+from twin.room.lighting import ENOUGH_LIGHT, light_of
 from twin.room.outline import room_outline
 from twin.run.preview import true_poses
 from twin.scenario import Scenario
@@ -72,7 +73,7 @@ def drawn_view(
         looks = simulation.look(round(t * NS_PER_S))
         sheet, warnings = Sheet(simulation, t, tile_px), simulation.warnings
         tiles = [
-            (f"{scenario.name}, {t:g} s", sheet.room()),
+            (f"{scenario.name}, {t:g} s{sheet.light()}", sheet.room()),
             (sheet.plan_label(), sheet.plan(looks, simulation.rig.sensors.keys() - looks.keys())),
         ]
         boxes = simulation.boxes(t)
@@ -142,6 +143,10 @@ class Sheet:
             )
         write_tags(shown, name_tags(self._world, self._snapshot, stand, self._tile_px))
         return shown
+
+    def light(self) -> str:
+        """That the room is dark, where its picture is lit for the eye."""
+        return DARK if light_of(self._snapshot.model) < ENOUGH_LIGHT else ""
 
     def plan_label(self) -> str:
         """What the plan shows."""

@@ -15,12 +15,13 @@ from trackers.observations import NS_PER_S, FloorFrame, LaserScan, Observation
 from trackers.rig import FloorSensor, Rig
 from twin.instant.snapshot import Snapshot
 from twin.report.lettering import write, write_tags
-from twin.report.look_at import axes_towards, picture
+from twin.report.look_at import DARK, axes_towards, picture
 from twin.report.palette import LAYER_COLOURS, IdentityColours
 from twin.report.panels import FloorPanel
 from twin.report.pressure import PRESSED
 from twin.report.silence import Silence
 from twin.report.video import TIME_BASE, VideoFile
+from twin.room.lighting import ENOUGH_LIGHT, light_of
 from twin.room.outline import room_outline
 from twin.run.preview import true_poses
 from twin.scenario import Scenario
@@ -199,7 +200,7 @@ class _Film:
         )
         write_tags(shown, name_tags(self._world, snapshot, stand, size))
         self._lay_plan(shown, t)
-        return np.vstack([shown, self._strip(t)])
+        return np.vstack([shown, self._strip(t, light_of(snapshot.model) < ENOUGH_LIGHT)])
 
     def _stand_at(self, snapshot: Snapshot) -> Standpoint:
         if self._camera_man is None or self._follow is None:
@@ -253,8 +254,8 @@ class _Film:
         corner = self._stand.half_height * (_SIZE_PX[0] - 2 * _PLAN_PX[0]) / _SIZE_PX[1]
         return bool((high & (side > corner)).sum() > (high & (side < -corner)).sum())
 
-    def _strip(self, t: float) -> NDArray[np.uint8]:
-        """The time, and who does what."""
+    def _strip(self, t: float, is_dark: bool) -> NDArray[np.uint8]:
+        """The time, whether the room is dark, and who does what."""
         strip = np.full((_STRIP_PX, _SIZE_PX[0], 3), _STRIP, dtype=np.uint8)
         population = self._world.population
         present = population.present(t)
@@ -263,6 +264,6 @@ class _Film:
             for name, kind, there in zip(population.names, population.doing, present, strict=True)
             if there
         ]
-        write(strip, f"{self._title}, {t:.1f} s", _EDGE_PX, _STRIP_PX - 10, _INK, 15)
+        write(strip, f"{self._title}, {t:.1f} s{DARK if is_dark else ''}", _EDGE_PX, _STRIP_PX - 10, _INK, 15)
         write(strip, "   ".join(said[:8]), _SIZE_PX[0] - _EDGE_PX, _STRIP_PX - 10, _INK, 15, align="right")
         return strip

@@ -21,6 +21,7 @@ from twin.instant.snapshot import Snapshot
 from twin.people.script.arrivals import too_late
 from twin.people.script.recorded import close_calls, warning_of
 from twin.recording.messages import Encoded, encode
+from twin.room.lighting import DARK_LIGHT, light_of
 from twin.room.mounts import check_mount
 from twin.scenario import Scenario
 from twin.scenario.conditions import never_begins
@@ -264,9 +265,14 @@ class Simulation:
             for name, view in self.views.items()
             if not view.is_scanner and not sees_some_of(view, empty, area)
         ]
+        dark = [
+            f"room: {scene.room_file.name} is dark at the start, so that cameras see next to nothing; a <light> that shines, "
+            "or --no-images, is expected"
+            for _ in range(bool(self._cameras()) and light_of(empty.model) < DARK_LIGHT)
+        ]
         close = warning_of(close_calls(self.scenario.people, self.scenario.duration_s))
         late = [*too_late(self.scenario.people, self.scenario.duration_s), *never_begins(self.scenario)]
-        told = [*self.scenario.warnings, *blind, *late, *([f"people: {close}"] if close else [])]
+        told = [*self.scenario.warnings, *blind, *dark, *late, *([f"people: {close}"] if close else [])]
         return tuple(f"scenario {self.scenario.name!r}: {each}" for each in told)
 
     def _check_mounts(self) -> None:

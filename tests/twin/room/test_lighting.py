@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
+from made_rooms import room_of, scenario_in
 
 from trackers.errors import InputError
-from twin.room.lighting import Lighting
+from twin.report.look_at import lit_for_the_eye
+from twin.room.lighting import Lighting, light_of
 from twin.scenario import load_scenario
 from twin.scenario.lights import LightChange
+from twin.view.moment import drawn_view
 from twin.world.simulation import Simulation
 
 ROOM = """
@@ -104,3 +109,32 @@ def test_pictures_get_dark_and_light_again():
     assert np.ptp(background) < 0.5, "the empty room was seen before the light changed"
     assert means[2] < 0.6 * means[0]
     assert means[4] == pytest.approx(means[0], rel=0.02)
+
+
+UNLIT = '<light name="lamp" type="directional" dir="0.3 0.4 -1" active="false"/>'
+
+
+def test_a_dark_room_is_dark_to_cameras_told_and_lit_for_whoever_looks_at_it(tmp_path: Path) -> None:
+    room = room_of('<geom type="box" size=".3 .3 .5" pos="0 0 .5" rgba="1 0 0 1"/>', lamp=UNLIT)
+    switched_off = ['lights=[{"at_s": 0, "brightness": 0}]']
+    for scenario in (scenario_in(tmp_path, room), load_scenario("home-three-people", switched_off)):
+        with Simulation(scenario) as simulation:
+            said = [each for each in simulation.warnings if "is dark at the start" in each]
+            rgb = next(look.rgb for look in simulation.look(10**9).values() if hasattr(look, "rgb"))
+        assert len(said) == 1
+        assert rgb.mean() < 10
+        sheet, _ = drawn_view(scenario, 1.0, (320, 240))
+        assert sheet[40:270, 10:320].mean() > 30  # the first tile: the room
+    with Simulation(load_scenario("home-three-people")) as simulation:
+        assert not [each for each in simulation.warnings if "dark" in each]
+
+
+def test_a_picture_for_people_leaves_the_lamps_as_they_were():
+    _, model = lighting()
+    model.light_diffuse[:] = model.vis.headlight.ambient[:] = 0.01
+    before = [np.array(each) for each in (model.light_active, model.vis.headlight.ambient, model.vis.headlight.diffuse)]
+    with lit_for_the_eye(model):
+        assert light_of(model) > 0.49
+    after = (model.light_active, model.vis.headlight.ambient, model.vis.headlight.diffuse)
+    for one, other in zip(before, after, strict=True):
+        np.testing.assert_array_equal(one, other)
