@@ -109,7 +109,7 @@ def harmless() -> Iterator[Figure]:
     with tempfile.TemporaryDirectory() as folder:
         base = _run("smoke", (), Path(folder) / "base")
 
-        def alarms(number: int, changes: Sequence[str], n_thread: int = 1) -> int:
+        def alarms(number: int, changes: Sequence[str], n_thread: int = 0) -> int:
             with mock.patch.dict(ENVIRONMENT, LP_NUM_THREADS=str(n_thread)):
                 cache = RecordingCache(Path(folder) / f"cache-{number}", 10**10)
                 found = _compare(base, _run("smoke", changes, Path(folder) / str(number), cache))

@@ -42,7 +42,7 @@ class Recording:
     sensor's stamps are ahead of the others' logged at the same time [s].
     """
 
-    def __init__(self, path: Path, rig: Rig | Path | None = None) -> None:
+    def __init__(self, path: str | PathLike[str], rig: Rig | str | PathLike[str] | None = None) -> None:
         """`rig` (a `rig.yaml` or its content) says what the bag's topics are; it goes before a rig in the bag.
 
         Without either, a bag with one LaserScan topic is taken as one scanner at the origin, named after the topic.

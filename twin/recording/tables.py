@@ -156,7 +156,7 @@ def track_writer(path: Path) -> Iterator[TrackWriter]:
         yield TrackWriter(stream)
 
 
-def read_truth(path: Path, most_bytes: int | None = None) -> TruthTable:
+def read_truth(path: str | PathLike[str], most_bytes: int | None = None) -> TruthTable:
     """Read a `truth.csv` of no more than `most_bytes` (None: any size).
 
     Cells other than t, id, x, y and in_area may be empty. Columns visible_<sensor> are kept by sensor, others that the
@@ -176,7 +176,7 @@ def read_truth(path: Path, most_bytes: int | None = None) -> TruthTable:
     return TruthTable(str(path), frame_stamps, stamps, ids, **numbers, in_area=in_area, visible=visible)
 
 
-def read_tracks(path: Path, most_bytes: int | None = None) -> TrackTable:
+def read_tracks(path: str | PathLike[str], most_bytes: int | None = None) -> TrackTable:
     """Read a `tracks/<tracker>.csv` of no more than `most_bytes` (None: any size).
 
     Cells other than t, id, x, y and status may be empty. Columns that the contract

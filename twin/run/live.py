@@ -58,7 +58,7 @@ def run_scenario(
     scenario: Scenario,
     *,
     trackers: Sequence[str] | None = None,
-    out: Path | None = None,
+    out: str | PathLike[str] | None = None,
     video: bool = True,
     images: bool = True,
     trusted: TrustedClasses = NONE_TRUSTED,
@@ -76,7 +76,7 @@ def run_scenario(
     PlugInError when every tracker has failed; where others are left, the result says which did.
     """
     names = list(trackers) if trackers is not None else list(scenario.trackers) or [DEFAULT_TRACKER]
-    folder = out if out is not None else Path("out") / f"{scenario.name}-{scenario.seed}"
+    folder = Path(out) if out is not None else Path("out") / f"{scenario.name}-{scenario.seed}"
     source = source or f"scenario {scenario.name}"
     chosen = choose(names, scenario.trackers, source, trusted)
     if chosen:

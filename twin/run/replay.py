@@ -67,16 +67,16 @@ _BESIDES = ("metrics.json", "preview.mp4", _ABOUT)
 
 
 def track_recording(
-    recording: Path,
+    recording: str | PathLike[str],
     *,
     trackers: Sequence[str],
-    rig_path: Path | None = None,
+    rig_path: str | PathLike[str] | None = None,
     changes: Sequence[str] = (),
     seed: int | None = None,
-    out: Path | None = None,
+    out: str | PathLike[str] | None = None,
     video: bool = True,
     report: bool = True,
-    bag_copy: Path | None = None,
+    bag_copy: str | PathLike[str] | None = None,
     on_progress: OnProgress = lambda what, done, total: None,
     on_warning: OnWarning = lambda warning: None,
 ) -> RunResult:

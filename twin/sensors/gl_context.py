@@ -10,6 +10,7 @@ from typing import Any
 import mujoco
 
 from trackers.errors import InputError
+from twin.sensors.gl_forks import check_process, note_context
 
 INSTALL_EGL = "apt-get install libegl1 libgl1-mesa-dri"
 """What brings software rendering to a Debian machine."""
@@ -40,10 +41,13 @@ def make_context() -> Any:
 
     MuJoCo's C code reads MUJOCO_GL when the first context is made, its Python code when it is imported; importing
     `mujoco.egl` here leaves a machine without EGL free to import mujoco for everything but pictures.
+    Raises InputError where there is none, or none that survived a fork.
     """
     os.environ["MUJOCO_GL"] = "egl"
-    # One rasteriser thread: the second core is worth more to what runs beside the renderer (encoding, tracking).
-    os.environ.setdefault("LP_NUM_THREADS", "1")
+    # No thread of the rasteriser's: the second core is worth more to what runs beside the renderer (encoding, tracking),
+    # one thread in turns with ours is no faster, and none is what a forked process can go on with.
+    os.environ.setdefault("LP_NUM_THREADS", "0")
+    check_process()
     try:
         from mujoco.egl import GLContext
         from OpenGL.error import Error as OpenGlError
@@ -52,6 +56,7 @@ def make_context() -> Any:
     try:
         context = GLContext(1, 1)
         context.make_current()
+        note_context(gl_info().renderer)
     except (ImportError, RuntimeError, OpenGlError) as error:
         raise InputError(_no_egl(error)) from error
     return context

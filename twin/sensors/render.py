@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.sensors.gl_context import INSTALL_EGL, GlInfo, gl_info, make_context, make_mjr_context
+from twin.sensors.gl_forks import abandon, check_process, is_lost, no_fork
 from twin.sensors.scene_geoms import SceneGeoms, drawing_option, has_open_mesh
 from twin.sensors.view import Mark, View
 
@@ -52,12 +54,13 @@ class OffscreenRenderer:
         self._context: Any = None
         self._mjr: mujoco.MjrContext | None = None
         self._exact: mujoco.MjrContext | None = None  # without samples
-        self._thread = threading.get_ident()
+        self._maker = os.getpid(), threading.get_ident()
         self.model = model
-        self._context = make_context()
         if shadows:
             let_a_lamp_cast(model)
-        self._mjr = make_mjr_context(model, self._context, samples, _SHADOW_MAP_PX if shadows else None)
+        with no_fork():
+            self._context = make_context()
+            self._mjr = make_mjr_context(model, self._context, samples, _SHADOW_MAP_PX if shadows else None)
         self._samples = samples
         self._scene = mujoco.MjvScene(model, model.ngeom + model.nskin + model.nflex + 1 + most_marks)
         self._scene.flags[:] = 0
@@ -73,8 +76,9 @@ class OffscreenRenderer:
 
     def gl_info(self) -> GlInfo:
         """Name and version of the OpenGL that draws."""
-        self._make_current()
-        return gl_info()
+        with no_fork():
+            self._make_current()
+            return gl_info()
 
     def drawing(self) -> tuple[mujoco.MjvScene, mujoco.MjrContext]:
         """The scene as it was last drawn, and its context: for bare calls of MuJoCo, to measure against."""
@@ -82,6 +86,7 @@ class OffscreenRenderer:
         assert self._mjr is not None
         return self._scene, self._mjr
 
+    @no_fork()
     def render(
         self,
         data: mujoco.MjData,
@@ -236,12 +241,17 @@ class OffscreenRenderer:
     def _make_current(self) -> None:
         if self._context is None:
             raise RuntimeError("the renderer is closed; make another")
-        if threading.get_ident() != self._thread:
+        check_process()
+        if threading.get_ident() != self._maker[1]:
             raise RuntimeError("an EGL context belongs to the thread that made it; make a renderer in this one")
         self._context.make_current()
 
+    @no_fork()
     def close(self) -> None:
         """Free the context; may be called twice."""
+        if self._context is not None and is_lost(*self._maker):
+            abandon(self._context, self._mjr, self._exact)
+            self._mjr = self._exact = self._context = None
         if self._mjr is not None and self._context is not None:
             with self._context.as_current():
                 for each in (self._mjr, self._exact):

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 _CLOSE_S = 15
 ENVIRONMENT = {
-    "LP_NUM_THREADS": "1",
+    "LP_NUM_THREADS": "0",
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
     "MKL_NUM_THREADS": "1",
     "OPENCV_FOR_THREADS_NUM": "1",
 }
-"""Workers share the cores: each keeps to one thread of the software renderer, of linear algebra, of OpenCV."""
+"""Workers share the cores: the software renderer, linear algebra and OpenCV keep to the thread that calls them."""
 _CONFIGURATION = {
     "distributed.worker.multiprocessing-method": "spawn",  # a process forked after rendering hangs
     "distributed.scheduler.allowed-failures": 0,  # we count attempts; a death is to be told of at once

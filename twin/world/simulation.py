@@ -65,7 +65,9 @@ class Delivered:
 class Simulation:
     """The observations of a scenario, decoded from their messages as a replay would give them; a context manager.
 
-    Iterating yields them in order of arrival, once. `rig` is what a tracker may know of the sensors, and so what the
+    Iterating yields them in order of arrival, once: like a file, a simulation goes on where it was left, by whatever loop,
+    and one that has ended or failed refuses another loop. Make another for another look; of the same scenario it is the
+    same to the bit. `rig` is what a tracker may know of the sensors, and so what the
     scenario has it believe; `true_rig` is where they are and how they project in truth. `on_truth` is
     called with the truth at every stamp of every sensor, in order of time, before the observation of that stamp
     comes. `on_detail` is called with what goes with pictures, scans and situations (`twin.world.truth_details`) as they are
@@ -76,7 +78,8 @@ class Simulation:
 
     `warnings`: what can be, but is hardly meant, one sentence each.
 
-    Raises InputError for a scenario that cannot be: a person or sensor in a wall, people in each other.
+    Raises InputError for a scenario that cannot be: a person or sensor in a wall, people in each other; and RuntimeError
+    for iterating after the end, after an error, or once it is closed.
     """
 
     def __init__(
@@ -139,6 +142,8 @@ class Simulation:
         self._schedule = Schedule(scheduled, scenario.duration_s)
         self._truth_stamps = groupby(self._schedule.events(), key=attrgetter("stamp_ns"))
         self._next_truth = self._following_truth()
+        self._coming = self._deliver()
+        self._over = ""  # why nothing comes any more
 
     def __enter__(self) -> Self:
         return self
@@ -149,8 +154,9 @@ class Simulation:
         self.close()
 
     def close(self) -> None:
-        """Free the renderer."""
+        """Free the renderer; nothing comes any more."""
         self._renderer.close()
+        self._over = self._over or "is closed"
 
     def __iter__(self) -> Iterator[Observation]:
         return (delivered.observation for delivered in self.deliveries())
@@ -172,14 +178,25 @@ class Simulation:
                 yield encode(reading.observation)
 
     def deliveries(self) -> Iterator[Delivered]:
-        """Every observation with its message and its truth, in order of arrival, once."""
+        """Every observation with its message and its truth, in order of arrival, from where the last loop stopped."""
+        if self._over:
+            raise RuntimeError(
+                f"the simulation of {self.scenario.name!r} {self._over}; make another Simulation to iterate again"
+            )
+        return (delivered for delivered in self._coming)  # whose end, after a break, ends only itself
+
+    def _deliver(self) -> Iterator[Delivered]:
+        self._over = "was stopped by an error"
         for delivery in self._schedule.observe(self):
             encoded = encode(delivery.reading.observation)
             read = self.as_read(encoded)
+            self._over = ""
             yield Delivered(encoded, delivery.arrival_ns, delivery.reading, read, delivery.stamp_ns)
+            self._over = "was stopped by an error"
         self._tell_truth_until(self.scenario.duration_s)
         if self._details is not None:
             self._details.finish(round(self.scenario.duration_s * NS_PER_S))
+        self._over = "has come to its end"
 
     def as_read(self, encoded: Encoded) -> Observation:
         """The observation as a tracker reads it off its message: on the clock that the rig says."""

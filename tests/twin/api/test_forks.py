@@ -1,0 +1,170 @@
+"""Processes forked after a run with images go on drawing, with the same pixels, or say that they cannot: none hangs."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import textwrap
+
+import pytest
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
+
+_PREPARE = """
+import atexit, hashlib, multiprocessing, os, signal, sys, threading, time, warnings
+from concurrent.futures import ProcessPoolExecutor
+import numpy as np
+import twin
+
+warnings.simplefilter("ignore", DeprecationWarning)  # of Python 3.12's, of forks beside threads
+SCENARIO = twin.load_scenario("lab-five-people", ["duration_s=0.3", "background_frames=1"])
+HERE = os.getpid()
+
+def digest(observations):
+    content = hashlib.sha256()
+    for each in observations:
+        for name in ("rgb", "ranges_m"):
+            content.update(np.ascontiguousarray(getattr(each, name, ())).tobytes())
+    return content.hexdigest()
+
+def run(number=0):
+    with twin.Simulation(SCENARIO) as simulation:
+        return digest(simulation)
+
+def check(child):
+    ended = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    assert ended == 7, ended
+
+def in_child(work):
+    child = os.fork()
+    if child == 0:
+        signal.alarm(30)
+        work()
+        sys.exit(7)  # not os._exit: what is registered for the end of Python must not hang either
+    check(child)
+"""
+
+CHILDREN = {
+    "a new simulation": """
+        first = run()
+        def work():
+            assert run() == first
+        in_child(work)
+        assert run() == first
+    """,
+    "a child's child": """
+        first = run()
+        def work():
+            assert run() == first
+        in_child(lambda: in_child(work))
+    """,
+    "while iterating": """
+        first = run()
+        simulation = twin.Simulation(SCENARIO)
+        observations = iter(simulation)
+        begun = [next(observations) for _ in range(5)]
+        def work():
+            assert digest([*begun, *observations]) == first
+            simulation.close()
+        in_child(work)
+        assert digest([*begun, *observations]) == first
+        in_child(lambda: run() == first or os._exit(3))
+    """,
+    "nothing drawn in the child": """
+        simulation = twin.Simulation(SCENARIO)
+        next(iter(simulation))
+        in_child(lambda: None)
+    """,
+    "a pool of two": """
+        first = run()
+        with multiprocessing.get_context("fork").Pool(2) as pool:
+            assert pool.map(run, range(4)) == [first] * 4
+        with ProcessPoolExecutor(2, multiprocessing.get_context("fork")) as pool:
+            assert list(pool.map(run, range(4))) == [first] * 4
+    """,
+    "by a thread": """
+        first, told = run(), []
+        def fork():
+            told.append(run())
+            child = os.fork()
+            if child == 0:
+                signal.alarm(30)
+                os._exit(7 if run() == first else 3)
+            check(child)
+        thread = threading.Thread(target=fork)
+        thread.start()
+        thread.join()
+        assert told == [first]
+    """,
+    "while threads draw": """
+        first, stop = run(), threading.Event()
+        begun = threading.Barrier(3)
+        def draw():
+            # Renderers that stand: what a thread computes for the first time it may hold a lock of Python 3.11's over.
+            with twin.Simulation(SCENARIO) as simulation:
+                simulation.look(0)
+                begun.wait()
+                while not stop.is_set():
+                    simulation.look(0)
+        threads = [threading.Thread(target=draw) for _ in range(2)]
+        for thread in threads:
+            thread.start()
+        begun.wait()
+        for _ in range(8):
+            time.sleep(0.02)
+            child = os.fork()
+            if child == 0:
+                signal.alarm(30)
+                os._exit(7 if run() == first else 3)
+            check(child)
+        stop.set()
+        for thread in threads:
+            thread.join()
+    """,
+    "a whole run": """
+        import tempfile
+        run()
+        folder = tempfile.mkdtemp()
+        in_child(lambda: twin.run_scenario(SCENARIO, trackers=["sort"], out=folder + "/run"))
+        assert os.path.exists(folder + "/run/preview.mp4")
+    """,
+}
+
+
+def in_python(text: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    kept = {name: value for name, value in os.environ.items() if name != "LP_NUM_THREADS"}
+    program = _PREPARE + textwrap.dedent(text)
+    ran = [sys.executable, "-c", program]
+    return subprocess.run(ran, capture_output=True, text=True, timeout=100, env={**kept, **environment})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", CHILDREN)
+def test_forked_process_draws_the_same_and_ends(kind: str) -> None:
+    found = in_python(CHILDREN[kind])
+    assert found.returncode == 0 and not found.stderr, found.stderr
+
+
+@pytest.mark.slow
+def test_process_forked_from_a_renderer_with_threads_names_spawn() -> None:
+    found = in_python(
+        """
+        simulation = twin.Simulation(SCENARIO)
+        observations = iter(simulation)
+        next(observations)
+        def work():
+            for draw in (run, lambda: list(observations)):
+                try:
+                    draw()
+                except twin.InputError as error:
+                    assert "spawn" in str(error) and len(str(error).splitlines()) == 1, error
+                else:
+                    os._exit(3)
+            simulation.close()
+        in_child(work)
+        list(observations)
+        """,
+        LP_NUM_THREADS="2",
+    )
+    assert found.returncode == 0 and not found.stderr, found.stderr
