@@ -11,7 +11,7 @@ from pydantic import Field
 
 from trackers.configuration import Strict
 from trackers.errors import InputError
-from trackers.text_file import is_file
+from trackers.text_file import AnyPath, is_file
 
 
 class KnowledgeFiles(Strict):
@@ -25,7 +25,7 @@ class KnowledgeFiles(Strict):
         default={}, description="files that trackers have learned beforehand, by the name that they ask for"
     )
 
-    def within(self, folder: Path) -> Self:
+    def within(self, folder: AnyPath) -> Self:
         """The same files, absolute, of one who named them in `folder`."""
         return type(self).model_validate(files_within(self.model_dump(), folder))
 
@@ -63,14 +63,14 @@ class KnowledgeFiles(Strict):
 NO_FILES = KnowledgeFiles()
 
 
-def files_within(content: Any, folder: Path) -> Any:
+def files_within(content: Any, folder: AnyPath) -> Any:
     """`knowledge`, or a part of it, as plain data with every path in it absolute: they are relative to `folder`."""
     if isinstance(content, dict):
         return {key: files_within(value, folder) for key, value in content.items()}
-    return str((folder / content).absolute()) if isinstance(content, str) else content
+    return str((Path(folder) / content).absolute()) if isinstance(content, str) else content
 
 
-def no_file(field: str, path: Path) -> str:
+def no_file(field: str, path: AnyPath) -> str:
     """What is wrong with a field whose file is not there."""
     expected = "one that `twin environment` wrote" if field.endswith("environment") else "what a tracker has learned"
     return f"{field}: there is no file {path}; {expected} is expected"

@@ -24,7 +24,7 @@ from trackers.force_curve import ForceCurve
 from trackers.knowledge_files import NO_FILES, KnowledgeFiles
 from trackers.plain_data import parse_yaml
 from trackers.pose import Coordinate, Pose
-from trackers.text_file import read_text
+from trackers.text_file import AnyPath, read_text
 
 Point2 = tuple[Coordinate, Coordinate]
 
@@ -310,8 +310,9 @@ class Rig(Strict):
         return yaml.safe_dump(self.model_dump(mode="json", exclude_none=True), sort_keys=False)
 
     @classmethod
-    def load(cls, path: Path) -> Rig:
+    def load(cls, path: AnyPath) -> Rig:
         """The rig in a `rig.yaml`, the files that it names absolute; raises InputError naming every field at fault."""
+        path = Path(path)
         rig = cls.parse(read_text(path, "a rig.yaml"), str(path))
         return rig.model_copy(update={"knowledge": rig.knowledge.within(path.parent)})
 

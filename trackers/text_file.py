@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import io
+import os
 import stat
 from pathlib import Path
 
 from trackers.errors import InputError
 
+AnyPath = str | os.PathLike[str]
+"""A path as callers may have it."""
+
 MOST_TEXT_BYTES = 64 * 1024 * 1024
 """A file of text larger than this is none that somebody wrote for us: it is refused unread."""
 
 
-def read_text(source: Path, expected: str, most_bytes: int | None = MOST_TEXT_BYTES) -> str:
+def read_text(source: AnyPath, expected: str, most_bytes: int | None = MOST_TEXT_BYTES) -> str:
     """The text of a file in UTF-8; raises InputError naming the file and what is `expected` of it.
 
     No more than `most_bytes` are ever held (None: all of it). A device, which may never end, is refused.
     """
+    source = Path(source)
     try:
         mode = source.stat().st_mode
         if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
@@ -37,9 +42,9 @@ def read_text(source: Path, expected: str, most_bytes: int | None = MOST_TEXT_BY
         raise InputError(f"{source}: is not a text file in UTF-8; {expected} is expected") from error
 
 
-def is_file(path: Path) -> bool:
+def is_file(path: AnyPath) -> bool:
     """Whether there is a file of this path; one that no file can have (too long, a NUL in it) names none."""
     try:
-        return path.is_file()
+        return Path(path).is_file()
     except (OSError, ValueError):
         return False

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
+from trackers.text_file import AnyPath
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +44,7 @@ class PointCloud:
             if not np.isfinite(values).all():
                 raise InputError(f"point cloud: {name} hold NaN or infinity; leave out rays that met nothing")
 
-    def write_ply(self, path: Path) -> None:
+    def write_ply(self, path: AnyPath) -> None:
         """Write the points as binary PLY (float32 x, y, z and the station), which CloudCompare and others open."""
         record = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("station", "<i2")])
         rows = np.empty(len(self.points_m), dtype=record)
@@ -54,4 +55,4 @@ class PointCloud:
         head += [f"comment station {place[0]:.6f} {place[1]:.6f} {place[2]:.6f}" for place in self.origins_m]
         head += [f"element vertex {len(rows)}", *(f"property float {axis}" for axis in "xyz"), "property short station"]
         head += ["end_header", ""]
-        path.write_bytes("\n".join(head).encode() + rows.tobytes())
+        Path(path).write_bytes("\n".join(head).encode() + rows.tobytes())

@@ -17,6 +17,7 @@ from trackers.environment.grid import OCCUPIED, Grid
 from trackers.environment.model import Environment
 from trackers.errors import InputError
 from trackers.rig import Rig
+from trackers.text_file import AnyPath
 
 FORMAT, VERSION = "roomtwin environment", 1
 FRAME = "room: metres, x-y floor, z up"
@@ -66,7 +67,7 @@ _ARRAYS = {
 """The arrays of a file: what they hold, and their shapes; None: any number."""
 
 
-def save_environment(environment: Environment, path: Path) -> str:
+def save_environment(environment: Environment, path: AnyPath) -> str:
     """Write the environment; the same environment gives the same bytes. Returns its fingerprint."""
     arrays = _arrays(environment)
     arrays["fingerprint"] = np.array(_fingerprint(arrays))
@@ -80,12 +81,13 @@ def save_environment(environment: Environment, path: Path) -> str:
     return str(arrays["fingerprint"])
 
 
-def load_environment(path: Path, rig: Rig | None = None) -> Environment:
+def load_environment(path: AnyPath, rig: Rig | None = None) -> Environment:
     """The environment in a file; with a rig, checked to be of the room that the rig is in (see `Environment.check`).
 
     Raises InputError for a file that is none, of another version, damaged or incomplete, and for the environment of
     another room.
     """
+    path = Path(path)
     arrays = _read(path)
     if "format" not in arrays or arrays["format"].shape or str(arrays["format"]) != FORMAT:
         raise InputError(f"{path}: holds no environment but {_listed(arrays)}; {_EXPECTED} is expected")

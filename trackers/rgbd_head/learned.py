@@ -17,6 +17,7 @@ from trackers.errors import InputError
 from trackers.rgbd_head.colours import COLOURS, SHARES
 from trackers.rgbd_head.outline import CELLS
 from trackers.rgbd_head.skin import HUES, SATURATIONS, SkinRegion
+from trackers.text_file import AnyPath
 
 SHIPPED = Path(__file__).with_name("heads.npz")
 _SHAPES = {"skin": (HUES, SATURATIONS), "share": (CELLS[0] * CELLS[1],), "common": (2, COLOURS)}
@@ -38,8 +39,9 @@ class Learned:
 
 
 @lru_cache(maxsize=4)
-def load_learned(path: Path) -> Learned:
+def load_learned(path: AnyPath) -> Learned:
     """What a file holds; raises InputError for one that is missing, damaged or of something else."""
+    path = Path(path)
     try:
         with np.load(path, allow_pickle=False) as archive:
             arrays = {name: np.asarray(archive[name]) for name in _SHAPES}

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array, Singles
 from trackers.errors import InputError
+from trackers.text_file import AnyPath
 
 ROWS, COLUMNS = 14, 8
 """Cells of a window, of which the model is learned."""
@@ -47,7 +48,7 @@ class PersonModel:
     offset: Network  # to the right and ahead of the window's place, as the camera looks at it [m]
     deviation_m: Float[Array, "2"]  # standard deviations of that [m]
 
-    def save(self, path: Path) -> None:
+    def save(self, path: AnyPath) -> None:
         """Write the arrays to a file, the same bytes for the same model."""
         arrays = {
             f"{name}_{part}": getattr(getattr(self, name), part) for name in ("nearness", "offset") for part in _PARTS
@@ -55,8 +56,9 @@ class PersonModel:
         np.savez(path, allow_pickle=False, deviation_m=self.deviation_m, **arrays)
 
     @classmethod
-    def load(cls, path: Path = SHIPPED) -> PersonModel:
+    def load(cls, path: AnyPath = SHIPPED) -> PersonModel:
         """The model in a file that `save` wrote. Raises InputError for one that is missing, damaged or no such model."""
+        path = Path(path)
         try:
             with np.load(path, allow_pickle=False) as file:
                 held = {name: file[name] for name in file.files}

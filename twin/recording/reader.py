@@ -11,6 +11,7 @@ from trackers.arrays import Nanoseconds
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
 from trackers.rig import CameraSensor, FloorSensor, Rig, RigSensor, StereoSensor
+from trackers.text_file import AnyPath
 from twin.recording import topics
 from twin.recording.bag import Bag, Topic, decoded, open_bag
 from twin.recording.clocks import SetRight, set_right
@@ -42,14 +43,14 @@ class Recording:
     sensor's stamps are ahead of the others' logged at the same time [s].
     """
 
-    def __init__(self, path: str | PathLike[str], rig: Rig | str | PathLike[str] | None = None) -> None:
+    def __init__(self, path: AnyPath, rig: Rig | AnyPath | None = None) -> None:
         """`rig` (a `rig.yaml` or its content) says what the bag's topics are; it goes before a rig in the bag.
 
         Without either, a bag with one LaserScan topic is taken as one scanner at the origin, named after the topic.
         Raises InputError, in one sentence, for a file that is missing, no bag or damaged, and where the bag lacks what
         the rig says or has nothing that can be used.
         """
-        self.path = path
+        self.path = path = Path(path)
         with open_bag(path) as bag:
             self.topics: dict[str, Topic] = bag.topics
             self.duration_s = bag.duration_s
@@ -57,10 +58,10 @@ class Recording:
             self.is_twin = carried is not None
             self.scenario_yaml = self._text(bag, topics.SCENARIO)
             silent: list[Loss] = []
-            if isinstance(rig, Path):
-                self.rig, source = Rig.load(rig), str(rig)
-            elif rig is not None:
+            if isinstance(rig, Rig):
                 self.rig, source = rig, "the rig"
+            elif rig is not None:
+                self.rig, source = Rig.load(rig), str(Path(rig))
             elif carried is not None:
                 source = f"{path}, topic {topics.RIG}"
                 self.rig = Rig.parse(carried, source)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
+from trackers.text_file import AnyPath
 from trackers.tracks import Track, TrackFrame
 from twin.recording.csv_columns import CsvColumns, StampedRows, read_csv_columns
 from twin.recording.whole_file import whole_file
@@ -156,12 +157,13 @@ def track_writer(path: Path) -> Iterator[TrackWriter]:
         yield TrackWriter(stream)
 
 
-def read_truth(path: str | PathLike[str], most_bytes: int | None = None) -> TruthTable:
+def read_truth(path: AnyPath, most_bytes: int | None = None) -> TruthTable:
     """Read a `truth.csv` of no more than `most_bytes` (None: any size).
 
     Cells other than t, id, x, y and in_area may be empty. Columns visible_<sensor> are kept by sensor, others that the
     contract does not name are passed over. Raises InputError naming file, line, column and value.
     """
+    path = Path(path)
     columns = read_csv_columns(path, TRUTH_COLUMNS, "truth table", most_bytes)
     frame_stamps, rows, stamps, ids = _index(columns, TRUTH_COLUMNS[1:])
     visible = {}
@@ -176,12 +178,13 @@ def read_truth(path: str | PathLike[str], most_bytes: int | None = None) -> Trut
     return TruthTable(str(path), frame_stamps, stamps, ids, **numbers, in_area=in_area, visible=visible)
 
 
-def read_tracks(path: str | PathLike[str], most_bytes: int | None = None) -> TrackTable:
+def read_tracks(path: AnyPath, most_bytes: int | None = None) -> TrackTable:
     """Read a `tracks/<tracker>.csv` of no more than `most_bytes` (None: any size).
 
     Cells other than t, id, x, y and status may be empty. Columns that the contract
     does not name are passed over. Raises InputError naming file, line, column and value.
     """
+    path = Path(path)
     columns = read_csv_columns(path, TRACK_COLUMNS, "tracks table", most_bytes)
     frame_stamps, rows, stamps, ids = _index(columns, TRACK_COLUMNS[1:])
     numbers = {name: rows.numbers(name, may_be_empty=name not in ("x", "y")) for name in _TRACK_NUMBERS}

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any, TextIO
 
 from trackers.detections import Detection
 from trackers.errors import InputError, PlugInError
 from trackers.knowledge import Knowledge
 from trackers.presets import PRESETS
+from trackers.text_file import AnyPath
 from trackers.tracks import FedTracker, detections_of
 from twin.progress import OnWarning
 from twin.recording.reader import Recording
@@ -30,11 +30,11 @@ COLUMNS = ("t", "sensors", "role", "x", "y", "variance", "width")
 
 
 def write_detections(
-    recording: Path,
+    recording: AnyPath,
     file: TextIO,
     *,
     tracker: str,
-    rig_path: Path | None = None,
+    rig_path: AnyPath | None = None,
     changes: Sequence[str] = (),
     seed: int | None = None,
     on_warning: OnWarning = lambda warning: None,

@@ -12,7 +12,7 @@ from pydantic import Field
 from trackers.configuration import Strict, validate
 from trackers.errors import InputError
 from trackers.knowledge_files import NO_FILES, KnowledgeFiles, files_within, no_file
-from trackers.text_file import is_file
+from trackers.text_file import AnyPath, is_file
 from twin.recording.reader import Recording
 from twin.scenario import Scenario
 from twin.scenario.load import apply_overrides, without_null
@@ -28,7 +28,7 @@ def environment_change(path: Path | None) -> list[str]:
 
 
 def files_for(
-    bag: Recording, scenario: Scenario | None, rig_path: Path | None, changes: Sequence[str]
+    bag: Recording, scenario: Scenario | None, rig_path: AnyPath | None, changes: Sequence[str]
 ) -> tuple[KnowledgeFiles, list[str]]:
     """The files for the trackers of a recording, absolute and there, and what warns.
 

@@ -15,6 +15,7 @@ from trackers.knowledge_files import NO_FILES
 from trackers.observations import NS_PER_S
 from trackers.presets import make_tracker
 from trackers.rig import Rig
+from trackers.text_file import AnyPath
 from twin.progress import OnProgress, OnWarning
 from twin.recording.details import DETAIL_FILES, detail_writer
 from twin.recording.feet import feet_writer
@@ -58,7 +59,7 @@ def run_scenario(
     scenario: Scenario,
     *,
     trackers: Sequence[str] | None = None,
-    out: str | PathLike[str] | None = None,
+    out: AnyPath | None = None,
     video: bool = True,
     images: bool = True,
     trusted: TrustedClasses = NONE_TRUSTED,

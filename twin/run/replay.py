@@ -20,6 +20,7 @@ from trackers.knowledge import Knowledge
 from trackers.knowledge_files import KnowledgeFiles
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.plain_data import parse_yaml
+from trackers.text_file import AnyPath
 from trackers.tracks import TrackFrame
 from twin.progress import OnProgress, OnWarning
 from twin.recording.details import DETAIL_FILES
@@ -67,16 +68,16 @@ _BESIDES = ("metrics.json", "preview.mp4", _ABOUT)
 
 
 def track_recording(
-    recording: str | PathLike[str],
+    recording: AnyPath,
     *,
     trackers: Sequence[str],
-    rig_path: str | PathLike[str] | None = None,
+    rig_path: AnyPath | None = None,
     changes: Sequence[str] = (),
     seed: int | None = None,
-    out: str | PathLike[str] | None = None,
+    out: AnyPath | None = None,
     video: bool = True,
     report: bool = True,
-    bag_copy: str | PathLike[str] | None = None,
+    bag_copy: AnyPath | None = None,
     on_progress: OnProgress = lambda what, done, total: None,
     on_warning: OnWarning = lambda warning: None,
 ) -> RunResult:
@@ -89,6 +90,7 @@ def track_recording(
     the bag. Raises InputError for bad input, before anything is written, and PlugInError when every tracker has failed;
     where others are left, the result says which did.
     """
+    recording, rig_path, out, bag_copy = Path(recording), _path(rig_path), _path(out), _path(bag_copy)
     bag = Recording(recording, rig_path)
     scenario = scenario_of(bag)
     names = list(trackers)
@@ -115,6 +117,10 @@ def track_recording(
             on_progress,
             on_warning,
         )
+
+
+def _path(given: AnyPath | None) -> Path | None:
+    return None if given is None else Path(given)
 
 
 def _track(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from contextlib import suppress
 from copy import deepcopy
@@ -16,7 +17,7 @@ from trackers.errors import InputError
 from trackers.knowledge_files import files_within
 from trackers.merging import laid_over
 from trackers.plain_data import DEEPEST, parse_yaml, parse_yaml_value
-from trackers.text_file import read_text
+from trackers.text_file import AnyPath, read_text
 from twin import models
 from twin.drawn.distributions import DrawnPeople, DrawnRoom, DrawnSensors
 from twin.drawn.scene import draw_scene, is_drawn
@@ -55,7 +56,7 @@ class DrawableScenarioFile(ScenarioFile):
 
 
 def load_scenario(
-    name: str | Path, overrides: Sequence[str] = (), *, suites: Sequence[str] = (), folder: Path = Path()
+    name: AnyPath, overrides: Sequence[str] = (), *, suites: Sequence[str] = (), folder: AnyPath = Path()
 ) -> Scenario:
     """The scenario of this name (shipped) or path, with overrides like 'sensors.waist.rate_hz=20' applied.
 
@@ -67,7 +68,7 @@ def load_scenario(
     A room, parent or file of knowledge given by path is relative to the file that names it. Raises InputError, every
     fault on one line.
     """
-    path = models.find("scenarios", str(name))
+    path, folder = models.find("scenarios", os.fspath(name)), Path(folder)
     content = _read(path, ())
     content = apply_overrides(content, suites)
     _resolve(content, folder, "set: room")

@@ -93,9 +93,9 @@ class Simulation:
         shares: bool = True,
     ) -> None:
         self.scenario = scenario = varied(scenario)
-        self.world = World(scenario, staged)
+        self.world = world = World(scenario, staged)
         self._renderer = RendererOnDemand(
-            lambda: self.world.scene.model, shadows=scenario.rendering.shadows, samples=scenario.rendering.samples
+            lambda: world.scene.model, shadows=scenario.rendering.shadows, samples=scenario.rendering.samples
         )
         self._descriptions = {
             name: in_the_room(scenario, name)
@@ -142,7 +142,7 @@ class Simulation:
         self._schedule = Schedule(scheduled, scenario.duration_s)
         self._truth_stamps = groupby(self._schedule.events(), key=attrgetter("stamp_ns"))
         self._next_truth = self._following_truth()
-        self._coming = self._deliver()
+        self._coming: Iterator[Delivered] | None = None
         self._over = ""  # why nothing comes any more
 
     def __enter__(self) -> Self:
@@ -157,6 +157,7 @@ class Simulation:
         """Free the renderer; nothing comes any more."""
         self._renderer.close()
         self._over = self._over or "is closed"
+        self._coming = None
 
     def __iter__(self) -> Iterator[Observation]:
         return (delivered.observation for delivered in self.deliveries())
@@ -183,7 +184,9 @@ class Simulation:
             raise RuntimeError(
                 f"the simulation of {self.scenario.name!r} {self._over}; make another Simulation to iterate again"
             )
-        return (delivered for delivered in self._coming)  # whose end, after a break, ends only itself
+        if self._coming is None:
+            self._coming = self._deliver()
+        return (delivered for delivered in self._coming)  # a loop that is left closes its own iterator, not this one
 
     def _deliver(self) -> Iterator[Delivered]:
         self._over = "was stopped by an error"

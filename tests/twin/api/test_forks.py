@@ -111,7 +111,7 @@ CHILDREN = {
         for thread in threads:
             thread.start()
         begun.wait()
-        for _ in range(8):
+        for _ in range(4):
             time.sleep(0.02)
             child = os.fork()
             if child == 0:
@@ -151,8 +151,8 @@ def test_process_forked_from_a_renderer_with_threads_names_spawn() -> None:
     found = in_python(
         """
         simulation = twin.Simulation(SCENARIO)
+        simulation.look(0)
         observations = iter(simulation)
-        next(observations)
         def work():
             for draw in (run, lambda: list(observations)):
                 try:

@@ -1,0 +1,132 @@
+"""A Simulation is iterated once: any loop goes on where the last one stopped, and none starts over unsaid."""
+
+from __future__ import annotations
+
+import copy
+import gc
+import pickle
+import subprocess
+import sys
+import weakref
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from itertools import islice
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+
+import twin
+from trackers.observations import Observation
+from twin.scenario import Scenario
+
+SCENARIO = twin.load_scenario("lab-five-people", ["duration_s=1.0", "background_frames=2"])
+
+
+def told(observations: list[Observation]) -> list[tuple[str, int, bytes]]:
+    return [
+        (each.sensor, each.stamp_ns, np.ascontiguousarray(getattr(each, "ranges_m", 0)).tobytes())
+        for each in observations
+    ]
+
+
+def whole(scenario: Scenario = SCENARIO) -> list[tuple[str, int, bytes]]:
+    with twin.Simulation(scenario, images=False) as simulation:
+        return told(list(simulation))
+
+
+@pytest.mark.parametrize("n", [1, 7])
+def test_loop_after_a_break_goes_on_where_it_stopped(n: int) -> None:
+    truth: list[int] = []
+    with twin.Simulation(SCENARIO, images=False, on_truth=lambda frame: truth.append(frame.stamp_ns)) as simulation:
+        found = []
+        for _ in range(2):
+            for number, observation in enumerate(simulation, start=1):
+                found.append(observation)
+                if number == n:
+                    break
+        found += [delivered.observation for delivered in islice(simulation.deliveries(), 2)]
+        found += simulation
+    assert told(found) == whole()
+    assert truth == sorted(set(truth))
+
+
+def test_two_iterators_share_what_comes() -> None:
+    with twin.Simulation(SCENARIO, images=False) as simulation:
+        first, second = iter(simulation), iter(simulation)
+        found = [next(first), next(second), next(first), *second]
+    assert told(found) == whole()
+
+
+def ended(simulation: twin.Simulation) -> None:
+    list(simulation)
+
+
+def stopped(simulation: twin.Simulation) -> None:
+    with pytest.raises(ZeroDivisionError):
+        list(simulation)
+
+
+def closed(simulation: twin.Simulation) -> None:
+    next(iter(simulation))
+    simulation.close()
+
+
+def fail(frame: object) -> None:
+    raise ZeroDivisionError
+
+
+@pytest.mark.parametrize(
+    ("bring", "on_truth", "said"),
+    [
+        (ended, None, "has come to its end"),
+        (stopped, fail, "was stopped by an error"),
+        (closed, None, "is closed"),
+    ],
+)
+def test_loop_where_nothing_comes_any_more_is_refused(
+    bring: Callable[[twin.Simulation], None], on_truth: Callable[[object], object] | None, said: str
+) -> None:
+    with twin.Simulation(SCENARIO, images=False, on_truth=on_truth) as simulation:
+        bring(simulation)
+        for begin in (iter, twin.Simulation.deliveries):
+            with pytest.raises(RuntimeError, match=f"'lab-five-people' {said}; make another Simulation"):
+                begin(simulation)
+
+
+def test_what_is_left_in_the_middle_is_freed_without_the_collector() -> None:
+    gc.disable()
+    try:
+        simulation = twin.Simulation(SCENARIO, images=False)
+        next(iter(simulation))
+        simulation.close()
+        left = weakref.ref(simulation)
+        del simulation
+        assert left() is None
+    finally:
+        gc.enable()
+
+
+@pytest.mark.parametrize("of", [copy.copy, copy.deepcopy, lambda each: pickle.loads(pickle.dumps(each))])
+def test_copied_scenario_gives_the_same(of: Callable[[Scenario], Scenario]) -> None:
+    assert whole(of(SCENARIO)) == whole()
+
+
+def test_interleaved_simulations_do_not_meet() -> None:
+    other = SCENARIO.model_copy(update={"seed": 3})
+    with twin.Simulation(SCENARIO, images=False) as first, twin.Simulation(other, images=False) as second:
+        pairs = list(zip(first, second, strict=True))
+    assert told([a for a, _ in pairs]) == whole() and told([b for _, b in pairs]) == whole(other)
+
+
+def test_threads_and_spawned_processes_give_the_same() -> None:
+    expected = whole()
+    with ThreadPoolExecutor(2) as threads, ProcessPoolExecutor(2, get_context("spawn")) as processes:
+        found = [*threads.map(whole, [SCENARIO] * 2), *processes.map(whole, [SCENARIO] * 2)]
+    assert found == [expected] * 4
+
+
+def test_simulation_that_is_never_closed_ends_quietly() -> None:
+    program = "import twin; s = twin.Simulation(twin.load_scenario('lab-five-people', ['duration_s=1'])); print(next(iter(s)))"
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert ran.returncode == 0 and ran.stdout and not ran.stderr, ran.stderr
