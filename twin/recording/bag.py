@@ -17,6 +17,7 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
 from trackers.errors import InputError
+from twin.recording.bag_order import as_written, messages_by_time
 from twin.recording.bag_path import BagPath
 from twin.recording.broken_bag import unreadable, why_broken
 from twin.recording.messages import TYPESTORE
@@ -104,11 +105,14 @@ class Bag:
         """From the first message logged to the last [s]; 0 for an empty bag."""
         return (self.end_ns - self.start_ns) / 1e9
 
-    def encoded_messages(self, topics: Mapping[str, str]) -> Iterator[tuple[str, int, bytes, bool]]:
+    def encoded_messages(
+        self, topics: Mapping[str, str], *, in_file_order: bool = False
+    ) -> Iterator[tuple[str, int, bytes, bool]]:
         """Topic, log time [ns], encoded message and whether it is encoded as ROS 1 does, in order of log time.
 
-        `topics`: the type of the messages wanted of each topic. Messages of one log time come as they were written. Raises
-        InputError where the bag is damaged.
+        `topics`: the type of the messages wanted of each topic. Messages of one log time come as they were written.
+        `in_file_order`: all as they were written, for a recorder whose clock was set back. Raises InputError where the bag is
+        damaged.
         """
         connections = [
             connection
@@ -119,7 +123,8 @@ class Bag:
             return  # rosbags takes no connections for all
         is_ros1 = {connection.id: self._is_ros1(connection) for connection in connections}
         with _bag_errors(self._path):
-            for connection, log_time_ns, data in self._reader.messages(connections):
+            read = as_written if in_file_order else messages_by_time
+            for connection, log_time_ns, data in read(self._reader, connections):
                 yield normal_topic(connection.topic), log_time_ns, data, is_ros1[connection.id]
 
     def messages(self, topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:

@@ -113,16 +113,16 @@ def _rhythm(gaps: Nanoseconds) -> tuple[float, float]:
     return float(np.median(gaps)), _IRREGULAR_GAP * float(np.quantile(gaps, 0.75))
 
 
-def crowded(sensor: str, stamps_ns: Nanoseconds) -> Loss | None:
+def crowded(sensor: str, stamps_ns: Nanoseconds, usual: float = 0.5) -> Loss | None:
     """Messages that lie between others twice as dense as the sensor reports elsewhere; None where there are none.
 
-    Two streams lie over one another there: the recorder's clock was set back, or two drivers write on one topic.
+    Two streams lie over one another there: the recorder's clock was set back, or two drivers write on one topic. `usual`:
+    quantile of the gaps that is taken for the sensor's period.
     """
     ordered = np.sort(stamps_ns)
     if ordered.size < 4 * _CROWD:
         return None
-    usual = float(np.median(np.diff(ordered)))
-    dense = ordered[2:] - ordered[:-2] < _DENSE * usual
+    dense = ordered[2:] - ordered[:-2] < _DENSE * float(np.quantile(np.diff(ordered), usual))
     lasting = np.convolve(dense, np.ones(_CROWD), "valid") >= _CROWD - 1
     count = int(np.count_nonzero(np.convolve(lasting, np.ones(_CROWD)) > 0))
     if not lasting.any():

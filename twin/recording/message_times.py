@@ -12,6 +12,7 @@ import numpy as np
 
 from trackers.arrays import Mask, Nanoseconds
 from trackers.observations import NS_PER_S
+from trackers.order import MAX_WAIT_S
 from twin.recording.bag import Bag
 
 _CDR_BYTES = 4
@@ -57,6 +58,37 @@ class _Topic:
     def times(self) -> MessageTimes:
         log_ns, stamp_ns = (np.array(each, dtype=np.int64) for each in (self.log_ns, self.stamp_ns))
         return MessageTimes(log_ns, stamp_ns, np.array(self.is_set, dtype=bool), self.frames)
+
+
+class _Unwound:
+    """Makes log times go on where the recorder's clock was set back, by the rhythm of the topic that comes next."""
+
+    def __init__(self) -> None:
+        self.set_back_ns: list[int] = []
+        self._shift_ns, self._last_ns = 0, None
+        self._last_of: dict[str, int] = {}
+        self._gap_of: dict[str, int] = {}
+
+    def __call__(self, topic: str, log_ns: int) -> int:
+        now_ns = log_ns + self._shift_ns
+        if self._last_ns is not None and self._last_ns - now_ns > MAX_WAIT_S * NS_PER_S:
+            next_ns = max(self._last_of.get(topic, self._last_ns) + self._gap_of.get(topic, 0), self._last_ns)
+            self.set_back_ns.append(next_ns - now_ns)
+            self._shift_ns += next_ns - now_ns
+            now_ns = next_ns
+        if (before := self._last_of.get(topic)) is not None:
+            self._gap_of[topic] = now_ns - before
+        self._last_of[topic] = now_ns
+        self._last_ns = now_ns if self._last_ns is None else max(self._last_ns, now_ns)
+        return now_ns
+
+
+def read_times_as_written(bag: Bag, topics: Mapping[str, str]) -> tuple[dict[str, MessageTimes], list[int]]:
+    """The same in the order of the file, log times made to go on, and by how much the recorder's clock was set back [ns]."""
+    read, unwound = {topic: _Topic() for topic in topics}, _Unwound()
+    for topic, log_ns, data, is_ros1 in bag.encoded_messages(topics, in_file_order=True):
+        read[topic].add(unwound(topic, log_ns), header_of(data, is_ros1), data)
+    return {topic: each.times() for topic, each in read.items()}, unwound.set_back_ns
 
 
 def read_times(bag: Bag, topics: Mapping[str, str]) -> dict[str, MessageTimes]:

@@ -18,7 +18,7 @@ from twin.recording.clocks import SetRight, set_right
 from twin.recording.depth_pairs import DepthPairs, partners, tolerance_ns
 from twin.recording.depth_picture import decode_depth
 from twin.recording.losses import Loss, crowded, missing
-from twin.recording.message_times import MessageTimes, read_times
+from twin.recording.message_times import MessageTimes, read_times, read_times_as_written
 from twin.recording.messages import STRING, from_message, stamp_of
 from twin.recording.motion import motions
 from twin.recording.sensor_topics import MSGTYPES, SensorTopics, absent, guessed_rig, sensor_topics
@@ -70,6 +70,13 @@ class Recording:
             self._topics = sensor_topics(path, self.topics, self.rig, source)
             times = read_times(bag, self._topics.types)
             self._check_has_messages(times)
+            self._is_as_written = False
+            # where in doubt: that messages stand otherwise in the file decides
+            if any(crowded(topic, each.stamp_ns, usual=0.9) for topic, each in times.items()):
+                written, set_back_ns = read_times_as_written(bag, self._topics.types)
+                if set_back_ns:
+                    self._is_as_written, times = True, written
+                    silent += self._set_back(written, set_back_ns)
             right = self._set_right(times)
             self.ahead_s = right.ahead_s
             self.start_ns = 0 if self.is_twin else self._first_stamp_ns(right)
@@ -116,7 +123,7 @@ class Recording:
             topic: each.stamp_ns + _offset_ns(self.rig.sensors[names[topic]]) - self.start_ns
             for topic, each in times.items()
         }
-        return list(self._decoded(SensorTopics(sensors, depths, types), stamps, _Reading()))
+        return list(self._decoded(SensorTopics(sensors, depths, types), stamps, _Reading(), as_written=False))
 
     def observations(self) -> Iterator[Observation]:
         """The observations in order of arrival (log time), read as they are asked for.
@@ -125,7 +132,7 @@ class Recording:
         of a sensor's messages cannot be used.
         """
         self._reading = _Reading()
-        return self._decoded(self._topics, self._stamps, self._reading)
+        return self._decoded(self._topics, self._stamps, self._reading, as_written=self._is_as_written)
 
     def truth(self) -> Iterator[TruthFrame]:
         """The truth in order of time; nothing in a robot's bag. Raises InputError where it is something else."""
@@ -148,7 +155,7 @@ class Recording:
                     raise InputError(f"{self.path}: topic {topic}: {error}") from error
 
     def _decoded(
-        self, found: SensorTopics, stamps: Mapping[str, Nanoseconds], reading: _Reading
+        self, found: SensorTopics, stamps: Mapping[str, Nanoseconds], reading: _Reading, *, as_written: bool
     ) -> Iterator[Observation]:
         colours = {name: topic for topic, name in found.sensors.items()}
         pairs = {
@@ -159,7 +166,7 @@ class Recording:
         reading.pairs = pairs
         numbers = dict.fromkeys(found.types, -1)
         with open_bag(self.path) as bag:
-            for topic, _, data, is_ros1 in bag.encoded_messages(found.types):
+            for topic, _, data, is_ros1 in bag.encoded_messages(found.types, in_file_order=as_written):
                 number = numbers[topic] = numbers[topic] + 1
                 stamp_ns = int(stamps[topic][number])
                 name = found.sensors.get(topic) or found.depths[topic]
@@ -233,6 +240,15 @@ class Recording:
             return set_right(labels, offsets, keeps_stamps=self.is_twin)
         except InputError as error:
             raise InputError(f"{self.path}: {error}") from error
+
+    def _set_back(self, times: Mapping[str, MessageTimes], by_ns: list[int]) -> list[Loss]:
+        by = ", ".join(f"{each / NS_PER_S:.3f} s" for each in by_ns[:5])
+        what = f"were logged by a recorder whose clock was set back by {by}"
+        remedy = "they are taken in the order of the file"
+        return [
+            Loss(self._topics.label(topic), len(each), len(each), what, remedy, always=True)
+            for topic, each in times.items()
+        ]
 
     def _first_stamp_ns(self, right: SetRight) -> int:
         firsts = (right.stamps_ns[name] for name in self._topics.sensors.values())
