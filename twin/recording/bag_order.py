@@ -1,4 +1,4 @@
-"""A bag's messages in order of their log times, or as they were written: the two differ where the recorder's clock was set back."""
+"""A bag's messages by log time, or as they were written: the two differ where the clock of the recorder was set back."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ scans = st.builds(
     stamp_ns=st.integers(-(10**9), 2**31 * 10**9 - 1),
     ranges_m=arrays(np.float32, st.integers(2, 40), elements=st.floats(width=32)),
     angle_min_rad=finite,
-    angle_increment_rad=st.floats(1e-6, 10) | st.floats(-10, -1e-6),
+    angle_increment_rad=st.floats(1e-6, 0.15) | st.floats(-0.15, -1e-6),
     range_min_m=st.floats(0, 1),
     range_max_m=st.floats(2, 100),
     sweep_time_s=st.floats(0, 1),

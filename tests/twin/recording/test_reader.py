@@ -74,7 +74,7 @@ def test_what_else_a_twins_bag_holds(twin_bag):
 
 def test_messages_of_one_moment_keep_their_order_over_chunks(tmp_path):
     path = tmp_path / "recording.mcap"
-    wide = replace(a_scan(0), ranges_m=np.ones(2000, dtype=np.float32))
+    wide = replace(a_scan(0), ranges_m=np.ones(2000, dtype=np.float32), angle_increment_rad=np.pi / 2000)
     with BagWriter(path, RIG) as writer:
         for k in range(300):
             writer.background(encode(replace(wide, stamp_ns=k)))
