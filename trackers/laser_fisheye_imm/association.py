@@ -40,7 +40,8 @@ class Matches:
 class Association:
     """The pairing of one moment: global nearest neighbour on likelihood ratios, or d = N + w E, within the validation regions.
 
-    people: predicted to stamp ns; unseen: how probably the moment would not show each of them; knee_radius_m: the validation
+    people: predicted to stamp ns (the moment before was at last_ns);
+    unseen: how probably the moment would not show each of them; knee_radius_m: the validation
     radius of legs; sees_waists: whether trunks are looked for, without which legs are all there is to know anybody by;
     knows_room: whether the background was captured, or else is learned from the scans, so that what is tentative may be a
     flicker of the room, and takes no legs before they are somebody's.
@@ -51,6 +52,7 @@ class Association:
     options: LaserFisheyeImmOptions
     knee_radius_m: float
     ns: int
+    last_ns: int
     sees_waists: bool = True
     knows_room: bool = True
 
@@ -137,5 +139,6 @@ class Association:
 
     def _hidden(self) -> Bool[Mask, "n"]:
         """Who was not measured at the last scan either, and may be on their way: whoever lies is not."""
-        unseen = self.ns - self.people.roster.measured_ns > nanoseconds(1.5 * self.options.period_s)
+        measured_ns = self.people.roster.measured_ns
+        unseen = (self.ns - measured_ns > nanoseconds(1.5 * self.options.period_s)) & (measured_ns < self.last_ns)
         return unseen & ~self.people.posture.lying

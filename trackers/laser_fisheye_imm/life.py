@@ -96,15 +96,17 @@ class Life:
         inside = self._inside(people) | ~measured_now(people.roster, ns)
         return people.select(self._goes_on(people, ns) & inside)
 
-    def before(self, people: People, ns: int) -> People:
-        """Without whoever no longer was there at a stamp that has passed without a look."""
-        return people.select(self._goes_on(people, ns))
+    def before(self, people: People, last_ns: int, ns: int) -> People:
+        """Return those who are still followed at the look of stamp ns, if the one before was at `last_ns`.
+
+        Time in which nothing looked is no evidence against anybody; after a gap longer than `coast_s` all tracks end.
+        """
+        return people.select(np.full(len(people), ns - last_ns <= nanoseconds(self._options.management.coast_s)))
 
     def _goes_on(self, people: People, ns: int) -> Bool[Mask, "n"]:
-        """Who is followed on: tentative tracks while measured; by the looks made, those who exist longer."""
+        """Who is followed on after a look: tentative tracks while measured; by the looks made, those who exist longer."""
         rules, roster = self._options.management, people.roster
         goes_on = coasting_within(roster, ns, rules.coast_s, 0.0)
-        # nobody still exists by looks that were not made: a long gap ends everybody
         looked = ns - self._looked_ns <= nanoseconds(rules.coast_s)
         # without an area there is always somewhere to be, behind the walls
         if looked and rules.survival_s is not None and self._area is not None:

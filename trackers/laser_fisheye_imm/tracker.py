@@ -89,6 +89,7 @@ class LaserFisheyeImm(MomentTracker):
         self._people = self._born(np.empty((0, 2)), 0, no_colours, np.empty(0, np.bool_))
         self._held_back = self._made_to_wait()
         self._ns: int | None = None
+        self._last_ns = 0  # of the moment before
         self._windows: list[tuple[int | None, Array]] = []
         self._seen: list[tuple[int, Seen]] = []
         if self.background_learned_causally:
@@ -165,7 +166,8 @@ class LaserFisheyeImm(MomentTracker):
             return self._detector.missed(moment, points) ** share
 
         unseen = chance_unseen(self._people.state, missed)
-        at = Association(self._people, unseen, self.options, self._knee_radius_m, moment.ns, waists, knows_room)
+        times = moment.ns, self._last_ns
+        at = Association(self._people, unseen, self.options, self._knee_radius_m, *times, waists, knows_room)
         matches = at.matches(seen)
         self._update(matches, moment.ns)
         self._learn_colours(matches, seen)
@@ -181,10 +183,8 @@ class LaserFisheyeImm(MomentTracker):
         """Everybody at stamp ns; returns the time since the last moment [s]."""
         last_ns = ns if self._ns is None else self._ns
         self._ns = ns
-        period_s, elapsed_s = self.options.period_s, (ns - last_ns) / NS_PER_S
-        period_ns = round(period_s * NS_PER_S)
-        if ns - last_ns > period_ns:
-            self._people = self._life.before(self._people, ns - period_ns)
+        self._last_ns, period_s, elapsed_s = last_ns, self.options.period_s, (ns - last_ns) / NS_PER_S
+        self._people = self._life.before(self._people, last_ns, ns)
         self._people = self._people.in_state(self._imm.predict_over(self._people.state, elapsed_s, period_s))
         return elapsed_s
 

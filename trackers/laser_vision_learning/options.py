@@ -23,7 +23,15 @@ class LifeOptions(Strict):
     )
     new_legs: float = Field(default=0.4, gt=0, description="least legs' widths of points that make somebody new (ours)")
     confirm_hits: int = Field(default=6, ge=1, description="measurements that confirm a track (ours)")
-    tentative_s: float = Field(default=0.15, ge=0, description="how long a tentative track goes unmeasured [s] (ours)")
+    confirm_least_hits: int = Field(
+        default=3, ge=1, description="fewer measurements that confirm one measured for longer than `confirm_s` (ours)"
+    )
+    confirm_s: float = Field(
+        default=0.49, ge=0, description="how long a track of fewer measurements must have been measured [s] (ours)"
+    )
+    tentative_s: float = Field(
+        default=0.15, ge=0, description="how long a tentative track goes unmeasured [s], one look at least (ours)"
+    )
     coast_s: float = Field(default=1.0, ge=0, description="how long a track may be missing in plain view [s] (ours)")
     coast_hidden_s: float = Field(
         default=3.0, ge=0, description="how long where no scan would show it, behind others and pillars [s] (ours)"

@@ -19,7 +19,7 @@ from trackers.laser_vision_learning.points import log_likelihood, newcomers, sha
 from trackers.laser_vision_learning.situations import Situations, assessed
 from trackers.laser_vision_learning.walking import STATE_SIZE, WalkingModel
 from trackers.observations import NS_PER_S, Observation
-from trackers.tracking.lifecycle import clear_of, measured_now, measured_often
+from trackers.tracking.lifecycle import clear_of, measured_for_longer, measured_now, measured_often
 
 
 class Walkers:
@@ -70,11 +70,13 @@ class Walkers:
             options.situations,
         )
         self._confirm()
-        self._end()
+        self._end(elapsed_s)
         self._start(*newcomers(points, whose.unknown, options.points))
 
     def _missed(self, people: People, observations: Mapping[str, Observation], elapsed_s: float) -> People:
         """Whoever was not seen is likelier where nothing would show them, and missing the more, the likelier it would have."""
+        if not observations.keys() & self._scanners.names:
+            return people  # nothing looked
         life, seen = self.options.life, measured_now(people.roster, self.ns)
         missing_s = np.where(
             seen, np.maximum(people.missing_s - life.found * elapsed_s, 0), people.missing_s + elapsed_s
@@ -92,7 +94,11 @@ class Walkers:
     def _confirm(self) -> None:
         """Who was measured often enough is somebody new, or somebody known who was out of sight near by."""
         people, roster, life = self.people, self.people.roster, self.options.life
-        new = np.flatnonzero(measured_often(roster, self.ns, life.confirm_hits))
+        often = measured_often(roster, self.ns, life.confirm_hits)
+        often |= measured_often(roster, self.ns, life.confirm_least_hits) & measured_for_longer(
+            roster, self.ns, life.confirm_s, 0.0
+        )
+        new = np.flatnonzero(often)
         if new.size == 0:
             return
         gone = np.flatnonzero(roster.confirmed & ~measured_now(roster, self.ns))
@@ -105,10 +111,10 @@ class Walkers:
         self._next_id += unknown.size
         self.people = people.select(np.delete(np.arange(len(people)), new[again]))
 
-    def _end(self) -> None:
+    def _end(self, elapsed_s: float) -> None:
         life, people, places = self.options.life, self.people, self.people.places
         sure = people.roster.confirmed
-        kept = people.missing_s <= np.where(sure, life.coast_s, life.tentative_s)
+        kept = people.missing_s <= np.where(sure, life.coast_s, max(life.tentative_s, elapsed_s))
         if not sure.all():
             # the younger of two who are where one is has never been anybody
             kept &= sure | ~np.tril(distances(places, places) < life.apart_m, -1).any(axis=1)
