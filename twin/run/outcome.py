@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from trackers.rig import Rig
-from trackers.tracks import background_learned_causally, unused_sensors, warnings
+from trackers.tracks import background_learned_causally, unused_sensors
 from twin.evaluate import evaluate_with_details
 from twin.evaluate.summary import Evaluation
 from twin.recording.losses import Loss, documents
@@ -143,7 +143,7 @@ def write_results(
 
 def doubts_of(at_work: Sequence[TrackerAtWork]) -> list[str]:
     """What each tracker warns of until now."""
-    return [f"{each.name}: {warning}" for each in at_work for warning in warnings(each.tracker)]
+    return [f"{each.name}: {warning}" for each in at_work for warning in each.warnings]
 
 
 def left_alone(at_work: Sequence[TrackerAtWork], faults: Mapping[str, Fault]) -> list[str]:

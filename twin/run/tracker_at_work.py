@@ -16,11 +16,14 @@ from trackers.knowledge import Knowledge
 from trackers.observations import NS_PER_S, Observation
 from trackers.presets import PRESETS, make_tracker
 from trackers.rig import Rig
-from trackers.tracks import FedTracker, Tracker, TrackFrame, misreported
+from trackers.tracks import FedTracker, Tracker, TrackFrame, detections_of, misreported, warnings
 from twin.recording.tables import TrackWriter, track_writer
 from twin.run.chosen_trackers import ChosenTracker
 from twin.run.plug_in_faults import plug_in_fault
 from twin.streams import stream
+
+_ENOUGH_FRAMES, _OFTEN = 20, 0.2
+"""A tracker that detects something in so large a share of so many frames, and reports nobody, is said to."""
 
 
 class TrackerAtWork:
@@ -40,6 +43,8 @@ class TrackerAtWork:
         self._writer: TrackWriter | None = None
         self._pending_ms = 0.0
         self._frame_ms: list[float] = []
+        self._tracked = False
+        self._n_frame = self._n_with_detections = 0
 
     def make(self, knowledge: Knowledge, seed: int) -> None:
         """Make the tracker; raises InputError where its name, options or class are not what they should be."""
@@ -100,9 +105,34 @@ class TrackerAtWork:
                 self._fail(error, f"in the frame stamped {stamp}")
                 return []
         if frames:
+            try:
+                self._note_silence(frames)
+            except (Exception, SystemExit) as error:
+                self._fail(error, "when asked for its detections")
+                return []
             self._frame_ms += [self._pending_ms / len(frames)] * len(frames)
             self._pending_ms = 0.0
         return frames
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the tracker warns of, and that it reports no track although it detects something in frame after frame."""
+        told = warnings(self.tracker)
+        if not self._tracked and self._n_frame >= _ENOUGH_FRAMES and self._n_with_detections >= _OFTEN * self._n_frame:
+            often = f"{self._n_with_detections} of {self._n_frame} frames"
+            told = [*told, f"reports no track, although it detects something in {often}; `twin detections` shows what"]
+        return told
+
+    def _note_silence(self, frames: Sequence[TrackFrame]) -> None:
+        """Count frames with detections as long as no track is reported."""
+        if self._tracked:
+            return
+        self._tracked = any(frame.tracks for frame in frames)
+        detections = detections_of(self.tracker)
+        self._n_frame += len(frames)
+        # those of one call belong to its frames
+        if detections is not None and detections():
+            self._n_with_detections += len(frames)
 
     def _fail(self, error: BaseException, when: str = "") -> None:
         """Note a plug-in's fault and drop its file; what a tracker of ours raises is our fault and stays loud."""
