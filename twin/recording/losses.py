@@ -95,7 +95,7 @@ def missing(sensor: str, stamps_ns: Nanoseconds, from_ns: int, to_ns: int) -> Lo
     longest = int(all_gaps.argmax())
     begins_s, lasts_s = starts[longest] / NS_PER_S, all_gaps[longest] / NS_PER_S
     silent = f"silent for up to {lasts_s:.3g} s, from {begins_s:.2f} s on"
-    what = f"or so are missing by its usual gap of {usual / NS_PER_S:.3g} s: {silent}"
+    what = f"are missing, as its usual gap of {usual / NS_PER_S:.3g} s tells: {silent}"
     return Loss(sensor, count, ordered.size + count, what, "see whether driver, network or recorder lost them")
 
 

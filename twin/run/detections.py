@@ -7,6 +7,7 @@ are empty where the detector does not say. A moment in which nothing was seen ha
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, TextIO
@@ -18,6 +19,7 @@ from trackers.presets import PRESETS
 from trackers.text_file import AnyPath
 from trackers.tracks import FedTracker, detections_of
 from twin.progress import OnWarning
+from twin.recording.losses import dropped_by, lines
 from twin.recording.reader import Recording
 from twin.recording.tables import number_cell, seconds_cell
 from twin.run.chosen_trackers import ChosenTracker
@@ -48,7 +50,8 @@ def write_detections(
     seed = seed if seed is not None else scenario.seed if scenario is not None else 0
     (chosen,) = chosen_trackers(bag, scenario, [tracker], changes)
     files, missing = files_for(bag, scenario, rig_path, changes)
-    for warning in missing:
+    warned = [*missing, *lines(bag.losses), *bag.moving]
+    for warning in warned:
         on_warning(warning)
     made = TrackerAtWork(chosen, bag.rig)
     made.make(Knowledge.read(bag.background, files, bag.rig), seed)
@@ -60,10 +63,15 @@ def write_detections(
             f"--tracker {tracker}: does not tell what its detector sees; one that has detections() is expected, like sort"
         )
     file.write(",".join(COLUMNS) + "\n")
+    handed: Counter[str] = Counter()
     fed = FedTracker(made.tracker, bag.rig, on_worked=lambda: file.writelines(map(_row, told())))
     for observation in bag.observations():
+        handed[observation.sensor] += 1
         _called(chosen, made.tracker, partial(fed.update, observation))
     _called(chosen, made.tracker, fed.finish)
+    for warning in lines([*bag.losses, *dropped_by(made.name, fed.losses, handed, bag.ahead_s)]):
+        if warning not in warned:
+            on_warning(warning)
 
 
 def _called(chosen: ChosenTracker, tracker: Any, call: Callable[[], object]) -> None:
