@@ -82,7 +82,6 @@ class Bag:
     def __init__(self, path: Path, reader: rosbag1.Reader | rosbag2.Reader) -> None:
         self._path = path
         self._reader = reader
-        self._is_ros1_bag = isinstance(reader, rosbag1.Reader)
         is_empty = reader.duration <= 0
         self.start_ns = 0 if is_empty else reader.start_time
         self.end_ns = 0 if is_empty else reader.end_time - 1  # rosbags counts to 1 ns after the last
@@ -121,7 +120,7 @@ class Bag:
         ]
         if not connections:
             return  # rosbags takes no connections for all
-        is_ros1 = {connection.id: self._is_ros1(connection) for connection in connections}
+        is_ros1 = {connection.id: self.is_ros1_encoded(connection) for connection in connections}
         with _bag_errors(self._path):
             read = as_written if in_file_order else messages_by_time
             for connection, log_time_ns, data in read(self._reader, connections):
@@ -139,11 +138,6 @@ class Bag:
             yield topic, log_time_ns, message
 
     @property
-    def is_ros1(self) -> bool:
-        """Whether messages are encoded as in ROS 1, in a ROS 1 bag or an MCAP file."""
-        return self._is_ros1_bag or any(map(self._is_ros1, self._reader.connections))
-
-    @property
     def connections(self) -> list[Connection]:
         """What the bag holds messages of: topics with their types, one entry for each publisher."""
         return list(self._reader.connections)
@@ -157,14 +151,14 @@ class Bag:
             with _bag_errors(self._path):
                 yield from self._reader.messages(connections)
 
-    def _is_ros1(self, connection: Connection) -> bool:
+    def is_ros1_encoded(self, connection: Connection) -> bool:
+        """Whether messages are encoded as in ROS 1, in a ROS 1 bag or an MCAP file."""
         extra = connection.ext
         return not isinstance(extra, ConnectionExtRosbag2) or extra.serialization_format == "ros1"
 
     def _type(self, connection: Connection) -> str:
         """The type in ROS 2 notation; of messages that are encoded in a way that cannot be read, that way too."""
-        package, _, name = connection.msgtype.partition("/")
-        msgtype = connection.msgtype if "/" in name or not name else f"{package}/msg/{name}"
+        msgtype = normal_type(connection.msgtype)
         extra = connection.ext
         if isinstance(extra, ConnectionExtRosbag2) and extra.serialization_format not in ("cdr", "ros1"):
             return f"{msgtype} encoded as {extra.serialization_format or 'nothing that is named'}"
@@ -208,6 +202,12 @@ def decoded(data: bytes, msgtype: str, is_ros1: bool) -> Any:
 def normal_topic(name: str) -> str:
     """A topic's name with one slash in front, as ROS 1 and ROS 2 may or may not write it."""
     return "/" + name.strip("/")
+
+
+def normal_type(name: str) -> str:
+    """A type in ROS 2 notation, as ROS 1 may not write it: `sensor_msgs/msg/LaserScan`."""
+    package, _, own = name.partition("/")
+    return name if "/" in own or not own else f"{package}/msg/{own}"
 
 
 @contextmanager

@@ -12,7 +12,8 @@ _MAGIC = b"\x89MCAP0\r\n"
 _HEADER, _FOOTER, _SCHEMA, _DATA_END = 0x01, 0x02, 0x03, 0x0F
 _PROFILE = struct.pack("<I", 4) + b"ros2"
 _FOOTER_BYTES = 37  # with the magic at the end
-_KNOWN_ENCODINGS = (b"ros2msg", b"ros2idl", b"omgidl", b"")
+_ROS1, _ROS2 = b"ros1msg", b"ros2msg"
+_KNOWN_ENCODINGS = (_ROS2, b"ros2idl", b"omgidl", b"")
 
 
 class BagPath(type(Path())):
@@ -93,6 +94,8 @@ def _schema_shown(content: bytes) -> bytes | None:
     except struct.error:
         return None
     start = 6 + name_bytes
+    if content[start + 4 : start + 4 + encoding_bytes] == _ROS1:  # the texts read alike, and the names are as long
+        return content[: start + 4] + _ROS2 + content[start + 4 + encoding_bytes :]
     if content[start + 4 : start + 4 + encoding_bytes] in _KNOWN_ENCODINGS or len(content) < start + 8:
         return None
     left = len(content) - start - 8

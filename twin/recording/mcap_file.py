@@ -77,6 +77,11 @@ class McapFile:
         """Write a message (CDR) of a topic."""
         self.write_on(self._connections[topic], log_time_ns, data)
 
+    def connect_text(self, topic: str, msgtype: str, definition: str, type_hash: str) -> Connection:
+        """Add a topic of a type defined by this text."""
+        assert self._writer is not None
+        return self._writer.add_connection(topic, msgtype, msgdef=definition, rihs01=type_hash)
+
     def connect_as(self, other: Connection) -> Connection:
         """Add a topic as another ROS 2 bag has it, whatever its type."""
         assert self._writer is not None

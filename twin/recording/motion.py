@@ -7,6 +7,10 @@ from dataclasses import dataclass
 from math import acos, degrees, dist, sqrt
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
 from trackers.errors import InputError
 from twin.recording.bag import Bag, decoded
 from twin.recording.topics import TF_STATIC
@@ -101,6 +105,27 @@ def _read(
             _, motion = poses.setdefault(topic, (child, _Motion()))
             motion.add(message.pose.pose.position, message.pose.pose.orientation)
     return poses, edges, parents
+
+
+def first_transforms(bag: Bag) -> dict[str, tuple[str, NDArray[np.float64]]]:
+    """The parent of each frame, and the transform (4, 4) of its points to the parent's, as it is said first."""
+    types = {name: kind for name, topic in bag.topics.items() if (kind := topic.type_among(_TRANSFORMS)) is not None}
+    found: dict[str, tuple[str, NDArray[np.float64]]] = {}
+    for topic, _, data, is_ros1 in bag.encoded_messages(types):
+        try:
+            message = decoded(data, types[topic], is_ros1)
+        except InputError:
+            continue
+        for each in message.transforms:
+            place, turn = each.transform.translation, each.transform.rotation
+            quaternion = np.array([turn.x, turn.y, turn.z, turn.w])
+            if each.child_frame_id.strip("/") in found or not quaternion.any():
+                continue
+            matrix = np.eye(4)
+            matrix[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
+            matrix[:3, 3] = place.x, place.y, place.z
+            found[each.child_frame_id.strip("/")] = each.header.frame_id.strip("/"), matrix
+    return found
 
 
 def _ancestors(frames: Iterable[str], parents: Mapping[str, str]) -> set[str]:

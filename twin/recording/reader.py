@@ -7,6 +7,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+
 from trackers.arrays import Nanoseconds
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
@@ -85,7 +87,8 @@ class Recording:
             }
             self._times = times
             self._found = [*silent, *self._topics.losses, *right.losses, *self._not_there(times, bag)]
-            self.moving: list[str] = [] if self.is_twin else motions(bag, self._frames())
+            self.logged_after_ns = self._logged_after_ns()
+            self.moving: list[str] = [] if self.is_twin else motions(bag, self.frames)
             """What says that a sensor moves, a clause each; none in a twin's bag."""
         self._reading = _Reading()
 
@@ -254,7 +257,16 @@ class Recording:
         firsts = (right.stamps_ns[name] for name in self._topics.sensors.values())
         return min(int(stamps[0]) for stamps in firsts if stamps.size)
 
-    def _frames(self) -> dict[str, set[str]]:
+    def _logged_after_ns(self) -> int:
+        """How much later than their stamps messages are logged, where that is no delay but another clock [ns]; else 0."""
+        ages = [
+            self._times[topic].log_ns - stamps - self.start_ns for topic, stamps in self._stamps.items() if stamps.size
+        ]
+        age_ns = round(float(np.median(np.concatenate(ages)))) if ages else 0
+        return age_ns if abs(age_ns) > NS_PER_S and not self.is_twin else 0
+
+    @property
+    def frames(self) -> dict[str, set[str]]:
         """The frames that each sensor's headers name."""
         return {name: set(self._times[topic].frames) for topic, name in self._topics.sensors.items()}
 

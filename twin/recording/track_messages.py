@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
 from rosbags.typesys.stores.ros2_humble import std_msgs__msg__String as String
 
-from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.tracks import TrackFrame
-from twin.recording.bag import open_bag
 from twin.recording.mcap_file import McapFile
 from twin.recording.messages import STRING, TYPESTORE
 from twin.recording.tables import plain, track_row
@@ -47,9 +44,10 @@ def encode_tracks(frame: TrackFrame) -> memoryview:
 class TrackTopics:
     """Writes the tracks of several trackers into an open bag, each frame logged at its stamp."""
 
-    def __init__(self, bag: McapFile, trackers: Sequence[str], start_ns: int = 0) -> None:
-        """`start_ns` is added to stamps, for a bag whose clock does not start at 0."""
+    def __init__(self, bag: McapFile, trackers: Sequence[str], start_ns: int = 0, logged_after_ns: int = 0) -> None:
+        """`start_ns` is added to stamps, for a bag whose clock does not start at 0, and both to log times."""
         self._bag = bag
+        self._logged_after_ns = logged_after_ns
         self._start_ns = start_ns
         self._topics = track_topics(trackers)
         self._markers = {name: PeopleMarkers({}, _STYLE) for name in trackers}
@@ -60,43 +58,10 @@ class TrackTopics:
     def write(self, tracker: str, frame: TrackFrame) -> None:
         """Write one frame of a tracker, for programs and for the eye."""
         stamp_ns, topic = frame.stamp_ns + self._start_ns, self._topics[tracker]
-        log_time_ns = max(stamp_ns, 0)  # a clock that is behind the start; a log has no time before 0
+        log_time_ns = max(
+            stamp_ns + self._logged_after_ns, 0
+        )  # a clock that is behind the start; a log has no time before 0
         self._bag.write(topic, log_time_ns, encode_tracks(frame))
         coasting = frozenset(track.id for track in frame.tracks if track.status == "coasting")
         markers = self._markers[tracker].encode(stamp_ns, frame.tracks, coasting)
         self._bag.write(markers_topic(topic), log_time_ns, markers)
-
-
-def copy_with_tracks(
-    source: Path,
-    target: Path,
-    trackers: Sequence[str],
-    frames: Iterable[tuple[str, TrackFrame]],
-    start_ns: int,
-) -> None:
-    """Copy a ROS 2 bag, every message as it is, to `target` (a `.mcap`) with these frames by tracker's name.
-
-    Tracks of the same trackers that the bag already holds are left out. Raises InputError for a ROS 1 bag, a damaged one,
-    and a target that cannot be written.
-    """
-    own = [each for topic in track_topics(trackers).values() for each in (topic, markers_topic(topic))]
-    with open_bag(source) as original, McapFile(target) as bag:
-        connections = [each for each in original.connections if each.topic not in own]
-        copies = {each.id: bag.connect_as(each) for each in connections}
-        tracks = TrackTopics(bag, trackers, start_ns)
-        for connection, log_time_ns, data in original.raw_messages(connections):
-            bag.write_on(copies[connection.id], log_time_ns, data)
-        for tracker, frame in frames:
-            tracks.write(tracker, frame)
-
-
-def check_copy(source: Path, target: Path) -> None:
-    """Raise InputError where tracks cannot be added to a copy of `source` under this name."""
-    if target.suffix != ".mcap":
-        raise InputError(f"--bag {target}: is not the name of a recording; a name ending in .mcap is expected")
-    if target.exists() and (not target.is_file() or target.resolve() == source.resolve()):
-        raise InputError(f"--bag {target}: is the recording itself or a folder; the name of another file is expected")
-    if source.suffix == ".bag" and source.is_file():
-        raise InputError(
-            f"--bag {target}: {source} is a ROS 1 bag; a ROS 2 bag is expected, which rosbags-convert makes of it"
-        )

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 from rosbags.interfaces import (
     Qos,
     QosDurability,
@@ -141,17 +142,17 @@ class BagWriter(McapFile):
         self.write(*encode_detail(detail))
 
     def _write_head(self) -> None:
-        latched = ((topics.RIG, STRING), (topics.SCENARIO, STRING), (topics.TF_STATIC, TF_MESSAGE))
-        for topic, msgtype in latched:
-            self.connect(topic, msgtype, _latched(depth=1))
+        held = ((topics.RIG, STRING), (topics.SCENARIO, STRING), (topics.TF_STATIC, TF_MESSAGE))
+        for topic, msgtype in held:
+            self.connect(topic, msgtype, latched(depth=1))
         for name, sensor in self._rig.sensors.items():
             msgtype = _MSGTYPES[sensor.kind]
             self.connect(sensor.topic, msgtype)
             background = topics.background_topic(name, topics.SUFFIXES[sensor.kind])
-            self.connect(background, msgtype, _latched(depth=1000))
+            self.connect(background, msgtype, latched(depth=1000))
             if isinstance(sensor, StereoSensor):
                 self.connect(sensor.depth_topic, COMPRESSED_IMAGE)
-                self.connect(topics.background_topic(name, topics.DEPTH), COMPRESSED_IMAGE, _latched(depth=1000))
+                self.connect(topics.background_topic(name, topics.DEPTH), COMPRESSED_IMAGE, latched(depth=1000))
             if isinstance(sensor, CameraSensor):
                 self.connect(topics.sensor_topic(name, topics.CAMERA_INFO), CAMERA_INFO)
         self.connect(topics.TRUTH_PEOPLE, STRING)
@@ -178,7 +179,7 @@ class BagWriter(McapFile):
         return bytes(message)
 
 
-def _latched(depth: int) -> tuple[Qos, ...]:
+def latched(depth: int) -> tuple[Qos, ...]:
     """Quality of service under which a late subscriber still gets the last `depth` messages."""
     return (
         Qos(
@@ -196,11 +197,21 @@ def _latched(depth: int) -> tuple[Qos, ...]:
 
 
 def _transform(sensor: str, room_from_sensor: Pose) -> TransformStamped:
-    x, y, z, w = Rotation.from_matrix(room_from_sensor.rotation).as_quat()
+    return _stamped(sensor, room_from_sensor.rotation, room_from_sensor.xyz)
+
+
+def transform_message(child: str, room_from_child: NDArray[np.float64]) -> TransformStamped:
+    """The place of a frame in the room's, for `/tf_static`; room_from_child: (4, 4)."""
+    x, y, z = room_from_child[:3, 3].tolist()
+    return _stamped(child, room_from_child[:3, :3], (x, y, z))
+
+
+def _stamped(child: str, rotation: NDArray[np.float64], xyz: tuple[float, float, float]) -> TransformStamped:
+    x, y, z, w = Rotation.from_matrix(rotation).as_quat()
     return TransformStamped(
         header=Header(time_message(0), topics.ROOM_FRAME),
-        child_frame_id=sensor,
-        transform=Transform(Vector3(*room_from_sensor.xyz), Quaternion(float(x), float(y), float(z), float(w))),
+        child_frame_id=child,
+        transform=Transform(Vector3(*xyz), Quaternion(float(x), float(y), float(z), float(w))),
     )
 
 

@@ -23,12 +23,12 @@ from trackers.plain_data import parse_yaml
 from trackers.text_file import AnyPath
 from trackers.tracks import TrackFrame
 from twin.progress import OnProgress, OnWarning
+from twin.recording.bag_copy import check_copy, copy_with_tracks
 from twin.recording.details import DETAIL_FILES
 from twin.recording.losses import documents, lines
 from twin.recording.reader import Recording
 from twin.recording.situations import situation_table
 from twin.recording.tables import truth_table
-from twin.recording.track_messages import check_copy, copy_with_tracks
 from twin.recording.whole_file import whole_file
 from twin.report.birdseye import Polygon
 from twin.report.page import RunFacts
@@ -216,7 +216,7 @@ def _track(
     if bag_copy is not None:
         names = [each.name for each in fed.at_work if not each.failure]
         frames = [(name, frame) for name, frame in frames if name in names]
-        copy_with_tracks(recording, bag_copy, names, frames, bag.start_ns)
+        copy_with_tracks(bag, bag_copy, names, frames, on_warning)
         left = left | {"bag": bag_copy}
     return replace(result, files=left, warnings=(*warnings, *new, *result.warnings), doubts=tuple(doubts))
 

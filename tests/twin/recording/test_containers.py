@@ -1,0 +1,167 @@
+"""Bags in any container, under any name; and why one cannot be read, with the tool that mends it."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+import struct
+
+import numpy as np
+import pytest
+from recorded import MS, a_scan, scan_messages, write_ros2_bag
+from rosbags import rosbag1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.typesys import Stores, get_typestore
+
+from trackers.errors import InputError
+from twin.recording.reader import Recording
+
+MAGIC = b"\x89MCAP0\r\n"
+STAMPS = [10**18 + k * 100 * MS for k in range(30)]
+NAMES = ["run #3", "50%20off", "what?", "a&b=c", "ü ß", "plain"]
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory):
+    """A folder of each storage, one file each in it."""
+    folder = tmp_path_factory.mktemp("bags")
+    for storage, name in ((StoragePlugin.SQLITE3, "db3"), (StoragePlugin.MCAP, "mcap")):
+        write_ros2_bag(folder / name, scan_messages("/scan", STAMPS), storage)
+    return folder
+
+
+def stamps_in(path):
+    return [each.stamp_ns + STAMPS[0] for each in Recording(path).observations()]
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("suffix", ["db3", "mcap"])
+def test_a_bag_is_read_whatever_its_name_is(bags, tmp_path, name, suffix):
+    shutil.copytree(bags / suffix, tmp_path / name)
+    assert stamps_in(tmp_path / name) == STAMPS
+    shutil.copy(bags / suffix / f"{suffix}.{suffix}", tmp_path / f"{name}.{suffix}")
+    assert stamps_in(tmp_path / f"{name}.{suffix}") == STAMPS
+
+
+def with_profile(data: bytes, profile: bytes) -> bytes:
+    """An MCAP file of another profile, as long: the library's name makes room."""
+    (size,) = struct.unpack_from("<Q", data, 9)
+    library = bytes(size - 8 - len(profile))
+    content = struct.pack("<I", len(profile)) + profile + struct.pack("<I", len(library)) + library
+    return data[:17] + content + data[17 + size :]
+
+
+@pytest.mark.parametrize("profile", [b"", b"ros2", b"x", b"a profile"])
+def test_an_mcap_file_is_read_whatever_profile_it_names(bags, tmp_path, profile):
+    data = (bags / "mcap" / "mcap.mcap").read_bytes()
+    (tmp_path / "other.mcap").write_bytes(with_profile(data, profile))
+    assert stamps_in(tmp_path / "other.mcap") == STAMPS
+
+
+def record(op: int, *parts: bytes) -> bytes:
+    content = b"".join(parts)
+    return struct.pack("<BQ", op, len(content)) + content
+
+
+def text(value: bytes) -> bytes:
+    return struct.pack("<I", len(value)) + value
+
+
+def an_mcap_file(encoding: bytes, schema_encoding: bytes, messages: list[tuple[int, bytes]]) -> bytes:
+    """One topic of scans, each message by log time, as the format's specification has it; no chunks."""
+    schema = record(
+        3, struct.pack("<H", 1), text(b"sensor_msgs/LaserScan"), text(schema_encoding), text(b"\xff not text")
+    )
+    channel = record(4, struct.pack("<HH", 1, 1), text(b"/scan"), text(encoding), text(b""))
+    data = [record(5, struct.pack("<HIQQ", 1, k, at, at), message) for k, (at, message) in enumerate(messages)]
+    counts = struct.pack("<IHQ", 10, 1, len(data))
+    times = struct.pack("<QQ", messages[0][0], messages[-1][0])
+    statistics = record(11, struct.pack("<QHIIII", len(data), 1, 1, 0, 0, 0), times, counts)
+    body = MAGIC + record(1, text(b"ros1"), text(b"by hand")) + schema + channel + b"".join(data) + record(15, bytes(4))
+    return body + schema + channel + statistics + record(2, struct.pack("<QQI", len(body), 0, 0)) + MAGIC
+
+
+@pytest.mark.parametrize("schema_encoding", [b"ros1msg", b"protobuf", b""])
+def test_an_mcap_file_of_ros_1_is_read(tmp_path, schema_encoding):
+    store = get_typestore(Stores.ROS1_NOETIC)
+    kinds, said = store.types, []
+    for stamp_ns in STAMPS:
+        scan = a_scan(stamp_ns)
+        stamp = kinds["builtin_interfaces/msg/Time"](stamp_ns // 10**9, stamp_ns % 10**9)
+        message = kinds["sensor_msgs/msg/LaserScan"](
+            kinds["std_msgs/msg/Header"](0, stamp, "scan"),
+            scan.angle_min_rad, 1.0, scan.angle_increment_rad, 0.0, 0.0, scan.range_min_m, scan.range_max_m,
+            scan.ranges_m, np.zeros(0, np.float32),
+        )  # fmt: skip
+        said.append((stamp_ns, bytes(store.serialize_ros1(message, "sensor_msgs/msg/LaserScan"))))
+    (tmp_path / "ros1.mcap").write_bytes(an_mcap_file(b"ros1", schema_encoding, said))
+    assert stamps_in(tmp_path / "ros1.mcap") == STAMPS
+    (tmp_path / "other.mcap").write_bytes(an_mcap_file(b"protobuf", schema_encoding, said))
+    with pytest.raises(InputError, match=r"/scan \(sensor_msgs/msg/LaserScan encoded as protobuf\)"):
+        Recording(tmp_path / "other.mcap")
+
+
+def refused(path) -> str:
+    with pytest.raises(InputError) as caught:
+        list(Recording(path).observations())
+    sentence = str(caught.value)
+    assert sentence.startswith(f"{path}: ") and "\n" not in sentence
+    return sentence
+
+
+def test_a_folder_whose_metadata_is_missing_names_the_tool(bags, tmp_path):
+    shutil.copytree(bags / "db3", tmp_path / "killed")
+    (tmp_path / "killed" / "metadata.yaml").unlink()
+    assert "`ros2 bag reindex killed` writes it from db3.db3" in refused(tmp_path / "killed")
+    (tmp_path / "killed" / "metadata.yaml").write_text("nonsense: [")
+    assert "its metadata.yaml cannot be used" in refused(tmp_path / "killed")
+    shutil.copytree(bags / "db3", tmp_path / "part")
+    (tmp_path / "part" / "db3.db3").unlink()
+    assert "lacks files that its metadata.yaml names" in refused(tmp_path / "part")
+
+
+@pytest.mark.parametrize("share", [0.2, 0.7, 0.999])
+def test_a_file_that_a_recorder_did_not_finish_names_the_tool(bags, tmp_path, share):
+    whole = (bags / "mcap" / "mcap.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: int(share * len(whole))])
+    assert "`mcap recover cut.mcap -o whole.mcap`" in refused(tmp_path / "cut.mcap")
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with rosbag1.Writer(tmp_path / "whole.bag") as writer:
+        connection = writer.add_connection("/text", "std_msgs/msg/String", typestore=store)
+        for k in range(50):
+            text = store.types["std_msgs/msg/String"]("x" * 100)
+            writer.write(connection, k, store.serialize_ros1(text, "std_msgs/msg/String"))
+    whole = (tmp_path / "whole.bag").read_bytes()
+    (tmp_path / "cut.bag").write_bytes(whole[: int(share * len(whole))])
+    assert "rosbag reindex" in refused(tmp_path / "cut.bag")
+
+
+def test_messages_that_only_the_journal_holds_are_not_passed_over(bags, tmp_path):
+    path = tmp_path / "killed.db3"
+    shutil.copy(bags / "db3" / "db3.db3", path)
+    connection = sqlite3.connect(path)
+    connection.execute("PRAGMA journal_mode=WAL")
+    connection.execute("DELETE FROM messages WHERE id > 20")
+    connection.commit()
+    for suffix in ("", "-wal"):
+        shutil.copy(f"{path}{suffix}", tmp_path / f"copy.db3{suffix}")
+    connection.close()
+    assert "wal_checkpoint" in refused(tmp_path / "copy.db3")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("a.bag", b"", "is empty, 0 bytes"),
+        ("a.bag", b"\x89MCAP0\r\n" + bytes(100), "is no ROS 1 bag but a MCAP file"),
+        ("a.mcap", b"#ROSBAG V2.0\n" + bytes(100), "is no MCAP file but a ROS 1 bag"),
+        ("a.bag", b"#ROSBAG V1.2\n" + bytes(100), "`rosbag fix`"),
+        ("a.db3", b"SQLite format 3\0" + bytes(4000), "`sqlite3 FILE .recover`"),
+        ("a.db3", b"nothing of the kind, and long enough to look like something", "is no SQLite file"),
+        ("a.bag.active", b"#ROSBAG V2.0\n", "was not closed"),
+        ("a.db3.zstd", b"(\xb5/\xfd", "`zstd -d a.db3.zstd`"),
+    ],
+)
+def test_each_failure_says_what_it_is(tmp_path, name, content, said):
+    (tmp_path / name).write_bytes(content)
+    assert said in refused(tmp_path / name)

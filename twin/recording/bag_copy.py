@@ -1,0 +1,139 @@
+"""A recording once more, with tracks in it: a ROS 2 bag, whatever it was, in which scans and tracks lie over one another."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from rosbags.interfaces import Connection
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+from rosbags.typesys.stores.ros2_humble import (
+    std_msgs__msg__String as String,
+    tf2_msgs__msg__TFMessage as TFMessage,
+)
+
+from trackers.errors import InputError
+from trackers.tracks import TrackFrame
+from twin.progress import OnWarning
+from twin.recording import topics
+from twin.recording.bag import normal_type, open_bag
+from twin.recording.mcap_file import McapFile
+from twin.recording.messages import STRING, TYPESTORE
+from twin.recording.motion import first_transforms
+from twin.recording.reader import Recording
+from twin.recording.track_messages import TrackTopics, markers_topic, track_topics
+from twin.recording.writer import TF_MESSAGE, latched, transform_message
+
+START = "/tracks/start"
+"""JSON in a std_msgs/String: the stamp that is t = 0 of the tables."""
+_RENAMED = {"tf/msg/tfMessage": TF_MESSAGE}
+_HEADER = "std_msgs/msg/Header"
+_Convert = Callable[[bytes], bytes | memoryview]
+
+
+def copy_with_tracks(
+    recording: Recording,
+    target: Path,
+    trackers: Sequence[str],
+    frames: Iterable[tuple[str, TrackFrame]],
+    on_warning: OnWarning = lambda warning: None,
+) -> None:
+    """Copy a recording to `target` (a `.mcap`) with these frames by tracker's name.
+
+    Messages of a ROS 2 bag are copied as they are, those of ROS 1 as ROS 2 encodes them, by the definitions in the bag. A
+    robot's bag gets `/tf_static` from the frame of the room, in which tracks are, to those of its sensors as the rig has
+    them, and the start stamp (`START`). Tracks of the same trackers that the bag already holds are left out. Raises
+    InputError for a damaged bag and for a target that cannot be written.
+    """
+    own = [each for topic in track_topics(trackers).values() for each in (topic, markers_topic(topic))]
+    with open_bag(recording.path) as original, McapFile(target) as bag:
+        copies: dict[int, tuple[Connection, _Convert]] = {}
+        lost = []
+        for each in original.connections:
+            if each.topic in (*own, START):
+                continue
+            if not original.is_ros1_encoded(each):
+                copies[each.id] = bag.connect_as(each), bytes
+            elif (store := _store_for(each)) is not None:
+                copies[each.id] = _as_ros2(bag, each, store)
+            else:
+                lost.append(f"{each.topic} ({each.msgtype})")
+        if lost:
+            on_warning(f"--bag {target}: without {', '.join(lost)}, whose definitions in the bag cannot be used")
+        tracks = TrackTopics(bag, trackers, recording.start_ns, recording.logged_after_ns)
+        if not recording.is_twin:
+            _write_start(bag, recording)
+        kept = [each for each in original.connections if each.id in copies]
+        for connection, log_time_ns, data in original.raw_messages(kept):
+            copy, convert = copies[connection.id]
+            bag.write_on(copy, log_time_ns, convert(data))
+        for tracker, frame in frames:
+            tracks.write(tracker, frame)
+
+
+def check_copy(source: Path, target: Path) -> None:
+    """Raise InputError where tracks cannot be added to a copy of `source` under this name."""
+    if target.suffix != ".mcap":
+        raise InputError(f"--bag {target}: is not the name of a recording; a name ending in .mcap is expected")
+    if target.exists() and (not target.is_file() or target.resolve() == source.resolve()):
+        raise InputError(f"--bag {target}: is the recording itself or a folder; the name of another file is expected")
+
+
+def _store_for(connection: Connection) -> Typestore | None:
+    """The types of a ROS 1 connection's messages, with ROS 2's header; None where neither it nor ROS 1 defines them."""
+    msgtype, store = normal_type(connection.msgtype), get_typestore(Stores.EMPTY)
+    header = {_HEADER: TYPESTORE.fielddefs[_HEADER]}
+    try:
+        types = get_types_from_msg(connection.msgdef.data, msgtype)
+        store.register({**types, **header})
+        store.generate_msgdef(msgtype, ros_version=2)
+    except (TypesysError, KeyError, ValueError):
+        known = get_typestore(Stores.ROS1_NOETIC).fielddefs
+        if msgtype not in known:
+            return None
+        store = get_typestore(Stores.EMPTY)
+        store.register({**known, **header})
+    return store
+
+
+def _as_ros2(bag: McapFile, connection: Connection, store: Typestore) -> tuple[Connection, _Convert]:
+    msgtype = normal_type(connection.msgtype)
+    definition, _ = store.generate_msgdef(msgtype, ros_version=2)
+    copy = bag.connect_text(connection.topic, _RENAMED.get(msgtype, msgtype), definition, store.hash_rihs01(msgtype))
+    return copy, lambda data: store.ros1_to_cdr(data, msgtype)
+
+
+def _write_start(bag: McapFile, recording: Recording) -> None:
+    """The stamp of t = 0, and where the sensors' frames are in the room."""
+    log_ns = max(recording.start_ns + recording.logged_after_ns, 0)
+    bag.connect(START, STRING, latched(depth=1))
+    start = {"start_stamp_ns": recording.start_ns}
+    bag.write(START, log_ns, TYPESTORE.serialize_cdr(String(json.dumps(start)), STRING))
+    with open_bag(recording.path) as original:
+        parents = first_transforms(original)
+    roots: dict[str, np.ndarray] = {}
+    for name, frames in recording.frames.items():
+        for frame in frames:
+            root, sensor_from_root = _to_root(frame.strip("/"), parents)
+            if frame and root != topics.ROOM_FRAME and root not in roots:
+                pose, room_from_sensor = recording.rig.sensors[name].room_from_sensor, np.eye(4)
+                room_from_sensor[:3, :3], room_from_sensor[:3, 3] = pose.rotation, pose.translation
+                roots[root] = room_from_sensor @ sensor_from_root
+    if roots:
+        bag.connect(topics.TF_STATIC, TF_MESSAGE, latched(depth=1))
+        transforms = [transform_message(root, room_from_root) for root, room_from_root in roots.items()]
+        bag.write(topics.TF_STATIC, log_ns, TYPESTORE.serialize_cdr(TFMessage(transforms), TF_MESSAGE))
+
+
+def _to_root(frame: str, parents: dict[str, tuple[str, np.ndarray]]) -> tuple[str, np.ndarray]:
+    """The frame that nothing holds below which this one is, and the transform (4, 4) of its points to this one."""
+    root, frame_from_root, seen = frame, np.eye(4), {frame}
+    while root in parents and parents[root][0] not in seen:
+        parent, parent_from_root = parents[root]
+        frame_from_root = frame_from_root @ np.linalg.inv(parent_from_root)
+        root = parent
+        seen.add(root)
+    return root, frame_from_root
