@@ -69,9 +69,8 @@ def text(value: bytes) -> bytes:
 
 def an_mcap_file(encoding: bytes, schema_encoding: bytes, messages: list[tuple[int, bytes]]) -> bytes:
     """One topic of scans, each message by log time, as the format's specification has it; no chunks."""
-    schema = record(
-        3, struct.pack("<H", 1), text(b"sensor_msgs/LaserScan"), text(schema_encoding), text(b"\xff not text")
-    )
+    written = b"\xff no text" if schema_encoding == b"protobuf" else b"float32 angle_min"
+    schema = record(3, struct.pack("<H", 1), text(b"sensor_msgs/LaserScan"), text(schema_encoding), text(written))
     channel = record(4, struct.pack("<HH", 1, 1), text(b"/scan"), text(encoding), text(b""))
     data = [record(5, struct.pack("<HIQQ", 1, k, at, at), message) for k, (at, message) in enumerate(messages)]
     counts = struct.pack("<IHQ", 10, 1, len(data))
