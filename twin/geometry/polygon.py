@@ -89,6 +89,14 @@ def inset(corners: Array, margin_m: float) -> Array | None:
     return None if turned.any() or not Area(corners).contains(inner).all() else inner
 
 
+def nearest_on(corners: Array, place: Array) -> Array:
+    """Return the place (2,) [m] on the border of the polygon (k, 2) that is nearest to `place`."""
+    way = np.roll(corners, -1, axis=0) - corners
+    along = ((place - corners) * way).sum(axis=1) / np.maximum((way**2).sum(axis=1), TOLERANCE_M**2)
+    feet = corners + np.clip(along, 0.0, 1.0)[:, None] * way
+    return feet[np.hypot(*(feet - place).T).argmin()]
+
+
 def _gaps(corners: Array, places: Array) -> Array:
     """Distances (k, n) [m] from each edge of the polygon (k, 2) to places (n, 2)."""
     edge = np.roll(corners, -1, axis=0) - corners

@@ -110,6 +110,17 @@ class Population(Poses):
         """The kind of action that each is at, as of the last step, in the order of the names."""
         return tuple(self._stage.doing)
 
+    @property
+    def under_way(self) -> Mask:
+        """Who is still on their way to what they are to do, as of the last step, (n,)."""
+        going = np.zeros(len(self), dtype=bool)
+        going[list(self._stage.going)] = True
+        return going
+
+    def late(self) -> list[str]:
+        """Who has not got where their script sends them in twice the time that the way takes, as of the last step."""
+        return self._stage.late()
+
     def holds_posture(self) -> Mask:
         """Who sits, lies, bends or reaches and has got there, as of the last step, (n,)."""
         parts: tuple[Part, ...] = ("body", "bend", "reach")

@@ -165,7 +165,8 @@ def _run(
         fed.finish()
         doubts = doubts_of(fed.at_work)
         losses = [*fed.heard.missing(), *fed.losses()]
-        new = [each for each in (*lines(losses), *doubts) if each not in told]  # that came on the way
+        late = simulation.late()
+        new = [each for each in (*late, *lines(losses), *doubts) if each not in told]  # that came on the way
         for each in new:
             on_warning(each)
         spent_s = time.perf_counter() - start
@@ -199,7 +200,7 @@ def _run(
             command=_command(folder, chosen, images),
             notes=(
                 *conditions_of(scenario),
-                *(f"{each}." for each in (*warnings, *lines(losses))),
+                *(f"{each}." for each in (*warnings, *late, *lines(losses))),
                 *notes_of(handed),
                 *tracker_notes(fed.at_work, scenario.faults),
                 *simplifications(scenario),

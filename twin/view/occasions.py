@@ -50,9 +50,9 @@ class Occasion:
         return f"{self.person} {self.verb}, {self.t:.1f} s"
 
 
-def verb(kind: str) -> str:
-    """What somebody does whose action is of this kind, as in "anna sits"."""
-    return _VERBS[kind]
+def verb(kind: str, under_way: bool = False) -> str:
+    """What somebody does whose action is of this kind, as in "anna sits"; `under_way`: "goes to sit", on the way there."""
+    return _ATTEMPTS.get(kind, _VERBS[kind]) if under_way else _VERBS[kind]
 
 
 def occasions(population: Population, duration_s: float) -> list[Occasion]:

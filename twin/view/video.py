@@ -260,8 +260,10 @@ class _Film:
         population = self._world.population
         present = population.present(t)
         said = [
-            f"{name} {verb(kind)}"
-            for name, kind, there in zip(population.names, population.doing, present, strict=True)
+            f"{name} {verb(kind, bool(goes))}"
+            for name, kind, goes, there in zip(
+                population.names, population.doing, population.under_way, present, strict=True
+            )
             if there
         ]
         write(strip, f"{self._title}, {t:.1f} s{DARK if is_dark else ''}", _EDGE_PX, _STRIP_PX - 10, _INK, 15)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from math import ceil, hypot
 
@@ -12,11 +13,11 @@ from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.geometry.polygon import TOLERANCE_M, leaves_at, meets_itself_at, strictly_inside
 from twin.people.crowd.crowd import planar
-from twin.people.crowd.places import nearest_free
+from twin.people.crowd.places import nearest_free, standing_place
 from twin.people.crowd.routes import CLOSE_M, Routes
 from twin.people.script.arrivals import comes_at, known_start
 from twin.people.script.recorded import curve_through
-from twin.room.furniture import Seat
+from twin.room.furniture import Bed, Seat
 from twin.room.obstacles import KEEP_FROM_FURNITURE_M, Footprints
 from twin.scenario import Scenario
 from twin.scenario.behaviour import Bend, Leave, Look, Path, Reach, Run, Stand, Turn, Walk, Wander
@@ -25,6 +26,8 @@ from twin.scenario.people import Person
 _LOOKS_EVERY_S = 0.05
 _LOOKS_EVERY_M = 0.05
 _MOST_LOOKS = 100_000
+DOOR_REACH_M = 0.6
+"""Whoever is to leave at a door goes as near to it as people walk, at most so far from it [m]."""
 CLEARANCE_M = 0.5
 """Least distance between the middles of two people at the start: below it their bodies overlap [m]."""
 
@@ -93,21 +96,21 @@ def check_way(start: Array, goal: Array, routes: Routes, field: str) -> None:
         )
 
 
-def check_seat(seat: Seat, gap_m: float, routes: Routes, field: str) -> None:
-    """Raise InputError naming the field where nobody can come to the place `gap_m` [m] before a seat."""
-    place = seat.before(gap_m)
-    if routes.reachable(place):
+def check_approach(furniture: Seat | Bed, places: Sequence[Array], routes: Routes, field: str) -> None:
+    """Raise InputError naming the field where nobody can come to any of the places (2,) [m] before a seat or bed."""
+    if any(routes.reachable(place) for place in places):
         return
+    place, kind = places[0], "seat" if isinstance(furniture, Seat) else "bed"
     gaps = Footprints(routes.obstacles).gaps(planar(place[None]))[1][0]
     others = [
         (gap, each.furniture)
         for gap, each in zip(gaps, routes.obstacles, strict=True)
-        if each.furniture != seat.furniture
+        if each.furniture != furniture.furniture
     ]
     blocked = f", {min(others)[1]!r} is in the way" if others else ""
     raise InputError(
-        f"{field}: nobody can come to {_point(place)}, before the seat {seat.name!r}{blocked}; a seat with a free place "
-        "before it is expected"
+        f"{field}: nobody of this size can come to {_point(place)}, before the {kind} {furniture.name!r}{blocked}; a {kind} with "
+        "a free place before it is expected"
     )
 
 
@@ -130,13 +133,28 @@ def _check_person(person: Person, walkable: Array, routes: Routes, field: str) -
                     check_way(before, after, routes, f"{where}.waypoints")
                 here = stops[-1]
             case Leave(to=to):
-                _check_place(np.array(to), walkable, routes, f"{where}.to", CLOSE_M)
+                _check_leaving(here, np.array(to), walkable, routes, f"{where}.to")
             case Path(points=points):
                 _check_path(np.array(points), walkable, routes, f"{where}.points")
             case Stand() | Turn() | Bend() | Reach() | Look():
                 pass
             case _:
                 here = None  # who wanders, follows or sits goes on from somewhere else
+
+
+def _check_leaving(here: Array | None, to: Array, walkable: Array, routes: Routes, field: str) -> None:
+    """Raise InputError where nobody can come near to the place to leave at, from `here` (None: anywhere)."""
+    place = standing_place(to, walkable)
+    if hypot(*(place - to)) > DOOR_REACH_M:
+        raise InputError(
+            f"{field}: {_point(to)} is {hypot(*(place - to)):.2f} m beyond where people walk; a place in the room or in a door, "
+            f"{_point(place)} for instance, is expected"
+        )
+    check_free(place, routes, field, CLOSE_M)
+    if here is not None:
+        check_way(here, place, routes, field)
+    elif not routes.reachable(place):
+        raise InputError(f"{field}: furniture leaves no way to {_point(to)}; a place that can be reached is expected")
 
 
 def _check_place(place: Array, walkable: Array, routes: Routes, field: str, clear_m: float) -> None:

@@ -21,6 +21,7 @@ from twin.people.crowd.routes import Routes
 from twin.people.motion import Motion, MovedBefore
 from twin.people.population import Population
 from twin.people.posture.measures import BodyMeasures
+from twin.people.script.actor import approaches
 from twin.room.floor import check_floor_under, floor_hull, floor_of
 from twin.room.furniture import Bed, Seat, furniture_of
 from twin.room.model import compiled, load_room, set_planes
@@ -32,10 +33,7 @@ from twin.scenario.floor import FloorDescription
 from twin.scenario.housings import in_the_room
 from twin.streams import stream
 from twin.world.bodies import Bodies
-from twin.world.placement import check_placement, check_polygon, check_seat
-
-_BEFORE_SEAT_M = 0.2
-"""Where one stands to sit down, about, before the front edge [m]."""
+from twin.world.placement import check_approach, check_placement, check_polygon
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +96,6 @@ def build_scene(scenario: Scenario) -> Scene:
     obstacles = within_reach(obstacles, walkable, OBSTACLE_REACH_M)
     routes = _routes(walkable, obstacles, source)
     check_placement(scenario, area, walkable, routes)
-    _check_seats(scenario, furniture, routes)
     ground = Ground(area, walkable, obstacles, routes, furniture, source)
     names = tuple(sorted(scenario.people))
     appearances = {name: appearance_of(scenario.people[name], stream(scenario.seed, "looks", name)) for name in names}
@@ -141,6 +138,7 @@ def populate(scenario: Scenario, scene: Scene) -> Population:
     """The scenario's people as they move, each with a stream of their own."""
     streams = {name: stream(scenario.seed, "person", name) for name in scene.names}
     measures = BodyMeasures.in_room(scene.model, scene.appearances, scene.bodies.names)
+    _check_seats(scenario, scene, measures)
     source = f"scenario {scenario.name!r}"
     return Population(scenario.people, scene.ground, streams, scene.appearances, measures, source)
 
@@ -152,16 +150,17 @@ def foot_shapes(scene: Scene) -> FootShapes:
     return FootShapes(*(np.array([getattr(each, measure) for each in lengths], dtype=float) for measure in measures))
 
 
-def _check_seats(scenario: Scenario, furniture: Mapping[str, Seat | Bed], routes: Routes) -> None:
-    """Raise InputError where nobody can come to a seat that a script asks for."""
-    for name, person in scenario.people.items():
-        for place, action in enumerate(person.script):
-            if isinstance(action, Sit):
-                seat = furniture[action.seat]
-                assert isinstance(seat, Seat)
-                check_seat(
-                    seat, _BEFORE_SEAT_M, routes, f"scenario {scenario.name!r}: people.{name}.script.{place}.seat"
-                )
+def _check_seats(scenario: Scenario, scene: Scene, measures: BodyMeasures) -> None:
+    """Raise InputError where somebody cannot come to a seat or bed that their script asks for."""
+    for number, name in enumerate(scene.names):
+        for place, action in enumerate(scenario.people[name].script):
+            if not isinstance(action, Sit | Lie) or (isinstance(action, Sit) and action.seated):
+                continue
+            asked, kind = (action.seat, "seat") if isinstance(action, Sit) else (action.bed, "bed")
+            furniture = scene.ground.furniture[asked]
+            places = [each.turns_round_at for each in approaches(furniture, measures, number)]
+            field = f"scenario {scenario.name!r}: people.{name}.script.{place}.{kind}"
+            check_approach(furniture, places, scene.ground.routes, field)
 
 
 def _places_of_sensors(scenario: Scenario) -> list[NDArray[np.float64]]:

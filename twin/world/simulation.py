@@ -18,6 +18,7 @@ from trackers.observations import NS_PER_S, Observation
 from trackers.rig import Rig, StereoSensor
 from twin.instant.feet import FootShapes
 from twin.instant.snapshot import Snapshot
+from twin.people.population import Population
 from twin.people.script.arrivals import too_late
 from twin.people.script.recorded import close_calls, warning_of
 from twin.recording.messages import Encoded, encode
@@ -276,6 +277,14 @@ class Simulation:
         for timed in self._sensors.values():
             timed.on_reading = details.look
         return details
+
+    def late(self) -> list[str]:
+        """Who has not got where their script sends them in twice the time that the way takes, at the latest moment shown.
+
+        Nothing is known of people whose motion was computed before.
+        """
+        people = self.world.people
+        return [f"people: {each}" for each in people.late()] if isinstance(people, Population) else []
 
     def _warnings(self) -> tuple[str, ...]:
         empty, scene = self.world.empty_snapshot(0.0), self.world.scene

@@ -9,10 +9,13 @@ import numpy as np
 from trackers.area import Area
 from trackers.arrays import Array
 from trackers.errors import InputError
+from twin.geometry.polygon import inset, nearest_on
 from twin.people.crowd.crowd import planar
-from twin.room.obstacles import KEEP_FROM_FURNITURE_M, Footprints, Obstacle
+from twin.room.obstacles import KEEP_FROM_EDGE_M, KEEP_FROM_FURNITURE_M, Footprints, Obstacle
 
 _ROUNDS = 500
+_ARRIVES_M = 0.04
+"""People who keep from the area's edge arrive at a place that is so much nearer to it [m]."""
 
 
 def free_places(
@@ -40,6 +43,19 @@ def free_places(
     raise InputError(
         f"{source}: furniture leaves no place to stand; some floor {clear_m:g} m clear of everything is expected"
     )
+
+
+def standing_place(place: Array, walkable: Array) -> Array:
+    """Return where somebody stands who is sent to `place` (2,) [m]: there, or at the nearest place off the area's edge.
+
+    walkable (k, 2): the polygon that middles of bodies stay in [m], `KEEP_FROM_EDGE_M` off its edges. Doors are in walls, so
+    what is meant by a door lies on the edge or beyond it.
+    """
+    reached = inset(walkable, KEEP_FROM_EDGE_M - _ARRIVES_M)
+    if reached is None or Area(reached).contains(place[None])[0]:
+        return place
+    kept = inset(walkable, KEEP_FROM_EDGE_M)
+    return place if kept is None else nearest_on(kept, place)
 
 
 def nearest_free(place: Array, area: Array, obstacles: Sequence[Obstacle], clear_m: float) -> Array | None:

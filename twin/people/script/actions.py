@@ -13,9 +13,10 @@ import numpy as np
 
 from trackers.arrays import Array
 from twin.people.crowd.order import End, Order
+from twin.people.crowd.places import standing_place
 from twin.people.posture.posture import Part
 from twin.people.script.abreast import walk_beside
-from twin.people.script.actor import Actor
+from twin.people.script.actor import Actor, Going
 from twin.people.script.wandering import wander
 from twin.room.furniture import Bed, Seat
 from twin.scenario.behaviour import (
@@ -47,8 +48,8 @@ _WALKS_ON_M_S = 0.2
 """Whoever is slower is about to stand."""
 _FACING_RAD = radians(3)
 _TURNS_AT_ONCE_DEG = 150.0
-_BEFORE_M = 0.28
-"""From where one sits down to where one turns round before [m]."""
+_STEPS_AWAY_M = 0.28
+"""From where one stands up to where ways begin [m]."""
 _STEPS_BACK_M_S = 0.5
 _STEPS_BACK_FOR_S = 3.0
 _STANDS_FOR_S = 0.6
@@ -98,8 +99,18 @@ def _walk_to(
     halt: bool,
     face: Any = None,
     exactly: bool = False,
+    what: str = "",
 ) -> Doing:
-    """Around furniture to a place; where others stand in the way, wait a moment and look for a way again."""
+    """Around furniture to a place, called `what` where it has a name."""
+    actor.sets_out(goal, speed_m_s, what)
+    yield from _by_a_way(actor, goal, speed_m_s, halt=halt, face=face, exactly=exactly)
+    actor.arrives()
+
+
+def _by_a_way(
+    actor: Actor, goal: Array | tuple[float, float], speed_m_s: float, *, halt: bool, face: Any, exactly: bool
+) -> Doing:
+    """Along a way; where others stand in it, wait a moment and look for a way again."""
     near = actor.stage.ground.routes.near(np.asarray(goal, dtype=float))
     while True:
         way = actor.way_to(goal)
@@ -201,13 +212,17 @@ def _go_and_take(actor: Actor, name: str) -> Doing:
     """Stand before a seat or bed, the back to it, when nobody else uses it."""
     stage, number = actor.stage, actor.number
     yield from _upright(actor)
+    if name in stage.taken:
+        stage.going[number] = Going(name, actor.t, 0.0)
     while name in stage.taken:
         yield Order(None, until=actor.t + _LOOKS_AGAIN_S)
+    actor.arrives()
     stage.taken[name] = number
     furniture = stage.ground.furniture[name]
-    place, heading = actor.place_before(furniture)
-    before = place[0] + _BEFORE_M * cos(heading), place[1] + _BEFORE_M * sin(heading)
-    yield from _walk_to(actor, before, 1.0, halt=True, exactly=True)
+    approach = actor.approach(furniture)
+    place, heading = approach.stands_at, approach.heading
+    turns_at = float(approach.turns_round_at[0]), float(approach.turns_round_at[1])
+    yield from _walk_to(actor, turns_at, 1.0, halt=True, exactly=True, what=name)
     yield from _turn_to(actor, heading)
     near = frozenset({furniture.furniture})
     yield Order(place, _STEPS_BACK_M_S, actor.t + _STEPS_BACK_FOR_S, 0.03, True, heading, near)
@@ -227,7 +242,7 @@ def _step_away(actor: Actor) -> Doing:
     stage, number = actor.stage, actor.number
     for name in [name for name, user in stage.taken.items() if user == number]:
         here, heading = actor.here, actor.heading
-        ahead = float(here[0]) + _BEFORE_M * cos(heading), float(here[1]) + _BEFORE_M * sin(heading)
+        ahead = float(here[0]) + _STEPS_AWAY_M * cos(heading), float(here[1]) + _STEPS_AWAY_M * sin(heading)
         near = frozenset({stage.ground.furniture[name].furniture})
         yield Order(ahead, 0.8, actor.t + _STEPS_BACK_FOR_S, 0.1, near=near)
         del stage.taken[name]
@@ -290,13 +305,17 @@ def _one_step_on(actor: Actor, person: str, speed_m_s: float, until: float, dist
 
 def _meet(actor: Actor, action: Meet) -> Doing:
     yield from _upright(actor)
+    if not actor.is_gone(action.person):
+        actor.sets_out(actor.target(action.person), action.speed_m_s, action.person)
     while actor.distance_to(action.person) > action.distance_m + 0.1:
         if actor.is_gone(action.person):
+            actor.arrives()
             return
         if actor.distance_to(action.person) == inf:
             yield Order(None, until=actor.t + _LOOKS_AGAIN_S)
             continue
         yield from _one_step_on(actor, action.person, action.speed_m_s, actor.t + 2 * _LOOKS_AGAIN_S, action.distance_m)
+    actor.arrives()
     ends_at = actor.t + action.for_s
     actor.look(Look(at=action.person))
     while actor.t < ends_at and not actor.is_gone(action.person):
@@ -311,7 +330,8 @@ def _keep_path(actor: Actor, action: Path) -> Doing:
 
 def _leave(actor: Actor, action: Leave) -> Doing:
     yield from _upright(actor)
-    yield from _walk_to(actor, action.to, action.speed_m_s, halt=False, exactly=True)
+    place = standing_place(np.array(action.to), actor.stage.ground.walkable)
+    yield from _walk_to(actor, (float(place[0]), float(place[1])), action.speed_m_s, halt=False, exactly=True)
     actor.stage.leaving.add(actor.number)
     yield Order(None)
 

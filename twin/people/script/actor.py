@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import inf, radians
+from math import cos, inf, radians, sin
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from twin.people.crowd.crowd import Crowd
 from twin.people.crowd.ground import Ground
 from twin.people.crowd.order import Order
 from twin.people.posture.bed import lair_in
+from twin.people.posture.measures import BodyMeasures
 from twin.people.posture.posture import Postures
 from twin.people.posture.sit import spot_on
 from twin.room.furniture import Bed, Seat
@@ -19,6 +20,53 @@ from twin.scenario.behaviour import Look, Target
 
 _EYE_LEVEL_M = 1.5
 """Height of a place that is given on the floor, when it is looked at [m]."""
+_BEFORE_M = 0.28
+"""From where one sits down to where one turns round before [m]."""
+_IN_THE_WAY_M = 1.0
+"""Somebody so near to whoever does not get on is taken to be in their way [m]."""
+_LATE, _SETS_OUT_S = 2.0, 2.0
+"""Whoever takes more than this multiple of the way's time, and this long for setting out [s], is late."""
+
+
+@dataclass(frozen=True)
+class Approach:
+    """How somebody comes to a seat or bed: where they turn round (2,), and stand to sit down [m], facing `heading` [rad]."""
+
+    turns_round_at: Array
+    stands_at: tuple[float, float]
+    heading: float
+
+
+def approaches(
+    furniture: Seat | Bed, measures: BodyMeasures, person: int, beside: complex | None = None
+) -> list[Approach]:
+    """Return the ways in which a person can sit down on a seat, or lie down on a bed from either side.
+
+    beside: x + iy [m]; the side of a bed that is nearest to it comes first.
+    """
+    if isinstance(furniture, Seat):
+        spots = [spot_on(furniture, measures, person)]
+    else:
+        sides = [complex(x, y) for x, y in furniture.beside(0.0)]
+        if beside is not None:
+            sides.sort(key=lambda side: abs(side - beside))
+            sides[0] = beside
+        spots = [lair_in(furniture, measures, person, side).edge for side in sides]
+    found = []
+    for spot in spots:
+        stands_at = (spot.standing_place.real, spot.standing_place.imag)
+        turns_at = np.array([stands_at[0] + _BEFORE_M * cos(spot.yaw), stands_at[1] + _BEFORE_M * sin(spot.yaw)])
+        found.append(Approach(turns_at, stands_at, spot.yaw))
+    return found
+
+
+@dataclass(frozen=True)
+class Going:
+    """Where somebody is on their way to: in words, from when [s], and how long the way takes [s]; None: there is none."""
+
+    goal: str
+    since_s: float
+    takes_s: float | None
 
 
 @dataclass(eq=False)
@@ -27,7 +75,7 @@ class Stage:
 
     `doing`: the kind of action that each is at; `taken`: who uses a seat or bed; `leaving`: who is to go, `gone`: who has
     gone;
-    `looks_until`: when a turned head is free again [s].
+    `looks_until`: when a turned head is free again [s]; `going`: where those who are on their way are to come to.
     """
 
     names: tuple[str, ...]
@@ -40,6 +88,26 @@ class Stage:
     leaving: set[int] = field(default_factory=set)
     gone: set[int] = field(default_factory=set)
     looks_until: dict[int, float] = field(default_factory=dict)
+    going: dict[int, Going] = field(default_factory=dict)
+
+    def late(self) -> list[str]:
+        """Who has not got where they are on their way to in twice the time that the way takes, one sentence each."""
+        told = []
+        for number, going in sorted(self.going.items()):
+            took_s = self.t - going.since_s
+            if not self.crowd.present[number] or took_s <= _LATE * (going.takes_s or 0.0) + _SETS_OUT_S:
+                continue
+            apart_m = np.where(self.crowd.present, np.abs(self.crowd.place - self.crowd.place[number]), inf)
+            apart_m[number] = inf
+            nearest = int(apart_m.argmin())
+            why = (
+                f"{self.names[nearest]} is in the way"
+                if apart_m[nearest] < _IN_THE_WAY_M
+                else "something is in the way"
+            )
+            why = "no way leads there" if going.takes_s is None else why
+            told.append(f"{self.names[number]} has not reached {going.goal} after {took_s:.0f} s: {why}")
+        return told
 
     def number_of(self, name: str) -> int:
         """The place of a person in all arrays."""
@@ -115,14 +183,24 @@ class Actor:
         else:
             stage.postures.look_ahead(number)
 
-    def place_before(self, furniture: Seat | Bed) -> tuple[tuple[float, float], float]:
-        """Where to stand [m], and face [rad], to sit down on a seat or to lie down on a bed."""
-        measures = self.stage.postures.measures
-        if isinstance(furniture, Seat):
-            spot = spot_on(furniture, measures, self.number)
-        else:
-            spot = lair_in(furniture, measures, self.number, complex(self.stage.crowd.place[self.number])).edge
-        return (spot.standing_place.real, spot.standing_place.imag), spot.yaw
+    def approach(self, furniture: Seat | Bed) -> Approach:
+        """How to come to a seat or bed: to the nearest side of a bed that a way leads to."""
+        stage = self.stage
+        here = complex(stage.crowd.place[self.number])
+        found = approaches(furniture, stage.postures.measures, self.number, here)
+        return next((each for each in found if self.way_to(each.turns_round_at)), found[0])
+
+    def sets_out(self, goal: Array | tuple[float, float], speed_m_s: float, what: str = "") -> None:
+        """Note that the person is on their way to a place [m], called `what`, until `arrives`."""
+        way = self.way_to(goal)
+        stops = np.array([self.here, *way])
+        length_m = float(np.hypot(*np.diff(stops, axis=0).T).sum())
+        named = what or f"[{float(goal[0]):.6g}, {float(goal[1]):.6g}]"
+        self.stage.going[self.number] = Going(named, self.t, length_m / speed_m_s if way else None)
+
+    def arrives(self) -> None:
+        """Note that the person is on no way any more."""
+        self.stage.going.pop(self.number, None)
 
     def is_gone(self, name: str) -> bool:
         """Whether somebody has left for good."""
