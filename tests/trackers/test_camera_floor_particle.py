@@ -39,7 +39,11 @@ def follow(observations=SEEN, on=RIG, room=ROOM, name="camera-floor-particle", *
 def test_the_velocity_keeps_its_share_of_the_last_one():
     before, way = np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 0.1, 0.0]])
     assert smoothed(before, way, 0.1, MotionOptions(memory=0.0)) == pytest.approx(np.array([[0.0, 1.0, 0.0]]))
-    assert smoothed(before, way, 0.1, MotionOptions(memory=0.8)) == pytest.approx(np.array([[0.8, 0.2, 0.0]]))
+    motion = MotionOptions(memory=0.8, step_s=0.1)
+    assert smoothed(before, way, 0.1, motion) == pytest.approx(np.array([[0.8, 0.2, 0.0]]))
+    # as long a way in two steps, or in one of twice the time, leaves as much of what was before
+    halfway = smoothed(before, way / 2, 0.05, motion)
+    assert smoothed(halfway, way / 2, 0.05, motion) == pytest.approx(smoothed(before, way, 0.1, motion))
 
 
 def end_errors(frames, walk=WALK):

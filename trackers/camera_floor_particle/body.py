@@ -28,17 +28,18 @@ _COURSE_S = 0.3
 """Time over which the velocity is averaged that tells where somebody walks."""
 
 
-def spread(velocity: Float[Array, "n 3"], motion: MotionOptions) -> Float[Array, "3 n"]:
-    """Standard deviations of ω in x, y, z, which grow with the person's speed [m]."""
+def spread(velocity: Float[Array, "n 3"], dt: float, motion: MotionOptions) -> Float[Array, "3 n"]:
+    """Standard deviations of ω in x, y, z over `dt` [s], which grow with the person's speed [m]."""
     aside = motion.still_m + motion.per_speed_s * np.hypot(velocity[:, 0], velocity[:, 1])
-    return np.stack([aside, aside, np.full(len(velocity), motion.up_m)])
+    return np.sqrt(motion.steps(dt)) * np.stack([aside, aside, np.full(len(velocity), motion.up_m)])
 
 
 def smoothed(
     velocity: Float[Array, "n 3"], way: Float[Array, "n 3"], dt: float, motion: MotionOptions
 ) -> Float[Array, "n 3"]:
     """The velocity after a way [m] that took `dt` [s], some of it as before [m/s]."""
-    return motion.memory * velocity + (1 - motion.memory) * way / dt
+    kept = motion.memory ** motion.steps(dt)
+    return kept * velocity + (1 - kept) * way / dt
 
 
 def ruled(kept: Bool[Mask, "*k"], ruling: Ruling) -> Float[Array, "*k"]:
@@ -74,7 +75,7 @@ class BodyFilter:
     def step(self, people: People, dt: float, loads: Loads | None, views: Views, rng: np.random.Generator) -> People:
         """Everybody `dt` seconds later, by the floor and the cameras that say something."""
         options = self._options.body
-        sigma = spread(people.velocity, options.motion)[..., None]
+        sigma = spread(people.velocity, dt, options.motion)[..., None]
         shift = (people.velocity * dt).T[..., None]
 
         def move(state: Array, rng: np.random.Generator) -> Array:

@@ -35,8 +35,8 @@ class HeadFilter:
     ) -> People:
         """Everybody's head `dt` seconds later. offset: from body to head before, h_{t−1} (eq. 7) [m]."""
         options = self._options.head
-        turn = np.full((1, len(people)), np.deg2rad(options.turn_deg))
-        sigma = np.concatenate([spread(people.velocity, options.motion), turn])[..., None]
+        turn = np.full((1, len(people)), np.deg2rad(options.turn_deg) * np.sqrt(options.motion.steps(dt)))
+        sigma = np.concatenate([spread(people.velocity, dt, options.motion), turn])[..., None]
         shift = np.concatenate([(people.head_velocity * dt).T, np.zeros((1, len(people)))])[..., None]
         about = np.concatenate([(people.place + offset).T, people.pan[None]])[..., None]
 

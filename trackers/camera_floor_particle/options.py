@@ -78,6 +78,16 @@ class MotionOptions(Strict):
         lt=1,
         description="share of the last velocity that is kept in the next (ours); 0: (p_t − p_{t−1}) / τ alone (eq. 2)",
     )
+    step_s: float = Field(
+        default=0.05,
+        gt=0,
+        description="time step that ω and the memory are for [s]; over another, variances grow in proportion to time and memory "
+        "fades exponentially (ours)",
+    )
+
+    def steps(self, dt: float) -> float:
+        """How many of the steps that ω is for a time [s] makes."""
+        return dt / self.step_s
 
 
 class BodyOptions(Strict):

@@ -66,7 +66,7 @@ def looks(people: People, views: Views, options: HeadOptions) -> Looks | None:
 
 def turned(people: People, dt: float, seen: Looks | None, options: HeadOptions) -> People:
     """Everybody's pan `dt` seconds later: heads have turned, look as they look, and face ahead while they walk."""
-    belief = diffused(people.facing, np.deg2rad(options.turn_deg))
+    belief = diffused(people.facing, np.deg2rad(options.turn_deg) * np.sqrt(options.motion.steps(dt)))
     log = np.log(belief + _LEAST / PAN_STEPS)
     if seen is not None:
         face = np.zeros(len(people), complex)
