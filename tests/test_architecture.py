@@ -49,6 +49,7 @@ TWIN_UPWARDS = (
     "progress",
     "limits",
     "interruption",
+    "shown",
     "geometry",
     "instant",
     "sensors",

@@ -8,11 +8,19 @@ import re
 import sys
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Annotated, Any
 
 import typer
 
 from twin.commands.evaluate import evaluate
-from twin.commands.exit_codes import EXIT_BAD_INPUT, EXIT_DONE, EXIT_FELL_SHORT, EXIT_INTERRUPTED, EXIT_OUR_FAULT
+from twin.commands.exit_codes import (
+    EXIT_BAD_INPUT,
+    EXIT_CLOSED_PIPE,
+    EXIT_DONE,
+    EXIT_FELL_SHORT,
+    EXIT_INTERRUPTED,
+    EXIT_OUR_FAULT,
+)
 from twin.commands.follow import detections, track
 from twin.commands.new import app as new
 from twin.commands.offer import check, list_, schema
@@ -21,17 +29,32 @@ from twin.commands.view import view
 from twin.environment.command import environment
 from twin.interruption import heed_interrupts
 from twin.reproduce.command import reproduce
+from twin.shown import shown
 from twin.studies.command import app as studies
 from twin.suites.command import app as suites
 
 app = typer.Typer(
     name="twin",
     help="Describe a room, its people and its sensors; get what the sensors would report, the truth, and any tracker's score.",
-    no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+@app.callback(invoke_without_command=True)
+def _twin(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
+) -> None:
+    if version:
+        from importlib.metadata import version as version_of
+
+        typer.echo(f"roomtwin {version_of('roomtwin')}")
+        raise typer.Exit
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
 
 app.command(epilog="Example: twin run lab-five-people --tracker laser-imm --seed 3 --set background=none")(run)
 app.command(epilog="Example: twin render lab-five-people --duration 10 --out out/ten-seconds")(render)
@@ -57,7 +80,23 @@ app.command(
 
 def main() -> None:
     """Run the command line; every way out has its exit code (see the README)."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):  # a terminal of another encoding shows what it lacks as escapes
+            stream.reconfigure(errors="backslashreplace")  # pyright: ignore[reportAttributeAccessIssue]
+    try:
+        code = _code_of_run()
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except BrokenPipeError:
+        code = EXIT_CLOSED_PIPE
+        for stream in (sys.stdout, sys.stderr):  # Python would complain of it again at its end
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    sys.exit(code)
+
+
+def _code_of_run() -> int:
     from trackers.errors import InputError, PlugInError
+    from twin.commands.memory import check_memory, lack_of_memory
 
     # Small matrices everywhere: threads of BLAS would only get in the way of the work beside them.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -65,28 +104,47 @@ def main() -> None:
     os.environ.pop("MUJOCO_GL", None)
     heed_interrupts()
     try:
+        check_memory()
         _check_none_is_empty(sys.argv[1:])
         code = app(standalone_mode=False)
         if code == EXIT_INTERRUPTED:  # typer's word for Ctrl-C
             sys.stderr.write("twin: interrupted; no file was left half-written under its final name\n")
-        sys.exit(code if isinstance(code, int) else EXIT_DONE)
+        return code if isinstance(code, int) else EXIT_DONE
     except InputError as error:
-        _fail(str(error))
+        return _told(str(error))
     except PlugInError as error:
-        _fail(str(error), EXIT_FELL_SHORT)
+        return _told(str(error), EXIT_FELL_SHORT)
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(EXIT_DONE)
-    except OSError as error:
-        if error.errno in (errno.ENAMETOOLONG, errno.ELOOP):
-            _fail(f"{error.filename}: {error.strerror}; the path of a file or folder is expected")
-        if error.errno not in (errno.ENOSPC, errno.EACCES, errno.EROFS, errno.EDQUOT, errno.ENOTDIR, errno.EISDIR):
-            _our_fault()
-        _fail(f"{error.filename or 'output'}: {error.strerror}; a folder that can be written, with space, is expected")
+        raise
+    except SystemExit as error:
+        if isinstance(error.__context__, BrokenPipeError):  # typer's way out of it
+            raise error.__context__ from None
+        raise
     except Exception as error:
+        if (lack := lack_of_memory(error)) is not None:
+            return _told(lack)
+        if isinstance(error, OSError) and (fault := _fault_of_path(error)):
+            return _told(fault)
         if hasattr(error, "format_message") and hasattr(error, "exit_code"):  # a usage error of click's
-            _fail(error.format_message())  # pyright: ignore[reportAttributeAccessIssue]
-        _our_fault()
+            return _told(_usage_fault(error))
+        return _our_fault()
+
+
+def _usage_fault(error: Any) -> str:
+    """The sentence for a usage error of click's; of an unknown command it does not say which there are."""
+    said = error.format_message()
+    if not said.startswith("No such command"):
+        return said
+    return f"{said} Valid are {', '.join(error.ctx.command.list_commands(error.ctx))}"
+
+
+def _fault_of_path(error: OSError) -> str | None:
+    """The sentence for a path that cannot be, or cannot be written; None for any other error of the system."""
+    if error.errno in (errno.ENAMETOOLONG, errno.ELOOP):
+        return f"{error.filename}: {error.strerror}; the path of a file or folder is expected"
+    if error.errno not in (errno.ENOSPC, errno.EACCES, errno.EROFS, errno.EDQUOT, errno.ENOTDIR, errno.EISDIR):
+        return None
+    return f"{error.filename or 'output'}: {error.strerror}; a folder that can be written, with space, is expected"
 
 
 def _check_none_is_empty(arguments: Sequence[str]) -> None:
@@ -99,17 +157,17 @@ def _check_none_is_empty(arguments: Sequence[str]) -> None:
             raise InputError(f"{named}: an argument is empty; a name, path or value is expected")
 
 
-def _fail(message: str, code: int = EXIT_BAD_INPUT) -> None:
-    sys.stderr.write(f"twin: {message}\n")
-    sys.exit(code)
+def _told(message: str, code: int = EXIT_BAD_INPUT) -> int:
+    sys.stderr.write(f"twin: {shown(message)}\n")
+    return code
 
 
-def _our_fault() -> None:
+def _our_fault() -> int:
     import traceback
 
     traceback.print_exc()
     sys.stderr.write("twin: this is a fault of ours; please report it with the lines above and the scenario file\n")
-    sys.exit(EXIT_OUR_FAULT)
+    return EXIT_OUR_FAULT
 
 
 if __name__ == "__main__":

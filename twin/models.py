@@ -49,7 +49,13 @@ def cache_folder() -> Path:
     if named:
         return Path(named)
     home = os.environ.get("XDG_CACHE_HOME")
-    return (Path(home) if home else Path.home() / ".cache") / "roomtwin"
+    try:
+        return (Path(home) if home else Path.home() / ".cache") / "roomtwin"
+    except RuntimeError as error:
+        raise InputError(
+            f"ROOMTWIN_CACHE: is not set, and this user ({os.getuid()}) has no home folder; ROOMTWIN_CACHE naming a folder "
+            "that can be written is expected"
+        ) from error
 
 
 def is_kept_room(room: str) -> bool:
@@ -95,9 +101,9 @@ FAULTS = {
 """The kinds of fault a scenario can have, with one line on each."""
 
 
-def first_description(scenario: str) -> str:
-    """The description of a shipped scenario, one line."""
+def first_description(folder: str, name: str) -> str:
+    """The description of a shipped scenario, suite or study, one line."""
     import yaml
 
-    content = yaml.safe_load((MODELS / "scenarios" / f"{scenario}.yaml").read_text(encoding="utf-8"))
+    content = yaml.safe_load((MODELS / folder / f"{name}{_SUFFIX[folder]}").read_text(encoding="utf-8"))
     return " ".join(str(content.get("description", "")).split())

@@ -7,12 +7,14 @@ from collections.abc import Sequence
 
 import typer
 
-EXIT_DONE, EXIT_FELL_SHORT, EXIT_BAD_INPUT, EXIT_OUR_FAULT, EXIT_INTERRUPTED = 0, 1, 2, 70, 130
+from twin.shown import shown
+
+EXIT_DONE, EXIT_FELL_SHORT, EXIT_BAD_INPUT, EXIT_OUR_FAULT, EXIT_INTERRUPTED, EXIT_CLOSED_PIPE = 0, 1, 2, 70, 130, 141
 
 
 def tell_failures(failures: Sequence[str]) -> None:
     """What plug-ins did wrong beside trackers that have results: the exit code is that of a check that fell short."""
     for failure in failures:
-        sys.stderr.write(f"twin: {failure}\n")
+        sys.stderr.write(f"twin: {shown(failure)}\n")
     if failures:
         raise typer.Exit(EXIT_FELL_SHORT)

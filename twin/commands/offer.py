@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
+import shutil
+import sys
+import textwrap
+from collections.abc import Iterator, Mapping
 from typing import Annotated
 
 import typer
+
+from twin.shown import shown
+
+_DESCRIBED = "scenarios", "suites", "studies"
+_LEAST_COLUMN = 30
+"""A column of text that is narrower is hard to read."""
 
 
 def list_() -> None:
@@ -12,27 +22,40 @@ def list_() -> None:
     from trackers.presets import available
     from twin import models
 
-    typer.echo("scenarios")
-    for name in models.names("scenarios"):
-        typer.echo(f"  {name:24}{models.first_description(name)}")
-    typer.echo("rooms")
-    for name in models.names("rooms"):
-        typer.echo(f"  {name}")
-    typer.echo("trackers")
-    for name, preset in available().items():
-        typer.echo(f"  {name:24}{preset.description}")
-    typer.echo("sensors")
-    for name, description in models.SENSOR_KINDS.items():
-        typer.echo(f"  {name:24}{description}")
-    typer.echo("suites")
-    for name in models.names("suites"):
-        typer.echo(f"  {name}")
-    typer.echo("studies")
-    for name in models.names("studies"):
-        typer.echo(f"  {name}")
-    typer.echo("faults")
-    for name, description in models.FAULTS.items():
-        typer.echo(f"  {name:24}{description}")
+    described = {
+        folder: {name: models.first_description(folder, name) for name in models.names(folder)} for folder in _DESCRIBED
+    }
+    parts = {
+        "scenarios": described["scenarios"],
+        "rooms": dict.fromkeys(models.names("rooms"), ""),
+        "trackers": {name: preset.description for name, preset in available().items()},
+        "sensors": models.SENSOR_KINDS,
+        "suites": described["suites"],
+        "studies": described["studies"],
+        "faults": models.FAULTS,
+    }
+    for title, entries in parts.items():
+        typer.echo(title)
+        for line in _lines(entries, shutil.get_terminal_size().columns if sys.stdout.isatty() else None):
+            typer.echo(line)
+
+
+def _lines(entries: Mapping[str, str], width: int | None) -> Iterator[str]:
+    """Names and descriptions in two columns, within `width` characters a line (None: a line an entry, whatever its length).
+
+    Where a terminal has no room for two columns, a description stands under its name.
+    """
+    column = max(map(len, entries)) + 4
+    for name, description in entries.items():
+        if width is None:
+            yield shown(f"  {name:{column - 2}}{description}".rstrip())
+        elif width - column >= _LEAST_COLUMN:
+            first, *rest = textwrap.wrap(shown(description), width - column) or [""]
+            yield shown(f"  {name:{column - 2}}{first}".rstrip())
+            yield from (" " * column + line for line in rest)
+        else:
+            yield shown(f"  {name}")
+            yield from textwrap.wrap(shown(description), width, initial_indent="    ", subsequent_indent="    ")
 
 
 def schema(

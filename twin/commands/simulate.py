@@ -50,7 +50,7 @@ def run(
     loaded = load_scenario(scenario, [*overrides(set_, seed, duration), *environment_change(environment)])
     _tell_size(loaded, images=not no_images, limits=not no_limits)
     typed = typed_classes(set_ or [])
-    import_from_here([*typed, *(tracker or [])])
+    import_from_here([*typed, *(tracker or [])], files_trusted=allow_plugins)
     with progress() as report:
         result = run_scenario(
             loaded,

@@ -14,6 +14,7 @@ from pathlib import Path
 from trackers.errors import InputError
 from twin.progress import OnProgress
 from twin.recording.tables import TrackTable, TruthTable, read_tracks, read_truth
+from twin.shown import shown
 from twin.suites.cache import RecordingCache, cache_folder, cache_limit_bytes
 from twin.suites.cases import Case, expand
 from twin.suites.description import Suite, load_suite
@@ -121,7 +122,7 @@ def read_runs(
 
 def tell_failure(case_id: str, error: str) -> None:
     """A warning on stderr that a case failed."""
-    sys.stderr.write(f"twin: warning: {case_id} failed: {error.splitlines()[0] if error else ''}\n")
+    sys.stderr.write(shown(f"twin: warning: {case_id} failed: {error.splitlines()[0] if error else ''}\n"))
 
 
 @contextmanager

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rich.console import Console
 from rich.table import Table
 
+from twin.console import PlainConsole
 from twin.reproduce.page import text_of
 from twin.reproduce.results import Result
 
@@ -20,4 +20,4 @@ def print_results(title: str, results: Sequence[Result]) -> None:
         table.add_column(heading, justify="right", no_wrap=True)
     for result in results:
         table.add_row(result.where, result.row, result.column, *text_of(result))
-    Console(width=None if Console().is_terminal else 150).print(table)
+    PlainConsole(width_of_file=150).print(table)

@@ -37,6 +37,10 @@ class TrustedClasses:
 
 NONE_TRUSTED = TrustedClasses()
 
+_TRACKER, _SET, _ALLOW = "--tracker module:Class", "--set trackers.NAME.preset=module:Class", "--allow-plugins"
+RUN, TRACK, SUITE, STUDY = (_TRACKER, _SET, _ALLOW), (_TRACKER, _SET), (_SET, _ALLOW), (_ALLOW,)
+"""By which options each command takes a class."""
+
 
 @dataclass(frozen=True)
 class ChosenTracker:
@@ -66,20 +70,26 @@ def changed_trackers(changes: Sequence[str]) -> dict[str, Any]:
     return trackers if isinstance(trackers, dict) else {}
 
 
-def import_from_here(typed: Iterable[str]) -> None:
+def import_from_here(typed: Iterable[str], *, files_trusted: bool = False) -> None:
     """Let classes be found in the current folder, as `python` lets modules, where one of these names is a class.
 
-    For names typed on a command line alone: a file must not choose what is imported from where it lies.
+    For names typed on a command line, and with `files_trusted` (--allow-plugins) for those in files: else a file would
+    choose what is imported from where it lies.
     """
-    if any(":" in name for name in typed):
+    if files_trusted or any(":" in name for name in typed):
         sys.path.append(os.getcwd())  # last: nothing that lies there takes the place of what is installed
 
 
 def choose(
-    names: Sequence[str], defined: Mapping[str, TrackerChoice], source: str, trusted: TrustedClasses = NONE_TRUSTED
+    names: Sequence[str],
+    defined: Mapping[str, TrackerChoice],
+    source: str,
+    trusted: TrustedClasses = NONE_TRUSTED,
+    ways: Sequence[str] = RUN,
 ) -> list[ChosenTracker]:
     """The trackers called `names`, which the user gives, as `source` (a scenario or a bag) defines them where it does.
 
+    ways: options by which the command takes a class, for the error's sentence; a study (STUDY) gives the names itself.
     Raises InputError for one named twice, for a definition of what does not exist or under the name of a tracker that
     does, and for one of `names` that a definition makes a class which is not trusted. Nothing is imported for it.
     """
@@ -99,9 +109,11 @@ def choose(
     for name in names:
         choice = defined.get(name, TrackerChoice())
         if choice.preset is not None and ":" in choice.preset and not trusted.has(choice.preset):
-            raise InputError(not_trusted(f"{source}: trackers.{name}.preset", choice.preset))
+            raise InputError(not_trusted(f"{source}: trackers.{name}.preset", choice.preset, ways))
+        if ways is STUDY and ":" in name and not trusted.has(name):
+            raise InputError(not_trusted(f"{source}: trackers", name, ways))
         if is_untrusted_scheduler(choice, trusted):
-            raise InputError(not_asked(f"{source}: trackers.{name}.{SCHEDULER}", choice))
+            raise InputError(not_asked(f"{source}: trackers.{name}.{SCHEDULER}", choice, ways))
         chosen.append(ChosenTracker(name, choice.preset or name, choice.options))
     return chosen
 
@@ -114,13 +126,12 @@ def redefined(where: str, name: str, target: str) -> str:
     )
 
 
-def not_trusted(where: str, target: str) -> str:
-    """What is wrong with a class in a file that nobody has said to trust, written at `where`."""
-    return (
-        f"{where}: {target!r} is a class, and a file names no code to run; a preset's name is expected here, or the class "
-        "on the command line (--tracker module:Class, or --set trackers.NAME.preset=module:Class), or --allow-plugins for "
-        "a scenario or suite that you trust"
-    )
+def not_trusted(where: str, target: str, ways: Sequence[str]) -> str:
+    """What is wrong with a class in a file that nobody has said to trust, written at `where`; `ways` as for `choose`."""
+    typed = " or ".join(way for way in ways if way != _ALLOW)
+    also = f", or the class on the command line ({typed})" if typed else ""
+    trusting = f", or {_ALLOW} for a file that you trust" if _ALLOW in ways else ""
+    return f"{where}: {target!r} is a class, and a file names no code to run; a preset's name is expected here{also}{trusting}"
 
 
 def is_untrusted_scheduler(choice: TrackerChoice, trusted: TrustedClasses) -> bool:
@@ -129,10 +140,10 @@ def is_untrusted_scheduler(choice: TrackerChoice, trusted: TrustedClasses) -> bo
     return address is not None and not trusted.has(str(address))
 
 
-def not_asked(where: str, choice: TrackerChoice) -> str:
-    """What is wrong with a scheduler in a file that nobody has said to trust, written at `where`."""
+def not_asked(where: str, choice: TrackerChoice, ways: Sequence[str]) -> str:
+    """What is wrong with a scheduler in a file that nobody has said to trust, written at `where`; `ways` as for `choose`."""
+    trusting = f", or {_ALLOW} for a file that you trust" if _ALLOW in ways else ""
     return (
         f"{where}: {choice.options[SCHEDULER]!r} is a Dask scheduler, which runs code here and is sent some, and a file names "
-        "none; its address on the command line (--set trackers.NAME.scheduler=ADDRESS) is expected, or --allow-plugins for a "
-        "scenario or suite that you trust"
+        f"none; its address on the command line (--set trackers.NAME.scheduler=ADDRESS) is expected{trusting}"
     )

@@ -35,6 +35,7 @@ from twin.report.page import RunFacts
 from twin.report.scan_density import ScanDensity
 from twin.room.outline import room_outline
 from twin.run.chosen_trackers import (
+    TRACK,
     ChosenTracker,
     TrustedClasses,
     changed_trackers,
@@ -252,7 +253,7 @@ def chosen_trackers(
     """The trackers called `names`, as the bag's scenario defines them, with the overrides applied; InputError for bad ones."""
     source = "--set" if scenario is None else f"{bag.path}, topic /scenario"
     trusted = TrustedClasses(typed_classes(changes) | typed_schedulers(changes))
-    return choose(names, _defined(scenario, names, changes), source, trusted)
+    return choose(names, _defined(scenario, names, changes), source, trusted, TRACK)
 
 
 def _defined(scenario: Scenario | None, names: Sequence[str], changes: Sequence[str]) -> dict[str, TrackerChoice]:

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 from jinja2 import Template
-from rich.console import Console
 
 from trackers.errors import InputError
+from twin.console import PlainConsole
 from twin.recording.whole_file import whole_file
 from twin.reproduce.page import source_of
 from twin.scenario import Scenario
@@ -88,7 +88,7 @@ def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: fl
 
 def print_coverage(found: dict[str, Any]) -> None:
     """Print the figures, a line a number of sensors, and a line a sensor."""
-    console = Console(highlight=False)
+    console = PlainConsole()
     for k, share in found["people_seen_by_at_least"].items():
         floor = found["floor_seen_by_at_least"][k]
         console.print(

@@ -13,12 +13,18 @@ from twin.suites.place_options import Jobs, Resource, Scheduler, place_of
 app = typer.Typer(
     name="study",
     help="Where should the sensors go, how many, and what is lost with one fewer?",
-    no_args_is_help=True,
+    invoke_without_command=True,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 Out = Annotated[Path | None, typer.Option(help="Folder for the results.")]
+
+
+@app.callback()
+def _alone(context: typer.Context) -> None:
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
 
 
 @app.command(epilog="Example: twin study run lab-scanner-place --jobs 2 --out out/place")
@@ -42,13 +48,14 @@ def run(
 ) -> None:
     """Search for the best placement; leaves tables, a scenario and a page to build by in out/study-<name>."""
     from twin.console import print_paths
-    from twin.run.chosen_trackers import TrustedClasses
+    from twin.run.chosen_trackers import TrustedClasses, import_from_here
     from twin.studies.answers import write_answers
     from twin.studies.run import run_study
     from twin.studies.terminal import print_summary
 
     place = place_of(jobs, scheduler, resource)
     trusted = TrustedClasses(every=allow_plugins)
+    import_from_here((), files_trusted=allow_plugins)
     with run_study(study, out, place, resume=resume, seed_offset=seed or 0, trusted=trusted) as (answers, folder):
         files = write_answers(folder, answers)
     print_summary(folder)

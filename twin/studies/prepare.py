@@ -12,7 +12,7 @@ from trackers.knowledge import Knowledge
 from trackers.presets import available, make_tracker
 from trackers.tracks import unused_sensors
 from twin import models
-from twin.run.chosen_trackers import NONE_TRUSTED, ChosenTracker, TrustedClasses, choose
+from twin.run.chosen_trackers import NONE_TRUSTED, STUDY, ChosenTracker, TrustedClasses, choose
 from twin.scenario import Scenario, load_scenario
 from twin.scenario.floor import FloorDescription
 from twin.scenario.housings import rig_told
@@ -61,7 +61,7 @@ def prepare(name: str | Path, *, seed_offset: int = 0, trusted: TrustedClasses =
     faults = [*_faults_of_moves(study, every, path), *_faults_of_trackers(study, path, scenarios)]
     if faults:
         raise InputError("\n".join(dict.fromkeys(faults)))
-    chosen = tuple(choose(study.trackers, first.trackers, str(path), trusted)) if study.trackers else ()
+    chosen = tuple(choose(study.trackers, first.trackers, str(path), trusted, STUDY)) if study.trackers else ()
     scene = build_scene(first)
     layout = Layout.of(study, first, scene, str(path))
     faults = list(_faults_of_kinds(study, layout, path)) or list(_unused(study, layout, chosen, scene, path))

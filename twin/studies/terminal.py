@@ -11,6 +11,7 @@ from rich.table import Table
 from trackers.errors import InputError
 from trackers.plain_data import parse_json
 from trackers.text_file import read_text
+from twin.console import PlainConsole
 
 _EXPECTED = "a folder that `twin study run` has finished"
 
@@ -19,7 +20,7 @@ def print_summary(folder: Path) -> None:
     """Print the answers of a study; raises InputError for a folder without them."""
     path = folder / "summary.json"
     content = parse_json(read_text(path, _EXPECTED), str(path), _EXPECTED)
-    console = Console(highlight=False)
+    console = PlainConsole()
     try:
         _print(console, content)
     except (KeyError, TypeError) as error:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from trackers.errors import InputError
 from twin.models import cache_folder as cache_folder
+from twin.shown import shown
 
 DEFAULT_LIMIT_GB = 20.0
 LIMIT_VARIABLE = "ROOMTWIN_CACHE_GB"
@@ -39,7 +40,7 @@ def cache_limit_bytes() -> int:
 
 
 def _warn(message: str) -> None:
-    sys.stderr.write(f"twin: warning: {message}\n")
+    sys.stderr.write(f"twin: warning: {shown(message)}\n")
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,23 @@ class RecordingCache:
     def _entries(self) -> Path:
         return self.folder / "recordings"
 
+    def check(self) -> None:
+        """Raise InputError where the cache cannot be written: once, before many cases each find it out."""
+        with self._writable(), tempfile.TemporaryFile(dir=self._entries) as probe:
+            probe.write(b" ")
+
+    @contextmanager
+    def _writable(self) -> Iterator[None]:
+        """Raise InputError where the block, or the making of the folder before it, fails."""
+        try:
+            self._entries.mkdir(parents=True, exist_ok=True)
+            yield
+        except OSError as error:
+            raise InputError(
+                f"{self._entries}: cannot be written ({error.strerror}); ROOMTWIN_CACHE naming a folder with free space "
+                "is expected"
+            ) from error
+
     @contextmanager
     def recording(
         self, key: str, make: Callable[[Path], object], warn: Callable[[str], object] = _warn
@@ -67,14 +85,8 @@ class RecordingCache:
         does not hold what was written.
         """
         entry = self._entries / key
-        try:
-            self._entries.mkdir(parents=True, exist_ok=True)
+        with self._writable():
             lock = os.open(self._entries / f"{key}{_LOCK}", os.O_RDWR | os.O_CREAT, 0o644)
-        except OSError as error:
-            raise InputError(
-                f"{self._entries}: cannot be written ({error.strerror}); ROOMTWIN_CACHE naming a folder with free space "
-                "is expected"
-            ) from error
         try:
             found, made = True, False
             fcntl.flock(lock, fcntl.LOCK_SH)

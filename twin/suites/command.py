@@ -13,7 +13,7 @@ from twin.suites.place_options import Jobs, Resource, Scheduler, place_of
 app = typer.Typer(
     name="suite",
     help="Many scenarios, seeds and trackers at once; and whether anything got worse.",
-    no_args_is_help=True,
+    invoke_without_command=True,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -21,6 +21,12 @@ app = typer.Typer(
 EXIT_FELL_SHORT = 1
 
 Folder = Annotated[Path, typer.Argument(help="A folder that `twin suite run` has written.")]
+
+
+@app.callback()
+def _alone(context: typer.Context) -> None:
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
 
 
 @app.command(epilog="Example: twin suite run smoke --jobs 2 --baseline models/suites/baselines/smoke.json")
@@ -61,7 +67,7 @@ def run(
         raise InputError("--update-baseline: writes to the file of --baseline; --baseline FILE is expected beside it")
     place = place_of(jobs, scheduler, resource)
     typed = typed_classes(set_ or [])
-    import_from_here(typed)
+    import_from_here(typed, files_trusted=allow_plugins)
     well = run_and_judge(
         suite,
         out,
@@ -95,12 +101,15 @@ def show(
 def compare(
     before: Annotated[Path, typer.Argument(metavar="A", help="A run's folder, or a baseline file.")],
     now: Annotated[Path, typer.Argument(metavar="B", help="A run's folder, or a baseline file.")],
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="The figures that changed, as a table for a pull request.")
+    ] = False,
     out: Annotated[Path | None, typer.Option(help="Write a page too.")] = None,
 ) -> None:
     """What is worse and what is better in B than in A; exit 1 where something is worse."""
     from twin.suites.gate import compare_results
 
-    if not compare_results(before, now, out):
+    if not compare_results(before, now, out, markdown=markdown):
         raise typer.Exit(EXIT_FELL_SHORT)
 
 

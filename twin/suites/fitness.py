@@ -21,6 +21,7 @@ from trackers.tracks import Tracker
 from twin.run.chosen_trackers import (
     NONE_TRUSTED,
     SCHEDULER,
+    SUITE,
     TrustedClasses,
     is_untrusted_scheduler,
     not_asked,
@@ -75,9 +76,9 @@ class TrackerCheck:
                 self._tell(_unknown(where, target, f"one that the scenario {scenario.name} defines"))
             elif target not in available() and not self._trusted.has(target):
                 where = _place(variant, file, f"trackers.{name}.preset") if choice.preset else listed
-                self._tell(not_trusted(where, target))
+                self._tell(not_trusted(where, target, SUITE))
             elif is_untrusted_scheduler(choice, self._trusted):
-                self._tell(not_asked(_place(variant, file, f"trackers.{name}.{SCHEDULER}"), choice))
+                self._tell(not_asked(_place(variant, file, f"trackers.{name}.{SCHEDULER}"), choice, SUITE))
             elif knowledge is not None and (target in PRESETS or self._plug_ins):
                 for option, message in self._tried(target, rig, scenario, name, knowledge):
                     if option:

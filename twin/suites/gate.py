@@ -16,7 +16,7 @@ from twin.suites.comparison import Comparison, compare
 from twin.suites.description import Suite, load_suite
 from twin.suites.figures import allowed_by_default
 from twin.suites.junit import write_junit
-from twin.suites.markdown import markdown_table
+from twin.suites.markdown import markdown_comparison, markdown_table
 from twin.suites.opening import read_store
 from twin.suites.page import write_comparison_page, write_page
 from twin.suites.promises import Kept, promises_of
@@ -136,8 +136,11 @@ def _check_compared(comparison: Comparison, what: str) -> None:
         )
 
 
-def compare_results(before: Path, now: Path, out: Path | None) -> bool:
-    """Print what is worse and better in `now`, write a page where asked; whether nothing is worse."""
+def compare_results(before: Path, now: Path, out: Path | None, *, markdown: bool = False) -> bool:
+    """Print what is worse and better in `now`, write a page where asked; whether nothing is worse.
+
+    `markdown`: print a table in Markdown instead.
+    """
     old, new = read_results(before), read_results(now)
     if not set(old.groups) & set(new.groups):
         raise InputError(
@@ -146,17 +149,23 @@ def compare_results(before: Path, now: Path, out: Path | None) -> bool:
     if now.suffix == ".json":
         comparison = compare(old, new, allowed_by_default, str(before))
         _check_compared(comparison, f"{now} against {before}")
-        print_comparison(comparison, new, None, now)
+        if markdown:
+            print(markdown_comparison(comparison))
+        else:
+            print_comparison(comparison, new, None, now)
         if out is not None:
             write_comparison_page(out, comparison, old, new, f"{now} against {before}")
     else:
         with read_store(now) as store:
             comparison = compare(old, new, tolerances_of(store.facts()), str(before))
             _check_compared(comparison, f"{now} against {before}")
-            print_comparison(comparison, new, store, now)
+            if markdown:
+                print(markdown_comparison(comparison))
+            else:
+                print_comparison(comparison, new, store, now)
             if out is not None:
                 write_comparison_page(out, comparison, old, new, f"{now} against {before}", (store, now))
-    if out is not None:
+    if out is not None and not markdown:
         print_paths({"page": out})
     return not comparison.worse
 

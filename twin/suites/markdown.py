@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from itertools import groupby
 
-from twin.suites.figures import FIGURE
+from twin.shown import shown
+from twin.suites.comparison import Comparison
+from twin.suites.figures import FIGURE, figure_named, written
+from twin.suites.junit import evidence
 from twin.suites.results import Group, GroupKey, Results, mean_over_seeds
 
 _SHOWN = ("mota", "idf1", "hota", "id_switches", "misidentifications", "lost_tracks")
@@ -20,6 +23,34 @@ def markdown_table(results: Results) -> str:
     for _, rows in groupby(results.groups.items(), key=lambda row: (row[0].scenario, row[0].overrides)):
         lines += _rows_of_scenario(list(rows))
     return "\n".join(lines)
+
+
+def markdown_comparison(comparison: Comparison) -> str:
+    """What got worse and better, a row a figure, and the warnings; one line where nothing got worse."""
+    heads = ["", "scenario", "tracker", "figure", "before", "now", "change", "allowed", "p", "seeds"]
+    told = [("worse", each) for each in comparison.worse] + [("better", each) for each in comparison.better]
+    lines = [
+        f"{len(comparison.changes)} figures compared: {len(comparison.worse)} worse, {len(comparison.better)} better."
+    ]
+    if told:
+        lines += ["", _line(heads), _line(["---"] * 4 + ["--:"] * 6)]
+    for word, change in told:
+        name = f"{change.key.scenario} ({change.variant})" if change.variant else change.key.scenario
+        gone = change.now is None
+        cells = [
+            f"**{word}**" if word == "worse" else word,
+            name,
+            f"`{change.key.tracker}`",
+            figure_named(change.metric).name,
+            written(change.metric, change.before),
+            "gone" if gone else written(change.metric, change.now),
+            "" if gone else written(change.metric, change.change, sign=True),
+            "" if gone else written(change.metric, change.allowed),
+            evidence(change),
+            str(change.n_seed),
+        ]
+        lines.append(_line(cells))
+    return "\n".join([*lines, *(f"\nWarning: {_cell(warning)}" for warning in comparison.warnings)])
 
 
 def _rows_of_scenario(rows: list[tuple[GroupKey, Group]]) -> list[str]:
@@ -51,4 +82,9 @@ def _column(metric: str, groups: list[Group]) -> list[str]:
 
 
 def _line(cells: list[str]) -> str:
-    return f"| {' | '.join(cells)} |"
+    return f"| {' | '.join(map(_cell, cells))} |"
+
+
+def _cell(text: str) -> str:
+    """A text as part of one line: what a user has written neither ends a cell nor is a tag."""
+    return shown(" ".join(text.split())).replace("|", "\\|").replace("<", "&lt;")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -11,7 +12,7 @@ from typing import Any
 from trackers.errors import InputError
 from twin.run.out_folder import locked_folder
 from twin.suites.cases import Case
-from twin.suites.store import ResultStore
+from twin.suites.store import ResultStore, fault_of_file
 from twin.suites.stored import EXPECTED
 
 FILE = "results.sqlite"
@@ -54,8 +55,24 @@ def read_store(folder: Path) -> Iterator[ResultStore]:
     path = folder / FILE
     if not path.is_file():
         raise InputError(f"{folder}: has no {FILE}; a folder that `twin suite run` has written is expected")
-    with _sound(path), _connected(path) as connection:
+    is_ours = os.access(path, os.W_OK) and os.access(folder, os.W_OK)
+    with _sound(path), (_connected if is_ours else _read_alone)(path) as connection:
         yield ResultStore(connection, path)
+
+
+@contextmanager
+def _read_alone(path: Path) -> Iterator[sqlite3.Connection]:
+    """The file where nothing may be written beside it, as sqlite does else even to read; nobody writes it meanwhile."""
+    if (waiting := path.with_name(f"{FILE}-wal")).exists() and waiting.stat().st_size:
+        raise InputError(
+            f"{path}: is read-only, and holds what a run has not finished writing; a file and a folder that this user may "
+            "write are expected"
+        )
+    connection = sqlite3.connect(f"{path.absolute().as_uri()}?immutable=1", uri=True)
+    try:
+        yield connection
+    finally:
+        connection.close()
 
 
 def _is_defined(connection: sqlite3.Connection, path: Path) -> bool:
@@ -76,6 +93,10 @@ def _check_whole(connection: sqlite3.Connection, path: Path) -> None:
 def _sound(path: Path) -> Iterator[None]:
     try:
         yield
+    except sqlite3.OperationalError as error:
+        if fault := fault_of_file(error):
+            raise InputError(f"{path}: {fault}") from error
+        raise InputError(f"{path}: is no file of results ({error}); {EXPECTED} is expected") from error
     except sqlite3.DatabaseError as error:
         raise InputError(f"{path}: is no file of results ({error}); {EXPECTED} is expected") from error
 

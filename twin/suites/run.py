@@ -106,6 +106,8 @@ def run_suite(
         "renderers": [],
         "doubts": {},
     }
+    if place.scheduler is None:  # workers elsewhere have caches of their own
+        cache.check()
     with ExitStack() as stack:
         # Processes of ours always start, a scheduler may not answer: then the folder is not ours either.
         elsewhere = open_place(place, stack, watcher) if place.scheduler is not None else None

@@ -49,6 +49,23 @@ CREATE TABLE moments (case_id TEXT REFERENCES definitions, t_s REAL, kind TEXT, 
 CREATE INDEX moments_of_case ON moments (case_id);
 """
 
+_FAULT_OF_FILE = {
+    sqlite3.SQLITE_BUSY: "another process holds it; wait for that to end",
+    sqlite3.SQLITE_LOCKED: "another process holds it; wait for that to end",
+    sqlite3.SQLITE_READONLY: "is read-only; a file and a folder that can be written are expected",
+    sqlite3.SQLITE_PERM: "may not be opened; a file that this user may read and write is expected",
+    sqlite3.SQLITE_CANTOPEN: "cannot be opened; a file and a folder that this user may read and write are expected",
+    sqlite3.SQLITE_FULL: "cannot be written; a disk with free space is expected",
+    sqlite3.SQLITE_IOERR: "cannot be read or written; a sound disk with free space is expected",
+}
+"""What is wrong where the file may well be one of results, by the primary code of sqlite's error."""
+
+
+def fault_of_file(error: sqlite3.OperationalError) -> str | None:
+    """What is wrong with the place of a file of results; None where it is the file, or what we ask of it."""
+    fault = _FAULT_OF_FILE.get(error.sqlite_errorcode & 0xFF)
+    return f"{fault} ({error})" if fault else None
+
 
 class ResultStore:
     """The results of one run of a suite, opened by `open_store` for writing or by `read_store` for reading alone."""
@@ -211,9 +228,6 @@ class ResultStore:
             with self._connection:
                 yield
         except sqlite3.OperationalError as error:
-            if error.sqlite_errorcode in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_IOERR_WRITE):
-                raise InputError(
-                    f"{self.path}: cannot be written ({error}); a disk with free space is needed, and --resume then does "
-                    "the rest"
-                ) from error
+            if fault := fault_of_file(error):
+                raise InputError(f"{self.path}: {fault}; --resume then does the rest") from error
             raise

@@ -8,10 +8,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 
+from twin.console import PlainConsole
 from twin.suites.beside import COMPARED, beside
 from twin.suites.comparison import Change, Comparison
 from twin.suites.figures import FIGURE, SHOWN, figure_named, written
@@ -30,11 +30,11 @@ _LINE_EVERY_S = 15.0
 @contextmanager
 def suite_progress() -> Iterator[Watcher]:
     """Cases done, running, failed and the time left, on stderr: a bar in a terminal, a line now and then elsewhere."""
-    console = Console(stderr=True, highlight=False)
+    console = PlainConsole(stderr=True)
     bar = Progress(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
-        TextColumn("{task.fields[text]}"),
+        TextColumn("{task.fields[text]}", markup=False),
         console=console,
         transient=True,
         disable=not console.is_terminal,
@@ -52,14 +52,14 @@ def suite_progress() -> Iterator[Watcher]:
             print(f"of {total} cases {text}", file=sys.stderr, flush=True)
 
     def failed(case_id: str, error: str) -> None:
-        console.print(f"failed: {case_id}: {error.splitlines()[0] if error else ''}", markup=False, soft_wrap=True)
+        console.print(f"failed: {case_id}: {error.splitlines()[0] if error else ''}", soft_wrap=True)
 
     with bar:
         task = bar.add_task("cases", text="")
         yield Watcher(
             dashboard=lambda address: console.print(f"Dask dashboard: {address}", soft_wrap=True),
             failed=failed,
-            warned=lambda warning: console.print(f"warning: {warning}", markup=False, highlight=False, soft_wrap=True),
+            warned=lambda warning: console.print(f"warning: {warning}", soft_wrap=True),
             state=state,
             planned=lambda what: print(f"twin: to make: {what}", file=sys.stderr, flush=True),
         )
@@ -99,7 +99,7 @@ def print_results(results: Results, reference: str | None = None) -> None:
         cells = [_mean_text(metric, mean_over_seeds(group.values(metric))) for metric in SHOWN]
         table.add_row(name, key.tracker, str(len(group.seeds)), group.n, *cells)
     console = _console()
-    console.print(f"{results.suite}: means over seeds, gate 0.5 m", highlight=False)
+    console.print(f"{results.suite}: means over seeds, gate 0.5 m")
     console.print(table)
     if reference is not None:
         console.print(
@@ -110,18 +110,16 @@ def print_results(results: Results, reference: str | None = None) -> None:
         error = (case.error or "").splitlines()
         console.print(
             f"failed after {case.attempts} attempts: {case.id}: {error[0] if error else ''}",
-            markup=False,
-            highlight=False,
             soft_wrap=True,
         )
     if results.unfinished:
-        console.print(f"{results.unfinished} cases are not finished", highlight=False)
+        console.print(f"{results.unfinished} cases are not finished")
 
 
 def _heading(metric: str) -> str:
     """A figure's name and unit as rich shows them."""
     figure = FIGURE[metric]
-    return f"{figure.name}{f' [{figure.unit}]' if figure.unit else ''}".replace("[", "\\[")
+    return f"{figure.name}{f' [{figure.unit}]' if figure.unit else ''}"
 
 
 def _beside_table(results: Results, reference: str) -> Table:
@@ -152,26 +150,26 @@ def print_comparison(
     """What got worse, by how much, and where to look; what got better after it; warnings on stderr."""
     console = _console()
     for warning in comparison.warnings:
-        Console(stderr=True).print(f"warning: {warning}", markup=False, highlight=False, soft_wrap=True)
+        PlainConsole(stderr=True).print(f"warning: {warning}", soft_wrap=True)
     for word in shown:
         changes = comparison.worse if word == "worse" else comparison.better
         if changes:
-            console.print(f"{len(changes)} figures got {word}", highlight=False)
+            console.print(f"{len(changes)} figures got {word}")
             console.print(_changes_table(changes[:_MOST_ROWS]))
             if len(changes) > _MOST_ROWS:
-                console.print(f"and {len(changes) - _MOST_ROWS} more, in summary.json", highlight=False)
+                console.print(f"and {len(changes) - _MOST_ROWS} more, in summary.json")
         if word == "worse" and store is not None:
             for line in dict.fromkeys(
                 look.text() for change in changes[:_MOST_ROWS] if (look := look_at(change, results, store, folder))
             ):
-                console.print(f"look at {line}", markup=False, highlight=False, soft_wrap=True)
+                console.print(f"look at {line}", soft_wrap=True)
     if comparison.identical:
         console.print(
             f"every recording and figure has the same bits: {len(comparison.changes)} compared", highlight=False
         )
     elif not comparison.worse:
-        console.print(f"nothing got worse: {len(comparison.changes)} figures compared", highlight=False)
-    console.print("the smallest loss that would be noticed", highlight=False)
+        console.print(f"nothing got worse: {len(comparison.changes)} figures compared")
+    console.print("the smallest loss that would be noticed")
     console.print(_power_table(comparison))
 
 
@@ -203,8 +201,8 @@ def print_promises(promises: Sequence[Kept]) -> None:
     for each in broken[:_MOST_ROWS]:
         name = f"{each.key.scenario} ({each.variant})" if each.variant else each.key.scenario
         text = f"promise broken: {name}, {each.key.tracker}: {each.sentence()}"
-        console.print(text, markup=False, highlight=False, soft_wrap=True)
-    console.print(f"{len(promises) - len(broken)} of {len(promises)} promises kept", highlight=False)
+        console.print(text, soft_wrap=True)
+    console.print(f"{len(promises) - len(broken)} of {len(promises)} promises kept")
 
 
 def _changes_table(changes: Sequence[Change]) -> Table:
@@ -238,5 +236,5 @@ def _mean_text(metric: str, mean: MeanOverSeeds | None) -> str:
     return f"{mean.mean:.{decimals}f}".replace("-", "−")
 
 
-def _console() -> Console:
-    return Console(width=None if Console().is_terminal else 140)
+def _console() -> PlainConsole:
+    return PlainConsole(width_of_file=140)

@@ -192,8 +192,7 @@ def test_a_suite_gives_no_shipped_name_to_another_tracker(tmp_path: Path) -> Non
         expand(*load_suite(path), trusted=EVERY)
 
 
-def test_the_current_folder_is_looked_at_for_a_typed_name_alone(tmp_path: Path) -> None:
-    """Even where the file is trusted: what lies beside it was not named by the user."""
+def test_the_current_folder_is_looked_at_for_a_typed_name_or_a_trusted_file(tmp_path: Path) -> None:
     for name in ("evil", "yaml", "numpy"):  # nor does it take the place of what is installed
         (tmp_path / f"{name}.py").write_text(EVIL)
     scenario_file(tmp_path, '{mine: {preset: "evil:X"}}')
@@ -204,7 +203,9 @@ def test_the_current_folder_is_looked_at_for_a_typed_name_alone(tmp_path: Path) 
         return subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False, env=os.environ)
 
     done = twin("run", "own.yaml", "--allow-plugins")
-    assert done.returncode == 2 and "there is no module 'evil' on the path" in done.stderr
-    assert not (tmp_path / "ran").exists()
+    assert done.returncode == 0 and (tmp_path / "ran").exists(), done.stderr
+    (tmp_path / "ran").unlink()
+    done = twin("run", "own.yaml")
+    assert done.returncode == 2 and "--allow-plugins" in done.stderr and not (tmp_path / "ran").exists()
     done = twin("run", "own.yaml", "--set", "trackers.mine.preset=evil:X")
     assert done.returncode == 0 and (tmp_path / "ran").exists(), done.stderr

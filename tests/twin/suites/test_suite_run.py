@@ -169,7 +169,7 @@ def test_a_disk_that_is_full_ends_the_run_and_what_was_done_stays(
     with monkeypatch.context() as patch:
         patch.setattr(opening, "_connected", small_disk)
         with pytest.raises(
-            InputError, match=r"results.sqlite: cannot be written \(database or disk is full\); .*--resume"
+            InputError, match=r"results.sqlite: cannot be written; .* \(database or disk is full\); --resume"
         ):
             run_made_up(suite, folder)
     done = rows(folder, "SELECT COUNT(*) FROM cases WHERE status = 'done'")[0][0]

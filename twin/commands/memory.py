@@ -1,0 +1,60 @@
+"""What is said where this process may not take the memory that it needs: a limit of the shell's, or a full machine."""
+
+from __future__ import annotations
+
+import errno
+import resource
+from collections.abc import Iterator
+
+from trackers.errors import InputError
+
+_LEAST_MB = 200
+"""Under this OpenBLAS ends the process by itself, before Python can say anything."""
+
+_SAID_OF_MEMORY = ("failed to map segment", "allocate", "can't start new thread", "insufficient memory")
+_FOREIGN = ("av", "cv2", "mujoco", "OpenGL", "apsw", "sqlite3", "zstandard")
+"""Libraries whose errors do not say that memory was what they lacked."""
+
+
+def check_memory() -> None:
+    """Raise InputError where the limit of memory leaves no room to begin."""
+    limit = _limit_mb()
+    if limit is not None and limit < _LEAST_MB:
+        raise InputError(_sentence(limit))
+
+
+def lack_of_memory(error: BaseException) -> str | None:
+    """The sentence for an error that lack of memory has brought about; None for any other."""
+    limit = _limit_mb()
+    for each in _chain(error):
+        is_errno = isinstance(each, OSError) and each.errno == errno.ENOMEM
+        said = isinstance(each, ImportError | OSError | RuntimeError) or _is_foreign(each)
+        if isinstance(each, MemoryError) or is_errno or (said and any(word in str(each) for word in _SAID_OF_MEMORY)):
+            return _sentence(limit)
+        if limit is not None and _is_foreign(each):
+            return _sentence(limit)
+    return None
+
+
+def _is_foreign(error: BaseException) -> bool:
+    return type(error).__module__.partition(".")[0] in _FOREIGN
+
+
+def _chain(error: BaseException | None) -> Iterator[BaseException]:
+    while error is not None:
+        yield error
+        error = error.__cause__ or error.__context__
+
+
+def _limit_mb() -> int | None:
+    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return None if soft == resource.RLIM_INFINITY else soft // 2**20
+
+
+def _sentence(limit_mb: int | None) -> str:
+    if limit_mb is None:
+        return "memory: this machine has no more; fewer or smaller pictures, people or sensors, or more memory, is expected"
+    return (
+        f"memory: this process may take {limit_mb} MiB (ulimit -v), which is not enough; a higher limit, or --no-images and "
+        "--no-video, is expected"
+    )
