@@ -18,8 +18,8 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.text_file import read_text
 
-_MAX_INT64 = int(np.iinfo(np.int64).max)
-_MAX_STAMP_S = Decimal(_MAX_INT64 // NS_PER_S)
+MAX_INT64 = int(np.iinfo(np.int64).max)
+_MAX_STAMP_S = Decimal(MAX_INT64 // NS_PER_S)
 _Value = TypeVar("_Value")
 
 
@@ -70,7 +70,7 @@ class CsvColumns:
                 if not number.is_integer():
                     raise
                 value = int(number)
-            if not minimum <= value <= _MAX_INT64:
+            if not minimum <= value <= MAX_INT64:
                 raise ValueError
             return value
 

@@ -139,7 +139,17 @@ class Recording:
 
     def truth(self) -> Iterator[TruthFrame]:
         """The truth in order of time; nothing in a robot's bag. Raises InputError where it is something else."""
-        return self._told(topics.TRUTH_PEOPLE, decode_people)
+        last_text, last_ns = "", None
+        told = self._told(topics.TRUTH_PEOPLE, lambda text, stamp_ns: (text, decode_people(text, stamp_ns)))
+        for text, frame in told:
+            if frame.stamp_ns != last_ns:
+                yield frame
+            elif text != last_text:
+                raise InputError(
+                    f"{self.path}: topic {topics.TRUTH_PEOPLE}: has two messages at {frame.stamp_ns / NS_PER_S:.3f} s that "
+                    "differ; one message a stamp is expected"
+                )
+            last_text, last_ns = text, frame.stamp_ns
 
     def situations(self) -> Iterator[Situation]:
         """The situations of two people, in the order in which they end; nothing in a robot's bag. Raises as `truth`."""

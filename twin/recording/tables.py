@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import isfinite, isnan, nan
+from numbers import Integral
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -22,7 +23,7 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.text_file import AnyPath
 from trackers.tracks import Track, TrackFrame
-from twin.recording.csv_columns import CsvColumns, StampedRows, read_csv_columns
+from twin.recording.csv_columns import MAX_INT64, CsvColumns, StampedRows, read_csv_columns
 from twin.recording.whole_file import whole_file
 from twin.truth.frames import PersonTruth, TruthFrame
 
@@ -233,19 +234,23 @@ class _RowWriter:
             raise ValueError(
                 f"frame at {stamp_ns} ns comes after the one at {self._last_stamp_ns} ns; stamps must grow"
             )
-        ids = [int(entry.id) for entry in entries]
+        ids = [_id(stamp_ns, entry.id) for entry in entries]
         if len(set(ids)) < len(ids):
             raise ValueError(f"frame at {stamp_ns} ns: an id is repeated in {ids}")
         t = seconds_cell(stamp_ns)
         lines = []
         for id_, entry in zip(ids, entries, strict=True):
-            if id_ < 1:
-                raise ValueError(f"frame at {stamp_ns} ns: id {id_}; ids start at 1")
             if not (isfinite(entry.x) and isfinite(entry.y)):
                 raise ValueError(f"frame at {stamp_ns} ns: id {id_} is at ({entry.x}, {entry.y}); a place is needed")
             lines.append(",".join([t, str(id_), *cells_of(entry)]) + "\n")
         self._stream.write("".join(lines) or t + self._empty_cells + "\n")
         self._last_stamp_ns = stamp_ns
+
+
+def _id(stamp_ns: int, value: object) -> int:
+    if isinstance(value, Integral) and 1 <= int(value) <= MAX_INT64:
+        return int(value)
+    raise ValueError(f"frame at {stamp_ns} ns: id {value!r}; a whole number from 1 to 2**63 - 1 is expected")
 
 
 def seconds_cell(stamp_ns: int) -> str:

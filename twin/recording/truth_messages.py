@@ -27,6 +27,7 @@ from rosbags.typesys.stores.ros2_humble import (
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.tracks import Track
+from twin.recording.csv_columns import MAX_INT64
 from twin.recording.messages import STRING, TYPESTORE, time_message
 from twin.recording.tables import TRUTH_COLUMNS, PersonTruth, TruthFrame, person_of, person_row, plain
 from twin.recording.topics import ROOM_FRAME
@@ -65,10 +66,19 @@ def decode_people(text: str, stamp_ns: int) -> TruthFrame:
     """The truth in such a string; raises InputError for a text that is something else."""
     try:
         people = tuple(person_of(row) for row in json.loads(text))
+        ids = [person.id for person in people]
+        if len(set(ids)) < len(ids) or not all(1 <= each <= MAX_INT64 for each in ids):
+            raise ValueError
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         columns = ",".join(TRUTH_COLUMNS)
-        raise InputError(f"holds {text[:60]!r}; a JSON list of objects with {columns} is expected") from error
+        raise InputError(
+            f"holds {text[:60]!r}; a JSON list of objects with {columns}, each id once, is expected"
+        ) from error
     return TruthFrame(stamp_ns, people)
+
+
+_MOST_MARKERS = 2**31 - 1
+"""A marker's number is an int32; of larger ids two may share one, which nobody draws at once."""
 
 
 class PeopleMarkers:
@@ -168,7 +178,7 @@ def _marker(
     return Marker(
         header=Header(time_message(_STAMP_MARK_S * NS_PER_S), ROOM_FRAME),
         ns=namespace,
-        id=id_,
+        id=(id_ - 1) % _MOST_MARKERS + 1,
         type=kind,
         action=action,
         pose=PoseMessage(Point(place, place, place), Quaternion(0.0, 0.0, 0.0, 1.0)),

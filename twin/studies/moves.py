@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, FiniteFloat, model_validator
+from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 
 from trackers.configuration import Strict
 from trackers.pose import Point3
@@ -13,7 +13,17 @@ from trackers.rig import Point2
 from twin.suites.description import Changes, OwnName, Text
 
 Metres = Annotated[FiniteFloat, Field(ge=0, le=1000)]
-Range = tuple[FiniteFloat, FiniteFloat]
+
+
+def _one_is_both(value: object) -> object:
+    """`[0.9]`, or 0.9, is the range that begins and ends there."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return [value, value]
+    return [value[0], value[0]] if isinstance(value, list | tuple) and len(value) == 1 else value
+
+
+Range = Annotated[tuple[FiniteFloat, FiniteFloat], BeforeValidator(_one_is_both)]
+"""From and to; one value is both."""
 
 
 def steps(low_high: Range, every: float) -> list[float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -153,7 +154,7 @@ def _move_housing(
 def write_scenario(path: Path, own: Scenario, moved: Scenario, own_file: Path, name: str, description: str) -> None:
     """A scenario file that extends `own_file`, which loads to `own`, and loads to `moved` but for its name; people stay."""
     shipped = models.MODELS / "scenarios"
-    parent = own_file.stem if own_file.parent == shipped else str(own_file.resolve())
+    parent = own_file.stem if own_file.parent == shipped else os.path.relpath(own_file.resolve(), path.parent.resolve())
     before, now = (each.model_dump(mode="json", exclude_none=True) for each in (own, moved))
     content: dict[str, Any] = {"extends": parent, "name": name, "description": description}
     for field in (

@@ -168,7 +168,11 @@ def _faults_of_kinds(study: Study, layout: Layout, path: Path) -> Iterator[str]:
 
 
 def _unused(study: Study, layout: Layout, chosen: Sequence[ChosenTracker], scene: Scene, path: Path) -> Iterator[str]:
-    """Trackers that cannot work on a candidate, or leave sensors that are moved unused: these must not be paid for."""
+    """Trackers that cannot work on a candidate, or are to judge it and leave sensors that are moved unused.
+
+    What those cost would be paid for nothing; by coverage and price alone they are worth it without any tracker.
+    """
+    judged = {objective.tracker for objective in study.judged}
     area = tuple((float(x), float(y)) for x, y in scene.area)
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
@@ -191,7 +195,7 @@ def _unused(study: Study, layout: Layout, chosen: Sequence[ChosenTracker], scene
                     yield f"{path}: trackers.{place}: {each.name!r} cannot work on a placement of {sensors}: {error}"
                     continue
                 ignored = [name for name in unused_sensors(tracker) if name in moved]
-                if ignored:
+                if ignored and each.name in judged:
                     yield (
                         f"{path}: trackers.{place}: {each.name!r} makes no use of {', '.join(ignored)}, which the study moves; a "
                         "tracker that uses what is placed, or other sensors under move, is expected"

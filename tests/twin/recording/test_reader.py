@@ -295,3 +295,19 @@ def test_files_that_are_no_bags(tmp_path):
     }.items():
         with pytest.raises(InputError, match=f"{name}: {complaint}.* is expected$"):
             Recording(tmp_path / name)
+
+
+def test_truth_that_came_twice_is_read_once_and_refused_where_it_differs(tmp_path: Path) -> None:
+    for again, is_same in ((a_truth(1), True), (a_truth(1, (1,)), False)):
+        path = tmp_path / f"{is_same}.mcap"
+        with BagWriter(path, RIG) as writer:
+            for k in range(3):
+                writer.observation(encode(a_scan(k)), k)
+                writer.truth(a_truth(k))
+                if k == 1:
+                    writer.truth(again)
+        if is_same:
+            assert [frame.stamp_ns for frame in Recording(path).truth()] == [0, 1, 2]
+        else:
+            with pytest.raises(InputError, match="has two messages at 0.000 s that differ; one message a stamp"):
+                list(Recording(path).truth())

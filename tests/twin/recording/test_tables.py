@@ -159,7 +159,7 @@ def test_a_full_disk_is_an_input_error(tmp_path):
         ([TrackFrame(5, ()), TrackFrame(5, ())], "stamps must grow"),
         ([TrackFrame(5, ()), TrackFrame(4, ())], "stamps must grow"),
         ([TrackFrame(5, (Track(1, 0, 0), Track(1, 1, 1)))], "repeated"),
-        ([TrackFrame(5, (Track(0, 0, 0),))], "ids start at 1"),
+        ([TrackFrame(5, (Track(0, 0, 0),))], "a whole number from 1"),
         ([TrackFrame(5, (Track(1, nan, 0),))], "a place is needed"),
         ([TrackFrame(5, (Track(1, 0, 0, vx=float("inf")),))], "finite"),
         ([TrackFrame(5, (Track(1, 0, 0, status="tentative"),))], "status"),  # type: ignore[arg-type]

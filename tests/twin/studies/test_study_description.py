@@ -11,7 +11,9 @@ from small_study import written
 
 from trackers.errors import InputError
 from twin import models
+from twin.scenario import load_scenario
 from twin.studies.description import Study, load_study
+from twin.studies.placed import write_scenario
 from twin.studies.prepare import prepare
 from twin.studies.run import run_study
 from twin.suites.run import Place
@@ -136,3 +138,36 @@ def test_a_floor_lies_on_the_floor(tmp_path: Path) -> None:
 def test_an_unknown_study_is_named_with_those_there_are() -> None:
     with pytest.raises(InputError, match=r"there is no study 'lab-scaner-place'; did you mean 'lab-scanner-place'\?"):
         load_study("lab-scaner-place")
+
+
+def test_a_tracker_that_judges_nothing_may_ignore_what_is_moved(tmp_path: Path) -> None:
+    move = {"camera": {"sensors": ["fisheye"], "places": [PLACE]}}
+    objectives = [{"kind": "coverage"}, {"kind": "price"}]
+    path = written(
+        tmp_path, move=move, scenarios=[{"scenario": "lab-five-people"}], objectives=objectives, held_out=None
+    )
+    assert [each.target for each in prepare(path).trackers] == ["laser-imm"]
+
+
+@pytest.mark.parametrize("height", [[0.9], 0.9, [0.9, 0.9]])
+def test_one_value_is_a_range(height: Any, tmp_path: Path) -> None:
+    walls = load_study(str(written(tmp_path, move__rig__walls__height_m=height)))[0].move["rig"].walls
+    assert walls is not None and walls.height_m == (0.9, 0.9)
+
+
+def test_a_class_that_a_study_names_is_refused_by_the_flag_that_exists(tmp_path: Path) -> None:
+    path = written(tmp_path, trackers=["evil:X"])
+    with pytest.raises(InputError, match=r"'evil:X' is a class, .* here, or --allow-plugins for"):
+        prepare(path)
+
+
+def test_what_is_recommended_moves_with_its_room(tmp_path: Path) -> None:
+    home = tmp_path / "here"
+    (home / "out").mkdir(parents=True)
+    (home / "room.xml").write_bytes((models.MODELS / "rooms" / "lab.xml").read_bytes())
+    (home / "own.yaml").write_text("extends: lab-five-people\nname: own\nroom: room.xml\n")
+    own = load_scenario(home / "own.yaml")
+    write_scenario(home / "out" / "recommended.yaml", own, own, home / "own.yaml", "found", "found")
+    home.rename(tmp_path / "there")
+    found = load_scenario(tmp_path / "there" / "out" / "recommended.yaml")
+    assert found.room == str(tmp_path / "there" / "room.xml") and found.sensors == own.sensors

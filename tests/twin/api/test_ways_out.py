@@ -1,0 +1,164 @@
+"""What a user types, and how it ends: one sentence on stderr, an exit code that says what it was, no traceback."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+SUITE = """
+name: tiny
+description: "[/b] and [red]"
+seeds: 1
+trackers: [sort]
+scenarios:
+  - {scenario: lab-five-people, set: {duration_s: 1, background_frames: 2}, variants: [{people.ann.shirt: red}, {}]}
+"""
+NO_IMAGES = ["--no-images", "--no-video"]
+PROGRAM = "import sys; sys.argv[0] = 'twin'; {prepare}; from twin.cli import main; main()"
+
+
+def twin(
+    *arguments: str | Path, prepare: str = "pass", folder: Path | None = None, **environment: str | None
+) -> subprocess.CompletedProcess[str]:
+    known = {name: value for name, value in {**os.environ, **environment}.items() if value is not None}
+    known["PYTHONPATH"] = os.pathsep.join(filter(None, [str(Path(__file__).parents[3]), known.get("PYTHONPATH")]))
+    command = [sys.executable, "-c", PROGRAM.format(prepare=prepare), *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=200, cwd=folder, env=known)
+
+
+def said(found: subprocess.CompletedProcess[str], code: int = 2) -> str:
+    """The one sentence with which it ended."""
+    assert found.returncode == code and "Traceback" not in found.stderr, found.stderr
+    last = found.stderr.strip().splitlines()[-1]
+    assert last.startswith("twin: "), found.stderr
+    return last
+
+
+def test_twin_alone_and_its_groups_print_help_and_version() -> None:
+    for group in ([], ["suite"], ["study"]):
+        found = twin(*group)
+        assert found.returncode == 0 and "Usage:" in found.stdout and not found.stderr
+    assert twin("--version").stdout.startswith("roomtwin ")
+    assert "'run'" in said(twin("rnu")) and "Valid are run, render" in said(twin("rnu"))
+
+
+@pytest.mark.parametrize("command", [["list"], ["schema"], ["--help"]])
+def test_closed_pipe_is_quiet(command: list[str]) -> None:
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run([sys.executable, "-m", "twin", *command], stdout=write, stderr=subprocess.PIPE, text=True)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (141, "")
+
+
+def test_list_keeps_its_columns_apart() -> None:
+    from twin.commands.offer import _lines
+
+    entries = {"short": "one", "a-name-that-is-longer-than-the-column-was": "two words " * 9}
+    for width in (None, 50, 80, 200):
+        lines = list(_lines(entries, width))
+        assert width is None or max(map(len, lines)) <= width
+        assert all("column-wastwo" not in line and line == line.rstrip() for line in lines)
+    assert len(list(_lines(entries, None))) == 2
+
+
+def test_control_characters_are_escaped() -> None:
+    message = said(twin("run", "\x1b[31mred\x07"))
+    assert "\x1b" not in message and "\\x1b[31mred\\x07" in message
+
+
+@pytest.mark.slow
+def test_user_without_home_is_told_what_to_name(tmp_path: Path) -> None:
+    prepare = "import pwd; pwd.getpwuid = lambda uid: {}[uid]"
+    nobody = {"HOME": None, "XDG_CACHE_HOME": None, "ROOMTWIN_CACHE": None}
+    assert "ROOMTWIN_CACHE" in said(twin("suite", "cache", prepare=prepare, **nobody))
+    named = nobody | {"ROOMTWIN_CACHE": str(tmp_path)}
+    assert twin("suite", "cache", prepare=prepare, **named).returncode == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("limit_mb", [100, 250, 400, 600])
+def test_limit_of_memory_is_named(limit_mb: int, tmp_path: Path) -> None:
+    prepare = f"import resource; resource.setrlimit(resource.RLIMIT_AS, ({limit_mb * 2**20},) * 2)"
+    found = twin("run", "lab-five-people", "--duration", "1", "--out", tmp_path / "out", prepare=prepare)
+    assert "ulimit -v" in said(found)
+
+
+@pytest.mark.slow
+def test_suite_says_what_is_wrong_with_its_files(tmp_path: Path) -> None:
+    suite = tmp_path / "tiny.yaml"
+    suite.write_text(SUITE.replace("people.ann.shirt: red", "duration_s: 0.5"))
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    found = twin(
+        "suite", "run", suite, "--jobs", "1", "--out", tmp_path / "none", ROOMTWIN_CACHE=str(blocked / "cache")
+    )
+    assert "ROOMTWIN_CACHE" in said(found) and not (tmp_path / "none").exists()
+
+    out, cache = tmp_path / "out", str(tmp_path / "cache")
+    found = twin("suite", "run", suite, "--jobs", "1", "--out", out, ROOMTWIN_CACHE=cache)
+    assert found.returncode == 0, found.stderr
+    table = twin("suite", "compare", out, out, "--markdown")
+    assert table.returncode == 0 and "0 worse, 0 better" in table.stdout and "┃" not in table.stdout
+
+    with closing(sqlite3.connect(out / "results.sqlite", isolation_level=None)) as connection:
+        connection.execute("UPDATE cases SET status = 'failed', error = '[/b] [red] \x1b[2J'")
+    shown = twin("suite", "show", out)
+    assert shown.returncode == 0 and "[/b] [red] \\x1b[2J" in shown.stdout, shown.stderr
+
+    holder = sqlite3.connect(out / "results.sqlite", isolation_level=None)
+    holder.execute("PRAGMA locking_mode = EXCLUSIVE")
+    holder.execute("BEGIN EXCLUSIVE")
+    message = said(
+        twin(
+            "suite",
+            "show",
+            out,
+            prepare="import sqlite3; c = sqlite3.connect; "
+            "sqlite3.connect = lambda path, timeout=0, **more: c(path, timeout=0.1, **more)",
+        )
+    )
+    holder.close()
+    assert "another process holds it" in message and "no file of results" not in message
+
+
+@pytest.mark.slow
+def test_class_in_a_suite_of_the_current_folder(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(
+        "class Mine:\n    def __init__(self, rig, background, rng): pass\n"
+        "    def update(self, observation): pass\n    def tracks(self): return []\n"
+    )
+    (tmp_path / "tiny.yaml").write_text(
+        SUITE.replace("[sort]", '["mine:Mine"]').replace("{people.ann.shirt: red}, ", "")
+    )
+    refused = said(twin("suite", "run", "tiny.yaml", "--out", "out", folder=tmp_path))
+    assert "--allow-plugins" in refused and "--tracker" not in refused
+    for jobs in ("1", "2"):
+        run = ["suite", "run", "tiny.yaml", "--allow-plugins", "--jobs", jobs, "--out", f"out-{jobs}"]
+        found = twin(*run, folder=tmp_path, ROOMTWIN_CACHE=str(tmp_path / "cache"))
+        assert found.returncode == 0 and "failed" not in found.stdout, found.stdout + found.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("number", "is_good"),
+    [("2**63 - 1", True), ("2**40", True), ("2**63", False), ("uuid.uuid4()", False), ("'7'", False), ("0", False)],
+)
+def test_ids_of_a_plug_in_cost_nobody_else_anything(number: str, is_good: bool, tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(
+        "import uuid\nfrom trackers.tracks import Track\nclass Mine:\n    def __init__(self, rig, background, rng): pass\n"
+        f"    def update(self, observation): pass\n    def tracks(self): return [Track({number}, 0.0, 0.0)]\n"
+    )
+    run = ["run", "lab-five-people", "--duration", "1", *NO_IMAGES, "--tracker", "sort", "--tracker", "mine:Mine"]
+    found = twin(*run, "--out", "out", folder=tmp_path)
+    assert (tmp_path / "out/metrics.json").exists() and "MOTA" in found.stdout, found.stderr
+    if is_good:
+        assert found.returncode == 0, found.stderr
+    else:
+        assert "a whole number from 1 to 2**63 - 1" in said(found, 1)
