@@ -129,8 +129,7 @@ class MomentGatherer:
             self._learn_period(sensor, ns)
             moment = self._nearest(ns, without=sensor)
             if moment is None:
-                moment = Moment(ns)
-                self._pending.append(moment)
+                moment = self._opened(ns)
             self._put(moment, observation)
         else:
             self._waiting.append(observation)
@@ -139,9 +138,7 @@ class MomentGatherer:
 
     def finish(self) -> list[Moment]:
         """The moments still waiting, oldest first; what found no moment to join is dropped."""
-        moments, self._pending = self._pending, []
-        for moment in moments:
-            self._leave(moment)
+        moments = self._ready(max((moment.ns for moment in self._pending), default=0) + self._max_wait_ns)
         self._lose_alone(self._waiting)
         self._waiting = []
         return moments
@@ -181,11 +178,30 @@ class MomentGatherer:
         ]
         return self._pending[min(near)[2]] if near else None
 
+    def _opened(self, ns: int) -> Moment:
+        """Open a moment; it takes over what joined another for want of this one, and is nearer to it than to the others there.
+
+        Before a sensor's period is known, or where one reports late, a moment of the past may have what belongs to the next.
+        """
+        opened = Moment(ns)
+        for other in self._pending:
+            for sensor, each in list(other.observations.items()):
+                beside = [abs(each.stamp_ns - it.stamp_ns) for it in other.observations.values() if it is not each]
+                if sensor not in opened.observations and beside and abs(each.stamp_ns - ns) < min(beside):
+                    opened.observations[sensor] = other.observations.pop(sensor)
+            self._stamp(other)
+        self._pending.append(opened)
+        return opened
+
     def _put(self, moment: Moment, observation: Observation) -> None:
         moment.observations[observation.sensor] = observation
-        stamped_by = next(name for name in (*self._stamped_by, observation.sensor) if name in moment.observations)
-        moment.ns = moment.observations[stamped_by].stamp_ns
+        self._stamp(moment)
         self._pending.sort(key=lambda pending: pending.ns)
+
+    def _stamp(self, moment: Moment) -> None:
+        """Give a moment the stamp of its main sensor, else of the first of those that opened it."""
+        stamped_by = next(name for name in (*self._stamped_by, *moment.observations) if name in moment.observations)
+        moment.ns = moment.observations[stamped_by].stamp_ns
 
     def _join(self) -> None:
         waiting, self._waiting = self._waiting, []
@@ -211,7 +227,12 @@ class MomentGatherer:
             head = self._pending[0]
             if newest_ns - head.ns < self._max_wait_ns and any(self._lacks(head, name) for name in self._awaited):
                 break
-            ready.append(self._pending.pop(0))
+            self._pending.pop(0)
+            if self._left is not None and head.ns <= self._left.ns:
+                # another took its stamp: what is left here came too late
+                self.losses.update((name, LATE) for name in head.observations)
+                continue
+            ready.append(head)
             self._leave(head)
         # a moment that these could join may open until then
         oldest_ns = newest_ns - max(self._max_wait_ns, self._within_ns + 1)

@@ -129,6 +129,38 @@ def test_scanners_faster_than_declared_that_miss_scans_never_make_two_moments_of
     assert all(each.stamp_ns == moment.ns for moment in moments[4:] for each in moment.observations.values())
 
 
+@pytest.mark.parametrize("seed", range(60))
+def test_moments_of_any_rates_have_stamps_that_grow_and_hold_all_but_a_few_scans(seed):
+    rng = np.random.default_rng(seed)
+    names = [f"laser_{k}" for k in range(rng.integers(1, 5))]
+    alike, loss = rng.random() < 0.5, rng.choice([0.0, 0.1, 0.3])
+    rates = rng.choice([4, 5, 7.5, 9.97, 10, 12.5, 20, 40], len(names))
+    arriving = []
+    for name, rate_hz in zip(names, rates[[0] * len(names)] if alike else rates, strict=True):
+        t = np.arange(1, 4 * rate_hz) / rate_hz + rng.uniform(0, 0.002, int(np.ceil(4 * rate_hz)) - 1)
+        arriving += [seen(name, float(at)) for at in t[rng.random(t.size) >= loss]]
+    arriving.sort(key=lambda each: each.stamp_ns)
+    gatherer = MomentGatherer(MomentRules(tuple(names), main=str(rng.choice(names))))
+    moments = [moment for each in arriving for moment in gatherer.add(each)] + gatherer.finish()
+    assert all(before.ns < after.ns for before, after in pairwise(moments))
+    n_held = sum(len(moment.observations) for moment in moments)
+    assert n_held + gatherer.discarded == len(arriving)
+    assert gatherer.discarded <= 0.02 * len(arriving) + 1
+
+
+def test_a_first_picture_that_is_lost_makes_no_two_moments_of_one_stamp():
+    names = ("a", "b", "c")
+    gatherer = MomentGatherer(MomentRules(names, held=("floor",), main="a", awaited=(*names, "floor")))
+    arriving = [
+        seen("b", 0.0),
+        seen("c", 0.0),
+        *(seen(name, t) for t in (0.05, 0.1, 0.15, 0.2, 0.25) for name in names),
+    ]
+    moments = [moment for each in arriving for moment in gatherer.add(each)] + gatherer.finish()
+    assert [round(moment.t, 3) for moment in moments] == [0.0, 0.05, 0.1, 0.15, 0.2, 0.25]
+    assert [len(moment.observations) for moment in moments] == [2, 3, 3, 3, 3, 3]
+
+
 def test_cameras_alone_make_a_moment_of_four_pictures():
     gather = MomentGatherer(MomentRules(opens=CAMERAS, period_s=0.05))
     arrivals = [(name, round(0.05 * k, 3)) for k in range(10) for name in CAMERAS]
