@@ -55,10 +55,10 @@ class LaserVisionLearning(MomentTracker):
                 self.options.identities,
                 self._walkers.rng,
             )
-        joins = () if self._camera is None else (self._camera,)
-        if rig.main_sensor not in (*names, *joins):
-            joins = (*joins, rig.main_sensor)  # whose stamps the frames take
-        super().__init__(MomentRules(names, joins=joins, main=rig.main_sensor))
+        # a frame at every stamp of the main sensor, whatever its rate
+        opens = names if rig.main_sensor in names else (*names, rig.main_sensor)
+        joins = () if self._camera is None or self._camera in opens else (self._camera,)
+        super().__init__(MomentRules(opens, joins=joins, main=rig.main_sensor))
         self.unused_sensors = [name for name in rig.sensors if name not in (*names, self._camera)]
         self._decisions: list[Decision] = []
 

@@ -37,19 +37,22 @@ class Walkers:
         self.people = People.started(Cloud.of(np.empty((STATE_SIZE, 0, options.particles))), 0, 0)
         self.situations = Situations.none(self.people.serial)
         self._next_id, self._next_serial, self.ns = 1, 0, 0
+        self._looked_ns = 0  # when a scanner looked last
 
     def step(self, observations: Mapping[str, Observation], ns: int) -> None:
-        """Everybody at a moment [ns] that its scans show."""
-        options, life, before = self.options, self.options.life, self.ns
-        elapsed_s, self.ns = (ns - before) / NS_PER_S, ns
+        """Take everybody on to a moment [ns], and weigh them by its scans; without any they only walk on."""
+        options, life, last_look_ns = self.options, self.options.life, self._looked_ns
+        step_s, elapsed_s, self.ns = (ns - self.ns) / NS_PER_S, (ns - last_look_ns) / NS_PER_S, ns
+        if not observations.keys() & self._scanners.names:
+            self._walk_on(step_s)
+            return
+        self._looked_ns = ns
         points = self._scanners.points(observations)
         if self._area is not None:
             points = points.select(self._area.contains(points.place))
         if elapsed_s > life.coast_hidden_s:
             self.people = self.people.select(np.zeros(len(self.people), bool))
-        unseen = (self.people.roster.measured_ns < before).astype(float)
-        cloud = self._filter.resampled(self.people.cloud, self.rng)
-        cloud = Cloud(self._model.move(cloud.state, elapsed_s, unseen, self.rng), cloud.weights)
+        cloud = self._moved(self._filter.resampled(self.people.cloud, self.rng), step_s, last_look_ns)
         legs = self._model.legs(cloud.state)
         # a track that nobody was seen by for a while is no surer than one that was seen all along
         surest = np.where(self.people.roster.confirmed, self.people.missing_s, np.inf).argsort(kind="stable")
@@ -73,10 +76,18 @@ class Walkers:
         self._end(elapsed_s)
         self._start(*newcomers(points, whose.unknown, options.points))
 
+    def _walk_on(self, step_s: float) -> None:
+        """Move everybody at a moment at which no scanner looked: no evidence for or against anybody."""
+        cloud = self._moved(self.people.cloud, step_s, self._looked_ns)
+        self.people = self.people.changed(roster=self.people.roster.changed(state=cloud))
+
+    def _moved(self, cloud: Cloud, step_s: float, last_look_ns: int) -> Cloud:
+        """The particles `step_s` later; who was not seen at the last look is likelier to stop."""
+        unseen = (self.people.roster.measured_ns < last_look_ns).astype(float)
+        return Cloud(self._model.move(cloud.state, step_s, unseen, self.rng), cloud.weights)
+
     def _missed(self, people: People, observations: Mapping[str, Observation], elapsed_s: float) -> People:
         """Whoever was not seen is likelier where nothing would show them, and missing the more, the likelier it would have."""
-        if not observations.keys() & self._scanners.names:
-            return people  # nothing looked
         life, seen = self.options.life, measured_now(people.roster, self.ns)
         missing_s = np.where(
             seen, np.maximum(people.missing_s - life.found * elapsed_s, 0), people.missing_s + elapsed_s
