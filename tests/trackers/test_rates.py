@@ -56,6 +56,8 @@ def test_uneven_stamps_of_any_rate_are_followed(rate_hz: float, usual: dict[str,
     [
         ("sensors.waist.rate_hz=12.5", "sensors.knee.rate_hz=7"),
         ("sensors.waist.rate_hz=5", "sensors.knee.rate_hz=17"),
+        ("sensors.waist.rate_hz=10", "sensors.knee.rate_hz=7"),
+        ("sensors.waist.rate_hz=7", "sensors.knee.rate_hz=10"),
         tuple(both(10, "dropout=0.1")),
         tuple(both(6, "dropout=0.15", "jitter_s=0.01")),
     ],

@@ -17,6 +17,9 @@ from twin.recording.tables import TrackTable, TruthTable
 MAX_TRUTH_GAP_NS = NS_PER_S // 4
 GAP_PERIODS = 2.5  # of a person's usual time between rows: one row may be lost on the way, not two
 SILENCE_FACTOR = 1.5
+USUAL_SHARE = (
+    0.8  # of the gaps between frames: as long as these are is no silence, where sensors of unlike rates take turns
+)
 TOLD_SHARE = 0.02  # frames that are not judged: more than these are told
 LEAST_SHARE = 0.5  # judged frames: with less than these, figures say little
 JITTER_SHARE = 0.25  # of a period: how far a missing frame may stand outside the truth's span
@@ -66,9 +69,9 @@ def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) ->
 
     Judged is every stamp of the tracks at which the truth is known: one of the truth's own stamps, or one between two
     of them no further apart than 0.25 s or 2.5 of the usual intervals between a person's rows. Where the tracker was silent
-    for more than 1.5 of its median periods, the truth's stamps in that silence, thinned to that period, are judged too, with
-    no track in them; a stamp of the truth that stands alone, too far from all others, is not. Without any frame of tracks,
-    every stamp of the truth is judged. A person is where their row says at that stamp, else linearly between the person's
+    for more than 1.5 times the gap that four of five of its gaps do not exceed, the truth's stamps in that silence, thinned to
+    its median period, are judged too, with no track in them; a stamp of the truth that stands alone, too far from all
+    others, is not. Without any frame of tracks, every stamp of the truth is judged. A person is where their row says at that stamp, else linearly between the person's
     own neighbouring rows no further apart than that (inside the area as in the nearer row), else not there. Without
     `interpolate` a person is only where a row says so: for tables that count frames.
 
@@ -217,22 +220,23 @@ def _silent_stamps(truth_stamps: NDArray[np.int64], track_stamps: NDArray[np.int
     if periods.size == 0:
         return np.zeros(0, dtype=np.int64)
     period = float(np.median(periods))
+    silent = SILENCE_FACTOR * float(np.quantile(periods, USUAL_SHARE))
     first, last = int(track_stamps[0]), int(track_stamps[-1])
     start, end = int(truth_stamps[0]), int(truth_stamps[-1])
     wanted = [np.zeros(0)]
     before, after = track_stamps[:-1], track_stamps[1:]
     counts = ((after - before) / period + 0.5).astype(np.int64) - 1  # the last at least half a period before `after`
-    counts[after - before <= SILENCE_FACTOR * period] = 0
+    counts[after - before <= silent] = 0
     inside = truth_stamps[(truth_stamps > first) & (truth_stamps <= last)]
     gap = np.searchsorted(track_stamps, inside, side="left") - 1
     for steps in _steps_near((inside - before[gap]) / period):
         kept = (steps >= 1) & (steps <= counts[gap])
         wanted.append(before[gap[kept]] + steps[kept] * period)
-    if first - start > SILENCE_FACTOR * period:
+    if first - start > silent:
         n_step = int((first - start) / period + JITTER_SHARE)
         for steps in _steps_near((first - truth_stamps[truth_stamps < first]) / period):
             wanted.append(first - steps[(steps >= 1) & (steps <= n_step)] * period)
-    if end - last > SILENCE_FACTOR * period:
+    if end - last > silent:
         n_step = int((end - last) / period + JITTER_SHARE)
         for steps in _steps_near((truth_stamps[truth_stamps > last] - last) / period):
             wanted.append(last + steps[(steps >= 1) & (steps <= n_step)] * period)

@@ -30,15 +30,16 @@ def tracks_at(stamps_s, walk=lambda t: (0.1 * t, 0.0)):
 
 def wanted_in_silence(truth_ns: np.ndarray, track_ns: np.ndarray) -> list[int]:
     """The rule in its plainest form: every period of every silence, step by step."""
-    period = float(np.median(np.diff(track_ns if track_ns.size > 1 else truth_ns)))
+    gaps = np.diff(track_ns if track_ns.size > 1 else truth_ns)
+    period, silent = float(np.median(gaps)), 1.5 * float(np.quantile(gaps, 0.8))
     wanted = []
     for before, after in zip(track_ns[:-1].tolist(), track_ns[1:].tolist(), strict=True):
-        if after - before > 1.5 * period:
+        if after - before > silent:
             wanted += [before + step * period for step in range(1, int((after - before) / period + 0.5))]
     first, last, start, end = track_ns[0], track_ns[-1], truth_ns[0], truth_ns[-1]
-    if first - start > 1.5 * period:
+    if first - start > silent:
         wanted += [first - step * period for step in range(1, int((first - start) / period + 0.25) + 1)]
-    if end - last > 1.5 * period:
+    if end - last > silent:
         wanted += [last + step * period for step in range(1, int((end - last) / period + 0.25) + 1)]
     found = set()
     for time in wanted:
