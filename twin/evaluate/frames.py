@@ -67,13 +67,14 @@ class Alignment:
 def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) -> Alignment:
     """Find the judged frames, and who is where in each.
 
-    Judged is every stamp of the tracks at which the truth is known: one of the truth's own stamps, or one between two
-    of them no further apart than 0.25 s or 2.5 of the usual intervals between a person's rows. Where the tracker was silent
-    for more than 1.5 times the gap that four of five of its gaps do not exceed, the truth's stamps in that silence, thinned to
-    its median period, are judged too, with no track in them; a stamp of the truth that stands alone, too far from all
-    others, is not. Without any frame of tracks, every stamp of the truth is judged. A person is where their row says at that stamp, else linearly between the person's
-    own neighbouring rows no further apart than that (inside the area as in the nearer row), else not there. Without
-    `interpolate` a person is only where a row says so: for tables that count frames.
+    Judged is every stamp of the tracks at which the truth is known: one of the truth's own stamps, or one between two of
+    them no further apart than 0.25 s or 2.5 of the usual intervals between a person's rows. Where the tracker was silent
+    for more than 1.5 times the gap that four of five of its gaps do not exceed, the truth's stamps in that silence,
+    thinned to its median period, are judged too, with no track in them; a stamp of the truth that stands alone, too far
+    from all others, is not. Without any frame of tracks, every stamp of the truth is judged. A person is where their row
+    says at that stamp, else linearly between the person's own neighbouring rows no further apart than that (inside the
+    area as in the nearer row), else not there. Without `interpolate` a person is only where a row says so: for tables
+    that count frames.
 
     Raises InputError where the truth holds no moment at all, or the tracks none at which the truth is known.
     """
