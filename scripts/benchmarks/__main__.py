@@ -19,6 +19,7 @@ from benchmarks import (
     hall,
     laser_learning,
     learning,
+    metamorphic,
     people,
     processes,
     rates,
@@ -87,6 +88,7 @@ BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
     "labelled-legs": recorded_legs.measure,
     "real-time": runs.real_time,
     "memory": runs.memory,
+    "metamorphic": metamorphic.measure,
     "fuzz": fuzz.measure,
     "bags": bag_drill.measure,
 }

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
+from statistics import median
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -60,6 +61,11 @@ def posed(scene: Scene, pose: Callable[[RigSensor], Pose], area: Callable[[Place
     }
     corners = scene.rig.area and tuple(tuple(map(float, area(np.array(corner)))) for corner in scene.rig.area)
     return replace(scene, rig=scene.rig.model_copy(update={"sensors": sensors, "area": corners}))
+
+
+def moved(scene: Scene) -> Restated:
+    """The room's origin a kilometre away."""
+    return turned(scene, angle_rad=0.0)
 
 
 def turned(
@@ -219,23 +225,31 @@ def doubled_scanners(scene: Scene) -> Restated:
 
 
 def with_silent_sensors(scene: Scene) -> Restated:
-    """One more sensor of each kind that never reports, with a name before all others."""
+    """One more sensor of each kind that never reports; its name comes last, as trackers that use one take the first."""
     silent = {
-        f"a_{each.kind}": each.model_copy(update={"topic": f"/a_{each.kind}"}) for each in scene.rig.sensors.values()
+        f"z_{each.kind}": each.model_copy(update={"topic": f"/z_{each.kind}"}) for each in scene.rig.sensors.values()
     }
-    rig = scene.rig.model_copy(update={"sensors": {**silent, **scene.rig.sensors}})
+    rig = scene.rig.model_copy(update={"sensors": {**scene.rig.sensors, **silent}})
     return Restated(replace(scene, rig=rig))
+
+
+def second_half(scene: Scene) -> Restated:
+    """The run cut in two: the second half alone."""
+    stamps = sorted({each.stamp_ns for each in scene.observations})
+    middle_ns = stamps[len(stamps) // 2]
+    return Restated(replace(scene, observations=[each for each in scene.observations if each.stamp_ns >= middle_ns]))
 
 
 def going_on(scene: Scene) -> Restated:
     """Twice as long: the recording once more, after it."""
-    stamps = sorted({each.stamp_ns for each in scene.observations})
-    length_ns = stamps[-1] - stamps[0] + (stamps[-1] - stamps[0]) // (len(stamps) - 1)
+    stamps = sorted({each.stamp_ns for each in scene.observations if each.sensor == scene.rig.main_sensor})
+    length_ns = (stamps[-1] - stamps[0]) * len(stamps) // (len(stamps) - 1)
     again = [replace(each, stamp_ns=each.stamp_ns + length_ns) for each in scene.observations]
     return Restated(replace(scene, observations=[*scene.observations, *again]))
 
 
 EXACT: Mapping[str, Callable[[Scene], Restated]] = {
+    "moved by 1 km": moved,
     "turned by 37°, moved by 1 km": turned,
     "mirrored": mirrored,
     "sensors upside down": upside_down,
@@ -251,9 +265,19 @@ EXACT: Mapping[str, Callable[[Scene], Restated]] = {
 }
 """Restatements that leave every reading as it was: the tracks differ by rounding alone."""
 
+REDRAWN = ("moved by 1 km", "turned by 37°, moved by 1 km", "mirrored", "sensors upside down")
+"""Of these, those after which a random number means another direction, or goes to another person."""
+
+MAY_TURN_M = 0.05
+"""How far tracks whose heading starts along the room's x axis (the motion models of `laser-fisheye-imm`) may turn with it [m].
+
+A state at rest has no heading; any start is one, and the first measurements of a person tell it. Ours starts along x.
+"""
+
 CLOSE: Mapping[str, Callable[[Scene], Restated]] = {
     "every other beam": every_other_beam,
     "a second scanner at each": doubled_scanners,
+    "cut in two": second_half,
 }
 """Restatements with fewer or more readings of the same: tracks are as good, not the same."""
 
@@ -282,3 +306,25 @@ def deviation_m(first: Sequence[TrackFrame], restated: Restated, frames: Sequenc
 
 def _places(tracks: Sequence[Track]) -> Place:
     return np.array([(track.x, track.y) for track in tracks])
+
+
+def disagreement(
+    first: Sequence[TrackFrame], restated: Restated, frames: Sequence[TrackFrame], gate_m: float = 0.3
+) -> float:
+    """Share of the tracks of either, at the stamps of `first`, without one of the other within `gate_m`."""
+    other = {frame.stamp_ns - restated.later_ns: frame.tracks for frame in frames}
+    total = alone = 0
+    for frame in first:
+        tracks = other.get(frame.stamp_ns, ())
+        total += len(frame.tracks) + len(tracks)
+        alone += len(frame.tracks) + len(tracks)
+        if frame.tracks and tracks:
+            apart = np.hypot(*np.moveaxis(_places(frame.tracks)[:, None] - restated.back(_places(tracks)), -1, 0))
+            rows, columns = linear_sum_assignment(np.minimum(apart, 2 * gate_m))
+            alone -= 2 * int((apart[rows, columns] < gate_m).sum())
+    return alone / total if total else 0.0
+
+
+def redrawn_disagreement(first: Sequence[TrackFrame], restated: Restated, tracker: str) -> float:
+    """Median over seeds of the disagreement of a tracker that draws at random: one seed says little, as another may not."""
+    return median(disagreement(first, restated, restated.scene.frames(tracker, seed)) for seed in range(5))

@@ -89,7 +89,7 @@ class CameraFloorParticle(MomentTracker):
         self._people: People | None = None
         self._ids = np.empty(0, np.intp)
         self._gone: dict[int, People] = {}
-        self._last_id, self._ns = 0, 0
+        self._last_id, self._ns, self._began = 0, 0, False
         self._views = Views(())
         self._loads: Loads | None = None
 
@@ -136,8 +136,8 @@ class CameraFloorParticle(MomentTracker):
         )
 
     def _work(self, moment: Moment) -> None:
-        dt = min((moment.ns - self._ns) / NS_PER_S, _LONGEST_S) if self._ns else 0.0
-        self._ns = moment.ns
+        dt = min((moment.ns - self._ns) / NS_PER_S, _LONGEST_S) if self._began else 0.0
+        self._ns, self._began = moment.ns, True
         frame = {**moment.held, **moment.observations}.get(self._floor)
         frame = frame if isinstance(frame, FloorFrame) else None
         is_new = self._watch.is_new(frame, moment.ns)

@@ -27,7 +27,7 @@ from trackers.arrays import Array, Index, Mask
 from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.laser.bearings import BearingGrid
-from trackers.observations import LaserScan
+from trackers.observations import NS_PER_S, LaserScan
 
 logger = logging.getLogger(__name__)
 
@@ -178,7 +178,7 @@ class LearnedBackground:
         self._stay_s = np.empty(0)  # (n_row,) and for how long by now
         self._came_back = np.empty(0, np.bool_)  # (n_row,) and whether it had been there before
         self._weight = 1.0  # grows with time, so that nothing has to be faded at every scan
-        self._t = -np.inf
+        self._ns: int | None = None
 
     def foreground(self, scan: LaserScan) -> Bool[Mask, "n_beam"]:
         """Which samples stand in front of the room as known so far; the scan is then learned from."""
@@ -194,8 +194,13 @@ class LearnedBackground:
         if after is not before:
             known_after, in_front_after = self._in_front(after, column, hit)
             foreground = (foreground | ~known) & (in_front_after | ~known_after) & (known | known_after)
-        self._learn(row, column[beam], (hit | missed)[beam], scan.t)
+        self._learn(row, column[beam], (hit | missed)[beam], scan.stamp_ns)
         return foreground
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether a scan has been learned from."""
+        return self._grid is not None
 
     def _fitting_grid(self, scan: LaserScan, hit: Bool[Mask, "n_beam"]) -> BearingGrid:
         """The grid, anew where the scanner begins to see only now, and where its beams are by now of another width."""
@@ -261,18 +266,19 @@ class LearnedBackground:
         foreground[beams[~room & is_open]] = True
         return known, foreground
 
-    def _learn(self, row: Int[Index, "k"], column: Int[Index, "k"], informed: Bool[Mask, "k"], t: float) -> None:
-        """Learn at a time [s] what each of these rows sees now, those that are told anything."""
-        elapsed = t - self._t
+    def _learn(self, row: Int[Index, "k"], column: Int[Index, "k"], informed: Bool[Mask, "k"], ns: int) -> None:
+        """Learn at a stamp [ns] what each of these rows sees now, those that are told anything."""
+        initial_s = self._options.initial_s
+        elapsed = initial_s if self._ns is None else (ns - self._ns) / NS_PER_S  # the same whatever the clock's epoch
         if elapsed <= 0:
             return
         # a gap is not time in which anything was seen
-        elapsed = min(elapsed, self._options.initial_s)
-        self._t = t
+        elapsed = min(elapsed, initial_s)
+        self._ns = ns
         self._weight *= np.exp(elapsed / self._options.memory_s)
         rows, here = row[informed], column[informed]
         new = self._total[rows] == 0
-        seconds = self._weight * np.where(new, self._options.initial_s, elapsed)
+        seconds = self._weight * np.where(new, initial_s, elapsed)
         stays = np.abs(here - self._stay_column[rows]) <= 1
         self._came_back[rows] = np.where(stays, self._came_back[rows], _around(self._seen, rows, here) > 0)
         self._seen[rows, here] += seconds

@@ -64,6 +64,11 @@ class ScannerGroup:
         """Whether a scanner came without scans of the empty room."""
         return any(layer.learns_background for layer in self.layers.values())
 
+    @property
+    def is_learning(self) -> bool:
+        """Whether such a scanner has shown anything yet."""
+        return any(layer.is_learning for layer in self.layers.values())
+
     def detect(self, observations: Mapping[str, Observation], weak: bool = False) -> Detections:
         """What the group's scans among `observations`, by sensor, show in front of the room.
 

@@ -199,6 +199,11 @@ class LaserLayer:
             KnownBackground(empty_scans, options.background) if empty_scans else LearnedBackground(options.background)
         )
 
+    @property
+    def is_learning(self) -> bool:
+        """Whether the background is learned from the scanner's scans, and one has come."""
+        return isinstance(self._background, LearnedBackground) and self._background.has_begun
+
     def detect(self, scan: LaserScan) -> Detections:
         """What the scan shows in front of the room: trunks without their arms, or single legs."""
         options, scan = self.options, counter_clockwise(scan)

@@ -80,6 +80,11 @@ class Detector:
         """Whether a scanner came without scans of the empty room."""
         return any(group.learns_background for group in self._groups.values())
 
+    @property
+    def is_learning(self) -> bool:
+        """Whether such a scanner has reported; one that is silent leaves the others' knowledge of the room as it is."""
+        return any(group.is_learning for group in self._groups.values())
+
     def detect(self, moment: Moment) -> Seen:
         """What the moment shows in the area. Raises InputError for an image of another size than the rig's."""
         trunks, legs = self._scanned(moment, "waist"), self._scanned(moment, "knee")

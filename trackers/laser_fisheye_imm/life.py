@@ -23,12 +23,11 @@ _AT_REST = 0.01
 class Life:
     """The rules, the numbers given so far, and when any scanner last looked.
 
-    area: where people are (None: everywhere). learns_background: whether whoever has not moved yet may be the room.
+    area: where people are (None: everywhere).
     """
 
-    def __init__(self, options: LaserFisheyeImmOptions, area: Area | None, imm: Imm, learns_background: bool) -> None:
+    def __init__(self, options: LaserFisheyeImmOptions, area: Area | None, imm: Imm) -> None:
         self._options, self._area, self._imm = options, area, imm
-        self._learns_background = learns_background
         self._next_id = 1
         self._looked_ns = 0
 
@@ -36,11 +35,11 @@ class Life:
         """A scanner has looked at stamp ns."""
         self._looked_ns = ns
 
-    def confirmed(self, people: People, ns: int) -> People:
+    def confirmed(self, people: People, ns: int, knows_room: bool) -> People:
         """With an id for whoever was measured for long enough, and has moved where only that tells them from the room."""
         if people.confirmed.all():
             return people
-        rules, learns = self._options.management, self._learns_background
+        rules, learns = self._options.management, not knows_room
         after_s = rules.confirm_learned_after_s if learns else rules.confirm_after_s
         new = measured_for_longer(people.roster, ns, after_s, self._options.period_s)
         if learns:

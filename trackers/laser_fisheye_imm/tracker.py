@@ -71,7 +71,7 @@ class LaserFisheyeImm(MomentTracker):
         area = None if rig.area is None else Area(rig.area, self.options.management.area_margin_m)
         self._detector = Detector(rig, list(background), self.options, area)
         self._imm = filter_of(self.options)
-        self._life = Life(self.options, area, self._imm, self._detector.learns_background)
+        self._life = Life(self.options, area, self._imm)
         knee, used = self.options.knee, self._detector.sensors
         self._knee_radius_m = knee.radius_m if self._detector.sees_waists else knee.radius_alone_m
         scanners = tuple(name for name in used if name in rig.lasers())
@@ -159,7 +159,7 @@ class LaserFisheyeImm(MomentTracker):
         waists = self._detector.sees_waists
         if any(isinstance(each, LaserScan) for each in moment.observations.values()):
             self._life.looked(moment.ns)
-        knows_room = not self._detector.learns_background
+        knows_room = not self._detector.is_learning
         share = min(elapsed_s / self.options.period_s, 1.0)
 
         def missed(points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
@@ -172,7 +172,7 @@ class LaserFisheyeImm(MomentTracker):
         self._update(matches, moment.ns)
         self._learn_colours(matches, seen)
         self._note_windows(matches, seen)
-        people = self._life.confirmed(self._people, moment.ns)
+        people = self._life.confirmed(self._people, moment.ns, knows_room)
         people = self._life.unseen(people, moment.ns, elapsed_s, missed)
         self._people = self._life.remaining(people, moment.ns)
         self._start(matches, seen, moment.ns)

@@ -87,7 +87,7 @@ class RgbdHead(MomentTracker):
         self._life = Life(self.options, len(sensors), self._rng)
         self._people = self._life.nobody()
         self._doubts = Doubts(list(sensors), self._room.turned(watchers), self.options.leave_out)
-        self._ns, self._turn = 0, 0
+        self._ns, self._turn, self._began = 0, 0, False
         self._weights: dict[str, Weights] = {}
         here = {name: Evaluator(each) for name, each in watchers.items()}
         self._evaluators = _evaluators_of(here, self.options.scheduler)
@@ -130,8 +130,8 @@ class RgbdHead(MomentTracker):
         )
 
     def _work(self, moment: Moment) -> None:
-        dt = min((moment.ns - self._ns) / NS_PER_S, _LONGEST_S) if self._ns else 0.0
-        self._ns = moment.ns
+        dt = min((moment.ns - self._ns) / NS_PER_S, _LONGEST_S) if self._began else 0.0
+        self._ns, self._began = moment.ns, True
         later_s = self._taken(moment)
         if len(self._people):
             self._follow(dt, later_s)

@@ -1,0 +1,90 @@
+"""The same recording said otherwise gives the same tracks; the whole of it is `scripts/bench --only metamorphic`."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+import synthetic_home
+from benchmarks.restated import (
+    CLOSE,
+    EXACT,
+    MAY_TURN_M,
+    REDRAWN,
+    Restated,
+    Scene,
+    deviation_m,
+    disagreement,
+    redrawn_disagreement,
+)
+from synthetic_room import empty_room, observe, rig, wandering
+
+LASERS = ("sort", "laser-imm", "laser-kalman", "laser-vision-learning-laser")
+ROUNDING_M = 1e-6  # of floats at 1 km, 1e-13 m, which filters and assignments repeat but do not let grow
+SAMPLING = ("laser-vision-learning-laser",)
+UNLIKE = 0.05  # share of the tracks that may differ where the readings do
+OTHER_SEEDS = (1, 2, 3)
+
+
+@cache
+def lasers(known: bool) -> Scene:
+    walk = wandering(3, 36, np.random.default_rng(3))
+    room = empty_room(np.random.default_rng(99), 5) if known else []
+    return Scene(rig(camera=False), room, observe(walk, 5, images=False))
+
+
+@cache
+def tracked(tracker: str, known: bool):
+    """What the tracker makes of the scene as it is, and how much of it another seed changes."""
+    scene = lasers(known)
+    first = scene.frames(tracker)
+    assert sum(len(frame.tracks) for frame in first) > 40
+    spread = max(disagreement(first, Restated(scene), scene.frames(tracker, seed)) for seed in OTHER_SEEDS)
+    return first, spread
+
+
+@pytest.mark.parametrize("known", [True, False], ids=["known room", "learned room"])
+@pytest.mark.parametrize("tracker", LASERS)
+@pytest.mark.parametrize("name", EXACT)
+def test_the_same_readings_give_the_same_tracks(name, tracker, known):
+    first, spread = tracked(tracker, known)
+    restated = EXACT[name](lasers(known))
+    if tracker in SAMPLING and name in REDRAWN:
+        assert redrawn_disagreement(first, restated, tracker) <= spread + UNLIKE
+        return
+    frames = restated.scene.frames(tracker)
+    turns = name.startswith("turned") and tracker in ("laser-imm", "laser-kalman")
+    assert deviation_m(first, restated, frames) <= (MAY_TURN_M if turns else ROUNDING_M)
+
+
+@pytest.mark.parametrize("tracker", LASERS)
+@pytest.mark.parametrize("name", CLOSE)
+def test_fewer_or_more_readings_give_tracks_as_good(name, tracker):
+    first, spread = tracked(tracker, True)
+    restated = CLOSE[name](lasers(True))
+    frames = restated.scene.frames(tracker)
+    settled = frames[len(frames) // 4].stamp_ns  # confirmed by then, also where the run begins later
+    assert disagreement([each for each in first if each.stamp_ns >= settled], restated, frames) <= spread + 2 * UNLIKE
+
+
+@pytest.mark.parametrize("name", [each for each in EXACT if each not in REDRAWN and "clockwise" not in each])
+def test_a_floor_and_cameras_do_not_care_either(name):
+    home = synthetic_home.rig(2)
+    places = synthetic_home.walks(2, 12)
+    scene = Scene(home, synthetic_home.empty_room(home), synthetic_home.observe(home, places))
+    restated = EXACT[name](scene)
+    for tracker in ("floor-kalman", "camera-floor-particle-floor"):
+        first = scene.frames(tracker)
+        assert any(frame.tracks for frame in first)
+        assert deviation_m(first, restated, restated.scene.frames(tracker)) <= ROUNDING_M
+
+
+def test_what_differs_is_told():
+    first, _ = tracked("sort", True)
+    scene = lasers(True)
+    halved = Scene(scene.rig, scene.background, scene.observations[: len(scene.observations) // 2])
+    assert deviation_m(first, Restated(scene), halved.frames("sort")) == np.inf
+    assert disagreement(first, Restated(scene), halved.frames("sort")) > 0.2
+    assert disagreement(first, Restated(scene, back=lambda place: place + 1.0), first) > 0.9
+    assert deviation_m(
+        first, Restated(scene, back=lambda place: place + np.array([0.03, 0.04])), first
+    ) == pytest.approx(0.05)
