@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel, ConfigDict, FiniteFloat, TypeAdapter, ValidationError
+
 from trackers.errors import InputError
+from twin.recording.whole_file import whole_file
 from twin.run.out_folder import locked_folder
 from twin.studies.scoring import Score, score
-from twin.suites.fingerprint import whole_code
+from twin.suites.figures import check_ranges
+from twin.suites.fingerprint import MadeFrom, digest_of, whole_code
+from twin.suites.opening import done_again
 from twin.suites.run import Place, RunTasks, Watcher, open_place
 from twin.suites.tasks import Ended, Listener, State, Task
 
@@ -22,12 +28,13 @@ _LIMIT_S = 1800.0
 
 @dataclass(frozen=True)
 class Job:
-    """One placement under one key, in one scenario of the study with one seed."""
+    """One placement under one key, in one scenario of the study with one seed, and what it is made from."""
 
     key: str
     scenario: str
     seed: int
     work: Score
+    made_from: MadeFrom
 
     @property
     def id(self) -> str:
@@ -43,41 +50,84 @@ class Outcome:
     error: str = ""
 
 
+class _Line(BaseModel):
+    """A line of the file but for its checksum."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    id: str
+    made_from: dict[str, str]
+    figures: dict[str, dict[str, FiniteFloat | None]]
+    error: str
+
+
+_LINE = TypeAdapter(_Line)
+
+
 class Evaluations:
     """What has been evaluated so far, and the means to evaluate more."""
 
-    def __init__(self, folder: Path, run_tasks: RunTasks, progress: Callable[[int, State], object]) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        run_tasks: RunTasks,
+        progress: Callable[[int, State], object],
+        warn: Callable[[str], object] = lambda warning: None,
+    ) -> None:
         self._folder = folder
         self._path = folder / FILE
         self._run_tasks = run_tasks
         self._progress = progress
-        self._held: dict[str, Outcome] = {}
+        self._warn = warn
+        self._held: dict[str, tuple[MadeFrom | None, Outcome]] = {}
         self.evaluated = 0
         """So many were evaluated in this run, none of them held before."""
 
     def hold(self, job: Job, outcome: Outcome) -> None:
-        """Write down an outcome."""
-        self._held[job.id] = outcome
-        line = json.dumps({"id": job.id, "figures": outcome.figures, "error": outcome.error}, allow_nan=False)
-        with self._path.open("a", encoding="utf-8") as stream:
-            stream.write(line + "\n")
+        """Write down an outcome. Raises InputError where the file cannot be written."""
+        self._held[job.id] = job.made_from, outcome
+        made_from = json.loads(job.made_from.write())
+        line = with_checksum({"id": job.id, "made_from": made_from, "figures": outcome.figures, "error": outcome.error})
+        try:
+            with self._path.open("a", encoding="utf-8") as stream:
+                stream.write(line + "\n")
+        except OSError as error:
+            raise InputError(
+                f"{self._path}: cannot be written ({error.strerror}); a disk with free space is needed, and --resume then does "
+                "the rest"
+            ) from error
 
     def read(self) -> None:
-        """Take what an earlier run has written; a last line that was cut off is left out."""
-        whole = []
-        for line in self._path.read_text(encoding="utf-8").splitlines()[1:]:
+        """Take what an earlier run has written, the last of several lines on one evaluation.
+
+        A line that is damaged is told, left out and evaluated again, those after it are taken; a last one that was cut off is
+        left out. The file then holds the good lines alone: the new one takes its place when it is whole.
+        """
+        text = self._path.read_text(encoding="utf-8", errors="replace")
+        head, *lines = text.split("\n")
+        cut_off = lines.pop() if lines else ""
+        good = []
+        for number, line in enumerate(lines, start=2):
             try:
-                row = json.loads(line)
-                self._held[row["id"]] = Outcome(row["figures"], row["error"])
-            except (ValueError, KeyError, TypeError):
-                break
-            whole.append(line)
-        head = self._path.read_text(encoding="utf-8").splitlines()[:1]
-        self._path.write_text("\n".join([*head, *whole]) + "\n", encoding="utf-8")
+                content = _checked(line)
+            except InputError as error:
+                self._warn(f"{self._path}: line {number}: {error}; what it held is evaluated again")
+                continue
+            self._held[content.id] = (
+                MadeFrom.read(json.dumps(content.made_from)),
+                Outcome(content.figures, content.error),
+            )
+            good.append(line)
+        if cut_off or len(good) < len(lines):
+            with whole_file(self._path) as stream:
+                stream.write("\n".join([head, *good]) + "\n")
 
     def outcomes(self, jobs: Sequence[Job]) -> list[Outcome]:
-        """The outcome of each job, evaluated where it is not known, on all workers."""
-        new = {job.id: job for job in jobs if job.id not in self._held}
+        """The outcome of each job, on all workers, evaluated where it is not known or was made from other things."""
+        new = {job.id: job for job in jobs if job.id not in self._held or self._held[job.id][0] != job.made_from}
+        changed = {name: job.made_from.changed(self._held[name][0]) for name, job in new.items() if name in self._held}
+        if changed:
+            self._warn(done_again(changed, len(jobs)))
         by_id = {f"evaluation-{number}": job for number, job in enumerate(new.values())}
 
         def ended(end: Ended) -> None:
@@ -91,7 +141,7 @@ class Evaluations:
             tasks = [Task(name, job.work, _LIMIT_S) for name, job in by_id.items()]
             self._run_tasks(tasks, score, Listener(ended=ended, state=state), None)
             self.evaluated += len(new)
-        return [self._held[job.id] for job in jobs]
+        return [self._held[job.id][1] for job in jobs]
 
 
 @contextmanager
@@ -105,8 +155,9 @@ def open_evaluations(
 ) -> Iterator[Evaluations]:
     """The evaluations in a study's folder, held against other processes, and workers for more.
 
-    study: the study resolved, whatever its results depend on included. Raises InputError for a folder with results of an
-    earlier run without `resume`, and of another study or code with it.
+    study: as its file has it. Raises InputError for a folder with results of an earlier run without `resume`, and of another
+    study or code with it. Evaluations that are made from other things since (scenario, room, trackers, files of knowledge)
+    are done again.
     """
     path, head = folder / FILE, {"study": study, "code": whole_code()}
     with ExitStack() as stack:
@@ -130,21 +181,65 @@ def open_evaluations(
                 f"--resume: {path}: was made of another study ({', '.join(changed) or 'some fields are gone'} changed); the same "
                 "study, or another folder, is expected"
             )
-        evaluations = Evaluations(folder, open_place(place, stack, watcher), progress)
+        evaluations = Evaluations(folder, open_place(place, stack, watcher), progress, watcher.warned)
         if before is None:
-            path.write_text(json.dumps(head) + "\n", encoding="utf-8")
+            with whole_file(path) as stream:
+                stream.write(with_checksum(head) + "\n")
         else:
             evaluations.read()
         yield evaluations
 
 
-def _head(path: Path) -> dict[str, Any] | None:
-    """The first line of a file of evaluations; None where there is no file, or one that was cut off in it."""
-    if not path.exists():
-        return None
+def with_checksum(content: Mapping[str, Any]) -> str:
+    """Give a line of JSON whose last field, `sum`, is a digest of the others."""
+    return json.dumps({**content, "sum": _sum(content)}, allow_nan=False)
+
+
+def _sum(content: Mapping[str, Any]) -> str:
+    return digest_of(json.dumps(content, sort_keys=True))
+
+
+def _content(line: str) -> dict[str, Any]:
+    """The fields of a line but for its checksum; raises InputError where they are not what was written."""
     try:
-        with path.open(encoding="utf-8") as stream:
-            head = json.loads(stream.readline())
-        return head if isinstance(head, dict) and isinstance(head.get("study"), dict) else None
-    except ValueError:
+        content = json.loads(line)
+        checksum = content.pop("sum")
+    except (ValueError, AttributeError, KeyError, TypeError, RecursionError) as error:
+        raise InputError("is no line of JSON with a checksum") from error
+    if checksum != _sum(content):
+        raise InputError("is not as it was written, by its checksum")
+    return content
+
+
+def _checked(line: str) -> _Line:
+    """A line of an evaluation; raises InputError for one that is damaged, or holds a figure that cannot be."""
+    try:
+        content = _LINE.validate_python(_content(line))
+    except ValidationError as error:
+        fault = error.errors()[0]
+        raise InputError(f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}") from error
+    for tracker, figures in content.figures.items():
+        check_ranges(figures, tracker)
+    return content
+
+
+def _head(path: Path) -> dict[str, Any] | None:
+    """The first line of a file of evaluations; None where there is no file, or an empty one.
+
+    Raises InputError for a line that is not as it was written.
+    """
+    if not path.exists() or not os.path.getsize(path):
         return None
+    with path.open(encoding="utf-8", errors="replace") as stream:
+        line = stream.readline()
+    try:
+        head = _content(line)
+    except InputError as error:
+        raise InputError(
+            f"{path}: line 1: {error}; a file that `twin study run` wrote, or another folder, is expected"
+        ) from error
+    if not isinstance(head.get("study"), dict):
+        raise InputError(
+            f"{path}: line 1: names no study; a file that `twin study run` wrote, or another folder, is expected"
+        )
+    return head

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -82,23 +83,22 @@ def run_study(
     seen = Seen(study, prepared.layout, cache)
     run.searcher = Searcher(study, prepared.layout, seen, run.fill)
     first = None if resume and (folder / FILE).exists() else run.first_look()
-    facts = {
-        **study.model_dump(mode="json", by_alias=True),
-        "scenarios resolved": {
-            key: each.model_dump(mode="json") for key, each in (prepared.scenarios | prepared.held_out).items()
-        },
-    }
-    watcher = Watcher()
+    facts = study.model_dump(mode="json", by_alias=True)
+    watcher = Watcher(warned=_warn)
     with open_evaluations(folder, facts, place, resume, watcher, run.progress) as evaluations:
         run.evaluations = evaluations
         if first is not None:
             evaluations.hold(*first)
-        result = run.searcher.run(folder / "search.journal")
+        result = run.searcher.run()
         answers = _answers(run, seen, result, start)
         for trial in answers.front:
             if trial.coverage is None:
                 trial.coverage, trial.coverage_worst = seen.share(trial.candidate), seen.worst(trial.candidate)
         yield answers, folder
+
+
+def _warn(message: str) -> None:
+    sys.stderr.write(f"twin: warning: {message}\n")
 
 
 def _answers(run: Trying, seen: Seen, result: Result, start_s: float) -> Answers:

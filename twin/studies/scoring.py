@@ -22,7 +22,7 @@ from twin.scenario import Scenario
 from twin.streams import stream
 from twin.suites.cache import RecordingCache
 from twin.suites.figures import flat
-from twin.suites.fingerprint import people_key, whole_code
+from twin.suites.fingerprint import MadeFrom, people_key, room_digest, whole_code
 from twin.suites.people import staged_in
 from twin.truth.frames import Situation, TruthDetail, TruthFrame
 from twin.world.simulation import Simulation
@@ -43,7 +43,8 @@ class Score:
     """A placed scenario (seed included) to be tracked, the cache of motions, and the code that the others run.
 
     details: whether to find out about situations of two people and who is seen by which sensor, which some figures
-    (`DETAILED`) are made of and which costs more; without, there are none of these.
+    (`DETAILED`) are made of and which costs more; without, there are none of these. made_from: what
+    its files were when the study started (None: unknown).
     """
 
     scenario: Scenario
@@ -51,6 +52,7 @@ class Score:
     cache: RecordingCache
     code: str
     details: bool = False
+    made_from: MadeFrom | None = None
 
 
 @dataclass
@@ -118,12 +120,23 @@ def evaluated(work: Score) -> dict[str, Evaluation]:
     return found
 
 
+def _check_files(scenario: Scenario, made: MadeFrom) -> None:
+    for what, now, before in (
+        ("the room", room_digest(scenario.room), made.room),
+        ("the files of knowledge", scenario.knowledge.digest(), made.knowledge),
+    ):
+        if now != before:
+            raise InputError(f"{what} changed after the study was started; --resume evaluates with what it is now")
+
+
 def score(work: Score) -> dict[str, dict[str, float | None]]:
     """The figures of each tracker, by dotted path."""
     if work.code != whole_code():
         raise InputError(
             "the worker's code is not that of the study's process; the same version everywhere is expected"
         )
+    if work.made_from is not None:
+        _check_files(work.scenario, work.made_from)
     figures = {name: flat(each.metrics) for name, each in evaluated(work).items()}
     if work.details:
         return figures

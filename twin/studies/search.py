@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations, islice, product
 from math import comb, prod
-from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -64,15 +63,15 @@ class Searcher:
                 f"{_MOST_EXACT_OPTIONS}, by larger steps, are expected"
             )
 
-    def run(self, journal: Path) -> Result:
-        """Search. `journal`: where Optuna keeps what it asked and was told."""
+    def run(self) -> Result:
+        """Search by the study's method."""
         own = self._trial(OWN)
         self._fill([own], self.study.search.replicates[-1])
         method = self.study.search.method
         if method == "exhaustive":
             self._race([self._trial(each) for each in self._all()])
         elif method == "optuna":
-            self._optuna(journal)
+            self._optuna()
         else:
             self._by_coverage(prove=method == "exact")
             self._race([each for each in self.result.trials.values() if each.candidate != OWN])
@@ -141,24 +140,21 @@ class Searcher:
 
     # ------------------------------------------------------------------------------------------------ Optuna
 
-    def _optuna(self, journal: Path) -> None:
+    def _optuna(self) -> None:
         """Generations of fixed size: asked for one by one, raced, told in order; the sampler is seeded anew for each.
 
         So what is asked depends on what was told before and on nothing else: neither on how many workers there are nor on
-        where a run was cut off. A resumed run asks all again, and finds what was evaluated before.
+        where a run was cut off. A resumed run asks all again, and finds what was evaluated before: nothing that
+        Optuna holds has to outlive the process, and no lock of its can be left behind.
         """
         import optuna
-        from optuna.storages import JournalStorage
-        from optuna.storages.journal import JournalFileBackend
 
         optuna.logging.set_verbosity(optuna.logging.WARNING)
-        journal.unlink(missing_ok=True)
         search, objectives = self.study.search, self.study.objectives
         directions: list[Literal["maximize", "minimize"]] = [
             "maximize" if each.more_is_better else "minimize" for each in objectives
         ]
-        storage = JournalStorage(JournalFileBackend(str(journal)))
-        asked = optuna.create_study(storage=storage, study_name=self.study.name, directions=directions)
+        asked = optuna.create_study(study_name=self.study.name, directions=directions)
         for start in self._starts():
             asked.enqueue_trial(start)
         tried: set[Candidate] = set()

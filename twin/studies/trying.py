@@ -20,7 +20,7 @@ from twin.studies.scoring import DETAILED, Score, score
 from twin.studies.search import Searcher
 from twin.studies.trial import Trial, key_of
 from twin.suites.cache import RecordingCache
-from twin.suites.fingerprint import whole_code
+from twin.suites.fingerprint import made_from, room_digest, whole_code
 from twin.suites.tasks import State
 
 _LINE_EVERY_S = 15.0
@@ -34,6 +34,8 @@ class Trying:
         self.study, self.layout = prepared.study, prepared.layout
         self._details = any((each.metric or "").startswith(DETAILED) for each in self.study.objectives)
         self._code = whole_code()
+        self._room = room_digest(prepared.scenario.room)  # one in all scenarios
+        self._knowledge: dict[str, str] = {}
         self.evaluations: Evaluations | None = None
         self.searcher: Searcher | None = None
         self._started_s = time.perf_counter()
@@ -44,7 +46,13 @@ class Trying:
     def job(self, name: str, key: str, scenario: Scenario, seed: int) -> Job:
         """The evaluation of a scenario as it stands, with a seed."""
         seeded = scenario.model_copy(update={"seed": seed, "trackers": {}})
-        return Job(name, key, seed, Score(seeded, self.prepared.trackers, self.cache, self._code, self._details))
+        files = scenario.knowledge.model_dump_json()
+        if files not in self._knowledge:
+            self._knowledge[files] = scenario.knowledge.digest()
+        trackers = [(each.target, each.options) for each in self.prepared.trackers]
+        made = made_from(seeded.model_dump_json(), self._room, trackers, self._knowledge[files])
+        work = Score(seeded, self.prepared.trackers, self.cache, self._code, self._details, made)
+        return Job(name, key, seed, work, made)
 
     def fill(self, trials: Sequence[Trial], number: int) -> None:
         """Try trials on the first so many search seeds, all scenarios."""

@@ -21,7 +21,7 @@ from twin.scenario.load import dump_scenario
 from twin.scenario.model import TrackerChoice
 from twin.scenario.size import RunSize, check_size, size_of
 from twin.suites.description import Changes, Suite, find_scenario
-from twin.suites.fingerprint import people_key
+from twin.suites.fingerprint import MadeFrom, made_from, people_key, recording_key, room_digest
 from twin.suites.fitness import TrackerCheck
 from twin.suites.written import as_texts, variants
 
@@ -51,7 +51,8 @@ class Case:
     resolved: str  # YAML, without trackers and what they may know: what is simulated
     tracker_changes: tuple[str, ...]  # 'trackers.NAME=...' for those that the scenario defines
     knowledge: KnowledgeFiles
-    knowledge_digest: str  # of the files' contents: a case with others is another one
+    made_from: MadeFrom  # by content: a case of other files is another one
+    recipe: str  # the key of its recording, but for the renderer
 
     @property
     def tracking_changes(self) -> tuple[str, ...]:
@@ -61,10 +62,14 @@ class Case:
         )
         return (*self.tracker_changes, *as_texts(files))
 
-    def check_knowledge(self) -> None:
-        """Raise InputError where the files that trackers are handed are not there, or not those that they were."""
+    def check_files(self) -> None:
+        """Raise InputError where the room, or the files that trackers are handed, are not there or not what they were."""
+        if recording_key(self.resolved, "") != self.recipe:
+            raise InputError(
+                f"{self.id}: its room changed after the suite was started; --resume records it as it is now"
+            )
         self.knowledge.check(self.id)
-        if self.knowledge.digest() != self.knowledge_digest:
+        if self.knowledge.digest() != self.made_from.knowledge:
             told = ", ".join(map(str, self.knowledge.paths().values()))
             raise InputError(
                 f"{self.id}: {told}: changed after the suite was started; --resume tracks with what it is now"
@@ -153,7 +158,10 @@ def _of_entry(
                 of_seed = load_scenario(scenario_path, [*changes, f"seed={seed}"], suites=overrides, folder=path.parent)
             seeded = of_seed.model_copy(update={"seed": seed, "trackers": {}, "knowledge": NO_FILES})
             resolved, people = dump_scenario(seeded), people_key(seeded)
+            room, recipe = room_digest(seeded.room), recording_key(resolved, "")
             for tracker in variant.trackers:
+                choice = scenario.trackers.get(tracker, TrackerChoice())
+                followed = ((choice.preset or tracker, choice.options),)
                 yield Case(
                     id=_case_id(label, overrides, seed, tracker),
                     scenario=label,
@@ -168,7 +176,8 @@ def _of_entry(
                     size=size_of(of_seed),
                     people=people,
                     knowledge=scenario.knowledge,
-                    knowledge_digest=digest,
+                    made_from=made_from(resolved, room, followed, digest),
+                    recipe=recipe,
                     tracker_changes=as_texts(
                         {f"trackers.{name}": _options(choice) for name, choice in scenario.trackers.items()}
                     ),

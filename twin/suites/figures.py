@@ -11,9 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from math import isfinite
+from math import inf, isfinite
 from typing import Any
 
+from trackers.errors import InputError
 from twin.report.figures_table import FIGURES, HEADLINES, Figure
 
 FIGURE: Mapping[str, Figure] = {figure.key: figure for figure in FIGURES}
@@ -78,6 +79,20 @@ def figure_named(key: str) -> Figure:
 def flat(metrics: Mapping[str, Any]) -> dict[str, float | None]:
     """A tracker's entry of `metrics.json` as numbers by dotted path; the gate, which is no result, left out."""
     return {key: value for key, value in _leaves(metrics, "") if key != "gate_m"}
+
+
+def check_ranges(figures: Mapping[str, float | None], source: str) -> None:
+    """Raise InputError, naming `source` and the figure, for a value that the figure cannot have.
+
+    What is better the more there is of it is a share, or 1 less something; everything else counts, or is a length or angle.
+    """
+    for key, value in figures.items():
+        if value is None or key not in FIGURE:
+            continue
+        most = 1.0 if FIGURE[key].better == "more" else inf
+        least = -inf if key.rpartition(".")[2] in ("mota", "accuracy") else 0.0
+        if not least <= value <= most + 1e-9:
+            raise InputError(f"{source}: {key} is {value:g}; a number from {least:g} to {most:g} is expected")
 
 
 def _leaves(content: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, float | None]]:

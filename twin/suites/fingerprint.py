@@ -1,19 +1,25 @@
-"""What a recording depends on besides its scenario: the code that simulates, the models, the versions, the renderer."""
+"""Digests of what results are made from: scenarios, rooms, files of knowledge, code, models, versions, the renderer."""
 
 from __future__ import annotations
 
 import ast
 import hashlib
+import json
 import os
-from collections.abc import Iterable, Iterator
+import sys
+import sysconfig
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import yaml
 
 import trackers
 import twin
+from trackers.presets import PRESETS, available
 from twin.models import MODELS
 from twin.room.files import room_files
 from twin.scenario import Scenario
@@ -44,6 +50,73 @@ def people_key(scenario: Scenario) -> str:
     return f"people-{digest.hexdigest()[:32]}"
 
 
+@dataclass(frozen=True)
+class MadeFrom:
+    """Digests of all that a case's figures depend on besides this package's own code ("": nothing of the kind)."""
+
+    scenario: str
+    simulation: str
+    room: str
+    tracker: str
+    knowledge: str
+
+    @classmethod
+    def read(cls, text: str) -> MadeFrom | None:
+        """Read what `write` gave; None for anything else."""
+        try:
+            return cls(**json.loads(text))
+        except (ValueError, TypeError):
+            return None
+
+    def write(self) -> str:
+        """Give the digests as JSON."""
+        return json.dumps(asdict(self))
+
+    def changed(self, before: MadeFrom | None) -> list[str]:
+        """Name what is not as it was; everything where `before` is unknown."""
+        return [name for name, digest in asdict(self).items() if before is None or getattr(before, name) != digest]
+
+
+def digest_of(*parts: str | bytes) -> str:
+    """The first 16 digits of a SHA-256 over parts, each told from the next."""
+    digest = hashlib.sha256()
+    for part in parts:
+        _add(digest, part.encode() if isinstance(part, str) else part)
+    return digest.hexdigest()[:16]
+
+
+def made_from(resolved: str, room: str, trackers: Iterable[tuple[str, Mapping[str, Any]]], knowledge: str) -> MadeFrom:
+    """Digest what a case is made from.
+
+    resolved: the scenario, its seed included; room: `room_digest` of its room; trackers: what `make_tracker` calls each,
+    and its options; knowledge: the digest of the files that trackers are handed.
+    """
+    tracking = [
+        part for name, options in trackers for part in (name, json.dumps(options, sort_keys=True), plug_in_code(name))
+    ]
+    return MadeFrom(digest_of(resolved), simulation_code()[:16], room, digest_of(*tracking), knowledge)
+
+
+def room_digest(name: str) -> str:
+    """Digest a room of the user's own, with every file that it reads; of a shipped one, "" (see `simulation_code`)."""
+    contents = list(_room(name))
+    return digest_of(*contents) if contents else ""
+
+
+def plug_in_code(name: str) -> str:
+    """Digest the source of a tracker of the user's own and of what it imports that is not installed; "" for a preset.
+
+    Nothing is imported for it: of a class that this process has not imported the digest is "" too.
+    """
+    if name in PRESETS:
+        return ""
+    installed = available().get(name)
+    module = (installed.target if installed else name).partition(":")[0]
+    if module not in sys.modules:
+        return ""
+    return digest_of(*(part for path in sorted(_own_sources(module)) for part in (path.name, path.read_bytes())))
+
+
 @cache
 def simulation_code(modules: tuple[str, ...] = _SIMULATING) -> str:
     """A digest of every module that takes part in a recording, of the models, and of the libraries' versions.
@@ -61,10 +134,10 @@ def simulation_code(modules: tuple[str, ...] = _SIMULATING) -> str:
 
 @cache
 def whole_code() -> str:
-    """A digest of both packages: results of one suite must not come from two states of the code."""
+    """A digest of both packages, learned files included: results of one suite must not come from two states of the code."""
     digest = hashlib.sha256()
     for package in _PACKAGES.values():
-        for path in sorted(package.rglob("*.py")):
+        for path in sorted([*package.rglob("*.py"), *package.rglob("*.npz")]):
             _add(digest, path.relative_to(package).as_posix().encode())
             _add(digest, path.read_bytes())
     return digest.hexdigest()[:16]
@@ -87,6 +160,35 @@ def _room(name: str) -> Iterator[bytes]:
     for part, content in room_files(path).items():
         yield os.path.relpath(part.resolve(), path.parent.resolve()).encode()
         yield content
+
+
+def _own_sources(module: str) -> set[Path]:
+    """The files of a module that is loaded and of those that it imports, installed packages but its own left out."""
+    own = module.partition(".")[0]
+    installed = [Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")]
+    waiting, found = [module], set()
+    while waiting:
+        name = waiting.pop()
+        loaded = sys.modules.get(name)
+        file = getattr(loaded, "__file__", None)
+        if loaded is None or not file or name.partition(".")[0] in _PACKAGES:
+            continue
+        path = Path(file).resolve()
+        is_installed = any(path.is_relative_to(folder) for folder in installed)
+        if path in found or path.suffix != ".py" or (is_installed and name.partition(".")[0] != own):
+            continue
+        found.add(path)
+        if "." in name:
+            waiting.append(name.rpartition(".")[0])
+        package = getattr(loaded, "__package__", None) or ""
+        for node in ast.walk(ast.parse(path.read_bytes())):
+            if isinstance(node, ast.Import):
+                waiting += [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                base = package.rsplit(".", node.level - 1)[0] if node.level else ""
+                start = ".".join(part for part in (base, node.module) if part)
+                waiting += [start, *(f"{start}.{alias.name}" for alias in node.names)]
+    return found
 
 
 def _modules(names: Iterable[str]) -> set[Path]:

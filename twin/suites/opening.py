@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sqlite3
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -16,16 +16,24 @@ from twin.suites.store import ResultStore, fault_of_file
 from twin.suites.stored import EXPECTED
 
 FILE = "results.sqlite"
+_OF_SUITE = ("description", "beside", "tolerances", "promises")
+"""Facts that figures are judged by: those of the suite as it is now hold."""
 
 
 @contextmanager
-def open_store(folder: Path, cases: Sequence[Case], facts: Mapping[str, Any], resume: bool) -> Iterator[ResultStore]:
+def open_store(
+    folder: Path,
+    cases: Sequence[Case],
+    facts: Mapping[str, Any],
+    resume: bool,
+    warn: Callable[[str], object] = lambda warning: None,
+) -> Iterator[ResultStore]:
     """The results in `folder`, ours alone as long as the block runs.
 
-    A new file holds the cases and `facts`; with `resume` an earlier one is taken up, where there is one; cases whose files
-    of knowledge have changed since are done anew. Raises InputError where another process writes there, where there are
-    results and none were to be taken up, and where those are of other cases, or of another suite, other changes or other
-    code.
+    A new file holds the cases and `facts`; with `resume` an earlier one is taken up, where there is one; cases that are
+    made from other things since (scenario, room, tracker, files of knowledge) are done again, and `warn` is told. Raises
+    InputError where another process writes there, where there are results and none were to be taken up, and where those are
+    of other cases, or of another suite, other changes or other code.
     """
     path = folder / FILE
     with locked_folder(folder):
@@ -41,7 +49,10 @@ def open_store(folder: Path, cases: Sequence[Case], facts: Mapping[str, Any], re
                 with _sound(path):
                     _check_whole(connection, path)
                     _check_same(store, cases, facts)
-                    store.take_up(cases)
+                    changed = store.take_up(cases)
+                store.note(**{name: facts[name] for name in _OF_SUITE if name in facts})
+                if changed:
+                    warn(done_again(changed, len(cases)))
             else:
                 with _sound(path):
                     store.define(cases)
@@ -73,6 +84,14 @@ def _read_alone(path: Path) -> Iterator[sqlite3.Connection]:
         yield connection
     finally:
         connection.close()
+
+
+def done_again(changed: Mapping[str, Sequence[str]], n_all: int) -> str:
+    """Say that results are done again: by the id of each, what has changed of what it is made from."""
+    what = " and ".join(dict.fromkeys(part for parts in changed.values() for part in parts))
+    first, *more = changed
+    on = f" ({first} and {len(more)} more)" if more else f" ({first})"
+    return f"--resume: {len(changed)} of {n_all} results are done again{on}: {what} changed since"
 
 
 def _is_defined(connection: sqlite3.Connection, path: Path) -> bool:

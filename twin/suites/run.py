@@ -21,7 +21,7 @@ from twin.suites.cluster import open_cluster
 from twin.suites.description import Suite, Tolerance
 from twin.suites.engine import run_on
 from twin.suites.figures import allowed_by_default, flat
-from twin.suites.fingerprint import recording_key, whole_code
+from twin.suites.fingerprint import whole_code
 from twin.suites.opening import open_store
 from twin.suites.store import ResultStore
 from twin.suites.stored import DONE, FAILED, Promise, Recorded
@@ -111,7 +111,7 @@ def run_suite(
     with ExitStack() as stack:
         # Processes of ours always start, a scheduler may not answer: then the folder is not ours either.
         elsewhere = open_place(place, stack, watcher) if place.scheduler is not None else None
-        store = stack.enter_context(open_store(folder, cases, facts, resume))
+        store = stack.enter_context(open_store(folder, cases, facts, resume, watcher.warned))
         start, before_s = time.perf_counter(), store.facts()["seconds"]
         run_tasks = elsewhere or open_place(place, stack, watcher)
         logs = folder / "logs"
@@ -173,15 +173,14 @@ def _run_cases(
             store.note(renderers=sorted(renderers))
 
     # The renderer's name is not known here; the key without it tells apart what the key with it does.
-    keys = {case.resolved: recording_key(case.resolved, "") for case in cases}
-    store.note(recipes={case.id: keys[case.resolved] for case in cases})
+    store.note(recipes={case.id: case.recipe for case in cases})
     recorded = Counter(people for _, people in {(case.resolved, case.people) for case in cases})
     tasks = [
         Task(
             case.id,
             CaseWork(case, cache, code, same_people=recorded[case.people] > 1),
             case.limit_s,
-            shares=keys[case.resolved],
+            shares=case.recipe,
         )
         for case in cases
         if case.id not in done
@@ -212,8 +211,7 @@ def _draw_strips(
                 worst[row] = (moment.severity, moment.t_s, case)
     chosen = sorted(worst.values(), key=lambda each: each[0], reverse=True)[:_MOST_STRIPS]
     tasks = [
-        Task(f"{case.id}-strip", StripWork(case, cache, t_s), case.limit_s, recording_key(case.resolved, ""))
-        for _, t_s, case in chosen
+        Task(f"{case.id}-strip", StripWork(case, cache, t_s), case.limit_s, case.recipe) for _, t_s, case in chosen
     ]
     drawn = {}
 

@@ -18,6 +18,8 @@ from typing import Any
 from trackers.errors import InputError
 from trackers.plain_data import parse_json
 from twin.suites.cases import Case
+from twin.suites.figures import check_ranges
+from twin.suites.fingerprint import MadeFrom
 from twin.suites.stored import (
     CASES,
     DONE,
@@ -38,7 +40,7 @@ from twin.suites.worker import Moment
 _SCHEMA = """
 CREATE TABLE facts (name TEXT PRIMARY KEY, value TEXT);
 CREATE TABLE definitions (case_id TEXT PRIMARY KEY, place INTEGER UNIQUE, scenario TEXT, variant TEXT, overrides TEXT,
-    seed INTEGER, tracker TEXT, knowledge TEXT);
+    seed INTEGER, tracker TEXT, made_from TEXT);
 CREATE TABLE cases (case_id TEXT PRIMARY KEY REFERENCES definitions, status TEXT, attempts INTEGER, seconds REAL,
     error TEXT);
 CREATE TABLE results (case_id TEXT REFERENCES definitions, scenario TEXT, seed INTEGER, overrides TEXT, tracker TEXT,
@@ -89,7 +91,7 @@ class ResultStore:
                         json.dumps(case.overrides, ensure_ascii=False),
                         case.seed,
                         case.tracker,
-                        case.knowledge_digest,
+                        case.made_from.write(),
                     )
                     for place, case in enumerate(cases)
                 ],
@@ -98,24 +100,32 @@ class ResultStore:
                 "INSERT INTO cases VALUES (?, ?, 0, NULL, NULL)", [(case.id, WAITING) for case in cases]
             )
 
-    def take_up(self, cases: Sequence[Case]) -> None:
-        """What was running when the run was killed, what failed, and whose files of knowledge changed, is to be done anew."""
-        held = dict(self._connection.execute("SELECT case_id, knowledge FROM definitions"))
-        changed = [(case.id,) for case in cases if held[case.id] != case.knowledge_digest]
+    def take_up(self, cases: Sequence[Case]) -> dict[str, list[str]]:
+        """Have cases run that were running when the run was killed, that failed, or that are made from other things now.
+
+        Returns of the last, where they were done, by case_id what has changed (fields of `MadeFrom`).
+        """
+        held = dict(self._connection.execute("SELECT case_id, made_from FROM definitions"))
+        done = {
+            case_id for (case_id,) in self._connection.execute("SELECT case_id FROM cases WHERE status = ?", (DONE,))
+        }
+        changed = {case.id: case.made_from.changed(MadeFrom.read(held[case.id])) for case in cases}
+        ids = [(case_id,) for case_id, parts in changed.items() if parts]
         with self._writing():
-            self._connection.executemany("DELETE FROM results WHERE case_id = ?", changed)
-            self._connection.executemany("DELETE FROM moments WHERE case_id = ?", changed)
+            for table in ("results", "moments", "recordings", "scanners"):
+                self._connection.executemany(f"DELETE FROM {table} WHERE case_id = ?", ids)
             self._connection.executemany(
-                "UPDATE cases SET status = ? WHERE case_id = ?", [(WAITING, case_id) for (case_id,) in changed]
+                "UPDATE cases SET status = ? WHERE case_id = ?", [(WAITING, case_id) for (case_id,) in ids]
             )
             self._connection.executemany(
-                "UPDATE definitions SET knowledge = ? WHERE case_id = ?",
-                [(case.knowledge_digest, case.id) for case in cases],
+                "UPDATE definitions SET made_from = ? WHERE case_id = ?",
+                [(case.made_from.write(), case.id) for case in cases],
             )
             self._connection.execute(
                 "UPDATE cases SET status = ?, attempts = 0, seconds = NULL, error = NULL WHERE status != ?",
                 (WAITING, DONE),
             )
+        return {case_id: parts for case_id, parts in changed.items() if parts and case_id in done}
 
     def started(self, case_id: str, attempt: int) -> None:
         """Note that an attempt at a case begins."""
@@ -197,7 +207,9 @@ class ResultStore:
         found: dict[str, dict[str, float | None]] = {}
         for case_id, metric, value in self._connection.execute("SELECT case_id, metric, value FROM results"):
             found.setdefault(case_id, {})[metric] = value
-        return checked(METRICS, found, f"{self.path}: results")
+        for case_id, figures in checked(METRICS, found, f"{self.path}: results").items():
+            check_ranges(figures, f"{self.path}: results: {case_id}")
+        return found
 
     def recorded(self) -> dict[str, Recorded]:
         """What the recording of each finished case holds, by the case's id; in files of before it was kept it is unknown."""

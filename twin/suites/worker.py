@@ -91,7 +91,7 @@ class CaseResult:
 def run_case(work: CaseWork) -> CaseResult:
     """Record where the cache has no recording, track, evaluate.
 
-    Raises InputError for a scenario or tracker that cannot be, for files of knowledge that are not those of the suite's
+    Raises InputError for a scenario or tracker that cannot be, for files that are not those of the suite's
     start, and where this process runs other code than the suite.
     """
     if work.code != whole_code():
@@ -100,7 +100,7 @@ def run_case(work: CaseWork) -> CaseResult:
             "expected"
         )
     case = work.case
-    case.check_knowledge()
+    case.check_files()
     scenario = resolved_scenario(case)
     start = time.perf_counter()
     renderer = renderer_of(scenario)

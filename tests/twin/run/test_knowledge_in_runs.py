@@ -160,7 +160,7 @@ def test_a_recording_is_kept_under_a_name_that_knows_no_environment(house: House
     )
     without, relative = expand(*load_suite(house.folder / "s.yaml"), trusted=EVERY)
     assert recording_key(without.resolved, "") == recording_key(relative.resolved, "")
-    assert without.knowledge_digest == "" != relative.knowledge_digest
+    assert without.made_from.knowledge == "" != relative.made_from.knowledge
     assert relative.knowledge.environment == str(house.folder / "lab.npz")  # beside the suite
     assert relative.overrides == ('knowledge.environment="lab.npz"',)  # its name is the same wherever the suite lies
 
@@ -188,10 +188,10 @@ def test_a_suite_is_refused_before_it_starts_where_a_file_cannot_be(house: House
 def test_a_changed_file_does_not_slip_into_a_suite_that_runs(house: House) -> None:
     (house.folder / "s.yaml").write_text(SUITE)
     (case,) = expand(*load_suite(house.folder / "s.yaml"), trusted=EVERY)
-    case.check_knowledge()
+    case.check_files()
     (house.folder / "own" / "heads.txt").write_text("oval")
     with pytest.raises(InputError, match=r"heads\.txt: changed after the suite was started"):
-        case.check_knowledge()
+        case.check_files()
 
 
 def test_what_a_bag_names_and_is_elsewhere_is_a_warning(house: House) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -228,3 +230,72 @@ def test_what_coverage_finds_is_tracked_and_judged_by_every_figure(tmp_path: Pat
         "laser-imm: idf1, the study's scenarios",
     ]
     assert len(summary["misplaced"]) == 5
+
+
+def damaged(line: str) -> list[str]:
+    """A line of evaluations cut, emptied, changed with and without a checksum that fits, and of another kind."""
+    content = json.loads(line)
+    del content["sum"]
+    beyond = {**content, "figures": {"laser-imm": {**content["figures"]["laser-imm"], "hota": 9.9}}}
+    edited = {**content, "figures": {"laser-imm": {**content["figures"]["laser-imm"], "hota": 0.99}}}
+    return [
+        line[:40], "", "[]", "null", "\x00\xff", "[" * 5000, json.dumps({**edited, "sum": json.loads(line)["sum"]}),
+        evaluations.with_checksum(beyond), evaluations.with_checksum({**content, "figures": 3}),
+    ]  # fmt: skip
+
+
+def test_a_bad_line_is_told_and_evaluated_again_and_costs_no_other(
+    whole: tuple[Path, Path, dict], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, before, summary = whole
+    lines = (before / evaluations.FILE).read_text().splitlines()
+    bad = damaged(lines[2])
+    out = tmp_path / "out"
+    out.mkdir()
+    spoiled = [*lines[:2], *bad, *lines[3:]]
+    (out / evaluations.FILE).write_text("\n".join(spoiled) + "\n" + lines[1][:30])
+    (out / "search.journal.lock").symlink_to("search.journal")  # as an older version left it when it was killed
+    result = run(path, out, resume=True)
+    told = capsys.readouterr().err
+    assert tables(out) == tables(before)
+    assert result["evaluated_in_this_run"] == 1  # that of the line that was replaced
+    assert [told.count(f"line {number}: ") for number in range(1, 3 + len(bad))] == [0, 0, *[1] * len(bad)]
+    assert "hota is 9.9; a number from 0 to 1 is expected" in told
+    assert sorted((out / evaluations.FILE).read_text().splitlines()) == sorted(
+        lines
+    )  # all good ones, and that one again
+    run(path, out, resume=True)
+    assert "line" not in capsys.readouterr().err
+
+
+def test_a_first_line_that_is_damaged_is_refused_and_nothing_is_lost(
+    whole: tuple[Path, Path, dict], tmp_path: Path
+) -> None:
+    path, before, _ = whole
+    text = (before / evaluations.FILE).read_text().replace('"name": "small"', '"name": "smell"', 1)
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / evaluations.FILE).write_text(text)
+    for resume in (True, False):
+        with pytest.raises(InputError, match=r"line 1: is not as it was written, by its checksum; "):
+            run(path, out, resume=resume)
+    assert (out / evaluations.FILE).read_text() == text
+
+
+def test_a_disk_that_is_full_while_the_file_is_mended_leaves_the_old_one(
+    whole: tuple[Path, Path, dict], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, before, _ = whole
+    out = tmp_path / "out"
+    out.mkdir()
+    text = (before / evaluations.FILE).read_text() + "half a li"
+    (out / evaluations.FILE).write_text(text)
+
+    def full(*arguments: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", full)
+        with pytest.raises(InputError, match=r"evaluations\.jsonl: cannot be written \(No space"):
+            run(path, out, resume=True)
+    assert (out / evaluations.FILE).read_text() == text
