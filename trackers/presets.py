@@ -5,6 +5,7 @@ Nothing heavy is imported until a tracker is made.
 
 from __future__ import annotations
 
+import difflib
 import importlib
 import inspect
 import re
@@ -187,8 +188,10 @@ def make_tracker(
     elif ":" in name:
         preset = Preset(name, "")
     else:
+        close = difflib.get_close_matches(name, known, n=1)
+        hint = f"did you mean {close[0]!r}? " if close else ""
         raise InputError(
-            f"tracker {name!r} is unknown; valid ones are {', '.join(known)}, or a class of yours as module:Class"
+            f"tracker {name!r} is unknown; {hint}valid ones are {', '.join(known)}, or a class of yours as module:Class"
         )
     maker, given = _load(preset.target, name), laid_over(preset.options, options or {})
     try:

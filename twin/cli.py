@@ -111,7 +111,7 @@ def _code_of_run() -> int:
             sys.stderr.write("twin: interrupted; no file was left half-written under its final name\n")
         return code if isinstance(code, int) else EXIT_DONE
     except InputError as error:
-        return _told(str(error))
+        return _told(lack_of_memory(error) or str(error))
     except PlugInError as error:
         return _told(str(error), EXIT_FELL_SHORT)
     except BrokenPipeError:

@@ -11,7 +11,7 @@ from trackers.errors import InputError
 _LEAST_MB = 200
 """Under this OpenBLAS ends the process by itself, before Python can say anything."""
 
-_SAID_OF_MEMORY = ("failed to map segment", "allocate", "can't start new thread", "insufficient memory")
+_SAID_OF_MEMORY = ("failed to map segment", "allocate memory", "can't start new thread", "insufficient memory")
 _FOREIGN = ("av", "cv2", "mujoco", "OpenGL", "apsw", "sqlite3", "zstandard")
 """Libraries whose errors do not say that memory was what they lacked."""
 
@@ -26,12 +26,17 @@ def check_memory() -> None:
 def lack_of_memory(error: BaseException) -> str | None:
     """The sentence for an error that lack of memory has brought about; None for any other."""
     limit = _limit_mb()
+    is_told = isinstance(error, InputError)  # already in words, which are wrong only where memory is spoken of
     for each in _chain(error):
         is_errno = isinstance(each, OSError) and each.errno == errno.ENOMEM
-        said = isinstance(each, ImportError | OSError | RuntimeError) or _is_foreign(each)
-        if isinstance(each, MemoryError) or is_errno or (said and any(word in str(each) for word in _SAID_OF_MEMORY)):
+        said = isinstance(each, ImportError | OSError | RuntimeError | ValueError) or _is_foreign(each)
+        if (
+            isinstance(each, MemoryError)
+            or is_errno
+            or (said and any(word in str(each).lower() for word in _SAID_OF_MEMORY))
+        ):
             return _sentence(limit)
-        if limit is not None and _is_foreign(each):
+        if limit is not None and ((_is_foreign(each) and not is_told) or "gives no OpenGL context" in str(each)):
             return _sentence(limit)
     return None
 

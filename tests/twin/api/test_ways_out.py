@@ -45,6 +45,7 @@ def test_twin_alone_and_its_groups_print_help_and_version() -> None:
         found = twin(*group)
         assert found.returncode == 0 and "Usage:" in found.stdout and not found.stderr
     assert twin("--version").stdout.startswith("roomtwin ")
+    assert "did you mean 'sort'?" in said(twin("run", "lab-five-people", "--tracker", "sotr"))
     assert "'run'" in said(twin("rnu")) and "Valid are run, render" in said(twin("rnu"))
 
 
