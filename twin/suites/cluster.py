@@ -99,6 +99,7 @@ def open_cluster(
     """
     from dask import config
     from distributed import Client, LocalCluster
+    from distributed.security import Security
 
     needs = dict(resources or {})
     n_worker, local = (jobs or core_count()) if scheduler is None else 0, None
@@ -110,7 +111,9 @@ def open_cluster(
                 threads_per_worker=1,
                 processes=True,
                 host="127.0.0.1",
-                dashboard_address="127.0.0.1:0",
+                # Whoever reaches a scheduler runs code as its user: this run's certificate, never on disk, keeps others out.
+                security=Security.temporary(),
+                dashboard_address="127.0.0.1:0" if _has_dashboard() else None,
                 silence_logs=50,
                 env=ENVIRONMENT,
                 resources=needs,

@@ -33,6 +33,13 @@ def cluster() -> Iterator[Cluster]:
         yield opened
 
 
+@pytest.fixture(scope="module")
+def address() -> Iterator[str]:
+    """A scheduler of the user's own, without certificates."""
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50) as theirs:
+        yield theirs.scheduler_address
+
+
 class Record:
     """Everything that a listener is told."""
 
@@ -188,8 +195,7 @@ def test_what_a_listener_raises_ends_the_run_and_frees_the_workers(cluster: Clus
     assert len(record.by_id()) == 4
 
 
-def test_a_scheduler_elsewhere_is_used_and_its_workers_with_the_resources_alone(cluster: Cluster) -> None:
-    address = cluster.client.scheduler.address
+def test_a_scheduler_elsewhere_is_used_and_its_workers_with_the_resources_alone(address: str) -> None:
     with open_cluster(scheduler=address) as elsewhere:
         record = Record()
         run_on(elsewhere, squares(4), do, record.listener())
@@ -198,9 +204,8 @@ def test_a_scheduler_elsewhere_is_used_and_its_workers_with_the_resources_alone(
         assert choosy.workers() == {}
 
 
-def test_workers_at_work_are_never_taken_for_gone(cluster: Cluster) -> None:
+def test_workers_at_work_are_never_taken_for_gone(address: str) -> None:
     """Dask's client keeps a note of the scheduler, refreshed in its own thread without the workers."""
-    address = cluster.client.scheduler.address
     with config.set({"distributed.client.scheduler-info-interval": "1ms"}), open_cluster(scheduler=address) as busy:
         assert all(busy.workers() for _ in range(500))
 
@@ -246,3 +251,17 @@ def test_a_host_that_does_not_exist_and_one_that_is_no_scheduler_are_said(monkey
         with pytest.raises(InputError, match=r"^--resource .*: is no resource; NAME=N"):
             read_resources([text])
     assert read_resources(["GPU=1", "lidar=2"]) == {"GPU": 1.0, "lidar": 2.0}
+
+
+def test_who_has_not_the_certificate_of_the_run_cannot_reach_its_scheduler_or_workers(cluster: Cluster) -> None:
+    from distributed import Client
+    from distributed.security import Security
+
+    assert cluster.local is not None
+    addresses = [cluster.local.scheduler_address, *(cluster.workers() or {})]
+    assert len(addresses) == 3 and all(each.startswith("tls://") for each in addresses)
+    for address in addresses:
+        host, _, port = address.removeprefix("tls://").rpartition(":")
+        for scheme, security in (("tcp", None), ("tls", Security.temporary())):
+            with pytest.raises((OSError, TimeoutError)):
+                Client(f"{scheme}://{host}:{port}", timeout=2, set_as_default=False, security=security)
