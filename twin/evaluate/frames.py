@@ -224,7 +224,7 @@ def _silent_stamps(truth_stamps: NDArray[np.int64], track_stamps: NDArray[np.int
     silent = SILENCE_FACTOR * float(np.quantile(periods, USUAL_SHARE))
     first, last = int(track_stamps[0]), int(track_stamps[-1])
     start, end = int(truth_stamps[0]), int(truth_stamps[-1])
-    wanted = [np.zeros(0)]
+    wanted: list[NDArray[np.floating]] = [np.zeros(0)]
     before, after = track_stamps[:-1], track_stamps[1:]
     counts = ((after - before) / period + 0.5).astype(np.int64) - 1  # the last at least half a period before `after`
     counts[after - before <= silent] = 0
