@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
+from twin.recording.picture_size import check_picture, picture_size
 
 PNG_FORMAT = "16UC1; png compressed "
 """The format that image_transport writes into a CompressedImage of depth as PNG, its space at the end included."""
@@ -68,6 +69,8 @@ def _from_compressed(message: Any, sensor: str) -> NDArray[np.float32]:
         if "32FC1" in message.format or "rvl" in message.format:
             raise InputError(f"depth of {sensor!r}: format is {message.format!r}; 16UC1 as png is expected")
         data = data[_HEADER_BYTES:]
+    if picture_size(bytes(data)) is not None:
+        check_picture(bytes(data), f"depth of {sensor!r}")
     pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
     if pixels is None or pixels.dtype != np.uint16 or pixels.ndim != 2:
         what = "no picture" if pixels is None else f"a picture of {pixels.dtype} {pixels.shape}"

@@ -25,6 +25,7 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
 from twin.recording import topics
 from twin.recording.depth_picture import PNG_FORMAT, encode_png
+from twin.recording.picture_size import check_picture
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
@@ -207,6 +208,7 @@ def _encode_depth_image(image: DepthImage, jpeg_quality: int) -> Encoded:
 
 
 def _decode_jpeg(data: NDArray[np.uint8], sensor: str) -> NDArray[np.uint8]:
+    check_picture(bytes(data), f"image of {sensor!r}")
     # The lens is calibrated on the sensor's rows and columns: an EXIF orientation must not turn them.
     flags = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
     rgb = cv2.imdecode(data, flags) if data.size else None

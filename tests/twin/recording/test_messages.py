@@ -170,3 +170,19 @@ def test_a_scanner_that_names_no_limit_is_read(range_max):
 def test_a_scan_without_a_range_of_ranges_is_refused():
     with pytest.raises(InputError, match="range_max 0 m"):
         encode(replace(a_scan(0), range_min_m=0.0, range_max_m=0.0))
+
+
+@pytest.mark.parametrize("ending", [".jpg", ".png"])
+def test_a_picture_that_claims_more_pixels_than_a_picture_has_is_not_decoded(
+    ending: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from twin.recording import messages, picture_size
+
+    data = cv2.imencode(ending, np.zeros((7, 9, 3), np.uint8))[1].ravel()
+    assert picture_size.picture_size(bytes(data)) == (9, 7)
+    claimed = bytes(data).replace(b"\x00\x07\x00\x09", b"\x4e\x20\x4e\x20", 1)
+    if ending == ".png":
+        claimed = bytes(data).replace(b"\x00\x00\x00\x09\x00\x00\x00\x07", b"\x00\x00\x4e\x20\x00\x00\x4e\x20", 1)
+    monkeypatch.setattr(cv2, "imdecode", lambda *arguments: pytest.fail("was decoded"))
+    with pytest.raises(InputError, match=r"its header claims 20000 x 20000, 4e\+08 pixels; at most .*--no-limits"):
+        messages._decode_jpeg(np.frombuffer(claimed, np.uint8), "fisheye")
