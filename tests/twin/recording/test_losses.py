@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import cos, sin
+from typing import Any
 
 import numpy as np
 import pytest
@@ -60,7 +61,7 @@ def of_waist_and_knee(change):
     """Scans of both, those of the waist scanner as `change` has them by number (None: none)."""
     messages = []
     for k, stamp_ns in enumerate(STAMPS):
-        scan = TYPESTORE.deserialize_cdr(encode(a_scan(stamp_ns)).data, LASER_SCAN)
+        scan: Any = TYPESTORE.deserialize_cdr(encode(a_scan(stamp_ns)).data, LASER_SCAN)
         messages.append(("/low", LASER_SCAN, stamp_ns, scan))
         if (changed := change(k, scan)) is not None:
             messages.append(("/high", LASER_SCAN, stamp_ns, changed))

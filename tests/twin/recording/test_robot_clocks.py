@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -42,7 +43,7 @@ def a_bag(folder, waist: Said = true, knee: Said = true, logged: Said = true, **
     messages = []
     for topic, said in (("/high", waist), ("/low", knee)):
         for k in range(N):
-            message = TYPESTORE.deserialize_cdr(encode(a_scan(REGULAR[k], seed=len(topic))).data, LASER_SCAN)
+            message: Any = TYPESTORE.deserialize_cdr(encode(a_scan(REGULAR[k], seed=len(topic))).data, LASER_SCAN)
             header = replace(message.header, stamp=time_message(said(k)))
             messages.append((topic, LASER_SCAN, logged(k), replace(message, header=header, **changes)))
     write_ros2_bag(folder / "bag", sorted(messages, key=lambda message: message[2]))
