@@ -98,6 +98,11 @@ class FisheyeSensor(Strict):
         default=0.0, description="what is added to its stamps to bring them on the rig's clock [s]"
     )
 
+    @model_validator(mode="after")
+    def _lens_does_not_fold(self) -> FisheyeSensor:
+        self.intrinsics.check_growth()
+        return self
+
 
 class PinholeSensor(Strict):
     """A pinhole camera on the rig; `room_from_sensor` takes its optical frame (x right, y down, z ahead)."""
@@ -111,6 +116,11 @@ class PinholeSensor(Strict):
     time_offset_s: FiniteFloat = Field(
         default=0.0, description="what is added to its stamps to bring them on the rig's clock [s]"
     )
+
+    @model_validator(mode="after")
+    def _lens_does_not_fold(self) -> PinholeSensor:
+        self.intrinsics.edge_tangents()
+        return self
 
 
 class StereoSensor(Strict):
@@ -153,6 +163,11 @@ class StereoSensor(Strict):
                 "the topic of the depth pictures is expected"
             )
         return content | {"depth_topic": content["topic"].removesuffix(_IMAGE) + _DEPTH}
+
+    @model_validator(mode="after")
+    def _lens_does_not_fold(self) -> StereoSensor:
+        self.intrinsics.edge_tangents()
+        return self
 
     def eyes_m(self) -> list[NDArray[np.float64]]:
         """Where the views look from in the room: the left one (3,), and the right one where the baseline is known [m]."""

@@ -58,3 +58,27 @@ def test_a_main_sensor_that_is_none_of_the_rigs_is_refused():
 def test_a_rig_without_sensors_has_no_main_one():
     with pytest.raises(InputError, match="no sensors"):
         Rig(sensors={}).main_sensor  # noqa: B018
+
+
+SIZE = {"width": 640, "height": 480, "fx": 600.0, "fy": 600.0, "cx": 320.0, "cy": 240.0}
+
+
+@pytest.mark.parametrize("count", [0, 4, 5, 8, 12, 14])
+def test_zeros_at_the_end_of_a_distortion_are_the_same_lens(count):
+    given = ([0.1, -0.2, 0.001, 0.002, 0.0] + [0.0] * 9)[:count]
+    lens = PinholeIntrinsics.model_validate(SIZE | {"distortion": given})
+    assert lens.distortion == tuple((given + [0.0] * 5)[:5])
+
+
+@pytest.mark.parametrize("count", [8, 12, 14])
+def test_a_rational_lens_is_refused_by_name(count):
+    with pytest.raises(ValueError, match="rational_polynomial"):
+        PinholeIntrinsics.model_validate(SIZE | {"distortion": [0.0] * (count - 1) + [0.1]})
+
+
+@pytest.mark.parametrize("kind", ["camera", "stereo", "fisheye"])
+def test_a_lens_that_folds_inside_its_picture_is_refused(kind):
+    lens = {"k": [-0.3, 0, 0, 0], "field_of_view_rad": 3.2} if kind == "fisheye" else {"distortion": [-5, 0, 0, 0, 0]}
+    sensor = {"kind": kind, "topic": "/c/image/compressed", "intrinsics": SIZE | lens}
+    with pytest.raises(InputError, match=r"rig.yaml: sensors.c: .*folds back"):
+        Rig.parse(str({"sensors": {"c": sensor}}), "rig.yaml")

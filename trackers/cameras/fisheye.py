@@ -9,6 +9,7 @@ from pydantic import Field, FiniteFloat
 
 from trackers.arrays import Array, ArrayOrNumber, Mask
 from trackers.cameras.intrinsics import Intrinsics, first_turn
+from trackers.errors import InputError
 
 _GRID = 4096
 _NEWTON_STEPS = 3
@@ -39,6 +40,15 @@ class FisheyeIntrinsics(Intrinsics):
     def fold_angle_rad(self) -> float:
         """The angle from the axis at which r(θ) stops growing [rad]; inf: never."""
         return first_turn(self.radius_of_angle)
+
+    def check_growth(self) -> None:
+        """Raise InputError where r(θ) stops growing inside the field of view: there a pixel sees two directions."""
+        if self.fold_angle_rad <= self.field_of_view_rad / 2:
+            fold_deg = float(np.rad2deg(self.fold_angle_rad))
+            raise InputError(
+                f"lens: with k = {list(self.k)} the picture folds back {fold_deg:.1f}° from the axis; "
+                f"a field of view below {2 * fold_deg:.1f}° is valid, not {float(np.rad2deg(self.field_of_view_rad)):g}°"
+            )
 
     def project(self, points: Float[Array, "*n 3"]) -> tuple[Float[Array, "*n 2"], Bool[Mask, "*n"]]:
         """Pixel coordinates of points [m] in the camera frame, and whether the picture shows each.

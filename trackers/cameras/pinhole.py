@@ -2,19 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
+from typing import Annotated, Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy.polynomial import Polynomial
-from pydantic import Field, FiniteFloat
+from pydantic import BeforeValidator, Field, FiniteFloat
 
 from trackers.arrays import Array, ArrayOrNumber, Mask
 from trackers.cameras.intrinsics import Intrinsics, first_turn
+from trackers.errors import InputError
 
 _NEWTON_STEPS = 30
 _CONVERGED = 1e-9
 """How near [tangent of the angle] a direction must come back to its pixel to count as found."""
+
+
+_LENGTHS = (0, 4, 5, 8, 12, 14)
+"""How many coefficients OpenCV and ROS write; those from the sixth on are of the rational, thin-prism and tilted models."""
+
+
+def _plumb_bob(values: Any) -> Any:
+    """Return coefficients of any of OpenCV's lengths as five; zeros beyond them bend nothing."""
+    if not isinstance(values, Sequence) or isinstance(values, str):
+        return values
+    if len(values) not in _LENGTHS:
+        raise ValueError(f"{len(values)} coefficients; k1, k2, p1, p2, k3 (0, 4 or 5 values) are valid")
+    if any(value != 0 for value in values[5:]):
+        raise ValueError(
+            f"{list(values)} are {len(values)} coefficients of the model rational_polynomial, which is not supported; "
+            "plumb_bob (k1, k2, p1, p2, k3, any further ones 0) is valid"
+        )
+    return [*values, *[0.0] * 5][:5]
 
 
 class PinholeIntrinsics(Intrinsics):
@@ -25,7 +46,10 @@ class PinholeIntrinsics(Intrinsics):
     `plumb_bob`.
     """
 
-    distortion: tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat] = Field(
+    distortion: Annotated[
+        tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat],
+        BeforeValidator(_plumb_bob, json_schema_input_type=list[FiniteFloat]),
+    ] = Field(
         default=(0.0, 0.0, 0.0, 0.0, 0.0), description="Brown–Conrady coefficients k1, k2, p1, p2, k3; all 0: none"
     )
 
@@ -38,6 +62,23 @@ class PinholeIntrinsics(Intrinsics):
     def fold_radius(self) -> float:
         """The tangent of the angle from the axis at which the radial polynomial stops growing; inf: never."""
         return _fold_radius(self.distortion)
+
+    def edge_tangents(self) -> Float[Array, "260 2"]:
+        """Return the tangents x/z, y/z that the picture's edge sees; raises InputError where the lens folds back inside."""
+        columns, rows = np.linspace(-0.5, self.width - 0.5, 65), np.linspace(-0.5, self.height - 0.5, 65)
+        edge = np.concatenate(
+            [
+                *(np.stack([columns, np.full(65, row)], axis=-1) for row in rows[[0, -1]]),
+                *(np.stack([np.full(65, column), rows], axis=-1) for column in columns[[0, -1]]),
+            ]
+        )
+        tangents = self.unproject(edge)[:, :2]
+        if np.isnan(tangents).any():
+            raise InputError(
+                f"distortion {list(self.distortion)} (k1, k2, p1, p2, k3) folds back inside the "
+                f"{self.width} x {self.height} picture, so that its edge sees nothing; one that grows up to the edge is valid"
+            )
+        return tangents
 
     def project(self, points: Float[Array, "*n 3"]) -> tuple[Float[Array, "*n 2"], Bool[Mask, "*n"]]:
         """Pixel coordinates of points [m] in the camera frame, and whether the picture shows each.

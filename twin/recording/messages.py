@@ -35,7 +35,20 @@ STRING = "std_msgs/msg/String"
 # The messages used here are the same in every ROS 2 distribution; Humble's definitions are the oldest still maintained.
 TYPESTORE = get_typestore(Stores.ROS2_HUMBLE)
 
-_CHANNELS = {"rgb8": 3, "bgr8": 3, "mono8": 1}
+_CHANNELS = {
+    **{"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1, "8UC1": 1, "8UC3": 3, "8UC4": 4},
+    **{"mono16": 1, "rgb16": 3, "bgr16": 3, "yuv422": 2, "yuv422_yuy2": 2},
+    **dict.fromkeys(("bayer_rggb8", "bayer_bggr8", "bayer_gbrg8", "bayer_grbg8"), 1),
+}
+"""Encodings of pictures that are read, and their channels; 8UC3 and 8UC4 are in OpenCV's order, blue first."""
+_CONVERSIONS = {
+    "bayer_rggb8": cv2.COLOR_BayerRGGB2RGB,
+    "bayer_bggr8": cv2.COLOR_BayerBGGR2RGB,
+    "bayer_gbrg8": cv2.COLOR_BayerGBRG2RGB,
+    "bayer_grbg8": cv2.COLOR_BayerGRBG2RGB,
+    "yuv422": cv2.COLOR_YUV2RGB_UYVY,
+    "yuv422_yuy2": cv2.COLOR_YUV2RGB_YUY2,
+}
 _FLOOR_ENCODINGS = ("mono8", "8UC1")
 _NO_INTENSITIES = np.zeros(0, dtype=np.float32)
 
@@ -87,7 +100,9 @@ def decode(data: bytes | memoryview, msgtype: str, sensor: str, *, kind: str | N
 
 
 def from_message(message: Any, sensor: str, *, kind: str | None = None, offset_ns: int = 0) -> Observation:
-    """The observation in a ROS 1 or ROS 2 message: LaserScan, CompressedImage, or Image in rgb8, bgr8 or mono8.
+    """The observation in a ROS 1 or ROS 2 message: LaserScan, CompressedImage, or Image.
+
+    An Image's encoding is one of `_CHANNELS`; of 16 bits the upper eight are kept.
 
     `kind` is that of the sensor on the rig: an Image of a 'floor' is a FloorFrame, of anything else a picture. `offset_ns` is
     added to the header's stamp. Ranges at or beyond range_max become +inf, those below range_min or not above 0 become NaN
@@ -249,18 +264,25 @@ def _raw_rgb(message: Any, sensor: str) -> NDArray[np.uint8]:
         valid = ", ".join(_CHANNELS)
         raise InputError(f"image of {sensor!r}: encoding is {message.encoding!r}; one of {valid} is expected")
     pixels = _raw_pixels(message, sensor)
-    if message.encoding == "bgr8":
-        pixels = pixels[:, :, ::-1]
+    if message.encoding.startswith("yuv422") and message.width % 2:
+        raise InputError(f"image of {sensor!r}: width {message.width} in {message.encoding}; an even width is expected")
+    if message.encoding in _CONVERSIONS:
+        return np.asarray(cv2.cvtColor(np.ascontiguousarray(pixels), _CONVERSIONS[message.encoding]), dtype=np.uint8)
+    if message.encoding.startswith(("bgr", "8UC")):
+        pixels = pixels[:, :, 2::-1]
+    pixels = pixels[:, :, :3]
     return np.ascontiguousarray(np.broadcast_to(pixels, (message.height, message.width, 3)))
 
 
 def _raw_pixels(message: Any, sensor: str) -> NDArray[np.uint8]:
-    """The pixels (height, width, channels) of an Image of one byte a channel, without the padding of its rows."""
-    width_bytes = message.width * _CHANNELS.get(message.encoding, 1)
+    """The pixels (height, width, channels) of an Image without the padding of its rows, of 16 bits the upper eight."""
+    channel_bytes = 2 if message.encoding.endswith("16") else 1
+    width_bytes = message.width * _CHANNELS.get(message.encoding, 1) * channel_bytes
     if message.step < width_bytes or message.data.size != message.height * message.step:
         raise InputError(
             f"image of {sensor!r}: {message.data.size} bytes, step {message.step} for "
             f"{message.width} x {message.height} {message.encoding}; height x step bytes are expected"
         )
     rows = np.asarray(message.data).reshape(message.height, message.step)[:, :width_bytes]
-    return rows.reshape(message.height, message.width, -1)
+    upper = 0 if message.is_bigendian else channel_bytes - 1
+    return rows.reshape(message.height, message.width, -1)[:, :, upper::channel_bytes]

@@ -127,7 +127,7 @@ def test_a_lossless_png_comes_through():
 @pytest.mark.parametrize(
     ("message", "complaint"),
     [
-        (RawImage(HEADER, 2, 2, "yuv422", 0, 4, np.zeros(8, np.uint8)), "'yuv422'; one of rgb8, bgr8, mono8"),
+        (RawImage(HEADER, 2, 2, "nv12", 0, 4, np.zeros(8, np.uint8)), "'nv12'; one of rgb8, bgr8, rgba8"),
         (RawImage(HEADER, 2, 2, "rgb8", 0, 6, np.zeros(8, np.uint8)), "height x step bytes"),
         (RawImage(HEADER, 2, 2, "rgb8", 0, 4, np.zeros(8, np.uint8)), "height x step bytes"),
         (CompressedImage(HEADER, "jpeg", np.zeros(0, np.uint8)), "JPEG or PNG is expected"),
@@ -186,3 +186,50 @@ def test_a_picture_that_claims_more_pixels_than_a_picture_has_is_not_decoded(
     monkeypatch.setattr(cv2, "imdecode", lambda *arguments: pytest.fail("was decoded"))
     with pytest.raises(InputError, match=r"its header claims 20000 x 20000, 4e\+08 pixels; at most .*--no-limits"):
         messages._decode_jpeg(np.frombuffer(claimed, np.uint8), "fisheye")
+
+
+RGB = np.random.default_rng(3).integers(0, 256, (6, 8, 3), dtype=np.uint8)
+FLAT = np.full((6, 8, 3), (180, 90, 40), dtype=np.uint8)
+ALPHA = np.full((6, 8, 1), 7, dtype=np.uint8)
+EXACT = {
+    "rgba8": np.concatenate([RGB, ALPHA], axis=2),
+    "bgra8": np.concatenate([RGB[..., ::-1], ALPHA], axis=2),
+    "8UC3": RGB[..., ::-1],
+    "8UC4": np.concatenate([RGB[..., ::-1], ALPHA], axis=2),
+    "rgb16": RGB.astype(np.uint16) * 256 + 11,
+    "bgr16": RGB[..., ::-1].astype(np.uint16) * 256 + 11,
+    "mono16": RGB[..., 0].astype(np.uint16) * 256 + 11,
+    "8UC1": RGB[..., 0],
+}
+
+
+@pytest.mark.parametrize("big", [0, 1])
+@pytest.mark.parametrize("encoding", EXACT)
+def test_other_encodings_of_the_same_picture_are_the_same_picture(encoding, big):
+    pixels = EXACT[encoding]
+    raw = pixels.astype(pixels.dtype.newbyteorder(">" if big else "<"))
+    rows = np.pad(np.frombuffer(raw.tobytes(), np.uint8).reshape(6, -1), ((0, 0), (0, 5)))
+    expected = RGB if pixels.ndim == 3 else np.repeat(RGB[..., :1], 3, axis=2)
+    message = RawImage(HEADER, 6, 8, encoding, big, rows.shape[1], rows.ravel())
+    np.testing.assert_array_equal(from_message(message, "c").rgb, expected)
+
+
+@pytest.mark.parametrize("pattern", ["rggb", "bggr", "gbrg", "grbg"])
+def test_a_bayer_mosaic_of_one_colour_is_that_colour(pattern):
+    sites = ["rgb".index(letter) for letter in pattern]
+    mosaic = np.zeros((6, 8), np.uint8)
+    for site, channel in enumerate(sites):
+        mosaic[site // 2 :: 2, site % 2 :: 2] = FLAT[0, 0, channel]
+    message = RawImage(HEADER, 6, 8, f"bayer_{pattern}8", 0, 8, mosaic.ravel())
+    np.testing.assert_array_equal(from_message(message, "c").rgb, FLAT)
+
+
+@pytest.mark.parametrize("encoding", ["yuv422", "yuv422_yuy2"])
+def test_yuv_is_read_in_its_order(encoding):
+    y, u, v = cv2.cvtColor(FLAT, cv2.COLOR_RGB2YUV)[0, 0]
+    pair = [u, y, v, y] if encoding == "yuv422" else [y, u, y, v]
+    message = RawImage(HEADER, 6, 8, encoding, 0, 16, np.tile(np.array(pair, np.uint8), 24))
+    assert np.abs(from_message(message, "c").rgb.astype(int) - FLAT)[..., 0].max() < 60
+    assert from_message(message, "c").rgb[0, 0].argmax() == 0
+    with pytest.raises(InputError, match="even width"):
+        from_message(RawImage(HEADER, 1, 3, encoding, 0, 6, np.zeros(6, np.uint8)), "c")
