@@ -19,6 +19,7 @@ from trackers.arrays import Array, Mask
 from trackers.errors import InputError
 from twin.geometry.geom_hull import hull_points
 from twin.geometry.polygon import TOLERANCE_M, gap_between, polygon_area
+from twin.limits import check_limit
 
 Planar = NDArray[np.complex128]
 
@@ -33,6 +34,10 @@ OBSTACLE_REACH_M = KEEP_FROM_FURNITURE_M - KEEP_FROM_EDGE_M
 """How far from its area an obstacle may stand and still be in the way of somebody who stays in the area [m]."""
 _THIN_M = 1e-3
 _OCTAGON = np.array([[np.cos(angle), np.sin(angle)] for angle in np.arange(8) * np.pi / 4])
+MOST_OBSTACLES = 500
+"""Footprints that people find their ways around: the memory that takes grows with their square."""
+MOST_OF_ONE = 200
+"""Footprints of one piece of furniture: the time that merging them takes grows with their cube."""
 _MERGED = 1.15
 """Two footprints become their hull where that covers at most this multiple of the larger one, or no more than both."""
 
@@ -55,7 +60,7 @@ def obstacles_of(model: mujoco.MjModel, source: str = "room") -> list[Obstacle]:
     Geoms whose top is below `LOW_M`, whose foot is above `HIGH_M`, floors and what nobody sees (alpha 0) are no
     obstacles. Footprints of one piece of furniture that (nearly) cover each other become one, round ones an octagon
     about them, and geoms right in the worldbody that stand within another footprint (books in a shelf) are left out.
-    Raises InputError for a height field.
+    Raises InputError for a height field, and for more geoms of one thing than `MOST_OF_ONE`.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -79,6 +84,8 @@ def obstacles_of(model: mujoco.MjModel, source: str = "room") -> list[Obstacle]:
         if not body:
             loose.add(name)
         found.setdefault(furniture, []).append(_few_corners(_hull(points[:, :2])))
+    for name, shapes in found.items():
+        check_limit(len(shapes), MOST_OF_ONE, f"{source}: {name!r} stands in people's way with", "geoms")
     obstacles = [Obstacle(name, corners) for name, shapes in found.items() for corners in _merged(shapes)]
     covered = _covered(obstacles)
     return [each for each, hidden in zip(obstacles, covered, strict=True) if not (each.furniture in loose and hidden)]

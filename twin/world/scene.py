@@ -14,6 +14,7 @@ from trackers.errors import InputError
 from twin import models
 from twin.geometry.geom_hull import check_extent
 from twin.instant.feet import FootShapes
+from twin.limits import check_limit
 from twin.people.body.appearance import Appearance, appearance_of
 from twin.people.casts import casts_of
 from twin.people.crowd.ground import Ground
@@ -25,7 +26,7 @@ from twin.people.script.actor import approaches
 from twin.room.floor import check_floor_under, floor_hull, floor_of
 from twin.room.furniture import Bed, Seat, furniture_of
 from twin.room.model import compiled, load_room, set_planes
-from twin.room.obstacles import OBSTACLE_REACH_M, Obstacle, obstacles_of, within_reach
+from twin.room.obstacles import MOST_OBSTACLES, OBSTACLE_REACH_M, Obstacle, obstacles_of, within_reach
 from twin.room.walkable import walkable_area
 from twin.scenario import Scenario
 from twin.scenario.behaviour import Lie, Sit
@@ -34,6 +35,9 @@ from twin.scenario.housings import in_the_room
 from twin.streams import stream
 from twin.world.bodies import Bodies
 from twin.world.placement import check_approach, check_placement, check_polygon
+
+_MOST_CORNERS = 500
+"""Of the walkable area: ways are looked for from each corner to every other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +98,7 @@ def build_scene(scenario: Scenario) -> Scene:
     obstacles = obstacles_of(room, path.name)
     source = f"scenario {scenario.name!r}"
     obstacles = within_reach(obstacles, walkable, OBSTACLE_REACH_M)
+    check_limit(len(obstacles), MOST_OBSTACLES, f"{path}: stands in people's way with", "things")
     routes = _routes(walkable, obstacles, source)
     check_placement(scenario, area, walkable, routes)
     ground = Ground(area, walkable, obstacles, routes, furniture, source)
@@ -219,6 +224,7 @@ def _own_walkable_area(spec: mujoco.MjSpec, path: Path) -> NDArray[np.float64] |
                     "x1 y1 x2 y2 ... [m] of at least 3 corners are expected"
                 )
             corners = data.reshape(-1, 2)
+            check_limit(len(corners), _MOST_CORNERS, f"{path}: walkable_area: is a polygon of", "corners")
             check_polygon(corners, f"{path}: walkable_area")
             return corners
     return None
