@@ -10,7 +10,7 @@ from twin.people.crowd.routes import Routes
 from twin.room.furniture import Seat
 from twin.room.obstacles import Footprints, Obstacle
 from twin.scenario import Scenario
-from twin.world.placement import check_free, check_placement, check_seat, check_way
+from twin.world.placement import check_approach, check_free, check_placement, check_way
 
 ROOM = np.array([[-3.0, -2.0], [3.0, -2.0], [3.0, 2.0], [-3.0, 2.0]])
 TABLE = Obstacle("table", np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]))
@@ -74,7 +74,7 @@ def test_a_seat_that_faces_something(routes):
     def seat(yaw):
         return Seat("chair", np.array([-2.0, 0.0, 0.45]), yaw, "chair", frozenset(), 0.2)
 
-    check_seat(seat(0.0), 0.15, routes, "sit")
+    check_approach(seat(0.0), [seat(0.0).before(0.15)], routes, "sit")
     blocked = Routes(ROOM, [CHAIR, Obstacle("desk", TABLE.corners - np.array([1.1, 0.0]))])
-    with pytest.raises(InputError, match="sit: nobody can come to .* the seat 'chair', 'desk' is in the way"):
-        check_seat(seat(0.0), 0.25, blocked, "sit")
+    with pytest.raises(InputError, match="sit: nobody of this size can come to .* the seat 'chair', 'desk' is in the way"):
+        check_approach(seat(0.0), [seat(0.0).before(0.25)], blocked, "sit")
