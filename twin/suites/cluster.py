@@ -113,7 +113,7 @@ def open_cluster(
                 host="127.0.0.1",
                 # Whoever reaches a scheduler runs code as its user: this run's certificate, never on disk, keeps others out.
                 security=Security.temporary(),
-                dashboard_address="127.0.0.1:0" if _has_dashboard() else None,
+                dashboard_address=cast("str", "127.0.0.1:0" if _has_dashboard() else None),  # None: no page
                 silence_logs=50,
                 env=ENVIRONMENT,
                 resources=needs,

@@ -124,7 +124,7 @@ def repaint(folder: Path) -> None:
     cv2.imwrite(str(folder / "paper.png"), np.full((4, 4, 3), 200, np.uint8))
 
 
-EDITS: dict[str, tuple[Callable[[Path], None], str]] = {
+EDITS: dict[str, tuple[Callable[[Path], object], str]] = {
     "scenario": (edit("own.yaml", "duration_s: 1.5", "duration_s: 1.2"), "scenario"),
     "room": (edit("room.xml", "<worldbody>", "<worldbody><site name='new'/>"), "room"),
     "included": (lambda folder: (folder / "part.xml").write_text(part(0.3)), "room"),
@@ -136,12 +136,12 @@ EDITS: dict[str, tuple[Callable[[Path], None], str]] = {
 }
 
 
-def suite_run(folder: Path, out: str, **more: bool) -> list[str]:
+def suite_run(folder: Path, out: str, *, resume: bool = False) -> list[str]:
     told: list[str] = []
     suite, path = load_suite(folder / "suite.yaml")
     cache = RecordingCache(folder / "cache", 10**9)
     watcher = Watcher(warned=told.append, failed=lambda case_id, error: pytest.fail(error))
-    run_suite(suite, path, folder / out, cache, Place(jobs=1), trusted=EVERY, watcher=watcher, **more)
+    run_suite(suite, path, folder / out, cache, Place(jobs=1), trusted=EVERY, watcher=watcher, resume=resume)
     return told
 
 
@@ -202,7 +202,7 @@ def test_a_study_goes_on_as_if_begun_after_the_edit(
 
 
 def test_sigkill_at_any_time_and_resume_give_the_bits_of_an_undisturbed_study(folder: Path) -> None:
-    """Killed twice at moments drawn with a seed; more of them in `scripts/bench --only kills`."""
+    """Killed twice at moments drawn with a seed."""
     study_run(folder, "whole")
     command = [sys.executable, "-m", "twin", "study", "run", str(folder / "study.yaml"), "--allow-plugins"]
     command += ["--jobs", "1", "--out", str(folder / "out")]
