@@ -117,7 +117,7 @@ class TrackerAtWork:
     @property
     def warnings(self) -> list[str]:
         """What the tracker warns of, and that it reports no track although it detects something in frame after frame."""
-        told = warnings(self.tracker)
+        told = list(warnings(self.tracker))
         if not self._tracked and self._n_frame >= _ENOUGH_FRAMES and self._n_with_detections >= _OFTEN * self._n_frame:
             often = f"{self._n_with_detections} of {self._n_frame} frames"
             told = [*told, f"reports no track, although it detects something in {often}; `twin detections` shows what"]
