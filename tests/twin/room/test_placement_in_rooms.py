@@ -76,5 +76,7 @@ def test_a_seat_that_faces_something(routes):
 
     check_approach(seat(0.0), [seat(0.0).before(0.15)], routes, "sit")
     blocked = Routes(ROOM, [CHAIR, Obstacle("desk", TABLE.corners - np.array([1.1, 0.0]))])
-    with pytest.raises(InputError, match="sit: nobody of this size can come to .* the seat 'chair', 'desk' is in the way"):
+    with pytest.raises(
+        InputError, match="sit: nobody of this size can come to .* the seat 'chair', 'desk' is in the way"
+    ):
         check_approach(seat(0.0), [seat(0.0).before(0.25)], blocked, "sit")
