@@ -97,7 +97,7 @@ def test_places_and_lens(tmp_path):
         assert (info_time, info.header.stamp) == (image_time, image.header.stamp)
         assert info.header.frame_id == image.header.frame_id == "camera"
         assert (info.width, info.height, info.distortion_model) == (48, 32, "equidistant")
-        np.testing.assert_array_equal(info.d, (0.1, 0.02, 0.0, -0.01))
+        np.testing.assert_array_equal(info.d, (0.1, 0.02, 0.0, -0.001))
         np.testing.assert_array_equal(info.k.reshape(3, 3), [[14.5, 0, 23.5], [0, 14, 15.5], [0, 0, 1]])
         np.testing.assert_array_equal(info.p.reshape(3, 4)[:, :3], info.k.reshape(3, 3))
 

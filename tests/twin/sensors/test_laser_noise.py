@@ -17,6 +17,11 @@ def scan_of(ranges_m: np.ndarray, increment_rad: float = np.deg2rad(0.5)) -> Las
 
 
 def corrupt(noise: LaserNoise, ranges_m: np.ndarray, seed: int = 0, **options: float) -> np.ndarray:
+    """The ranges with noise; more beams than a turn has at half a degree lie closer, and their footprints are as much smaller."""
+    closer = min(1.0, 719 / ranges_m.size)
+    if closer < 1:
+        noise = noise.model_copy(update={"divergence_deg": noise.divergence_deg * closer})
+        options = {"increment_rad": np.deg2rad(0.5) * closer} | options
     noisy, state = noise.corrupt(scan_of(ranges_m, **options), None, np.random.default_rng(seed))
     assert state is None
     return noisy.ranges_m
