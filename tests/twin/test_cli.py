@@ -68,8 +68,10 @@ def test_schema_is_json_schema() -> None:
     assert "sensors" in json.loads(twin("schema", "rig").stdout)["properties"]
     suite = json.loads(twin("schema", "suite").stdout)
     assert {"scenarios", "seeds", "trackers", "tolerances"} <= set(suite["properties"])
-    either = suite["$defs"]["SuiteScenario"]["properties"]["seeds"]["anyOf"]  # `seeds: 3`, a list, or the suite's
-    assert [each["type"] for each in either] == ["integer", "array", "null"]
+    either = suite["$defs"]["SuiteScenario"]["properties"]["seeds"][
+        "anyOf"
+    ]  # `seeds: 3`, a list, a range, or the suite's
+    assert [each.get("type", each.get("$ref")) for each in either] == ["integer", "array", "#/$defs/SeedRange", "null"]
     refused(twin("schema", "robot"), "'robot'", "scenario, suite, study, rig")
 
 
