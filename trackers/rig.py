@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 from pydantic import Field, FiniteFloat, PositiveInt, model_validator
 
@@ -21,7 +22,7 @@ from trackers.configuration import Strict, validate
 from trackers.errors import InputError
 from trackers.force_curve import ForceCurve
 from trackers.knowledge_files import NO_FILES, KnowledgeFiles
-from trackers.plain_data import dump_yaml, parse_yaml
+from trackers.plain_data import parse_yaml
 from trackers.pose import Coordinate, Pose
 from trackers.text_file import AnyPath, read_text
 
@@ -321,7 +322,7 @@ class Rig(Strict):
 
     def dump_yaml(self) -> str:
         """The rig as the text of a `rig.yaml`."""
-        return dump_yaml(self.model_dump(mode="json", exclude_none=True))
+        return yaml.safe_dump(self.model_dump(mode="json", exclude_none=True), sort_keys=False)
 
     @classmethod
     def load(cls, path: AnyPath) -> Rig:

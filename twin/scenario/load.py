@@ -9,13 +9,14 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
+import yaml
 from pydantic import Field
 
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.knowledge_files import files_within
 from trackers.merging import laid_over
-from trackers.plain_data import DEEPEST, dump_yaml, parse_yaml, parse_yaml_value
+from trackers.plain_data import DEEPEST, parse_yaml, parse_yaml_value
 from trackers.text_file import AnyPath, read_text
 from twin import models
 from twin.drawn.distributions import DrawnPeople, DrawnRoom, DrawnSensors
@@ -217,4 +218,4 @@ def _index(items: list[Any], part: str, override: str) -> int:
 def dump_scenario(scenario: Scenario) -> str:
     """The resolved scenario as YAML that runs again to the same bits."""
     content = scenario.model_dump(mode="json", exclude_none=True)
-    return dump_yaml(content)
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from pathlib import PurePath
 from typing import Literal
 
-from pydantic import ConfigDict, Field, JsonValue, model_serializer, model_validator
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, model_serializer, model_validator
 
-from trackers.configuration import Strict, Typed
+from trackers.configuration import Strict
 from trackers.knowledge_files import NO_FILES, KnowledgeFiles
 from trackers.rig import Point2
 from twin.scenario.behaviour import PersonName, companions
@@ -24,7 +24,7 @@ Name = PersonName
 """A name: it becomes a topic, a file name and a column, so letters, digits, '-' and '_' only."""
 
 
-class TrackerChoice(Typed):
+class TrackerChoice(BaseModel):
     """A tracker as a scenario defines it: a preset's or class's name, and the options to change, beside it.
 
     `preset` is the name of a preset or 'module:Class'; without it, the entry's own name. The options are checked by the tracker.

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
-from trackers.plain_data import dump_yaml
 from twin.recording.whole_file import whole_file
 from twin.scenario import load_scenario
 from twin.studies.layout import OWN, Candidate
@@ -44,7 +44,9 @@ def write_answers(folder: Path, answers: Answers) -> dict[str, Path]:
         f"{moved.name} with its sensors as the study {study.name} recommends.",
     )  # fmt: skip
     with whole_file(files["study"]) as stream:
-        stream.write(dump_yaml(study.model_dump(mode="json", exclude_none=True, by_alias=True)))
+        yaml.safe_dump(
+            study.model_dump(mode="json", exclude_none=True, by_alias=True), stream, sort_keys=False, allow_unicode=True
+        )
     with whole_file(files["summary"]) as stream:
         json.dump(summary_of(answers), stream, indent=2, ensure_ascii=False)
         stream.write("\n")

@@ -10,9 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pydantic import ConfigDict, FiniteFloat, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, FiniteFloat, TypeAdapter, ValidationError
 
-from trackers.configuration import Typed
 from trackers.errors import InputError
 from twin.recording.whole_file import whole_file
 from twin.run.out_folder import locked_folder
@@ -51,7 +50,7 @@ class Outcome:
     error: str = ""
 
 
-class _Line(Typed):
+class _Line(BaseModel):
     """A line of the file but for its checksum."""
 
     model_config = ConfigDict(extra="forbid")

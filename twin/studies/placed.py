@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from trackers.configuration import validate
 from trackers.errors import InputError
-from trackers.plain_data import dump_yaml
 from twin import models
 from twin.recording.whole_file import whole_file
 from twin.scenario import Scenario
@@ -172,7 +173,7 @@ def write_scenario(path: Path, own: Scenario, moved: Scenario, own_file: Path, n
             content[field] = changed
     with whole_file(path) as stream:
         stream.write("# What the study recommends: `twin run` takes it as it is.\n")
-        stream.write(dump_yaml(content))
+        yaml.safe_dump(content, stream, sort_keys=False, allow_unicode=True)
 
 
 def _changes(before: Any, now: Any) -> Any:

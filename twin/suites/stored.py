@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import AfterValidator, ConfigDict, Field, FiniteFloat, Json, TypeAdapter, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, Json, TypeAdapter, ValidationError
 
-from trackers.configuration import Typed
 from trackers.errors import InputError
 from twin.suites.bounds import Bound
 from twin.suites.description import Tolerance
@@ -68,7 +67,7 @@ class Promise:
     bound: Bound
 
 
-class Facts(Typed):
+class Facts(BaseModel):
     """What is known of a run as a whole."""
 
     model_config = ConfigDict(frozen=True)
