@@ -9,7 +9,10 @@ from benchmarks.restated import (
     CLOSE,
     EXACT,
     MAY_TURN_M,
+    OTHER_SEEDS,
     REDRAWN,
+    ROUNDING_M,
+    UNLIKE,
     Restated,
     Scene,
     deviation_m,
@@ -21,13 +24,8 @@ from trackers.tracks import TrackFrame
 from twin import Simulation
 from twin.scenario import load_scenario
 
-_ROUNDING_M = 1e-6
-"""A micrometre: floats tell 1e-13 m apart at 1 km; filters and assignments repeat such errors, but do not let them grow."""
 _SAMPLING = ("vision-learning", "particle", "rgbd")
 """In the names of trackers that draw at random."""
-_OTHER_SEEDS = (1, 2, 3)
-_UNLIKE = 0.05
-"""Share of tracks that may differ where the readings do, or beyond what other seeds make of a sampling tracker."""
 _SCENES = {"rgbd": ("meeting-three-people", 4.0), "floor": ("home-three-people", 4.0), "": ("lab-five-people", 10.0)}
 
 
@@ -37,7 +35,7 @@ def measure() -> Iterator[Figure]:
     for tracker in PRESETS:
         scene = scenes[next(key for key in scenes if key in tracker)]
         first = scene.frames(tracker)
-        spread = max(disagreement(first, Restated(scene), scene.frames(tracker, seed)) for seed in _OTHER_SEEDS)
+        spread = max(disagreement(first, Restated(scene), scene.frames(tracker, seed)) for seed in OTHER_SEEDS)
         for name, restate in EXACT.items():
             yield _judged(tracker, name, first, restate(scene), spread)
         for name, restate in CLOSE.items():
@@ -45,16 +43,16 @@ def measure() -> Iterator[Figure]:
             frames = restated.scene.frames(tracker)
             judged = [frame for frame in first if not frames or frame.stamp_ns >= frames[len(frames) // 4].stamp_ns]
             unlike = disagreement(judged, restated, frames)
-            yield Figure(f"{tracker}: {name}", unlike, "of the tracks", f"<= {spread + 2 * _UNLIKE:.3f}")
+            yield Figure(f"{tracker}: {name}", unlike, "of the tracks", f"<= {spread + 2 * UNLIKE:.3f}")
 
 
 def _judged(tracker: str, name: str, first: list[TrackFrame], restated: Restated, spread: float) -> Figure:
     if name in REDRAWN and any(each in tracker for each in _SAMPLING):
         unlike = redrawn_disagreement(first, restated, tracker)
-        return Figure(f"{tracker}: {name}", unlike, "of the tracks", f"<= {spread + _UNLIKE:.3f}")
+        return Figure(f"{tracker}: {name}", unlike, "of the tracks", f"<= {spread + UNLIKE:.3f}")
     frames = restated.scene.frames(tracker)
     turns = name.startswith("turned") and ("imm" in tracker or tracker.endswith("kalman"))
-    tolerance_m = MAY_TURN_M if turns else _ROUNDING_M
+    tolerance_m = MAY_TURN_M if turns else ROUNDING_M
     return Figure(f"{tracker}: {name}", deviation_m(first, restated, frames), "m", f"<= {tolerance_m:g}")
 
 

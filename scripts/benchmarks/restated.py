@@ -268,6 +268,11 @@ EXACT: Mapping[str, Callable[[Scene], Restated]] = {
 REDRAWN = ("moved by 1 km", "turned by 37°, moved by 1 km", "mirrored", "sensors upside down")
 """Of these, those after which a random number means another direction, or goes to another person."""
 
+ROUNDING_M = 1e-6
+"""A micrometre: floats tell 1e-13 m apart at 1 km; filters and assignments repeat such errors, but do not let them grow."""
+UNLIKE = 0.05
+"""Share of tracks that may differ where the readings do, or beyond what other seeds make of a sampling tracker."""
+OTHER_SEEDS = (1, 2, 3)
 MAY_TURN_M = 0.05
 """How far tracks whose heading starts along the room's x axis (the motion models of `laser-fisheye-imm`) may turn with it [m].
 

@@ -17,9 +17,10 @@ import numpy as np
 
 from benchmarks.figure import Figure
 from trackers.arrays import Array
+from twin.models import cache_folder
 from twin.scenario import load_scenario
 from twin.suites.baseline import read_results
-from twin.suites.cache import RecordingCache, cache_folder, cache_limit_bytes
+from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.description import Suite, SuiteScenario
 from twin.suites.figures import GATED, allowed_by_default
 from twin.suites.results import GroupKey, Results

@@ -15,9 +15,10 @@ import psutil
 
 from benchmarks.figure import Figure
 from benchmarks.spread import other_noise
+from twin.models import cache_folder
 from twin.scenario import load_scenario
 from twin.suites.baseline import read_results
-from twin.suites.cache import RecordingCache, cache_folder, cache_limit_bytes
+from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.cases import expand
 from twin.suites.cluster import ENVIRONMENT, open_cluster
 from twin.suites.comparison import Comparison, compare

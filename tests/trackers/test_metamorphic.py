@@ -9,7 +9,10 @@ from benchmarks.restated import (
     CLOSE,
     EXACT,
     MAY_TURN_M,
+    OTHER_SEEDS,
     REDRAWN,
+    ROUNDING_M,
+    UNLIKE,
     Restated,
     Scene,
     deviation_m,
@@ -19,10 +22,7 @@ from benchmarks.restated import (
 from synthetic_room import empty_room, observe, rig, wandering
 
 LASERS = ("sort", "laser-imm", "laser-kalman", "laser-vision-learning-laser")
-ROUNDING_M = 1e-6  # of floats at 1 km, 1e-13 m, which filters and assignments repeat but do not let grow
 SAMPLING = ("laser-vision-learning-laser",)
-UNLIKE = 0.05  # share of the tracks that may differ where the readings do
-OTHER_SEEDS = (1, 2, 3)
 
 
 @cache

@@ -207,9 +207,8 @@ def draw_furniture(plan: FloorPlan, options: DrawnRoom, space: FreeSpace, rng: n
     if not kinds:
         return []
     weights = np.array([options.furniture[kind] for kind in kinds])
-    floor_m2 = sum(room.area_m2 for room in plan.rooms)
     pieces: list[Piece] = []
-    for _ in range(round(rng.uniform(*options.furniture_per_m2) * floor_m2)):
+    for _ in range(round(rng.uniform(*options.furniture_per_m2) * sum(room.area_m2 for room in plan.rooms))):
         piece = _DRAWN[kinds[int(rng.choice(len(kinds), p=weights / weights.sum()))]](rng)
         put_up = _against_a_wall if piece.at_wall else _stood
         placed = put_up(piece, plan, space, pieces, rng)
@@ -265,8 +264,7 @@ def _chairs(
 ) -> list[Piece]:
     """Chairs about a table or before a desk, pulled out and turned aside as people leave them."""
     chairs: list[Piece] = []
-    sides = [1] if table.at_wall else [1, -1]
-    for side in sides:
+    for side in (1,) if table.at_wall else (1, -1):
         n_chair = 1 if table.at_wall else int(rng.integers(0, int(table.width_m / 0.75) + 1))
         for place in range(n_chair):
             x = (place + 0.5 - n_chair / 2) * 0.75
@@ -341,7 +339,7 @@ def _strip(wall: Wall, first_m: float, last_m: float, half_m: float) -> Array:
 
 
 def _overlap(one: Array, other: Array) -> bool:
-    """Whether two convex polygons (k, 2) overlap, by separating axes."""
+    """Tell whether two convex polygons (k, 2) overlap, by separating axes: thousands of places are tried for a plan."""
     for shape in (one, other):
         edges = np.roll(shape, -1, axis=0) - shape
         for normal in np.column_stack([-edges[:, 1], edges[:, 0]]):

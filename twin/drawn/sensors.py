@@ -31,11 +31,9 @@ def draw_sensors(options: DrawnSensors, building: DrawnBuilding, duration_s: flo
         ("stereo", options.stereos, draws.stereo),
     ):
         for number in range(1, int(rng.integers(bounds[0], bounds[1] + 1)) + 1):
-            sensors[f"{kind}_{number}"] = draw(number)
+            sensors[f"{kind}_{number}"] = draw()
     if rng.random() < options.floor:
         sensors["floor"] = draws.floor()
-    if not sensors:
-        sensors["scanner_1"] = draws.scanner(1)
     faults = {}
     for name in sensors:
         if rng.random() < options.faults:
@@ -57,7 +55,7 @@ class _Draws:
         self._corners = [*range(len(building.plan.outline))]
         rng.shuffle(self._corners)
 
-    def scanner(self, number: int) -> dict[str, Any]:
+    def scanner(self) -> dict[str, Any]:
         """A scanner on a wall, level, looking into the room."""
         rng, options = self._rng, self._options
         is_waist = rng.random() < options.waist
@@ -76,7 +74,7 @@ class _Draws:
             "noise": self._noise(),
         }
 
-    def fisheye(self, number: int) -> dict[str, Any]:
+    def fisheye(self) -> dict[str, Any]:
         """A fisheye camera at head height on a wall, looking into the room."""
         place, yaw = self._on_a_wall()
         return {
@@ -89,12 +87,12 @@ class _Draws:
             "noise": self._noise(),
         }
 
-    def camera(self, number: int) -> dict[str, Any]:
+    def camera(self) -> dict[str, Any]:
         """A pinhole camera in a corner under the ceiling, looking down into the room."""
         return {"kind": "camera", "rate_hz": self._rate(), "size": [480, 360], "vertical_field_of_view_deg": 62,
                 "mount": self._in_a_corner(), "noise": self._noise()}  # fmt: skip
 
-    def stereo(self, number: int) -> dict[str, Any]:
+    def stereo(self) -> dict[str, Any]:
         """A stereo camera in a corner under the ceiling."""
         return {"kind": "stereo", "rate_hz": min(self._rate(), 8.0), "size": [320, 240], "vertical_field_of_view_deg": 59,
                 "baseline_m": 0.12, "mode": "matched", "mount": self._in_a_corner(), "noise": self._noise()}  # fmt: skip

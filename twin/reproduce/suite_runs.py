@@ -12,10 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from trackers.errors import InputError
+from twin.models import cache_folder
 from twin.progress import OnProgress
 from twin.recording.tables import TrackTable, TruthTable, read_tracks, read_truth
 from twin.shown import shown
-from twin.suites.cache import RecordingCache, cache_folder, cache_limit_bytes
+from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.cases import Case, expand
 from twin.suites.description import Suite, load_suite
 from twin.suites.fingerprint import recording_key

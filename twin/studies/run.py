@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from trackers.errors import InputError
+from twin.models import cache_folder
 from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
 from twin.scenario import Scenario
 from twin.studies.aftermath import Beside, alike, what_moved
@@ -25,7 +26,7 @@ from twin.studies.prepare import Prepared, prepare
 from twin.studies.search import Result, Searcher
 from twin.studies.trial import Trial, fronts, losses
 from twin.studies.trying import Trying
-from twin.suites.cache import RecordingCache, cache_folder, cache_limit_bytes
+from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.run import Place, Watcher
 
 

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from trackers.errors import InputError
-from twin.models import cache_folder as cache_folder
 from twin.shown import shown
 
 DEFAULT_LIMIT_GB = 20.0

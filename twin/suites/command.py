@@ -118,7 +118,8 @@ def cache(
     empty: Annotated[bool, typer.Option("--empty", help="Remove every recording that is not in use.")] = False,
 ) -> None:
     """Where the recordings are kept, and how much they take."""
-    from twin.suites.cache import RecordingCache, cache_folder, cache_limit_bytes
+    from twin.models import cache_folder
+    from twin.suites.cache import RecordingCache, cache_limit_bytes
 
     recordings = RecordingCache(cache_folder(), cache_limit_bytes())
     if empty:

@@ -9,9 +9,10 @@ from pathlib import Path
 
 from trackers.errors import InputError
 from twin.console import print_paths
+from twin.models import cache_folder
 from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
 from twin.suites.baseline import read_baseline, read_results, write_baseline
-from twin.suites.cache import RecordingCache, cache_folder, cache_limit_bytes
+from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.comparison import Comparison, compare
 from twin.suites.description import Suite, load_suite
 from twin.suites.figures import allowed_by_default

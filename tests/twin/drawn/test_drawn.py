@@ -179,3 +179,15 @@ def test_a_suite_draws_another_scene_for_each_seed(tmp_path: Path) -> None:
     rooms = {case.seed: yaml.safe_load(case.resolved)["room"] for case in cases}
     assert sorted(rooms) == [1000, 1001, 1002] and len(set(rooms.values())) == 3
     assert rooms[1001] == load_scenario("drawn", ["seed=1001"]).room
+
+
+def test_a_rig_of_which_nothing_is_drawn_gets_a_scanner() -> None:
+    kinds = set()
+    for seed in range(1000, 1012):
+        content, _ = drawn(
+            seed, people={"count": [1, 1]}, sensors={"scanners": [0, 1], "cameras": [0, 0], "floor": 1.0}
+        )
+        kinds.add(tuple(sensor["kind"] for sensor in content["sensors"].values()))
+    assert kinds == {("floor",), ("laser", "floor")}
+    with pytest.raises(InputError, match="at least one sensor is expected"):
+        drawn(1000, sensors={"scanners": [0, 1]})

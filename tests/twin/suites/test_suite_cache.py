@@ -12,8 +12,9 @@ from pathlib import Path
 import pytest
 
 from trackers.errors import InputError
+from twin.models import cache_folder
 from twin.suites import cache as suite_cache
-from twin.suites.cache import RecordingCache, cache_folder
+from twin.suites.cache import RecordingCache
 
 
 def maker(size: int, made: list[Path]):
