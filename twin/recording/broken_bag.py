@@ -9,6 +9,8 @@ _MCAP_MAGIC = b"\x89MCAP0\r\n"
 _SQLITE_MAGIC = b"SQLite format 3\0"
 _ROS1_MAGIC = b"#ROSBAG V"
 _STORAGES = (".mcap", ".db3")
+_HEAD_BYTES = 4096
+"""A ROS 1 bag's header is padded to this length; its fields come in any order."""
 
 
 def unreadable(path: Path) -> str:
@@ -18,7 +20,7 @@ def unreadable(path: Path) -> str:
     if path.suffix not in (".bag", *_STORAGES):
         return _other_file(path)
     with path.open("rb") as stream:
-        head = stream.read(64)
+        head = stream.read(_HEAD_BYTES)
     if not head:
         return "is empty, 0 bytes: its recorder wrote nothing, or it was copied in part"
     kinds = {
@@ -102,9 +104,9 @@ def why_broken(path: Path, reason: str) -> str:
             return f"its metadata.yaml cannot be used ({reason}); `ros2 bag reindex {path.name}` writes it anew"
     suffixes = {path.suffix} if path.is_file() else {each.suffix for each in path.glob("*")}
     if ".mcap" in suffixes:
-        tool = "`mcap recover` saves what can be read"
+        tool = f"`mcap recover {path.name}` saves what can be read"
     elif ".db3" in suffixes:
-        tool = "`sqlite3 FILE .recover` saves what can be read"
+        tool = f"`sqlite3 {path.name} .recover` saves what can be read"
     else:
-        tool = "`rosbag reindex` saves what can be read"
+        tool = f"`rosbag reindex {path.name}` saves what can be read"
     return f"is truncated or damaged ({reason}); {tool}"
