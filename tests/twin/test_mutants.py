@@ -72,6 +72,6 @@ def test_the_judge_sees_what_must_not_happen(tracker, fault, tmp_path):
     (tmp_path / "bad.py").write_text(BAD, encoding="utf-8")
     (tmp_path / "scenario.yaml").write_text(SMALL, encoding="utf-8")
     command = ["twin", "run", "scenario.yaml", "--no-images", "--tracker", f"bad:{tracker}", "--out", "out"]
-    with Judge(longest_s=1.5, most_mib=400) as judge:
+    with Judge(longest_s=1.5 if tracker == "Hangs" else 30, most_mib=400) as judge:
         verdict = judge.judge(Mutant(command, tmp_path, (tmp_path / "out",)))
     assert re.match(fault, verdict.fault)
