@@ -18,12 +18,12 @@ from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
 from twin.run.tracker_at_work import file_name
 from twin.scenario import load_scenario
 from twin.scenario.load import dump_scenario
-from twin.scenario.model import TrackerChoice
+from twin.scenario.model import Scenario, TrackerChoice
 from twin.scenario.size import RunSize, check_size, size_of
 from twin.suites.description import Changes, Suite, find_scenario
 from twin.suites.fingerprint import MadeFrom, made_from, people_key, recording_key, room_digest
 from twin.suites.fitness import TrackerCheck
-from twin.suites.written import as_texts, variants
+from twin.suites.written import Variant, as_texts, variants
 
 MOST_CASES = 5000
 
@@ -114,78 +114,110 @@ def expand(
             faults[f"--set {change}: a suite has its seeds under seeds:; --seed N, which adds to each, is expected"] = (
                 None
             )
+    checked: list[_Checked] = []
     for number in range(len(suite.scenarios)):
         try:
-            found = list(_of_entry(suite, number, path, changes, check, limits=limits))
+            checked += _check_entry(suite, number, path, changes, check, limits=limits)
         except InputError as error:
             faults |= dict.fromkeys(str(error).splitlines())
+    faults |= dict.fromkeys(check.faults())
+    if faults:  # before each seed draws a room of its own
+        raise InputError("\n".join(faults))
+    for entry in checked:
+        try:
+            found = list(_cases_of(suite, entry, path, changes, limits=limits))
+        except InputError as error:  # of a scene that one seed draws
+            faults |= dict.fromkeys(f"{path}: scenarios.{entry.number}: {line}" for line in str(error).splitlines())
             continue
         for case in found:
             if case.id in cases:
                 faults[
-                    f"{path}: scenarios.{number}: {_title(case.scenario, case.variant)}, seed {case.seed}, {case.tracker} "
-                    "is there twice; a name of its own for each entry is expected"
+                    f"{path}: scenarios.{entry.number}: {_title(case.scenario, case.variant)}, seed {case.seed}, "
+                    f"{case.tracker} is there twice; a name of its own for each entry is expected"
                 ] = None
             cases[case.id] = case
-    faults |= dict.fromkeys(check.faults())
     if faults:
         raise InputError("\n".join(faults))
     return list(cases.values())
 
 
-def _of_entry(
+@dataclass(frozen=True)
+class _Checked:
+    """One variant of an entry, checked with the scenario's own seed."""
+
+    number: int  # of the entry
+    variant: Variant
+    scenario: Scenario
+    scenario_path: Path
+    digest: str  # of the trackers' code and options
+
+
+def _check_entry(
     suite: Suite, number: int, path: Path, changes: Sequence[str], check: TrackerCheck, *, limits: bool
-) -> Iterator[Case]:
+) -> Iterator[_Checked]:
     entry = suite.scenarios[number]
     scenario_path = find_scenario(entry, path, number)
     for variant in variants(suite, number, changes):
         if "seed" in variant.overrides:
             raise InputError(f"{path}: {variant.written('seed')}: seed is set; `seeds:` beside it is expected")
-        overrides = as_texts(variant.overrides)
-        told = ", ".join(_short(text) for text in as_texts(variant.own))
         try:
-            scenario = load_scenario(scenario_path, changes, suites=overrides, folder=path.parent)
+            scenario = load_scenario(scenario_path, changes, suites=as_texts(variant.overrides), folder=path.parent)
             if limits:
                 check_size(scenario)
-            label = entry.name or scenario.name
-            digest = check.check(variant, scenario, scenario_path, _title(label, told))
+            title = _title(entry.name or scenario.name, _own_settings(variant))
+            digest = check.check(variant, scenario, scenario_path, title)
         except InputError as error:
             lines = str(error).splitlines()
             raise InputError("\n".join(f"{path}: scenarios.{number}: {line}" for line in lines)) from error
-        for seed in entry.seeds or suite.seeds:
-            of_seed = scenario
-            if is_kept_room(scenario.room):  # each seed draws a scene of its own
-                of_seed = load_scenario(scenario_path, [*changes, f"seed={seed}"], suites=overrides, folder=path.parent)
-            seeded = of_seed.model_copy(update={"seed": seed, "trackers": {}, "knowledge": NO_FILES})
-            resolved, people = dump_scenario(seeded), people_key(seeded)
-            room, recipe = room_digest(seeded.room), recording_key(resolved, "")
-            for tracker in variant.trackers:
-                choice = scenario.trackers.get(tracker, TrackerChoice())
-                followed = ((choice.preset or tracker, choice.options),)
-                yield Case(
-                    id=_case_id(label, overrides, seed, tracker),
-                    scenario=label,
-                    variant=told,
-                    overrides=overrides,
-                    seed=seed,
-                    tracker=tracker,
-                    limit_s=entry.limit_s or suite.limit_s,
-                    report=suite.reports,
-                    require={**suite.require.get(tracker, {}), **entry.require.get(tracker, {})},
-                    resolved=resolved,
-                    size=size_of(of_seed),
-                    people=people,
-                    knowledge=scenario.knowledge,
-                    made_from=made_from(resolved, room, followed, digest),
-                    recipe=recipe,
-                    tracker_changes=as_texts(
-                        {f"trackers.{name}": _options(choice) for name, choice in scenario.trackers.items()}
-                    ),
-                )
+        yield _Checked(number, variant, scenario, scenario_path, digest)
+
+
+def _cases_of(suite: Suite, checked: _Checked, path: Path, changes: Sequence[str], *, limits: bool) -> Iterator[Case]:
+    entry, variant, scenario = suite.scenarios[checked.number], checked.variant, checked.scenario
+    overrides, label, told = as_texts(variant.overrides), entry.name or scenario.name, _own_settings(variant)
+    for seed in entry.seeds or suite.seeds:
+        of_seed = scenario
+        if is_kept_room(scenario.room):  # each seed draws a scene of its own
+            of_seed = load_scenario(
+                checked.scenario_path, [*changes, f"seed={seed}"], suites=overrides, folder=path.parent
+            )
+            if limits:
+                check_size(of_seed)
+        seeded = of_seed.model_copy(update={"seed": seed, "trackers": {}, "knowledge": NO_FILES})
+        resolved, people = dump_scenario(seeded), people_key(seeded)
+        room, recipe = room_digest(seeded.room), recording_key(resolved, "")
+        for tracker in variant.trackers:
+            choice = scenario.trackers.get(tracker, TrackerChoice())
+            followed = ((choice.preset or tracker, choice.options),)
+            yield Case(
+                id=_case_id(label, overrides, seed, tracker),
+                scenario=label,
+                variant=told,
+                overrides=overrides,
+                seed=seed,
+                tracker=tracker,
+                limit_s=entry.limit_s or suite.limit_s,
+                report=suite.reports,
+                require={**suite.require.get(tracker, {}), **entry.require.get(tracker, {})},
+                resolved=resolved,
+                size=size_of(of_seed),
+                people=people,
+                knowledge=scenario.knowledge,
+                made_from=made_from(resolved, room, followed, checked.digest),
+                recipe=recipe,
+                tracker_changes=as_texts(
+                    {f"trackers.{name}": _options(choice) for name, choice in scenario.trackers.items()}
+                ),
+            )
 
 
 def _options(choice: TrackerChoice) -> JsonValue:
     return choice.model_dump(mode="json", exclude_none=True)
+
+
+def _own_settings(variant: Variant) -> str:
+    """The settings that tell this variant from the others of its entry, short."""
+    return ", ".join(_short(text) for text in as_texts(variant.own))
 
 
 def _short(text: str, longest: int = 60) -> str:
