@@ -2,24 +2,17 @@
 
 import os
 
-import jaxtyping
+import pytest
+import shape_checks
 
 # Before anything imports mujoco: tests that use its own renderer draw through EGL too.
 os.environ["MUJOCO_GL"] = "egl"
 
-# Before anything imports them: every call into these has its arguments' and its results' types and shapes checked.
-CHECKED = (
-    "trackers.camera_floor_particle",
-    "trackers.cameras",
-    "trackers.environment",
-    "trackers.filters",
-    "trackers.floor",
-    "trackers.laser",
-    "trackers.laser_fisheye_imm",
-    "trackers.laser_vision_learning",
-    "trackers.learning",
-    "trackers.rgbd_head",
-    "trackers.tracking",
-    "trackers.vision",
-)
-jaxtyping.install_import_hook(CHECKED, "shape_checks.checked")
+# Before anything imports them: calls into the trackers have their arguments' and results' types and shapes checked.
+shape_checks.install()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup() -> None:
+    """Check each function's first calls anew in each test."""
+    shape_checks.begin_test()

@@ -8,6 +8,7 @@ import sys
 import jaxtyping
 import numpy as np
 import pytest
+import shape_checks
 
 from trackers.filters.gating import distances, validation_region
 from trackers.filters.imm_state import ImmState
@@ -33,6 +34,42 @@ def test_a_number_that_is_none_is_refused_and_a_whole_one_is_not() -> None:
     assert validation_region(np.zeros((1, 1, 2)), np.zeros((1, 2)), 1).all()
     with pytest.raises(jaxtyping.TypeCheckError, match="radius_m"):
         validation_region(np.zeros((1, 1, 2)), np.zeros((1, 2)), "1")  # type: ignore[arg-type]
+
+
+def refused(n_call: int) -> int:
+    """How many of so many wrong calls of one function are refused."""
+    n = 0
+    for _ in range(n_call):
+        try:
+            distances(np.zeros((0, 2)), np.zeros((0, 2), np.intp))
+        except jaxtyping.TypeCheckError:
+            n += 1
+    return n
+
+
+def test_the_first_calls_of_a_function_are_checked_in_each_test_and_then_one_of_so_many() -> None:
+    assert refused(shape_checks.FIRST) == shape_checks.FIRST
+    assert refused(5 * shape_checks.EVERY) == 5
+    shape_checks.begin_test()
+    assert refused(shape_checks.FIRST) == shape_checks.FIRST
+
+
+def test_a_function_within_a_function_is_counted_over_all_that_are_made_of_it() -> None:
+    def made():
+        def within(n: int) -> int:
+            return n
+
+        return shape_checks._sampled(within, typechecker=shape_checks.checked)
+
+    wrong = []
+    for k in range(shape_checks.FIRST + 1):
+        assert made()(k) == k
+    for _ in range(3 * shape_checks.EVERY):
+        try:
+            made()("x")
+        except jaxtyping.TypeCheckError:
+            wrong.append(1)
+    assert len(wrong) == 3
 
 
 def test_outside_of_the_tests_nothing_is_checked() -> None:
