@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -34,6 +35,7 @@ CAMERA_HEIGHT_M = 1.15
 INTRINSICS = FisheyeIntrinsics(
     width=480, height=480, fx=148.0, fy=148.0, cx=239.5, cy=239.5, field_of_view_rad=np.deg2rad(185)
 )
+GREY_ROOM = np.full((INTRINSICS.height, INTRINSICS.width, 3), (150, 145, 135), np.uint8)
 
 
 def rig(waist: bool = True, knee: bool = True, camera: bool = True, roles: bool = True) -> Rig:
@@ -53,7 +55,7 @@ def camera_pose() -> Pose:
     return Pose.from_matrix(np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]), (0.0, 0.0, CAMERA_HEIGHT_M))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Walk:
     """Where people are at every scan: position (n_t, n, 2) [m], heading (n_t, n) [rad], phase of the gait (n_t, n) [rad]."""
 
@@ -181,7 +183,7 @@ def scan(walk: Walk | None, k: int, height: str, stamp_ns: int, rng: np.random.G
 
 def image(walk: Walk, k: int, stamp_ns: int, rng: np.random.Generator, shirts: Sequence[str]) -> Image:
     """People as painted upright ellipses: legs, shirt, head, far ones first, over a grey room, with pixel noise."""
-    canvas = np.full((INTRINSICS.height, INTRINSICS.width, 3), (150, 145, 135), np.uint8)
+    canvas = GREY_ROOM.copy()
     pose = camera_pose()
     p = walk.position[k]
     parts = ((0.0, 0.9, 0.15, (50, 55, 70)), (0.85, 1.48, 0.2, None), (1.5, 1.75, 0.09, (200, 160, 130)))
@@ -194,8 +196,8 @@ def image(walk: Walk, k: int, stamp_ns: int, rng: np.random.Generator, shirts: S
             points = np.column_stack([p[person] + sides[:, None] * across, heights])
             pixels, _ = INTRINSICS.project((points - pose.translation) @ pose.rotation)
             cv2.fillPoly(canvas, [np.rint(pixels).astype(np.int32)], colour)
-    noisy = canvas.astype(np.int16) + rng.integers(-8, 9, canvas.shape, np.int16)
-    return Image("camera", stamp_ns, np.clip(noisy, 0, 255).astype(np.uint8))
+    noisy = cv2.add(canvas, rng.integers(-8, 9, canvas.shape, np.int16), dtype=cv2.CV_8U)
+    return Image("camera", stamp_ns, noisy)
 
 
 def empty_room(rng: np.random.Generator, n: int = 10) -> list[Observation]:
@@ -208,16 +210,23 @@ def empty_room(rng: np.random.Generator, n: int = 10) -> list[Observation]:
 def observe(
     walk: Walk, seed: int, images: bool = True, shirts: Sequence[str] = tuple(SHIRTS), t0: float = 1.0
 ) -> list[Observation]:
-    """Everything the full rig reports of a walk, in order of arrival."""
+    """Everything the full rig reports of a walk, in order of arrival; of one walk the same objects each time."""
+    return list(_observed(walk, seed, images, tuple(shirts), t0))
+
+
+@lru_cache(maxsize=4)  # 30 MB each with pictures
+def _observed(walk: Walk, seed: int, images: bool, shirts: tuple[str, ...], t0: float) -> tuple[Observation, ...]:
     rng = np.random.default_rng(seed)
-    shirts = [shirts[i % len(shirts)] for i in range(walk.n_person)]
+    shirts = tuple(shirts[i % len(shirts)] for i in range(walk.n_person))
     observations: list[Observation] = []
     for k in range(len(walk)):
         stamp = round((t0 + k * PERIOD_S) * NS_PER_S)
         observations += [scan(walk, k, height, stamp, rng) for height in ("waist", "knee")]
         if images:
             observations.append(image(walk, k, stamp, rng, shirts))
-    return observations
+    for each in observations:
+        (each.rgb if isinstance(each, Image) else each.ranges_m).setflags(write=False)  # shared
+    return tuple(observations)
 
 
 @dataclass(frozen=True)

@@ -135,7 +135,7 @@ def test_nobody_is_outside_the_area():
     assert detector.missed(Moment(0), inside_outside).tolist() == [1, 0]
 
 
-def test_knees_help_where_the_waist_is_hidden_and_never_both_count():
+def test_knees_help_where_the_waist_is_hidden():
     walk = straight_walk([(0.0, 1.0), (-0.6, 1.9)], [(0.0, 0.0), (0.35, 0.0)], 40)
     with_knees, _ = tracked(walk, name="laser-imm")
     without, _ = tracked(walk, name="laser-imm", layers=("waist",))
@@ -144,6 +144,27 @@ def test_knees_help_where_the_waist_is_hidden_and_never_both_count():
         return sum(track.status == "coasting" for frame in frames for track in frame.tracks)
 
     assert coasted(with_knees) < coasted(without)
+
+
+@pytest.mark.parametrize("off_m", [-0.08, 0.08, 0.15])
+def test_where_the_waist_is_seen_knees_add_nothing(off_m):
+    """Trunk or legs, never both: knees that are seen elsewhere change no bit of who is seen whole, and all of a rig of knees."""
+    walk = straight_walk([(-1.2, 1.2)], [(0.6, 0.0)], 40)
+    given = observe(walk, 7, images=False)
+    off = [
+        replace(each, ranges_m=each.ranges_m + np.float32(off_m) * (each.ranges_m < 2.4))
+        if each.sensor == "knee"
+        else each
+        for each in given
+    ]
+    right, wrong = (tracked(walk, name="laser-imm", observations=each)[0] for each in (given, off))
+    assert right == wrong and sum(len(frame.tracks) for frame in right) > 30
+    knees = rig(waist=False, camera=False)
+    right, wrong = (tracked(walk, name="laser-imm", on=knees, observations=each)[0] for each in (given, off))
+    ranges = [
+        [np.hypot(track.x, track.y) for frame in frames[10:] for track in frame.tracks] for frames in (right, wrong)
+    ]
+    assert np.median(ranges[1]) - np.median(ranges[0]) == pytest.approx(off_m, abs=0.03)
 
 
 def test_colours_keep_apart_whom_positions_confuse():

@@ -1,6 +1,7 @@
 """The fused system on whole and degraded rigs: pictures help, and nothing depends on them."""
 
 from dataclasses import replace
+from functools import lru_cache, partial
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ FUSED = Rig(sensors={**RIG.sensors, "camera": CAMERA}, area=AREA)
 PASSING = straight_walk([(-1.5, 1.5), (1.5, 1.75)], [(0.8, 0.0), (-0.8, 0.0)], 40)
 
 
+@lru_cache(maxsize=2)
 def pictures(walk: Walk, late_s: float = 0.0, every: int = 1):
     return [
         image(walk, k, round((1 + 0.1 * k + late_s) * NS_PER_S), np.random.default_rng(k), ("pink", "blue", "white"))
@@ -59,21 +61,23 @@ def test_laser_only_leaves_the_camera_alone_and_no_camera_is_laser_only():
     assert [frame.tracks for frame in with_pictures] == [frame.tracks for frame in alone]
 
 
-FROZEN = [replace(each, rgb=pictures(PASSING)[0].rgb) for each in pictures(PASSING)]
+def frozen(walk: Walk):
+    first = pictures(walk)[0].rgb
+    return [replace(each, rgb=first) for each in pictures(walk)]
 
 
 @pytest.mark.parametrize(
     "images",
     [
-        [],
-        pictures(PASSING, late_s=0.4),
-        pictures(PASSING, every=5),
-        FROZEN,
+        lambda walk: [],
+        partial(pictures, late_s=0.4),
+        partial(pictures, every=5),
+        frozen,
     ],
     ids=["missing", "late", "one in five", "frozen"],
 )
 def test_pictures_that_are_missing_late_or_frozen_leave_it_to_the_scanners(images):
-    frames, *_ = followed(PASSING, images=images)
+    frames, *_ = followed(PASSING, images=images(PASSING))
     found = score(PASSING, frames)
     assert found.misses <= 4 and found.misidentified == 0
 
