@@ -62,16 +62,14 @@ def make_context() -> Any:
     return context
 
 
-def make_mjr_context(model: mujoco.MjModel, context: Any, samples: int, shadow_map_px: int | None) -> mujoco.MjrContext:
+def make_mjr_context(model: mujoco.MjModel, context: Any, samples: int, shadow_map_px: int) -> mujoco.MjrContext:
     """MuJoCo's side of a context: the model's meshes and textures, a buffer with this many samples a pixel (0: one).
 
-    shadow_map_px: the side of the map of a lamp's shadows; None: as the model says.
+    shadow_map_px: the side of the map of a lamp's shadows (0: none, where the model would say 64 MB).
     """
     quality = model.vis.quality
     own = quality.offsamples, quality.shadowsize
-    quality.offsamples = samples
-    if shadow_map_px is not None:
-        quality.shadowsize = shadow_map_px
+    quality.offsamples, quality.shadowsize = samples, shadow_map_px
     try:
         mjr = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
     except mujoco.FatalError as error:

@@ -60,7 +60,7 @@ class OffscreenRenderer:
             let_a_lamp_cast(model)
         with no_fork():
             self._context = make_context()
-            self._mjr = make_mjr_context(model, self._context, samples, _SHADOW_MAP_PX if shadows else None)
+            self._mjr = make_mjr_context(model, self._context, samples, _SHADOW_MAP_PX if shadows else 0)
         self._samples = samples
         self._scene = mujoco.MjvScene(model, model.ngeom + model.nskin + model.nflex + 1 + most_marks)
         self._scene.flags[:] = 0

@@ -37,6 +37,7 @@ sensors:
   floor: {kind: floor, rate_hz: 5, noise: off}
 """
 _SIDE_PX = 80
+Place = tuple[float, float, float]
 
 
 def room_of(inside: str = "", *, before: str = "", after: str = "", lamp: str = LAMP, floor: str = FLOOR) -> str:
@@ -65,18 +66,20 @@ def reports(scenario: Scenario) -> dict[str, bytes]:
     return found
 
 
-def disagreement(snapshot: Snapshot, eye_m: tuple[float, float, float], target_m: tuple[float, float, float]) -> float:
-    """Share of the pixels of a picture, from `eye_m` towards `target_m` [m], in which another geom is drawn than a ray meets."""
-    eye, target = np.array(eye_m), np.array(target_m)
-    right, up, forward = axes_towards(eye, target)
-    steps = (np.arange(_SIDE_PX) + 0.5) / _SIDE_PX * 2 - 1
-    directions = forward + 0.8 * steps[None, :, None] * right + 0.8 * steps[:, None, None] * up
-    directions = (directions / np.linalg.norm(directions, axis=-1, keepdims=True)).reshape(-1, 3)
-    view = View(tuple(forward), tuple(up), -0.8, 0.8, -0.8, 0.8, (0, 0, _SIDE_PX, _SIDE_PX))
+def disagreements(snapshot: Snapshot, eyes_m: list[Place], target_m: Place) -> list[float]:
+    """Share of the pixels of a picture, from each eye towards the target [m], where another geom is drawn than a ray meets."""
+    found = []
     numbers = np.zeros((_SIDE_PX, _SIDE_PX, 4), dtype=np.uint8)
+    steps = (np.arange(_SIDE_PX) + 0.5) / _SIDE_PX * 2 - 1
     with OffscreenRenderer(snapshot.model) as renderer:
-        geom_of_number = renderer.render(snapshot.data, eye, [view], None, numbers=numbers)
-    drawn = geom_of_number[numbers[..., :3].astype(int) @ [1, 256, 65536]].reshape(-1)
-    met, distance = np.empty(len(directions), dtype=np.int32), np.empty(len(directions))
-    cast(snapshot, eye, np.ascontiguousarray(directions), met, distance)
-    return float((drawn != met).mean())
+        for eye in map(np.array, eyes_m):
+            right, up, forward = axes_towards(eye, np.array(target_m))
+            directions = forward + 0.8 * steps[None, :, None] * right + 0.8 * steps[:, None, None] * up
+            directions = (directions / np.linalg.norm(directions, axis=-1, keepdims=True)).reshape(-1, 3)
+            view = View(tuple(forward), tuple(up), -0.8, 0.8, -0.8, 0.8, (0, 0, _SIDE_PX, _SIDE_PX))
+            geom_of_number = renderer.render(snapshot.data, eye, [view], None, numbers=numbers)
+            drawn = geom_of_number[numbers[..., :3].astype(int) @ [1, 256, 65536]].reshape(-1)
+            met, distance = np.empty(len(directions), dtype=np.int32), np.empty(len(directions))
+            cast(snapshot, eye, np.ascontiguousarray(directions), met, distance)
+            found.append(float((drawn != met).mean()))
+    return found
