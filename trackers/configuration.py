@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import difflib
+import logging
 import types
 from collections import Counter
-from collections.abc import Mapping
-from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from trackers.errors import InputError
 
 Model = TypeVar("Model", bound=BaseModel)
+
+logger = logging.getLogger(__name__)
 
 
 _SHAPES = {"tuple_type": "a list", "list_type": "a list"} | dict.fromkeys(
@@ -33,14 +37,22 @@ class Strict(BaseModel):
     Where the default of a field is a model, a mapping given for it is laid over that very default, so that changing one
     nested value leaves its siblings as the owner has them. A field with a validator of its own, a preset's name say, takes
     the mapping as it stands.
+
+    former_names: the current name of each field that was renamed, by its former name. A former name is accepted for one
+    release, with a warning; see `with_current_names`.
     """
+
+    former_names: ClassVar[Mapping[str, str]] = {}
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     @model_validator(mode="before")
     @classmethod
     def _over_the_owners_defaults(cls, content: Any) -> Any:
-        return content if not isinstance(content, dict) else content | _nested(cls, content, {})
+        if not isinstance(content, dict):
+            return content
+        current = with_current_names(cls, content)
+        return current | _nested(cls, current, {})
 
 
 def _nested(model: type[BaseModel], given: dict[Any, Any], owner: Mapping[str, Any]) -> dict[str, Any]:
@@ -55,8 +67,52 @@ def _nested(model: type[BaseModel], given: dict[Any, Any], owner: Mapping[str, A
     return whole
 
 
+def with_current_names(model: type[BaseModel], content: Any, source: str = "") -> Any:
+    """Return the content of a file with the former names of the model's fields, at every depth, replaced by the current ones.
+
+    Warn once of each former name, with its path after `source` and the current name. Call it before contents are merged: a
+    field may have its former name in one of them. Raises ValueError where a mapping has both names of a field.
+    """
+    return _current([model], content, source, ())
+
+
+def _current(kinds: Sequence[Any], content: Any, source: str, at: tuple[str, ...]) -> Any:
+    """Replace former names in content of one of these kinds, the members of a union; `at`: its path in the file."""
+    if isinstance(content, list | tuple) and kinds:
+        inner = [member for kind in kinds for member in _inner(kind, 0)]
+        items = [_current(inner, item, source, (*at, str(place))) for place, item in enumerate(content)]
+        return items if isinstance(content, list) else tuple(items)
+    if not isinstance(content, dict) or not kinds:
+        return content
+    former: dict[Any, str] = {}
+    for kind in _of_kind(kinds, content.get("kind")):
+        former |= getattr(kind, "former_names", {})
+    result = {}
+    for key, value in content.items():
+        name = former[key] if key in former else key  # noqa: SIM401 – .get loses the type
+        if name != key:
+            if name in content:
+                raise ValueError(
+                    f"{'.'.join((*at, str(key)))}: is the former name of {name!r}, which is given too; give one of them"
+                )
+            _warn_of_former_name(source, ".".join((*at, str(key))), name)
+        inner = [member for kind in kinds for member in _inner(kind, name)]
+        result[name] = _current(inner, value, source, (*at, str(key)))
+    return result
+
+
+@cache
+def _warn_of_former_name(source: str, path: str, name: str) -> None:
+    where = ": ".join(part for part in (source, path) if part)
+    logger.warning("%s: is now called %r; the former name is accepted in this release only", where, name)
+
+
 def validate(model: type[Model], content: Any, source: str) -> Model:
     """The content as this model; raises InputError with one line for every fault: source, path, fault, value."""
+    try:
+        content = with_current_names(model, content, source)
+    except ValueError as error:
+        raise InputError(f"{source}: {error}") from error
     try:
         return model.model_validate(content)
     except ValidationError as error:
@@ -133,9 +189,16 @@ def keys_of(model: type[BaseModel], path: tuple[str, ...], kind: Any = None) -> 
     models: list[Any] = [model]
     for part in path:
         models = [inner for each in models for inner in _inner(each, part)]
-    models = [each for each in models if _is_model(each)]
-    of_kind = [each for each in models if kind in get_args(getattr(each.model_fields.get("kind"), "annotation", None))]
-    return frozenset(name for each in of_kind or models for name in each.model_fields) if models else None
+    models = _of_kind(models, kind)
+    return frozenset(name for each in models for name in each.model_fields) if models else None
+
+
+def _of_kind(kinds: Sequence[Any], kind: Any) -> list[Any]:
+    """The models among the members of a union: those whose tag `kind` is this one, else all."""
+    models = [each for each in kinds if _is_model(each)]
+    return [
+        each for each in models if kind in get_args(getattr(each.model_fields.get("kind"), "annotation", None))
+    ] or models
 
 
 def _is_model(kind: Any) -> bool:

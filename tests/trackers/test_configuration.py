@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache, partial
 from math import isfinite
 from types import NoneType, UnionType
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import pytest
 import synthetic_home
@@ -16,6 +16,7 @@ from synthetic_room import rig
 
 import trackers.presets
 from trackers.configuration import Strict, validate
+from trackers.errors import InputError
 from trackers.merging import laid_over
 from trackers.presets import PRESETS, Preset, make_tracker
 from trackers.rgbd_head.options import Start
@@ -126,3 +127,56 @@ def test_the_outermost_owner_s_defaults_count() -> None:
     assert changed.middle == _Middle(inner=_Inner(first=100, second=3), beside=5)
     assert changed.maybe == _Inner(first=7, second=20)
     assert validate(_Outer, {"maybe": None}, "options").maybe is None
+
+
+class Wheel(Strict):
+    former_names: ClassVar = {"width_m": "radius_m"}
+
+    kind: Literal["wheel"] = "wheel"
+    radius_m: float = 1.0
+    grip: float = 1.0
+
+
+class Skid(Strict):
+    former_names: ClassVar = {"width_m": "length_m"}
+
+    kind: Literal["skid"] = "skid"
+    length_m: float = 1.0
+
+
+class Cart(Strict):
+    former_names: ClassVar = {"rolls_on": "wheel", "all": "parts"}
+
+    wheel: Wheel = Wheel(radius_m=2.0, grip=3.0)
+    parts: tuple[Annotated[Wheel | Skid, Field(discriminator="kind")], ...] = ()
+    named: dict[str, Wheel] = Field(default={})
+
+
+def test_former_names_are_read_at_every_depth_and_each_is_told_with_its_path(caplog: pytest.LogCaptureFixture) -> None:
+    former = {
+        "rolls_on": {"width_m": 5},
+        "all": [{"kind": "skid", "width_m": 6}, {"kind": "wheel", "width_m": 7}],
+        "named": {"width_m": {"width_m": 8}},
+    }
+    cart = validate(Cart, former, "cart-of-this-test.yaml")
+    assert cart == Cart(
+        wheel=Wheel(radius_m=5, grip=3),
+        parts=(Skid(length_m=6), Wheel(radius_m=7)),
+        named={"width_m": Wheel(radius_m=8)},
+    )
+    told = [record.getMessage() for record in caplog.records]
+    paths = ("rolls_on", "rolls_on.width_m", "all", "all.0.width_m", "all.1.width_m", "named.width_m.width_m")
+    assert len(told) == len(paths)
+    for path, line in zip(paths, told, strict=True):
+        assert line.startswith(f"cart-of-this-test.yaml: {path}: is now called")
+    assert "'length_m'" in told[3] and "'radius_m'" in told[4]
+
+
+def test_former_names_are_read_where_a_model_is_made_without_a_file() -> None:
+    assert Cart.model_validate({"rolls_on": {"width_m": 5}}).wheel == Wheel(radius_m=5, grip=3)
+
+
+@pytest.mark.parametrize("content", [{"wheel": {}, "rolls_on": {}}, {"wheel": {"width_m": 1, "radius_m": 1}}])
+def test_a_field_with_both_its_names_is_refused(content: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=r"^cart\.yaml: .*is the former name of .*give one of them"):
+        validate(Cart, content, "cart.yaml")
