@@ -51,7 +51,7 @@ _BY_FILE = {
         ),
     ],
     "trackers/filters/absence.py": [
-        ("mean square left in the variance", "not_seen", "xx - mean_x ** 2", "xx"),
+        ("mean square left in the variance", "not_seen", "uu - mean_u ** 2", "uu"),
         ("existence by who would be seen", "existence_unseen", "there * missed", "there * (1 - missed)"),
         ("evidence upside down", "existence_measured", "_A * _B", "_A / _B"),
     ],

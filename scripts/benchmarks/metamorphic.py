@@ -8,7 +8,6 @@ from benchmarks.figure import Figure
 from benchmarks.restated import (
     CLOSE,
     EXACT,
-    MAY_TURN_M,
     OTHER_SEEDS,
     REDRAWN,
     ROUNDING_M,
@@ -51,9 +50,7 @@ def _judged(tracker: str, name: str, first: list[TrackFrame], restated: Restated
         unlike = redrawn_disagreement(first, restated, tracker)
         return Figure(f"{tracker}: {name}", unlike, "of the tracks", f"<= {spread + UNLIKE:.3f}")
     frames = restated.scene.frames(tracker)
-    turns = name.startswith("turned") and ("imm" in tracker or tracker.endswith("kalman"))
-    tolerance_m = MAY_TURN_M if turns else ROUNDING_M
-    return Figure(f"{tracker}: {name}", deviation_m(first, restated, frames), "m", f"<= {tolerance_m:g}")
+    return Figure(f"{tracker}: {name}", deviation_m(first, restated, frames), "m", f"<= {ROUNDING_M:g}")
 
 
 def _recorded(scenario: str, duration_s: float) -> Scene:

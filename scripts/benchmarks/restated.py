@@ -273,11 +273,6 @@ ROUNDING_M = 1e-6
 UNLIKE = 0.05
 """Share of tracks that may differ where the readings do, or beyond what other seeds make of a sampling tracker."""
 OTHER_SEEDS = (1, 2, 3)
-MAY_TURN_M = 0.05
-"""How far tracks whose heading starts along the room's x axis (the motion models of `laser-fisheye-imm`) may turn with it [m].
-
-A state at rest has no heading; any start is one, and the first measurements of a person tell it. Ours starts along x.
-"""
 
 CLOSE: Mapping[str, Callable[[Scene], Restated]] = {
     "every other beam": every_other_beam,

@@ -12,6 +12,9 @@ from trackers.filters.heading_motion import HeadingMotion
 from trackers.filters.imm import Imm
 from trackers.filters.imm_state import ImmState
 from trackers.filters.motion import KALMAN_MODELS, SPEED
+from trackers.filters.velocity_motion import VelocityMotion
+
+ALONG_X = np.array([[1.0], [0.0]])
 
 
 def walking_to(x_m_s: float = 1.0, n_coasted: int = 5, models=None) -> ImmState:
@@ -23,7 +26,7 @@ def walking_to(x_m_s: float = 1.0, n_coasted: int = 5, models=None) -> ImmState:
 
 def test_a_look_that_shows_nothing_anywhere_says_nothing():
     state = walking_to()
-    after, chance = not_seen(state, lambda at: np.ones(at.shape[1:]))
+    after, chance = not_seen(state, lambda at: np.ones(at.shape[1:]), ALONG_X)
     np.testing.assert_allclose(after.mean, state.mean, atol=1e-12)
     np.testing.assert_allclose(after.covariance, state.covariance, atol=1e-12)
     np.testing.assert_allclose(after.probability, state.probability, atol=1e-12)
@@ -38,7 +41,7 @@ def test_moments_are_those_of_the_density_times_the_chance_of_a_miss():
     def missed(at):
         return 1 / (1 + np.exp(3 * (at[0] - at[1] - 0.3 * deviation) / deviation))
 
-    after, chance = not_seen(state, missed)
+    after, chance = not_seen(state, missed, ALONG_X)
     drawn = place.rvs(400_000, random_state=np.random.default_rng(1)).T
     weight = missed(drawn)
     assert chance[0] == pytest.approx(weight.mean(), abs=0.01)
@@ -49,7 +52,7 @@ def test_moments_are_those_of_the_density_times_the_chance_of_a_miss():
 
 def test_the_speed_follows_the_position_by_their_covariance():
     state = walking_to(models=KALMAN_MODELS)
-    after, _ = not_seen(state, lambda at: (at[0] < 0).astype(float))
+    after, _ = not_seen(state, lambda at: (at[0] < 0).astype(float), ALONG_X)
     P, moved = state.covariance[..., 0, 0], after.mean[:, 0, 0] - state.mean[:, 0, 0]
     assert moved[0] < 0
     assert after.mean[SPEED, 0, 0] < state.mean[SPEED, 0, 0]
@@ -61,7 +64,7 @@ def test_modes_that_put_the_target_where_it_would_be_seen_lose_weight():
     spread = state.mean.copy()
     spread[0, :, 0] = [-1.0, 0.0, 1.0]
     state = ImmState(spread, state.covariance, state.probability)
-    after, _ = not_seen(state, lambda at: np.where(at[0] < -0.5, 1.0, 0.05))
+    after, _ = not_seen(state, lambda at: np.where(at[0] < -0.5, 1.0, 0.05), ALONG_X)
     hidden = stats.norm.cdf(-0.5, spread[0, :, 0], np.sqrt(state.covariance[0, 0, :, 0]))
     expected = state.probability[:, 0] * (hidden + 0.05 * (1 - hidden))
     np.testing.assert_allclose(after.probability[:, 0], expected / expected.sum(), atol=0.1)
@@ -70,7 +73,7 @@ def test_modes_that_put_the_target_where_it_would_be_seen_lose_weight():
 
 def test_a_target_that_would_surely_have_been_seen_stays_where_the_model_has_it():
     state = walking_to()
-    after, chance = not_seen(state, lambda at: np.zeros(at.shape[1:]))
+    after, chance = not_seen(state, lambda at: np.zeros(at.shape[1:]), ALONG_X)
     np.testing.assert_allclose(after.mean, state.mean, atol=1e-12)
     np.testing.assert_allclose(after.covariance, state.covariance, atol=1e-12)
     assert chance[0] <= 1e-3
@@ -79,7 +82,7 @@ def test_a_target_that_would_surely_have_been_seen_stays_where_the_model_has_it(
 def test_a_position_known_exactly_stays_finite():
     state = walking_to()
     known = ImmState(state.mean, np.zeros_like(state.covariance), state.probability)
-    after, _ = not_seen(known, lambda at: (at[0] < 0).astype(float))
+    after, _ = not_seen(known, lambda at: (at[0] < 0).astype(float), ALONG_X)
     for values in (after.mean, after.covariance, after.probability):
         assert np.isfinite(values).all()
     np.testing.assert_allclose(after.mean, known.mean, atol=1e-5)
@@ -96,10 +99,28 @@ def test_a_position_known_exactly_stays_finite():
 def test_nothing_makes_a_covariance_that_is_none(angle, edge_m, seen, speed_m_s, n_coasted):
     state = walking_to(speed_m_s, n_coasted)
     hidden = lambda at: np.where(at[0] * np.cos(angle) + at[1] * np.sin(angle) < edge_m, 1.0, 1 - seen)  # noqa: E731
-    after, chance = not_seen(state, hidden)
+    after, chance = not_seen(state, hidden, ALONG_X)
     assert 0 < chance[0] <= 1 + 1e-9
     assert np.linalg.eigvalsh(after.covariance.T).min() > -1e-9
     assert after.probability.sum() == pytest.approx(1)
+
+
+@given(angle=st.floats(-np.pi, np.pi), edge_m=st.floats(-0.5, 0.5), way=st.floats(-np.pi, np.pi))
+def test_a_turned_room_is_the_same_room(angle, edge_m, way):
+    imm = Imm(VelocityMotion(), np.full((3, 3), 1 / 3))
+    R = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    velocity = np.array([[np.cos(way), np.sin(way)]])
+
+    def after(turned):
+        state = imm.predict_over(imm.start(np.zeros((1, 2)), velocity @ turned.T, 0.02, 0.2), 0.5, 0.1)
+        missed = lambda at: np.where(np.einsum("i,i...->...", turned[:, 0], at) < edge_m, 1.0, 0.1)  # noqa: E731
+        return not_seen(state, missed, imm.velocity(state))
+
+    (here, chance), (there, chance_there) = after(np.eye(2)), after(R)
+    assert chance_there[0] == pytest.approx(chance[0])
+    both = np.kron(np.eye(2), R)
+    np.testing.assert_allclose(there.mean[..., 0], both @ here.mean[..., 0], atol=1e-9)
+    np.testing.assert_allclose(there.covariance[:, :, 0, 0], both @ here.covariance[:, :, 0, 0] @ both.T, atol=1e-9)
 
 
 PROBABILITIES = st.floats(0.01, 0.99)
@@ -138,5 +159,5 @@ def test_how_probably_a_look_shows_nothing_is_over_all_places_and_modes(edge_m, 
     missed = lambda at: np.where(at[0] > edge_m, missed_beyond, 1.0)  # noqa: E731
     beyond = 1 - stats.norm.cdf(edge_m, state.mean[0, :, 0], np.sqrt(state.covariance[0, 0, :, 0]))
     expected = state.probability[:, 0] @ (1 - (1 - missed_beyond) * beyond)
-    assert chance_unseen(state, missed)[0] == pytest.approx(expected, abs=0.12)
-    assert chance_unseen(state, missed)[0] == pytest.approx(not_seen(state, missed)[1][0])
+    assert chance_unseen(state, missed, ALONG_X)[0] == pytest.approx(expected, abs=0.12)
+    assert chance_unseen(state, missed, ALONG_X)[0] == pytest.approx(not_seen(state, missed, ALONG_X)[1][0])

@@ -8,7 +8,6 @@ import synthetic_home
 from benchmarks.restated import (
     CLOSE,
     EXACT,
-    MAY_TURN_M,
     OTHER_SEEDS,
     REDRAWN,
     ROUNDING_M,
@@ -51,9 +50,7 @@ def test_the_same_readings_give_the_same_tracks(name, tracker, known):
     if tracker in SAMPLING and name in REDRAWN:
         assert redrawn_disagreement(first, restated, tracker) <= spread + UNLIKE
         return
-    frames = restated.scene.frames(tracker)
-    turns = name.startswith("turned") and tracker in ("laser-imm", "laser-kalman")
-    assert deviation_m(first, restated, frames) <= (MAY_TURN_M if turns else ROUNDING_M)
+    assert deviation_m(first, restated, restated.scene.frames(tracker)) <= ROUNDING_M
 
 
 @pytest.mark.parametrize("tracker", LASERS)

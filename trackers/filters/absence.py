@@ -3,6 +3,9 @@
 The density is multiplied by the probability of a miss, p(x | not seen) ∝ p(x) (1 − P_D(x)), and made Gaussian again by its
 moments (W. Koch, "On exploiting 'negative' sensor evidence for target tracking and sensor data fusion", Information Fusion
 8, 2007). P_D depends on the position only; the rest of the state follows by its covariance with it.
+
+The density is taken at a grid of places. Its axes lie along and across each target's own way (`along`), not along the room's
+x and y, so that turning the room turns the grid with it.
 """
 
 from __future__ import annotations
@@ -28,50 +31,64 @@ _LEAST_VARIANCE_M2 = 1e-12
 
 
 def not_seen(
-    state: ImmState, missed: Callable[[Array], Array], least: float = 1e-3
+    state: ImmState, missed: Callable[[Array], Array], along: Float[Array, "2 n"], least: float = 1e-3
 ) -> tuple[ImmState, Float[Array, "n"]]:
     """The n tracks after a look that did not show them, and how probably it would not.
 
     missed: the probability that the look does not show a target at positions (2, m, n, k) [m], (m, n, k). A mode that it
-    would have shown (all but surely, to `least`) stays as it is: then it is the model that is wrong.
+    would have shown (all but surely, to `least`) stays as it is: then it is the model that is wrong. along: the way of each
+    target, of any length, in the room.
     """
     P = state.covariance  # (s, s, m, n)
-    points, l_xx, l_yx, l_yy = _places(state)
+    u, v = _axes(along)
+    points, l_uu, l_vu, l_vv = _places(state, u, v)
     moments = ((_DENSITY * missed(points)) @ _MOMENTS).transpose(2, 0, 1)  # (6, m, n)
     chance = moments[0]
     possible = chance > least
-    mean_x, mean_y, xx, xy, yy = np.where(possible, moments[1:] / np.where(possible, chance, 1.0), _NOTHING_TOLD)
+    mean_u, mean_v, uu, uv, vv = np.where(possible, moments[1:] / np.where(possible, chance, 1.0), _NOTHING_TOLD)
     chance = np.where(possible, chance, least)
-    xy = xy - mean_x * mean_y
-    change = np.array([[xx - mean_x**2 - 1, xy], [xy, yy - mean_y**2 - 1]])
+    uv = uv - mean_u * mean_v
+    change = np.array([[uu - mean_u**2 - 1, uv], [uv, vv - mean_v**2 - 1]])
     # what a standard deviation of position does to the state: P Hᵀ L⁻ᵀ
-    by_x = P[0] / l_xx
-    by_y = (P[1] - l_yx * by_x) / l_yy
-    gain = np.stack([by_x, by_y])  # (2, s, m, n)
+    by_u = (u[0] * P[0] + u[1] * P[1]) / l_uu
+    by_v = (v[0] * P[0] + v[1] * P[1] - l_vu * by_u) / l_vv
+    gain = np.stack([by_u, by_v])  # (2, s, m, n)
     covariance = P + np.einsum("pamn,pqmn,qbmn->abmn", gain, change, gain)
     covariance = 0.5 * (covariance + covariance.swapaxes(0, 1))
     joint = state.probability * chance
     missed_all = joint.sum(axis=0)
-    return ImmState(state.mean + by_x * mean_x + by_y * mean_y, covariance, joint / missed_all), missed_all
+    return ImmState(state.mean + by_u * mean_u + by_v * mean_v, covariance, joint / missed_all), missed_all
 
 
-def chance_unseen(state: ImmState, missed: Callable[[Array], Array]) -> Float[Array, "n"]:
-    """How probably a look does not show the n tracks, over all the places where they may be; missed: as of `not_seen`."""
-    points, *_ = _places(state)
+def chance_unseen(state: ImmState, missed: Callable[[Array], Array], along: Float[Array, "2 n"]) -> Float[Array, "n"]:
+    """How probably a look does not show the n tracks, over all the places where they may be; arguments: as of `not_seen`."""
+    points, *_ = _places(state, *_axes(along))
     return (state.probability * (missed(points) @ _DENSITY)).sum(axis=0)
 
 
+def _axes(along: Float[Array, "2 n"]) -> tuple[Float[Array, "2 n"], Float[Array, "2 n"]]:
+    """Unit vectors along and across; x and y where somebody has no way at all."""
+    length = np.hypot(along[0], along[1])
+    u = np.where(length > 0, along, np.array([[1.0], [0.0]])) / np.where(length > 0, length, 1.0)
+    return u, np.stack([-u[1], u[0]])
+
+
 def _places(
-    state: ImmState,
+    state: ImmState, u: Float[Array, "2 n"], v: Float[Array, "2 n"]
 ) -> tuple[Float[Array, "2 m n k"], Float[Array, "m n"], Float[Array, "m n"], Float[Array, "m n"]]:
-    """Places that stand for each mode's density, and the root L of the position's covariance, L Lᵀ = H P Hᵀ [m]."""
-    P = state.covariance
-    l_xx = np.sqrt(np.maximum(P[0, 0], _LEAST_VARIANCE_M2))
-    l_yx = P[0, 1] / l_xx
-    l_yy = np.sqrt(np.maximum(P[1, 1] - l_yx**2, _LEAST_VARIANCE_M2))
-    x = state.mean[0, ..., None] + l_xx[..., None] * _Z[0]
-    y = state.mean[1, ..., None] + l_yx[..., None] * _Z[0] + l_yy[..., None] * _Z[1]
-    return np.stack([x, y]), l_xx, l_yx, l_yy
+    """Places that stand for each mode's density, and the root L of the position's covariance over axes u, v [m]."""
+    xx, xy, yy = state.covariance[0, 0], state.covariance[0, 1], state.covariance[1, 1]
+    uu = u[0] ** 2 * xx + 2 * u[0] * u[1] * xy + u[1] ** 2 * yy
+    vu = u[0] * v[0] * xx + (u[0] * v[1] + u[1] * v[0]) * xy + u[1] * v[1] * yy
+    vv = v[0] ** 2 * xx + 2 * v[0] * v[1] * xy + v[1] ** 2 * yy
+    l_uu = np.sqrt(np.maximum(uu, _LEAST_VARIANCE_M2))
+    l_vu = vu / l_uu
+    l_vv = np.sqrt(np.maximum(vv - l_vu**2, _LEAST_VARIANCE_M2))
+    along = l_uu[..., None] * _Z[0]
+    across = l_vu[..., None] * _Z[0] + l_vv[..., None] * _Z[1]
+    x = state.mean[0, ..., None] + u[0][:, None] * along + v[0][:, None] * across
+    y = state.mean[1, ..., None] + u[1][:, None] * along + v[1][:, None] * across
+    return np.stack([x, y]), l_uu, l_vu, l_vv
 
 
 def existence_unseen(

@@ -163,6 +163,10 @@ class Imm:
         """Mean of each track over its modes."""
         return (self.motion.aligned(state.mean, state.probability) * state.probability).sum(axis=1)
 
+    def velocity(self, state: ImmState) -> Float[Array, "2 n"]:
+        """Velocity of each track over its modes [m/s]."""
+        return self.motion.velocity(self.average(state))
+
     def estimate(self, state: ImmState) -> tuple[Float[Array, "n s"], Float[Array, "n s s"]]:
         """Mean and covariance of each track over its modes."""
         means = self.motion.aligned(state.mean, state.probability)

@@ -67,7 +67,8 @@ class Life:
             free = clear_of(points.reshape(2, -1).T, taken, rules.apart_m).reshape(points.shape[1:])
             return missed(points) * free
 
-        state, chance = not_seen(people.state.select(unseen), not_shown)
+        state = people.state.select(unseen)
+        state, chance = not_seen(state, not_shown, self._imm.velocity(state))
         sitting, posture = self._options.posture, people.posture.select(unseen)
         seated, seat = posture.seated(people.measured_at[unseen], sitting), np.nan_to_num(posture.seat)
         alone = clear_of(seat, taken, clearance_m=rules.apart_m)

@@ -165,7 +165,8 @@ class LaserFisheyeImm(MomentTracker):
         def missed(points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
             return self._detector.missed(moment, points) ** share
 
-        unseen = chance_unseen(self._people.state, missed)
+        state = self._people.state
+        unseen = chance_unseen(state, missed, self._imm.velocity(state))
         times = moment.ns, self._last_ns
         at = Association(self._people, unseen, self.options, self._knee_radius_m, *times, waists, knows_room)
         matches = at.matches(seen)
