@@ -203,7 +203,7 @@ _BY_FILE = {
             "looks upon a standing leg taken for independent",
             "LaserFisheyeImm._update",
             "self.options.knee.single_leg_s",
-            "self.options.period_s",
+            "self.options.step_s",
         ),
         (
             "misses of fast scans taken for independent",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from pydantic import BaseModel
 
+from trackers.configuration import validate
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.rules import PAPER, RULES, without
 from trackers.merging import laid_over
@@ -58,3 +59,9 @@ def test_the_ablation_has_a_row_for_each_rule():
     baseline, _ = load_suite("baseline")
     shared = [each.model_dump() | {"seeds": None, "trackers": None} for each in baseline.scenarios]
     assert all(each.model_dump() | {"seeds": None, "trackers": None} in shared for each in suite.scenarios)  # one cache
+
+
+def test_the_step_of_the_noise_is_read_under_its_former_name(caplog):
+    named = validate(LaserFisheyeImmOptions, {"period_s": 0.05}, "tracker laser-imm")
+    assert named == validate(LaserFisheyeImmOptions, {"step_s": 0.05}, "tracker laser-imm")
+    assert "'step_s'" in caplog.text

@@ -140,5 +140,5 @@ class Association:
     def _hidden(self) -> Bool[Mask, "n"]:
         """Who was not measured at the last scan either, and may be on their way: whoever lies is not."""
         measured_ns = self.people.roster.measured_ns
-        unseen = (self.ns - measured_ns > nanoseconds(1.5 * self.options.period_s)) & (measured_ns < self.last_ns)
+        unseen = (self.ns - measured_ns > nanoseconds(1.5 * self.options.step_s)) & (measured_ns < self.last_ns)
         return unseen & ~self.people.posture.lying

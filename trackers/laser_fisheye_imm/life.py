@@ -41,7 +41,7 @@ class Life:
             return people
         rules, learns = self._options.management, not knows_room
         after_s = rules.confirm_learned_after_s if learns else rules.confirm_after_s
-        new = measured_for_longer(people.roster, ns, after_s, self._options.period_s)
+        new = measured_for_longer(people.roster, ns, after_s, self._options.step_s)
         if learns:
             moved = people.measured_at - people.born_at
             new &= np.hypot(moved[:, 0], moved[:, 1]) >= rules.confirm_moved_m

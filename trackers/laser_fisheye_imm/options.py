@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -84,6 +85,8 @@ class ManagementOptions(Strict):
 class LaserFisheyeImmOptions(Strict):
     """Every constant of the paper, and what we added to it; `trackers.laser_fisheye_imm.rules` switches ours off."""
 
+    former_names: ClassVar[Mapping[str, str]] = {"period_s": "step_s"}
+
     filter: Literal["imm", "kalman"] = Field(
         default="imm",
         description="interacting multiple models, or the paper's baseline: one model for all that people do, a Kalman filter",
@@ -95,13 +98,13 @@ class LaserFisheyeImmOptions(Strict):
     motions: tuple[tuple[Share, Variance], ...] | None = Field(
         default=tuple((model.kept, model.acceleration_variance) for model in VelocityMotion().models),
         min_length=1,
-        description="modes of the filter: the share of the velocity that a period keeps, and the variance of white acceleration "
+        description="modes of the filter: the share of the velocity that a step keeps, and the variance of white acceleration "
         "in any direction, on each axis [m²/s⁴]: people walk on, change their way, or stand (ours, since a heading cannot tell "
         "to which side a standing person steps); null: the paper's models of heading and speed",
     )
     kalman_motion: tuple[Share, Variance] = Field(
         default=(1.0, 3.0),
-        description="mode of the Kalman filter: the share of the velocity that a period keeps, and the variance of white "
+        description="mode of the Kalman filter: the share of the velocity that a step keeps, and the variance of white "
         "acceleration [m²/s⁴]: the best of 1, 3 and 9, measured (ours); used unless `motions` is null",
     )
     imm_variances: tuple[tuple[float, float], ...] = Field(
@@ -117,7 +120,7 @@ class LaserFisheyeImmOptions(Strict):
         "`motions` is null",
     )
     mode_stays: float = Field(
-        default=MODE_STAYS, gt=0, le=1, description="probability that a mode stays from one scan to the next"
+        default=MODE_STAYS, gt=0, le=1, description="probability that a mode stays from one step to the next"
     )
     measurement_variance_m2: float = Field(
         default=0.0015,
@@ -191,12 +194,12 @@ class LaserFisheyeImmOptions(Strict):
         description="speed at which an occluded person may have walked while unseen, beyond which there is no "
         "re-identification [m/s]; null: no re-identification (ours)",
     )
-    period_s: float = Field(
+    step_s: float = Field(
         default=0.1,
         ge=0.001,
-        description="scan period that process and measurement noise and the detection probability are for; longer gaps are "
-        "predicted in such steps, and looks that follow sooner tell together what one a period would, since gait, clothes and "
-        "what hides a leg last (ours) [s]",
+        description="time step that process and measurement noise, changes of mode and the detection probability are for; longer "
+        "gaps are predicted in such steps, and looks that follow sooner tell together what one a step would, since gait, clothes "
+        "and what hides a leg last (ours) [s]",
     )
     max_wait_s: float = Field(
         default=0.15, ge=0, description="how long a moment waits for a sensor that has not reported [s]"

@@ -80,7 +80,7 @@ class LaserFisheyeImm(MomentTracker):
                 opens=scanners,
                 joins=tuple(name for name in used if name not in scanners),
                 main=rig.main_sensor if rig.main_sensor in used else None,
-                period_s=self.options.period_s,
+                period_s=self.options.step_s,
                 max_wait_s=self.options.max_wait_s,
             )
         )
@@ -160,7 +160,7 @@ class LaserFisheyeImm(MomentTracker):
         if any(isinstance(each, LaserScan) for each in moment.observations.values()):
             self._life.looked(moment.ns)
         knows_room = not self._detector.is_learning
-        share = min(elapsed_s / self.options.period_s, 1.0)
+        share = min(elapsed_s / self.options.step_s, 1.0)
 
         def missed(points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
             return self._detector.missed(moment, points) ** share
@@ -184,17 +184,17 @@ class LaserFisheyeImm(MomentTracker):
         """Everybody at stamp ns; returns the time since the last moment [s]."""
         last_ns = ns if self._ns is None else self._ns
         self._ns = ns
-        self._last_ns, period_s, elapsed_s = last_ns, self.options.period_s, (ns - last_ns) / NS_PER_S
+        self._last_ns, elapsed_s = last_ns, (ns - last_ns) / NS_PER_S
         self._people = self._life.before(self._people, last_ns, ns)
-        self._people = self._people.in_state(self._imm.predict_over(self._people.state, elapsed_s, period_s))
+        self._people = self._people.in_state(self._imm.predict_over(self._people.state, elapsed_s, self.options.step_s))
         return elapsed_s
 
     # --- update
 
     def _update(self, matches: Matches, ns: int) -> None:
         people, track = self._people, matches.track
-        # gait and clothes last: looks that follow sooner than a period together tell what one a period would
-        last_ns, lasts_s = people.roster.measured_ns[track], np.full(track.size, self.options.period_s)
+        # gait and clothes last: looks that follow sooner than a step together tell what one a step would
+        last_ns, lasts_s = people.roster.measured_ns[track], np.full(track.size, self.options.step_s)
         if not self._detector.sees_waists:  # where all that is known of a body may be the leg that stands
             last_ns = np.where(matches.lone, people.lone_ns[track], last_ns)
             lasts_s[matches.lone] = self.options.knee.single_leg_s
