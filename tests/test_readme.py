@@ -24,8 +24,8 @@ from twin.run.live import run_scenario
 from twin.run.replay import track_recording
 from twin.scenario import load_scenario
 from twin.studies.prepare import prepare
-from twin.suites.cases import expand
-from twin.suites.description import load_suite
+from twin.suites.expansion import expand
+from twin.suites.spec import load_suite
 from twin.world.simulation import Simulation
 
 pytestmark = pytest.mark.slow

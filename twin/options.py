@@ -75,3 +75,16 @@ def overrides(changes: list[str] | None, seed: int | None, duration_s: float | N
     if duration_s is not None:
         extra.append(f"duration_s={duration_s}")
     return [*(changes or []), *extra]
+
+
+Jobs = Annotated[
+    int | None,
+    typer.Option(min=1, metavar="N", help="Processes; default: one a core. 1: in this process, no time limit holds."),
+]
+Scheduler = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler, e.g. tcp://host:8786, instead of --jobs.")
+]
+Resource = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME=N", help="What a case needs of a worker, e.g. GPU=1 (a Dask resource). Repeatable."),
+]

@@ -2,7 +2,7 @@
 
 Figures are measured on _N_SEED seeds of the lab, each with _N_NOISE draws of the camera's noise. Two draws of a seed are a
 harmless change; three seeds with a pair each are what `smoke` would see of it. What a figure is allowed
-(`twin.suites.figures.GATED`) is to be at least SIGMA standard deviations of such a mean, pooled over trackers.
+(`twin.suites.metrics.GATED`) is to be at least SIGMA standard deviations of such a mean, pooled over trackers.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from twin.models import cache_folder
 from twin.scenario import load_scenario
 from twin.suites.baseline import read_results
 from twin.suites.cache import RecordingCache, cache_limit_bytes
-from twin.suites.description import Suite, SuiteScenario
-from twin.suites.figures import GATED, allowed_by_default
+from twin.suites.metrics import GATED, allowed_by_default
 from twin.suites.results import GroupKey, Results
 from twin.suites.run import run_suite
+from twin.suites.spec import Suite, SuiteScenario
 
 SIGMA = 3.0
 _SCENARIO = "lab-five-people"

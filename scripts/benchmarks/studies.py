@@ -25,9 +25,9 @@ from twin.studies.search import Searcher
 from twin.studies.seen import Crowd, Eye, floor_cells, packed
 from twin.studies.sets import Choice, exact, greedy
 from twin.suites.cache import RecordingCache
-from twin.suites.cases import expand
-from twin.suites.description import Suite, SuiteScenario
-from twin.suites.fingerprint import whole_code
+from twin.suites.cache_keys import whole_code
+from twin.suites.expansion import expand
+from twin.suites.spec import Suite, SuiteScenario
 from twin.suites.worker import CaseWork, run_case
 from twin.world.scene import build_scene
 from twin.world.staged import Staged, moved

@@ -19,15 +19,15 @@ from twin.models import cache_folder
 from twin.scenario import load_scenario
 from twin.suites.baseline import read_results
 from twin.suites.cache import RecordingCache, cache_limit_bytes
-from twin.suites.cases import expand
-from twin.suites.cluster import ENVIRONMENT, open_cluster
-from twin.suites.comparison import Comparison, compare
-from twin.suites.description import Suite, SuiteScenario, load_suite
-from twin.suites.engine import run_on
-from twin.suites.fingerprint import whole_code
-from twin.suites.junit import sentence
-from twin.suites.opening import read_store
-from twin.suites.run import Place, Watcher, run_suite, tolerances_of
+from twin.suites.cache_keys import whole_code
+from twin.suites.cluster import ENVIRONMENT, Place, open_cluster
+from twin.suites.comparison import Comparison, compare, sentence
+from twin.suites.dask_runner import run_on
+from twin.suites.expansion import expand
+from twin.suites.progress import Watcher
+from twin.suites.run import run_suite, tolerances_of
+from twin.suites.spec import Suite, SuiteScenario, load_suite
+from twin.suites.store_files import read_store
 from twin.suites.tasks import Listener, Task
 from twin.suites.worker import CaseResult, CaseWork, run_case
 

@@ -9,7 +9,7 @@ from trackers.configuration import validate
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.rules import PAPER, RULES, without
 from trackers.merging import laid_over
-from twin.suites.description import load_suite
+from twin.suites.spec import load_suite
 
 VAGUE = ("somebody", "believed", "whoever", "who ", "the same where", "the same for", "and how", "or if")
 

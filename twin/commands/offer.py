@@ -69,7 +69,7 @@ def schema(
     if kind == "scenario":
         from twin.scenario.load import DrawableScenarioFile as Described
     elif kind == "suite":
-        from twin.suites.description import Suite as Described
+        from twin.suites.spec import Suite as Described
     elif kind == "study":
         from twin.studies.description import Study as Described
     elif kind == "rig":

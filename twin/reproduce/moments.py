@@ -12,10 +12,12 @@ from pathlib import Path
 from twin.recording.whole_file import whole_file, whole_path
 from twin.reproduce.suite_runs import SUITE_FOLDER, condition_name
 from twin.suites.cache import RecordingCache
-from twin.suites.cases import Case
-from twin.suites.fingerprint import recording_key
-from twin.suites.run import Place, Watcher, open_place
-from twin.suites.strips import StripWork, draw_strip
+from twin.suites.cache_keys import recording_key
+from twin.suites.cluster import Place
+from twin.suites.dask_runner import open_place
+from twin.suites.expansion import Case
+from twin.suites.filmstrip import StripWork, draw_strip
+from twin.suites.progress import Watcher
 from twin.suites.tasks import Ended, Listener, State, Task
 from twin.suites.worker import Moment
 

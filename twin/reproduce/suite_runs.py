@@ -17,12 +17,14 @@ from twin.progress import OnProgress
 from twin.recording.tables import TrackTable, TruthTable, read_tracks, read_truth
 from twin.shown import shown
 from twin.suites.cache import RecordingCache, cache_limit_bytes
-from twin.suites.cases import Case, expand
-from twin.suites.description import Suite, load_suite
-from twin.suites.fingerprint import recording_key
-from twin.suites.opening import read_store
-from twin.suites.run import Place, Watcher, run_suite
-from twin.suites.stored import DONE
+from twin.suites.cache_keys import recording_key
+from twin.suites.cluster import Place
+from twin.suites.expansion import Case, expand
+from twin.suites.progress import Watcher
+from twin.suites.run import run_suite
+from twin.suites.spec import Suite, load_suite
+from twin.suites.store_files import read_store
+from twin.suites.store_schema import DONE
 from twin.suites.tasks import State
 from twin.suites.worker import TRUTH, Moment, record, renderer_of, resolved_scenario
 

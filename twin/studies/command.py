@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from twin.options import NoLimits, RoomRoot, ScenarioName, SetOfScenario, overrides
-from twin.suites.place_options import Jobs, Resource, Scheduler, place_of
+from twin.options import Jobs, NoLimits, Resource, RoomRoot, ScenarioName, Scheduler, SetOfScenario, overrides
 
 app = typer.Typer(
     name="study",
@@ -52,6 +51,7 @@ def run(
     from twin.studies.answers import write_answers
     from twin.studies.run import run_study
     from twin.studies.terminal import print_summary
+    from twin.suites.cluster import place_of
 
     place = place_of(jobs, scheduler, resource)
     trusted = TrustedClasses(every=allow_plugins)

@@ -16,7 +16,7 @@ from twin.studies.layout import OWN, Candidate, Layout, Option
 from twin.studies.placed import placed
 from twin.studies.seen import Crowd, Eye, floor_cells, packed
 from twin.suites.cache import RecordingCache
-from twin.suites.people import staged_in
+from twin.suites.worker import staged_in
 
 Bits = NDArray[np.uint64]  # (sensors, words)
 

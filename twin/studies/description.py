@@ -13,9 +13,8 @@ from trackers.plain_data import parse_yaml
 from trackers.text_file import read_text
 from twin import models
 from twin.studies.moves import Constraints, Metres, Move
-from twin.suites.description import Changes, OwnName, Seeds, Text, TrackerName
-from twin.suites.expected import list_of, mapping_of, single
-from twin.suites.figures import FIGURE
+from twin.suites.metrics import FIGURE
+from twin.suites.spec import Changes, OwnName, Seeds, Text, TrackerName, list_of, mapping_of, single
 
 NOT_DETERMINISTIC = ("ms_per_frame.mean", "ms_per_frame.p95")
 """Figures that depend on who else uses the machine: no study goes by them."""

@@ -16,10 +16,12 @@ from trackers.errors import InputError
 from twin.recording.whole_file import whole_file
 from twin.run.out_folder import locked_folder
 from twin.studies.scoring import Score, score
-from twin.suites.figures import check_ranges
-from twin.suites.fingerprint import MadeFrom, digest_of, whole_code
-from twin.suites.opening import done_again
-from twin.suites.run import Place, RunTasks, Watcher, open_place
+from twin.suites.cache_keys import MadeFrom, digest_of, whole_code
+from twin.suites.cluster import Place
+from twin.suites.dask_runner import RunTasks, open_place
+from twin.suites.metrics import check_ranges
+from twin.suites.progress import Watcher
+from twin.suites.store_files import done_again
 from twin.suites.tasks import Ended, Listener, State, Task
 
 FILE = "evaluations.jsonl"

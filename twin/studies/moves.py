@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 from trackers.configuration import Strict
 from trackers.pose import Point3
 from trackers.rig import Point2
-from twin.suites.description import Changes, OwnName, Text
+from twin.suites.spec import Changes, OwnName, Text
 
 Metres = Annotated[FiniteFloat, Field(ge=0, le=1000)]
 

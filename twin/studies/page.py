@@ -20,7 +20,7 @@ from twin.studies.layout import OWN
 from twin.studies.scoring import Score, errors_by_place
 from twin.studies.seen import Eye, floor_cells
 from twin.studies.trial import Trial
-from twin.suites.fingerprint import whole_code
+from twin.suites.cache_keys import whole_code
 
 if TYPE_CHECKING:
     from twin.studies.run import Answers

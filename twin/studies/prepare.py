@@ -23,7 +23,7 @@ from twin.studies.mounts import first_sensor
 from twin.studies.moves import Move
 from twin.studies.placed import placed
 from twin.studies.trial import key_of
-from twin.suites.written import as_texts
+from twin.suites.overrides import as_texts
 from twin.world.scene import Scene, build_scene
 
 

@@ -27,7 +27,8 @@ from twin.studies.search import Result, Searcher
 from twin.studies.trial import Trial, fronts, losses
 from twin.studies.trying import Trying
 from twin.suites.cache import RecordingCache, cache_limit_bytes
-from twin.suites.run import Place, Watcher
+from twin.suites.cluster import Place
+from twin.suites.progress import Watcher
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,9 +21,9 @@ from twin.run.chosen_trackers import ChosenTracker
 from twin.scenario import Scenario
 from twin.streams import stream
 from twin.suites.cache import RecordingCache
-from twin.suites.figures import flat
-from twin.suites.fingerprint import MadeFrom, people_key, room_digest, whole_code
-from twin.suites.people import staged_in
+from twin.suites.cache_keys import MadeFrom, people_key, room_digest, whole_code
+from twin.suites.metrics import flat
+from twin.suites.worker import staged_in
 from twin.truth.frames import Situation, TruthDetail, TruthFrame
 from twin.world.simulation import Simulation
 from twin.world.staged import Posed, Staged

@@ -20,7 +20,7 @@ from twin.studies.scoring import DETAILED, Score, score
 from twin.studies.search import Searcher
 from twin.studies.trial import Trial, key_of
 from twin.suites.cache import RecordingCache
-from twin.suites.fingerprint import made_from, room_digest, whole_code
+from twin.suites.cache_keys import made_from, room_digest, whole_code
 from twin.suites.tasks import State
 
 _LINE_EVERY_S = 15.0

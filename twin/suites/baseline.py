@@ -14,9 +14,9 @@ from trackers.errors import InputError
 from trackers.plain_data import parse_json
 from trackers.text_file import read_text
 from twin.recording.whole_file import whole_file
-from twin.suites.figures import GATED, GATED_READINGS
-from twin.suites.opening import FILE, read_store
+from twin.suites.metrics import GATED, GATED_READINGS
 from twin.suites.results import Group, GroupKey, Results
+from twin.suites.store_files import FILE, read_store
 
 _EXPECTED = "a baseline that `twin suite run --update-baseline` has written"
 

@@ -18,10 +18,15 @@ from trackers.errors import InputError
 from twin.shown import shown
 
 DEFAULT_LIMIT_GB = 20.0
+
 LIMIT_VARIABLE = "ROOMTWIN_CACHE_GB"
+
 _GB = 10**9
+
 _LOCK = ".lock"
+
 _MAKING = ".making-"
+
 _SUMS = ".sha256.json"
 """The digest of each file of a recording, by its name, as it was written."""
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from distributed import Client, LocalCluster
 
 _CLOSE_S = 15
+
 ENVIRONMENT = {
     "LP_NUM_THREADS": "0",
     "OMP_NUM_THREADS": "1",
@@ -24,6 +25,7 @@ ENVIRONMENT = {
     "OPENCV_FOR_THREADS_NUM": "1",
 }
 """Workers share the cores: the software renderer, linear algebra and OpenCV keep to the thread that calls them."""
+
 _CONFIGURATION = {
     "distributed.worker.multiprocessing-method": "spawn",  # a process forked after rendering hangs
     "distributed.scheduler.allowed-failures": 0,  # we count attempts; a death is to be told of at once
@@ -153,3 +155,21 @@ def read_resources(texts: Sequence[str]) -> dict[str, float]:
             )
         resources[name] = need
     return resources
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a suite runs: `jobs` processes here (None: one a core; 1: in this very process), or a Dask scheduler's workers."""
+
+    jobs: int | None = None
+    scheduler: str | None = None
+    resources: Mapping[str, float] | None = None
+
+
+def place_of(jobs: int | None, scheduler: str | None, resource: list[str] | None) -> Place:
+    """The place that these options name. Raises InputError where both kinds are given, or a resource is none."""
+    if scheduler is not None and jobs is not None:
+        raise InputError(
+            f"--jobs {jobs} --scheduler {scheduler}: a scheduler has its own workers; one of them is expected"
+        )
+    return Place(jobs, scheduler, read_resources(resource or []))

@@ -7,8 +7,7 @@ from typing import Annotated
 
 import typer
 
-from twin.options import NoLimits, RoomRoot
-from twin.suites.place_options import Jobs, Resource, Scheduler, place_of
+from twin.options import Jobs, NoLimits, Resource, RoomRoot, Scheduler
 
 app = typer.Typer(
     name="suite",
@@ -61,6 +60,7 @@ def run(
     """Run every case of a suite."""
     from trackers.errors import InputError
     from twin.run.chosen_trackers import TrustedClasses, import_from_here, typed_classes, typed_schedulers
+    from twin.suites.cluster import place_of
     from twin.suites.gate import run_and_judge
 
     if update_baseline and baseline is None:

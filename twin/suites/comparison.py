@@ -4,11 +4,11 @@ The twin is deterministic: where recordings and figures have the same bits, noth
 
 - Did the mean of a figure get worse by more than it may? Of a tracker in one scenario; of a tracker over all its scenarios;
   of all trackers together, for places and rare events; and of what each scanner reports. More than it may: than its
-  tolerance, a mean over G groups than one of them by √G. By more than chance: `twin.suites.evidence`.
+  tolerance, a mean over G groups than one of them by √G. By more than chance: `twin.suites.permutation_test`.
 - Did one case fall beyond any noise? By ten times what the mean may and four standard deviations between the seeds before.
 - Is a figure gone that was measured before?
 
-Where recordings are others than before, `twin.suites.pairs` says what runs of a seed are to each other, and may differ by.
+Where recordings are others than before, `twin.suites.pairing` says what runs of a seed are to each other, and may differ by.
 A scanner's noise that doubled shows in what the scanner reports: what it costs trackers is less than one more draw of it.
 """
 
@@ -16,16 +16,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from twin.suites.caveats import caveats_of
-from twin.suites.evidence import ALPHA, family_wise_p
-from twin.suites.figures import GATED, worsening
-from twin.suites.pairs import Pair, pairs_of
-from twin.suites.pooling import over_scenarios, over_trackers, shares_of
-from twin.suites.power import Power, power_of
+from twin.suites.metrics import GATED, figure_named, worsening, written
+from twin.suites.pairing import Pair, pairs_of
+from twin.suites.permutation_test import (
+    ALPHA,
+    Power,
+    family_wise_p,
+    fewest_for_an_alarm,
+    over_scenarios,
+    over_trackers,
+    power_of,
+    shares_of,
+)
 from twin.suites.results import GroupKey, Results
+from twin.suites.store import ResultStore
 
 EVERY_SCENARIO, EVERY_TRACKER = "every scenario", "every tracker"
 """Stand for a group's scenario and tracker where several are judged together."""
@@ -155,3 +163,113 @@ def _excess(change: Change) -> float:
     if change.now is None:
         return float("inf")
     return abs(change.change) / max(change.allowed, 1e-12)
+
+
+def caveats_of(before: Results, now: Results, before_name: str, pairs: Sequence[Pair]) -> Iterator[str]:
+    """The sentences, none where there is nothing to know."""
+    if before.suite != now.suite:
+        yield f"{before_name} is of the suite {before.suite}, this one is {now.suite}"
+    strangers = [pair.key for pair in pairs if pair.kinship == "strangers"]
+    if strangers and not any(group.people for group in before.groups.values()):
+        yield (
+            f"{before_name} does not say on which ways its people went, as one written before that was kept: written anew, "
+            "it lets seeds be pairs where sensors alone report otherwise"
+        )
+    if strangers:
+        yield (
+            f"the recordings of {_names(strangers)} are not those of {before_name}: another scenario, or other code that moves "
+            "people; seeds are then two populations and no pairs"
+        )
+    relations = [pair.key for pair in pairs if pair.kinship == "same people"]
+    if relations:
+        yield (
+            f"the recordings of {_names(relations)} show the people of {before_name} on the same ways, but the sensors report "
+            "otherwise: other noise, other sensors or other code; seeds are pairs of which each has a draw of the noise"
+        )
+    if any(pair.kinship == "same origin" for pair in pairs):
+        yield (
+            f"recordings have other bits than those of {before_name} though they are made from the same, as on another processor "
+            "or renderer; seeds are pairs all the same"
+        )
+    if before.renderers and now.renderers and set(before.renderers) != set(now.renderers):
+        yield f"{before_name} was drawn by {_listed(before.renderers)}, here it is {_listed(now.renderers)}"
+    old, new = before.versions.get("mujoco"), now.versions.get("mujoco")
+    if old != new:
+        yield f"{before_name} was made with MuJoCo {old}, here it is {new}: contacts and pictures may differ"
+    few = {pair.key: pair for pair in pairs if len(pair.seeds) < fewest_for_an_alarm()}
+    if few:
+        yield (
+            f"{_names(list(few))} have fewer than {fewest_for_an_alarm()} seeds in common: there alone, only one that "
+            "falls beyond any noise is noticed"
+        )
+    missing = [key for key in before.groups if key not in now.groups]
+    added = [key for key in now.groups if key not in before.groups]
+    if missing:
+        yield f"{before_name} has what this run has not: {_names(missing)}"
+    if added:
+        yield f"not in {before_name}: {_names(added)}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join(names)
+
+
+def _names(keys: Sequence[GroupKey], most: int = 4) -> str:
+    names = list(dict.fromkeys(f"{key.scenario} with {key.tracker}" for key in keys))
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
+_KIND_OF = {"misidentifications": "misidentification", "lost_tracks": "lost", "id_switches": "switch"}
+"""Figures that count events; of every other the worst second is shown."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """A case's page and the moment to look at [s]; `what` happened there."""
+
+    page: Path
+    t_s: float
+    what: str
+
+    def text(self) -> str:
+        """Path and moment on one line."""
+        return f"{self.page} at {self.t_s:.1f} s ({self.what})"
+
+
+def look_at(change: Change, results: Results, store: ResultStore, folder: Path) -> Look | None:
+    """The moment behind a change, in the seed that got worst; None where the run has no case of it."""
+    group = results.groups.get(change.key)
+    case_id = group.cases.get(change.worst_seed) if group is not None and change.worst_seed is not None else None
+    if case_id is None:
+        return None
+    moments = store.moments(case_id)
+    kind = _KIND_OF.get(change.metric)
+    chosen = next((moment for moment in moments if moment.kind == kind), moments[0] if moments else None)
+    if chosen is None:
+        return None
+    return Look(page_of(folder, case_id), chosen.t_s, chosen.what)
+
+
+def page_of(folder: Path, case_id: str) -> Path:
+    """The report of a case of the run in `folder`; of a suite without reports the case's folder, its tracks and figures."""
+    case = folder / "cases" / case_id
+    return report if (report := case / "report.html").is_file() else case
+
+
+def sentence(change: Change) -> str:
+    """What changed, in words: "MOTP 0.067 m → 0.091 m (+0.024 m, allowed 0.004 m)"."""
+    name = figure_named(change.metric).name
+    was = written(change.metric, change.before)
+    if change.now is None:
+        return f"{name} {was} → no longer measured"
+    now, by = written(change.metric, change.now), written(change.metric, change.change, sign=True)
+    return f"{name} {was} → {now} ({by}, allowed {written(change.metric, change.allowed)}, {evidence(change)})"
+
+
+def evidence(change: Change) -> str:
+    """Why a change counts: how likely chance makes one so large, and the seed of a case that fell beyond any noise."""
+    if change.now is None:
+        return "gone"
+    p = min(change.p, change.p_better)
+    told = [f"seed {change.fallen} fell"] if change.fallen is not None else []
+    return ", ".join([*told, *([f"p {p:.3f}"] if p <= ALPHA or not told else [])])

@@ -13,19 +13,18 @@ from twin.models import cache_folder
 from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
 from twin.suites.baseline import read_baseline, read_results, write_baseline
 from twin.suites.cache import RecordingCache, cache_limit_bytes
+from twin.suites.cluster import Place
 from twin.suites.comparison import Comparison, compare
-from twin.suites.description import Suite, load_suite
-from twin.suites.figures import allowed_by_default
-from twin.suites.junit import write_junit
-from twin.suites.markdown import markdown_comparison, markdown_table
-from twin.suites.opening import read_store
+from twin.suites.exports import write_junit, write_summary
+from twin.suites.metrics import allowed_by_default
 from twin.suites.page import write_comparison_page, write_page
-from twin.suites.promises import Kept, promises_of
-from twin.suites.results import Results, results_of
-from twin.suites.run import Place, run_suite, tolerances_of
+from twin.suites.progress import suite_progress
+from twin.suites.results import Kept, Results, promises_of, results_of
+from twin.suites.run import run_suite, tolerances_of
+from twin.suites.spec import Suite, load_suite
 from twin.suites.store import ResultStore
-from twin.suites.summary import write_summary
-from twin.suites.terminal import print_comparison, print_promises, print_results, suite_progress
+from twin.suites.store_files import read_store
+from twin.suites.tables import markdown_comparison, markdown_table, print_comparison, print_promises, print_results
 
 
 def run_and_judge(

@@ -16,15 +16,11 @@ from markupsafe import Markup
 
 from twin.recording.whole_file import whole_file
 from twin.report.palette import IDENTITY_COLOURS, hex_colour
-from twin.suites.beside import COMPARED, Beside, beside
-from twin.suites.comparison import Change, Comparison
-from twin.suites.evidence import ALPHA
-from twin.suites.figures import FIGURE, GATED, SHOWN, figure_named, written
-from twin.suites.junit import evidence
-from twin.suites.moments import look_at, page_of
-from twin.suites.multiples import colour_of, mark, multiple, scale_of
-from twin.suites.promises import Kept
-from twin.suites.results import Group, GroupKey, Results, mean_over_seeds
+from twin.suites.charts import colour_of, mark, multiple, scale_of
+from twin.suites.comparison import Change, Comparison, evidence, look_at, page_of
+from twin.suites.metrics import FIGURE, GATED, SHOWN, figure_named, written
+from twin.suites.permutation_test import ALPHA
+from twin.suites.results import COMPARED, Beside, Group, GroupKey, Kept, Results, beside, mean_over_seeds
 from twin.suites.store import ResultStore
 
 

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from trackers.errors import InputError
 from twin.streams import stream
-from twin.suites.figures import GATED
+from twin.suites.metrics import FIGURE, GATED, written
+from twin.suites.spec import holds
 from twin.suites.store import ResultStore
-from twin.suites.stored import DONE, EXPECTED, FAILED, Recorded, StoredCase
+from twin.suites.store_schema import DONE, EXPECTED, FAILED, Recorded, StoredCase
 from twin.suites.worker import NO_RENDERER
 
 _N_REPLICATE = 2000
+
 _CONFIDENCE = 0.95
 
 
@@ -150,3 +153,81 @@ def gated_values(group: Group) -> Iterator[tuple[str, MeanOverSeeds]]:
         found = mean_over_seeds(group.values(metric))
         if found is not None:
             yield metric, found
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A promise and what is: the mean over the seeds of a scenario, None where the tracker has no such figure."""
+
+    key: GroupKey
+    variant: str
+    metric: str
+    bound: str
+    mean: float | None
+
+    @property
+    def broken(self) -> bool:
+        """Whether it is not kept."""
+        return self.mean is None or not holds(self.mean, self.bound)
+
+    @property
+    def measured(self) -> str:
+        """The mean as text."""
+        return "not measured" if self.mean is None else written(self.metric, self.mean)
+
+    def sentence(self) -> str:
+        """What is and what was promised: "MOTA is 0.912, promised >= 0.97"."""
+        return f"{FIGURE[self.metric].name} is {self.measured}, promised {self.bound}"
+
+
+def promises_of(facts: Mapping[str, Any], results: Results) -> list[Kept]:
+    """The promises of the suite that left these facts, for what has been run of it."""
+    return list(_of(facts.get("promises", ()), results))
+
+
+def _of(promised: Iterable[Mapping[str, str]], results: Results) -> Iterator[Kept]:
+    for each in promised:
+        key = GroupKey(each["scenario"], each["overrides"], each["tracker"])
+        group = results.groups.get(key)
+        if group is not None:
+            values = group.values(each["metric"])
+            mean = float(np.mean(values)) if values else None
+            yield Kept(key, group.variant, each["metric"], each["bound"], mean)
+
+
+COMPARED = ("mota", "idf1", "hota", "motp_m", "id_switches", "misidentifications", "lost_tracks", "false_positives")
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A tracker beside the one that a suite names: mean differences, this less that, over cases that both have done."""
+
+    tracker: str
+    n_case: int
+    differences: Mapping[str, MeanOverSeeds | None]  # by figure
+
+    def verdict(self, metric: str) -> str:
+        """'better' or 'worse' where the 95 % interval leaves out 0, else ''."""
+        found = self.differences[metric]
+        if found is None or found.low is None or found.high is None or found.low <= 0 <= found.high:
+            return ""
+        return "better" if (found.mean > 0) == (FIGURE[metric].better == "more") else "worse"
+
+
+def beside(results: Results, reference: str) -> list[Beside]:
+    """Every other tracker beside `reference`, over all scenarios together, paired by scenario, variant and seed."""
+    others = dict.fromkeys(key.tracker for key in results.groups if key.tracker != reference)
+    return [_beside(results, reference, tracker) for tracker in others]
+
+
+def _beside(results: Results, reference: str, tracker: str) -> Beside:
+    pairs = []
+    for key, group in results.groups.items():
+        own = results.groups.get(GroupKey(key.scenario, key.overrides, reference))
+        if key.tracker == tracker and own is not None:
+            pairs += [(figures, own.seeds[seed]) for seed, figures in group.seeds.items() if seed in own.seeds]
+    differences = {}
+    for metric in COMPARED:
+        values = [(one.get(metric), other.get(metric)) for one, other in pairs]
+        differences[metric] = mean_over_seeds([a - b for a, b in values if a is not None and b is not None])
+    return Beside(tracker, len(pairs), differences)

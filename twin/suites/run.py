@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -16,44 +16,21 @@ from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
 from twin.run.outcome import versions
 from twin.scenario.size import total
 from twin.suites.cache import RecordingCache
-from twin.suites.cases import Case, check_number, expand
-from twin.suites.cluster import open_cluster
-from twin.suites.description import Suite, Tolerance
-from twin.suites.engine import run_on
-from twin.suites.figures import allowed_by_default, flat
-from twin.suites.fingerprint import whole_code
-from twin.suites.opening import open_store
+from twin.suites.cache_keys import whole_code
+from twin.suites.cluster import Place
+from twin.suites.dask_runner import RunTasks, open_place
+from twin.suites.expansion import Case, check_number, expand
+from twin.suites.filmstrip import StripWork, draw_strip
+from twin.suites.metrics import allowed_by_default, flat
+from twin.suites.progress import Watcher
+from twin.suites.spec import Suite, Tolerance
 from twin.suites.store import ResultStore
-from twin.suites.stored import DONE, FAILED, Promise, Recorded
-from twin.suites.strips import StripWork, draw_strip
-from twin.suites.tasks import Ended, Listener, State, Task, run_here
+from twin.suites.store_files import open_store
+from twin.suites.store_schema import DONE, FAILED, Promise, Recorded
+from twin.suites.tasks import Ended, Listener, State, Task
 from twin.suites.worker import WORST, CaseResult, CaseWork, run_case
 
 _MOST_STRIPS = 24
-
-
-@dataclass(frozen=True)
-class Place:
-    """Where a suite runs: `jobs` processes here (None: one a core; 1: in this very process), or a Dask scheduler's workers."""
-
-    jobs: int | None = None
-    scheduler: str | None = None
-    resources: Mapping[str, float] | None = None
-
-
-@dataclass(frozen=True)
-class Watcher:
-    """Whom to tell how a run goes.
-
-    The Dask dashboard's address, if there is one, each case that fails, what warns, how far it is, and before what it will
-    make.
-    """
-
-    dashboard: Callable[[str], object] = lambda address: None
-    failed: Callable[[str, str], object] = lambda case_id, error: None
-    warned: Callable[[str], object] = lambda warning: None
-    state: Callable[[State], object] = lambda state: None
-    planned: Callable[[str], object] = lambda what: None
 
 
 def run_suite(
@@ -119,19 +96,6 @@ def run_suite(
         _run_cases(store, folder, cases, cache, run_tasks, watcher, logs, function or run_case)
         _draw_strips(store, folder, cases, cache, run_tasks, watcher)
         store.note(seconds=before_s + time.perf_counter() - start)
-
-
-RunTasks = Callable[[Sequence[Task], Callable[[Any], Any], Listener, Path | None], None]
-
-
-def open_place(place: Place, stack: ExitStack, watcher: Watcher) -> RunTasks:
-    """What runs tasks there, workers included, until the stack is left; raises InputError as `open_cluster`."""
-    if place.scheduler is None and place.jobs == 1:
-        return lambda tasks, function, listener, logs: run_here(tasks, function, listener)
-    cluster = stack.enter_context(open_cluster(place.jobs, place.scheduler, place.resources))
-    if cluster.dashboard is not None:
-        watcher.dashboard(cluster.dashboard)
-    return lambda tasks, function, listener, logs: run_on(cluster, tasks, function, listener, logs)
 
 
 def _run_cases(

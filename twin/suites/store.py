@@ -17,10 +17,10 @@ from typing import Any
 
 from trackers.errors import InputError
 from trackers.plain_data import parse_json
-from twin.suites.cases import Case
-from twin.suites.figures import check_ranges
-from twin.suites.fingerprint import MadeFrom
-from twin.suites.stored import (
+from twin.suites.cache_keys import MadeFrom
+from twin.suites.expansion import Case
+from twin.suites.metrics import check_ranges
+from twin.suites.store_schema import (
     CASES,
     DONE,
     EXPECTED,

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+import hashlib
 import tempfile
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 
+from trackers.arrays import Array
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.plain_data import parse_yaml
 from twin.evaluate.summary import Evaluation
+from twin.people.motion import Motion
+from twin.recording.bag import open_bag
+from twin.recording.tables import read_truth
+from twin.recording.topics import SCAN, sensor_topic
 from twin.report.timeline import describe
 from twin.run.live import run_scenario
 from twin.run.replay import track_recording
@@ -25,13 +32,12 @@ from twin.run.tracker_at_work import file_name
 from twin.scenario import Scenario
 from twin.sensors.render import OffscreenRenderer
 from twin.suites.cache import RecordingCache, digests_of
-from twin.suites.cases import NO_CAMERA, Case
-from twin.suites.contents import people_digest, range_scatter_m
-from twin.suites.fingerprint import recording_key, whole_code
-from twin.suites.people import staged_in
-from twin.world.staged import Staged
+from twin.suites.cache_keys import people_key, recording_key, whole_code
+from twin.suites.expansion import NO_CAMERA, Case
+from twin.world.staged import Staged, moved
 
 RECORDING, TRUTH = "recording.mcap", "truth.csv"
+
 NO_RENDERER = "none"
 """Written instead of a renderer's name for recordings without images."""
 
@@ -39,16 +45,19 @@ WORST = "worst"
 """The kind of moment that every case has: its worst second."""
 
 _WINDOW_S = 1.0
+
 _START_S = 1.0
 """So long a tracker may take to confirm the people it finds; what is bad before says nothing."""
+
 _MOST_EVENTS = 20
+
 _DIGEST = 16
 """So many characters of a recording's digest tell it from every other."""
 
 
 @dataclass(frozen=True)
 class CaseWork:
-    """A case, the cache to use, and the state of the code (see `fingerprint.whole_code`) that the others run."""
+    """A case, the cache to use, and the state of the code (see `cache_keys.whole_code`) that the others run."""
 
     case: Case
     cache: RecordingCache
@@ -188,3 +197,69 @@ def _moments(evaluation: Evaluation, scenario: Scenario) -> list[Moment]:
         for event in evaluation.events[:_MOST_EVENTS]
     ]
     return moments
+
+
+_FILE = "motion.npz"
+
+
+def staged_in(cache: RecordingCache, scenario: Scenario) -> Staged:
+    """The scenario's people and their motion, from the cache or moved for it; raises InputError as a simulation does."""
+
+    def make(folder: Path) -> None:
+        moved(scenario).save(folder / _FILE)
+
+    with cache.recording(people_key(scenario), make) as (entry, _):
+        return Staged.of(scenario, Motion.load(entry / _FILE))
+
+
+_PLACE_M = 1e-4
+"""Places are told apart so finely: coarser than what another processor's last bits come to, finer than any other walk."""
+
+_ONE_SURFACE_M = 0.05
+"""Ranges of one beam, a scan apart, that differ by more are of two surfaces."""
+
+
+def people_digest(truth: Path) -> str:
+    """Digests of where people are in a `truth.csv`, at its first whole second and at all; "" where no moment is one.
+
+    They are the same whatever sensors look at them, and in whatever order they are named; the first one is also the same
+    however long they are looked at.
+    """
+    table = read_truth(truth)
+    places = np.stack([table.x, table.y, table.head_x, table.head_y, table.head_z], axis=-1)
+    rows = np.column_stack([table.stamps_ns, np.rint(places / _PLACE_M).astype(np.int64)])
+    rows = rows[table.stamps_ns % NS_PER_S == 0]
+    if not len(rows):
+        return ""
+    ordered = rows[np.lexsort(rows.T[::-1])]
+    start = ordered[ordered[:, 0] == ordered[0, 0]]
+    return "-".join(hashlib.sha256(np.ascontiguousarray(each).tobytes()).hexdigest()[:12] for each in (start, ordered))
+
+
+def range_scatter_m(recording: Path, scenario: Scenario) -> dict[str, float]:
+    """Of each scanner, by where it is, the σ of a range [m]: of two scans in a row, where a beam meets one surface in both.
+
+    People who move add to it, the same in every recording of them. Scanners at one place count as one.
+    """
+    topics = {
+        sensor_topic(name, SCAN): scanner_name(sensor.mount.xyz)
+        for name, sensor in scenario.sensors.items()
+        if sensor.kind == "laser"
+    }
+    scans: dict[str, list[Array]] = {topic: [] for topic in topics}
+    with open_bag(recording) as bag:
+        for topic, _, message in bag.messages(topics):
+            scans[topic].append(np.array(message.ranges, dtype=np.float64))
+    squares: dict[str, list[Array]] = {}
+    for topic, ranges in scans.items():
+        with np.errstate(invalid="ignore"):  # inf − inf where neither beam returns
+            differences = [after - before for before, after in pairwise(ranges) if after.size == before.size]
+        for each in differences:
+            squares.setdefault(topics[topic], []).append(each[np.abs(each) < _ONE_SURFACE_M] ** 2)
+    pooled = {place: np.concatenate(each) for place, each in squares.items()}
+    return {place: float(np.sqrt(each.mean() / 2)) for place, each in pooled.items() if each.size}
+
+
+def scanner_name(xyz: tuple[float, float, float]) -> str:
+    """A scanner by where it is [m, room frame]: whatever it is called, from there it sees what it saw."""
+    return "scanner at " + ", ".join(f"{value:g}" for value in xyz)

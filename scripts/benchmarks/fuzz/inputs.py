@@ -21,8 +21,9 @@ from twin.recording.reader import Recording
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 from twin.suites.cache import RecordingCache
-from twin.suites.description import load_suite
-from twin.suites.run import Place, run_suite
+from twin.suites.cluster import Place
+from twin.suites.run import run_suite
+from twin.suites.spec import load_suite
 from twin.suites.worker import CaseResult, CaseWork
 
 SMALL = """\

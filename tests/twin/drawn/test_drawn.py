@@ -23,8 +23,8 @@ from twin.drawn.scene import draw_scene
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 from twin.scenario.model import Scenario
-from twin.suites.cases import expand
-from twin.suites.description import load_suite
+from twin.suites.expansion import expand
+from twin.suites.spec import load_suite
 from twin.world.world import World
 
 MIXED = {

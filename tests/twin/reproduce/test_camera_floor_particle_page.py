@@ -40,7 +40,7 @@ from twin.reproduce.camera_floor_particle.tables import (
 from twin.scenario import load_scenario
 from twin.scenario.load import dump_scenario
 from twin.suites.cache import RecordingCache
-from twin.suites.description import load_suite
+from twin.suites.spec import load_suite
 
 
 def made_up(**of: float) -> dict[str, float | None]:

@@ -32,7 +32,7 @@ from twin.reproduce.laser_vision_learning.tables import (
     cost_fit,
     hall_results,
 )
-from twin.suites.description import load_suite
+from twin.suites.spec import load_suite
 
 SHORT = """
 name: short

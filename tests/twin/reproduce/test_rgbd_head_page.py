@@ -28,7 +28,7 @@ from twin.reproduce.rgbd_head.tables import (
     Condition,
     results_of,
 )
-from twin.suites.description import load_suite
+from twin.suites.spec import load_suite
 
 LENS = PinholeIntrinsics(width=160, height=120, fx=60, fy=60, cx=79.5, cy=59.5)
 RIG = Rig(

@@ -14,7 +14,7 @@ from trackers.area import Area
 from trackers.errors import InputError
 from twin.room.files import room_files
 from twin.scenario import load_scenario
-from twin.suites.fingerprint import recording_key
+from twin.suites.cache_keys import recording_key
 from twin.world.scene import Scene, build_scene
 from twin.world.simulation import Simulation
 from twin.world.world import World

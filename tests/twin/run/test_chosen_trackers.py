@@ -14,8 +14,8 @@ from twin.run.chosen_trackers import TrustedClasses, choose, typed_classes, type
 from twin.run.live import run_scenario
 from twin.run.replay import track_recording
 from twin.scenario import TrackerChoice, load_scenario
-from twin.suites.cases import expand
-from twin.suites.description import load_suite
+from twin.suites.expansion import expand
+from twin.suites.spec import load_suite
 
 pytestmark = pytest.mark.slow
 

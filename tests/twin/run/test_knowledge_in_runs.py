@@ -21,11 +21,12 @@ from twin.run.replay import track_recording
 from twin.scenario import load_scenario
 from twin.scenario.load import dump_scenario
 from twin.suites.cache import RecordingCache
-from twin.suites.cases import expand
-from twin.suites.description import load_suite
-from twin.suites.fingerprint import recording_key
-from twin.suites.opening import read_store
-from twin.suites.run import Place, run_suite
+from twin.suites.cache_keys import recording_key
+from twin.suites.cluster import Place
+from twin.suites.expansion import expand
+from twin.suites.run import run_suite
+from twin.suites.spec import load_suite
+from twin.suites.store_files import read_store
 
 PLUG_IN = """
 import json

@@ -25,8 +25,10 @@ from twin.run.chosen_trackers import TrustedClasses
 from twin.studies.answers import write_answers
 from twin.studies.run import run_study
 from twin.suites.cache import RecordingCache
-from twin.suites.description import load_suite
-from twin.suites.run import Place, Watcher, run_suite
+from twin.suites.cluster import Place
+from twin.suites.progress import Watcher
+from twin.suites.run import run_suite
+from twin.suites.spec import load_suite
 
 pytestmark = pytest.mark.slow
 

@@ -13,7 +13,7 @@ from trackers.rig import Rig
 from twin.scenario.load import DrawableScenarioFile
 from twin.scenario.people import Person
 from twin.scenario.wardrobe import wardrobe
-from twin.suites.description import Suite
+from twin.suites.spec import Suite
 
 FILES = (DrawableScenarioFile, Suite, Rig)
 

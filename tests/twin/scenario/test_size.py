@@ -13,8 +13,8 @@ from twin.cli import app
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 from twin.scenario.size import check_size, size_of
-from twin.suites.cases import check_number
-from twin.suites.description import load_suite
+from twin.suites.expansion import check_number
+from twin.suites.spec import load_suite
 
 pytestmark = pytest.mark.slow
 

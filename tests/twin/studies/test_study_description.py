@@ -16,7 +16,7 @@ from twin.studies.description import Study, load_study
 from twin.studies.placed import write_scenario
 from twin.studies.prepare import prepare
 from twin.studies.run import run_study
-from twin.suites.run import Place
+from twin.suites.cluster import Place
 
 PLACE = {"xyz": [0, 3.6, 0.95], "yaw_deg": -90}
 AMID = {"xyz": [0, 1.5, 0.95]}

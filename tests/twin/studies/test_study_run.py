@@ -22,9 +22,9 @@ from twin.studies.run import run_study
 from twin.studies.scoring import Score, score
 from twin.studies.terminal import print_summary
 from twin.suites.cache import RecordingCache
-from twin.suites.figures import flat
-from twin.suites.fingerprint import whole_code
-from twin.suites.run import Place
+from twin.suites.cache_keys import whole_code
+from twin.suites.cluster import Place
+from twin.suites.metrics import flat
 
 pytestmark = pytest.mark.slow
 

@@ -13,8 +13,8 @@ from twin import models
 from twin.scenario import Scenario, load_scenario
 from twin.sensors.fault_kinds import FAULT_KINDS
 from twin.suites.baseline import read_baseline
-from twin.suites.cases import Case, expand
-from twin.suites.description import load_suite
+from twin.suites.expansion import Case, expand
+from twin.suites.spec import load_suite
 from twin.suites.worker import resolved_scenario
 
 

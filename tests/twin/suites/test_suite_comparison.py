@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from twin.suites.comparison import EVERY_SCENARIO, EVERY_TRACKER, Comparison, compare
-from twin.suites.evidence import family_wise_p, fewest_for_an_alarm
-from twin.suites.figures import GATED, allowed_by_default, worsening
+from twin.suites.metrics import GATED, allowed_by_default, worsening
+from twin.suites.permutation_test import family_wise_p, fewest_for_an_alarm
 from twin.suites.results import Group, GroupKey, Results, mean_over_seeds
 
 TRACKERS = ("full", "lasers")

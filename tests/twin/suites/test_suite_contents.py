@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from twin.scenario import load_scenario
-from twin.suites.contents import people_digest, range_scatter_m, start_of
-from twin.suites.figures import GATED_READINGS
-from twin.suites.worker import RECORDING, TRUTH, record
+from twin.suites.metrics import GATED_READINGS
+from twin.suites.pairing import start_of
+from twin.suites.worker import RECORDING, TRUTH, people_digest, range_scatter_m, record
 
 LASERS = ("sensors.fisheye=null", "duration_s=2", "background=none")
 SCANNERS = {"scanner at 0, 0, 0.95", "scanner at 0, 0, 0.45"}

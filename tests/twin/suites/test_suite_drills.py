@@ -18,8 +18,10 @@ from synthetic_cases import result_of
 from twin import cli
 from twin.suites import run as suite_run
 from twin.suites.cache import RecordingCache
-from twin.suites.description import load_suite
-from twin.suites.run import Place, Watcher, run_suite
+from twin.suites.cluster import Place
+from twin.suites.progress import Watcher
+from twin.suites.run import run_suite
+from twin.suites.spec import load_suite
 from twin.suites.tasks import State
 
 pytestmark = pytest.mark.slow

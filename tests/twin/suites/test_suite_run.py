@@ -20,14 +20,15 @@ from synthetic_cases import result_of
 from typer.testing import CliRunner
 
 from trackers.errors import InputError
-from twin.suites import opening, run as suite_run
+from twin.suites import run as suite_run, store_files
 from twin.suites.cache import RecordingCache
+from twin.suites.cluster import Place
 from twin.suites.command import app
-from twin.suites.description import load_suite
-from twin.suites.opening import read_store
 from twin.suites.page import write_page
 from twin.suites.results import results_of
-from twin.suites.run import Place, run_suite
+from twin.suites.run import run_suite
+from twin.suites.spec import load_suite
+from twin.suites.store_files import read_store
 
 pytestmark = pytest.mark.slow
 
@@ -118,8 +119,9 @@ def test_a_run_killed_in_the_middle_is_resumed_and_nothing_is_done_twice(suite: 
         "from pathlib import Path\n"
         "from synthetic_cases import result_of\n"
         "from twin.suites.cache import RecordingCache\n"
-        "from twin.suites.description import load_suite\n"
-        "from twin.suites.run import Place, run_suite\n"
+        "from twin.suites.spec import load_suite\n"
+        "from twin.suites.cluster import Place\n"
+        "from twin.suites.run import run_suite\n"
         "if __name__ == '__main__':\n"
         "    suite, path = load_suite(sys.argv[1])\n"
         "    run_suite(suite, path, Path(sys.argv[2]), RecordingCache(Path(sys.argv[2]) / 'c', 1), Place(jobs=2), "
@@ -156,7 +158,7 @@ def test_a_run_killed_in_the_middle_is_resumed_and_nothing_is_done_twice(suite: 
 def test_a_disk_that_is_full_ends_the_run_and_what_was_done_stays(
     suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    connected = opening._connected
+    connected = store_files._connected
 
     @contextmanager
     def small_disk(path: Path):
@@ -167,7 +169,7 @@ def test_a_disk_that_is_full_ends_the_run_and_what_was_done_stays(
 
     folder = tmp_path / "out"
     with monkeypatch.context() as patch:
-        patch.setattr(opening, "_connected", small_disk)
+        patch.setattr(store_files, "_connected", small_disk)
         with pytest.raises(
             InputError, match=r"results.sqlite: cannot be written; .* \(database or disk is full\); --resume"
         ):

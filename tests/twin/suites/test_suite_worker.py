@@ -15,11 +15,11 @@ from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 from twin.suites import worker
 from twin.suites.cache import RecordingCache
-from twin.suites.cases import Case, expand
-from twin.suites.description import load_suite
-from twin.suites.figures import flat
-from twin.suites.fingerprint import whole_code
-from twin.suites.strips import StripWork, draw_strip
+from twin.suites.cache_keys import whole_code
+from twin.suites.expansion import Case, expand
+from twin.suites.filmstrip import StripWork, draw_strip
+from twin.suites.metrics import flat
+from twin.suites.spec import load_suite
 from twin.suites.worker import CaseWork, run_case
 
 pytestmark = pytest.mark.slow

@@ -17,7 +17,7 @@ from twin.reproduce.camera_floor_particle.tables import BEYOND
 from twin.reproduce.results import Result
 from twin.reproduce.suite_runs import SuiteRuns, recording_of
 from twin.suites.cache import RecordingCache
-from twin.suites.cases import Case
+from twin.suites.expansion import Case
 from twin.suites.worker import RECORDING, resolved_scenario
 from twin.world.simulation import Simulation
 

@@ -26,8 +26,8 @@ from twin.scenario import Scenario, load_scenario
 from twin.scenario.load import dump_scenario
 from twin.streams import stream
 from twin.suites.cache import RecordingCache
-from twin.suites.cases import Case
-from twin.suites.fingerprint import recording_key
+from twin.suites.cache_keys import recording_key
+from twin.suites.expansion import Case
 from twin.suites.worker import RECORDING, TRUTH, record, renderer_of
 
 CHOICE, TIME = "beyond the paper, choice", "beyond the paper, time"

@@ -38,8 +38,8 @@ from twin.reproduce.page import grid_of, rows_of, write_page, write_plots
 from twin.reproduce.registry import Asked, Found, OnProgress
 from twin.reproduce.results import Result, write_results
 from twin.reproduce.suite_runs import SuiteRuns, read_runs, run_in, suite_of, tracks_of, truth_of
-from twin.suites.description import Suite
-from twin.suites.run import Place
+from twin.suites.cluster import Place
+from twin.suites.spec import Suite
 
 _SHOWN = (("crossing", "figure 4"), ("going-back", "figure 4"), (PAIR, "one cluster"), (HOME, "figure 5"))
 """Conditions of which a moment is drawn, and what it stands for."""

@@ -21,7 +21,7 @@ from twin.reproduce.page import rows_of, write_page, write_plots
 from twin.reproduce.registry import Asked, Found, OnProgress
 from twin.reproduce.results import write_results
 from twin.reproduce.suite_runs import read_runs, run_in, suite_of, tell_failure
-from twin.suites.run import Place
+from twin.suites.cluster import Place
 
 N_RUN = 100
 """Monte-Carlo runs of figure 7, the paper's."""

@@ -25,9 +25,9 @@ from twin.reproduce.laser_fisheye_imm.conditions import (
 from twin.reproduce.moments import SeenMoment
 from twin.reproduce.suite_runs import SUITE_FOLDER, SuiteRuns
 from twin.scenario import Scenario
-from twin.suites.cases import Case
-from twin.suites.description import Suite
-from twin.suites.fingerprint import recording_key
+from twin.suites.cache_keys import recording_key
+from twin.suites.expansion import Case
+from twin.suites.spec import Suite
 from twin.suites.worker import TRUTH, Moment, record, renderer_of, resolved_scenario
 from twin.world.world import World
 

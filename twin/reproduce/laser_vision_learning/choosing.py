@@ -17,7 +17,7 @@ from twin.scenario import load_scenario
 from twin.scenario.load import dump_scenario
 from twin.streams import stream
 from twin.suites.cache import RecordingCache
-from twin.suites.fingerprint import recording_key
+from twin.suites.cache_keys import recording_key
 from twin.suites.worker import RECORDING, record, renderer_of
 
 CHOICE = "beyond the paper, choice"

@@ -16,7 +16,7 @@ from trackers.arrays import Array
 from twin.evaluate import Evaluation
 from twin.recording.situations import SituationTable
 from twin.recording.tables import TruthTable
-from twin.suites.cases import Case
+from twin.suites.expansion import Case
 
 FUSED, LASER, VISION = "laser-vision-learning", "laser-vision-learning-laser", "laser-vision-learning-vision"
 SYSTEMS: Mapping[str, str] = {FUSED: "fused", LASER: "laser only", VISION: "vision only"}

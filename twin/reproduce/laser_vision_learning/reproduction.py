@@ -30,7 +30,7 @@ from twin.reproduce.page import rows_of, write_page, write_plots
 from twin.reproduce.registry import Asked, Found, OnProgress
 from twin.reproduce.results import Result, write_results
 from twin.reproduce.suite_runs import read_runs, run_in, suite_of, tell_failure
-from twin.suites.run import Place
+from twin.suites.cluster import Place
 from twin.suites.worker import resolved_scenario
 
 

@@ -25,9 +25,9 @@ from twin.reproduce.laser_vision_learning.conditions import (
     interacting,
 )
 from twin.reproduce.suite_runs import SUITE_FOLDER, SuiteRuns
-from twin.suites.cases import Case
-from twin.suites.description import Suite
-from twin.suites.fingerprint import recording_key
+from twin.suites.cache_keys import recording_key
+from twin.suites.expansion import Case
+from twin.suites.spec import Suite
 from twin.suites.worker import TRUTH, record, renderer_of, resolved_scenario
 
 SITUATIONS = "truth_situations.csv"

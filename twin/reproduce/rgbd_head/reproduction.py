@@ -40,9 +40,9 @@ from twin.reproduce.rgbd_head.tables import (
 )
 from twin.reproduce.suite_runs import SuiteRuns, read_runs, recording_of, run_in, suite_of, tracks_of, truth_of
 from twin.scenario import load_scenario
-from twin.suites.cases import Case
-from twin.suites.description import Suite
-from twin.suites.run import Place
+from twin.suites.cluster import Place
+from twin.suites.expansion import Case
+from twin.suites.spec import Suite
 
 _RUNS = 30
 """How often one recording is followed: as often as the paper did."""

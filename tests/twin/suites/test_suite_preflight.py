@@ -15,8 +15,8 @@ from twin.run.chosen_trackers import TrustedClasses
 from twin.scenario import load_scenario
 from twin.scenario.housings import rig_told
 from twin.suites import run as suite_run
-from twin.suites.cases import expand
-from twin.suites.description import load_suite
+from twin.suites.expansion import expand
+from twin.suites.spec import load_suite
 from twin.world.scene import walkable_in
 from twin.world.simulation import Simulation
 

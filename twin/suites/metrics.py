@@ -4,7 +4,7 @@ The default tolerances are ours: small enough that validation gates half as wide
 seeds 0 to 2 and on 1000 to 1002), while what is harmless moves less: on the lab, seeds 1000 to 1005, other noise of the
 image changed no figure of any tracker with a camera, in 144 pairs of runs (`scripts/bench --only suite-spread`). Other noise
 of the *scanners* is not harmless: identities go other ways then, and DetA of the trackers without a camera moves by 0.011,
-IDF1 by 0.045 (σ of a mean over three seeds). Where scans differ, `twin.suites.pairs` allows what chance may do besides.
+IDF1 by 0.045 (σ of a mean over three seeds). Where scans differ, `twin.suites.pairing` allows what chance may do besides.
 """
 
 from __future__ import annotations
@@ -57,6 +57,7 @@ READINGS: Mapping[str, Figure] = {
     )
 }
 """Figures of what a sensor reports, whatever a tracker makes of it."""
+
 GATED_READINGS: Mapping[str, Allowance] = {"range_scatter_m": Allowance(0.0, 0.05)}
 """Those are compared too. Another draw of the same noise moves less, and noise that doubles more than twice as much, people who
 walk through notwithstanding (tests/twin/suites/test_suite_contents.py)."""

@@ -24,16 +24,17 @@ from typing import Literal
 import numpy as np
 
 from trackers.arrays import Array
-from twin.suites.contents import start_of
-from twin.suites.figures import GATED, GATED_READINGS, worsening
+from twin.suites.metrics import GATED, GATED_READINGS, worsening
 from twin.suites.results import Group, GroupKey, Results
 
 Kinship = Literal["same bits", "same origin", "same people", "strangers"]
 """What the recordings of a group are to those before, the closest first."""
+
 Unit = tuple[int | str, ...]
 """A seed, and what tells its recordings from those of the same seed that are another draw."""
 
 _BEYOND_NOISE, _BEYOND_ANY_DRAW, _BEYOND_SPREAD = 10.0, 50.0, 4.0
+
 _STANDARD_ERRORS: Mapping[Kinship, float] = {"same people": 3.0, "strangers": 2.0}
 
 
@@ -145,3 +146,8 @@ def _kinship(was: Group, group: Group, seeds: Sequence[int]) -> Kinship:
 
 def _same(before: Mapping[int, str], now: Mapping[int, str], seeds: Sequence[int]) -> bool:
     return all(before.get(seed) and before[seed] == now.get(seed) for seed in seeds)
+
+
+def start_of(people: str) -> str:
+    """The part of such digests that tells where people are at first."""
+    return people.partition("-")[0]

@@ -24,14 +24,17 @@ from twin.run.preview import Preview
 from twin.run.tracker_at_work import trackers_at_work
 from twin.scenario.model import TrackerChoice
 from twin.suites.cache import RecordingCache
-from twin.suites.cases import Case
-from twin.suites.fingerprint import recording_key
+from twin.suites.cache_keys import recording_key
+from twin.suites.expansion import Case
 from twin.suites.worker import RECORDING, record, renderer_of, resolved_scenario
 from twin.world.world import World
 
 _OFFSETS_S = (-0.8, 0.0, 0.8)
+
 _TAIL_S = 2.0
+
 _STILL_WIDTH_PX = 720
+
 _QUALITY = 82
 
 

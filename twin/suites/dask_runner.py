@@ -10,29 +10,35 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterable
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from trackers.errors import InputError
-from twin.suites.attempt import attempt, log_tail
-from twin.suites.cluster import Cluster
-from twin.suites.tasks import MOST_ATTEMPTS, Listener, Task, TaskQueue
+from twin.suites.cluster import Cluster, Place, open_cluster
+from twin.suites.progress import Watcher
+from twin.suites.tasks import MOST_ATTEMPTS, Listener, Task, TaskQueue, attempt, log_tail, run_here
 
 if TYPE_CHECKING:
     from distributed import Future
 
 _GRACE_S = 10.0
 """How much later than the watchdog in the worker's own process ours steps in."""
+
 _RESTART_S = 60.0
+
 _POLL_S = 0.5
+
 _SETTLED_S = 1.0
 """So long after its start a worker is given nothing: should it die before its nanny has taken note of it, no other follows."""
+
 _MISSED_S = 60.0
 """A worker that has not come back for so long is replaced by us."""
+
 _WORKERS_AWAITED_S = 300.0
+
 _FETCH_S = 60.0
 
 
@@ -221,3 +227,16 @@ def _reason(future: Future) -> str:
         if error is None or isinstance(error, KilledWorker)
         else f"could not be run ({type(error).__name__}: {error})"
     )
+
+
+RunTasks = Callable[[Sequence[Task], Callable[[Any], Any], Listener, Path | None], None]
+
+
+def open_place(place: Place, stack: ExitStack, watcher: Watcher) -> RunTasks:
+    """What runs tasks there, workers included, until the stack is left; raises InputError as `open_cluster`."""
+    if place.scheduler is None and place.jobs == 1:
+        return lambda tasks, function, listener, logs: run_here(tasks, function, listener)
+    cluster = stack.enter_context(open_cluster(place.jobs, place.scheduler, place.resources))
+    if cluster.dashboard is not None:
+        watcher.dashboard(cluster.dashboard)
+    return lambda tasks, function, listener, logs: run_on(cluster, tasks, function, listener, logs)

@@ -20,10 +20,10 @@ from twin.scenario import load_scenario
 from twin.scenario.load import dump_scenario
 from twin.scenario.model import Scenario, TrackerChoice
 from twin.scenario.size import RunSize, check_size, size_of
-from twin.suites.description import Changes, Suite, find_scenario
-from twin.suites.fingerprint import MadeFrom, made_from, people_key, recording_key, room_digest
-from twin.suites.fitness import TrackerCheck
-from twin.suites.written import Variant, as_texts, variants
+from twin.suites.cache_keys import MadeFrom, made_from, people_key, recording_key, room_digest
+from twin.suites.overrides import Variant, as_texts, variants
+from twin.suites.preflight import TrackerCheck
+from twin.suites.spec import Changes, Suite, find_scenario
 
 MOST_CASES = 5000
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from twin.suites.markdown import markdown_table
 from twin.suites.results import Group, GroupKey, Results
+from twin.suites.tables import markdown_table
 
 
 def group(*seeds: dict[str, float | None], variant: str = "") -> Group:

@@ -25,10 +25,13 @@ from twin.room.files import room_files
 from twin.scenario import Scenario
 
 _PACKAGES = {"twin": Path(twin.__file__).parent, "trackers": Path(trackers.__file__).parent}
+
 _SIMULATING = ("twin.world.simulation", "twin.recording.writer")
 """What makes a recording; `twin.run.live` only passes on what the first gives to the second."""
+
 _MOVING = ("twin.world.staged",)
 """What moves people, whatever sensors look at them."""
+
 _LIBRARIES = ("mujoco", "numpy", "scipy", "opencv-python-headless", "rosbags")
 
 

@@ -9,16 +9,16 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, Json, TypeAdapter, ValidationError
 
 from trackers.errors import InputError
-from twin.suites.bounds import Bound
-from twin.suites.description import Tolerance
+from twin.suites.spec import Bound, Tolerance
 from twin.suites.worker import Moment
 
 WAITING, RUNNING, DONE, FAILED = "waiting", "running", "done", "failed"
+
 EXPECTED = "a file of results as `twin suite run` wrote it"
 
 _MOST_SHOWN = 80
-_Content = TypeVar("_Content")
 
+_Content = TypeVar("_Content")
 
 _TEXTS = TypeAdapter(Json[list[str]])
 
@@ -89,9 +89,13 @@ class Facts(BaseModel):
 
 
 FACTS = TypeAdapter(Facts)
+
 CASES = TypeAdapter(list[StoredCase])
+
 RECORDED = TypeAdapter(dict[str, Recorded])
+
 METRICS = TypeAdapter(dict[str, dict[str, FiniteFloat | None]])
+
 MOMENTS = TypeAdapter(list[Moment])
 
 

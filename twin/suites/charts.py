@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from html import escape
 
 from twin.report.palette import IDENTITY_COLOURS
-from twin.suites.figures import FIGURE, written
+from twin.suites.metrics import FIGURE, written
 from twin.suites.results import Group, mean_over_seeds
 
 _SHAPES = (
@@ -17,6 +17,7 @@ _SHAPES = (
     "M0 -5.2L5 4H-5Z",
 )
 """Disc, square, diamond, triangle: a tracker's mark when the colours come round again."""
+
 _WIDTH, _LEFT, _RIGHT, _TOP, _ROW, _BOTTOM = 178.0, 8.0, 50.0, 8.0, 20.0, 18.0
 
 

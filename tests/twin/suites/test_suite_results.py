@@ -5,9 +5,8 @@ from __future__ import annotations
 import pytest
 
 from trackers.errors import InputError
-from twin.suites.beside import beside
-from twin.suites.description import Suite, load_suite
-from twin.suites.results import Group, GroupKey, Results
+from twin.suites.results import Group, GroupKey, Results, beside
+from twin.suites.spec import Suite, load_suite
 
 
 def results(**by_tracker: list[float | None]) -> Results:

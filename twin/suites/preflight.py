@@ -32,7 +32,7 @@ from twin.scenario import Scenario
 from twin.scenario.housings import rig_told
 from twin.scenario.model import TrackerChoice
 from twin.streams import stream
-from twin.suites.written import Variant
+from twin.suites.overrides import Variant
 from twin.world.scene import walkable_in
 
 

@@ -2,89 +2,20 @@
 
 from __future__ import annotations
 
-import sys
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from itertools import groupby
 from pathlib import Path
 
-from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 
 from twin.console import PlainConsole
-from twin.suites.beside import COMPARED, beside
-from twin.suites.comparison import Change, Comparison
-from twin.suites.figures import FIGURE, SHOWN, figure_named, written
-from twin.suites.junit import evidence
-from twin.suites.moments import look_at
-from twin.suites.promises import Kept
-from twin.suites.results import MeanOverSeeds, Results, mean_over_seeds
-from twin.suites.run import Watcher
+from twin.shown import shown
+from twin.suites.comparison import Change, Comparison, evidence, look_at
+from twin.suites.metrics import FIGURE, SHOWN, figure_named, written
+from twin.suites.results import COMPARED, Group, GroupKey, Kept, MeanOverSeeds, Results, beside, mean_over_seeds
 from twin.suites.store import ResultStore
-from twin.suites.tasks import State
 
 _MOST_ROWS = 30
-_LINE_EVERY_S = 15.0
-
-
-@contextmanager
-def suite_progress() -> Iterator[Watcher]:
-    """Cases done, running, failed and the time left, on stderr: a bar in a terminal, a line now and then elsewhere."""
-    console = PlainConsole(stderr=True)
-    bar = Progress(
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        TextColumn("{task.fields[text]}", markup=False),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
-    clock = _Clock()
-    last_line_s = 0.0
-
-    def state(now: State) -> None:
-        nonlocal last_line_s
-        total = now.waiting + now.running + now.done + now.failed
-        text = f"{now.done} done, {now.running} running, {now.failed} failed, {clock.left(now)}"
-        bar.update(task, total=total, completed=now.done + now.failed, text=text)
-        if not console.is_terminal and time.monotonic() - last_line_s > _LINE_EVERY_S:
-            last_line_s = time.monotonic()
-            print(f"of {total} cases {text}", file=sys.stderr, flush=True)
-
-    def failed(case_id: str, error: str) -> None:
-        console.print(f"failed: {case_id}: {error.splitlines()[0] if error else ''}", soft_wrap=True)
-
-    with bar:
-        task = bar.add_task("cases", text="")
-        yield Watcher(
-            dashboard=lambda address: console.print(f"Dask dashboard: {address}", soft_wrap=True),
-            failed=failed,
-            warned=lambda warning: console.print(f"warning: {warning}", soft_wrap=True),
-            state=state,
-            planned=lambda what: print(f"twin: to make: {what}", file=sys.stderr, flush=True),
-        )
-
-
-class _Clock:
-    """How long the rest will take, from what has ended since the first look."""
-
-    def __init__(self) -> None:
-        self._start_s: float | None = None
-        self._ended_before = 0
-
-    def left(self, now: State) -> str:
-        ended = now.done + now.failed
-        if self._start_s is None:
-            self._start_s, self._ended_before = time.monotonic(), ended
-        rest = now.waiting + now.running
-        if rest == 0:
-            return "all ended"
-        if now.workers == 0:
-            return "no worker yet"
-        if ended == self._ended_before:
-            return "time left not known yet"
-        left_s = (time.monotonic() - self._start_s) / (ended - self._ended_before) * rest
-        return f"about {left_s:.0f} s left" if left_s < 100 else f"about {left_s / 60:.0f} min left"
 
 
 def print_results(results: Results, reference: str | None = None) -> None:
@@ -238,3 +169,83 @@ def _mean_text(metric: str, mean: MeanOverSeeds | None) -> str:
 
 def _console() -> PlainConsole:
     return PlainConsole(width_of_file=140)
+
+
+_SHOWN = ("mota", "idf1", "hota", "id_switches", "misidentifications", "lost_tracks")
+
+
+def markdown_table(results: Results) -> str:
+    """Means over seeds, a row a scenario, variant and tracker; the best trackers of each scenario in bold."""
+    heads = [FIGURE[metric].name for metric in _SHOWN]
+    lines = [
+        _line(["scenario", "tracker", "seeds", "person-frames", *heads]),
+        _line(["---", "---", *["--:"] * (2 + len(heads))]),
+    ]
+    for _, rows in groupby(results.groups.items(), key=lambda row: (row[0].scenario, row[0].overrides)):
+        lines += _rows_of_scenario(list(rows))
+    return "\n".join(lines)
+
+
+def markdown_comparison(comparison: Comparison) -> str:
+    """What got worse and better, a row a figure, and the warnings; one line where nothing got worse."""
+    heads = ["", "scenario", "tracker", "figure", "before", "now", "change", "allowed", "p", "seeds"]
+    told = [("worse", each) for each in comparison.worse] + [("better", each) for each in comparison.better]
+    lines = [
+        f"{len(comparison.changes)} figures compared: {len(comparison.worse)} worse, {len(comparison.better)} better."
+    ]
+    if told:
+        lines += ["", _line(heads), _line(["---"] * 4 + ["--:"] * 6)]
+    for word, change in told:
+        name = f"{change.key.scenario} ({change.variant})" if change.variant else change.key.scenario
+        gone = change.now is None
+        cells = [
+            f"**{word}**" if word == "worse" else word,
+            name,
+            f"`{change.key.tracker}`",
+            figure_named(change.metric).name,
+            written(change.metric, change.before),
+            "gone" if gone else written(change.metric, change.now),
+            "" if gone else written(change.metric, change.change, sign=True),
+            "" if gone else written(change.metric, change.allowed),
+            evidence(change),
+            str(change.n_seed),
+        ]
+        lines.append(_line(cells))
+    return "\n".join([*lines, *(f"\nWarning: {_cell(warning)}" for warning in comparison.warnings)])
+
+
+def _rows_of_scenario(rows: list[tuple[GroupKey, Group]]) -> list[str]:
+    columns = [_column(metric, [group for _, group in rows]) for metric in _SHOWN]
+    lines = []
+    for place, (key, group) in enumerate(rows):
+        name = f"{key.scenario} ({group.variant})" if group.variant else key.scenario
+        cells = [
+            name if place == 0 else "",
+            f"`{key.tracker}`",
+            str(len(group.seeds)),
+            group.n,
+            *[column[place] for column in columns],
+        ]
+        lines.append(_line(cells))
+    return lines
+
+
+def _column(metric: str, groups: list[Group]) -> list[str]:
+    """A figure of each tracker as text; the best, where not all are alike, in bold."""
+    means = [mean_over_seeds(group.values(metric)) for group in groups]
+    figure = FIGURE[metric]
+    texts = ["–" if mean is None else f"{mean.mean:.{figure.decimals or 1}f}" for mean in means]
+    known = {float(text) for text in texts if text != "–"}
+    if len(known) > 1:
+        best = max(known) if figure.better == "more" else min(known)
+        texts = [f"**{text}**" if text != "–" and float(text) == best else text for text in texts]
+    return [text.replace("-", "−") for text in texts]
+
+
+def _line(cells: list[str]) -> str:
+    return f"| {' | '.join(map(_cell, cells))} |"
+
+
+def _cell(text: str) -> str:
+    """A text as part of one line: what a user has written neither ends a cell nor is a tag."""
+    return shown(" ".join(text.split())).replace("|", "\\|").replace("<", "&lt;")

@@ -11,11 +11,12 @@ from typing import Any
 
 from trackers.errors import InputError
 from twin.run.out_folder import locked_folder
-from twin.suites.cases import Case
+from twin.suites.expansion import Case
 from twin.suites.store import ResultStore, fault_of_file
-from twin.suites.stored import EXPECTED
+from twin.suites.store_schema import EXPECTED
 
 FILE = "results.sqlite"
+
 _OF_SUITE = ("description", "beside", "tolerances", "promises")
 """Facts that figures are judged by: those of the suite as it is now hold."""
 

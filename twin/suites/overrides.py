@@ -6,7 +6,7 @@ import json
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
-from twin.suites.description import Changes, Suite, SuiteScenario
+from twin.suites.spec import Changes, Suite, SuiteScenario
 
 
 @dataclass(frozen=True)

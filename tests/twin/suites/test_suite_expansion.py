@@ -11,9 +11,9 @@ import yaml
 
 from trackers.errors import InputError
 from twin import models
-from twin.suites import fingerprint
-from twin.suites.cases import Case, expand
-from twin.suites.description import load_suite
+from twin.suites import cache_keys
+from twin.suites.expansion import Case, expand
+from twin.suites.spec import load_suite
 
 HEAD = "name: s\ntrackers: [laser-imm]\nseeds: 2\n"
 
@@ -179,14 +179,14 @@ def test_the_code_that_records_is_all_that_is_loaded_to_record_and_no_tracker() 
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = {Path(line) for line in done.stdout.splitlines() if line}
-    found = fingerprint._modules(fingerprint._SIMULATING)
-    roots = {package / "__init__.py" for package in fingerprint._PACKAGES.values()}
+    found = cache_keys._modules(cache_keys._SIMULATING)
+    roots = {package / "__init__.py" for package in cache_keys._PACKAGES.values()}
     assert loaded - roots <= found
     assert {"fisheye.py", "laser.py", "render.py"} <= {path.name for path in found}  # loaded when a sensor is made
     parts = {f"{path.parent.name}/{path.name}" for path in found}
     assert "sensors/laser.py" in parts
     judging = {"trackers/laser_fisheye_imm.py", "trackers/presets.py", "report/page.py", "evaluate/summary.py"}
-    assert not (judging | {"evaluate/clear.py", "suites/engine.py"}) & parts
+    assert not (judging | {"evaluate/clear.py", "suites/dask_runner.py"}) & parts
 
 
 def test_the_key_of_a_recording_follows_scenario_seed_renderer_and_room(tmp_path: Path) -> None:
@@ -194,12 +194,12 @@ def test_the_key_of_a_recording_follows_scenario_seed_renderer_and_room(tmp_path
     room.write_text('<mujoco><asset><mesh file="chair.obj"/></asset></mujoco>')
     (tmp_path / "chair.obj").write_text("v 0 0 0")
     resolved = f"room: {room}\nseed: 1\n"
-    key = fingerprint.recording_key(resolved, "llvmpipe")
-    assert key == fingerprint.recording_key(resolved, "llvmpipe")
-    assert key != fingerprint.recording_key(resolved, "NVIDIA")
-    assert key != fingerprint.recording_key(resolved.replace("1", "2"), "llvmpipe")
+    key = cache_keys.recording_key(resolved, "llvmpipe")
+    assert key == cache_keys.recording_key(resolved, "llvmpipe")
+    assert key != cache_keys.recording_key(resolved, "NVIDIA")
+    assert key != cache_keys.recording_key(resolved.replace("1", "2"), "llvmpipe")
     (tmp_path / "chair.obj").write_text("v 0 0 1")
-    changed = fingerprint.recording_key(resolved, "llvmpipe")
+    changed = cache_keys.recording_key(resolved, "llvmpipe")
     assert changed != key
     room.write_text(room.read_text() + " ")
-    assert fingerprint.recording_key(resolved, "llvmpipe") not in (key, changed)
+    assert cache_keys.recording_key(resolved, "llvmpipe") not in (key, changed)

@@ -2,27 +2,129 @@
 
 from __future__ import annotations
 
+import operator
+import re
+from collections.abc import Callable, Mapping
 from itertools import product
 from math import prod
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field, JsonValue, ValidationError, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    JsonValue,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+    field_validator,
+    model_validator,
+)
 
 from trackers.configuration import Strict, validate
 from trackers.plain_data import parse_yaml
 from trackers.text_file import read_text
 from twin import models
 from twin.scenario.model import Name
-from twin.suites.bounds import Required
-from twin.suites.expected import list_of, mapping_of, refused, single
-from twin.suites.figures import GATED, GATED_READINGS
+from twin.suites.metrics import FIGURE, GATED, GATED_READINGS
+
+
+def list_of(what: str, *, or_empty: bool = False) -> BeforeValidator:
+    """A field that takes a list, with something in it or `or_empty`; `what`: the sentence's start, with an example."""
+
+    def check(value: Any) -> Any:
+        if not isinstance(value, list | tuple) or not (value or or_empty):
+            raise refused(value, f"{what} is expected")
+        return value
+
+    return BeforeValidator(check)
+
+
+def mapping_of(what: str) -> BeforeValidator:
+    """A field that takes a mapping whose keys are texts."""
+
+    def check(value: Any) -> Any:
+        if not isinstance(value, dict):
+            raise refused(value, f"{what} is expected")
+        for key in value:
+            if not isinstance(key, str):
+                raise ValueError(f"the key {key!r} is not a text; {what} is expected")
+        return value
+
+    return BeforeValidator(check)
+
+
+def single(what: str) -> WrapValidator:
+    """A field that takes one value: whatever is wrong with it, this is what is expected."""
+
+    def check(value: Any, inner: ValidatorFunctionWrapHandler) -> Any:
+        if not isinstance(value, bool):
+            try:
+                return inner(value)
+            except ValidationError:
+                pass
+        raise refused(value, f"{what} is expected")
+
+    return WrapValidator(check)
+
+
+def refused(value: Any, sentence: str) -> ValueError:
+    """The error that says this of a value; `validate` itself tells every value that is no mapping."""
+    return ValueError(f"{sentence} (got {value!r})" if isinstance(value, dict) else sentence)
+
+
+_COMPARISONS: Mapping[str, Callable[[float, float], bool]] = {
+    ">=": operator.ge,
+    "<=": operator.le,
+    ">": operator.gt,
+    "<": operator.lt,
+    "==": operator.eq,
+}
+
+_BOUND = re.compile(r"\s*(>=|<=|==|>|<)?\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
+
+_ROUNDING = 1e-9
+
+
+def _bound(value: str | float) -> str:
+    """The bound as `>= 0.97`; a number alone is what the figure is to be."""
+    found = _BOUND.fullmatch(str(value))
+    if found is None:
+        raise ValueError('a number, or a bound as in ">= 0.97", is expected')
+    return f"{found[1] or '=='} {found[2]}"
+
+
+def _figure(name: str) -> str:
+    if name not in FIGURE:
+        raise ValueError(f"there is no figure {name!r}; valid are {', '.join(FIGURE)}")
+    return name
+
+
+Bound = Annotated[str, BeforeValidator(_bound, json_schema_input_type=str | float)]
+
+Figures = Annotated[
+    dict[Annotated[str, AfterValidator(_figure)], Bound], mapping_of('a mapping of figures, as in {mota: ">= 0.97"},')
+]
+
+Required = Annotated[
+    dict[str, Figures], mapping_of('a mapping of trackers, as in {sort: {mota: ">= 0.97", misidentifications: 0}},')
+]
+"""By tracker and figure, what the mean over the seeds of each scenario is to be."""
+
+
+def holds(mean: float, bound: str) -> bool:
+    """Whether a mean keeps within a bound."""
+    sign, _, limit = bound.partition(" ")
+    # means of floats: that of a hundred times 0.97 is 0.97
+    rounded = float(limit) if abs(mean - float(limit)) <= _ROUNDING else mean
+    return _COMPARISONS[sign](rounded, float(limit))
+
 
 Changes = Annotated[dict[str, JsonValue], mapping_of("a mapping of fields' paths to values, as in {duration_s: 10},")]
 """Values by the path of the scenario's field, as `--set path=value` would give them."""
 
 _MOST_SEEDS = 100_000
-
 
 _SEEDS_EXPECTED = (
     "a list of seeds, as in [0, 1, 2], how many from 0 on, as in 3, or {from: 1000, count: 200} is expected"
@@ -54,19 +156,29 @@ def _seeds(value: Any) -> Any:
 
 
 Seed = Annotated[int, Field(ge=0, lt=2**63), single("a seed, a whole number from 0 up,")]
+
 HowMany = Annotated[int, Field(ge=1, le=_MOST_SEEDS)]
+
 SeedList = Annotated[list[Seed], Field(min_length=1)]
+
 Seeds = Annotated[
     tuple[Seed, ...],
     Field(min_length=1),
     BeforeValidator(_seeds, json_schema_input_type=HowMany | SeedList | SeedRange),
 ]
+
 Limit = Annotated[float, Field(gt=0, le=86_400), single("a time above 0, up to 86400 s,")]
+
 Text = Annotated[str, single("a text")]
+
 OwnName = Annotated[Name, single("a name of letters, digits, '-' and '_', a letter first,")]
+
 TrackerName = Annotated[str, single("the name of a tracker, as laser-imm, or module:Class")]
+
 _TRACKERS = "a list of trackers' names, as in [laser-imm],"
+
 Amount = Annotated[float, Field(ge=0), single("a number from 0 up")]
+
 Values = Annotated[list[JsonValue], Field(min_length=1), list_of("a list of values to try, as in [5, 10],")]
 
 
@@ -157,7 +269,7 @@ class Suite(Strict):
     tolerances: Annotated[
         dict[str, Annotated[Tolerance, mapping_of("a mapping, as in {absolute: 0.01},")]],
         mapping_of("a mapping of figures, as in {mota: {absolute: 0.01}},"),
-    ] = Field(default={}, description="by figure, instead of the default; see twin/suites/figures.py")
+    ] = Field(default={}, description="by figure, instead of the default; see twin/suites/metrics.py")
 
     @field_validator("tolerances")
     @classmethod

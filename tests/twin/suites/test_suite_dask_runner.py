@@ -19,9 +19,9 @@ from distributed import LocalCluster
 from synthetic_cases import do, work_of
 
 from trackers.errors import InputError
-from twin.suites import engine, tasks
+from twin.suites import dask_runner, tasks
 from twin.suites.cluster import Cluster, open_cluster, read_resources
-from twin.suites.engine import run_on
+from twin.suites.dask_runner import run_on
 from twin.suites.tasks import MOST_ATTEMPTS, Ended, Listener, OutOfSpaceError, State, Task, run_here
 
 pytestmark = pytest.mark.slow
@@ -115,7 +115,7 @@ def test_a_case_that_hangs_is_ended_and_its_stack_is_in_the_log(cluster: Cluster
 def test_a_process_that_stands_still_altogether_is_replaced_by_its_nanny(
     cluster: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(engine, "_GRACE_S", 0.5)
+    monkeypatch.setattr(dask_runner, "_GRACE_S", 0.5)
     monkeypatch.setattr(tasks, "MOST_ATTEMPTS", 1)
     record = Record()
     run_on(cluster, [Task("stops", work_of("stop"), 0.5), *squares(4)], do, record.listener())

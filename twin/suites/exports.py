@@ -1,0 +1,186 @@
+"""JUnit XML, which every CI system reads: a test a case, and a test a group of figures that was compared.
+
+Not by junitparser, which would still need every attribute set and control characters taken out.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from twin.recording.whole_file import whole_file, whole_path
+from twin.suites.comparison import Change, Comparison, sentence
+from twin.suites.results import GroupKey, Kept, Results, gated_values
+from twin.suites.store import ResultStore
+from twin.suites.store_schema import DONE, FAILED, StoredCase
+
+_NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def write_junit(
+    path: Path,
+    suite: str,
+    cases: Sequence[StoredCase],
+    comparison: Comparison | None,
+    promises: Sequence[Kept] = (),
+) -> None:
+    """Write `junit.xml`; raises InputError where it cannot be written."""
+    root = ElementTree.Element("testsuites", name=suite)
+    runs = ElementTree.SubElement(
+        root,
+        "testsuite",
+        name=suite,
+        tests=str(len(cases)),
+        failures="0",
+        errors=str(sum(case.status == FAILED for case in cases)),
+        skipped=str(sum(case.status not in (DONE, FAILED) for case in cases)),
+        time=f"{sum(case.seconds or 0.0 for case in cases):.3f}",
+    )
+    for case in cases:
+        test = ElementTree.SubElement(
+            runs,
+            "testcase",
+            classname=f"{suite}.{case.scenario}",
+            name=_clean(", ".join(part for part in (case.variant, f"seed {case.seed}", case.tracker) if part)),
+            time=f"{case.seconds or 0.0:.3f}",
+        )
+        if case.status == FAILED:
+            error = case.error or ""
+            element = ElementTree.SubElement(test, "error", message=_clean(error.splitlines()[0] if error else ""))
+            element.text = _clean(error)
+        elif case.status != DONE:
+            ElementTree.SubElement(test, "skipped", message="not finished")
+    if comparison is not None:
+        _add_groups(
+            root,
+            suite,
+            "against the baseline",
+            ((each.key, each.variant, sentence(each) if each.worse else None) for each in comparison.changes),
+        )
+    if promises:
+        _add_groups(
+            root,
+            suite,
+            "against what it promises",
+            ((each.key, each.variant, each.sentence() if each.broken else None) for each in promises),
+        )
+    ElementTree.indent(root)
+    with whole_path(path) as partial:
+        ElementTree.ElementTree(root).write(partial, encoding="utf-8", xml_declaration=True)
+
+
+def _add_groups(
+    root: ElementTree.Element, suite: str, what: str, judged: Iterable[tuple[GroupKey, str, str | None]]
+) -> None:
+    """A test for each group, by key and variant, that fails with the sentences of what is wrong with its figures."""
+    groups: dict[tuple[str, str, str], list[str]] = {}
+    for key, variant, wrong in judged:
+        lines = groups.setdefault((key.scenario, variant, key.tracker), [])
+        lines += [] if wrong is None else [wrong]
+    element = ElementTree.SubElement(
+        root,
+        "testsuite",
+        name=f"{suite} {what}",
+        tests=str(len(groups)),
+        failures=str(sum(bool(lines) for lines in groups.values())),
+        errors="0",
+    )
+    for (scenario, variant, tracker), lines in groups.items():
+        name = ", ".join(part for part in (variant, tracker) if part)
+        test = ElementTree.SubElement(element, "testcase", classname=f"{suite}.{scenario}", name=_clean(name), time="0")
+        if lines:
+            ElementTree.SubElement(test, "failure", message=_clean("; ".join(lines))).text = _clean("\n".join(lines))
+
+
+def _clean(text: str) -> str:
+    """Without the characters that XML has no way to write."""
+    return _NOT_XML.sub("�", text)
+
+
+def write_summary(
+    path: Path,
+    store: ResultStore,
+    results: Results,
+    comparison: Comparison | None,
+    promises: Sequence[Kept] = (),
+) -> None:
+    """Write the means over seeds with their 95 % intervals, what failed, and what changed; raises InputError as a file does."""
+    facts, cases = store.facts(), store.cases()
+    document: dict[str, Any] = {
+        "suite": results.suite,
+        "cases": {
+            "total": len(cases),
+            "done": sum(len(group.seeds) for group in results.groups.values()),
+            "failed": len(results.failed),
+            "unfinished": results.unfinished,
+        },
+        "seconds": facts["seconds"],
+        "versions": dict(results.versions),
+        "renderers": list(results.renderers),
+        "doubts": dict(results.doubts),
+        "groups": [
+            {
+                "scenario": key.scenario,
+                "variant": group.variant,
+                "overrides": json.loads(key.overrides),
+                "tracker": key.tracker,
+                "seeds": sorted(group.seeds),
+                "figures": {metric: asdict(mean) for metric, mean in gated_values(group)},
+            }
+            for key, group in results.groups.items()
+        ],
+        "failed": [{"case_id": case.id, "attempts": case.attempts, "error": case.error} for case in results.failed],
+    }
+    if comparison is not None:
+        document["comparison"] = {
+            "worse": [_row(change) for change in comparison.worse],
+            "better": [_row(change) for change in comparison.better],
+            "warnings": list(comparison.warnings),
+            "identical": comparison.identical,
+            "smallest_loss_noticed": {
+                each.metric: {
+                    "everywhere": each.everywhere,
+                    "of_tracker": dict(each.of_tracker),
+                    "in_scenario": each.in_scenario,
+                    "in_case": each.in_case,
+                }
+                for each in comparison.power
+            },
+        }
+    if promises:
+        document["promises"] = [
+            {
+                "scenario": each.key.scenario,
+                "variant": each.variant,
+                "tracker": each.key.tracker,
+                "metric": each.metric,
+                "bound": each.bound,
+                "mean": each.mean,
+                "kept": not each.broken,
+            }
+            for each in promises
+        ]
+    with whole_file(path) as stream:
+        json.dump(document, stream, indent=2, ensure_ascii=False, allow_nan=False)
+        stream.write("\n")
+
+
+def _row(change: Change) -> dict[str, Any]:
+    return {
+        "scenario": change.key.scenario,
+        "variant": change.variant,
+        "tracker": change.key.tracker,
+        "metric": change.metric,
+        "before": change.before,
+        "now": change.now,
+        "allowed": change.allowed,
+        "p": change.p,
+        "p_better": change.p_better,
+        "fallen_seed": change.fallen,
+        "seeds": change.n_seed,
+    }
