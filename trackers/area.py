@@ -1,16 +1,22 @@
-"""The tracked area: a polygon on the floor, and what lies inside it.
+"""The tracked area: a polygon on the floor, whether it is one, and what lies inside it.
 
 Not shapely's, though as fast: who stands on the border must be judged to the bit as in the recordings there are.
 """
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import AfterValidator, Field
 
 from trackers.arrays import Array, Mask
+from trackers.pose import Coordinate
 
 _TOLERANCE_M = 1e-9
+TOLERANCE_M = 1e-6
+"""What lies this near to a border lies on it [m]: numbers that users write are rounded."""
 
 
 class Area:
@@ -55,3 +61,60 @@ class Area:
         along = np.minimum(np.maximum(along, 0), 1)
         gap_square = (off_x - along * self._edge[0]) ** 2 + (off_y - along * self._edge[1]) ** 2
         return np.logical_xor.reduce(crossed, axis=1) | (gap_square <= self._margin_m**2).any(axis=1)
+
+
+def meets_itself_at(corners: Array) -> Array | None:
+    """Return a place (2,) [m] where the polygon (k, 2) [m] crosses or touches itself; None where its edges meet at corners only.
+
+    Corners that repeat, edges that fold back and corners all in one line count as touching.
+    """
+    count = len(corners)
+    edge = np.roll(corners, -1, axis=0) - corners
+    own = np.eye(count, dtype=bool)
+    own |= np.roll(own, 1, axis=1)  # own[i, j]: corner j is an end of edge i
+    touching = (edge_gaps(corners, corners) < TOLERANCE_M) & ~own
+    if touching.any():
+        return corners[np.argwhere(touching)[0, 1]]
+    side = np.sign(cross(edge[:, None], corners - corners[:, None]))  # [i, j]: of corner j beside edge i
+    parted = side * np.roll(side, -1, axis=1) < 0  # the ends of edge j lie on either side of the line of edge i
+    crossing = np.argwhere(parted & parted.T)
+    if not len(crossing):
+        return None
+    one, other = crossing[0]
+    share = cross(corners[other] - corners[one], edge[other]) / cross(edge[one], edge[other])
+    return corners[one] + share * edge[one]
+
+
+def edge_gaps(corners: Array, places: Array) -> Array:
+    """Return the distances (k, n) [m] from each edge of the polygon (k, 2) to places (n, 2)."""
+    edge = np.roll(corners, -1, axis=0) - corners
+    offset = places - corners[:, None]
+    along = np.einsum("knc,kc->kn", offset, edge) / np.maximum((edge**2).sum(axis=1), TOLERANCE_M**2)[:, None]
+    return np.linalg.norm(offset - np.clip(along, 0.0, 1.0)[..., None] * edge[:, None], axis=-1)
+
+
+def cross(first: Array, second: Array) -> Array:
+    """Return the z components of the cross products of vectors (..., 2) on the floor."""
+    return first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
+
+
+def check_polygon(corners: Array) -> None:
+    """Raise ValueError where the polygon (k, 2) [m] crosses or touches itself."""
+    place = meets_itself_at(corners)
+    if place is not None:
+        raise ValueError(
+            f"{corners.tolist()} crosses or touches itself at [{place[0]:.4g}, {place[1]:.4g}]; "
+            "corners in their order around the area, each once, are expected"
+        )
+
+
+def _simple(corners: tuple[Point2, ...]) -> tuple[Point2, ...]:
+    if len(corners) < 3:
+        raise ValueError(f"has {len(corners)} corners; a polygon needs at least 3")
+    check_polygon(np.array(corners))
+    return corners
+
+
+Point2 = tuple[Coordinate, Coordinate]
+Polygon = Annotated[tuple[Point2, ...], Field(max_length=500), AfterValidator(_simple)]
+"""Corners of a simple polygon in the room frame [m], as configuration has it."""

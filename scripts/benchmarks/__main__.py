@@ -12,6 +12,7 @@ from benchmarks import (
     bag_drill,
     camera_floor,
     cameras,
+    cases,
     environment,
     faults,
     filters,
@@ -91,6 +92,7 @@ BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
     "metamorphic": metamorphic.measure,
     "fuzz": fuzz.measure,
     "bags": bag_drill.measure,
+    "cases": cases.measure,
 }
 
 

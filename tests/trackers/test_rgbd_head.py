@@ -28,7 +28,7 @@ from trackers.rgbd_head.picture import Picture, Watcher
 from trackers.rgbd_head.rules import PAPER
 from trackers.rgbd_head.tracker import RgbdHead
 from trackers.rgbd_head.weighing import Weigher, expected_share
-from trackers.rig import Rig, StereoSensor
+from trackers.rig import LaserSensor, Rig, StereoSensor
 from trackers.tracks import TrackFrame, track_frames
 
 RIG, ROOM = rig(), empty_room(rig())
@@ -456,8 +456,8 @@ def is_skin(rgb):
 
 
 def test_bad_input_is_told():
-    with pytest.raises(InputError, match=r"none of the rig's sensors \(\) is a stereo camera"):
-        RgbdHead(Rig(sensors={}))
+    with pytest.raises(InputError, match=r"none of the rig's sensors \(low\) is a stereo camera"):
+        RgbdHead(Rig(sensors={"low": LaserSensor(topic="/scan")}))
     with pytest.raises(InputError, match="image of 'stereo_1' has shape"):
         follow([replace(SEEN[0], rgb=np.zeros((60, 80, 3), np.uint8), depth_m=np.ones((60, 80), np.float32))])
     with pytest.raises(InputError, match="head"):

@@ -55,11 +55,6 @@ def test_a_main_sensor_that_is_none_of_the_rigs_is_refused():
         Rig.parse("sensors: {low: {kind: laser, topic: /scan}}\nmain: top\n", "rig.yaml")
 
 
-def test_a_rig_without_sensors_has_no_main_one():
-    with pytest.raises(InputError, match="no sensors"):
-        Rig(sensors={}).main_sensor  # noqa: B018
-
-
 SIZE = {"width": 640, "height": 480, "fx": 600.0, "fy": 600.0, "cx": 320.0, "cy": 240.0}
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy.polynomial import Polynomial
-from pydantic import Field, FiniteFloat
+from pydantic import AfterValidator, Field, FiniteFloat
 
 from trackers.arrays import Array, ArrayOrNumber, Mask
 from trackers.cameras.intrinsics import Intrinsics, first_turn
@@ -13,6 +15,19 @@ from trackers.errors import InputError
 
 _GRID = 4096
 _NEWTON_STEPS = 3
+
+
+_TURN_RAD = 2 * np.pi
+_ROUNDED_RAD = 1e-3
+"""A full turn as people write it, 6.283 or 6.2832, is this near to one."""
+
+
+def _at_most_a_turn(angle_rad: float) -> float:
+    if abs(angle_rad - _TURN_RAD) <= _ROUNDED_RAD:
+        return _TURN_RAD
+    if angle_rad > _TURN_RAD:
+        raise ValueError("more than a full turn; an angle in radians up to 6.2832 is valid")
+    return angle_rad
 
 
 class FisheyeIntrinsics(Intrinsics):
@@ -26,8 +41,8 @@ class FisheyeIntrinsics(Intrinsics):
     k: tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat] = Field(
         default=(0.0, 0.0, 0.0, 0.0), description="coefficients k1 to k4 of θ³, θ⁵, θ⁷, θ⁹; all 0: equidistant"
     )
-    field_of_view_rad: float = Field(
-        gt=0, lt=2 * np.pi, description="full angle over which the lens forms an image [rad]"
+    field_of_view_rad: Annotated[float, AfterValidator(_at_most_a_turn)] = Field(
+        gt=0, allow_inf_nan=False, description="full angle over which the lens forms an image, at most a turn [rad]"
     )
 
     @property
@@ -41,13 +56,19 @@ class FisheyeIntrinsics(Intrinsics):
         """The angle from the axis at which r(θ) stops growing [rad]; inf: never."""
         return first_turn(self.radius_of_angle)
 
-    def check_growth(self) -> None:
-        """Raise InputError where r(θ) stops growing inside the field of view: there a pixel sees two directions."""
+    def check_view(self) -> None:
+        """Raise InputError where r(θ) stops growing inside the field of view, or none of its light falls on the picture."""
         if self.fold_angle_rad <= self.field_of_view_rad / 2:
             fold_deg = float(np.rad2deg(self.fold_angle_rad))
             raise InputError(
                 f"lens: with k = {list(self.k)} the picture folds back {fold_deg:.1f}° from the axis; "
                 f"a field of view below {2 * fold_deg:.1f}° is valid, not {float(np.rad2deg(self.field_of_view_rad)):g}°"
+            )
+        nearest = np.clip([self.cx, self.cy], -0.5, [self.width - 0.5, self.height - 0.5])
+        if np.isnan(self.rays(nearest)).any():
+            raise InputError(
+                f"lens: no light falls on the {self.width} x {self.height} picture with the principal point "
+                f"[{self.cx:g}, {self.cy:g}]; one in the picture or near it is valid"
             )
 
     def project(self, points: Float[Array, "*n 3"]) -> tuple[Float[Array, "*n 2"], Bool[Mask, "*n"]]:

@@ -12,6 +12,8 @@ from pydantic import Field, FiniteFloat, PositiveInt
 from trackers.arrays import Array, Mask
 from trackers.configuration import Strict
 
+LARGEST_SIDE_PX = 8192
+"""A picture is no wider and no higher."""
 _NOTHING = 1e-15
 """A leading coefficient this small bends no picture, and its roots are too large for a float."""
 
@@ -23,8 +25,8 @@ class Intrinsics(Strict):
     −½ to width − ½ and v from −½ to height − ½. `project` and `rays` mean the same for every kind of lens.
     """
 
-    width: PositiveInt = Field(description="width of the picture [px]")
-    height: PositiveInt = Field(description="height of the picture [px]")
+    width: PositiveInt = Field(le=LARGEST_SIDE_PX, description="width of the picture [px]")
+    height: PositiveInt = Field(le=LARGEST_SIDE_PX, description="height of the picture [px]")
     fx: float = Field(gt=0, allow_inf_nan=False, description="focal length along a row [px]")
     fy: float = Field(gt=0, allow_inf_nan=False, description="focal length along a column [px]")
     cx: FiniteFloat = Field(description="column of the principal point, pixel centres are integers [px]")
@@ -44,6 +46,10 @@ class Intrinsics(Strict):
 
         NaN where the lens sends no light to a place.
         """
+
+    @abstractmethod
+    def check_view(self) -> None:
+        """Raise InputError for a lens that cannot have made its picture: folded back inside it, or without light in it."""
 
     @property
     def matrix(self) -> Float[Array, "3 3"]:

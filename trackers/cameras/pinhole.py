@@ -15,6 +15,8 @@ from trackers.arrays import Array, ArrayOrNumber, Mask
 from trackers.cameras.intrinsics import Intrinsics, first_turn
 from trackers.errors import InputError
 
+MAX_TANGENT = 8.0
+"""The farthest a pinhole's picture may reach from its axis (tangent of the angle): 166° across."""
 _NEWTON_STEPS = 30
 _CONVERGED = 1e-9
 """How near [tangent of the angle] a direction must come back to its pixel to count as found."""
@@ -62,6 +64,15 @@ class PinholeIntrinsics(Intrinsics):
     def fold_radius(self) -> float:
         """The tangent of the angle from the axis at which the radial polynomial stops growing; inf: never."""
         return _fold_radius(self.distortion)
+
+    def check_view(self) -> None:
+        """Raise InputError where the lens folds back inside the picture, or the picture reaches too far from the axis."""
+        reach = np.abs(self.edge_tangents())
+        if reach.max() > MAX_TANGENT:
+            raise InputError(
+                f"the picture reaches {np.rad2deg(np.arctan(reach.max())):.1f}° from the camera's axis; "
+                f"at most {np.rad2deg(np.arctan(MAX_TANGENT)):.1f}° is valid, a fisheye sees farther"
+            )
 
     def edge_tangents(self) -> Float[Array, "260 2"]:
         """Return the tangents x/z, y/z that the picture's edge sees; raises InputError where the lens folds back inside."""

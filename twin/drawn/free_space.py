@@ -6,9 +6,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.area import meets_itself_at
 from trackers.arrays import Array, Index
 from twin.drawn.floor_plan import FloorPlan
-from twin.geometry.polygon import inset, meets_itself_at
+from twin.geometry.polygon import inset
 
 _CELL_M = 0.05
 KEEP_M = 0.46

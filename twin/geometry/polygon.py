@@ -1,4 +1,4 @@
-"""Polygons on the floor: whether one is simple, whether a straight way stays inside it, how far two are apart.
+"""Polygons on the floor: whether a straight way stays inside it, how far two are apart.
 
 Not shapely's: the answers decide truth and routes, which stay the same to the bit, and borders have a width here.
 """
@@ -7,33 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackers.area import Area
+from trackers.area import TOLERANCE_M, Area, cross, edge_gaps
 from trackers.arrays import Array
-
-TOLERANCE_M = 1e-6
-"""What lies this near to a border lies on it [m]: numbers that users write are rounded."""
-
-
-def meets_itself_at(corners: Array) -> Array | None:
-    """A place (2,) [m] where the polygon (k, 2) [m] crosses or touches itself; None where its edges meet at corners only.
-
-    Corners that repeat, edges that fold back and corners all in one line count as touching.
-    """
-    count = len(corners)
-    edge = np.roll(corners, -1, axis=0) - corners
-    own = np.eye(count, dtype=bool)
-    own |= np.roll(own, 1, axis=1)  # own[i, j]: corner j is an end of edge i
-    touching = (_gaps(corners, corners) < TOLERANCE_M) & ~own
-    if touching.any():
-        return corners[np.argwhere(touching)[0, 1]]
-    side = np.sign(_cross(edge[:, None], corners - corners[:, None]))  # [i, j]: of corner j beside edge i
-    parted = side * np.roll(side, -1, axis=1) < 0  # the ends of edge j lie on either side of the line of edge i
-    crossing = np.argwhere(parted & parted.T)
-    if not len(crossing):
-        return None
-    one, other = crossing[0]
-    share = _cross(corners[other] - corners[one], edge[other]) / _cross(edge[one], edge[other])
-    return corners[one] + share * edge[one]
 
 
 def leaves_at(corners: Array, start: Array, end: Array) -> Array | None:
@@ -44,9 +19,9 @@ def leaves_at(corners: Array, start: Array, end: Array) -> Array | None:
     way = end - start
     edge = np.roll(corners, -1, axis=0) - corners
     offset = corners - start
-    turn = _cross(way, edge)
+    turn = cross(way, edge)
     crosses = turn != 0.0
-    met = _cross(offset[crosses], edge[crosses]) / turn[crosses]
+    met = cross(offset[crosses], edge[crosses]) / turn[crosses]
     beside = offset @ way / max(float(way @ way), TOLERANCE_M**2)
     cuts = np.unique(np.clip(np.concatenate([[0.0, 1.0], met, beside]), 0.0, 1.0))
     shares = np.sort(np.concatenate([cuts[[0, -1]], (cuts[1:] + cuts[:-1]) / 2]))
@@ -58,12 +33,12 @@ def leaves_at(corners: Array, start: Array, end: Array) -> Array | None:
 def strictly_inside(corners: Array, place: Array) -> bool:
     """Whether a place (2,) lies in the simple polygon (k, 2) and not on its border [m]."""
     inside = bool(Area(corners).contains(place[None])[0])
-    return inside and float(_gaps(corners, place[None]).min()) > TOLERANCE_M
+    return inside and float(edge_gaps(corners, place[None]).min()) > TOLERANCE_M
 
 
 def polygon_area(corners: Array) -> float:
     """Area of the simple polygon (k, 2) [m²], in either sense of rotation."""
-    return 0.5 * abs(float(_cross(corners, np.roll(corners, -1, axis=0)).sum()))
+    return 0.5 * abs(float(cross(corners, np.roll(corners, -1, axis=0)).sum()))
 
 
 def gap_between(first: Array, second: Array) -> float:
@@ -71,17 +46,17 @@ def gap_between(first: Array, second: Array) -> float:
     if Area(first).contains(second).any() or Area(second).contains(first).any():
         return 0.0
     one, other = np.roll(first, -1, axis=0) - first, np.roll(second, -1, axis=0) - second
-    beside = np.sign(_cross(one[:, None], second - first[:, None]))  # of corners of the second, edges of the first
-    across = np.sign(_cross(other[:, None], first - second[:, None]))
+    beside = np.sign(cross(one[:, None], second - first[:, None]))  # of corners of the second, edges of the first
+    across = np.sign(cross(other[:, None], first - second[:, None]))
     if ((beside * np.roll(beside, -1, axis=1) < 0) & (across * np.roll(across, -1, axis=1) < 0).T).any():
         return 0.0
-    return float(min(_gaps(first, second).min(), _gaps(second, first).min()))
+    return float(min(edge_gaps(first, second).min(), edge_gaps(second, first).min()))
 
 
 def inset(corners: Array, margin_m: float) -> Array | None:
     """The simple polygon (k, 2) drawn in by a margin [m], corner by corner; None where it is too narrow for that."""
     way = np.roll(corners, -1, axis=0) - corners
-    turn = np.sign(_cross(corners, np.roll(corners, -1, axis=0)).sum())
+    turn = np.sign(cross(corners, np.roll(corners, -1, axis=0)).sum())
     inward = turn * np.stack([-way[:, 1], way[:, 0]], axis=-1) / np.linalg.norm(way, axis=1)[:, None]
     before = np.roll(inward, 1, axis=0)
     inner = corners + margin_m * (inward + before) / (1 + (inward * before).sum(axis=1))[:, None]
@@ -95,15 +70,3 @@ def nearest_on(corners: Array, place: Array) -> Array:
     along = ((place - corners) * way).sum(axis=1) / np.maximum((way**2).sum(axis=1), TOLERANCE_M**2)
     feet = corners + np.clip(along, 0.0, 1.0)[:, None] * way
     return feet[np.hypot(*(feet - place).T).argmin()]
-
-
-def _gaps(corners: Array, places: Array) -> Array:
-    """Distances (k, n) [m] from each edge of the polygon (k, 2) to places (n, 2)."""
-    edge = np.roll(corners, -1, axis=0) - corners
-    offset = places - corners[:, None]
-    along = np.einsum("knc,kc->kn", offset, edge) / np.maximum((edge**2).sum(axis=1), TOLERANCE_M**2)[:, None]
-    return np.linalg.norm(offset - np.clip(along, 0.0, 1.0)[..., None] * edge[:, None], axis=-1)
-
-
-def _cross(first: Array, second: Array) -> Array:
-    return first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]

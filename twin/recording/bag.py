@@ -17,6 +17,7 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
 from trackers.errors import InputError
+from trackers.rig import normal_topic
 from twin.recording.bag_order import as_written, messages_by_time
 from twin.recording.bag_path import BagPath
 from twin.recording.broken_bag import unreadable, why_broken
@@ -197,11 +198,6 @@ def decoded(data: bytes, msgtype: str, is_ros1: bool) -> Any:
         return decode(data, msgtype, is_ros1)
     except _BROKEN_BAG as error:
         raise InputError(f"{len(data)} bytes that are no {msgtype} ({_first_line(error)})") from error
-
-
-def normal_topic(name: str) -> str:
-    """A topic's name with one slash in front, as ROS 1 and ROS 2 may or may not write it."""
-    return "/" + name.strip("/")
 
 
 def normal_type(name: str) -> str:

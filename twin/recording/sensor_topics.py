@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from trackers.errors import InputError
-from trackers.rig import LaserSensor, Rig, StereoSensor
-from twin.recording.bag import Topic, normal_topic
+from trackers.rig import LaserSensor, Rig, StereoSensor, normal_topic
+from twin.recording.bag import Topic
 from twin.recording.losses import Loss
 from twin.recording.messages import COMPRESSED_IMAGE, LASER_SCAN, RAW_IMAGE
 
@@ -41,7 +42,7 @@ class SensorTopics:
 
 
 def sensor_topics(path: Path, topics: Mapping[str, Topic], rig: Rig, source: str) -> SensorTopics:
-    """The topics of the rig's sensors; raises InputError for one that is missing, of another type or used twice.
+    """The topics of the rig's sensors; raises InputError for one that is missing or of another type.
 
     `source` names the rig in errors. A sensor whose topic is missing is left out, and told, where no topic that it could be
     is without a sensor: it was not recorded. Else its name is taken for a slip.
@@ -66,9 +67,6 @@ def sensor_topics(path: Path, topics: Mapping[str, Topic], rig: Rig, source: str
         msgtype = topics[topic].type_among(valid)
         if msgtype is None:
             raise InputError(f"{where}, which is {topics[topic].msgtype} in {path}; {_expected(usable, valid)}")
-        if topic in found.types:
-            owner = found.sensors.get(topic) or found.depths[topic]
-            raise InputError(f"{where}, as is that of {owner!r}; a topic of its own is expected")
         (found.depths if part == "depth_topic" else found.sensors)[topic] = name
         found.types[topic] = msgtype
         other = topics[topic].message_count - topics[topic].count_of(msgtype)
@@ -95,7 +93,7 @@ def guessed_rig(path: Path, topics: Mapping[str, Topic]) -> tuple[Rig, list[Loss
     if len(said) == 1 or len(scans) == 1:
         (topic,) = said or scans
         silent = [absent(each, each, "it is empty") for each in scans if each != topic]
-        return Rig(sensors={topic.strip("/").replace("/", "_"): LaserSensor(topic=topic)}), silent
+        return Rig(sensors={_name_of(topic): LaserSensor(topic=topic)}), silent
     if scans:
         raise InputError(
             f"{path}: has {len(scans)} LaserScan topics ({', '.join(scans)}); "
@@ -108,6 +106,12 @@ def guessed_rig(path: Path, topics: Mapping[str, Topic]) -> tuple[Rig, list[Loss
         )
     have = ", ".join(f"{name} ({topic.msgtype})" for name, topic in sorted(topics.items())) or "none"
     raise InputError(f"{path}: has no usable topic, its topics are: {have}; a {LASER_SCAN} topic is expected")
+
+
+def _name_of(topic: str) -> str:
+    """Return a topic as the name of a sensor."""
+    name = re.sub(r"[^A-Za-z0-9_-]", "_", topic.strip("/"))[:90]
+    return name if name[:1].isalpha() else f"scan_{name}"
 
 
 def topics_of(topics: Mapping[str, Topic], *msgtypes: str) -> list[str]:

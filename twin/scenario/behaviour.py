@@ -11,11 +11,11 @@ from itertools import pairwise
 from math import hypot
 from typing import Annotated, Literal
 
-from pydantic import Field, FiniteFloat, StringConstraints, model_validator
+from pydantic import Field, FiniteFloat, model_validator
 
 from trackers.configuration import Strict
 from trackers.pose import Coordinate, Point3
-from trackers.rig import Point2
+from trackers.rig import Name, Point2
 
 TOP_WALK_M_S = 2.5
 """The fastest that somebody is sent walking [m/s]; from about 2.2 m/s on people run."""
@@ -27,14 +27,11 @@ JUMP_M_S = 12.0
 NEAREST_M = 0.7
 """People who walk come no closer to each other than about this [m]."""
 
-PersonName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$", max_length=100)]
-"""The name of a person: it becomes a column and a label, so letters, digits, '-' and '_' only."""
-
 WalkSpeed = Annotated[float, Field(gt=0, le=TOP_WALK_M_S)]
 RunSpeed = Annotated[float, Field(ge=2.0, le=TOP_RUN_M_S)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Seconds = Annotated[float, Field(ge=0, le=86_400)]
-Target = PersonName | Point3 | Point2
+Target = Name | Point3 | Point2
 """Somebody by name, or a place in the room frame: [x, y] on the floor or [x, y, z] [m]."""
 
 
@@ -52,7 +49,7 @@ class Condition(Strict):
     within_m: float | None = Field(
         default=None, gt=0, le=1000, description="how close to `near` the person must be [m]"
     )
-    person: PersonName | None = Field(default=None, description="name of the person who is watched; needs `does`")
+    person: Name | None = Field(default=None, description="name of the person who is watched; needs `does`")
     does: (
         Literal[
             "wander", "stand", "walk", "run", "turn", "sit", "lie", "bend", "reach", "follow", "meet", "path", "leave",
@@ -234,7 +231,7 @@ class Follow(_Lasting):
     """
 
     kind: Literal["follow"] = Field(default="follow", description="the action: walk after somebody")
-    person: PersonName = Field(description="name of the person who is followed")
+    person: Name = Field(description="name of the person who is followed")
     beside: Literal["left", "right"] | None = Field(
         default=None, description="the side of the other to walk on, abreast; none: behind"
     )
@@ -266,7 +263,7 @@ class Meet(_Action):
     """Walk up to somebody, stand face to face for `for_s`, and part: go on with the script."""
 
     kind: Literal["meet"] = Field(default="meet", description="the action: walk up to somebody and stand face to face")
-    person: PersonName = Field(description="name of the person who is met")
+    person: Name = Field(description="name of the person who is met")
     distance_m: float = Field(default=0.9, ge=0.7, le=5, description="how far apart the two stand [m]")
     speed_m_s: WalkSpeed = Field(default=1.2, description="walking speed on the way there [m/s]")
     for_s: Seconds = Field(default=3.0, description="how long they stand face to face [s]")

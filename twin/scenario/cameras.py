@@ -9,15 +9,15 @@ import numpy as np
 from pydantic import BeforeValidator, Field, FiniteFloat, PositiveInt, model_validator
 
 from trackers.cameras import PinholeIntrinsics
+from trackers.cameras.intrinsics import LARGEST_SIDE_PX
 from trackers.configuration import Strict
 from trackers.rig import DepthMode, PinholeSensor, StereoSensor
+from trackers.rig_sensors import Baseline
 from twin.scenario.mount import Mounted
 from twin.scenario.presets import NoiseName, by_name
 from twin.sensors.camera_noise import CAMERA_NOISE, STEREO_NOISE, CameraNoise, StereoNoise, WhiteBalance
-from twin.sensors.lens import check_pinhole
 from twin.sensors.stereo_matching import Matching
 
-LARGEST_SIDE_PX = 8192
 DEEPEST_M = 65.0
 """What a depth message can say: whole millimetres in 16 bits."""
 
@@ -156,7 +156,7 @@ class PinholeDescription(PerspectiveDescription):
 
     @model_validator(mode="after")
     def _renderable(self) -> PinholeDescription:
-        check_pinhole(self.intrinsics())
+        self.intrinsics().check_view()
         return self
 
     def intrinsics(self) -> PinholeIntrinsics:
@@ -198,9 +198,7 @@ class StereoDescription(PerspectiveDescription):
     size: tuple[PositiveInt, PositiveInt] = Field(
         default=(320, 240), description="width and height of the picture [px]"
     )
-    baseline_m: float = Field(
-        default=0.12, le=2, description="how far the right view is to the right of the left one [m]"
-    )
+    baseline_m: Baseline = Field(default=0.12, description="how far the right view is to the right of the left one [m]")
     mode: DepthMode = Field(
         default="matched",
         description="how depth is made: two noisy pictures matched, the true depth, or that with noise on its disparity",
@@ -215,14 +213,10 @@ class StereoDescription(PerspectiveDescription):
 
     @model_validator(mode="after")
     def _sees_depth(self) -> StereoDescription:
-        if not self.baseline_m > 0:
-            raise ValueError(
-                f"baseline_m is {self.baseline_m:g}, and views from one place hold no depth; above 0 m is valid"
-            )
         if self.range_min_m >= self.range_max_m:
             raise ValueError(f"range_min_m {self.range_min_m:g} must be below range_max_m {self.range_max_m:g}")
         intrinsics = self.intrinsics()
-        check_pinhole(intrinsics)
+        intrinsics.check_view()
         if self.mode == "matched" and self.baseline_m * intrinsics.fx / self.range_min_m > intrinsics.width:
             nearest_m = ceil(1e3 * self.baseline_m * intrinsics.fx / intrinsics.width) / 1e3
             raise ValueError(

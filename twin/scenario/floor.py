@@ -7,13 +7,14 @@ from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, Field, FiniteFloat, PositiveInt, model_validator
+from pydantic import BeforeValidator, Field, PositiveInt, model_validator
 
 from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.force_curve import ForceCurve
-from trackers.pose import Point3, Pose
+from trackers.pose import Coordinate, Point3, Pose
 from trackers.rig import FloorSensor
+from trackers.rig_sensors import Pitch, check_cells
 from twin.geometry.polygon import leaves_at
 from twin.scenario.mount import Believed
 from twin.scenario.presets import NoiseName, by_name
@@ -27,8 +28,6 @@ _FloorElectronics = Annotated[
         json_schema_input_type=NoiseName | FloorElectronics,
     ),
 ]
-MOST_CELLS = 40_000
-"""Elements of a floor: a message of this size at 10 Hz is that of a small camera."""
 
 
 class FloorMount(Strict):
@@ -40,7 +39,7 @@ class FloorMount(Strict):
     xyz: Point3 = Field(
         default=(0.0, 0.0, 0.0), description="outer corner of element (0, 0) in the room frame: x, y and z = 0 [m]"
     )
-    yaw_deg: FiniteFloat = Field(default=0.0, description="turn of the grid about z, counter-clockwise [deg]")
+    yaw_deg: Coordinate = Field(default=0.0, description="turn of the grid about z, counter-clockwise [deg]")
 
     @model_validator(mode="after")
     def _on_the_floor(self) -> FloorMount:
@@ -66,7 +65,7 @@ class FloorDescription(Timing):
     mount: FloorMount = Field(default=FloorMount(), description="where the grid lies and how it is turned")
     rows: PositiveInt = Field(default=14, description="number of rows, which follow each other along y")
     columns: PositiveInt = Field(default=18, description="number of elements in a row, along x")
-    pitch_m: float = Field(default=0.2, ge=0.01, le=2, description="side of an element [m]")
+    pitch_m: Pitch = Field(default=0.2, description="side of an element [m]")
     rate_hz: float = Field(default=10.0, gt=0, le=1000, description="frames a second [Hz]")
     curve: ForceCurve = Field(default=ForceCurve(), description="what an element reads under a load")
     noise: _FloorElectronics = Field(
@@ -79,11 +78,7 @@ class FloorDescription(Timing):
 
     @model_validator(mode="after")
     def _consistent(self) -> FloorDescription:
-        if self.rows * self.columns > MOST_CELLS:
-            raise ValueError(
-                f"rows {self.rows} x columns {self.columns} are {self.rows * self.columns} elements; "
-                f"at most {MOST_CELLS} are valid"
-            )
+        check_cells(self.rows, self.columns)
         self.noise.check_cells(self.rows, self.columns)
         return self
 

@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from math import radians
 from typing import TYPE_CHECKING, Any
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 
 from trackers.configuration import Strict
-from trackers.rig import Point2, Pose, Rig, RigSensor, check_layer
+from trackers.rig import Point2, Pose, Rig, RigSensor
+from trackers.rig_sensors import check_height, check_layer
 from twin.scenario.floor import FloorDescription
 from twin.scenario.mount import Believed, Mount, Mounted
 
@@ -41,18 +42,30 @@ def in_the_room(scenario: Scenario, name: str) -> AnyDescription:
 
 
 def check_place(scenario: Scenario, name: str) -> None:
-    """Raise ValueError where a sensor hangs below the floor, or where its role cannot be: truly, or as it is believed."""
+    """Raise ValueError where a sensor hangs below the floor, or where its role cannot be."""
     description = in_the_room(scenario, name)
     if isinstance(description, FloorDescription):
         return
-    z = description.mount.xyz[2]
-    if z < 0:
-        raise ValueError(f"mount.xyz: hangs {-z:g} m below the floor of the room; z from 0 on is expected")
+    try:
+        check_height(description.mount.room_from_housing())
+    except ValueError as error:
+        raise ValueError(f"mount.xyz: {error}") from error
     role = getattr(description, "role", None)
     if role is not None:
         check_layer(role, description.mount.room_from_housing())
-        if description.believed is not None and description.believed.changes_pose:
-            check_layer(role, description.believed.mount(description.mount).room_from_housing())
+
+
+def check_told(scenario: Scenario, name: str) -> None:
+    """Raise ValueError where what trackers are told of a sensor is nothing that a rig can say."""
+    description = in_the_room(scenario, name)
+    if description.believed is None:
+        return
+    try:
+        told = believed_sensor(description, description.rig_sensor(name))
+        type(told).model_validate(told.model_dump())
+    except ValidationError as error:
+        faults = [".".join(map(str, each["loc"])) + ": " * bool(each["loc"]) + each["msg"] for each in error.errors()]
+        raise ValueError("; ".join(f"believed: {each.replace('Value error, ', '')}" for each in faults)) from error
 
 
 def check_believed(description: Any) -> None:

@@ -17,11 +17,12 @@ from trackers.errors import InputError
 from trackers.knowledge_files import files_within
 from trackers.merging import laid_over
 from trackers.plain_data import DEEPEST, parse_yaml, parse_yaml_value
+from trackers.rig import Name
 from trackers.text_file import AnyPath, read_text
 from twin import models
 from twin.drawn.distributions import DrawnPeople, DrawnRoom, DrawnSensors
 from twin.drawn.scene import draw_scene, is_drawn
-from twin.scenario.model import Name, Scenario
+from twin.scenario.model import Scenario
 from twin.scenario.pedestrians import Pedestrians, people_from
 from twin.scenario.people import Person
 from twin.scenario.removal import check_removals

@@ -8,20 +8,18 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, model_serializer, model_validator
 
+from trackers.area import Polygon
 from trackers.configuration import Strict
 from trackers.knowledge_files import NO_FILES, KnowledgeFiles
-from trackers.rig import Point2
-from twin.scenario.behaviour import PersonName, companions
-from twin.scenario.housings import Housing, check_believed, check_on_housing, check_place
+from trackers.rig import Name
+from twin.scenario.behaviour import companions
+from twin.scenario.housings import Housing, check_believed, check_on_housing, check_place, check_told
 from twin.scenario.lights import LightChange
 from twin.scenario.people import Person
 from twin.scenario.rendering import PLAIN, Rendering
 from twin.scenario.sensors import SensorDescription
 from twin.scenario.vary import STEADY, Vary
 from twin.sensors.fault_kinds import FaultDescription, check_fault
-
-Name = PersonName
-"""A name: it becomes a topic, a file name and a column, so letters, digits, '-' and '_' only."""
 
 
 class TrackerChoice(BaseModel):
@@ -65,7 +63,7 @@ class Scenario(Strict):
     name: Name = Field(description="name of the scenario; it becomes the name of a folder")
     description: str = Field(default="", description="what the scenario is about, for readers")
     room: str = Field(description="name of a shipped room, or path of an MJCF file relative to the scenario")
-    area: tuple[Point2, ...] | None = Field(
+    area: Polygon | None = Field(
         default=None, description="tracked area, polygon in the room frame [m]; none: the room's walkable area"
     )
     duration_s: float = Field(gt=0, le=86_400, description="length of the run [s]")
@@ -121,8 +119,6 @@ class Scenario(Strict):
 
     @model_validator(mode="after")
     def _consistent(self) -> Scenario:
-        if self.area is not None and len(self.area) < 3:
-            raise ValueError(f"area has {len(self.area)} corners; a polygon needs at least 3")
         if not self.sensors:
             raise ValueError("sensors is empty; a scenario needs at least one sensor")
         if self.main_sensor is not None and self.main_sensor not in self.sensors:
@@ -133,6 +129,7 @@ class Scenario(Strict):
             _under(f"sensors.{name}.", lambda sensor=sensor: check_on_housing(sensor, self.housings))
             _under(f"sensors.{name}.", lambda sensor=sensor: check_believed(sensor))
             _under(f"sensors.{name}.", lambda name=name: check_place(self, name))
+            _under(f"sensors.{name}.", lambda name=name: check_told(self, name))
         for name, fault in self.faults.items():
             _under(f"faults.{name}.", lambda fault=fault: check_fault(fault, self.sensors))
         return self

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field, FiniteFloat, model_validator
 
 from trackers.configuration import Strict
-from trackers.pose import Point3, Pose
+from trackers.pose import Coordinate, Point3, Pose
 from twin.sensors.schedule import Timing
 
 _HOUSING_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
@@ -31,11 +31,11 @@ class Mount(Strict):
     """
 
     xyz: Point3 = Field(description="place in the room frame, or in that of the housing it hangs on: x, y, z [m]")
-    yaw_deg: FiniteFloat = Field(
+    yaw_deg: Coordinate = Field(
         default=0.0, description="turn about z, first; counter-clockwise, 90 looks along the room's y [deg]"
     )
-    pitch_deg: FiniteFloat = Field(default=0.0, description="turn about the new y, second; positive looks down [deg]")
-    roll_deg: FiniteFloat = Field(
+    pitch_deg: Coordinate = Field(default=0.0, description="turn about the new y, second; positive looks down [deg]")
+    roll_deg: Coordinate = Field(
         default=0.0, description="turn about the new x, last; positive dips the right side [deg]"
     )
 

@@ -10,7 +10,8 @@ import numpy as np
 from pydantic import BeforeValidator, Field, PositiveInt, model_validator
 
 from trackers.cameras import FisheyeIntrinsics
-from trackers.rig import FisheyeSensor, LaserSensor
+from trackers.cameras.intrinsics import LARGEST_SIDE_PX
+from trackers.rig import FisheyeSensor, LaserSensor, Role
 from twin.scenario.cameras import CameraNoiseByName, PinholeDescription, StereoDescription
 from twin.scenario.floor import FloorDescription
 from twin.scenario.mount import Mounted
@@ -50,7 +51,7 @@ class LaserDescription(Mounted):
     """
 
     kind: Literal["laser"] = Field(description="the kind of sensor: a planar laser scanner")
-    role: Literal["waist", "knee"] | None = Field(
+    role: Role | None = Field(
         default=None,
         description="the layer that trackers use the scanner for; none: waist from a height of 0.7 m on, knee below",
     )
@@ -58,7 +59,7 @@ class LaserDescription(Mounted):
         default=180.0, gt=0, le=360, description="angle from the first beam to the last, centred ahead [deg]"
     )
     resolution_deg: float | None = Field(
-        default=None, gt=0, description="angle between two beams [deg]; none: by the number of beams, or 0.5"
+        default=None, gt=0, le=360, description="angle between two beams [deg]; none: by the number of beams, or 0.5"
     )
     beams: int | None = Field(default=None, ge=2, le=100_000, description="number of beams; none: by the resolution")
     range_min_m: float = Field(default=0.05, ge=0, description="shortest range; what is nearer reads NaN [m]")
@@ -120,8 +121,8 @@ class FisheyeDescription(Mounted):
 
     @model_validator(mode="after")
     def _consistent(self) -> FisheyeDescription:
-        if self.size is not None and max(self.size) > 8192:
-            raise ValueError(f"size {list(self.size)} is too large; at most [8192, 8192] is valid")
+        if self.size is not None and max(self.size) > LARGEST_SIDE_PX:
+            raise ValueError(f"size {list(self.size)} is too large; at most {[LARGEST_SIDE_PX] * 2} is valid")
         self.intrinsics()  # raises for a lens that folds back
         return self
 

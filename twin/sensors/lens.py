@@ -5,15 +5,13 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field, FiniteFloat, PositiveInt
 
-from trackers.cameras import FisheyeIntrinsics, PinholeIntrinsics
+from trackers.cameras import FisheyeIntrinsics
+from trackers.cameras.intrinsics import LARGEST_SIDE_PX
 from trackers.configuration import Strict
 from trackers.errors import InputError
 
 MAX_FIELD_OF_VIEW_DEG = 240.0
 """The widest fisheye that can be rendered: beyond it the side faces, seen at a slant, would grow without bound."""
-
-MAX_TANGENT = 8.0
-"""The farthest a pinhole's picture may reach from its axis (tangent of the angle): 166° across."""
 
 
 class Lens(Strict):
@@ -23,10 +21,12 @@ class Lens(Strict):
     Outside `field_of_view_deg`, the full angle, pixels are black.
     """
 
-    width: PositiveInt = Field(le=8192, description="width of the picture that was calibrated [px]")
-    height: PositiveInt = Field(le=8192, description="height of the picture that was calibrated [px]")
-    fx: float = Field(gt=0, description="focal length along a row [px]")
-    fy: float | None = Field(default=None, gt=0, description="focal length along a column [px]; none: fx")
+    width: PositiveInt = Field(le=LARGEST_SIDE_PX, description="width of the picture that was calibrated [px]")
+    height: PositiveInt = Field(le=LARGEST_SIDE_PX, description="height of the picture that was calibrated [px]")
+    fx: float = Field(gt=0, allow_inf_nan=False, description="focal length along a row [px]")
+    fy: float | None = Field(
+        default=None, gt=0, allow_inf_nan=False, description="focal length along a column [px]; none: fx"
+    )
     cx: FiniteFloat | None = Field(
         default=None,
         description="column of the principal point, pixel centres are integers [px]; none: the middle of the picture",
@@ -88,18 +88,8 @@ LENSES = {
 
 
 def check_fisheye(lens: FisheyeIntrinsics) -> None:
-    """Raise InputError if a fisheye's field of view is too wide to render, or r(θ) stops growing inside it."""
+    """Raise InputError if a fisheye's field of view is too wide to render, or the lens cannot be (`check_view`)."""
     field_deg = float(np.rad2deg(lens.field_of_view_rad))
     if field_deg > MAX_FIELD_OF_VIEW_DEG * (1 + 1e-12):
         raise InputError(f"lens: field of view {field_deg:g}° is too wide; at most {MAX_FIELD_OF_VIEW_DEG:g}° is valid")
-    lens.check_growth()
-
-
-def check_pinhole(lens: PinholeIntrinsics) -> None:
-    """Raise InputError if the edge of a pinhole's picture lies where the distortion has folded back, or too far from the axis."""
-    reach = np.abs(lens.edge_tangents())
-    if reach.max() > MAX_TANGENT:
-        raise InputError(
-            f"the picture reaches {np.rad2deg(np.arctan(reach.max())):.1f}° from the camera's axis; "
-            f"at most {np.rad2deg(np.arctan(MAX_TANGENT)):.1f}° is valid, a fisheye sees farther"
-        )
+    lens.check_view()

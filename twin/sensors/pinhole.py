@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from trackers.observations import Image
 from trackers.rig import PinholeSensor
 from twin.instant.snapshot import Snapshot
-from twin.sensors.lens import check_pinhole
 from twin.sensors.pinhole_view import PinholeView, pinhole_view
 from twin.sensors.render import OffscreenRenderer
 from twin.sensors.sensor import Reading, State
@@ -36,7 +35,7 @@ class Pinhole:
         *,
         instants_s: tuple[float, ...] = (0.0,),
     ) -> None:
-        check_pinhole(rig.intrinsics)
+        rig.intrinsics.check_view()
         self.name = name
         self.instants_s = instants_s
         self._rig = rig

@@ -24,9 +24,9 @@ from pydantic import (
 
 from trackers.configuration import Strict, validate
 from trackers.plain_data import parse_yaml
+from trackers.rig import Name
 from trackers.text_file import read_text
 from twin import models
-from twin.scenario.model import Name
 from twin.suites.metrics import FIGURE, GATED, GATED_READINGS
 
 

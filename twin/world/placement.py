@@ -11,7 +11,7 @@ import numpy as np
 from trackers.area import Area
 from trackers.arrays import Array
 from trackers.errors import InputError
-from twin.geometry.polygon import TOLERANCE_M, leaves_at, meets_itself_at, strictly_inside
+from twin.geometry.polygon import TOLERANCE_M, leaves_at, strictly_inside
 from twin.people.crowd.crowd import planar
 from twin.people.crowd.places import nearest_free, standing_place
 from twin.people.crowd.routes import CLOSE_M, Routes
@@ -30,16 +30,6 @@ DOOR_REACH_M = 0.6
 """Whoever is to leave at a door goes as near to it as people walk, at most so far from it [m]."""
 CLEARANCE_M = 0.5
 """Least distance between the middles of two people at the start: below it their bodies overlap [m]."""
-
-
-def check_polygon(corners: Array, field: str) -> None:
-    """Raise InputError naming the field where the polygon (k, 2) [m] crosses or touches itself."""
-    place = meets_itself_at(corners)
-    if place is not None:
-        raise InputError(
-            f"{field}: {_listed(corners)} crosses or touches itself at {_point(place)}; "
-            "corners in their order around the area, each once, are expected"
-        )
 
 
 def check_placement(scenario: Scenario, area: Array, walkable: Array, routes: Routes) -> None:

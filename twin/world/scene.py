@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.area import check_polygon
 from trackers.errors import InputError
 from twin import models
 from twin.geometry.geom_hull import check_extent
@@ -34,7 +35,7 @@ from twin.scenario.floor import FloorDescription
 from twin.scenario.housings import in_the_room
 from twin.streams import stream
 from twin.world.bodies import Bodies
-from twin.world.placement import check_approach, check_placement, check_polygon
+from twin.world.placement import check_approach, check_placement
 
 _MOST_CORNERS = 500
 """Of the walkable area: ways are looked for from each corner to every other."""
@@ -91,8 +92,6 @@ def build_scene(scenario: Scenario) -> Scene:
     floor, walkable = _where_one_walks(spec, room, data, path)
     set_planes(spec, room, data, walkable, _places_of_sensors(scenario))
     area = np.array(scenario.area, dtype=float) if scenario.area is not None else walkable
-    if scenario.area is not None:
-        check_polygon(area, f"scenario {scenario.name!r}: area")
     furniture = furniture_of(room, path.name)
     _check_furniture(scenario, furniture)
     obstacles = obstacles_of(room, path.name)
@@ -225,6 +224,9 @@ def _own_walkable_area(spec: mujoco.MjSpec, path: Path) -> NDArray[np.float64] |
                 )
             corners = data.reshape(-1, 2)
             check_limit(len(corners), _MOST_CORNERS, f"{path}: walkable_area: is a polygon of", "corners")
-            check_polygon(corners, f"{path}: walkable_area")
+            try:
+                check_polygon(corners)
+            except ValueError as error:
+                raise InputError(f"{path}: walkable_area: {error}") from error
             return corners
     return None

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trackers.area import Area
-from twin.geometry.polygon import gap_between, inset, leaves_at, meets_itself_at, polygon_area, strictly_inside
+from trackers.area import Area, meets_itself_at
+from twin.geometry.polygon import gap_between, inset, leaves_at, polygon_area, strictly_inside
 
 SQUARE = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
 BAY = np.array([[-2, 0], [2, 0], [2, 4], [0.8, 4], [0.8, 2], [-0.8, 2], [-0.8, 4], [-2, 4]], dtype=float)

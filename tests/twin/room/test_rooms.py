@@ -13,9 +13,8 @@ import pytest
 import yaml
 from scipy import ndimage
 
-from trackers.area import Area
+from trackers.area import Area, meets_itself_at
 from twin.geometry.geom_hull import hull_points
-from twin.geometry.polygon import meets_itself_at
 from twin.models import MODELS
 from twin.room.furniture import furniture_of
 from twin.room.mounts import check_mount

@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from trackers.area import Area
+from trackers.area import Area, meets_itself_at
 from trackers.errors import InputError
 from twin import models
-from twin.geometry.polygon import inset, meets_itself_at, polygon_area
+from twin.geometry.polygon import inset, polygon_area
 from twin.people.crowd.routes import Routes
 from twin.room.floor import floor_of
 from twin.room.obstacles import OBSTACLE_REACH_M
