@@ -41,12 +41,14 @@ _LINEAR = 0.2
 class SetRight:
     """The stamps of each sensor's messages as they are to be used [ns], in the bag's order, and what was wrong with them.
 
-    ahead_s: how far each sensor's stamps, as they are used, are ahead of the others' logged at the same time [s].
+    ahead_s: how far each sensor's stamps, as they are used, are ahead of the others' logged at the same time [s]. jumps_ns: the
+    stamps, as they are used, from which on the clock of all sensors was another: what was tracked before cannot be coasted over.
     """
 
     stamps_ns: dict[str, Nanoseconds]
     losses: list[Loss]
     ahead_s: dict[str, float]
+    jumps_ns: tuple[int, ...] = ()
 
 
 class _Clock:
@@ -155,9 +157,41 @@ def set_right(
         if clock.main.size and clock.tells:
             age = (clock.log - used).astype(float) - slope * (clock.log - since_ns)
             ahead_s[name] = (common - float(np.median(age[clock.main]))) / NS_PER_S
+    jumps_ns = () if keeps_stamps else _common_jumps(clocks, stamps)
+    if jumps_ns:
+        first_ns = min(int(each.min()) for each in stamps.values())
+        when = ", ".join(f"{(each - first_ns) / NS_PER_S:.2f} s" for each in jumps_ns[:5])
+        what = f"the clock of all sensors was set at {when}: trackers start anew there, with ids of their own"
+        losses.append(
+            Loss("all sensors", 0, 0, what, "cut the recording there, or keep the clock from being set", always=True)
+        )
     for name, each in times.items():
         stamps.setdefault(name, each.stamp_ns)
-    return SetRight(stamps, losses, ahead_s)
+    return SetRight(stamps, losses, ahead_s, jumps_ns)
+
+
+def _common_jumps(clocks: Mapping[str, _Clock], stamps: Mapping[str, Nanoseconds]) -> tuple[int, ...]:
+    """Return the stamps as they are used [ns] at which the clocks of all sensors that reported before and after were set."""
+    found: list[tuple[int, str]] = []
+    for name, clock in clocks.items():
+        rows = np.flatnonzero(clock.part >= 0)
+        starts = rows[1:][np.diff(clock.part[rows]) != 0]
+        found += [(int(stamps[name][row]), name) for row in starts]
+    apart_ns = max([NS_PER_S, *(round(_REGULAR_GAPS * clock.usual_ns) for clock in clocks.values())])
+    groups: list[list[tuple[int, str]]] = []
+    for at_ns, name in sorted(found):
+        if not groups or at_ns - groups[-1][0][0] > apart_ns or name in {each for _, each in groups[-1]}:
+            groups.append([])
+        groups[-1].append((at_ns, name))
+    jumps = []
+    for group in groups:
+        at_ns = group[0][0]
+        here = {
+            name for name, clock in clocks.items() if clock.tells and stamps[name].min() < at_ns <= stamps[name].max()
+        }
+        if here <= {name for _, name in group}:
+            jumps.append(at_ns)
+    return tuple(jumps)
 
 
 def _usual_gap(stamps_ns: Nanoseconds) -> float:

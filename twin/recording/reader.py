@@ -42,7 +42,7 @@ class Recording:
 
     Attributes: `path`; `rig`; `topics` by name; `scenario_yaml` (None in a robot's bag); `is_twin`; `start_ns`, the
     header stamp [ns] that became 0 (0 in a twin's bag); `duration_s`, first to last message; `ahead_s`, how far each
-    sensor's stamps are ahead of the others' logged at the same time [s].
+    sensor's stamps are ahead of the others' logged at the same time [s]; `jumps_ns`, the stamps at which trackers start anew.
     """
 
     def __init__(self, path: AnyPath, rig: Rig | AnyPath | None = None) -> None:
@@ -82,6 +82,7 @@ class Recording:
             right = self._set_right(times)
             self.ahead_s = right.ahead_s
             self.start_ns = 0 if self.is_twin else self._first_stamp_ns(right)
+            self.jumps_ns = tuple(each - self.start_ns for each in right.jumps_ns)
             self._stamps = {
                 topic: right.stamps_ns[self._topics.label(topic)] - self.start_ns for topic in self._topics.types
             }

@@ -54,7 +54,7 @@ def write_detections(
     for warning in warned:
         on_warning(warning)
     made = TrackerAtWork(chosen, bag.rig)
-    made.make(Knowledge.read(bag.background, files, bag.rig), seed)
+    made.make(Knowledge.read(bag.background, files, bag.rig), seed, bag.jumps_ns)
     if made.failure:
         raise PlugInError(made.failure)
     told = detections_of(made.tracker)

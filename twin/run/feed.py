@@ -77,16 +77,18 @@ def feed(
     outline: Sequence[Polygon] = (),
     person_names: Mapping[int, str] | None = None,
     true_rig: Rig | None = None,
+    jumps_ns: Sequence[int] = (),
 ) -> Iterator[Feed]:
     """Trackers writing `folder/tracks/<name>.csv`, and `folder/preview.mp4` at `video_hz` pictures a second (None: none).
 
-    `true_rig`: where the sensors truly are, to be drawn where `rig`, what trackers are told, has them elsewhere.
+    `true_rig`: where the sensors truly are, to be drawn where `rig`, what trackers are told, has them elsewhere. `jumps_ns`:
+    stamps at which trackers start anew.
 
     The files are there under their names when the block ends well, but for those of trackers that failed. Raises
     InputError for an unknown tracker or option.
     """
     with ExitStack() as stack:
-        at_work = stack.enter_context(trackers_at_work(chosen, rig, knowledge, seed, folder / "tracks"))
+        at_work = stack.enter_context(trackers_at_work(chosen, rig, knowledge, seed, folder / "tracks", jumps_ns))
         shown = None
         if video_hz is not None:
             shown = stack.enter_context(

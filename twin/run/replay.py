@@ -159,6 +159,7 @@ def _track(
         title=title,
         outline=outline,
         person_names=person_names,
+        jumps_ns=bag.jumps_ns,
     ) as fed:
         frames: list[tuple[str, TrackFrame]] = []
         if bag_copy is not None:

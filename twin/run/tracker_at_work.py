@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from trackers.errors import InputError, PlugInError
 from trackers.knowledge import Knowledge
 from trackers.observations import NS_PER_S, Observation
 from trackers.presets import PRESETS, make_tracker
+from trackers.restarts import RestartedTracker
 from trackers.rig import Rig
 from trackers.tracks import FedTracker, Tracker, TrackFrame, detections_of, misreported, warnings
 from twin.recording.tables import TrackWriter, track_writer
@@ -46,11 +48,18 @@ class TrackerAtWork:
         self._tracked = False
         self._n_frame = self._n_with_detections = 0
 
-    def make(self, knowledge: Knowledge, seed: int) -> None:
-        """Make the tracker; raises InputError where its name, options or class are not what they should be."""
-        rng = stream(seed, "tracker", self.name)
+    def make(self, knowledge: Knowledge, seed: int, jumps_ns: Sequence[int] = ()) -> None:
+        """Make the tracker; raises InputError where its name, options or class are not what they should be.
+
+        jumps_ns: the stamps at which another like it takes its place (`trackers.restarts`).
+        """
+
+        def made(streamed: str) -> Tracker:
+            rng = stream(seed, "tracker", streamed)
+            return make_tracker(self._chosen.target, self._rig, knowledge, rng, self._chosen.options)
+
         try:
-            self.tracker = make_tracker(self._chosen.target, self._rig, knowledge, rng, self._chosen.options)
+            self.tracker = made(self.name)
             faults = misreported(self.tracker, self._rig)
         except (Exception, SystemExit) as error:
             if isinstance(error, InputError):
@@ -61,6 +70,9 @@ class TrackerAtWork:
             raise InputError(f"--tracker {self.name}: has not both update(observation) and tracks(); a tracker has")
         if faults:
             raise InputError("\n".join(f"--tracker {self.name}: {fault}" for fault in faults))
+        if jumps_ns:
+            names = (f"{self.name}/{number}" for number in count(1))
+            self.tracker = RestartedTracker(self.tracker, lambda: made(next(names)), jumps_ns, self._rig.main_sensor)
         self._fed = FedTracker(self.tracker, self._rig)
 
     @property
@@ -155,15 +167,20 @@ def file_name(tracker: str) -> str:
 
 @contextmanager
 def trackers_at_work(
-    chosen: Sequence[ChosenTracker], rig: Rig, knowledge: Knowledge, seed: int, folder: Path
+    chosen: Sequence[ChosenTracker],
+    rig: Rig,
+    knowledge: Knowledge,
+    seed: int,
+    folder: Path,
+    jumps_ns: Sequence[int] = (),
 ) -> Iterator[list[TrackerAtWork]]:
-    """The chosen trackers, each writing `folder/<name>.csv` as the block runs.
+    """The chosen trackers, each writing `folder/<name>.csv` as the block runs; `jumps_ns` as for `TrackerAtWork.make`.
 
     Raises InputError for an unknown tracker or option, PlugInError where none can be made, before anything is written.
     """
     at_work = [TrackerAtWork(each, rig) for each in chosen]
     for each in at_work:
-        each.make(knowledge, seed)
+        each.make(knowledge, seed, jumps_ns)
     check_somebody_tracks(at_work)
     with ExitStack() as stack:
         for each in at_work:

@@ -75,15 +75,21 @@ WRONG: dict[str, Said] = {
 }
 
 
-@pytest.mark.parametrize("said", WRONG.values(), ids=WRONG.keys())
+@pytest.mark.parametrize("wrong", WRONG)
 @pytest.mark.parametrize("both", [True, False], ids=["both", "one"])
-def test_stamps_are_set_right_by_the_log_times_and_that_is_told(tmp_path, said, both):
+def test_stamps_are_set_right_by_the_log_times_and_that_is_told(tmp_path, wrong, both):
+    said = WRONG[wrong]
     recording = Recording(a_bag(tmp_path, said, said if both else true), RIG)
     found = stamps_of(recording)
     for name in ("waist", "knee"):
         np.testing.assert_allclose(np.array(found[name]), REGULAR, rtol=0, atol=1 * MS)
         assert any(line.startswith(f"{name}: ") for line in lines(recording.losses)) == (both or name == "waist")
     assert recording.start_ns == pytest.approx(EPOCH_NS, abs=NS_PER_DAY)
+    n_jump = (2 if wrong == "set ahead and back" else 1) if both and wrong.startswith("set") else 0
+    assert len(recording.jumps_ns) == n_jump
+    for jump_ns in recording.jumps_ns:
+        assert abs(said(round(jump_ns / REGULAR[1])) - said(round(jump_ns / REGULAR[1]) - 1)) > 200 * MS
+    assert any("trackers start anew" in line for line in lines(recording.losses)) == (n_jump > 0)
 
 
 @pytest.mark.parametrize("off_s", [-1.7e9, -3600, -2, 0.8, 5, 1e7])
