@@ -24,8 +24,8 @@ from rosbags.typesys.stores.ros2_humble import (
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
 from twin.recording import topics
+from twin.recording.colour_picture import decode_compressed, decode_raw, raw_pixels
 from twin.recording.depth_picture import PNG_FORMAT, encode_png
-from twin.recording.picture_size import check_picture
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
@@ -35,20 +35,6 @@ STRING = "std_msgs/msg/String"
 # The messages used here are the same in every ROS 2 distribution; Humble's definitions are the oldest still maintained.
 TYPESTORE = get_typestore(Stores.ROS2_HUMBLE)
 
-_CHANNELS = {
-    **{"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1, "8UC1": 1, "8UC3": 3, "8UC4": 4},
-    **{"mono16": 1, "rgb16": 3, "bgr16": 3, "yuv422": 2, "yuv422_yuy2": 2},
-    **dict.fromkeys(("bayer_rggb8", "bayer_bggr8", "bayer_gbrg8", "bayer_grbg8"), 1),
-}
-"""Encodings of pictures that are read, and their channels; 8UC3 and 8UC4 are in OpenCV's order, blue first."""
-_CONVERSIONS = {
-    "bayer_rggb8": cv2.COLOR_BayerRGGB2RGB,
-    "bayer_bggr8": cv2.COLOR_BayerBGGR2RGB,
-    "bayer_gbrg8": cv2.COLOR_BayerGBRG2RGB,
-    "bayer_grbg8": cv2.COLOR_BayerGRBG2RGB,
-    "yuv422": cv2.COLOR_YUV2RGB_UYVY,
-    "yuv422_yuy2": cv2.COLOR_YUV2RGB_YUY2,
-}
 _FLOOR_ENCODINGS = ("mono8", "8UC1")
 _NO_INTENSITIES = np.zeros(0, dtype=np.float32)
 
@@ -102,7 +88,7 @@ def decode(data: bytes | memoryview, msgtype: str, sensor: str, *, kind: str | N
 def from_message(message: Any, sensor: str, *, kind: str | None = None, offset_ns: int = 0) -> Observation:
     """The observation in a ROS 1 or ROS 2 message: LaserScan, CompressedImage, or Image.
 
-    An Image's encoding is one of `_CHANNELS`; of 16 bits the upper eight are kept.
+    An Image's encoding is one of `twin.recording.colour_picture.CHANNELS`.
 
     `kind` is that of the sensor on the rig: an Image of a 'floor' is a FloorFrame, of anything else a picture. `offset_ns` is
     added to the header's stamp. Ranges at or beyond range_max become +inf, those below range_min or not above 0 become NaN
@@ -123,11 +109,9 @@ def from_message(message: Any, sensor: str, *, kind: str | None = None, offset_n
             message.time_increment,
         )
     if message.__msgtype__ == COMPRESSED_IMAGE:
-        if "compressedDepth" in message.format:
-            raise InputError(f"image of {sensor!r}: format is {message.format!r}; a colour JPEG or PNG is expected")
-        return Image(sensor, stamp_ns, _decode_jpeg(message.data, sensor))
+        return Image(sensor, stamp_ns, decode_compressed(message, f"image of {sensor!r}"))
     if message.__msgtype__ == RAW_IMAGE:
-        return Image(sensor, stamp_ns, _raw_rgb(message, sensor))
+        return Image(sensor, stamp_ns, decode_raw(message, f"image of {sensor!r}"))
     raise InputError(
         f"message of {sensor!r}: type is {message.__msgtype__}; "
         f"{LASER_SCAN}, {COMPRESSED_IMAGE} or {RAW_IMAGE} is expected"
@@ -208,7 +192,7 @@ def _encode_image(image: Image, jpeg_quality: int) -> Encoded:
         format="rgb8; jpeg compressed bgr8",  # as image_transport writes it
         data=jpeg.ravel(),
     )
-    observation = Image(image.sensor, image.stamp_ns, _decode_jpeg(message.data, image.sensor))
+    observation = Image(image.sensor, image.stamp_ns, decode_compressed(message, f"image of {image.sensor!r}"))
     return Encoded(observation, COMPRESSED_IMAGE, topics.IMAGE, TYPESTORE.serialize_cdr(message, COMPRESSED_IMAGE))
 
 
@@ -220,16 +204,6 @@ def _encode_depth_image(image: DepthImage, jpeg_quality: int) -> Encoded:
     depth = Part(COMPRESSED_IMAGE, topics.DEPTH, TYPESTORE.serialize_cdr(message, COMPRESSED_IMAGE))
     observation = DepthImage(image.sensor, image.stamp_ns, colour.observation.rgb, depth_m)
     return Encoded(observation, colour.msgtype, colour.topic_suffix, colour.data, (depth,))
-
-
-def _decode_jpeg(data: NDArray[np.uint8], sensor: str) -> NDArray[np.uint8]:
-    check_picture(bytes(data), f"image of {sensor!r}")
-    # The lens is calibrated on the sensor's rows and columns: an EXIF orientation must not turn them.
-    flags = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
-    rgb = cv2.imdecode(data, flags) if data.size else None
-    if rgb is None:
-        raise InputError(f"image of {sensor!r}: {data.size} bytes that are no image; a JPEG or PNG is expected")
-    return np.asarray(rgb, dtype=np.uint8)
 
 
 def _encode_floor(frame: FloorFrame) -> Encoded:
@@ -256,33 +230,6 @@ def _floor(message: Any, sensor: str, stamp_ns: int) -> FloorFrame:
     if message.encoding not in _FLOOR_ENCODINGS:
         valid = " or ".join(_FLOOR_ENCODINGS)
         raise InputError(f"image of floor {sensor!r}: encoding is {message.encoding!r}; {valid} is expected")
-    return FloorFrame(sensor, stamp_ns, np.ascontiguousarray(_raw_pixels(message, sensor)[:, :, 0]))
-
-
-def _raw_rgb(message: Any, sensor: str) -> NDArray[np.uint8]:
-    if message.encoding not in _CHANNELS:
-        valid = ", ".join(_CHANNELS)
-        raise InputError(f"image of {sensor!r}: encoding is {message.encoding!r}; one of {valid} is expected")
-    pixels = _raw_pixels(message, sensor)
-    if message.encoding.startswith("yuv422") and message.width % 2:
-        raise InputError(f"image of {sensor!r}: width {message.width} in {message.encoding}; an even width is expected")
-    if message.encoding in _CONVERSIONS:
-        return np.asarray(cv2.cvtColor(np.ascontiguousarray(pixels), _CONVERSIONS[message.encoding]), dtype=np.uint8)
-    if message.encoding.startswith(("bgr", "8UC")):
-        pixels = pixels[:, :, 2::-1]
-    pixels = pixels[:, :, :3]
-    return np.ascontiguousarray(np.broadcast_to(pixels, (message.height, message.width, 3)))
-
-
-def _raw_pixels(message: Any, sensor: str) -> NDArray[np.uint8]:
-    """The pixels (height, width, channels) of an Image without the padding of its rows, of 16 bits the upper eight."""
-    channel_bytes = 2 if message.encoding.endswith("16") else 1
-    width_bytes = message.width * _CHANNELS.get(message.encoding, 1) * channel_bytes
-    if message.step < width_bytes or message.data.size != message.height * message.step:
-        raise InputError(
-            f"image of {sensor!r}: {message.data.size} bytes, step {message.step} for "
-            f"{message.width} x {message.height} {message.encoding}; height x step bytes are expected"
-        )
-    rows = np.asarray(message.data).reshape(message.height, message.step)[:, :width_bytes]
-    upper = 0 if message.is_bigendian else channel_bytes - 1
-    return rows.reshape(message.height, message.width, -1)[:, :, upper::channel_bytes]
+    return FloorFrame(
+        sensor, stamp_ns, np.ascontiguousarray(raw_pixels(message, f"image of {sensor!r}", message.height)[:, :, 0])
+    )

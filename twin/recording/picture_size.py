@@ -23,7 +23,13 @@ def check_picture(data: bytes, said: str) -> None:
     size = picture_size(data)
     if size is None:
         raise InputError(f"{said}: {len(data)} bytes that are no image; a JPEG or PNG is expected")
-    width, height = size
+    check_size(*size, said)
+
+
+def check_size(width: int, height: int, said: str) -> None:
+    """Raise InputError, opening with `said`, for a picture without pixels, or with more than a picture has."""
+    if not width or not height:
+        raise InputError(f"{said}: its header claims {width} x {height} pixels; at least one is expected")
     check_limit(float(width) * height, MOST_PIXELS, f"{said}: its header claims {width} x {height},", "pixels")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -130,12 +131,12 @@ HEADER = Header(time_message(7), "deep")
 
 
 def test_what_robots_send_as_depth():
-    millimetres = np.array([[0, 1500, 65535]], dtype=np.uint16)
-    expected = np.array([[0, 1.5, 65.535]], dtype=np.float32)
+    millimetres = np.array([[65535, 1500, 65534]], dtype=np.uint16)  # the first: none, as many devices have it
+    expected = np.array([[0, 1.5, 65.534]], dtype=np.float32)
     _, png = cv2.imencode(".png", millimetres)
     little = millimetres.astype("<u2").view(np.uint8).ravel()
     big = millimetres.astype(">u2").view(np.uint8).ravel()
-    metres = np.array([[np.nan, 1.5, 65.535]], dtype="<f4").view(np.uint8).ravel()
+    metres = np.array([[np.nan, 1.5, 65.534]], dtype="<f4").view(np.uint8).ravel()
     for message in (
         CompressedImage(HEADER, "16UC1; compressedDepth png", np.concatenate([np.zeros(12, np.uint8), png.ravel()])),
         CompressedImage(HEADER, "png", png.ravel()),
@@ -155,12 +156,124 @@ def test_what_robots_send_as_depth():
         (RawImage(HEADER, 2, 3, "16UC1", 0, 6, np.zeros(9, np.uint8)), "height x step bytes"),
         (CompressedImage(HEADER, "png", np.zeros(5, np.uint8)), "no picture; a 16-bit grey PNG"),
         (CompressedImage(HEADER, "png", cv2.imencode(".png", np.zeros((2, 2), np.uint8))[1].ravel()), "uint8"),
-        (CompressedImage(HEADER, "32FC1; compressedDepth png", np.zeros(50, np.uint8)), "16UC1 as png is expected"),
+        (
+            CompressedImage(HEADER, "32FC1; compressedDepth png", np.zeros(50, np.uint8)),
+            "no picture; a 16-bit grey PNG",
+        ),
+        (
+            CompressedImage(HEADER, "32FC1; compressedDepth png", np.zeros(5, np.uint8)),
+            "a header of 12 bytes is expected",
+        ),
+        (CompressedImage(HEADER, "16UC1; compressedDepth rvl", np.zeros(15, np.uint8)), "columns, rows and RVL data"),
+        (CompressedImage(HEADER, "16UC1; compressedDepth rvl", np.zeros(50, np.uint8)), "claims 0 x 0 pixels"),
+        (RawImage(HEADER, 1, 2, "32FC1", 0, 8, np.array([1500, 2000], "<f4").view(np.uint8)), "metres are expected"),
     ],
 )
 def test_depth_that_cannot_be_used(message, complaint):
     with pytest.raises(InputError, match=complaint):
         decode_depth(message, "deep")
+
+
+def rvl_of(pixels: np.ndarray) -> bytes:
+    """Wilson's encoder, a pixel at a time: what the vectorized decoder is held against."""
+    halves: list[int] = []
+
+    def number(value: int) -> None:
+        while True:
+            value, group = value >> 3, value & 7
+            halves.append(group | (8 if value else 0))
+            if not value:
+                return
+
+    flat, place, before = pixels.ravel().astype(int).tolist(), 0, 0
+    while place < len(flat):
+        first = place
+        while place < len(flat) and flat[place] == 0:
+            place += 1
+        number(place - first)
+        first = place
+        while place < len(flat) and flat[place] != 0:
+            place += 1
+        number(place - first)
+        for value in flat[first:place]:
+            difference, before = value - before, value
+            number(2 * difference if difference >= 0 else -2 * difference - 1)
+    halves += [0] * (-len(halves) % 8)
+    words = [sum(half << (28 - 4 * k) for k, half in enumerate(halves[at : at + 8])) for at in range(0, len(halves), 8)]
+    return struct.pack("<II", pixels.shape[1], pixels.shape[0]) + struct.pack(f"<{len(words)}I", *words)
+
+
+def depth_pictures() -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(8)
+    noise = rng.integers(0, 65_535, (23, 31)).astype(np.uint16)
+    wall = (1500 + 3 * np.arange(31) + rng.integers(-2, 3, (23, 31))).astype(np.uint16)
+    return {
+        "noise": noise,
+        "a wall": wall,
+        "a wall with holes": np.where(rng.random((23, 31)) < 0.3, 0, wall).astype(np.uint16),
+        "all holes": np.zeros((23, 31), np.uint16),
+        "a hole at each end": np.pad(wall, 2),
+        "one pixel": np.full((1, 1), 7, np.uint16),
+        "extremes": np.tile(np.array([1, 65_534, 1, 0], np.uint16), (3, 5)),
+    }
+
+
+DEPTHS = depth_pictures()
+
+
+@pytest.mark.parametrize("pixels", DEPTHS.values(), ids=DEPTHS.keys())
+def test_rvl_is_decoded(pixels):
+    message = CompressedImage(HEADER, "16UC1; compressedDepth rvl", np.frombuffer(bytes(12) + rvl_of(pixels), np.uint8))
+    np.testing.assert_array_equal(decode_depth(message, "deep"), pixels.astype(np.float32) / np.float32(1000))
+
+
+def test_rvl_of_a_picture_by_hand():
+    # two holes, three pixels 9, 10, 8: 2, 3, +9 -> 18 = 010 010, +1 -> 2, -2 -> 3; zeros fill the word
+    data = struct.pack("<III", 5, 1, 0x23A22300)
+    message = CompressedImage(HEADER, "16UC1; compressedDepth rvl", np.frombuffer(bytes(12) + data, np.uint8))
+    np.testing.assert_allclose(decode_depth(message, "deep") * 1000, [[0, 0, 9, 10, 8]])
+
+
+@pytest.mark.parametrize("ending", ["png", "rvl"])
+def test_metres_that_were_quantized_are_metres(ending):
+    depth_m = np.where(DEPTHS["a wall with holes"] > 0, DEPTHS["a wall with holes"] / 700.0, 0).astype(np.float32)
+    scale, offset = 100.0 * 101.0, 1.0 - 100.0 * 101.0 / 10.0  # as image_transport: depth_max 10 m, quantization 100
+    with np.errstate(divide="ignore"):
+        values = np.where(depth_m > 0, np.rint(scale / depth_m + offset), 0).astype(np.uint16)
+    data = rvl_of(values) if ending == "rvl" else cv2.imencode(".png", values)[1].tobytes()
+    header = struct.pack("<iff", 0, scale, offset)
+    message = CompressedImage(HEADER, f"32FC1; compressedDepth {ending}", np.frombuffer(header + data, np.uint8))
+    np.testing.assert_allclose(decode_depth(message, "deep"), depth_m, rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize("cut", [1, 5, 100, -4])
+def test_rvl_that_is_cut_is_refused(cut):
+    data = rvl_of(DEPTHS["noise"])
+    message = CompressedImage(
+        HEADER, "16UC1; compressedDepth rvl", np.frombuffer(bytes(12) + data[: 8 + cut if cut > 0 else cut], np.uint8)
+    )
+    with pytest.raises(InputError, match="compressedDepth rvl': RVL data (end after|are damaged)"):
+        decode_depth(message, "deep")
+
+
+def test_rvl_that_is_damaged_is_refused_or_read_and_never_raises_anything_else():
+    rng = np.random.default_rng(4)
+    data = np.frombuffer(bytes(12) + rvl_of(DEPTHS["a wall with holes"]), np.uint8)
+    refused = 0
+    for _ in range(300):
+        spoiled = data.copy()
+        spoiled[20 + rng.integers(0, data.size - 20, 3)] = rng.integers(0, 256, 3)
+        try:
+            decode_depth(CompressedImage(HEADER, "16UC1; compressedDepth rvl", spoiled), "deep")
+        except InputError:
+            refused += 1
+    assert refused > 30
+
+
+def test_rvl_that_claims_too_many_pixels_is_not_decoded():
+    data = np.frombuffer(bytes(12) + struct.pack("<II", 40_000, 40_000) + bytes(40), np.uint8)
+    with pytest.raises(InputError, match=r"claims 40000 x 40000, 1.6e\+09 pixels; at most .*--no-limits"):
+        decode_depth(CompressedImage(HEADER, "16UC1; compressedDepth rvl", data), "deep")
 
 
 def test_pairs_find_each_other_late_early_and_across_gaps():

@@ -127,7 +127,7 @@ def test_a_lossless_png_comes_through():
 @pytest.mark.parametrize(
     ("message", "complaint"),
     [
-        (RawImage(HEADER, 2, 2, "nv12", 0, 4, np.zeros(8, np.uint8)), "'nv12'; one of rgb8, bgr8, rgba8"),
+        (RawImage(HEADER, 2, 2, "nv24", 0, 4, np.zeros(8, np.uint8)), "'nv24'; one of rgb8, bgr8, rgba8"),
         (RawImage(HEADER, 2, 2, "rgb8", 0, 6, np.zeros(8, np.uint8)), "height x step bytes"),
         (RawImage(HEADER, 2, 2, "rgb8", 0, 4, np.zeros(8, np.uint8)), "height x step bytes"),
         (CompressedImage(HEADER, "jpeg", np.zeros(0, np.uint8)), "JPEG or PNG is expected"),
@@ -176,7 +176,7 @@ def test_a_scan_without_a_range_of_ranges_is_refused():
 def test_a_picture_that_claims_more_pixels_than_a_picture_has_is_not_decoded(
     ending: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from twin.recording import messages, picture_size
+    from twin.recording import picture_size
 
     data = cv2.imencode(ending, np.zeros((7, 9, 3), np.uint8))[1].ravel()
     assert picture_size.picture_size(bytes(data)) == (9, 7)
@@ -185,11 +185,14 @@ def test_a_picture_that_claims_more_pixels_than_a_picture_has_is_not_decoded(
         claimed = bytes(data).replace(b"\x00\x00\x00\x09\x00\x00\x00\x07", b"\x00\x00\x4e\x20\x00\x00\x4e\x20", 1)
     monkeypatch.setattr(cv2, "imdecode", lambda *arguments: pytest.fail("was decoded"))
     with pytest.raises(InputError, match=r"its header claims 20000 x 20000, 4e\+08 pixels; at most .*--no-limits"):
-        messages._decode_jpeg(np.frombuffer(claimed, np.uint8), "fisheye")
+        from_message(compressed(np.frombuffer(claimed, np.uint8)), "fisheye")
+
+
+def compressed(data: np.ndarray, told: str = "jpeg") -> CompressedImage:
+    return CompressedImage(HEADER, told, data)
 
 
 RGB = np.random.default_rng(3).integers(0, 256, (6, 8, 3), dtype=np.uint8)
-FLAT = np.full((6, 8, 3), (180, 90, 40), dtype=np.uint8)
 ALPHA = np.full((6, 8, 1), 7, dtype=np.uint8)
 EXACT = {
     "rgba8": np.concatenate([RGB, ALPHA], axis=2),
@@ -199,6 +202,13 @@ EXACT = {
     "rgb16": RGB.astype(np.uint16) * 256 + 11,
     "bgr16": RGB[..., ::-1].astype(np.uint16) * 256 + 11,
     "mono16": RGB[..., 0].astype(np.uint16) * 256 + 11,
+    "rgba16": np.concatenate([RGB, ALPHA], axis=2).astype(np.uint16) * 256 + 11,
+    "bgra16": np.concatenate([RGB[..., ::-1], ALPHA], axis=2).astype(np.uint16) * 256 + 11,
+    "16UC3": RGB[..., ::-1].astype(np.uint16) * 256 + 11,
+    "16UC4": np.concatenate([RGB[..., ::-1], ALPHA], axis=2).astype(np.uint16) * 256 + 11,
+    "rgb8": RGB,
+    "bgr8": RGB[..., ::-1],
+    "mono8": RGB[..., 0],
     "8UC1": RGB[..., 0],
 }
 
@@ -214,22 +224,105 @@ def test_other_encodings_of_the_same_picture_are_the_same_picture(encoding, big)
     np.testing.assert_array_equal(from_message(message, "c").rgb, expected)
 
 
+def smooth(rows: int, columns: int) -> np.ndarray:
+    """A picture whose colours change slowly, so that what mosaics and subsampled colours leave out is nearly nothing."""
+    y, x = np.mgrid[:rows, :columns]
+    return np.stack([60 + 2 * x, 200 - 2 * y, 90 + x + y], axis=-1).astype(np.uint8)
+
+
+def mosaic_of(rgb: np.ndarray, pattern: str) -> np.ndarray:
+    mosaic = np.zeros(rgb.shape[:2], np.uint8)
+    for site, letter in enumerate(pattern):
+        mosaic[site // 2 :: 2, site % 2 :: 2] = rgb[site // 2 :: 2, site % 2 :: 2, "rgb".index(letter)]
+    return mosaic
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+@pytest.mark.parametrize("big", [0, 1])
 @pytest.mark.parametrize("pattern", ["rggb", "bggr", "gbrg", "grbg"])
-def test_a_bayer_mosaic_of_one_colour_is_that_colour(pattern):
-    sites = ["rgb".index(letter) for letter in pattern]
-    mosaic = np.zeros((6, 8), np.uint8)
-    for site, channel in enumerate(sites):
-        mosaic[site // 2 :: 2, site % 2 :: 2] = FLAT[0, 0, channel]
-    message = RawImage(HEADER, 6, 8, f"bayer_{pattern}8", 0, 8, mosaic.ravel())
-    np.testing.assert_array_equal(from_message(message, "c").rgb, FLAT)
+def test_a_bayer_mosaic_is_the_picture_behind_it(pattern, big, bits):
+    rgb = smooth(40, 48)
+    mosaic = mosaic_of(rgb, pattern)
+    if bits == 16:
+        mosaic = (mosaic.astype(np.uint16) * 256 + 200).astype(">u2" if big else "<u2")
+    raw = np.frombuffer(mosaic.tobytes(), np.uint8)
+    found = from_message(RawImage(HEADER, 40, 48, f"bayer_{pattern}{bits}", big, 48 * bits // 8, raw), "c").rgb
+    assert np.abs(found.astype(int) - rgb)[2:-2, 2:-2].max() <= 3
 
 
-@pytest.mark.parametrize("encoding", ["yuv422", "yuv422_yuy2"])
+@pytest.mark.parametrize("bits", [8, 16])
+@pytest.mark.parametrize("pattern", ["rggb", "bggr", "gbrg", "grbg"])
+def test_a_mosaic_that_was_compressed_as_a_grey_picture_is_the_picture_behind_it(pattern, bits):
+    rgb = smooth(40, 48)
+    mosaic = mosaic_of(rgb, pattern)
+    grey = mosaic if bits == 8 else mosaic.astype(np.uint16) * 256 + 200
+    message = compressed(cv2.imencode(".png", grey)[1].ravel(), f"bayer_{pattern}{bits}; png compressed ")
+    assert np.abs(from_message(message, "c").rgb.astype(int) - rgb)[2:-2, 2:-2].max() <= 3
+    colour = cv2.imencode(".png", rgb[..., ::-1])[1].ravel()
+    for told in (f"bayer_{pattern}{bits}; png compressed bgr8", "bgr8; png compressed bgr8", "png", ""):
+        np.testing.assert_array_equal(from_message(compressed(colour, told), "c").rgb, rgb)
+
+
+YUV = {
+    "yuv422": "uyvy",
+    "uyvy": "uyvy",
+    "yuv422_yuy2": "yuyv",
+    "yuyv": "yuyv",
+}
+
+
+def video_levels(rgb: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Brightness and the two colour differences of ITU-R BT.601, brightness from 16 to 235."""
+    r, g, b = np.moveaxis(rgb.astype(float), -1, 0)
+    y = 16 + (65.481 * r + 128.553 * g + 24.966 * b) / 255
+    u = 128 + (-37.797 * r - 74.203 * g + 112 * b) / 255
+    v = 128 + (112 * r - 93.786 * g - 18.214 * b) / 255
+    return tuple(np.rint(each).astype(np.uint8) for each in (y, u, v))  # pyright: ignore[reportReturnType]
+
+
+@pytest.mark.parametrize("encoding", YUV)
 def test_yuv_is_read_in_its_order(encoding):
-    y, u, v = cv2.cvtColor(FLAT, cv2.COLOR_RGB2YUV)[0, 0]
-    pair = [u, y, v, y] if encoding == "yuv422" else [y, u, y, v]
-    message = RawImage(HEADER, 6, 8, encoding, 0, 16, np.tile(np.array(pair, np.uint8), 24))
-    assert np.abs(from_message(message, "c").rgb.astype(int) - FLAT)[..., 0].max() < 60
-    assert from_message(message, "c").rgb[0, 0].argmax() == 0
+    rgb = smooth(40, 48)
+    y, u, v = video_levels(rgb)
+    parts = {"u": u[:, ::2], "v": v[:, ::2]}
+    brightness = iter([y[:, ::2], y[:, 1::2]])
+    data = np.stack([parts[each] if each in parts else next(brightness) for each in YUV[encoding]], axis=-1)
+    found = from_message(RawImage(HEADER, 40, 48, encoding, 0, 96, data.ravel()), "c").rgb
+    assert np.abs(found.astype(int) - rgb).max() <= 5
     with pytest.raises(InputError, match="even width"):
         from_message(RawImage(HEADER, 1, 3, encoding, 0, 6, np.zeros(6, np.uint8)), "c")
+
+
+@pytest.mark.parametrize("encoding", ["nv12", "nv21"])
+def test_planes_of_yuv_are_read_in_their_order(encoding):
+    rgb = smooth(40, 48)
+    y, u, v = video_levels(rgb)
+    pair = [u, v] if encoding == "nv12" else [v, u]
+    colour = np.stack([each[::2, ::2] for each in pair], axis=-1).reshape(20, 48)
+    data = np.pad(np.concatenate([y, colour]), ((0, 0), (0, 6)))
+    found = from_message(RawImage(HEADER, 40, 48, encoding, 0, 54, data.ravel()), "c").rgb
+    assert np.abs(found.astype(int) - rgb).max() <= 6
+    with pytest.raises(InputError, match="even width and height"):
+        from_message(RawImage(HEADER, 3, 4, encoding, 0, 4, np.zeros(18, np.uint8)), "c")
+
+
+@pytest.mark.parametrize(
+    "encoding",
+    ["16UC1", "32FC1", "64FC1", "16SC1", "8SC1", "32SC1", "8UC2", "nv24", "bayer_rggb12", "RGB8", "", "h264", "32FC3"],
+)
+def test_other_encodings_are_refused_by_name(encoding):
+    with pytest.raises(InputError, match=rf"image of 'c': encoding is '{encoding}'[,;] .*(depth_topic|is expected)"):
+        from_message(RawImage(HEADER, 4, 6, encoding, 0, 48, np.zeros(192, np.uint8)), "c")
+
+
+@pytest.mark.parametrize("told", ["16UC1; png compressed ", "32FC1; compressedDepth png", "16UC1; compressedDepth rvl"])
+def test_compressed_depth_is_no_colour_picture(told):
+    data = cv2.imencode(".png", np.full((4, 6), 1500, np.uint16))[1].ravel()
+    with pytest.raises(InputError, match=rf"image of 'c': format is '{told}', a depth picture; .* depth_topic"):
+        from_message(compressed(data, told), "c")
+
+
+@pytest.mark.parametrize("told", ["h264", "webp", "rgb8; tiff compressed "])
+def test_other_compressions_are_refused_by_name(told):
+    with pytest.raises(InputError, match=f"format is '{told}': 9 bytes that are no image; a JPEG or PNG is expected"):
+        from_message(compressed(np.arange(9, dtype=np.uint8), told), "c")

@@ -1,0 +1,115 @@
+"""Colour pictures in messages: raw in the encodings of ROS, or compressed as JPEG and PNG."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.errors import InputError
+from twin.recording.picture_size import check_picture
+
+_BAYER = {
+    "bayer_rggb": cv2.COLOR_BayerRGGB2RGB,
+    "bayer_bggr": cv2.COLOR_BayerBGGR2RGB,
+    "bayer_gbrg": cv2.COLOR_BayerGBRG2RGB,
+    "bayer_grbg": cv2.COLOR_BayerGRBG2RGB,
+}
+_YUV = {
+    **dict.fromkeys(("yuv422", "uyvy"), cv2.COLOR_YUV2RGB_UYVY),
+    **dict.fromkeys(("yuv422_yuy2", "yuyv"), cv2.COLOR_YUV2RGB_YUY2),
+}
+_PLANES = {"nv12": cv2.COLOR_YUV2RGB_NV12, "nv21": cv2.COLOR_YUV2RGB_NV21}
+"""Brightness as in mono8, and under it half as many rows of colour, of every second pixel both ways."""
+CHANNELS = {
+    **{"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "rgb16": 3, "bgr16": 3, "rgba16": 4, "bgra16": 4},
+    **{"mono8": 1, "mono16": 1, "8UC1": 1, "8UC3": 3, "8UC4": 4, "16UC3": 3, "16UC4": 4},
+    **{f"{pattern}{bits}": 1 for pattern in _BAYER for bits in (8, 16)},
+    **dict.fromkeys(_YUV, 2),
+    **dict.fromkeys(_PLANES, 1),
+}
+"""Encodings of raw pictures that are read, and their channels; 8UC3 to 16UC4 are in OpenCV's order, blue first."""
+_DEPTH = ("16UC1", "32FC1", "64FC1")
+_BLUE_FIRST = ("bgr", "8UC", "16UC")
+
+
+def decode_raw(message: Any, said: str) -> NDArray[np.uint8]:
+    """Return the picture (height, width, 3), RGB, in a raw Image; of 16 bits the upper eight are kept.
+
+    Raises InputError, opening with `said`, for an encoding that is not read and for bytes that do not fit.
+    """
+    encoding = message.encoding
+    if encoding not in CHANNELS:
+        what = f"{said}: encoding is {encoding!r}"
+        if encoding in _DEPTH:
+            raise InputError(f"{what}, a depth picture; it belongs under depth_topic of a sensor of kind stereo")
+        raise InputError(f"{what}; one of {', '.join(CHANNELS)} is expected")
+    if encoding in _PLANES:
+        if message.width % 2 or message.height % 2:
+            raise InputError(
+                f"{said}: {message.width} x {message.height} in {encoding}; an even width and height is expected"
+            )
+        planes = raw_pixels(message, said, message.height * 3 // 2)
+        return _array(cv2.cvtColor(np.ascontiguousarray(planes), _PLANES[encoding]))
+    pixels = raw_pixels(message, said, message.height)
+    if encoding in _YUV:
+        if message.width % 2:
+            raise InputError(f"{said}: width {message.width} in {encoding}; an even width is expected")
+        return _array(cv2.cvtColor(np.ascontiguousarray(pixels), _YUV[encoding]))
+    if encoding.startswith("bayer_"):
+        return _without_mosaic(np.ascontiguousarray(pixels[:, :, 0]), encoding)
+    if encoding.startswith(_BLUE_FIRST):
+        pixels = pixels[:, :, 2::-1]
+    return np.ascontiguousarray(np.broadcast_to(pixels[:, :, :3], (message.height, message.width, 3)))
+
+
+def raw_pixels(message: Any, said: str, n_row: int) -> NDArray[np.uint8]:
+    """Return the pixels (n_row, width, channels) of an Image without the padding of its rows, of 16 bits the upper eight."""
+    channel_bytes = 2 if "16" in message.encoding else 1
+    width_bytes = message.width * CHANNELS.get(message.encoding, 1) * channel_bytes
+    if message.step < width_bytes or message.data.size != n_row * message.step or not message.data.size:
+        raise InputError(
+            f"{said}: {message.data.size} bytes, step {message.step} for {message.width} x {message.height} "
+            f"{message.encoding}; height x step bytes are expected"
+        )
+    rows = np.asarray(message.data).reshape(n_row, message.step)[:, :width_bytes]
+    upper = 0 if message.is_bigendian else channel_bytes - 1
+    return rows.reshape(n_row, message.width, -1)[:, :, upper::channel_bytes]
+
+
+def decode_compressed(message: Any, said: str) -> NDArray[np.uint8]:
+    """Return the picture (height, width, 3), RGB, in a CompressedImage; raises as `decode_raw`.
+
+    image_transport compresses the mosaic of a Bayer sensor as a grey picture and says so in `format`.
+    """
+    encoding = message.format.partition(";")[0].strip()
+    if "compressedDepth" in message.format or encoding in _DEPTH:
+        raise InputError(
+            f"{said}: format is {message.format!r}, a depth picture; a colour JPEG or PNG is expected, and depth under "
+            "depth_topic of a sensor of kind stereo"
+        )
+    if encoding.rstrip("0123456789") in _BAYER:
+        grey = decode_picture(message.data, said, cv2.IMREAD_UNCHANGED, message.format)
+        if grey.ndim == 2:
+            return _without_mosaic(grey if grey.dtype == np.uint8 else (grey >> 8).astype(np.uint8), encoding)
+    return decode_picture(message.data, said, cv2.IMREAD_COLOR_RGB, message.format)
+
+
+def decode_picture(data: NDArray[np.uint8], said: str, flags: int, told_format: str = "") -> NDArray[np.uint8]:
+    """Return the picture in the bytes of a JPEG or PNG as OpenCV reads it with these flags; raises InputError for others."""
+    check_picture(bytes(data), f"{said}: format is {told_format!r}" if told_format else said)
+    # The lens is calibrated on the sensor's rows and columns: an EXIF orientation must not turn them.
+    pixels = cv2.imdecode(data, flags if flags < 0 else flags | cv2.IMREAD_IGNORE_ORIENTATION)
+    if pixels is None:
+        raise InputError(f"{said}: {data.size} bytes that are no image; a JPEG or PNG is expected")
+    return np.asarray(pixels)
+
+
+def _without_mosaic(mosaic: NDArray[np.uint8], encoding: str) -> NDArray[np.uint8]:
+    return _array(cv2.cvtColor(mosaic, _BAYER[encoding.rstrip("0123456789")]))
+
+
+def _array(pixels: Any) -> NDArray[np.uint8]:
+    return np.asarray(pixels, dtype=np.uint8)
