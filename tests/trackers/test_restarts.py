@@ -9,7 +9,7 @@ from test_tracker_contract import world_of
 from trackers.detections import Detection
 from trackers.presets import make_tracker
 from trackers.restarts import RestartedTracker
-from trackers.tracks import Track, TrackFrame, detections_of, discarded, losses, misreported, track_frames
+from trackers.tracks import Track, TrackFrame, discarded, losses, misreported, track_frames
 
 SAMPLE = (
     "sort",
@@ -71,7 +71,7 @@ def test_what_a_tracker_tells_besides_is_told_of_all_of_them():
     for scan in scans:
         assert tracker.update(scan) is None
         frames.append(TrackFrame(scan.stamp_ns, tuple(tracker.tracks())))
-        told.append([each.x for each in detections_of(tracker)()])
+        told.append([each.x for each in tracker.detections()])
     assert [[track.id for track in frame.tracks] for frame in frames] == [[1], [1, 2], [3], [3, 4], [5], [5, 6]]
     assert told == [[1], [2], [2, 1], [2], [2, 1], [2]]
     assert tracker.finish() == [] and not hasattr(tracker, "warnings")

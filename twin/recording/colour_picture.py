@@ -91,20 +91,20 @@ def decode_compressed(message: Any, said: str) -> NDArray[np.uint8]:
             "depth_topic of a sensor of kind stereo"
         )
     if encoding.rstrip("0123456789") in _BAYER:
-        grey = decode_picture(message.data, said, cv2.IMREAD_UNCHANGED, message.format)
+        grey = _decoded(message, said, cv2.IMREAD_UNCHANGED)
         if grey.ndim == 2:
-            return _without_mosaic(grey if grey.dtype == np.uint8 else (grey >> 8).astype(np.uint8), encoding)
-    return decode_picture(message.data, said, cv2.IMREAD_COLOR_RGB, message.format)
+            return _without_mosaic(_array(grey if grey.dtype == np.uint8 else grey >> 8), encoding)
+    return _array(_decoded(message, said, cv2.IMREAD_COLOR_RGB))
 
 
-def decode_picture(data: NDArray[np.uint8], said: str, flags: int, told_format: str = "") -> NDArray[np.uint8]:
-    """Return the picture in the bytes of a JPEG or PNG as OpenCV reads it with these flags; raises InputError for others."""
-    check_picture(bytes(data), f"{said}: format is {told_format!r}" if told_format else said)
+def _decoded(message: Any, said: str, flags: int) -> Any:
+    """Return the picture in a JPEG or PNG as OpenCV reads it with these flags; raises InputError for others."""
+    check_picture(bytes(message.data), f"{said}: format is {message.format!r}")
     # The lens is calibrated on the sensor's rows and columns: an EXIF orientation must not turn them.
-    pixels = cv2.imdecode(data, flags if flags < 0 else flags | cv2.IMREAD_IGNORE_ORIENTATION)
+    pixels = cv2.imdecode(message.data, flags if flags < 0 else flags | cv2.IMREAD_IGNORE_ORIENTATION)
     if pixels is None:
-        raise InputError(f"{said}: {data.size} bytes that are no image; a JPEG or PNG is expected")
-    return np.asarray(pixels)
+        raise InputError(f"{said}: {message.data.size} bytes that are no image; a JPEG or PNG is expected")
+    return pixels
 
 
 def _without_mosaic(mosaic: NDArray[np.uint8], encoding: str) -> NDArray[np.uint8]:

@@ -16,6 +16,7 @@ from trackers.rig import CameraSensor, FloorSensor, Rig, RigSensor, StereoSensor
 from trackers.text_file import AnyPath
 from twin.recording import topics
 from twin.recording.bag import Bag, Topic, decoded, open_bag
+from twin.recording.camera_info import lenses_held_against
 from twin.recording.clocks import SetRight, set_right
 from twin.recording.depth_pairs import DepthPairs, partners, tolerance_ns
 from twin.recording.depth_picture import decode_depth
@@ -88,6 +89,8 @@ class Recording:
             }
             self._times = times
             self._found = [*silent, *self._topics.losses, *right.losses, *self._not_there(times, bag)]
+            if not self.is_twin:
+                self._found += lenses_held_against(bag, self.rig, self._topics.sensors)
             self.logged_after_ns = self._logged_after_ns()
             self.moving: list[str] = [] if self.is_twin else motions(bag, self.frames)
             """What says that a sensor moves, a clause each; none in a twin's bag."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -153,7 +154,7 @@ def test_images_that_cannot_be_used(message, complaint):
     ],
 )
 def test_a_scan_whose_beams_are_nowhere_is_refused_in_one_sentence(changes, complaint):
-    message = TYPESTORE.deserialize_cdr(encode(a_scan(0)).data, LASER_SCAN)
+    message: Any = TYPESTORE.deserialize_cdr(encode(a_scan(0)).data, LASER_SCAN)
     with pytest.raises(InputError, match=complaint) as caught:
         from_message(replace(message, **changes), "waist")
     assert "\n" not in str(caught.value)
@@ -161,7 +162,7 @@ def test_a_scan_whose_beams_are_nowhere_is_refused_in_one_sentence(changes, comp
 
 @pytest.mark.parametrize("range_max", [1e6, np.inf])
 def test_a_scanner_that_names_no_limit_is_read(range_max):
-    message = TYPESTORE.deserialize_cdr(encode(a_scan(0)).data, LASER_SCAN)
+    message: Any = TYPESTORE.deserialize_cdr(encode(a_scan(0)).data, LASER_SCAN)
     scan = from_message(replace(message, range_max=range_max), "waist")
     assert isinstance(scan, LaserScan)
     np.testing.assert_array_equal(scan.ranges_m, a_scan(0).ranges_m)
