@@ -158,7 +158,7 @@ def test_a_tracker_uses_every_scanner_of_a_role_in_whatever_order_they_are_liste
 
 
 def test_scanners_of_a_role_come_by_name_but_the_main_one_first():
-    sensors = {name: FRONT for name in ("c", "a", "b")}
+    sensors = {name: FRONT.model_copy(update={"topic": f"/{name}"}) for name in ("c", "a", "b")}
     assert scanners_by_role(Rig(sensors=sensors), ("knee",)) == {"knee": ("a", "b", "c")}
     assert scanners_by_role(Rig(sensors=sensors, main="c"), ("knee", "waist")) == {"knee": ("c", "a", "b")}
 
