@@ -54,7 +54,9 @@ NoVideo = Annotated[bool, typer.Option("--no-video", help="Write no preview.mp4.
 NoLimits = Annotated[
     bool,
     typer.Option(
-        "--no-limits", callback=_lift_limits, help="Make even what is larger than limits meant to catch mistakes."
+        "--no-limits",
+        callback=_lift_limits,
+        help="Make, and read, even what is larger than limits meant to catch mistakes and attacks.",
     ),
 ]
 RoomRoot = Annotated[

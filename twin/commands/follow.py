@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from twin.commands.exit_codes import tell_failures
-from twin.options import Environment, NoVideo, Rig, Seed, Set, Trackers
+from twin.options import Environment, NoLimits, NoVideo, Rig, Seed, Set, Trackers
 
 
 def track(
@@ -26,6 +26,7 @@ def track(
     bag: Annotated[
         Path | None, typer.Option(metavar="FILE.mcap", help="Write a copy of the recording with the tracks in it.")
     ] = None,
+    no_limits: NoLimits = False,
 ) -> None:
     """Track a recording: the twin's or a robot's."""
     from twin.console import print_metrics, print_paths, print_warning, progress
@@ -63,6 +64,7 @@ def detections(
     environment: Environment = None,
     seed: Seed = None,
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="Table to write; default: stdout.")] = None,
+    no_limits: NoLimits = False,
 ) -> None:
     """What a tracker's detector saw, as a CSV table: t,sensors,role,x,y,variance,width in the room frame [s, m, m²]."""
     from functools import partial

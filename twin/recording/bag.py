@@ -22,6 +22,7 @@ from twin.recording.bag_order import as_written, messages_by_time
 from twin.recording.bag_path import BagPath
 from twin.recording.broken_bag import unreadable, why_broken
 from twin.recording.messages import TYPESTORE
+from twin.recording.unpacking import MOST_CHUNK_BYTES, open_reader
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -174,10 +175,7 @@ def open_bag(path: Path) -> Iterator[Bag]:
     with _bag_errors(path):
         if reason := unreadable(path):
             raise InputError(f"{path}: {reason}; {_EXPECTED}")
-        shown = BagPath(path)
-        is_ros1 = path.suffix == ".bag" and path.is_file()
-        reader = rosbag1.Reader(path) if is_ros1 else rosbag2.Reader(cast("Path", shown))
-        reader.open()
+        reader = open_reader(cast("Path", BagPath(path)))
     try:
         yield Bag(path, reader)
     finally:
@@ -213,6 +211,9 @@ def _bag_errors(path: Path) -> Iterator[None]:
     except InputError:
         raise
     except _BROKEN_BAG as error:
+        if isinstance(error, apsw.TooBigError) or isinstance(error.__cause__, apsw.TooBigError):
+            most = f"at most {MOST_CHUNK_BYTES >> 20} MiB, or --no-limits, is expected"
+            raise InputError(f"{path}: holds a value that is larger than any message; {most}") from error
         raise InputError(f"{path}: {why_broken(path, _first_line(error))}; {_EXPECTED}") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}); {_EXPECTED}") from error

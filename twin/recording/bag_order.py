@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -9,6 +10,11 @@ from rosbags import rosbag1, rosbag2
 from rosbags.interfaces import Connection
 from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
 
 Message = tuple[Connection, int, bytes]
 """Connection, log time [ns], encoded message."""
@@ -45,6 +51,15 @@ def _ros1(reader: rosbag1.Reader, connections: Sequence[Connection]) -> Iterator
 
 def _written_in(storage: Any, connections: Sequence[Connection]) -> Iterator[tuple[int, int, bytes]]:
     """Number of the connection, log time [ns] and message of one file of a ROS 2 bag."""
+    if storage.are_messages_packed:
+        for number, log_time_ns, data in _stored_in(storage, connections):
+            yield number, log_time_ns, zstd.decompress(data)
+    else:
+        yield from _stored_in(storage, connections)
+
+
+def _stored_in(storage: Any, connections: Sequence[Connection]) -> Iterator[tuple[int, int, bytes]]:
+    """The same as it stands in the file."""
     if isinstance(storage, McapReader):
         for connection, log_time_ns, data in storage.messages_scan(connections):
             yield connection.id, log_time_ns, data

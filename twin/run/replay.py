@@ -22,6 +22,7 @@ from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.plain_data import parse_yaml
 from trackers.text_file import AnyPath
 from trackers.tracks import TrackFrame
+from twin.limits import are_limits_lifted
 from twin.progress import OnProgress, OnWarning
 from twin.recording.bag_copy import check_copy, copy_with_tracks
 from twin.recording.details import DETAIL_FILES
@@ -60,6 +61,7 @@ from twin.run.outcome import (
 from twin.run.tracker_at_work import file_name
 from twin.scenario import Scenario, TrackerChoice
 from twin.scenario.load import apply_overrides
+from twin.scenario.size import check_size
 from twin.world.world import World
 
 _RATE_PROBE = 20
@@ -234,18 +236,21 @@ def _outline(scenario: Scenario | None) -> list[Polygon]:
     if scenario is None:
         return []
     try:
-        world = World(scenario)
+        world = World(scenario.model_copy(update={"people": {}}))  # who walks there is no part of its plan
     except InputError:
         return []
     return room_outline(world.scene.model, world.empty_snapshot(0.0).data)
 
 
 def scenario_of(bag: Recording) -> Scenario | None:
-    """The scenario carried in a twin's bag."""
+    """The scenario carried in a twin's bag; raises InputError for one that is none, or larger than the limits."""
     if bag.scenario_yaml is None:
         return None
     source = f"{bag.path}, topic /scenario"
-    return validate(Scenario, parse_yaml(bag.scenario_yaml, source, "a resolved scenario"), source)
+    scenario = validate(Scenario, parse_yaml(bag.scenario_yaml, source, "a resolved scenario"), source)
+    if not are_limits_lifted():
+        check_size(scenario, source=source)
+    return scenario
 
 
 def chosen_trackers(

@@ -73,10 +73,13 @@ def total(sizes: Iterable[RunSize]) -> RunSize:
     )
 
 
-def check_size(scenario: Scenario, *, images: bool = True) -> None:
-    """Raise InputError for a run that would make more than anybody is likely to mean: people, bytes, pixels."""
+def check_size(scenario: Scenario, *, images: bool = True, source: str | None = None) -> None:
+    """Raise InputError for a run that would make more than anybody is likely to mean: people, bytes, pixels.
+
+    `source`: where the scenario stands, to open the sentence; None: its name does.
+    """
     size = size_of(scenario, images=images)
-    refuse = _refuser(f"scenario {scenario.name!r}")
+    refuse = _refuser(source or f"scenario {scenario.name!r}")
     if size.people > MOST_PEOPLE:
         refuse("people", f"{size.people} are there", f"at most {MOST_PEOPLE}")
     for name, sensor in scenario.sensors.items():

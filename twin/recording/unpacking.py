@@ -1,0 +1,290 @@
+"""Readers of bags that compare what compressed parts claim to hold with a budget before they unpack them.
+
+A chunk of some hundred kilobytes can unpack to gigabytes. `rosbags` unpacks whatever comes and has no setting for it: these are
+its readers with the sizes checked first, and decoders that stop where a part holds more than it claims.
+"""
+
+from __future__ import annotations
+
+import bz2
+import io
+import struct
+import sys
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
+from functools import partial
+from itertools import count
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, BinaryIO
+
+import apsw
+import lz4.frame
+import numpy as np
+from rosbags import rosbag1, rosbag2
+from rosbags.interfaces import Connection
+from rosbags.interfaces.typing import RPath
+from rosbags.rosbag1.reader import Chunk, Header, RecordType
+from rosbags.rosbag2 import storage_mcap
+from rosbags.rosbag2.reader import DirectoryReader
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
+
+from trackers.errors import InputError
+from twin.limits import are_limits_lifted, check_limit
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
+
+MOST_CHUNK_BYTES = 2**27
+"""Of one chunk or message, unpacked."""
+MOST_HELD_BYTES = 2**29
+"""Of the chunks that overlap in time, which are held at once to put their messages in order."""
+MOST_BAG_BYTES = 2**28
+"""Of all chunks of a bag, where it is not large itself."""
+MOST_GROWTH = 100
+"""Of a large bag: so many times its own size. Scans and pictures grow two- to twentyfold."""
+_MOST_AGAIN = 20
+"""A ROS 1 bag unpacks a chunk once more wherever it overlaps with another: so often on the whole."""
+
+_MIB = 2**20
+_MCAP_MAGIC_BYTES = 8
+_CHUNK = 0x06
+_ZSTD_MAGIC, _SKIPPABLE_MAGIC = 0xFD2FB528, 0x184D2A5  # the second without its last four bits (RFC 8878, 3.1)
+_ZSTD_BLOCK_BYTES = 2**17
+
+Messages = Generator[tuple[Connection, int, bytes], None, None]
+"""Connection, log time [ns], encoded message."""
+
+
+def open_reader(path: Path) -> rosbag1.Reader | rosbag2.Reader:
+    """The opened reader of a bag; raises what `rosbags` does, and InputError for parts larger than the limits."""
+    is_ros1 = path.suffix == ".bag" and path.is_file()
+    reader = _Ros1Reader(path) if is_ros1 else _Ros2Reader(path)
+    reader.open()
+    return reader
+
+
+def unpack(make: Callable[[], Any], data: bytes, n_bytes: int) -> bytes:
+    """Decode compressed data by decoders of this class; raises ValueError where it holds more than `n_bytes`."""
+    parts, left = [], n_bytes
+    while data:
+        decoder = make()
+        part = decoder.decompress(data, max_length=left + 1)
+        if len(part) > left:
+            raise ValueError(f"a compressed part holds more than the {n_bytes} bytes that it claims")
+        if not decoder.eof:
+            raise EOFError("a compressed part has no end")
+        parts.append(part)
+        left -= len(part)
+        data = decoder.unused_data or b""
+    return parts[0] if len(parts) == 1 else b"".join(parts)
+
+
+# The library names the decoders of MCAP's chunks here, and hands each what the chunk claims to hold.
+storage_mcap.DECOMPRESSORS.update(
+    lz4=partial(unpack, lz4.frame.LZ4FrameDecompressor), zstd=partial(unpack, zstd.ZstdDecompressor)
+)
+_ROS1_DECODERS: dict[str, Callable[[], Any]] = {"bz2": bz2.BZ2Decompressor, "lz4": lz4.frame.LZ4FrameDecompressor}
+
+
+class _Ros1Reader(rosbag1.Reader):
+    """A ROS 1 bag whose chunks are as large as their headers say, and no larger than the limits."""
+
+    def open(self) -> None:
+        self._claimed: list[int] = []
+        self._unpacked = 0
+        super().open()
+        _check_chunks(self.path, self._claimed)
+
+    def read_chunk(self) -> Chunk:
+        """Read the head of a chunk: where it lies, and a decoder that knows how much it may hold."""
+        assert self.bio is not None
+        start = self.bio.tell()
+        header = Header.read(self.bio, RecordType.CHUNK)
+        self.bio.seek(start)
+        chunk = super().read_chunk()
+        make = _ROS1_DECODERS.get(header.get_string("compression"))
+        if make is None:
+            return chunk
+        n_bytes = header.get_uint32("size")
+        check_limit(n_bytes / _MIB, MOST_CHUNK_BYTES / _MIB, f"{self.path!s}: a chunk unpacks to", "MiB")
+        self._claimed.append(n_bytes)
+        return chunk._replace(decompressor=partial(self._unpack, make, n_bytes))
+
+    def _unpack(self, make: Callable[[], Any], n_bytes: int, data: bytes) -> bytes:
+        self._unpacked += n_bytes
+        if self._unpacked > MOST_BAG_BYTES + _MOST_AGAIN * sum(self._claimed) and not are_limits_lifted():
+            raise InputError(
+                f"{self.path!s}: its chunks overlap in time, so that each would be unpacked for every message; messages in "
+                "order of time, or --no-limits, is expected"
+            )
+        return unpack(make, data, n_bytes)
+
+
+class _McapReader(storage_mcap.McapReader):
+    """An MCAP file whose chunks are no larger than the limits, alone, together, and those held at once."""
+
+    are_messages_packed = False
+
+    def meta_scan(self) -> None:
+        """Look through the whole file for what its summary lacks."""
+        self._check_walked()
+        super().meta_scan()
+
+    def messages_scan(
+        self, connections: Collection[Connection], start: int | None = None, stop: int | None = None
+    ) -> Messages:
+        """Read messages as they stand in the file."""
+        self._check_walked()
+        yield from _checked(self, super().messages_scan(connections, start, stop))
+
+    def messages(
+        self, connections: Collection[Connection], start: int | None = None, stop: int | None = None
+    ) -> Messages:
+        """Read messages in order of log time."""
+        if self.chunks:
+            _check_chunks(self.path, [each.uncompressed_size for each in self.chunks if each.compression])
+            self._check_held()
+        yield from _checked(self, super().messages(connections, start, stop))
+
+    def _check_held(self) -> None:
+        """Raise InputError where chunks that overlap in time are too large together."""
+        spans = np.array([(each.message_start_time, each.message_end_time) for each in self.chunks], dtype=np.uint64)
+        sizes = np.array([each.uncompressed_size for each in self.chunks], dtype=np.float64)
+        when, change = spans.T.ravel(), np.concatenate([sizes, -sizes])
+        order = np.lexsort((-change, when))  # of one time, those that begin before those that end
+        most = float(np.cumsum(change[order]).max())
+        said = f"{self.path!s}: chunks that overlap in time, which are held at once, unpack to"
+        check_limit(most / _MIB, MOST_HELD_BYTES / _MIB, said, "MiB")
+
+    def _check_walked(self) -> None:
+        """Raise InputError for chunks that are too large, which are found by going from record to record."""
+        assert self.bio is not None
+        _check_chunks(self.path, list(_claimed_on_the_way(self.bio, self.data_end)))
+
+
+class _SqliteReader(Sqlite3Reader):
+    """An SQLite file whose values are no larger than the limits, and are stored and not worked out."""
+
+    are_messages_packed = False
+
+    def open(self) -> None:
+        if are_limits_lifted():
+            super().open()
+            return
+        hooks = apsw.connection_hooks
+        hooks.append(_limit_values)  # the library opens two connections, and reads at once
+        try:
+            super().open()
+        finally:
+            hooks.remove(_limit_values)
+        assert self.dbconn is not None
+        for table in ("messages", "topics"):
+            for column in self.dbconn.execute(f"PRAGMA table_xinfo({table})"):
+                if column[-1]:  # hidden or generated: a file of some kilobytes makes gigabytes of it
+                    raise InputError(
+                        f"{self.path!s}: column {column[1]!r} of its table {table!r} is worked out from others; a table as ROS 2 "
+                        "writes it is expected"
+                    )
+
+    def messages(
+        self, connections: Collection[Connection], start: int | None = None, stop: int | None = None
+    ) -> Messages:
+        """Read messages in order of log time."""
+        yield from _checked(self, super().messages(connections, start, stop))
+
+
+class _FolderReader(DirectoryReader):
+    """A ROS 2 bag folder whose files and messages unpack to no more than the limits."""
+
+    STORAGE_PLUGINS: Mapping[str, type[Any]] = MappingProxyType({"mcap": _McapReader, "sqlite3": _SqliteReader})
+
+    def open(self) -> None:
+        for packed in sorted(self.path.glob("*.zst*")):  # unpacked where metadata.yaml says so, on opening
+            with packed.open("rb") as stream:
+                n_bytes = zstd_bound(stream)
+            _check_bag(packed, n_bytes, packed.stat().st_size)
+        super().open()
+        for each in self.storages:
+            each.are_messages_packed = self.metadata.compression_mode == "message"
+
+
+class _Ros2Reader(rosbag2.Reader):
+    """Any ROS 2 bag, by the readers here."""
+
+    STORAGE_PLUGINS: Mapping[str, type[Any]] = MappingProxyType(
+        {"dir": _FolderReader, ".mcap": _McapReader, ".db3": _SqliteReader}
+    )
+
+
+def zstd_bound(stream: BinaryIO) -> int:
+    """The most bytes that zstd frames can hold, by the heads of their blocks; nothing is decoded (RFC 8878, 3.1).
+
+    What follows the last whole block is left to the decoder to complain of.
+    """
+    total = 0
+    while len(head := stream.read(4)) == 4:
+        (magic,) = struct.unpack("<I", head)
+        if magic >> 4 == _SKIPPABLE_MAGIC:
+            (size,) = struct.unpack("<I", stream.read(4).rjust(4, b"\0"))
+            stream.seek(size, 1)
+            continue
+        descriptor = stream.read(1)
+        if magic != _ZSTD_MAGIC or not descriptor:
+            return total
+        is_single, has_checksum = descriptor[0] >> 5 & 1, descriptor[0] >> 2 & 1
+        stream.seek((1, 2, 4, 8)[descriptor[0] >> 6] if is_single or descriptor[0] >> 6 else 0, 1)
+        stream.seek((0, 1, 2, 4)[descriptor[0] & 3] + (not is_single), 1)
+        for _ in count():
+            block = stream.read(3)
+            if len(block) < 3:
+                return total
+            number = int.from_bytes(block, "little")
+            is_last, kind, size = number & 1, number >> 1 & 3, number >> 3
+            total += size if kind in (0, 1) else _ZSTD_BLOCK_BYTES
+            stream.seek(1 if kind == 1 else size, 1)
+            if is_last:
+                break
+        stream.seek(4 * has_checksum, 1)
+    return total
+
+
+def _claimed_on_the_way(stream: BinaryIO, end: int) -> Iterator[int]:
+    """What the compressed chunks of an MCAP file claim to hold, found by going from record to record up to `end`."""
+    stream.seek(_MCAP_MAGIC_BYTES)
+    while stream.tell() < end and len(head := stream.read(9)) == 9:
+        op, size = head[0], struct.unpack("<Q", head[1:])[0]
+        next_record = stream.tell() + size
+        if next_record > end:
+            return  # the library tells of it
+        if op == _CHUNK and size >= 32:
+            _, _, claimed, _, name_bytes = struct.unpack("<QQQII", stream.read(32))
+            if name_bytes:
+                yield claimed
+        stream.seek(next_record)
+
+
+def _check_chunks(path: RPath, claimed: Sequence[int]) -> None:
+    """Raise InputError for compressed chunks that claim to hold more than the limits, alone or together [bytes]."""
+    if claimed:
+        check_limit(max(claimed) / _MIB, MOST_CHUNK_BYTES / _MIB, f"{path!s}: a chunk unpacks to", "MiB")
+        _check_bag(path, sum(claimed), path.stat().st_size)
+
+
+def _check_bag(path: RPath, n_bytes: int, file_bytes: int) -> None:
+    most = max(MOST_BAG_BYTES, MOST_GROWTH * file_bytes)
+    check_limit(n_bytes / _MIB, most / _MIB, f"{path!s}: its {file_bytes} bytes unpack to", "MiB")
+
+
+def _checked(storage: _McapReader | _SqliteReader, messages: Messages) -> Messages:
+    """The messages of a storage, each refused before it is unpacked where it would be larger than the limits."""
+    for message in messages:
+        if storage.are_messages_packed:
+            most = zstd_bound(io.BytesIO(message[2])) / _MIB
+            check_limit(most, MOST_CHUNK_BYTES / _MIB, f"{storage.path!s}: a message unpacks to", "MiB")
+        yield message
+
+
+def _limit_values(connection: apsw.Connection) -> None:
+    connection.limit(apsw.SQLITE_LIMIT_LENGTH, MOST_CHUNK_BYTES)
