@@ -18,21 +18,13 @@ import numpy as np
 
 from trackers.arrays import Array, Index, Mask, Nanoseconds
 from trackers.observations import NS_PER_S
-from trackers.order import MAX_WAIT_S
 from twin.recording.losses import Loss
 from twin.recording.message_times import MessageTimes
+from twin.recording.sensor_clock import BLOCKS, REGULAR_GAPS, SIGMAS, SensorClock
 
 _OTHER_CLOCK_S = 0.5
 """Sensors whose messages are as much older than those of others are on another clock [s]: if it were a delay, no tracker
 would wait so long, so that nothing is lost by taking it for one."""
-_AHEAD = 5
-"""How many messages ahead tell a clock that was set from one stamp that is wrong."""
-_REGULAR_GAPS = 3.0
-_SIGMAS = 6.0
-_TO_SIGMA = 1.4826
-_CLOSE = 0.6
-"""Stamps nearer to each other than this share of the usual gap lie over one another."""
-_BLOCKS = 10
 _LINEAR = 0.2
 """A slope whose blocks leave the line by no more than this share of its rise is a clock's; a queue that grows is not as even."""
 
@@ -51,84 +43,6 @@ class SetRight:
     jumps_ns: tuple[int, ...] = ()
 
 
-class _Clock:
-    """One sensor's stamps: which are its own, and the parts between which the clock was set."""
-
-    def __init__(self, name: str, times: MessageTimes, offset_ns: int) -> None:
-        self.name, self.offset_ns = name, offset_ns
-        self.log, self.stamp = times.log_ns, times.stamp_ns + offset_ns
-        unset = ~times.is_set
-        zero = times.stamp_ns == 0
-        if np.count_nonzero(zero) > 1:
-            unset = unset | zero
-        if 2 * np.count_nonzero(unset) > unset.size:
-            unset = np.ones_like(unset)
-        self.unset = unset
-        self.step_ns = 0.0
-        self.set = np.flatnonzero(~unset)
-        self.part = np.full(self.log.size, -1)  # (n,) number of the part; -1: no stamp, or one far from all others
-        self.usual_ns = _usual_gap(self.stamp[self.set])
-        self.tells = self.set.size > 0 and self._log_goes_along()
-        if self.set.size:
-            self.part[self.set] = self._parts() if self.tells else 0
-        self.slope = 0.0
-
-    def age(self, slope: float = 0.0, since_ns: int = 0) -> Array:
-        """Log time minus stamp [ns], less what a common slope makes of it."""
-        return (self.log - self.stamp).astype(np.float64) - np.float64(slope) * (self.log - since_ns)
-
-    @property
-    def main(self) -> Index:
-        """The messages of the longest part."""
-        numbers = self.part[self.part >= 0]
-        return np.flatnonzero(self.part == np.bincount(numbers).argmax()) if numbers.size else np.empty(0, np.intp)
-
-    def _log_goes_along(self) -> bool:
-        """Whether log times pass about as fast as stamps: else they were written at another time."""
-        log, stamp = self.log[self.set], self.stamp[self.set]
-        if log.size < 3:
-            return True
-        step = max(1, log.size // _BLOCKS)
-        passed = stamp[step:] - stamp[:-step]
-        logged = (log[step:] - log[:-step])[passed != 0]
-        return logged.size > 0 and 0.5 <= float(np.median(logged / passed[passed != 0])) <= 2.0
-
-    def _parts(self) -> Index:
-        """The part of each message that has a stamp, -1 for a stamp that is far from those about it."""
-        stamp = self.stamp[self.set]
-        age = (self.log[self.set] - stamp).astype(float)
-        steps = np.diff(age)
-        sigma = _TO_SIGMA * float(np.median(np.abs(steps - np.median(steps)))) if steps.size else 0.0
-        self.step_ns = max(MAX_WAIT_S * NS_PER_S, _REGULAR_GAPS * self.usual_ns, _SIGMAS * sigma)
-        if not (np.abs(steps) > self.step_ns).any() or self._is_late_only(stamp):
-            return np.zeros(stamp.size, np.intp)
-        return self._split(stamp, age)
-
-    def _is_late_only(self, stamp: Nanoseconds) -> bool:
-        """Whether the stamps in order are those of a clock that runs on: messages were held up, no clock was set."""
-        log = self.log[self.set]
-        once = np.concatenate([[True], np.diff(stamp) != 0])  # a message that came twice says nothing of the clock
-        gaps = np.diff(np.sort(stamp[once]))
-        lie_over = np.count_nonzero(gaps < _CLOSE * self.usual_ns) > 2
-        return not lie_over and float(np.ptp(stamp)) - float(np.ptp(log)) <= self.step_ns
-
-    def _split(self, stamp: Nanoseconds, age: Array) -> Index:
-        part, number, level, last = np.full(age.size, -1), -1, np.inf, None
-        for k in range(age.size):
-            ahead = age[k + 1 : k + 1 + _AHEAD]
-            goes_on = last is not None and 0 < stamp[k] - last <= _REGULAR_GAPS * self.usual_ns
-            if abs(age[k] - level) > self.step_ns and not goes_on:
-                here = np.count_nonzero(np.abs(ahead - age[k]) <= self.step_ns)
-                before = np.count_nonzero(np.abs(ahead - level) <= self.step_ns)
-                if here <= before or 2 * here <= ahead.size:
-                    continue  # one stamp that is wrong
-                number += 1
-            part[k], level, last = number, age[k], stamp[k]
-        if number < 0:
-            part[:] = 0
-        return part
-
-
 def set_right(
     times: Mapping[str, MessageTimes], offsets_ns: Mapping[str, int], *, keeps_stamps: bool = False
 ) -> SetRight:
@@ -137,7 +51,7 @@ def set_right(
     keeps_stamps: only stamps that are missing are replaced, and all else is told (a twin's recording, where a scenario may have
     asked for clocks that are wrong). A sensor whose offset the rig states is not moved to the clock of the others.
     """
-    clocks = {name: _Clock(name, each, offsets_ns.get(name, 0)) for name, each in times.items() if len(each)}
+    clocks = {name: SensorClock(name, each, offsets_ns.get(name, 0)) for name, each in times.items() if len(each)}
     telling = [clock for clock in clocks.values() if clock.tells]
     since_ns = min((int(clock.log[0]) for clock in clocks.values()), default=0)
     losses: list[Loss] = []
@@ -170,14 +84,14 @@ def set_right(
     return SetRight(stamps, losses, ahead_s, jumps_ns)
 
 
-def _common_jumps(clocks: Mapping[str, _Clock], stamps: Mapping[str, Nanoseconds]) -> tuple[int, ...]:
+def _common_jumps(clocks: Mapping[str, SensorClock], stamps: Mapping[str, Nanoseconds]) -> tuple[int, ...]:
     """Return the stamps as they are used [ns] at which the clocks of all sensors that reported before and after were set."""
     found: list[tuple[int, str]] = []
     for name, clock in clocks.items():
         rows = np.flatnonzero(clock.part >= 0)
         starts = rows[1:][np.diff(clock.part[rows]) != 0]
         found += [(int(stamps[name][row]), name) for row in starts]
-    apart_ns = max([NS_PER_S, *(round(_REGULAR_GAPS * clock.usual_ns) for clock in clocks.values())])
+    apart_ns = max([NS_PER_S, *(round(REGULAR_GAPS * clock.usual_ns) for clock in clocks.values())])
     groups: list[list[tuple[int, str]]] = []
     for at_ns, name in sorted(found):
         if not groups or at_ns - groups[-1][0][0] > apart_ns or name in {each for _, each in groups[-1]}:
@@ -194,17 +108,11 @@ def _common_jumps(clocks: Mapping[str, _Clock], stamps: Mapping[str, Nanoseconds
     return tuple(jumps)
 
 
-def _usual_gap(stamps_ns: Nanoseconds) -> float:
-    gaps = np.diff(stamps_ns)
-    gaps = gaps[gaps > 0]
-    return float(np.median(gaps)) if gaps.size else 0.0
-
-
-def _common_slope(clocks: list[_Clock]) -> float:
+def _common_slope(clocks: list[SensorClock]) -> float:
     """How much older messages get in a second, of the sensor of which they do least; each clock's slope is set."""
     for clock in clocks:
         rows = clock.main
-        if rows.size >= 4 * _BLOCKS:
+        if rows.size >= 4 * BLOCKS:
             log, age = _blocks(clock.log[rows], clock.age()[rows])
             clock.slope = float(np.polyfit(log - log[0], age - age[0], 1)[0])
     return min((clock.slope for clock in clocks), key=abs, default=0.0)
@@ -214,13 +122,13 @@ def _blocks(log: Nanoseconds, age: Array) -> tuple[Array, Array]:
     """Medians of log times and ages over blocks of messages."""
     medians = [
         (np.median(a), np.median(b))
-        for a, b in zip(np.array_split(log, _BLOCKS), np.array_split(age, _BLOCKS), strict=True)
+        for a, b in zip(np.array_split(log, BLOCKS), np.array_split(age, BLOCKS), strict=True)
     ]
     first, second = np.array(medians).T
     return first, second
 
 
-def _drift(clock: _Clock, slope: float) -> Loss | None:
+def _drift(clock: SensorClock, slope: float) -> Loss | None:
     """The drift of a clock against the one that others share; None where it stays within a scan."""
     excess, rows = clock.slope - slope, clock.main
     if not excess:
@@ -229,19 +137,19 @@ def _drift(clock: _Clock, slope: float) -> Loss | None:
     rise = excess * (log[-1] - log[0])
     line = age[0] + excess * (log - log[0])
     leaves = float(np.abs(age - line - np.median(age - line)).max())
-    if abs(rise) <= max(clock.usual_ns, _SIGMAS * _noise(clock, rows)) or leaves > _LINEAR * abs(rise):
+    if abs(rise) <= max(clock.usual_ns, SIGMAS * _noise(clock, rows)) or leaves > _LINEAR * abs(rise):
         return None
     verb = "loses" if excess > 0 else "gains"
     what = f"were stamped by a clock that {verb} {1e3 * abs(excess):.3g} ms a second on that of the other sensors"
     return Loss(clock.name, rows.size, clock.log.size, what, "it was set right by the log times", always=True)
 
 
-def _noise(clock: _Clock, rows: Index) -> float:
+def _noise(clock: SensorClock, rows: Index) -> float:
     steps = np.diff(clock.age()[rows])
     return float(np.median(np.abs(steps))) if steps.size else 0.0
 
 
-def _common_level(clocks: list[_Clock], slope: float, since_ns: int) -> tuple[float, list[str]]:
+def _common_level(clocks: list[SensorClock], slope: float, since_ns: int) -> tuple[float, list[str]]:
     """The age [ns] that most messages have, and whose they are; of two with as many, the smaller age."""
     levels = []
     for clock in clocks:
@@ -262,7 +170,7 @@ def _common_level(clocks: list[_Clock], slope: float, since_ns: int) -> tuple[fl
 
 
 def _levelled(
-    clock: _Clock, slope: float, since_ns: int, common: float, names: list[str], *, moves: bool
+    clock: SensorClock, slope: float, since_ns: int, common: float, names: list[str], *, moves: bool
 ) -> tuple[list[Loss], Nanoseconds]:
     """What is told of a clock, and its stamps with each part brought to the level of the recording."""
     n, stamp, age = clock.log.size, clock.stamp.copy(), clock.age(slope, since_ns)
@@ -282,7 +190,7 @@ def _levelled(
         when = "after" if k else "before"
         way = "back" if by_s > 0 else "ahead"
         what = f"were stamped {when} the clock was set {way} by {abs(by_s):.3f} s, {at_s:.1f} s from the start"
-        loss = Loss(clock.name, parts[k].size, n, what, "time was made to go on by the log times", always=True)
+        loss = Loss(clock.name, parts[k].size, n, what, f"time was made to go on by {clock.timed_by}", always=True)
         told.append(loss if moves else _kept(loss))
         if moves:
             stamp[parts[k]] += round(levels[k] - own)

@@ -16,6 +16,7 @@ from trackers.order import MAX_WAIT_S
 from twin.recording.bag import Bag
 
 _CDR_BYTES = 4
+_FEW = 3
 _MOST_FRAMES = 20
 """So many names of frames are counted of a topic; nobody reads more."""
 
@@ -35,6 +36,11 @@ class MessageTimes:
 
     def __len__(self) -> int:
         return self.log_ns.size
+
+    @property
+    def falls_back(self) -> bool:
+        """Whether stamps fall back again and again in the order of the log times: of two times that lie over one another."""
+        return int(np.count_nonzero(np.diff(self.stamp_ns) < -MAX_WAIT_S * NS_PER_S)) > _FEW
 
 
 class _Topic:

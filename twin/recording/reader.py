@@ -75,7 +75,7 @@ class Recording:
             self._check_has_messages(times)
             self._is_as_written = False
             # where in doubt: that messages stand otherwise in the file decides
-            if any(crowded(topic, each.stamp_ns, usual=0.9) for topic, each in times.items()):
+            if any(each.falls_back or crowded(topic, each.stamp_ns, usual=0.9) for topic, each in times.items()):
                 written, set_back_ns = read_times_as_written(bag, self._topics.types)
                 if set_back_ns:
                     self._is_as_written, times = True, written

@@ -114,6 +114,48 @@ def test_a_clock_that_drifts_is_set_right(tmp_path, ppm):
     assert f"{'gains' if ppm > 0 else 'loses'} {abs(ppm) / 1000:.3g} ms a second" in line
 
 
+LOST_LOGS: dict[str, Said] = {"all the same": lambda k: EPOCH_NS, "written later": lambda k: EPOCH_NS + k * MS}
+
+
+@pytest.mark.parametrize("logged", LOST_LOGS.values(), ids=LOST_LOGS.keys())
+@pytest.mark.parametrize("wrong", ["set back by 6 s", "set back by .65 s", "set back by an hour"])
+def test_a_clock_that_was_set_back_goes_on_by_its_rhythm_where_log_times_do_not_tell(tmp_path, wrong, logged):
+    recording = Recording(a_bag(tmp_path, WRONG[wrong], WRONG[wrong], logged), RIG)
+    found = stamps_of(recording)
+    for name in ("waist", "knee"):
+        np.testing.assert_allclose(np.array(found[name]), REGULAR, rtol=0, atol=1 * MS)
+        assert any(line.startswith(f"{name}: ") and "by its own rhythm" in line for line in lines(recording.losses))
+    assert len(recording.jumps_ns) == 1
+
+
+@pytest.mark.parametrize("logged", LOST_LOGS.values(), ids=LOST_LOGS.keys())
+def test_a_message_that_came_late_sets_no_clock_back(tmp_path, logged):
+    order = [k for k in range(N) if k not in (20, 50)] + [20, 50]  # in the file: two that came at the very end
+    recording = Recording(a_bag(tmp_path, lambda k: true(order[k]), lambda k: true(order[k]), logged), RIG)
+    assert {name: sorted(stamps) for name, stamps in stamps_of(recording).items()} == dict.fromkeys(
+        RIG.sensors, REGULAR
+    )
+    assert recording.jumps_ns == ()
+
+
+@pytest.mark.parametrize("by_s", [0.7, 3, 5])
+def test_stamps_that_are_right_stay_so_where_the_clock_of_the_recorder_alone_was_set_back(tmp_path, by_s):
+    def logged(k: int) -> int:
+        return true(k) - round(by_s * NS_PER_S) * (k >= 50)
+
+    messages = []
+    for k in range(N):  # in the order in which they came, which the file keeps
+        for topic in ("/high", "/low"):
+            message: Any = TYPESTORE.deserialize_cdr(encode(a_scan(REGULAR[k], seed=len(topic))).data, LASER_SCAN)
+            header = replace(message.header, stamp=time_message(true(k)))
+            messages.append((topic, LASER_SCAN, logged(k), replace(message, header=header)))
+    write_ros2_bag(tmp_path / "bag", messages)
+    recording = Recording(tmp_path / "bag", RIG)
+    assert stamps_of(recording) == dict.fromkeys(RIG.sensors, REGULAR)
+    assert sum("a recorder whose clock was set back by" in line for line in lines(recording.losses)) == 2
+    assert recording.jumps_ns == ()
+
+
 RIGHT: dict[str, tuple[Said, Said]] = {
     "on one clock": (true, true),
     "since the robot was switched on": (lambda k: REGULAR[k], true),

@@ -1,0 +1,128 @@
+"""One sensor's stamps beside the times at which they were logged: which are its own, and where its clock was set."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackers.arrays import Array, Index, Nanoseconds
+from trackers.observations import NS_PER_S
+from trackers.order import MAX_WAIT_S
+from twin.recording.message_times import MessageTimes
+
+_AHEAD = 5
+"""How many messages ahead tell a clock that was set from one stamp that is wrong."""
+REGULAR_GAPS = 3.0
+"""Gaps of up to so many usual ones are a sensor that goes on."""
+SIGMAS = 6.0
+"""So many standard deviations are no noise."""
+_TO_SIGMA = 1.4826
+_CLOSE = 0.6
+"""Stamps nearer to each other than this share of the usual gap lie over one another."""
+BLOCKS = 10
+"""Slopes are told from the medians of so many parts."""
+
+
+class SensorClock:
+    """One sensor's stamps: which are its own, and the parts between which the clock was set."""
+
+    def __init__(self, name: str, times: MessageTimes, offset_ns: int) -> None:
+        self.name, self.offset_ns = name, offset_ns
+        self.log, self.stamp = times.log_ns, times.stamp_ns + offset_ns
+        unset = ~times.is_set
+        zero = times.stamp_ns == 0
+        if np.count_nonzero(zero) > 1:
+            unset = unset | zero
+        if 2 * np.count_nonzero(unset) > unset.size:
+            unset = np.ones_like(unset)
+        self.unset = unset
+        self.step_ns = 0.0
+        self.set = np.flatnonzero(~unset)
+        self.part = np.full(self.log.size, -1)  # (n,) number of the part; -1: no stamp, or one far from all others
+        self.usual_ns = _usual_gap(self.stamp[self.set])
+        self.tells = self.set.size > 0 and self._log_goes_along()
+        self.timed_by = "the log times"
+        if self.set.size and not self.tells and (unwound := self._unwound()) is not None:
+            self.log, self.tells, self.timed_by = unwound, True, "its own rhythm, as the log times do not tell"
+        if self.set.size:
+            self.part[self.set] = self._parts() if self.tells else 0
+        self.slope = 0.0
+
+    def age(self, slope: float = 0.0, since_ns: int = 0) -> Array:
+        """Log time minus stamp [ns], less what a common slope makes of it."""
+        return (self.log - self.stamp).astype(np.float64) - np.float64(slope) * (self.log - since_ns)
+
+    @property
+    def main(self) -> Index:
+        """The messages of the longest part."""
+        numbers = self.part[self.part >= 0]
+        return np.flatnonzero(self.part == np.bincount(numbers).argmax()) if numbers.size else np.empty(0, np.intp)
+
+    def _log_goes_along(self) -> bool:
+        """Whether log times pass about as fast as stamps: else they were written at another time."""
+        log, stamp = self.log[self.set], self.stamp[self.set]
+        if log.size < 3:
+            return True
+        step = max(1, log.size // BLOCKS)
+        passed = stamp[step:] - stamp[:-step]
+        logged = (log[step:] - log[:-step])[passed != 0]
+        return logged.size > 0 and 0.5 <= float(np.median(logged / passed[passed != 0])) <= 2.0
+
+    def _unwound(self) -> Nanoseconds | None:
+        """Return times that go on in the order of the messages where stamps fall back for good; None where none do."""
+        stamp = self.stamp[self.set]
+        gaps = np.diff(stamp)
+        is_regular = (gaps > 0) & (gaps <= REGULAR_GAPS * self.usual_ns)
+        back = np.flatnonzero(gaps < -MAX_WAIT_S * NS_PER_S)
+        falls = [k + 1 for k in back if is_regular[k - 1 : k].all() and is_regular[k + 1 : k + 1 + _AHEAD].all()]
+        in_order = np.diff(np.sort(stamp))
+        is_whole = (
+            np.count_nonzero(in_order < _CLOSE * self.usual_ns) <= 2
+            and (in_order <= REGULAR_GAPS * self.usual_ns).all()
+        )
+        if not falls or is_whole:  # messages came late, no clock was set
+            return None
+        goes_on = stamp.copy()
+        for k in falls:
+            goes_on[k:] += goes_on[k - 1] - goes_on[k] + round(self.usual_ns)
+        return np.interp(np.arange(self.log.size), self.set, goes_on - goes_on[0]).astype(np.int64) + goes_on[0]
+
+    def _parts(self) -> Index:
+        """The part of each message that has a stamp, -1 for a stamp that is far from those about it."""
+        stamp = self.stamp[self.set]
+        age = (self.log[self.set] - stamp).astype(float)
+        steps = np.diff(age)
+        sigma = _TO_SIGMA * float(np.median(np.abs(steps - np.median(steps)))) if steps.size else 0.0
+        self.step_ns = max(MAX_WAIT_S * NS_PER_S, REGULAR_GAPS * self.usual_ns, SIGMAS * sigma)
+        if not (np.abs(steps) > self.step_ns).any() or self._is_late_only(stamp):
+            return np.zeros(stamp.size, np.intp)
+        return self._split(stamp, age)
+
+    def _is_late_only(self, stamp: Nanoseconds) -> bool:
+        """Whether the stamps in order are those of a clock that runs on: messages were held up, no clock was set."""
+        log = self.log[self.set]
+        once = np.concatenate([[True], np.diff(stamp) != 0])  # a message that came twice says nothing of the clock
+        gaps = np.diff(np.sort(stamp[once]))
+        lie_over = np.count_nonzero(gaps < _CLOSE * self.usual_ns) > 2
+        return not lie_over and float(np.ptp(stamp)) - float(np.ptp(log)) <= self.step_ns
+
+    def _split(self, stamp: Nanoseconds, age: Array) -> Index:
+        part, number, level, last = np.full(age.size, -1), -1, np.inf, None
+        for k in range(age.size):
+            ahead = age[k + 1 : k + 1 + _AHEAD]
+            goes_on = last is not None and 0 < stamp[k] - last <= REGULAR_GAPS * self.usual_ns
+            if abs(age[k] - level) > self.step_ns and not goes_on:
+                here = np.count_nonzero(np.abs(ahead - age[k]) <= self.step_ns)
+                before = np.count_nonzero(np.abs(ahead - level) <= self.step_ns)
+                if here <= before or 2 * here <= ahead.size:
+                    continue  # one stamp that is wrong
+                number += 1
+            part[k], level, last = number, age[k], stamp[k]
+        if number < 0:
+            part[:] = 0
+        return part
+
+
+def _usual_gap(stamps_ns: Nanoseconds) -> float:
+    gaps = np.diff(stamps_ns)
+    gaps = gaps[gaps > 0]
+    return float(np.median(gaps)) if gaps.size else 0.0
