@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from scipy import stats
 
-from trackers.filters.absence import chance_unseen, existence_measured, existence_unseen, not_seen
+from trackers.filters.absence import chance_unseen, chance_within, existence_measured, existence_unseen, not_seen
 from trackers.filters.heading_motion import HeadingMotion
 from trackers.filters.imm import Imm
 from trackers.filters.imm_state import ImmState
@@ -161,3 +161,35 @@ def test_how_probably_a_look_shows_nothing_is_over_all_places_and_modes(edge_m, 
     expected = state.probability[:, 0] @ (1 - (1 - missed_beyond) * beyond)
     assert chance_unseen(state, missed, ALONG_X)[0] == pytest.approx(expected, abs=0.12)
     assert chance_unseen(state, missed, ALONG_X)[0] == pytest.approx(not_seen(state, missed, ALONG_X)[1][0])
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.lists(st.floats(0.01, 4.0), min_size=2, max_size=2),
+    st.floats(-0.95, 0.95),
+    st.floats(0.1, 3.0),
+    st.floats(-np.pi, np.pi),
+)
+def test_the_chance_to_be_within_a_radius_is_that_of_the_density(variances, correlation, radius_m, way):
+    mean, cross = np.array([3.0, -2.0]), correlation * np.sqrt(variances[0] * variances[1])
+    covariance = np.array([[variances[0], cross], [cross, variances[1]]])
+    state = VelocityMotion().started(mean[None], np.zeros((1, 2)), 1.0, 1.0)
+    full = np.repeat(state[1][:, :, None], 1, axis=2)
+    full[:2, :2, 0, 0] = covariance
+    track = ImmState(state[0][:, None], full, np.ones((1, 1)))
+    drawn = np.random.default_rng(0).multivariate_normal(mean, covariance, 4000)
+    expected = (np.hypot(*(drawn - mean).T) <= radius_m).mean()
+    along = np.array([[np.cos(way)], [np.sin(way)]])
+    (chance,) = chance_within(track, mean[None], radius_m, along)
+    # the grid is .6 standard deviations wide: its rings are in or out as a whole
+    assert chance == pytest.approx(expected, abs=0.15)
+
+
+def test_the_chance_to_be_within_a_radius_grows_with_it_and_falls_with_time():
+    now, later = walking_to(n_coasted=1), walking_to(n_coasted=20)
+    for state in (now, later):
+        centre = (state.mean[:2] * state.probability).sum(axis=1).T
+        chances = [chance_within(state, centre, radius_m, ALONG_X)[0] for radius_m in (0.1, 0.5, 1.0, 50.0)]
+        assert chances == sorted(chances) and chances[-1] == pytest.approx(1)
+    at = [(state.mean[:2] * state.probability).sum(axis=1).T for state in (now, later)]
+    assert chance_within(now, at[0], 0.5, ALONG_X) > 0.95 > 0.5 > chance_within(later, at[1], 0.5, ALONG_X)

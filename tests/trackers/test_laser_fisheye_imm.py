@@ -419,6 +419,21 @@ def test_waiting_frames_come_with_finish():
     assert tracker.finish() == []
 
 
+def test_a_hidden_track_is_reported_while_its_person_is_probably_within_the_radius():
+    # in behind the other, and there for good: where in the shadow nobody can say after a while
+    walk = straight_walk([(0.0, 0.8), (-1.3, 2.3)], [(0.0, 0.0), (0.8, 0.0)], 45)
+    position = walk.position.copy()
+    position[14:, 1] = position[14, 1]
+    walk = replace(walk, position=position)
+
+    def n_coasting(within_m: float | None) -> int:
+        frames, _ = tracked(walk, layers=("waist",), management={"within_m": within_m})
+        return sum(track.status == "coasting" for frame in frames for track in frame.tracks if track.y > 1.7)
+
+    counts = [n_coasting(within_m) for within_m in (0.1, 0.3, 0.5, None)]
+    assert counts == sorted(counts) and counts[0] < counts[-1]
+
+
 def test_whoever_is_hidden_for_longer_than_tracks_coast_is_known_again():
     # in behind the other, a second and a half there, and back to where they came from
     walk = straight_walk([(0.0, 0.8), (-1.3, 2.3)], [(0.0, 0.0), (0.8, 0.0)], 45)

@@ -73,6 +73,16 @@ def _axes(along: Float[Array, "2 n"]) -> tuple[Float[Array, "2 n"], Float[Array,
     return u, np.stack([-u[1], u[0]])
 
 
+def chance_within(
+    state: ImmState, centre: Float[Array, "n 2"], radius_m: float, along: Float[Array, "2 n"]
+) -> Float[Array, "n"]:
+    """Return how probably the n tracks are within `radius_m` of `centre` [m], over all their modes; along: as of `not_seen`."""
+    points, *_ = _places(state, *_axes(along))
+    off_x, off_y = points[0] - centre[:, :1], points[1] - centre[:, 1:]
+    within = off_x * off_x + off_y * off_y <= radius_m**2
+    return (state.probability * (within @ _DENSITY)).sum(axis=0)
+
+
 def _places(
     state: ImmState, u: Float[Array, "2 n"], v: Float[Array, "2 n"]
 ) -> tuple[Float[Array, "2 m n k"], Float[Array, "m n"], Float[Array, "m n"], Float[Array, "m n"]]:

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 
 from trackers.area import Area
 from trackers.arrays import Array, Mask
-from trackers.filters.absence import existence_unseen, not_seen
+from trackers.filters.absence import chance_within, existence_unseen, not_seen
 from trackers.filters.imm import Imm
 from trackers.filters.rows import written
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
@@ -84,11 +84,22 @@ class Life:
         return people.in_state(people.state.replaced(unseen, state)).changed(existence=existence, posture=posture)
 
     def reported(self, people: People, ns: int) -> Bool[Mask, "n"]:
-        """Everyone confirmed in the area; whom nothing shows for long is kept in mind alone."""
+        """Select the confirmed tracks that are measured, or whose person is probably there and near the reported place.
+
+        A coasting track is a statement about the posterior: its person exists and stands within `within_m` of the mean with
+        more than `exists_above`. One that spreads too far, in a shadow, stays for re-identification and is not reported.
+        """
         measured = measured_now(people.roster, ns)  # in the area, or the track would have ended
         if measured.all():
             return people.confirmed
-        return people.confirmed & (measured | (self._inside(people) & self._exists(people)))
+        there = self._inside(people) & self._exists(people)
+        within_m = self._options.management.within_m
+        if within_m is not None:
+            chance = people.existence * chance_within(
+                people.state, people.positions, within_m, self._imm.velocity(people.state)
+            )
+            there &= chance > self._options.management.exists_above
+        return people.confirmed & (measured | there)
 
     def remaining(self, people: People, ns: int) -> People:
         """Without whoever has left the area or has not been shown for long."""

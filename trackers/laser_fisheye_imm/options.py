@@ -62,8 +62,14 @@ class ManagementOptions(Strict):
         default=0.5,
         ge=0,
         lt=1,
-        description="probability of existence above which a coasting track is reported, and in a rig with an area goes on "
-        "after `coast_s` (ours)",
+        description="probability above which a coasting track is reported, and, of existence alone, goes on after `coast_s` in "
+        "a rig with an area (ours)",
+    )
+    within_m: float | None = Field(
+        default=0.5,
+        gt=0,
+        description="a coasting track is reported while its person exists and stands within this radius of the reported place "
+        "more probably than `exists_above` [m]; null: while the person exists, wherever that may be (ours)",
     )
     apart_m: float = Field(
         default=0.3,

@@ -37,6 +37,7 @@ RULES: Mapping[str, Mapping[str, Any]] = {
     "early-confirmation": {"management": {"confirm_after_s": 0.5}},
     "moved-confirmation": {"management": {"confirm_moved_m": 0.0}},
     "existence": {"management": {"survival_s": None}},
+    "stated-radius": {"management": {"within_m": None}},
     "postures": {"posture": {"seated_m": None}},
     "bodies-apart": {"management": {"apart_m": 0.0}},
     "body-spacing": {"management": {"body_radius_m": 0.0}},
