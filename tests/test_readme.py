@@ -23,7 +23,7 @@ from twin.recording.tables import TRUTH_COLUMNS
 from twin.run.live import run_scenario
 from twin.run.replay import track_recording
 from twin.scenario import load_scenario
-from twin.studies.prepare import prepare
+from twin.studies.preflight import prepare
 from twin.suites.expansion import expand
 from twin.suites.spec import load_suite
 from twin.world.simulation import Simulation

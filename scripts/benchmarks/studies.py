@@ -16,14 +16,14 @@ from benchmarks.figure import Figure
 from trackers.configuration import validate
 from twin.run.chosen_trackers import ChosenTracker
 from twin.scenario import Scenario, load_scenario
-from twin.studies.coverage import Seen
-from twin.studies.description import Coverage, Study
-from twin.studies.layout import Layout
-from twin.studies.placed import placed
-from twin.studies.scoring import Score, score
+from twin.studies.apply_placement import apply_placement
+from twin.studies.candidate_set import CandidateSet
+from twin.studies.coverage import PoseCoverage
 from twin.studies.search import Searcher
-from twin.studies.seen import Crowd, Eye, floor_cells, packed
-from twin.studies.sets import Choice, exact, greedy
+from twin.studies.set_cover import CoverProblem, exact, greedy
+from twin.studies.spec import Coverage, Study
+from twin.studies.visibility import SampledWorld, SensorVisibility, floor_cells, packed
+from twin.studies.worker import EvaluationTask, evaluate_task
 from twin.suites.cache import RecordingCache
 from twin.suites.cache_keys import whole_code
 from twin.suites.expansion import expand
@@ -36,7 +36,7 @@ _HALL = ["duration_s=25", "sensors.camera=null"]
 _LAB = {"duration_s": 10, "sensors.fisheye": None}
 
 
-def candidate() -> Iterator[Figure]:
+def placement() -> Iterator[Figure]:
     """A placement sensed again, tracked and judged, lasers only, beside a suite's case recorded and tracked anew; CPU time."""
     with tempfile.TemporaryDirectory() as folder:
         cache = RecordingCache(Path(folder), 10**10)
@@ -47,9 +47,9 @@ def candidate() -> Iterator[Figure]:
             scenario = load_scenario(
                 name, [f"{path}={'null' if value is None else value}" for path, value in set_.items()]
             )
-            work = Score(scenario, (ChosenTracker(tracker, tracker),), cache, whole_code())
-            score(work)  # moves the people, compiles the scene
-            spent = min(_cpu_s(lambda work=work: score(work)) for _ in range(3))
+            work = EvaluationTask(scenario, (ChosenTracker(tracker, tracker),), cache, whole_code())
+            evaluate_task(work)  # moves the people, compiles the scene
+            spent = min(_cpu_s(lambda work=work: evaluate_task(work)) for _ in range(3))
             entry = SuiteScenario(scenario=name, set=set_)
             suite = Suite(name="anew", seeds=(0,), trackers=(tracker,), scenarios=[entry])
             (case,) = expand(suite, Path("anew.yaml"))
@@ -61,23 +61,23 @@ def candidate() -> Iterator[Figure]:
 def coverage() -> Iterator[Figure]:
     """Rays of a scanner's and of a camera's place; CPU time."""
     hall = load_scenario("library-hall", _HALL)
-    crowd = _crowd(hall, 100)
-    cells = floor_cells(crowd.area, 0.05)
-    eye = Eye(hall, "west", Coverage(of="floor", cell_m=0.05))
-    spent = _cpu_s(lambda: (eye.floor(crowd, cells), eye.people(crowd)))
+    sampled = _crowd(hall, 100)
+    cells = floor_cells(sampled.area, 0.05)
+    visibility = SensorVisibility(hall, "west", Coverage(of="floor", cell_m=0.05))
+    spent = _cpu_s(lambda: (visibility.floor(sampled, cells), visibility.people(sampled)))
     yield Figure(
         f"study: a scanner's place, 100 moments, {len(cells)} cells and the hall's people", spent, "s", "<= 0.25"
     )
     meeting = load_scenario("meeting-three-people")
-    empty = Crowd(meeting, None, [])
+    empty = SampledWorld(meeting, None, [])
     floor = floor_cells(empty.area, 0.05)
-    camera = Eye(meeting, "stereo_1", Coverage(of="floor", cell_m=0.05))
+    camera = SensorVisibility(meeting, "stereo_1", Coverage(of="floor", cell_m=0.05))
     spent = min(_cpu_s(lambda: camera.floor(empty, floor)) for _ in range(3))
     yield Figure(f"study: a camera's place, {len(floor)} cells at 3 heights", spent, "s", "<= 0.1")
     watched = load_scenario("library-hall", ["duration_s=25"])
-    camera = Eye(watched, "camera", Coverage(px_per_m=25))
+    camera = SensorVisibility(watched, "camera", Coverage(px_per_m=25))
     yield Figure(
-        "study: a camera's place, the hall's people at 100 moments", _cpu_s(lambda: camera.people(crowd)), "s", "<= 2"
+        "study: a camera's place, the hall's people at 100 moments", _cpu_s(lambda: camera.people(sampled)), "s", "<= 2"
     )
 
 
@@ -86,28 +86,28 @@ def sets() -> Iterator[Figure]:
     with tempfile.TemporaryDirectory() as folder:
         cache = RecordingCache(Path(folder), 10**10)
         study, scenario = _hall_study(every_m=1.75), load_scenario("library-hall", _HALL)
-        layout = Layout.of(study, scenario, build_scene(scenario), "hall")
-        seen = Seen(study, layout, cache)
-        first = list(range(len(layout.options)))[:60]
+        candidate_set = CandidateSet.of(study, scenario, build_scene(scenario), "hall")
+        seen = PoseCoverage(study, candidate_set, cache)
+        first = list(range(len(candidate_set.poses)))[:60]
         bits = np.array([seen.bits(each)[0] for each in first])
         yield Figure("study: sets of 4 scored, person-moments, a minute", _scored_a_minute(bits), "", ">= 5e6")
-        crowd = seen.rows.crowds[0]
-        cells = floor_cells(crowd.area, 0.05)
+        sampled = seen.targets.sampled_worlds[0]
+        cells = floor_cells(sampled.area, 0.05)
         wide = Coverage(of="floor", cell_m=0.05)
         rows = []
         for each in first[:12]:
-            alone = placed(study, scenario, [layout.options[each]])
-            rows.append(packed(Eye(alone, "west", wide).floor(crowd, cells)))
+            alone = apply_placement(study, scenario, [candidate_set.poses[each]])
+            rows.append(packed(SensorVisibility(alone, "west", wide).floor(sampled, cells)))
         yield Figure(
             "study: sets of 4 scored, hall 5 cm × 100 moments, a minute", _scored_a_minute(np.array(rows)), "", ">= 1e5"
         )
         counts, stay, weight = seen.counts(first)
         for k, target in ((1, "<= 5"), (2, "<= 15")):
-            choice = Choice(counts, stay, weight, k, ["scanner"] * len(first), lambda chosen: True)
+            choice = CoverProblem(counts, stay, weight, k, ["scanner"] * len(first), lambda chosen: True)
             start = time.process_time()
             best = exact(choice, {"scanner": 4}, 300)
             spent = time.process_time() - start
-            yield Figure(f"study: exact, {len(first)} places choose 4, k = {k}, {best.told()}", spent, "s", target)
+            yield Figure(f"study: exact, {len(first)} places choose 4, k = {k}, {best.summary()}", spent, "s", target)
             found = greedy(choice, {"scanner": 4}).value / best.value
             yield Figure(f"study: greedy over exact, k = {k}", found, "", ">= 0.98")
 
@@ -120,35 +120,38 @@ def foretold() -> Iterator[Figure]:
     with tempfile.TemporaryDirectory() as folder:
         cache = RecordingCache(Path(folder), 10**10)
         study, scenario = _hall_study(every_m=4.2), load_scenario("library-hall", _HALL)
-        layout = Layout.of(study, scenario, build_scene(scenario), "hall")
-        chosen = np.linspace(0, len(layout.options) - 1, 26).round().astype(int)
+        candidate_set = CandidateSet.of(study, scenario, build_scene(scenario), "hall")
+        chosen = np.linspace(0, len(candidate_set.poses) - 1, 26).round().astype(int)
         hota = []
         for each in chosen:
-            alone = placed(study, scenario, [layout.options[int(each)]])
+            alone = apply_placement(study, scenario, [candidate_set.poses[int(each)]])
             seeds = [alone.model_copy(update={"seed": seed, "trackers": {}}) for seed in range(2700, 2704)]
-            figures = [score(Score(one, (ChosenTracker("sort", "sort"),), cache, whole_code())) for one in seeds]
+            figures = [
+                evaluate_task(EvaluationTask(one, (ChosenTracker("sort", "sort"),), cache, whole_code()))
+                for one in seeds
+            ]
             hota.append(float(np.mean([one["sort"]["hota"] or 0.0 for one in figures])))
         for beams, target in ((6, ">= 0.75"), (4, "")):
             coverage = study.coverage.model_copy(update={"beams": beams})
-            seen = Seen(study.model_copy(update={"coverage": coverage}), layout, cache)
+            seen = PoseCoverage(study.model_copy(update={"coverage": coverage}), candidate_set, cache)
             rho = float(spearmanr([seen.share((int(each),)) for each in chosen], hota).statistic)
             yield Figure(f"study: rank correlation of coverage by {beams} beams and HOTA, 26 places", rho, "", target)
 
 
 def proven() -> Iterator[Figure]:
     """Greedy beside exact on the shipped study that exact closes."""
-    from twin.studies.prepare import prepare
+    from twin.studies.preflight import prepare
 
     with tempfile.TemporaryDirectory() as folder:
         prepared = prepare("meeting-room-cameras")
-        seen = Seen(prepared.study, prepared.layout, RecordingCache(Path(folder), 10**10))
-        searcher = Searcher(prepared.study, prepared.layout, seen, lambda trials, number: None)
+        seen = PoseCoverage(prepared.study, prepared.candidate_set, RecordingCache(Path(folder), 10**10))
+        searcher = Searcher(prepared.study, prepared.candidate_set, seen, lambda trials, number: None)
         choice = searcher.choice()
         for number in searcher.numbers():
             start = time.process_time()
             best = exact(choice, number, 60)
             found = greedy(choice, number).value / best.value
-            what = f"meeting-room-cameras, {number['camera']}, {best.told()} in {time.process_time() - start:.1f} s"
+            what = f"meeting-room-cameras, {number['camera']}, {best.summary()} in {time.process_time() - start:.1f} s"
             yield Figure(f"study: greedy over exact, {what}", found, "", ">= 0.98")
 
 
@@ -156,7 +159,7 @@ def _hall_study(every_m: float) -> Study:
     content: dict[str, Any] = {
         "name": "hall",
         "scenarios": [{"scenario": "library-hall"}],
-        "move": {
+        "devices": {
             "scanner": {
                 "sensors": ["west", "east"],
                 "walls": {"height_m": [0.35, 0.35], "every_m": every_m, "off_m": 0.2},
@@ -170,9 +173,9 @@ def _hall_study(every_m: float) -> Study:
     return validate(Study, content, "hall")
 
 
-def _crowd(scenario: Scenario, moments: int) -> Crowd:
-    times = ((np.arange(moments) + 0.5) / moments * scenario.duration_s).tolist()
-    return Crowd(scenario, Staged.of(scenario, moved(scenario)), times)
+def _crowd(scenario: Scenario, samples: int) -> SampledWorld:
+    times = ((np.arange(samples) + 0.5) / samples * scenario.duration_s).tolist()
+    return SampledWorld(scenario, Staged.of(scenario, moved(scenario)), times)
 
 
 def _scored_a_minute(bits: np.ndarray) -> float:

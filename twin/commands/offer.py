@@ -71,7 +71,7 @@ def schema(
     elif kind == "suite":
         from twin.suites.spec import Suite as Described
     elif kind == "study":
-        from twin.studies.description import Study as Described
+        from twin.studies.spec import Study as Described
     elif kind == "rig":
         from trackers.rig import Rig as Described
     else:

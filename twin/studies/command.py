@@ -48,16 +48,15 @@ def run(
     """Search for the best placement; leaves tables, a scenario and a page to build by in out/study-<name>."""
     from twin.console import print_paths
     from twin.run.chosen_trackers import TrustedClasses, import_from_here
-    from twin.studies.answers import write_answers
-    from twin.studies.run import run_study
-    from twin.studies.terminal import print_summary
+    from twin.studies.results import print_summary
+    from twin.studies.run import run_study, write_results
     from twin.suites.cluster import place_of
 
     place = place_of(jobs, scheduler, resource)
     trusted = TrustedClasses(every=allow_plugins)
     import_from_here((), files_trusted=allow_plugins)
-    with run_study(study, out, place, resume=resume, seed_offset=seed or 0, trusted=trusted) as (answers, folder):
-        files = write_answers(folder, answers)
+    with run_study(study, out, place, resume=resume, seed_offset=seed or 0, trusted=trusted) as (results, folder):
+        files = write_results(folder, results)
     print_summary(folder)
     print_paths(files)
 
@@ -73,7 +72,7 @@ def coverage(
     px_per_m: Annotated[
         float, typer.Option(min=1, help="A camera sees at so many pixels a metre (EN 62676-4).")
     ] = 125.0,
-    moments: Annotated[int, typer.Option(min=1, help="Moments of the run to look at.")] = 100,
+    samples: Annotated[int, typer.Option(min=1, help="Time samples of the run.")] = 100,
     room_root: RoomRoot = None,
     no_limits: NoLimits = False,
     out: Out = None,
@@ -81,11 +80,11 @@ def coverage(
     """What the sensors of a scenario see as they stand: figures, and a page with maps."""
     from twin.console import print_paths
     from twin.scenario import load_scenario
-    from twin.studies.as_it_stands import print_coverage, write_coverage
+    from twin.studies.baseline_coverage import print_coverage, write_coverage
 
     loaded = load_scenario(scenario, overrides(set_, seed))
     folder = out or Path("out") / f"coverage-{loaded.name}"
-    found = write_coverage(loaded, folder, beams=beams, px_per_m=px_per_m, moments=moments)
+    found = write_coverage(loaded, folder, beams=beams, px_per_m=px_per_m, samples=samples)
     print_coverage(found)
     print_paths({"coverage": folder / "coverage.json", "page": folder / "coverage.html"})
 
@@ -93,6 +92,6 @@ def coverage(
 @app.command(epilog="Example: twin study show out/study-lab-scanner-place")
 def show(folder: Annotated[Path, typer.Argument(help="A folder that `twin study run` has written.")]) -> None:
     """What a finished study found."""
-    from twin.studies.terminal import print_summary
+    from twin.studies.results import print_summary
 
     print_summary(folder)

@@ -11,31 +11,31 @@ from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.scenario import Scenario
 from twin.scenario.floor import FloorDescription
-from twin.studies.description import Coverage, Study
-from twin.studies.layout import OWN, Candidate, Layout, Option
-from twin.studies.placed import placed
-from twin.studies.seen import Crowd, Eye, floor_cells, packed
+from twin.studies.apply_placement import apply_placement
+from twin.studies.candidate_set import BASELINE, CandidatePose, CandidateSet, Placement
+from twin.studies.spec import Coverage, Study
+from twin.studies.visibility import SampledWorld, SensorVisibility, floor_cells, packed
 from twin.suites.cache import RecordingCache
 from twin.suites.worker import staged_in
 
 Bits = NDArray[np.uint64]  # (sensors, words)
 
 
-class Rows:
+class CoverageTargets:
     """What is to be seen: moments of people of the coverage's own seeds, and the floor."""
 
     def __init__(self, coverage: Coverage, scenario: Scenario, cache: RecordingCache) -> None:
         self.coverage = coverage
-        share = (np.arange(coverage.moments) + 0.5) / max(coverage.moments, 1)
+        share = (np.arange(coverage.samples) + 0.5) / max(coverage.samples, 1)
         times = (share * scenario.duration_s).tolist()
-        self.crowds = []
+        self.sampled_worlds = []
         for seed in coverage.seeds if times else coverage.seeds[:1]:
             seeded = scenario.model_copy(update={"seed": seed})
-            self.crowds.append(Crowd(seeded, staged_in(cache, seeded), times))
-        self.cells_m = floor_cells(self.crowds[0].area, coverage.cell_m)
+            self.sampled_worlds.append(SampledWorld(seeded, staged_in(cache, seeded), times))
+        self.cells_m = floor_cells(self.sampled_worlds[0].area, coverage.cell_m)
         if coverage.of == "people" and not self.n:
             raise InputError(
-                f"coverage: nobody is in the tracked area of {scenario.name} at any of {coverage.moments} moments; more of them, "
+                f"coverage: nobody is in the tracked area of {scenario.name} at any of {coverage.samples} moments; more of them, "
                 "or of: floor, is expected"
             )
 
@@ -43,35 +43,37 @@ class Rows:
     def n(self) -> int:
         """How many rows there are; of the floor, without the heights that cameras look for."""
         if self.coverage.of == "people":
-            return sum(crowd.n_person_moment for crowd in self.crowds)
-        return len(self.cells_m) * max(1, self.coverage.moments) * len(self.crowds) * len(self.coverage.heights_m)
+            return sum(sampled.n_person_frame for sampled in self.sampled_worlds)
+        return (
+            len(self.cells_m) * max(1, self.coverage.samples) * len(self.sampled_worlds) * len(self.coverage.heights_m)
+        )
 
-    def seen_by(self, scenario: Scenario, names: Iterable[str]) -> Bits:
+    def visibility_bits(self, scenario: Scenario, names: Iterable[str]) -> Bits:
         """What each of a scenario's sensors sees, (sensors, words); a floor sees nothing and is left out."""
         found = []
         for name in names:
             if isinstance(scenario.sensors[name], FloorDescription):
                 continue
-            eye = Eye(scenario, name, self.coverage)
+            visibility = SensorVisibility(scenario, name, self.coverage)
             if self.coverage.of == "people":
-                seen = np.concatenate([eye.people(crowd) for crowd in self.crowds])
+                visible = np.concatenate([visibility.people(sampled) for sampled in self.sampled_worlds])
             else:
-                seen = np.concatenate([self._cells(eye, crowd) for crowd in self.crowds])
-            found.append(packed(seen))
+                visible = np.concatenate([self._cells(visibility, sampled) for sampled in self.sampled_worlds])
+            found.append(packed(visible))
         return np.array(found) if found else np.zeros((0, -(-self.n // 64)), dtype=np.uint64)
 
-    def _cells(self, eye: Eye, crowd: Crowd) -> NDArray[np.bool_]:
+    def _cells(self, visibility: SensorVisibility, sampled: SampledWorld) -> NDArray[np.bool_]:
         """A scanner, which has one height, sees a cell at every height or at none."""
-        seen = eye.floor(crowd, self.cells_m).reshape(max(1, self.coverage.moments), -1, len(self.cells_m))
+        visible = visibility.floor(sampled, self.cells_m).reshape(max(1, self.coverage.samples), -1, len(self.cells_m))
         heights = len(self.coverage.heights_m)
-        return np.broadcast_to(seen, (seen.shape[0], heights, seen.shape[2])).reshape(-1)
+        return np.broadcast_to(visible, (visible.shape[0], heights, visible.shape[2])).reshape(-1)
 
     def worst_cell(self, covered: Bits) -> float:
         """Of rows that are seen (words,), the share in the worst place: a cell of the floor, or a square metre of ways."""
         bits = np.unpackbits(covered.view(np.uint8), count=self.n).astype(float)
         if self.coverage.of == "floor":
             return float(bits.reshape(-1, len(self.cells_m)).mean(axis=0).min())
-        places = np.concatenate([each.heads_m[:, :2] for crowd in self.crowds for each in crowd.moments])
+        places = np.concatenate([each.heads_m[:, :2] for sampled in self.sampled_worlds for each in sampled.samples])
         _, cell = np.unique(np.floor(places), axis=0, return_inverse=True)
         return float((np.bincount(cell.ravel(), bits) / np.bincount(cell.ravel())).min())
 
@@ -91,16 +93,18 @@ def count_bits(words: NDArray[np.uint64]) -> int:
     return int(np.bitwise_count(words).sum())
 
 
-class Seen:
+class PoseCoverage:
     """The bits of a study's options, worked out when they are first asked for, beside those of sensors that stay."""
 
-    def __init__(self, study: Study, layout: Layout, cache: RecordingCache) -> None:
+    def __init__(self, study: Study, candidate_set: CandidateSet, cache: RecordingCache) -> None:
         self._study = study
-        self._layout = layout
-        self.rows = Rows(study.coverage, layout.scenario, cache)
-        moved = placed(study, layout.scenario, [layout.options[0]])
-        self._own = list(layout.scenario.sensors)
-        self._stay = [name for name in moved.sensors if moved.sensors[name] == layout.scenario.sensors.get(name)]
+        self._layout = candidate_set
+        self.targets = CoverageTargets(study.coverage, candidate_set.scenario, cache)
+        moved = apply_placement(study, candidate_set.scenario, [candidate_set.poses[0]])
+        self._baseline = list(candidate_set.scenario.sensors)
+        self._static = [
+            name for name in moved.sensors if moved.sensors[name] == candidate_set.scenario.sensors.get(name)
+        ]
         self._bits: dict[int, Bits] = {}
         self._fixed: Bits | None = None
 
@@ -108,40 +112,42 @@ class Seen:
     def fixed(self) -> Bits:
         """What the sensors see that no option moves."""
         if self._fixed is None:
-            self._fixed = self.rows.seen_by(self._layout.scenario, self._stay)
+            self._fixed = self.targets.visibility_bits(self._layout.scenario, self._static)
         return self._fixed
 
-    def bits(self, option: int) -> Bits:
+    def bits(self, pose: int) -> Bits:
         """What the sensors of one option see, (sensors, words)."""
-        if option not in self._bits:
-            alone = _alone(self._study, self._layout.scenario, self._layout.options[option])
-            names = [name for name in alone.sensors if name not in self._stay]
-            self._bits[option] = self.rows.seen_by(alone, names)
-        return self._bits[option]
+        if pose not in self._bits:
+            alone = _only(self._study, self._layout.scenario, self._layout.poses[pose])
+            names = [name for name in alone.sensors if name not in self._static]
+            self._bits[pose] = self.targets.visibility_bits(alone, names)
+        return self._bits[pose]
 
-    def covered(self, candidate: Candidate) -> NDArray[np.uint64]:
+    def covered(self, placement: Placement) -> NDArray[np.uint64]:
         """Which rows (words,) enough sensors of a candidate see, those that stay included."""
-        if candidate == OWN:
-            return at_least(self.rows.seen_by(self._layout.scenario, self._own), self._study.coverage.at_least)
-        every = np.concatenate([self.fixed, *(self.bits(each) for each in candidate)])
+        if placement == BASELINE:
+            return at_least(
+                self.targets.visibility_bits(self._layout.scenario, self._baseline), self._study.coverage.at_least
+            )
+        every = np.concatenate([self.fixed, *(self.bits(each) for each in placement)])
         return at_least(every, self._study.coverage.at_least)
 
-    def share(self, candidate: Candidate) -> float:
+    def share(self, placement: Placement) -> float:
         """The share of rows that enough sensors see."""
-        return count_bits(self.covered(candidate)) / self.rows.n
+        return count_bits(self.covered(placement)) / self.targets.n
 
-    def worst(self, candidate: Candidate) -> float:
+    def worst(self, placement: Placement) -> float:
         """The share in the worst place."""
-        return self.rows.worst_cell(self.covered(candidate))
+        return self.targets.worst_cell(self.covered(placement))
 
-    def counts(self, options: Sequence[int]) -> tuple[Array, Array, Array]:
+    def counts(self, poses: Sequence[int]) -> tuple[Array, Array, Array]:
         """Distinct rows: how many sensors of each option see each (n, r), how many of those that stay (r,), and how often (r,).
 
         Sensors beyond those that are asked for do not count: at most `at_least` each.
         """
         most = self._study.coverage.at_least
-        number = np.stack([_summed(self.bits(each), self.rows.n, most) for each in (*options,)])
-        stay = _summed(self.fixed, self.rows.n, most)
+        number = np.stack([_summed(self.bits(each), self.targets.n, most) for each in (*poses,)])
+        stay = _summed(self.fixed, self.targets.n, most)
         columns = np.ascontiguousarray(np.concatenate([number, stay[None]]).T)
         _, first, weight = np.unique(
             columns.view(np.dtype((np.void, columns.shape[1]))).ravel(), return_index=True, return_counts=True
@@ -158,6 +164,6 @@ def _summed(bits: Bits, n: int, most: int) -> NDArray[np.uint8]:
     return np.minimum(each.sum(axis=0), most).astype(np.uint8)
 
 
-def _alone(study: Study, scenario: Scenario, option: Option) -> Scenario:
+def _only(study: Study, scenario: Scenario, pose: CandidatePose) -> Scenario:
     """The scenario with one option's devices and no others, its other sensors left out of account; faults do not matter here."""
-    return placed(study, scenario.model_copy(update={"faults": {}}), [option])
+    return apply_placement(study, scenario.model_copy(update={"faults": {}}), [pose])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
@@ -13,17 +13,18 @@ from trackers.arrays import Array
 from twin.models import MODELS
 from twin.recording.whole_file import whole_file
 from twin.reproduce.page import source_of
+from twin.scenario import Scenario
 from twin.scenario.floor import FloorDescription
-from twin.studies.aftermath import moved_sensors
-from twin.studies.drawings import Mounted, heat_map, is_scanner, mounted, pareto, plan, tried
-from twin.studies.layout import OWN
-from twin.studies.scoring import Score, errors_by_place
-from twin.studies.seen import Eye, floor_cells
-from twin.studies.trial import Trial
+from twin.studies.candidate_poses import first_sensor
+from twin.studies.candidate_set import BASELINE
+from twin.studies.devices import Device
+from twin.studies.plots import PlanSensor, floor_plan, heat_map, is_scanner, pareto_plot, plan_sensors, trial_map
+from twin.studies.results import StudyResults, describe_placement
+from twin.studies.trials import Trial
+from twin.studies.validation import moved_sensors
+from twin.studies.visibility import SensorVisibility, floor_cells
+from twin.studies.worker import EvaluationTask, matched_errors
 from twin.suites.cache_keys import whole_code
-
-if TYPE_CHECKING:
-    from twin.studies.run import Answers
 
 _HEAT_CELLS = 4000
 _MOST_ERROR_SEEDS = 3
@@ -32,93 +33,89 @@ _FEWEST = 3
 _MOST_ALIKE = 30
 
 
-def write_page(path: Path, answers: Answers) -> None:
+def write_page(path: Path, results: StudyResults) -> None:
     """Write the page; it takes its name when it is whole. Raises InputError where it cannot be written."""
-    prepared, study, layout = answers.prepared, answers.prepared.study, answers.prepared.layout
-    scenario, area = answers.placed(answers.best.candidate), prepared.scene.area
-    sensors = mounted(scenario, moved_sensors(study, prepared.scenario, scenario), layout.building)
-    drawn, scale, width_mm = plan(scenario, prepared.scenario, sensors, layout.building, area)
-    objective = answers.objective
+    prepared, study, candidate_set = results.prepared, results.prepared.study, results.prepared.candidate_set
+    scenario, area = results.scenario_with(results.best.placement), prepared.scene.area
+    sensors = plan_sensors(scenario, moved_sensors(study, prepared.scenario, scenario), candidate_set.building)
+    drawn, scale, width_mm = floor_plan(scenario, prepared.scenario, sensors, candidate_set.building, area)
+    objective = results.objective
     content: dict[str, Any] = {
         "study": study,
-        "answers": answers,
+        "results": results,
         "scenario": scenario,
         "sensors": sensors,
         "plan": source_of(drawn),
         "scale": scale,
         "width_mm": round(width_mm, 1),
-        "parts": _parts(answers),
-        "best": _told(answers, answers.best),
-        "own": _told(answers, answers.own),
-        "front": [_told(answers, each) for each in answers.front],
-        "alike": [(_told(answers, each), row.told) for each, row in answers.alike[:_MOST_ALIKE]],
-        "n_alike": len(answers.alike),
-        "maps": _maps(answers, scenario, sensors),
-        "tried": _tried(answers, sensors),
+        "parts": _parts(results),
+        "best": _trial_row(results, results.best),
+        "baseline": _trial_row(results, results.baseline),
+        "front": [_trial_row(results, each) for each in results.front],
+        "alike": [(_trial_row(results, each), row.text) for each, row in results.indistinguishable[:_MOST_ALIKE]],
+        "n_alike": len(results.indistinguishable),
+        "maps": _maps(results, scenario, sensors),
+        "trial_map": _trial_map(results, sensors),
         "objective": objective,
-        "judged": study.judged,
+        "validated": study.validated,
         "fewer": [
             (
-                _left_out(answers, candidate),
+                _left_out(results, placement),
                 f"{value:.4f}",
-                f"{value - _value(answers, answers.best):+.4f}".replace("-", "−"),
+                f"{value - _value(results, results.best):+.4f}".replace("-", "−"),
             )
-            for candidate, value in answers.fewer
+            for placement, value in results.one_fewer
         ],
         "command": prepared.path.stem if prepared.path.parent == MODELS / "studies" else prepared.path,
-        "n_tried": sum(not each.why for each in answers.result.trials.values()),
-        "against": _against(answers),
+        "n_tried": sum(not each.failure for each in results.result.trials.values()),
+        "rejected": _rejections(results),
         "seeds": len(study.held_out.seeds) if study.held_out else 0,
     }
     with whole_file(path) as stream:
         stream.write(environment().get_template("page.html.j2").render(**content))
 
 
-def _value(answers: Answers, trial: Trial) -> float:
-    return trial.value(answers.objective, answers.prepared.study.scenarios)
+def _value(results: StudyResults, trial: Trial) -> float:
+    return trial.value(results.objective, results.prepared.study.scenarios)
 
 
-def _told(answers: Answers, trial: Trial) -> dict[str, str]:
-    from twin.studies.answers import places_of
-
-    study = answers.prepared.study
-    figures = "–" if trial.why and trial.candidate != OWN else " · ".join(
+def _trial_row(results: StudyResults, trial: Trial) -> dict[str, str]:
+    study = results.prepared.study
+    figures = "–" if trial.failure and trial.placement != BASELINE else " · ".join(
         f"{each.column} {trial.value(each, study.scenarios):.4g}"
         for each in study.objectives
         if each.kind != "price" and (trial.seeds or each.kind != "metric")
     )  # fmt: skip
     return {
-        "places": places_of(answers, trial.candidate),
+        "places": describe_placement(results, trial.placement),
         "price": f"{trial.price:g}",
         "coverage": "–" if trial.coverage is None else f"{100 * trial.coverage:.1f} %",
         "figures": figures,
         "seeds": str(len(trial.seeds)),
-        "why": trial.why,
+        "why": trial.failure,
     }
 
 
-def _parts(answers: Answers) -> list[tuple[str, str, str, str]]:
+def _parts(results: StudyResults) -> list[tuple[str, str, str, str]]:
     """What is to be bought: device and kind, how many, the price of one without its cable, and metres of cable."""
-    from twin.studies.prepare import described
-
-    layout, study, rows = answers.prepared.layout, answers.prepared.study, []
-    for name, move in study.move.items():
-        for number, kind in enumerate(move.kinds):
+    candidate_set, study, rows = results.prepared.candidate_set, results.prepared.study, []
+    for name, device in study.devices.items():
+        for number, kind in enumerate(device.kinds):
             mine = [
-                layout.options[each]
-                for each in answers.best.candidate
-                if layout.options[each].device == name and layout.options[each].kind == number
+                candidate_set.poses[each]
+                for each in results.best.placement
+                if candidate_set.poses[each].device == name and candidate_set.poses[each].kind == number
             ]
             if mine:
-                each = kind.price if kind.price is not None else move.price
-                what = f"{name}: {described(move, answers.prepared.scenario)}" + (
+                each = kind.price if kind.price is not None else device.price
+                what = f"{name}: {_device_label(device, results.prepared.scenario)}" + (
                     "" if kind.name == "as-is" else f", {kind.name}"
                 )
-                cable = sum(option.cable_m * len(option.mounts) for option in mine)
+                cable = sum(pose.cable_m * len(pose.mounts) for pose in mine)
                 rows.append(
                     (
                         what,
-                        str(sum(len(option.mounts) for option in mine)),
+                        str(sum(len(pose.mounts) for pose in mine)),
                         f"{each:g}",
                         f"{cable:.1f} m" if cable else "–",
                     )
@@ -126,25 +123,25 @@ def _parts(answers: Answers) -> list[tuple[str, str, str, str]]:
     return rows
 
 
-def _against(answers: Answers) -> list[tuple[str, int, dict[str, int]]]:
+def _rejections(results: StudyResults) -> list[tuple[str, int, dict[str, int]]]:
     """By device, how many places there were, and why how many of them are none."""
-    layout = answers.prepared.layout
-    return [(name, layout.tried[name], reasons) for name, reasons in layout.refused.items()]
+    candidate_set = results.prepared.candidate_set
+    return [(name, candidate_set.n_considered[name], reasons) for name, reasons in candidate_set.rejected.items()]
 
 
-def _left_out(answers: Answers, candidate: tuple[int, ...]) -> str:
-    gone = next(each for each in answers.best.candidate if each not in candidate)
-    x, y, z = answers.prepared.layout.options[gone].mounts[0].xyz
-    return f"{answers.prepared.layout.options[gone].device} at ({x:g}, {y:g}, {z:g})"
+def _left_out(results: StudyResults, placement: tuple[int, ...]) -> str:
+    gone = next(each for each in results.best.placement if each not in placement)
+    x, y, z = results.prepared.candidate_set.poses[gone].mounts[0].xyz
+    return f"{results.prepared.candidate_set.poses[gone].device} at ({x:g}, {y:g}, {z:g})"
 
 
-def _maps(answers: Answers, scenario: Any, sensors: list[Mounted]) -> list[tuple[str, str]]:
+def _maps(results: StudyResults, scenario: Any, sensors: list[PlanSensor]) -> list[tuple[str, str]]:
     """Beams on a body, pixels a metre, and the mean error by place, each with what it shows."""
-    prepared, study = answers.prepared, answers.prepared.study
-    area, building = prepared.scene.area, prepared.layout.building
+    prepared, study = results.prepared, results.prepared.study
+    area, building = prepared.scene.area, prepared.candidate_set.building
     cell_m = max(0.05, float(np.sqrt(np.prod(np.ptp(area, axis=0)) / _HEAT_CELLS)))
     cells = floor_cells(area, cell_m)
-    crowd = answers.seen.rows.crowds[0]
+    sampled = results.coverage.targets.sampled_worlds[0]
     found = []
     names = [name for name, each in scenario.sensors.items() if not isinstance(each, FloorDescription)]
     for scanners, label, least, what in (
@@ -164,20 +161,26 @@ def _maps(answers: Answers, scenario: Any, sensors: list[Mounted]) -> list[tuple
         mine = [name for name in names if is_scanner(scenario, name) == scanners]
         if mine:
             sharp = np.max(
-                [Eye(scenario, name, study.coverage).resolution(crowd.empty(), cells)[-1] for name in mine], axis=0
+                [
+                    SensorVisibility(scenario, name, study.coverage).resolution(sampled.empty(), cells)[-1]
+                    for name in mine
+                ],
+                axis=0,
             )
             blind = 100 * float((sharp < least).mean())
             caption = f"{what}, empty room; red: fewer than {least:g}, {blind:.1f} % of the area."
             found.append((caption, heat_map(cells, sharp, cell_m, sensors, building, area, label=label, least=least)))
-    tracker = study.judged[0].tracker if study.judged else None
+    tracker = study.validated[0].tracker if study.validated else None
     if tracker is not None:
         seeds = (study.held_out.seeds if study.held_out is not None else study.seeds)[:_MOST_ERROR_SEEDS]
-        cache = answers.cache
+        cache = results.cache
         work = [
-            Score(scenario.model_copy(update={"seed": seed, "trackers": {}}), prepared.trackers, cache, whole_code())
+            EvaluationTask(
+                scenario.model_copy(update={"seed": seed, "trackers": {}}), prepared.trackers, cache, whole_code()
+            )
             for seed in seeds
         ]
-        rows = np.concatenate([errors_by_place(each, tracker) for each in work])
+        rows = np.concatenate([matched_errors(each, tracker) for each in work])
         low = area.min(axis=0)
         cell = np.floor((rows[:, :2] - low) / _ERROR_CELL_M).astype(int)
         places, group, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
@@ -199,59 +202,66 @@ def _maps(answers: Answers, scenario: Any, sensors: list[Mounted]) -> list[tuple
     return [(caption, source_of(svg)) for caption, svg in found]
 
 
-def _tried(answers: Answers, sensors: list[Mounted]) -> tuple[str, str] | None:
+def _trial_map(results: StudyResults, sensors: list[PlanSensor]) -> tuple[str, str] | None:
     """What was tried, its caption first: the first objective over the second or the price, or by place where all cost the same.
 
     None where hardly anything was tried.
     """
-    study, layout = answers.prepared.study, answers.prepared.layout
+    study, candidate_set = results.prepared.study, results.prepared.candidate_set
     trials = [
         each
-        for each in answers.result.trials.values()
-        if (not each.why or each is answers.own) and (each.seeds or answers.objective.kind != "metric")
+        for each in results.result.trials.values()
+        if (not each.failure or each is results.baseline) and (each.seeds or results.objective.kind != "metric")
     ]
     if len(trials) < 3:
         return None
-    first = np.array([_value(answers, each) for each in trials])
+    first = np.array([_value(results, each) for each in trials])
     others = study.objectives[1:]
     across = np.array([each.value(others[0], study.scenarios) if others else each.price for each in trials])
     if np.ptp(across) == 0:
-        order = np.argsort(first if answers.objective.more_is_better else -first)
-        places = [layout.positions[number][:1, :2] for each in order for number in trials[each].candidate]
-        values = [first[each] for each in order for _ in trials[each].candidate]
-        drawn = tried(
-            np.concatenate(places), np.array(values), _own_places(answers), sensors, layout.building,
-            answers.prepared.scene.area, answers.objective.column,
+        order = np.argsort(first if results.objective.more_is_better else -first)
+        places = [candidate_set.positions[number][:1, :2] for each in order for number in trials[each].placement]
+        values = [first[each] for each in order for _ in trials[each].placement]
+        drawn = trial_map(
+            np.concatenate(places), np.array(values), _baseline_places(results), sensors, candidate_set.building,
+            results.prepared.scene.area, results.objective.column,
         )  # fmt: skip
-        told = "Devices of every candidate, by its worth; circled: recommended; crosses: the scenario's own."
-        return told, source_of(drawn)
-    svg = pareto(
+        text = "Devices of every candidate, by its worth; circled: recommended; crosses: the scenario's own."
+        return text, source_of(drawn)
+    svg = pareto_plot(
         np.column_stack([across, first]),
-        np.array([each in answers.front for each in trials]),
-        trials.index(answers.own),
-        trials.index(answers.best),
-        (others[0].column if others else "price", answers.objective.column),
-        np.array([_standard_error(answers, each) for each in trials]),
+        np.array([each in results.front for each in trials]),
+        trials.index(results.baseline),
+        trials.index(results.best),
+        (others[0].column if others else "price", results.objective.column),
+        np.array([_standard_error(results, each) for each in trials]),
     )
-    told = (
+    text = (
         "Bars: standard errors over seeds. Candidates with fewer seeds were dropped early, in a race on the same seeds."
     )
-    return told, source_of(svg)
+    return text, source_of(svg)
 
 
-def _own_places(answers: Answers) -> Array:
+def _baseline_places(results: StudyResults) -> Array:
     """Where the scenario's own devices are, (n, 2) [m], those that are moved."""
-    own = answers.prepared.scenario
-    moved = moved_sensors(answers.prepared.study, own, answers.placed(answers.best.candidate))
-    here = mounted(own, [name for name in moved if name in own.sensors], answers.prepared.layout.building)
+    own = results.prepared.scenario
+    moved = moved_sensors(results.prepared.study, own, results.scenario_with(results.best.placement))
+    here = plan_sensors(own, [name for name in moved if name in own.sensors], results.prepared.candidate_set.building)
     return np.array([(each.x, each.y) for each in here]).reshape(-1, 2)
 
 
-def _standard_error(answers: Answers, trial: Trial) -> float:
-    if answers.objective.kind != "metric" or len(trial.seeds) < 2:
+def _standard_error(results: StudyResults, trial: Trial) -> float:
+    if results.objective.kind != "metric" or len(trial.seeds) < 2:
         return 0.0
-    values = trial.by_seed(answers.objective, answers.prepared.study.scenarios, trial.seeds)
+    values = trial.values_by_seed(results.objective, results.prepared.study.scenarios, trial.seeds)
     return float(values.std(ddof=1) / np.sqrt(len(values)))
+
+
+def _device_label(device: Device, scenario: Scenario) -> str:
+    """What a device is, for a list of parts."""
+    kind = scenario.sensors[first_sensor(device, scenario)].kind
+    held = len(device.together) or 1
+    return kind if held == 1 else f"{kind} and {held - 1} more on one mount"
 
 
 @cache

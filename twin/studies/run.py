@@ -1,64 +1,41 @@
-"""A study from its file to its answers: searched, judged by what nothing was chosen by, written for people and programs."""
+"""Run a study: search placements, validate the recommended one, and write the results."""
 
 from __future__ import annotations
 
+import json
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import yaml
 
 from trackers.errors import InputError
 from twin.models import cache_folder
+from twin.recording.whole_file import whole_file
 from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
-from twin.scenario import Scenario
-from twin.studies.aftermath import Beside, alike, what_moved
-from twin.studies.coverage import Seen
-from twin.studies.description import Objective
-from twin.studies.evaluations import FILE, open_evaluations
-from twin.studies.judging import held_out, hung_beside, with_one_fewer
-from twin.studies.layout import OWN, Candidate
-from twin.studies.placed import placed
-from twin.studies.prepare import Prepared, prepare
+from twin.scenario import load_scenario
+from twin.studies.apply_placement import write_scenario
+from twin.studies.candidate_set import BASELINE
+from twin.studies.coverage import PoseCoverage
+from twin.studies.page import write_page
+from twin.studies.preflight import prepare
+from twin.studies.results import StudyResults, summarize, write_table
 from twin.studies.search import Result, Searcher
-from twin.studies.trial import Trial, fronts, losses
-from twin.studies.trying import Trying
+from twin.studies.store import FILE, open_store
+from twin.studies.trials import TrialRunner, losses, pareto_fronts
+from twin.studies.validation import (
+    displaced_differences,
+    held_out_differences,
+    indistinguishable,
+    rank_correlations,
+    values_with_one_fewer,
+)
 from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.cluster import Place
 from twin.suites.progress import Watcher
-
-
-@dataclass(frozen=True, eq=False)
-class Answers:
-    """What a study found: see the fields of the report."""
-
-    prepared: Prepared
-    seen: Seen
-    result: Result
-    own: Trial
-    best: Trial
-    front: tuple[Trial, ...]
-    alike: tuple[tuple[Trial, Beside], ...]
-    held_out: tuple[Beside, ...]
-    fewer: tuple[tuple[Candidate, float], ...]
-    misplaced: tuple[Beside, ...]
-    moved_by: tuple[tuple[str, float, int], ...]
-    evaluated: int
-    spent_s: float
-    cache: RecordingCache
-
-    @property
-    def objective(self) -> Objective:
-        """The first objective."""
-        return self.prepared.study.objectives[0]
-
-    def placed(self, candidate: Candidate) -> Scenario:
-        """The study's first scenario with a candidate's sensors."""
-        options = [self.prepared.layout.options[each] for each in candidate]
-        return placed(self.prepared.study, self.prepared.scenario, options)
 
 
 @contextmanager
@@ -70,7 +47,7 @@ def run_study(
     resume: bool = False,
     seed_offset: int = 0,
     trusted: TrustedClasses = NONE_TRUSTED,
-) -> Iterator[tuple[Answers, Path]]:
+) -> Iterator[tuple[StudyResults, Path]]:
     """Search and judge: the answers, and the folder (default: out/study-<name>), which is held while the block runs.
 
     Raises InputError for bad input, before anything is written.
@@ -80,44 +57,45 @@ def run_study(
     study = prepared.study
     folder = out if out is not None else Path("out") / f"study-{study.name}"
     cache = RecordingCache(cache_folder(), cache_limit_bytes())
-    run = Trying(prepared, cache)
-    Searcher(study, prepared.layout, None, run.fill).check(str(prepared.path))
-    seen = Seen(study, prepared.layout, cache)
-    run.searcher = Searcher(study, prepared.layout, seen, run.fill)
-    first = None if resume and (folder / FILE).exists() else run.first_look()
+    run = TrialRunner(prepared, cache)
+    Searcher(study, prepared.candidate_set, None, run.evaluate).check(str(prepared.path))
+    coverage = PoseCoverage(study, prepared.candidate_set, cache)
+    searcher = Searcher(study, prepared.candidate_set, coverage, run.evaluate)
+    run.trials = searcher.result.trials
+    first = None if resume and (folder / FILE).exists() else run.check_metrics()
     facts = study.model_dump(mode="json", by_alias=True)
     watcher = Watcher(warned=_warn)
-    with open_evaluations(folder, facts, place, resume, watcher, run.progress) as evaluations:
+    with open_store(folder, facts, place, resume, watcher, run.progress) as evaluations:
         run.evaluations = evaluations
         if first is not None:
-            evaluations.hold(*first)
-        result = run.searcher.run()
-        answers = _answers(run, seen, result, start)
-        for trial in answers.front:
+            evaluations.record(*first)
+        result = searcher.run()
+        results = _results(run, coverage, result, start)
+        for trial in results.front:
             if trial.coverage is None:
-                trial.coverage, trial.coverage_worst = seen.share(trial.candidate), seen.worst(trial.candidate)
-        yield answers, folder
+                trial.coverage, trial.coverage_worst = coverage.share(trial.placement), coverage.worst(trial.placement)
+        yield results, folder
 
 
 def _warn(message: str) -> None:
     sys.stderr.write(f"twin: warning: {message}\n")
 
 
-def _answers(run: Trying, seen: Seen, result: Result, start_s: float) -> Answers:
-    study, layout = run.study, run.layout
-    objective, own = study.objectives[0], result.trials[OWN]
-    tried = [each for each in result.trials.values() if not each.why]
+def _results(run: TrialRunner, coverage: PoseCoverage, result: Result, start_s: float) -> StudyResults:
+    study, candidate_set = run.study, run.candidate_set
+    objective, baseline = study.objectives[0], result.trials[BASELINE]
+    tried = [each for each in result.trials.values() if not each.failure]
     whole = [each for each in tried if not run.prepared.trackers or len(each.seeds) >= study.search.replicates[-1]]
     budget = study.constraints.budget
-    mine = [each for each in whole if each is not own or budget is None or own.price <= budget]
-    if not mine or all(each is own for each in whole):
-        why = next((each.why for each in result.trials.values() if each.why), "none was found")
+    mine = [each for each in whole if each is not baseline or budget is None or baseline.price <= budget]
+    if not mine or all(each is baseline for each in whole):
+        failure = next((each.failure for each in result.trials.values() if each.failure), "none was found")
         raise InputError(
-            f"{run.prepared.path}: no placement could be tried on all seeds ({why}); other places or weaker constraints are "
+            f"{run.prepared.path}: no placement could be tried on all seeds ({failure}); other places or weaker constraints are "
             "expected"
         )
     loss = losses(mine, study.objectives, study.scenarios)
-    front = [each for each, number in zip(mine, fronts(loss), strict=True) if number == 0]
+    front = [each for each, number in zip(mine, pareto_fronts(loss), strict=True) if number == 0]
     best = mine[int(np.lexsort((np.arange(len(mine)), loss[:, 0]))[0])]
     if study.cheapest_within is not None:
         near = [
@@ -133,13 +111,44 @@ def _answers(run: Trying, seen: Seen, result: Result, start_s: float) -> Answers
             ),
         )
     if best.coverage is None:
-        best.coverage, best.coverage_worst = seen.share(best.candidate), seen.worst(best.candidate)
-    held = [row for each in study.judged for row in held_out(run, best, each)]
-    less = with_one_fewer(run, seen, best)
-    off = hung_beside(run, best, study.judged[0]) if study.judged else []
-    return Answers(
-        run.prepared, seen, result, own, best, tuple(sorted(front, key=lambda each: each.price)),
-        tuple(alike(tried, best, objective, study)), tuple(held), tuple(less), tuple(off),
-        tuple(what_moved(tried, layout, objective, study)),
-        run.evaluations.evaluated if run.evaluations is not None else 0, time.perf_counter() - start_s, run.cache,
+        best.coverage, best.coverage_worst = coverage.share(best.placement), coverage.worst(best.placement)
+    held = [row for each in study.validated for row in held_out_differences(run, best, each)]
+    less = values_with_one_fewer(run, coverage, best)
+    off = displaced_differences(run, best, study.validated[0]) if study.validated else []
+    return StudyResults(
+        run.prepared, coverage, result, baseline, best, tuple(sorted(front, key=lambda each: each.price)),
+        tuple(indistinguishable(tried, best, objective, study)), tuple(held), tuple(less), tuple(off),
+        tuple(rank_correlations(tried, candidate_set, objective, study)),
+        run.evaluations.n_evaluated if run.evaluations is not None else 0, time.perf_counter() - start_s, run.cache,
     )  # fmt: skip
+
+
+def write_results(folder: Path, results: StudyResults) -> dict[str, Path]:
+    """Write every file but the evaluations, each under its name when it is whole; their paths."""
+    files = {
+        "candidates": folder / "candidates.csv",
+        "pareto": folder / "pareto.csv",
+        "recommended": folder / "recommended.yaml",
+        "study": folder / "study.yaml",
+        "summary": folder / "summary.json",
+        "report": folder / "report.html",
+    }
+    study = results.prepared.study
+    trials = list(results.result.trials.values())
+    write_table(files["candidates"], trials, results)
+    write_table(files["pareto"], results.front, results)
+    file = next(iter(results.prepared.files.values()))
+    moved = results.scenario_with(results.best.placement)
+    write_scenario(
+        files["recommended"], load_scenario(file), moved, file, f"{moved.name}-recommended",
+        f"{moved.name} with its sensors as the study {study.name} recommends.",
+    )  # fmt: skip
+    with whole_file(files["study"]) as stream:
+        yaml.safe_dump(
+            study.model_dump(mode="json", exclude_none=True, by_alias=True), stream, sort_keys=False, allow_unicode=True
+        )
+    with whole_file(files["summary"]) as stream:
+        json.dump(summarize(results), stream, indent=2, ensure_ascii=False)
+        stream.write("\n")
+    write_page(files["report"], results)
+    return files

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from trackers.errors import InputError
-from twin.studies.coverage import Seen
-from twin.studies.description import Study
-from twin.studies.layout import OWN, Candidate, Layout
-from twin.studies.sets import Choice, Found, exact, greedy
-from twin.studies.trial import Trial, ranked
+from twin.studies.candidate_set import BASELINE, CandidateSet, Placement
+from twin.studies.coverage import PoseCoverage
+from twin.studies.set_cover import Cover, CoverProblem, exact, greedy
+from twin.studies.spec import Study
+from twin.studies.trials import Trial, rank_trials
 
 if TYPE_CHECKING:
     import optuna
@@ -30,22 +30,24 @@ _MOST_EXACT_OPTIONS = 2000
 class Result:
     """All that was tried, what was proven, in the order of the search."""
 
-    trials: dict[Candidate, Trial] = field(default_factory=dict)
-    proven: list[tuple[dict[str, int], Found, Found | None]] = field(default_factory=list)
+    trials: dict[Placement, Trial] = field(default_factory=dict)
+    proven: list[tuple[dict[str, int], Cover, Cover | None]] = field(default_factory=list)
     """By number of devices: what greedy found, and what is exact, where it was asked for."""
 
 
-Fill = Callable[[Sequence[Trial], int], None]
+Evaluate = Callable[[Sequence[Trial], int], None]
 """Has trials tried on so many of the search seeds; what fails gets its `why`."""
 
 
 class Searcher:
     """Searches a layout, by the coverage in `seen` and whatever figures `fill` brings in."""
 
-    def __init__(self, study: Study, layout: Layout, seen: Seen | None, fill: Fill) -> None:
-        self.study, self.layout, self._seen, self._fill = study, layout, seen, fill
+    def __init__(
+        self, study: Study, candidate_set: CandidateSet, coverage: PoseCoverage | None, evaluate: Evaluate
+    ) -> None:
+        self.study, self.candidate_set, self._coverage, self._evaluate = study, candidate_set, coverage, evaluate
         self.result = Result()
-        self._covers = seen is not None and any(each.kind == "coverage" for each in study.objectives)
+        self._covers = coverage is not None and any(each.kind == "coverage" for each in study.objectives)
 
     def check(self, source: str) -> None:
         """Raise InputError, naming `source`, for a search that cannot be, before anything is evaluated."""
@@ -56,7 +58,7 @@ class Searcher:
                 f"{source}: search.method: 'exhaustive' would try {sum(ways)} placements; at most {MOST_CANDIDATES}, or another "
                 "method, is expected"
             )
-        number = len(self.layout.options)
+        number = len(self.candidate_set.poses)
         if method in ("greedy", "exact") and number > _MOST_EXACT_OPTIONS:
             raise InputError(
                 f"{source}: search.method: {method!r} keeps what every option sees, and there are {number}; at most "
@@ -65,8 +67,8 @@ class Searcher:
 
     def run(self) -> Result:
         """Search by the study's method."""
-        own = self._trial(OWN)
-        self._fill([own], self.study.search.replicates[-1])
+        own = self._trial(BASELINE)
+        self._evaluate([own], self.study.search.replicates[-1])
         method = self.study.search.method
         if method == "exhaustive":
             self._race([self._trial(each) for each in self._all()])
@@ -74,58 +76,63 @@ class Searcher:
             self._optuna()
         else:
             self._by_coverage(prove=method == "exact")
-            self._race([each for each in self.result.trials.values() if each.candidate != OWN])
+            self._race([each for each in self.result.trials.values() if each.placement != BASELINE])
         return self.result
 
-    def _trial(self, candidate: Candidate) -> Trial:
-        if candidate not in self.result.trials:
-            trial = Trial(candidate, self.layout.price(candidate))
-            trial.why = "" if candidate == OWN else self.layout.against(candidate)
-            if self._seen is not None and (self._covers or candidate == OWN) and not trial.why:
-                trial.coverage, trial.coverage_worst = self._seen.share(candidate), self._seen.worst(candidate)
-            self.result.trials[candidate] = trial
-        return self.result.trials[candidate]
+    def _trial(self, placement: Placement) -> Trial:
+        if placement not in self.result.trials:
+            trial = Trial(placement, self.candidate_set.price(placement))
+            trial.failure = "" if placement == BASELINE else self.candidate_set.violation(placement)
+            if self._coverage is not None and (self._covers or placement == BASELINE) and not trial.failure:
+                trial.coverage, trial.coverage_worst = self._coverage.share(placement), self._coverage.worst(placement)
+            self.result.trials[placement] = trial
+        return self.result.trials[placement]
 
     def _race(self, trials: Sequence[Trial]) -> None:
         """Few seeds for all, more for the better half, by domination where there are several objectives."""
-        running = [each for each in trials if not each.why]
+        running = [each for each in trials if not each.failure]
         for number in self.study.search.replicates:
-            self._fill(running, number)
-            running = [each for each in running if not each.why]
+            self._evaluate(running, number)
+            running = [each for each in running if not each.failure]
             if not any(each.kind == "metric" for each in self.study.objectives):
                 return
-            running = ranked(running, self.study.objectives, self.study.scenarios)[: -(-len(running) // 2)]
+            running = rank_trials(running, self.study.objectives, self.study.scenarios)[: -(-len(running) // 2)]
 
     def _ways(self) -> list[list[tuple[list[int], int]]]:
         """Of each device, its options and each number of them that may be taken."""
-        moves = self.study.move
+        devices = self.study.devices
         return [
-            [(numbers, count) for count in range(moves[name].counts[0], moves[name].counts[1] + 1)]
-            for name, numbers in self.layout.of_device.items()
+            [(numbers, count) for count in range(devices[name].counts[0], devices[name].counts[1] + 1)]
+            for name, numbers in self.candidate_set.by_device.items()
         ]
 
-    def _all(self) -> Iterator[Candidate]:
+    def _all(self) -> Iterator[Placement]:
         """Every set that keeps the constraints."""
         for each in product(*self._ways()):
             for parts in product(*(combinations(numbers, count) for numbers, count in each)):
-                candidate = tuple(sorted(number for part in parts for number in part))
-                if candidate and not self.layout.against(candidate):
-                    yield candidate
+                placement = tuple(sorted(number for part in parts for number in part))
+                if placement and not self.candidate_set.violation(placement):
+                    yield placement
 
     def numbers(self) -> Iterator[dict[str, int]]:
         """Every number of devices that the study allows, but none at all."""
-        ranges = [range(move.counts[0], move.counts[1] + 1) for move in self.study.move.values()]
+        ranges = [range(device.counts[0], device.counts[1] + 1) for device in self.study.devices.values()]
         for each in islice(product(*ranges), 64):
             if sum(each):
-                yield dict(zip(self.study.move, each, strict=True))
+                yield dict(zip(self.study.devices, each, strict=True))
 
-    def choice(self) -> Choice:
+    def choice(self) -> CoverProblem:
         """What greedy and exact choose from."""
-        assert self._seen is not None
-        counts, stay, weight = self._seen.counts(range(len(self.layout.options)))
-        device = [option.device for option in self.layout.options]
-        return Choice(
-            counts, stay, weight, self.study.coverage.at_least, device, lambda chosen: not self.layout.conflict(chosen)
+        assert self._coverage is not None
+        counts, stay, weight = self._coverage.counts(range(len(self.candidate_set.poses)))
+        device = [pose.device for pose in self.candidate_set.poses]
+        return CoverProblem(
+            counts,
+            stay,
+            weight,
+            self.study.coverage.at_least,
+            device,
+            lambda chosen: not self.candidate_set.conflict(chosen),
         )
 
     def _by_coverage(self, *, prove: bool) -> None:
@@ -157,37 +164,37 @@ class Searcher:
         asked = optuna.create_study(study_name=self.study.name, directions=directions)
         for start in self._starts():
             asked.enqueue_trial(start)
-        tried: set[Candidate] = set()
+        tried: set[Placement] = set()
         generation = 0
         while len(tried) < search.candidates:
             seed = int(np.random.SeedSequence([search.seed, generation]).generate_state(1)[0])
             asked.sampler = self._sampler(seed)
             size = min(search.generation, search.candidates - len(tried))
             trials: list[tuple[optuna.trial.Trial, Trial]] = []
-            new: set[Candidate] = set()
+            new: set[Placement] = set()
             for _ in range(_MOST_ASKED * search.generation):
                 if len(new) == size:
                     break
                 one = asked.ask()
-                candidate = self._candidate(one)
-                if candidate is None or candidate in tried or candidate in new:
+                placement = self._placement(one)
+                if placement is None or placement in tried or placement in new:
                     # a known one adds nothing: it is told as failed, which samplers pass over
                     asked.tell(one, state=optuna.trial.TrialState.FAIL)
                     continue
-                new.add(candidate)
-                trials.append((one, self._trial(candidate)))
+                new.add(placement)
+                trials.append((one, self._trial(placement)))
             if not new:
                 return
             self._race([each for _, each in trials])
             for one, trial in trials:
-                if trial.why:
+                if trial.failure:
                     asked.tell(one, state=optuna.trial.TrialState.FAIL)
                 else:
                     asked.tell(one, [trial.value(each, self.study.scenarios) for each in objectives])
             tried |= new
             generation += 1
-        leaders = ranked(
-            [each for each in self.result.trials.values() if not each.why and each.candidate in tried],
+        leaders = rank_trials(
+            [each for each in self.result.trials.values() if not each.failure and each.placement in tried],
             objectives,
             self.study.scenarios,
         )
@@ -200,16 +207,16 @@ class Searcher:
             return optuna.samplers.NSGAIISampler(population_size=self.study.search.generation, seed=seed)
         return optuna.samplers.TPESampler(seed=seed, n_startup_trials=self.study.search.generation, multivariate=False)
 
-    def _candidate(self, trial: optuna.trial.Trial) -> Candidate | None:
+    def _placement(self, trial: optuna.trial.Trial) -> Placement | None:
         """The options nearest to where a trial has the devices, of those that the constraints leave; None: there are none."""
         chosen: list[int] = []
-        for name, move in self.study.move.items():
-            least, most = move.counts
+        for name, device in self.study.devices.items():
+            least, most = device.counts
             count = trial.suggest_int(f"{name}.count", least, most) if most > least else most
-            numbers = np.array(self.layout.of_device[name])
+            numbers = np.array(self.candidate_set.by_device[name])
             features, low, high = self._features(name)
             for slot in range(count):
-                kinds = len(move.kinds)
+                kinds = len(device.kinds)
                 kind = trial.suggest_categorical(f"{name}.{slot}.kind", list(range(kinds))) if kinds > 1 else 0
                 wanted = np.array(
                     [
@@ -220,26 +227,27 @@ class Searcher:
                     ]
                 )
                 gap = (((features - wanted) / np.maximum(high - low, 1e-9)) ** 2).sum(axis=1)
-                gap[[self.layout.options[each].kind != kind for each in numbers]] = np.inf
+                gap[[self.candidate_set.poses[each].kind != kind for each in numbers]] = np.inf
                 order = [
                     int(each)
                     for each in numbers[np.argsort(gap, kind="stable")]
                     if np.isfinite(gap[np.searchsorted(numbers, each)])
                 ]
                 found = next(
-                    (each for each in order if each not in chosen and not self.layout.conflict([*chosen, each])), None
+                    (each for each in order if each not in chosen and not self.candidate_set.conflict([*chosen, each])),
+                    None,
                 )
                 if found is None:
                     return None
                 chosen.append(found)
-        candidate = tuple(sorted(chosen))
-        return candidate if candidate and not self.layout.against(candidate) else None
+        placement = tuple(sorted(chosen))
+        return placement if placement and not self.candidate_set.violation(placement) else None
 
     def _features(self, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Place and direction of each option of a device (n, 6), and their lowest and highest (6,)."""
         rows = []
-        for number in self.layout.of_device[name]:
-            mount = self.layout.options[number].mounts[0]
+        for number in self.candidate_set.by_device[name]:
+            mount = self.candidate_set.poses[number].mounts[0]
             yaw = np.deg2rad(mount.yaw_deg)
             rows.append([*mount.xyz, np.cos(yaw), np.sin(yaw), mount.pitch_deg])
         features = np.array(rows)
@@ -247,22 +255,22 @@ class Searcher:
 
     def _starts(self) -> Iterable[dict[str, float]]:
         """What greedy finds by coverage for each number of devices: a good first guess, where its bits can be kept."""
-        if self._seen is None or len(self.layout.options) > _MOST_EXACT_OPTIONS:
+        if self._coverage is None or len(self.candidate_set.poses) > _MOST_EXACT_OPTIONS:
             return
         choice = self.choice()
         for number in self.numbers():
             found = greedy(choice, number)
             self.result.proven.append((number, found, None))
             start: dict[str, float] = {}
-            for name, move in self.study.move.items():
-                mine = [each for each in found.chosen if self.layout.options[each].device == name]
-                if move.counts[1] > move.counts[0]:
+            for name, device in self.study.devices.items():
+                mine = [each for each in found.chosen if self.candidate_set.poses[each].device == name]
+                if device.counts[1] > device.counts[0]:
                     start[f"{name}.count"] = len(mine)
                 features, low, high = self._features(name)
                 for slot, each in enumerate(mine):
-                    if len(move.kinds) > 1:
-                        start[f"{name}.{slot}.kind"] = self.layout.options[each].kind
-                    row = features[self.layout.of_device[name].index(each)]
+                    if len(device.kinds) > 1:
+                        start[f"{name}.{slot}.kind"] = self.candidate_set.poses[each].kind
+                    row = features[self.candidate_set.by_device[name].index(each)]
                     start |= {
                         f"{name}.{slot}.{axis}": float(value)
                         for axis, value, a, b in zip(_AXES, row, low, high, strict=True)

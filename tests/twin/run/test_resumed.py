@@ -22,8 +22,7 @@ import yaml
 
 from twin.models import MODELS
 from twin.run.chosen_trackers import TrustedClasses
-from twin.studies.answers import write_answers
-from twin.studies.run import run_study
+from twin.studies.run import run_study, write_results
 from twin.suites.cache import RecordingCache
 from twin.suites.cluster import Place
 from twin.suites.progress import Watcher
@@ -67,14 +66,14 @@ STUDY = {
     "scenarios": [{"scenario": "own.yaml"}],
     "trackers": ["mine_of_resumed:Mine"],
     "seeds": [1000],
-    "move": {
+    "devices": {
         "waist": {
             "sensors": ["waist"],
             "places": [{"xyz": [0, 3.6, 0.95], "yaw_deg": -90}, {"xyz": [0, -3.6, 0.95], "yaw_deg": 90}],
         }
     },
     "objectives": [{"kind": "metric", "metric": "motp_m"}],
-    "coverage": {"moments": 2, "seeds": [1950]},
+    "coverage": {"samples": 2, "seeds": [1950]},
     "search": {"method": "exhaustive", "replicates": [1]},
 }
 
@@ -178,7 +177,7 @@ def test_a_suite_goes_on_as_if_begun_after_the_edit(folder: Path, what: str, mon
 
 def study_run(folder: Path, out: str, **more: bool) -> None:
     with run_study(folder / "study.yaml", folder / out, Place(jobs=1), trusted=EVERY, **more) as (answers, where):
-        write_answers(where, answers)
+        write_results(where, answers)
 
 
 def study_results(folder: Path, out: str) -> list[bytes]:

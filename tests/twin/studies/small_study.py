@@ -14,7 +14,7 @@ SMALL: dict[str, Any] = {
     "trackers": ["laser-imm"],
     "seeds": [1000, 1001],
     "held_out": {"seeds": [1900, 1901]},
-    "move": {
+    "devices": {
         "rig": {
             "together": ["waist", "knee"],
             "walls": {"height_m": [0.9, 1.0], "height_every_m": 0.1, "every_m": 2.5, "off_m": 0.2},
@@ -23,7 +23,7 @@ SMALL: dict[str, Any] = {
         }
     },
     "objectives": [{"kind": "metric", "metric": "hota"}],
-    "coverage": {"moments": 4, "seeds": [1950]},
+    "coverage": {"samples": 4, "seeds": [1950]},
     "search": {"method": "optuna", "candidates": 6, "generation": 2, "replicates": [1, 2]},
 }
 

@@ -16,11 +16,10 @@ from trackers.errors import InputError
 from twin.run.chosen_trackers import ChosenTracker
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
-from twin.studies import evaluations
-from twin.studies.answers import write_answers
-from twin.studies.run import run_study
-from twin.studies.scoring import Score, score
-from twin.studies.terminal import print_summary
+from twin.studies import store
+from twin.studies.results import print_summary
+from twin.studies.run import run_study, write_results
+from twin.studies.worker import EvaluationTask, evaluate_task
 from twin.suites.cache import RecordingCache
 from twin.suites.cache_keys import whole_code
 from twin.suites.cluster import Place
@@ -40,8 +39,8 @@ def _own_cache(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run(path: Path, out: Path, jobs: int = 1, **options: Any) -> dict[str, Any]:
-    with run_study(path, out, Place(jobs=jobs), **options) as (answers, folder):
-        write_answers(folder, answers)
+    with run_study(path, out, Place(jobs=jobs), **options) as (results, folder):
+        write_results(folder, results)
     return json.loads((out / "summary.json").read_text())
 
 
@@ -69,7 +68,7 @@ def test_a_run_leaves_its_answers(whole: tuple[Path, Path, dict], capsys: pytest
     assert [row["what"] for row in summary["held_out"]] == ["the study's scenarios"] and summary["held_out"][0][
         "difference"
     ]["n"] == 2
-    assert next(row["what"] for row in summary["misplaced"]).startswith("1 mm") and len(summary["misplaced"]) == 5
+    assert next(row["what"] for row in summary["displaced"]).startswith("1 mm") and len(summary["displaced"]) == 5
     page = (out / "report.html").read_text()
     assert "1 : 50 on A4" in page and "Hung beside its place" in page
     print_summary(out)
@@ -78,7 +77,7 @@ def test_a_run_leaves_its_answers(whole: tuple[Path, Path, dict], capsys: pytest
 
 def test_figures_and_tracks_are_those_of_a_run(whole: tuple[Path, Path, dict], tmp_path: Path) -> None:
     _, out, _ = whole
-    rows = [json.loads(line) for line in (out / evaluations.FILE).read_text().splitlines()[1:]]
+    rows = [json.loads(line) for line in (out / store.FILE).read_text().splitlines()[1:]]
     summary = json.loads((out / "summary.json").read_text())
     best = summary["best"]["candidate"]
     row = next(each for each in rows if each["id"].startswith(f"{best} ") and each["id"].endswith(" 1001"))
@@ -92,14 +91,14 @@ def test_figures_and_tracks_are_those_of_a_run(whole: tuple[Path, Path, dict], t
         "disposal",
         "errors",
     }  # what it costs; what needs more truth
-    work = Score(
+    work = EvaluationTask(
         scenario,
         (ChosenTracker("laser-imm", "laser-imm"),),
         RecordingCache(tmp_path, 10**9),
         whole_code(),
         details=True,
     )
-    whole_figures = score(work)["laser-imm"]
+    whole_figures = evaluate_task(work)["laser-imm"]
     assert not {key for key in theirs if whole_figures.get(key) != theirs[key] and not key.startswith("ms_per_frame")}
 
 
@@ -112,7 +111,7 @@ def test_a_killed_run_is_resumed_to_the_same_bits(
     whole: tuple[Path, Path, dict], after: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, before, _ = whole
-    held, count = evaluations.Evaluations.hold, 0
+    held, count = store.EvaluationStore.record, 0
 
     def hold(self: Any, job: Any, outcome: Any) -> None:
         nonlocal count
@@ -122,10 +121,10 @@ def test_a_killed_run_is_resumed_to_the_same_bits(
             raise KilledError
 
     with monkeypatch.context() as patch:
-        patch.setattr(evaluations.Evaluations, "hold", hold)
+        patch.setattr(store.EvaluationStore, "record", hold)
         with pytest.raises(KilledError):
             run(path, tmp_path / "out")
-    with (tmp_path / "out" / evaluations.FILE).open("a") as stream:
+    with (tmp_path / "out" / store.FILE).open("a") as stream:
         stream.write('{"id": "half a li')  # as a kill in the middle of writing leaves it
     with pytest.raises(InputError, match="holds the results of an earlier run; --resume"):
         run(path, tmp_path / "out")
@@ -135,11 +134,11 @@ def test_a_killed_run_is_resumed_to_the_same_bits(
 
 def test_several_objectives_are_resumed_to_the_same_front(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """By NSGA-II, killed in its second generation, and gone on with by two workers."""
-    changes = {"objectives": [{"kind": "metric", "metric": "hota"}, {"kind": "price"}], "move__rig__count": [1, 2]}
+    changes = {"objectives": [{"kind": "metric", "metric": "hota"}, {"kind": "price"}], "devices__rig__count": [1, 2]}
     changes |= {"constraints": {"cable": {"from": [0, 0, 0.3], "price_per_m": 4}, "apart_m": 0.5}}
     path = written(tmp_path, **changes)
     run(path, tmp_path / "whole")
-    held, count = evaluations.Evaluations.hold, 0
+    held, count = store.EvaluationStore.record, 0
 
     def hold(self: Any, job: Any, outcome: Any) -> None:
         nonlocal count
@@ -149,7 +148,7 @@ def test_several_objectives_are_resumed_to_the_same_front(tmp_path: Path, monkey
             raise KilledError
 
     with monkeypatch.context() as patch:
-        patch.setattr(evaluations.Evaluations, "hold", hold)
+        patch.setattr(store.EvaluationStore, "record", hold)
         with pytest.raises(KilledError):
             run(path, tmp_path / "out")
     run(path, tmp_path / "out", jobs=2, resume=True)
@@ -173,7 +172,7 @@ def test_another_study_or_code_is_not_resumed(
         run(other, before, resume=True)
     with pytest.raises(InputError, match="there is nothing to resume"):
         run(path, tmp_path / "nothing", resume=True)
-    monkeypatch.setattr(evaluations, "whole_code", lambda: "0123")
+    monkeypatch.setattr(store, "whole_code", lambda: "0123")
     with pytest.raises(InputError, match="was made by other code"):
         run(path, before, resume=True)
 
@@ -181,19 +180,23 @@ def test_another_study_or_code_is_not_resumed(
 def test_a_candidate_that_fails_is_a_row_with_a_reason(tmp_path: Path) -> None:
     places = [{"xyz": [0, 3.6, 0.95], "yaw_deg": -90}, {"xyz": [0, 3.6, 0.4], "yaw_deg": -90}]
     path = written(
-        tmp_path, move__rig__walls=None, move__rig__aim=None, move__rig__places=places, search__method="exhaustive"
+        tmp_path,
+        devices__rig__walls=None,
+        devices__rig__aim=None,
+        devices__rig__places=places,
+        search__method="exhaustive",
     )  # the knee scanner of the second would be below the floor
     summary = run(path, tmp_path / "out")
-    assert summary["refused"]["rig"] == {"below the floor": 1}
+    assert summary["rejected"]["rig"] == {"below the floor": 1}
     path = written(
         tmp_path,
-        move={"waist": {"sensors": ["waist"], "places": places[:1], "tilt_deg": [0, 60], "tilt_every_deg": 60}},
+        devices={"waist": {"sensors": ["waist"], "places": places[:1], "tilt_deg": [0, 60], "tilt_every_deg": 60}},
         search__method="exhaustive",
     )
     run(path, tmp_path / "tilted")
     with (tmp_path / "tilted" / "candidates.csv").open() as stream:
         rows = list(csv.DictReader(stream))
-    assert "scans level" in rows[2]["against"] and rows[2]["replicates"] == "0" and not rows[1]["against"]
+    assert "scans level" in rows[2]["rejected"] and rows[2]["replicates"] == "0" and not rows[1]["rejected"]
 
 
 def test_coverage_alone_is_searched_exactly(tmp_path: Path) -> None:
@@ -202,15 +205,15 @@ def test_coverage_alone_is_searched_exactly(tmp_path: Path) -> None:
         trackers=[],
         objectives=[{"kind": "coverage"}, {"kind": "price"}],
         search={"method": "exact"},
-        move__rig__count=[1, 2],
+        devices__rig__count=[1, 2],
         held_out=None,
-        coverage={"of": "floor", "moments": 0, "cell_m": 0.2, "beams": 12},
+        coverage={"of": "floor", "samples": 0, "cell_m": 0.2, "beams": 12},
     )
     summary = run(path, tmp_path / "out")
     assert [row["exact_is"] for row in summary["proven"]] == ["optimal", "optimal"]
     assert all(0.98 <= row["greedy_over_exact"] <= 1 for row in summary["proven"])
     assert summary["best"]["coverage"] == pytest.approx(max(row["exact"] for row in summary["proven"]))
-    assert summary["best"]["coverage"] >= summary["own"]["coverage"]
+    assert summary["best"]["coverage"] >= summary["baseline"]["coverage"]
 
 
 def test_what_coverage_finds_is_tracked_and_judged_by_every_figure(tmp_path: Path) -> None:
@@ -219,7 +222,7 @@ def test_what_coverage_finds_is_tracked_and_judged_by_every_figure(tmp_path: Pat
         tmp_path,
         objectives=[{"kind": "coverage"}, {"kind": "price"}, *metrics],
         search={"method": "exact", "replicates": [2]},
-        move__rig__count=[1, 2],
+        devices__rig__count=[1, 2],
         constraints={"apart_m": 0.5},
     )
     summary = run(path, tmp_path / "out")
@@ -229,7 +232,7 @@ def test_what_coverage_finds_is_tracked_and_judged_by_every_figure(tmp_path: Pat
         "laser-imm: motp_m, the study's scenarios",
         "laser-imm: idf1, the study's scenarios",
     ]
-    assert len(summary["misplaced"]) == 5
+    assert len(summary["displaced"]) == 5
 
 
 def damaged(line: str) -> list[str]:
@@ -240,7 +243,7 @@ def damaged(line: str) -> list[str]:
     edited = {**content, "figures": {"laser-imm": {**content["figures"]["laser-imm"], "hota": 0.99}}}
     return [
         line[:40], "", "[]", "null", "\x00\xff", "[" * 5000, json.dumps({**edited, "sum": json.loads(line)["sum"]}),
-        evaluations.with_checksum(beyond), evaluations.with_checksum({**content, "figures": 3}),
+        store.with_checksum(beyond), store.with_checksum({**content, "figures": 3}),
     ]  # fmt: skip
 
 
@@ -248,12 +251,12 @@ def test_a_bad_line_is_told_and_evaluated_again_and_costs_no_other(
     whole: tuple[Path, Path, dict], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path, before, summary = whole
-    lines = (before / evaluations.FILE).read_text().splitlines()
+    lines = (before / store.FILE).read_text().splitlines()
     bad = damaged(lines[2])
     out = tmp_path / "out"
     out.mkdir()
     spoiled = [*lines[:2], *bad, *lines[3:]]
-    (out / evaluations.FILE).write_text("\n".join(spoiled) + "\n" + lines[1][:30])
+    (out / store.FILE).write_text("\n".join(spoiled) + "\n" + lines[1][:30])
     (out / "search.journal.lock").symlink_to("search.journal")  # as an older version left it when it was killed
     result = run(path, out, resume=True)
     told = capsys.readouterr().err
@@ -261,9 +264,7 @@ def test_a_bad_line_is_told_and_evaluated_again_and_costs_no_other(
     assert result["evaluated_in_this_run"] == 1  # that of the line that was replaced
     assert [told.count(f"line {number}: ") for number in range(1, 3 + len(bad))] == [0, 0, *[1] * len(bad)]
     assert "hota is 9.9; a number from 0 to 1 is expected" in told
-    assert sorted((out / evaluations.FILE).read_text().splitlines()) == sorted(
-        lines
-    )  # all good ones, and that one again
+    assert sorted((out / store.FILE).read_text().splitlines()) == sorted(lines)  # all good ones, and that one again
     run(path, out, resume=True)
     assert "line" not in capsys.readouterr().err
 
@@ -272,14 +273,14 @@ def test_a_first_line_that_is_damaged_is_refused_and_nothing_is_lost(
     whole: tuple[Path, Path, dict], tmp_path: Path
 ) -> None:
     path, before, _ = whole
-    text = (before / evaluations.FILE).read_text().replace('"name": "small"', '"name": "smell"', 1)
+    text = (before / store.FILE).read_text().replace('"name": "small"', '"name": "smell"', 1)
     out = tmp_path / "out"
     out.mkdir()
-    (out / evaluations.FILE).write_text(text)
+    (out / store.FILE).write_text(text)
     for resume in (True, False):
         with pytest.raises(InputError, match=r"line 1: is not as it was written, by its checksum; "):
             run(path, out, resume=resume)
-    assert (out / evaluations.FILE).read_text() == text
+    assert (out / store.FILE).read_text() == text
 
 
 def test_a_disk_that_is_full_while_the_file_is_mended_leaves_the_old_one(
@@ -288,8 +289,8 @@ def test_a_disk_that_is_full_while_the_file_is_mended_leaves_the_old_one(
     path, before, _ = whole
     out = tmp_path / "out"
     out.mkdir()
-    text = (before / evaluations.FILE).read_text() + "half a li"
-    (out / evaluations.FILE).write_text(text)
+    text = (before / store.FILE).read_text() + "half a li"
+    (out / store.FILE).write_text(text)
 
     def full(*arguments: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -298,4 +299,4 @@ def test_a_disk_that_is_full_while_the_file_is_mended_leaves_the_old_one(
         patch.setattr(os, "replace", full)
         with pytest.raises(InputError, match=r"evaluations\.jsonl: cannot be written \(No space"):
             run(path, out, resume=True)
-    assert (out / evaluations.FILE).read_text() == text
+    assert (out / store.FILE).read_text() == text

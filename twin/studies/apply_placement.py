@@ -17,12 +17,12 @@ from twin.scenario import Scenario
 from twin.scenario.floor import FloorDescription
 from twin.scenario.housings import check_place, in_the_room
 from twin.scenario.mount import Mount, mount_of
-from twin.studies.description import Study
-from twin.studies.layout import Option
-from twin.studies.moves import Kind, Move
+from twin.studies.candidate_set import CandidatePose
+from twin.studies.devices import Device, DeviceKind
+from twin.studies.spec import Study
 
 
-def placed(study: Study, scenario: Scenario, options: Sequence[Option]) -> Scenario:
+def apply_placement(study: Study, scenario: Scenario, poses: Sequence[CandidatePose]) -> Scenario:
     """The scenario with the options' devices in place of its own; the same scenario without options.
 
     A device that stands for one sensor keeps its name, and more of them are called NAME-2, NAME-3 ... after their entry. Where
@@ -31,20 +31,18 @@ def placed(study: Study, scenario: Scenario, options: Sequence[Option]) -> Scena
     scenario: a fault of a sensor that is no longer there, a scanner that cannot have its role at this height, two sensors
     of one name.
     """
-    if not options:
+    if not poses:
         return scenario
     sensors, housings = dict(scenario.sensors), dict(scenario.housings)
     called: dict[str, str] = {}
-    for name, move in study.move.items():
-        chosen = [
-            (mount, move.kinds[option.kind]) for option in options if option.device == name for mount in option.mounts
-        ]
-        if move.housing is not None:
-            _move_housing(move.housing, chosen, name, sensors, housings, scenario)
-        elif move.together:
-            _move_together(move, chosen, name, sensors, scenario)
+    for name, device in study.devices.items():
+        chosen = [(mount, device.kinds[pose.kind]) for pose in poses if pose.device == name for mount in pose.mounts]
+        if device.housing is not None:
+            _move_housing(device.housing, chosen, name, sensors, housings, scenario)
+        elif device.together:
+            _move_together(device, chosen, name, sensors, scenario)
         else:
-            called |= _move_each(move, chosen, name, sensors, scenario)
+            called |= _move_each(device, chosen, name, sensors, scenario)
     if not sensors:
         raise InputError("no sensor is left; at least one is expected")
     main = called.get(scenario.main_sensor or "", scenario.main_sensor)
@@ -52,7 +50,7 @@ def placed(study: Study, scenario: Scenario, options: Sequence[Option]) -> Scena
         each: fault.model_copy(update={"sensor": tuple(called.get(name, name) for name in fault.sensor)})
         for each, fault in scenario.faults.items()
     }
-    moved = scenario.model_copy(
+    changed = scenario.model_copy(
         update={
             "sensors": sensors,
             "housings": housings,
@@ -68,18 +66,18 @@ def placed(study: Study, scenario: Scenario, options: Sequence[Option]) -> Scena
             )
     for name in sensors:
         try:
-            check_place(moved, name)
+            check_place(changed, name)
         except ValueError as error:
             raise InputError(f"sensors.{name}.{error}") from error
-    return moved
+    return changed
 
 
-def _names(own: Sequence[str], device: str, number: int) -> list[str]:
+def _names(own: Sequence[str], device_name: str, number: int) -> list[str]:
     """The scenario's own name where there is one, then NAME-2 ... after the device."""
-    return [own[0] if k == 0 and len(own) == 1 else f"{device}-{k + 1}" for k in range(number)]
+    return [own[0] if k == 0 and len(own) == 1 else f"{device_name}-{k + 1}" for k in range(number)]
 
 
-def _described(description: Any, mount: Mount, kind: Kind) -> Any:
+def _described(description: Any, mount: Mount, kind: DeviceKind) -> Any:
     """A sensor of this kind that hangs there, in the room; its pose without what turning it to and fro has rounded."""
     angles = {each: round(getattr(mount, each), 9) + 0.0 for each in ("yaw_deg", "pitch_deg", "roll_deg")}
     x, y, z = (round(each, 9) + 0.0 for each in mount.xyz)
@@ -95,44 +93,54 @@ def _described(description: Any, mount: Mount, kind: Kind) -> Any:
         return description.model_copy(update=update)
     whole = description.model_dump(mode="json", exclude_none=True) | {"mount": content} | dict(kind.set)
     whole.pop("housing", None)
-    return validate(type(description), whole, f"move: kinds: {kind.name}")
+    return validate(type(description), whole, f"devices: kinds: {kind.name}")
 
 
 def _move_each(
-    move: Move, chosen: list[tuple[Mount, Kind]], device: str, sensors: dict[str, Any], scenario: Scenario
+    device: Device,
+    chosen: list[tuple[Mount, DeviceKind]],
+    device_name: str,
+    sensors: dict[str, Any],
+    scenario: Scenario,
 ) -> dict[str, str]:
     """Hang them; what the scenario's own are called now, as far as there are so many."""
-    for name in move.sensors:
+    for name in device.sensors:
         del sensors[name]
-    names = _names(move.sensors, device, len(chosen))
+    names = _names(device.sensors, device_name, len(chosen))
     for number, (name, (mount, kind)) in enumerate(zip(names, chosen, strict=True)):
-        template = scenario.sensors[move.sensors[min(number, len(move.sensors) - 1)]]
+        template = scenario.sensors[device.sensors[min(number, len(device.sensors) - 1)]]
         if name in sensors:
-            raise InputError(f"move.{device}: {name!r} is a sensor that stays; another name of the entry is expected")
+            raise InputError(
+                f"devices.{device_name}: {name!r} is a sensor that stays; another name of the entry is expected"
+            )
         sensors[name] = _described(template, mount, kind)
-    return dict(zip(move.sensors, names, strict=False))
+    return dict(zip(device.sensors, names, strict=False))
 
 
 def _move_together(
-    move: Move, chosen: list[tuple[Mount, Kind]], device: str, sensors: dict[str, Any], scenario: Scenario
+    device: Device,
+    chosen: list[tuple[Mount, DeviceKind]],
+    device_name: str,
+    sensors: dict[str, Any],
+    scenario: Scenario,
 ) -> None:
-    poses = {name: in_the_room(scenario, name).mount.room_from_housing() for name in move.together}  # pyright: ignore
-    first = poses[move.together[0]]
-    for name in move.together:
+    poses = {name: in_the_room(scenario, name).mount.room_from_housing() for name in device.together}  # pyright: ignore
+    first = poses[device.together[0]]
+    for name in device.together:
         del sensors[name]
     for number, (mount, kind) in enumerate(chosen):
         for name, pose in poses.items():
             inner = mount_of(
                 first.rotation.T @ pose.rotation, first.rotation.T @ (pose.translation - first.translation)
             )
-            called = name if number == 0 else f"{name}-{device}-{number + 1}"
+            called = name if number == 0 else f"{name}-{device_name}-{number + 1}"
             sensors[called] = _described(scenario.sensors[name], mount.carrying(inner), kind)
 
 
 def _move_housing(
     housing: str,
-    chosen: list[tuple[Mount, Kind]],
-    device: str,
+    chosen: list[tuple[Mount, DeviceKind]],
+    device_name: str,
     sensors: dict[str, Any],
     housings: dict[str, Any],
     scenario: Scenario,
@@ -142,20 +150,20 @@ def _move_housing(
         del sensors[name]
     template = housings.pop(housing)
     for number, (mount, kind) in enumerate(chosen):
-        called = housing if number == 0 else f"{device}-{number + 1}"
+        called = housing if number == 0 else f"{device_name}-{number + 1}"
         housings[called] = template.model_copy(update={"mount": mount})
         for name, each in on_it.items():
             content = each.model_dump(mode="json", exclude_none=True) | dict(kind.set) | {"housing": called}
             sensors[name if number == 0 else f"{name}-{called}"] = validate(
-                type(each), content, f"move: kinds: {kind.name}"
+                type(each), content, f"devices: kinds: {kind.name}"
             )
 
 
-def write_scenario(path: Path, own: Scenario, moved: Scenario, own_file: Path, name: str, description: str) -> None:
+def write_scenario(path: Path, own: Scenario, changed: Scenario, own_file: Path, name: str, description: str) -> None:
     """A scenario file that extends `own_file`, which loads to `own`, and loads to `moved` but for its name; people stay."""
     shipped = models.MODELS / "scenarios"
     parent = own_file.stem if own_file.parent == shipped else os.path.relpath(own_file.resolve(), path.parent.resolve())
-    before, now = (each.model_dump(mode="json", exclude_none=True) for each in (own, moved))
+    before, now = (each.model_dump(mode="json", exclude_none=True) for each in (own, changed))
     content: dict[str, Any] = {"extends": parent, "name": name, "description": description}
     for field in (
         "duration_s",

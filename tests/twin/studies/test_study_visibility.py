@@ -11,33 +11,33 @@ import pytest
 from twin.instant.snapshot import RAY_GROUPS
 from twin.people.casts import casts_of
 from twin.scenario import load_scenario
-from twin.studies.description import Coverage
-from twin.studies.seen import Crowd, Eye, floor_cells
+from twin.studies.spec import Coverage
+from twin.studies.visibility import SampledWorld, SensorVisibility, floor_cells
 from twin.world.staged import Staged, moved
 
 COVERAGE = Coverage(beams=6, px_per_m=60, target="head", heights_m=(1.0, 1.6))
 
 
 @pytest.fixture(scope="module")
-def crowd() -> Crowd:
+def sampled() -> SampledWorld:
     scenario = load_scenario("lab-five-people", ["duration_s=2"])
-    return Crowd(scenario, Staged.of(scenario, moved(scenario)), [0.3, 1.1, 1.9])
+    return SampledWorld(scenario, Staged.of(scenario, moved(scenario)), [0.3, 1.1, 1.9])
 
 
-def test_a_scanner_sees_whom_enough_beams_meet(crowd: Crowd) -> None:
-    eye = Eye(crowd.scenario, "waist", COVERAGE)
-    found = eye.people(crowd)
+def test_a_scanner_sees_whom_enough_beams_meet(sampled: SampledWorld) -> None:
+    visibility = SensorVisibility(sampled.scenario, "waist", COVERAGE)
+    found = visibility.people(sampled)
     expected = []
     angles = np.deg2rad(np.linspace(-90, 90, 361) + 90)
-    for moment in crowd.moments:
-        snapshot, met = crowd.at(moment), []
+    for sample in sampled.samples:
+        snapshot, met = sampled.at(sample), []
         for angle in angles:
             geom = np.zeros(1, dtype=np.int32)
             there = np.array([np.cos(angle), np.sin(angle), 0.0])
             mujoco.mj_ray(snapshot.model, snapshot.data, np.array([0, 0, 0.95]), there, RAY_GROUPS, 1, -1, geom, None)
             met.append(int(snapshot.person_of_geom[geom[0]]) if geom[0] >= 0 else 0)
-        expected += [met.count(int(each)) >= 6 for each in moment.ids]
-    assert found.tolist() == expected and len(found) == crowd.n_person_moment == 15
+        expected += [met.count(int(each)) >= 6 for each in sample.ids]
+    assert found.tolist() == expected and len(found) == sampled.n_person_frame == 15
 
 
 def test_whoever_comes_and_goes_by_a_file_is_seen_at_every_moment(tmp_path: Path) -> None:
@@ -50,43 +50,49 @@ def test_whoever_comes_and_goes_by_a_file_is_seen_at_every_moment(tmp_path: Path
     scenario = load_scenario("lab-five-people", ["people=null", paths, "duration_s=42", "sensors.fisheye=null"])
     staged = Staged.of(scenario, moved(scenario))
     times = [1.0, 2.5, 20.2, 20.7, 35.0, 41.0]
-    together = Crowd(scenario, staged, times)
-    eye = Eye(scenario, "knee", COVERAGE)
-    alone = [Crowd(scenario, staged, [t]) for t in times]
-    seen = eye.people(together)
-    assert len(casts_of(scenario.people)) > 1 and together.n_person_moment == len(seen) > 15 and seen.sum() > 0
-    assert seen.tolist() == np.concatenate([eye.people(each) for each in alone]).tolist()
+    together = SampledWorld(scenario, staged, times)
+    visibility = SensorVisibility(scenario, "knee", COVERAGE)
+    alone = [SampledWorld(scenario, staged, [t]) for t in times]
+    seen = visibility.people(together)
+    assert len(casts_of(scenario.people)) > 1 and together.n_person_frame == len(seen) > 15 and seen.sum() > 0
+    assert seen.tolist() == np.concatenate([visibility.people(each) for each in alone]).tolist()
     cells = floor_cells(together.area, 0.3)
-    assert eye.floor(together, cells).tolist() == np.concatenate([eye.floor(each, cells) for each in alone]).tolist()
-    assert eye.resolution(together.empty(), cells).tolist() == eye.resolution(alone[0].empty(), cells).tolist()
+    assert (
+        visibility.floor(together, cells).tolist()
+        == np.concatenate([visibility.floor(each, cells) for each in alone]).tolist()
+    )
+    assert (
+        visibility.resolution(together.empty(), cells).tolist()
+        == visibility.resolution(alone[0].empty(), cells).tolist()
+    )
 
 
-def test_a_camera_sees_heads_at_pixels_a_metre(crowd: Crowd) -> None:
+def test_a_camera_sees_heads_at_pixels_a_metre(sampled: SampledWorld) -> None:
     lens = "size: [320, 240], vertical_field_of_view_deg: 59"
     camera = f"{{kind: camera, rate_hz: 5, {lens}, mount: {{xyz: [0, 0, 1.6], yaw_deg: 90}}}}"
     scenario = load_scenario("lab-five-people", [f"sensors.camera={camera}"])
-    eye = Eye(scenario, "camera", COVERAGE)
+    visibility = SensorVisibility(scenario, "camera", COVERAGE)
     cells = np.array([[0.0, 1.0], [0.0, 2.0], [0.0, 2.8], [0.0, -0.1], [2.9, 0.05]])
     focal = 120 / np.tan(np.deg2rad(59 / 2))
-    sharp = eye.resolution(crowd.empty(), cells)
+    sharp = visibility.resolution(sampled.empty(), cells)
     assert sharp.shape == (2, 5)
     assert sharp[1, :3] == pytest.approx(focal / cells[:3, 1], rel=0.01)  # straight ahead, at the camera's own height
     assert not sharp[:, 3:].any()  # behind it, beside its field
-    seen = eye.people(crowd)
-    near = np.concatenate([np.linalg.norm(each.heads_m - [0, 0, 1.6], axis=1) for each in crowd.moments])
+    seen = visibility.people(sampled)
+    near = np.concatenate([np.linalg.norm(each.heads_m - [0, 0, 1.6], axis=1) for each in sampled.samples])
     assert seen.any() and (near[seen] < focal / 60 * 1.3).all()
 
 
-def test_what_stands_before_a_cell_hides_it(crowd: Crowd) -> None:
-    eye = Eye(crowd.scenario, "waist", COVERAGE)
-    moment = crowd.moments[0]
-    cells = floor_cells(crowd.area, 0.1)
-    empty = eye.resolution(crowd.empty(), cells)[0].copy()
-    among = eye.resolution(crowd.at(moment), cells)[0].copy()
+def test_what_stands_before_a_cell_hides_it(sampled: SampledWorld) -> None:
+    visibility = SensorVisibility(sampled.scenario, "waist", COVERAGE)
+    sample = sampled.samples[0]
+    cells = floor_cells(sampled.area, 0.1)
+    empty = visibility.resolution(sampled.empty(), cells)[0].copy()
+    among = visibility.resolution(sampled.at(sample), cells)[0].copy()
     assert (among <= empty).all() and (among < empty).mean() > 0.02
     gap = np.hypot(*cells.T)
     assert empty == pytest.approx(
         2 * np.degrees(np.arctan2(0.175, gap)) / 0.5
     )  # nothing hides the lab's floor at 0.95 m
-    one = Eye(crowd.scenario, "waist", Coverage(of="floor", beams=6)).floor(crowd, cells)
+    one = SensorVisibility(sampled.scenario, "waist", Coverage(of="floor", beams=6)).floor(sampled, cells)
     assert one.shape == (3 * len(cells),)

@@ -40,7 +40,7 @@ def _ascending(name: str, low_high: Range | None) -> None:
         )
 
 
-class Place(Strict):
+class FixedPose(Strict):
     """One place: where, and how turned."""
 
     xyz: Point3 = Field(description="x, y, z in the room frame [m]")
@@ -48,7 +48,7 @@ class Place(Strict):
     pitch_deg: FiniteFloat = Field(default=0.0, description="positive looks down [deg]")
 
 
-class Walls(Strict):
+class WallPoses(Strict):
     """Places along the walls, facing into the room."""
 
     height_m: Range = Field(description="lowest and highest place [m]")
@@ -57,19 +57,19 @@ class Walls(Strict):
     every_m: float = Field(default=1.0, gt=0, description="largest step along the wall [m]")
 
     @model_validator(mode="after")
-    def _ordered(self) -> Walls:
+    def _ordered(self) -> WallPoses:
         _ascending("height_m", self.height_m)
         return self
 
 
-class Ceiling(Strict):
+class CeilingPoses(Strict):
     """Places below the ceiling, on a grid."""
 
     every_m: float = Field(default=1.0, gt=0, description="largest step of the grid [m]")
     off_m: Metres = Field(default=0.1, description="how far below the ceiling [m]")
 
 
-class Box(Strict):
+class BoxPoses(Strict):
     """Places on a grid in a box."""
 
     x_m: Range = Field(description="from and to [m]")
@@ -78,13 +78,13 @@ class Box(Strict):
     every_m: float = Field(default=0.5, gt=0, description="largest step of the grid [m]")
 
     @model_validator(mode="after")
-    def _ordered(self) -> Box:
+    def _ordered(self) -> BoxPoses:
         for name in ("x_m", "y_m", "z_m"):
             _ascending(name, getattr(self, name))
         return self
 
 
-class Kind(Strict):
+class DeviceKind(Strict):
     """One of several devices to choose from."""
 
     name: OwnName = Field(description="what to call it in tables")
@@ -94,23 +94,23 @@ class Kind(Strict):
     price: float | None = Field(default=None, ge=0, description="what one costs; none: the entry's price")
 
 
-AS_IS = (Kind(name="as-is"),)
+UNCHANGED = (DeviceKind(name="as-is"),)
 
 
-class Mirror(Strict):
+class MirrorLine(Strict):
     """Every place comes with its image beyond a line across the room; both are occupied."""
 
     x_m: FiniteFloat | None = Field(default=None, description="the line x = this [m]")
     y_m: FiniteFloat | None = Field(default=None, description="the line y = this [m]")
 
     @model_validator(mode="after")
-    def _one(self) -> Mirror:
+    def _one(self) -> MirrorLine:
         if (self.x_m is None) == (self.y_m is None):
             raise ValueError("one line is expected, as in {x_m: 0} or {y_m: 0}")
         return self
 
 
-class Move(Strict):
+class Device(Strict):
     """A device to place: which sensors of the scenario it stands for, where it may hang, how many, at what price.
 
     `sensors` are devices alike, each on its own; `together` one device of several sensors, which keep their poses to the first;
@@ -120,10 +120,10 @@ class Move(Strict):
     sensors: tuple[str, ...] = Field(default=(), description="sensors of the scenario that are such devices, one each")
     together: tuple[str, ...] = Field(default=(), description="sensors of the scenario that are moved as one")
     housing: str | None = Field(default=None, description="the housing of the scenario that is moved")
-    places: tuple[Place, ...] = Field(default=(), description="places to choose from")
-    walls: Walls | None = Field(default=None, description="places along the walls; none: not there")
-    ceiling: Ceiling | None = Field(default=None, description="places below the ceiling; none: not there")
-    box: Box | None = Field(default=None, description="places in a box; none: not there")
+    places: tuple[FixedPose, ...] = Field(default=(), description="places to choose from")
+    walls: WallPoses | None = Field(default=None, description="places along the walls; none: not there")
+    ceiling: CeilingPoses | None = Field(default=None, description="places below the ceiling; none: not there")
+    box: BoxPoses | None = Field(default=None, description="places in a box; none: not there")
     yaw_deg: Range | None = Field(
         default=None,
         description="turns to try, from the place's own direction, off the wall for one [deg]; none: that alone",
@@ -136,17 +136,19 @@ class Move(Strict):
     aim: Literal["area"] | None = Field(
         default=None, description="'area': turned to the middle of the tracked area, cameras tilted to it too"
     )
-    kinds: Annotated[tuple[Kind, ...], Field(min_length=1)] = Field(
-        default=AS_IS, description="devices to choose from; none: the scenario's own sensor"
+    kinds: Annotated[tuple[DeviceKind, ...], Field(min_length=1)] = Field(
+        default=UNCHANGED, description="devices to choose from; none: the scenario's own sensor"
     )
-    mirrored: Mirror | None = Field(default=None, description="places in pairs on both sides of a line; none: single")
+    mirrored: MirrorLine | None = Field(
+        default=None, description="places in pairs on both sides of a line; none: single"
+    )
     count: tuple[Annotated[int, Field(ge=0, le=32)], Annotated[int, Field(ge=1, le=32)]] | None = Field(
         default=None, description="least and most of them (of pairs, where mirrored); none: as many as in the scenario"
     )
     price: float = Field(default=0.0, ge=0, description="what one costs")
 
     @model_validator(mode="after")
-    def _consistent(self) -> Move:
+    def _consistent(self) -> Device:
         if sum(map(bool, (self.sensors, self.together, self.housing))) != 1:
             raise ValueError("one of sensors, together and housing is expected")
         if not (self.places or self.walls or self.ceiling or self.box):
@@ -181,7 +183,7 @@ class Cable(Strict):
     price_per_m: float = Field(default=0.0, ge=0, description="what a metre costs")
 
 
-class Zone(Strict):
+class KeepFreeZone(Strict):
     """A part of the room in which nothing may hang."""
 
     name: Text = Field(description="what it is, for errors and the plan")
@@ -198,7 +200,7 @@ class Constraints(Strict):
     )
     apart_m: Metres = Field(default=0.0, description="least distance between two devices [m]")
     cable: Cable | None = Field(default=None, description="cables to every device; none: they are not counted")
-    keep_free: tuple[Zone, ...] = Field(default=(), description="zones in which nothing may hang")
+    keep_free: tuple[KeepFreeZone, ...] = Field(default=(), description="zones in which nothing may hang")
     walked_below_m: Metres = Field(
         default=2.2, description="nothing hangs lower than this where people walk [m]; 0: it may"
     )

@@ -17,21 +17,20 @@ from twin.room.model import compiled
 from twin.room.obstacles import Footprints, obstacles_of
 from twin.scenario import Scenario
 from twin.scenario.mount import Mount
-from twin.studies.description import Study
-from twin.studies.mounts import every_mount, positions_at
-from twin.studies.moves import Move
-from twin.studies.refusals import cable_lengths_m, reasons_against
+from twin.studies.candidate_poses import cable_lengths_m, candidate_mounts, rejection_reasons, sensor_positions
+from twin.studies.devices import Device
+from twin.studies.spec import Study
 from twin.world.scene import Scene
 
-_MOST_OPTIONS = 200_000
+_MOST_POSES = 200_000
 
-Candidate = tuple[int, ...]
+Placement = tuple[int, ...]
 """The numbers of its options, ascending; of the scenario's own placement none."""
-OWN: Candidate = ()
+BASELINE: Placement = ()
 
 
 @dataclass(frozen=True)
-class Option:
+class CandidatePose:
     """A device (or a mirrored pair) of one kind at one place: the mounts of its first sensor, or housing, in the room."""
 
     device: str
@@ -42,7 +41,7 @@ class Option:
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class CandidateSet:
     """All options that keep the constraints, and how many there were before.
 
     refused: by device and reason, how many options it takes; positions: of each option, where all of its sensors are (k, 3) [m].
@@ -51,73 +50,73 @@ class Layout:
     study: Study
     scenario: Scenario
     building: Building
-    options: tuple[Option, ...]
+    poses: tuple[CandidatePose, ...]
     positions: tuple[Array, ...]
-    refused: dict[str, dict[str, int]]
-    tried: dict[str, int]
+    rejected: dict[str, dict[str, int]]
+    n_considered: dict[str, int]
 
     @classmethod
-    def of(cls, study: Study, scenario: Scenario, scene: Scene, source: str) -> Layout:
+    def of(cls, study: Study, scenario: Scenario, scene: Scene, source: str) -> CandidateSet:
         """The options in the room of a scenario. Raises InputError, naming `source`, where a device has none."""
         building = building_of(scene)
-        options: list[Option] = []
+        poses: list[CandidatePose] = []
         positions: list[Array] = []
-        refused: dict[str, dict[str, int]] = {}
-        tried: dict[str, int] = {}
+        rejected: dict[str, dict[str, int]] = {}
+        n_considered: dict[str, int] = {}
         faults: list[str] = []
-        for name, move in study.move.items():
-            mounts = every_mount(move, scenario, building, scene)
-            tried[name] = len(mounts)
-            if len(mounts) * len(move.kinds) > _MOST_OPTIONS:
+        for name, device in study.devices.items():
+            mounts = candidate_mounts(device, scenario, building, scene)
+            n_considered[name] = len(mounts)
+            if len(mounts) * len(device.kinds) > _MOST_POSES:
                 faults.append(
-                    f"{source}: move.{name}: has {len(mounts) * len(move.kinds)} places; at most {_MOST_OPTIONS} are expected, "
-                    "by larger steps"
+                    f"{source}: devices.{name}: has {len(mounts) * len(device.kinds)} poses; at most {_MOST_POSES} are "
+                    "expected, by larger steps"
                 )
                 continue
             if not mounts:
-                faults.append(f"{source}: move.{name}: there is no place in the room; larger ranges are expected")
+                faults.append(f"{source}: devices.{name}: there is no place in the room; larger ranges are expected")
                 continue
-            held = [positions_at(move, scenario, each) for each in mounts]
-            reasons = reasons_against(study, building, scene, scenario, move, mounts, held)
+            held = [sensor_positions(device, scenario, each) for each in mounts]
+            reasons = rejection_reasons(study, building, scene, scenario, device, mounts, held)
             left = np.ones(len(mounts), dtype=bool)
             counts = {}
-            for reason, against in reasons.items():
-                counts[reason] = int((left & against).sum())
-                left &= ~against
-            refused[name] = {reason: count for reason, count in counts.items() if count}
+            for reason, violation in reasons.items():
+                counts[reason] = int((left & violation).sum())
+                left &= ~violation
+            rejected[name] = {reason: count for reason, count in counts.items() if count}
             if not left.any():
-                told = ", ".join(f"{count} {reason}" for reason, count in refused[name].items())
+                told = ", ".join(f"{count} {reason}" for reason, count in rejected[name].items())
                 faults.append(
-                    f"{source}: move.{name}: of its {len(mounts)} places none is left: {told}; other places or weaker "
+                    f"{source}: devices.{name}: of its {len(mounts)} places none is left: {told}; other places or weaker "
                     "constraints are expected"
                 )
                 continue
             cable_m = cable_lengths_m(study, building, held)
             for number in np.flatnonzero(left):
-                for kind_number, kind in enumerate(move.kinds):
-                    each = kind.price if kind.price is not None else move.price
+                for kind_number, kind in enumerate(device.kinds):
+                    each = kind.price if kind.price is not None else device.price
                     per_m = study.constraints.cable.price_per_m if study.constraints.cable else 0.0
                     price = each * len(mounts[number]) + per_m * float(cable_m[number])
-                    options.append(Option(name, kind_number, mounts[number], price, float(cable_m[number])))
+                    poses.append(CandidatePose(name, kind_number, mounts[number], price, float(cable_m[number])))
                     positions.append(held[number])
         if faults:
             raise InputError("\n".join(faults))
-        layout = cls(study, scenario, building, tuple(options), tuple(positions), refused, tried)
-        layout._check(source)
-        return layout
+        candidate_set = cls(study, scenario, building, tuple(poses), tuple(positions), rejected, n_considered)
+        candidate_set._check(source)
+        return candidate_set
 
     @cached_property
-    def of_device(self) -> dict[str, list[int]]:
+    def by_device(self) -> dict[str, list[int]]:
         """The options of each device."""
-        found: dict[str, list[int]] = {name: [] for name in self.study.move}
-        for number, option in enumerate(self.options):
-            found[option.device].append(number)
+        found: dict[str, list[int]] = {name: [] for name in self.study.devices}
+        for number, pose in enumerate(self.poses):
+            found[pose.device].append(number)
         return found
 
     @cached_property
     def prices(self) -> Array:
         """What each option costs, (n,)."""
-        return np.array([option.price for option in self.options])
+        return np.array([pose.price for pose in self.poses])
 
     def apart_m(self, one: int, other: int) -> float:
         """The least distance between the devices of two options [m]."""
@@ -128,33 +127,37 @@ class Layout:
         """Whether two options cannot be taken together: nearer than `apart_m`, or the same place."""
         return self.apart_m(one, other) < max(self.study.constraints.apart_m, 1e-6) - 1e-9
 
-    def price(self, candidate: Candidate) -> float:
+    def price(self, placement: Placement) -> float:
         """What the devices and cables of a candidate cost; of the scenario's own placement, what its devices do.
 
         A device of the scenario's own is of the first kind that changes nothing of it, or of the first.
         """
-        if candidate != OWN:
-            return float(self.prices[list(candidate)].sum())
+        if placement != BASELINE:
+            return float(self.prices[list(placement)].sum())
         return sum(
-            self._price_as_it_is(move, name) for move in self.study.move.values() for name in move.sensors or ("",)
+            self._baseline_price(device, name)
+            for device in self.study.devices.values()
+            for name in device.sensors or ("",)
         )
 
-    def _price_as_it_is(self, move: Move, name: str) -> float:
+    def _baseline_price(self, device: Device, name: str) -> float:
         """What a device costs that the scenario has; name: its sensor, "" where it is of several."""
         sensors = self.scenario.sensors
         own = sensors[name].model_dump(mode="json", exclude_none=True) if name else {}
-        alike = [kind for kind in move.kinds if all(own.get(field) == value for field, value in kind.set.items())]
-        kind = (alike or move.kinds)[0]
-        return kind.price if kind.price is not None else move.price
+        indistinguishable = [
+            kind for kind in device.kinds if all(own.get(field) == value for field, value in kind.set.items())
+        ]
+        kind = (indistinguishable or device.kinds)[0]
+        return kind.price if kind.price is not None else device.price
 
-    def against(self, candidate: Iterable[int]) -> str:
+    def violation(self, placement: Iterable[int]) -> str:
         """Why a set of options may not be taken; "" where it may."""
-        chosen = sorted(candidate)
-        for name, move in self.study.move.items():
-            number = sum(self.options[each].device == name for each in chosen)
-            least, most = move.counts
+        chosen = sorted(placement)
+        for name, device in self.study.devices.items():
+            number = sum(self.poses[each].device == name for each in chosen)
+            least, most = device.counts
             if not least <= number <= most:
-                return f"move.{name}.count: {number} of them, {least} to {most} are expected"
+                return f"devices.{name}.count: {number} of them, {least} to {most} are expected"
         return self.conflict(chosen)
 
     def conflict(self, chosen: list[int]) -> str:
@@ -171,14 +174,14 @@ class Layout:
     def _check(self, source: str) -> None:
         """Raise InputError where no set can keep the constraints: the budget, or the distance between devices."""
         constraints, cheapest = self.study.constraints, 0.0
-        for name, numbers in self.of_device.items():
-            least = self.study.move[name].counts[0]
+        for name, numbers in self.by_device.items():
+            least = self.study.devices[name].counts[0]
             cheapest += float(np.sort(self.prices[numbers])[:1].sum()) * least
             spread = np.concatenate([self.positions[each] for each in numbers])
             across_m = float(np.linalg.norm(np.ptp(spread, axis=0)))
             if least >= 2 and across_m < constraints.apart_m:
                 raise InputError(
-                    f"{source}: constraints.apart_m and move.{name}.count: {least} devices {constraints.apart_m:g} m apart do "
+                    f"{source}: constraints.apart_m and devices.{name}.count: {least} devices {constraints.apart_m:g} m apart do "
                     f"not fit in {across_m:.2f} m; a smaller distance or fewer devices are expected"
                 )
         if constraints.budget is not None and cheapest > constraints.budget + 1e-9:

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, FiniteFloat, TypeAdapter, Validation
 from trackers.errors import InputError
 from twin.recording.whole_file import whole_file
 from twin.run.out_folder import locked_folder
-from twin.studies.scoring import Score, score
+from twin.studies.worker import EvaluationTask, evaluate_task
 from twin.suites.cache_keys import MadeFrom, digest_of, whole_code
 from twin.suites.cluster import Place
 from twin.suites.dask_runner import RunTasks, open_place
@@ -35,7 +35,7 @@ class Job:
     key: str
     scenario: str
     seed: int
-    work: Score
+    work: EvaluationTask
     made_from: MadeFrom
 
     @property
@@ -48,7 +48,7 @@ class Job:
 class Outcome:
     """The figures of each tracker, or why there are none."""
 
-    figures: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
+    metrics: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
     error: str = ""
 
 
@@ -66,7 +66,7 @@ class _Line(BaseModel):
 _LINE = TypeAdapter(_Line)
 
 
-class Evaluations:
+class EvaluationStore:
     """What has been evaluated so far, and the means to evaluate more."""
 
     def __init__(
@@ -81,15 +81,15 @@ class Evaluations:
         self._run_tasks = run_tasks
         self._progress = progress
         self._warn = warn
-        self._held: dict[str, tuple[MadeFrom | None, Outcome]] = {}
-        self.evaluated = 0
+        self._recorded: dict[str, tuple[MadeFrom | None, Outcome]] = {}
+        self.n_evaluated = 0
         """So many were evaluated in this run, none of them held before."""
 
-    def hold(self, job: Job, outcome: Outcome) -> None:
+    def record(self, job: Job, outcome: Outcome) -> None:
         """Write down an outcome. Raises InputError where the file cannot be written."""
-        self._held[job.id] = job.made_from, outcome
+        self._recorded[job.id] = job.made_from, outcome
         made_from = json.loads(job.made_from.write())
-        line = with_checksum({"id": job.id, "made_from": made_from, "figures": outcome.figures, "error": outcome.error})
+        line = with_checksum({"id": job.id, "made_from": made_from, "figures": outcome.metrics, "error": outcome.error})
         try:
             with self._path.open("a", encoding="utf-8") as stream:
                 stream.write(line + "\n")
@@ -115,7 +115,7 @@ class Evaluations:
             except InputError as error:
                 self._warn(f"{self._path}: line {number}: {error}; what it held is evaluated again")
                 continue
-            self._held[content.id] = (
+            self._recorded[content.id] = (
                 MadeFrom.read(json.dumps(content.made_from)),
                 Outcome(content.figures, content.error),
             )
@@ -126,35 +126,39 @@ class Evaluations:
 
     def outcomes(self, jobs: Sequence[Job]) -> list[Outcome]:
         """The outcome of each job, on all workers, evaluated where it is not known or was made from other things."""
-        new = {job.id: job for job in jobs if job.id not in self._held or self._held[job.id][0] != job.made_from}
-        changed = {name: job.made_from.changed(self._held[name][0]) for name, job in new.items() if name in self._held}
+        new = {
+            job.id: job for job in jobs if job.id not in self._recorded or self._recorded[job.id][0] != job.made_from
+        }
+        changed = {
+            name: job.made_from.changed(self._recorded[name][0]) for name, job in new.items() if name in self._recorded
+        }
         if changed:
             self._warn(done_again(changed, len(jobs)))
         by_id = {f"evaluation-{number}": job for number, job in enumerate(new.values())}
 
         def ended(end: Ended) -> None:
             done = Outcome(end.value) if end.status == "done" else Outcome(error=end.error.splitlines()[0])
-            self.hold(by_id[end.task.id], done)
+            self.record(by_id[end.task.id], done)
 
         def state(now: State) -> None:
             self._progress(len(new), now)
 
         if new:
             tasks = [Task(name, job.work, _LIMIT_S) for name, job in by_id.items()]
-            self._run_tasks(tasks, score, Listener(ended=ended, state=state), None)
-            self.evaluated += len(new)
-        return [self._held[job.id][1] for job in jobs]
+            self._run_tasks(tasks, evaluate_task, Listener(ended=ended, state=state), None)
+            self.n_evaluated += len(new)
+        return [self._recorded[job.id][1] for job in jobs]
 
 
 @contextmanager
-def open_evaluations(
+def open_store(
     folder: Path,
     study: Mapping[str, Any],
     place: Place,
     resume: bool,
     watcher: Watcher,
     progress: Callable[[int, State], object],
-) -> Iterator[Evaluations]:
+) -> Iterator[EvaluationStore]:
     """The evaluations in a study's folder, held against other processes, and workers for more.
 
     study: as its file has it. Raises InputError for a folder with results of an earlier run without `resume`, and of another
@@ -183,7 +187,7 @@ def open_evaluations(
                 f"--resume: {path}: was made of another study ({', '.join(changed) or 'some fields are gone'} changed); the same "
                 "study, or another folder, is expected"
             )
-        evaluations = Evaluations(folder, open_place(place, stack, watcher), progress, watcher.warned)
+        evaluations = EvaluationStore(folder, open_place(place, stack, watcher), progress, watcher.warned)
         if before is None:
             with whole_file(path) as stream:
                 stream.write(with_checksum(head) + "\n")

@@ -31,7 +31,7 @@ _ACCENT, _OLD = "#b5341f", "#98a0ac"
 
 
 @dataclass(frozen=True)
-class Mounted:
+class PlanSensor:
     """A sensor as it hangs: what is read off the plan."""
 
     number: int
@@ -46,7 +46,7 @@ class Mounted:
     """To the nearest two walls that lie across each other [m]."""
 
 
-def mounted(scenario: Scenario, names: Sequence[str], building: Building) -> list[Mounted]:
+def plan_sensors(scenario: Scenario, names: Sequence[str], building: Building) -> list[PlanSensor]:
     """The named sensors of a scenario, numbered as on the plan."""
     rows = []
     for number, name in enumerate(names, start=1):
@@ -55,13 +55,15 @@ def mounted(scenario: Scenario, names: Sequence[str], building: Building) -> lis
         tilt = 0.0 if isinstance(description, FloorDescription) else mount.pitch_deg  # pyright: ignore[reportAttributeAccessIssue]
         walls = building.walls_nearest(np.array(mount.xyz))
         rows.append(
-            Mounted(number, name, description.kind, *mount.xyz, mount.yaw_deg, tilt, tuple(each[0] for each in walls))
+            PlanSensor(
+                number, name, description.kind, *mount.xyz, mount.yaw_deg, tilt, tuple(each[0] for each in walls)
+            )
         )
     return rows
 
 
-def plan(
-    scenario: Scenario, own: Scenario, sensors: Sequence[Mounted], building: Building, area: Array
+def floor_plan(
+    scenario: Scenario, own: Scenario, sensors: Sequence[PlanSensor], building: Building, area: Array
 ) -> tuple[str, int, float]:
     """The plan as SVG, the scale 1 : n that it is drawn to, and its width [mm]."""
     from matplotlib.figure import Figure
@@ -125,7 +127,7 @@ def _room(axes: Axes, building: Building, area: Array) -> None:
     axes.set_aspect("equal")
 
 
-def _numbered(axes: Axes, sensors: Sequence[Mounted], size: float) -> None:
+def _numbered(axes: Axes, sensors: Sequence[PlanSensor], size: float) -> None:
     """Dots with the sensors' numbers; those that hang one above the other share one."""
     at: dict[tuple[float, float], list[str]] = {}
     for each in sensors:
@@ -138,7 +140,7 @@ def _numbered(axes: Axes, sensors: Sequence[Mounted], size: float) -> None:
 
 
 def heat_map(
-    cells_m: Array, values: Array, cell_m: float, sensors: Sequence[Mounted], building: Building, area: Array, *,
+    cells_m: Array, values: Array, cell_m: float, sensors: Sequence[PlanSensor], building: Building, area: Array, *,
     label: str, least: float | None = None, most: float | None = None,
 ) -> str:  # fmt: skip
     """Values (n,) at cells (n, 2) [m] as SVG; those below `least` are blind, and hatched."""
@@ -189,7 +191,7 @@ def heat_map(
         return svg_of(figure)
 
 
-def pareto(
+def pareto_plot(
     points: NDArray[np.float64], front: NDArray[np.bool_], own: int, best: int, labels: tuple[str, str], errors: Array
 ) -> str:
     """Candidates (n, 2), the second beside the first, the front joined, as SVG; errors (n,): standard errors of the second."""
@@ -211,11 +213,11 @@ def pareto(
         return svg_of(figure)
 
 
-def tried(
+def trial_map(
     places_m: Array,
     values: Array,
     own_m: Array,
-    sensors: Sequence[Mounted],
+    sensors: Sequence[PlanSensor],
     building: Building,
     area: Array,
     label: str,

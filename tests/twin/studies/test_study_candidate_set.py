@@ -13,46 +13,53 @@ from small_study import written
 from trackers.errors import InputError
 from twin.scenario import load_scenario
 from twin.scenario.housings import in_the_room
-from twin.studies.layout import OWN, Layout
-from twin.studies.placed import placed, write_scenario
-from twin.studies.prepare import Prepared, prepare
+from twin.studies.apply_placement import apply_placement, write_scenario
+from twin.studies.candidate_set import BASELINE, CandidateSet
+from twin.studies.preflight import PreparedStudy, prepare
 
 
-def prepared(folder: Path, **changes: Any) -> Prepared:
+def prepared(folder: Path, **changes: Any) -> PreparedStudy:
     return prepare(written(folder, **changes))
 
 
-def mounts(layout: Layout) -> list[tuple]:
-    return [mount.xyz for option in layout.options for mount in option.mounts]
+def mounts(candidate_set: CandidateSet) -> list[tuple]:
+    return [mount.xyz for option in candidate_set.poses for mount in option.mounts]
 
 
 def test_no_place_is_amid_the_floor_in_a_wall_or_outside(tmp_path: Path) -> None:
     box = {"x_m": [-4, 4], "y_m": [-2, 5], "z_m": [0.95, 2.45], "every_m": 0.5}
-    move = {"waist": {"sensors": ["waist"], "box": box}}
-    layout = prepared(tmp_path, move=move).layout
-    places = np.array(mounts(layout))
+    devices = {"waist": {"sensors": ["waist"], "box": box}}
+    candidate_set = prepared(tmp_path, devices=devices).candidate_set
+    places = np.array(mounts(candidate_set))
     walked = (np.abs(places[:, 0]) < 2.2) & (places[:, 1] > 0.4) & (places[:, 1] < 3.0)
     assert walked.any() and (places[walked, 2] >= 2.2).all()
     assert np.abs(places[:, 0]).max() <= 3.0 and places[:, 1].min() > -0.3 and places[:, 1].max() < 4.3
-    assert set(layout.refused["waist"]) >= {"outside the building", "where people walk below 2.2 m"}
-    everywhere = prepared(tmp_path, move=move, constraints__walked_below_m=0).layout
-    assert len(everywhere.options) > len(layout.options)
+    assert set(candidate_set.rejected["waist"]) >= {"outside the building", "where people walk below 2.2 m"}
+    everywhere = prepared(tmp_path, devices=devices, constraints__walked_below_m=0).candidate_set
+    assert len(everywhere.poses) > len(candidate_set.poses)
 
 
 def test_a_rig_keeps_its_poses_and_counts_price_cable_and_distance(tmp_path: Path) -> None:
     ready = prepared(
-        tmp_path, move__rig__count=[1, 2], constraints={"apart_m": 2, "cable": {"from": [0, 0, 0], "price_per_m": 10}}
+        tmp_path,
+        devices__rig__count=[1, 2],
+        constraints={"apart_m": 2, "cable": {"from": [0, 0, 0], "price_per_m": 10}},
     )
-    layout = ready.layout
-    assert layout.prices[0] == pytest.approx(1500 + 10 * layout.options[0].cable_m) and layout.options[0].cable_m > 0.5
-    near = next((a, b) for a in range(9) for b in range(a + 1, 10) if layout.apart_m(a, b) < 2)
-    assert "apart_m" in layout.against(near) and "count" in layout.against((0, 1, 2))
-    moved = placed(ready.study, ready.scenario, [layout.options[0]])
+    candidate_set = ready.candidate_set
+    assert (
+        candidate_set.prices[0] == pytest.approx(1500 + 10 * candidate_set.poses[0].cable_m)
+        and candidate_set.poses[0].cable_m > 0.5
+    )
+    near = next((a, b) for a in range(9) for b in range(a + 1, 10) if candidate_set.apart_m(a, b) < 2)
+    assert "apart_m" in candidate_set.violation(near) and "count" in candidate_set.violation((0, 1, 2))
+    moved = apply_placement(ready.study, ready.scenario, [candidate_set.poses[0]])
     waist, knee = (in_the_room(moved, name).mount for name in ("waist", "knee"))
     assert np.array(waist.xyz) - np.array(knee.xyz) == pytest.approx([0, 0, 0.5])
-    assert waist.xyz == pytest.approx(layout.options[0].mounts[0].xyz) and waist.yaw_deg == pytest.approx(knee.yaw_deg)
-    far = next((a, b) for a in range(9) for b in range(a + 1, 10) if layout.apart_m(a, b) > 2)
-    two = placed(ready.study, ready.scenario, [layout.options[each] for each in far])
+    assert waist.xyz == pytest.approx(candidate_set.poses[0].mounts[0].xyz) and waist.yaw_deg == pytest.approx(
+        knee.yaw_deg
+    )
+    far = next((a, b) for a in range(9) for b in range(a + 1, 10) if candidate_set.apart_m(a, b) > 2)
+    two = apply_placement(ready.study, ready.scenario, [candidate_set.poses[each] for each in far])
     assert sorted(two.sensors) == ["knee", "knee-rig-2", "waist", "waist-rig-2"]
 
 
@@ -64,34 +71,34 @@ def test_pairs_are_mirrored_and_kinds_change_the_sensor(tmp_path: Path) -> None:
         "kinds": [{"name": "far", "set": {"range_max_m": 20}, "price": 7}, {"name": "near", "set": {"range_max_m": 3}}],
         "price": 5,
     }
-    ready = prepared(tmp_path, move={"waist": waist})
-    first, second = ready.layout.options
+    ready = prepared(tmp_path, devices={"waist": waist})
+    first, second = ready.candidate_set.poses
     assert [mount.xyz[0] for mount in first.mounts] == [-2.5, 2.5] and first.mounts[1].yaw_deg == pytest.approx(120)
     assert (first.price, second.price) == (14, 10)
-    moved = placed(ready.study, ready.scenario, [second])
+    moved = apply_placement(ready.study, ready.scenario, [second])
     assert moved.sensors["waist-2"].range_max_m == 3 and moved.sensors["knee"] == ready.scenario.sensors["knee"]  # pyright: ignore
 
 
 def test_the_scenarios_own_devices_cost_what_the_kind_costs_that_they_are(tmp_path: Path) -> None:
     kinds = [{"name": "near", "set": {"range_max_m": 3}, "price": 100}, {"name": "far", "price": 400}]
     waist = {"sensors": ["waist"], "places": [{"xyz": [-2.5, 0.2, 0.9], "yaw_deg": 60}], "kinds": kinds}
-    assert prepared(tmp_path, move={"waist": waist}).layout.price(OWN) == 400
+    assert prepared(tmp_path, devices={"waist": waist}).candidate_set.price(BASELINE) == 400
     near = [{"scenario": "lab-five-people", "set": {"duration_s": 1.5, "sensors.waist.range_max_m": 3}}]
-    assert prepared(tmp_path, move={"waist": waist}, scenarios=near).layout.price(OWN) == 100
+    assert prepared(tmp_path, devices={"waist": waist}, scenarios=near).candidate_set.price(BASELINE) == 100
     pair = {**waist, "sensors": ["waist", "knee"], "kinds": kinds[:1]}
-    assert prepared(tmp_path, move={"waist": pair}).layout.price(OWN) == 200
+    assert prepared(tmp_path, devices={"waist": pair}).candidate_set.price(BASELINE) == 200
 
 
 def test_what_cannot_be_is_told(tmp_path: Path) -> None:
     scenarios = [{"scenario": "lab-faults"}]
-    move = {
+    devices = {
         "waist": {"sensors": ["waist"], "places": [{"xyz": [0, 3.6, 0.9]}], "tilt_deg": [0, 60], "tilt_every_deg": 60}
     }
-    ready = prepared(tmp_path, move=move, scenarios=scenarios, trackers=["laser-imm"])
+    ready = prepared(tmp_path, devices=devices, scenarios=scenarios, trackers=["laser-imm"])
     with pytest.raises(
         InputError, match=r"sensors.waist.role: a waist scanner scans level, and this one is tilted by 60°"
     ):
-        placed(ready.study, ready.scenario, [ready.layout.options[1]])
+        apply_placement(ready.study, ready.scenario, [ready.candidate_set.poses[1]])
 
 
 def test_devices_of_an_entry_of_several_take_its_name_with_what_is_said_of_them(tmp_path: Path) -> None:
@@ -100,12 +107,12 @@ def test_devices_of_an_entry_of_several_take_its_name_with_what_is_said_of_them(
         "faults: {gone: {kind: dropout, sensor: [west], from_s: 1, to_s: 2}}\n"
     )
     places = [{"xyz": [-12.8, y, 0.35]} for y in (-3.0, -2.0, 3.0)]
-    move = {"scanner": {"sensors": ["west", "east"], "places": places, "count": [1, 3]}}
-    ready = prepared(tmp_path, move=move, scenarios=[{"scenario": "late.yaml"}], trackers=["sort"])
-    moved = placed(ready.study, ready.scenario, list(ready.layout.options))
+    devices = {"scanner": {"sensors": ["west", "east"], "places": places, "count": [1, 3]}}
+    ready = prepared(tmp_path, devices=devices, scenarios=[{"scenario": "late.yaml"}], trackers=["sort"])
+    moved = apply_placement(ready.study, ready.scenario, list(ready.candidate_set.poses))
     assert sorted(moved.sensors) == ["scanner-1", "scanner-2", "scanner-3"]
     assert moved.main_sensor == "scanner-2" and moved.faults["gone"].sensor == ("scanner-1",)
-    one = placed(ready.study, ready.scenario, [ready.layout.options[0]])
+    one = apply_placement(ready.study, ready.scenario, [ready.candidate_set.poses[0]])
     assert list(one.sensors) == ["scanner-1"] and one.main_sensor is None
     path = tmp_path / "recommended.yaml"
     own_file = tmp_path / "late.yaml"
@@ -120,16 +127,16 @@ def test_a_new_device_takes_no_name_of_a_sensor_that_stays(tmp_path: Path) -> No
         "sensors: {fisheye: null, waist-2: {kind: laser, role: waist, rate_hz: 10, mount: {xyz: [0, 3.6, 0.95], yaw_deg: -90}}}\n"
     )
     places = [{"xyz": [x, 0.2, 0.9], "yaw_deg": 90} for x in (-1.0, 1.0)]
-    move = {"waist": {"sensors": ["waist"], "places": places, "count": [1, 2]}}
-    ready = prepared(tmp_path, move=move, scenarios=[{"scenario": "taken.yaml"}])
-    with pytest.raises(InputError, match=r"move.waist: 'waist-2' is a sensor that stays; another name of the entry"):
-        placed(ready.study, ready.scenario, list(ready.layout.options))
+    devices = {"waist": {"sensors": ["waist"], "places": places, "count": [1, 2]}}
+    ready = prepared(tmp_path, devices=devices, scenarios=[{"scenario": "taken.yaml"}])
+    with pytest.raises(InputError, match=r"devices.waist: 'waist-2' is a sensor that stays; another name of the entry"):
+        apply_placement(ready.study, ready.scenario, list(ready.candidate_set.poses))
 
 
 def test_the_file_that_is_recommended_loads_to_the_placement(tmp_path: Path) -> None:
     ready = prepared(tmp_path)
     own_file = next(iter(ready.files.values()))
-    moved = placed(ready.study, ready.scenario, [ready.layout.options[3]])
+    moved = apply_placement(ready.study, ready.scenario, [ready.candidate_set.poses[3]])
     path = tmp_path / "recommended.yaml"
     write_scenario(path, load_scenario(own_file), moved, own_file, "there", "moved")
     loaded = load_scenario(path)
@@ -144,8 +151,8 @@ def test_a_housing_is_moved_with_what_hangs_on_it(tmp_path: Path) -> None:
         "extends: lab-five-people\nname: poled\nduration_s: 1\nhousings: {pole: {mount: {xyz: [0, 0, 0]}}}\n"
         "sensors:\n  fisheye: null\n  waist: {housing: pole}\n  knee: {housing: pole}\n"
     )
-    move = {"pole": {"housing": "pole", "places": [{"xyz": [2.4, 0.2, 0], "yaw_deg": 90}], "count": [1, 1]}}
-    ready = prepared(tmp_path, move=move, scenarios=[{"scenario": "poled.yaml"}])
-    moved = placed(ready.study, ready.scenario, list(ready.layout.options))
+    devices = {"pole": {"housing": "pole", "places": [{"xyz": [2.4, 0.2, 0], "yaw_deg": 90}], "count": [1, 1]}}
+    ready = prepared(tmp_path, devices=devices, scenarios=[{"scenario": "poled.yaml"}])
+    moved = apply_placement(ready.study, ready.scenario, list(ready.candidate_set.poses))
     assert in_the_room(moved, "waist").mount.xyz == pytest.approx((2.4, 0.2, 0.95))
     assert in_the_room(moved, "knee").mount.yaw_deg == pytest.approx(180)

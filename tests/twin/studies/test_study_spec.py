@@ -12,10 +12,10 @@ from small_study import written
 from trackers.errors import InputError
 from twin import models
 from twin.scenario import load_scenario
-from twin.studies.description import Study, load_study
-from twin.studies.placed import write_scenario
-from twin.studies.prepare import prepare
+from twin.studies.apply_placement import write_scenario
+from twin.studies.preflight import prepare
 from twin.studies.run import run_study
+from twin.studies.spec import Study, load_study
 from twin.suites.cluster import Place
 
 PLACE = {"xyz": [0, 3.6, 0.95], "yaw_deg": -90}
@@ -28,7 +28,7 @@ OUTSIDE = {"xyz": [40, 40, 0.95]}
 def test_shipped_studies_are_ready_to_run(name: str) -> None:
     prepared = prepare(name)
     assert prepared.study.name == name and prepared.study.description
-    assert all(prepared.layout.of_device.values())
+    assert all(prepared.candidate_set.by_device.values())
 
 
 def test_the_schema_describes_every_field() -> None:
@@ -37,7 +37,8 @@ def test_the_schema_describes_every_field() -> None:
     assert not [
         field
         for each in definitions
-        if each.get("title") in ("Study", "Move", "Coverage", "Search", "Objective", "Constraints", "Cable", "Zone")
+        if each.get("title")
+        in ("Study", "Device", "Coverage", "Search", "Objective", "Constraints", "Cable", "KeepFreeZone")
         for field, content in each["properties"].items()
         if "description" not in content
     ]
@@ -45,7 +46,7 @@ def test_the_schema_describes_every_field() -> None:
 
 
 def test_every_fault_is_told_at_once(tmp_path: Path) -> None:
-    path = written(tmp_path, search__method="magic", move__rig__walls__height_m=[2, 1], seeds=[-1], colour="red")
+    path = written(tmp_path, search__method="magic", devices__rig__walls__height_m=[2, 1], seeds=[-1], colour="red")
     with pytest.raises(InputError) as raised:
         load_study(path)
     lines = str(raised.value).splitlines()
@@ -55,8 +56,8 @@ def test_every_fault_is_told_at_once(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"move__rig__walls__height_m": [2, 1]}, "height_m: 2 to 1 is upside down; the lower end first is expected, as in"),
-        ({"move__rig__count": [3, 1]}, "count: 3 to 1 is upside down"),
+        ({"devices__rig__walls__height_m": [2, 1]}, "height_m: 2 to 1 is upside down; the lower end first is expected, as in"),
+        ({"devices__rig__count": [3, 1]}, "count: 3 to 1 is upside down"),
         ({"held_out__seeds": [1000]}, "held_out.seeds: 1000 is a search seed too; others than 1000, 1001 are expected"),
         ({"search__replicates": [2, 16]}, "search.replicates: 16 seeds are asked for and seeds has 2"),
         ({"search__method": "exact"}, "search.method: 'exact' goes by coverage as a share, and objectives.0 is laser-imm: hota"),
@@ -64,26 +65,27 @@ def test_every_fault_is_told_at_once(tmp_path: Path) -> None:
         ({"objectives": [{"kind": "metric", "metric": "ms_per_frame.mean"}]}, "there is no figure 'ms_per_frame.mean'"),
         ({"objectives__0__tracker": "sort"}, "objectives.0.tracker: 'sort' is none of the trackers; valid are laser-imm"),
         ({"trackers": ["laser-omm"]}, "trackers.0: there is no tracker 'laser-omm'; valid are "),
-        ({"move__rig__together": ["waste"]}, "move.rig.together: lab-five-people has no sensor 'waste'; valid are waist, knee"),
-        ({"move__rig__walls": None}, "no place is given; places, walls, ceiling or box is expected"),
-        ({"move__rig__together": None}, "one of sensors, together and housing is expected"),
+        ({"devices__rig__together": ["waste"]},
+         "devices.rig.together: lab-five-people has no sensor 'waste'; valid are waist, knee"),
+        ({"devices__rig__walls": None}, "no place is given; places, walls, ceiling or box is expected"),
+        ({"devices__rig__together": None}, "one of sensors, together and housing is expected"),
         ({"scenarios__0__scenario": "lab"}, "scenarios.0.scenario: there is no scenario 'lab'"),
         ({"constraints__budget": 100}, "constraints.budget: 100 is below the cheapest set, which costs 1500; at least that"),
         (
-            {"move__rig__walls": None, "move__rig__places": [AMID]},
-            "move.rig: of its 1 places none is left: 1 where people walk below 2.2 m; other places or weaker constraints",
+            {"devices__rig__walls": None, "devices__rig__places": [AMID]},
+            "devices.rig: of its 1 places none is left: 1 where people walk below 2.2 m; other places or weaker constraints",
         ),
         (
-            {"move__rig__walls": None, "move__rig__places": [OUTSIDE]},
-            "move.rig: of its 1 places none is left: 1 outside the building",
+            {"devices__rig__walls": None, "devices__rig__places": [OUTSIDE]},
+            "devices.rig: of its 1 places none is left: 1 outside the building",
         ),
         (
-            {"move__rig__walls": None, "move__rig__places": [{"xyz": [0, -0.3, 0.95]}]},
+            {"devices__rig__walls": None, "devices__rig__places": [{"xyz": [0, -0.3, 0.95]}]},
             "none is left: 1 inside a wall or a thing",
         ),
         (
-            {"move__rig__count": [2, 2], "constraints__apart_m": 50},
-            "constraints.apart_m and move.rig.count: 2 devices 50 m apart do not fit in",
+            {"devices__rig__count": [2, 2], "constraints__apart_m": 50},
+            "constraints.apart_m and devices.rig.count: 2 devices 50 m apart do not fit in",
         ),
         (
             {"constraints__cable": {"from": [0, 0, 0], "most_m": 0.1}},
@@ -95,7 +97,7 @@ def test_every_fault_is_told_at_once(tmp_path: Path) -> None:
         ),
         ({"trackers": ["waist-fisheye-imm"], "objectives__0__tracker": "waist-fisheye-imm"},
          "trackers.0: 'waist-fisheye-imm' makes no use of knee, which the study moves"),
-        ({"search__method": "exhaustive", "move__rig__count": [4, 4], "move__rig__walls__every_m": 0.8},
+        ({"search__method": "exhaustive", "devices__rig__count": [4, 4], "devices__rig__walls__every_m": 0.8},
          "'exhaustive' would try "),
         (
             {"objectives": [{"kind": "metric", "metric": "head_error_m.x"}]},
@@ -116,21 +118,21 @@ def test_bad_input_is_one_sentence_and_nothing_is_written(
 
 
 def test_a_tracker_that_ignores_what_is_moved_is_refused(tmp_path: Path) -> None:
-    move = {"camera": {"sensors": ["fisheye"], "places": [PLACE]}}
-    path = written(tmp_path, move=move, scenarios=[{"scenario": "lab-five-people"}])
+    devices = {"camera": {"sensors": ["fisheye"], "places": [PLACE]}}
+    path = written(tmp_path, devices=devices, scenarios=[{"scenario": "lab-five-people"}])
     with pytest.raises(InputError, match=r"trackers.0: 'laser-imm' makes no use of fisheye, which the study moves"):
         prepare(path)
 
 
 def test_a_floor_lies_on_the_floor(tmp_path: Path) -> None:
-    move = {"floor": {"sensors": ["floor"], "walls": {"height_m": [1, 1]}}}
-    path = written(tmp_path, move=move, scenarios=[{"scenario": "home-three-people"}], trackers=["floor-kalman"])
+    devices = {"floor": {"sensors": ["floor"], "walls": {"height_m": [1, 1]}}}
+    path = written(tmp_path, devices=devices, scenarios=[{"scenario": "home-three-people"}], trackers=["floor-kalman"])
     with pytest.raises(
-        InputError, match=r"move.floor: 'floor' is a pressure floor, which lies on the floor; places or a box"
+        InputError, match=r"devices.floor: 'floor' is a pressure floor, which lies on the floor; places or a box"
     ):
         prepare(path)
-    move = {"floor": {"sensors": ["floor"], "places": [{"xyz": [0.9, 0, 0]}, {"xyz": [-1.8, -1.4, 0.5]}]}}
-    path = written(tmp_path, move=move, scenarios=[{"scenario": "home-three-people"}], trackers=["floor-kalman"])
+    devices = {"floor": {"sensors": ["floor"], "places": [{"xyz": [0.9, 0, 0]}, {"xyz": [-1.8, -1.4, 0.5]}]}}
+    path = written(tmp_path, devices=devices, scenarios=[{"scenario": "home-three-people"}], trackers=["floor-kalman"])
     with pytest.raises(InputError, match=r"of its 2 places none is left: 2 not on the floor of the room"):
         prepare(path)
 
@@ -141,17 +143,17 @@ def test_an_unknown_study_is_named_with_those_there_are() -> None:
 
 
 def test_a_tracker_that_judges_nothing_may_ignore_what_is_moved(tmp_path: Path) -> None:
-    move = {"camera": {"sensors": ["fisheye"], "places": [PLACE]}}
+    devices = {"camera": {"sensors": ["fisheye"], "places": [PLACE]}}
     objectives = [{"kind": "coverage"}, {"kind": "price"}]
     path = written(
-        tmp_path, move=move, scenarios=[{"scenario": "lab-five-people"}], objectives=objectives, held_out=None
+        tmp_path, devices=devices, scenarios=[{"scenario": "lab-five-people"}], objectives=objectives, held_out=None
     )
     assert [each.target for each in prepare(path).trackers] == ["laser-imm"]
 
 
 @pytest.mark.parametrize("height", [[0.9], 0.9, [0.9, 0.9]])
 def test_one_value_is_a_range(height: Any, tmp_path: Path) -> None:
-    walls = load_study(str(written(tmp_path, move__rig__walls__height_m=height)))[0].move["rig"].walls
+    walls = load_study(str(written(tmp_path, devices__rig__walls__height_m=height)))[0].devices["rig"].walls
     assert walls is not None and walls.height_m == (0.9, 0.9)
 
 

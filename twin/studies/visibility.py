@@ -22,7 +22,7 @@ from twin.scenario.housings import in_the_room
 from twin.scenario.sensors import LaserDescription
 from twin.sensors.fan import Fan
 from twin.sensors.rays import cast
-from twin.studies.description import Coverage
+from twin.studies.spec import Coverage
 from twin.truth.visibility import SensorView, first_met, sensor_view
 from twin.world.staged import Staged
 from twin.world.world import World
@@ -35,7 +35,7 @@ _SIGHTS = np.array([-2 / 3, 0.0, 2 / 3])
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
+class WorldSample:
     """The world at one moment, kept: poses of geoms; of the people in the area ids (n,), heads (n, 3), points (n, k, 3) [m]."""
 
     scene: int  # which of the crowd's scenes has the bodies
@@ -46,7 +46,7 @@ class Moment:
     points_m: Array
 
 
-class Crowd:
+class SampledWorld:
     """Moments of a scenario's people, or of the empty room, to be looked at by any sensor."""
 
     def __init__(self, scenario: Scenario, staged: Staged | None, times_s: Sequence[float]) -> None:
@@ -55,7 +55,7 @@ class Crowd:
         world = World(scenario, staged)
         self.area = world.scene.area
         area, ids = Area(self.area), np.array([world.scene.ids[name] for name in world.scene.names], dtype=np.int16)
-        self.moments: list[Moment] = []
+        self.samples: list[WorldSample] = []
         self._scenes: list[Snapshot] = []  # others have bodies when others come: one a cast
         for t in times_s:
             snapshot = world.snapshot(t)
@@ -64,8 +64,8 @@ class Crowd:
             bodies, data = world.scene.bodies, snapshot.data
             qpos, present = world.people.qpos(t), world.people.present(t)
             there = present & area.contains(qpos[:, :2])
-            self.moments.append(
-                Moment(
+            self.samples.append(
+                WorldSample(
                     len(self._scenes) - 1, data.geom_xpos.copy(), data.geom_xmat.copy(), ids[there],
                     data.site_xpos[bodies.head_site[there]].copy(), data.site_xpos[bodies.point_site[there]].copy(),
                 )
@@ -78,9 +78,9 @@ class Crowd:
         """The room without anybody."""
         return self._posed(-1, *self._room)
 
-    def at(self, moment: Moment) -> Snapshot:
+    def at(self, sample: WorldSample) -> Snapshot:
         """The world at a moment, for rays alone."""
-        return self._posed(moment.scene, moment.geom_xpos, moment.geom_xmat)
+        return self._posed(sample.scene, sample.geom_xpos, sample.geom_xmat)
 
     def _posed(self, scene: int, xpos: Array, xmat: Array) -> Snapshot:
         snapshot = self._scenes[scene]
@@ -88,12 +88,12 @@ class Crowd:
         return snapshot
 
     @property
-    def n_person_moment(self) -> int:
+    def n_person_frame(self) -> int:
         """How many rows of people there are."""
-        return sum(len(moment.ids) for moment in self.moments)
+        return sum(len(sample.ids) for sample in self.samples)
 
 
-class Eye:
+class SensorVisibility:
     """One scanner or camera that looks for people and for cells of the floor."""
 
     _look: tuple[Array, NDArray[np.floating], Array, NDArray[np.intp]] | None = (
@@ -116,14 +116,14 @@ class Eye:
             directions = np.ascontiguousarray(rays @ rotation.T)
             self._fan = Fan(view.room_from_sensor_xyz, directions, rotation[:, 2].copy(), description.range_max_m)
 
-    def people(self, crowd: Crowd) -> Mask:
+    def people(self, sampled: SampledWorld) -> Mask:
         """Whom it sees, over all moments (n_person_moment,)."""
-        seen = [self._bodies(crowd.at(moment), moment) for moment in crowd.moments if len(moment.ids)]
-        return np.concatenate([np.zeros(0, dtype=bool), *seen])
+        visible = [self._bodies(sampled.at(sample), sample) for sample in sampled.samples if len(sample.ids)]
+        return np.concatenate([np.zeros(0, dtype=bool), *visible])
 
-    def floor(self, crowd: Crowd, cells_m: Array) -> Mask:
+    def floor(self, sampled: SampledWorld, cells_m: Array) -> Mask:
         """Which cells (n, 2) [m] it sees, at each height and moment in turn: (n,), or more; `resolution` says how well."""
-        snapshots = (crowd.at(moment) for moment in crowd.moments) if crowd.moments else iter([crowd.empty()])
+        snapshots = (sampled.at(sample) for sample in sampled.samples) if sampled.samples else iter([sampled.empty()])
         return np.concatenate([(self.resolution(each, cells_m) >= self._wanted).reshape(-1) for each in snapshots])
 
     @property
@@ -147,19 +147,19 @@ class Eye:
         sharp[free] = np.where((met_m < 0) | (met_m >= gap_m - _NUDGE_M), sharp[free], 0.0)
         return sharp.reshape(len(heights), -1)
 
-    def _bodies(self, snapshot: Snapshot, moment: Moment) -> Mask:
+    def _bodies(self, snapshot: Snapshot, sample: WorldSample) -> Mask:
         """Whom of those in the area it sees at a moment, (n,)."""
         if self._fan is not None:
             geom, _ = self._fan.cast(snapshot, slice(None))
             met = snapshot.person_of_geom[geom[geom >= 0]]
-            counts = np.bincount(met, minlength=int(moment.ids.max()) + 1)
-            return counts[moment.ids] >= self._coverage.beams
+            counts = np.bincount(met, minlength=int(sample.ids.max()) + 1)
+            return counts[sample.ids] >= self._coverage.beams
         head = self._coverage.target == "head"
-        points = moment.heads_m[:, None] if head else moment.points_m
-        _, met = first_met(self.view, snapshot, points, moment.ids)
+        points = sample.heads_m[:, None] if head else sample.points_m
+        _, met = first_met(self.view, snapshot, points, sample.ids)
         local = (points - self.view.room_from_sensor_xyz) @ self.view.room_from_sensor_rotation
         sharp = self._px_per_m(local.reshape(-1, 3)).reshape(local.shape[:2]) >= self._coverage.px_per_m
-        return ((met == moment.ids[:, None]) & sharp).mean(axis=1) >= 0.5
+        return ((met == sample.ids[:, None]) & sharp).mean(axis=1) >= 0.5
 
     def _px_per_m(self, local_m: Array) -> Array:
         """Pixels a metre across the line of sight at points (n, 3) [m] in the camera's frame; 0 outside its picture."""
@@ -209,8 +209,8 @@ def floor_cells(area: Array, cell_m: float) -> Array:
     return cells[Area(area).contains(cells)]
 
 
-def packed(seen: Mask) -> NDArray[np.uint64]:
+def packed(visible: Mask) -> NDArray[np.uint64]:
     """Bits (..., n) as words (..., w), the last one filled with zeros."""
-    padded = np.zeros((*seen.shape[:-1], -(-seen.shape[-1] // 64) * 64), dtype=bool)
-    padded[..., : seen.shape[-1]] = seen
+    padded = np.zeros((*visible.shape[:-1], -(-visible.shape[-1] // 64) * 64), dtype=bool)
+    padded[..., : visible.shape[-1]] = visible
     return np.packbits(padded, axis=-1).view(np.uint64)

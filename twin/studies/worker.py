@@ -39,7 +39,7 @@ _TIMING = {"rate_hz", "phase_s", "delay_s", "jitter_s", "dropout", "sweep_time_s
 
 
 @dataclass(frozen=True)
-class Score:
+class EvaluationTask:
     """A placed scenario (seed included) to be tracked, the cache of motions, and the code that the others run.
 
     details: whether to find out about situations of two people and who is seen by which sensor, which some figures
@@ -56,7 +56,7 @@ class Score:
 
 
 @dataclass
-class _Kept:
+class _CachedScene:
     """A staged scene; by the timing of the sensors that look, its truth and, for scanners alone, its poses: of any placement."""
 
     staged: Staged
@@ -64,26 +64,26 @@ class _Kept:
     posed: dict[str, Posed] = field(default_factory=dict)
 
 
-_kept: OrderedDict[str, _Kept] = OrderedDict()
+_scenes: OrderedDict[str, _CachedScene] = OrderedDict()
 
 
-def _staged(cache: RecordingCache, scenario: Scenario) -> _Kept:
+def _cached_scene(cache: RecordingCache, scenario: Scenario) -> _CachedScene:
     key = people_key(scenario)
-    if key not in _kept:
-        _kept[key] = _Kept(staged_in(cache, scenario))
-        if len(_kept) > _MOST_STAGED:
-            _kept.popitem(last=False)
-    _kept.move_to_end(key)
-    return _kept[key]
+    if key not in _scenes:
+        _scenes[key] = _CachedScene(staged_in(cache, scenario))
+        if len(_scenes) > _MOST_STAGED:
+            _scenes.popitem(last=False)
+    _scenes.move_to_end(key)
+    return _scenes[key]
 
 
 def _timing(scenario: Scenario) -> str:
     return repr([(name, each.model_dump(include=_TIMING)) for name, each in scenario.sensors.items()])
 
 
-def evaluated(work: Score) -> dict[str, Evaluation]:
+def evaluate_placement(work: EvaluationTask) -> dict[str, Evaluation]:
     """The evaluation of each tracker, by name. Raises InputError where the placement cannot be simulated or tracked."""
-    kept, scenario = _staged(work.cache, work.scenario), work.scenario
+    cached, scenario = _cached_scene(work.cache, work.scenario), work.scenario
     timing = _timing(scenario)
     frames: list[TruthFrame] = []
     situations: list[Situation] = []
@@ -92,24 +92,26 @@ def evaluated(work: Score) -> dict[str, Evaluation]:
         if isinstance(detail, Situation):
             situations.append(detail)
 
-    known = timing in kept.truth and not work.details
+    known = timing in cached.truth and not work.details
     with Simulation(
         scenario,
         on_truth=None if known else frames.append,
         on_detail=tell if work.details else None,
-        staged=kept.staged,
+        staged=cached.staged,
         shares=work.details,
     ) as simulation:
         if all(each.kind == "laser" for each in scenario.sensors.values()) and not work.details:
             scene = simulation.world.scene
-            simulation.world.posed = kept.posed.get(timing) or Posed(scene.person_of_geom)
+            simulation.world.posed = cached.posed.get(timing) or Posed(scene.person_of_geom)
         knowledge = Knowledge.read(simulation.background(), scenario.knowledge, simulation.rig)
         observations, rig = list(simulation), simulation.rig
         if simulation.world.posed is not None and len(casts_of(scenario.people)) == 1:
-            kept.posed[timing] = simulation.world.posed  # whole: what is half kept would be asked for in another order
-    truth = kept.truth[timing] if known else truth_table(frames)
+            cached.posed[timing] = (
+                simulation.world.posed
+            )  # whole: what is half kept would be asked for in another order
+    truth = cached.truth[timing] if known else truth_table(frames)
     if not work.details:  # who is seen is of this placement alone
-        kept.truth[timing] = truth
+        cached.truth[timing] = truth
     pairs = situation_table(situations, scenario.name) if work.details else None
     found = {}
     for each in work.trackers:
@@ -129,7 +131,7 @@ def _check_files(scenario: Scenario, made: MadeFrom) -> None:
             raise InputError(f"{what} changed after the study was started; --resume evaluates with what it is now")
 
 
-def score(work: Score) -> dict[str, dict[str, float | None]]:
+def evaluate_task(work: EvaluationTask) -> dict[str, dict[str, float | None]]:
     """The figures of each tracker, by dotted path."""
     if work.code != whole_code():
         raise InputError(
@@ -137,16 +139,16 @@ def score(work: Score) -> dict[str, dict[str, float | None]]:
         )
     if work.made_from is not None:
         _check_files(work.scenario, work.made_from)
-    figures = {name: flat(each.metrics) for name, each in evaluated(work).items()}
+    figures = {name: flat(each.metrics) for name, each in evaluate_placement(work).items()}
     if work.details:
         return figures
     return {name: {key: each[key] for key in each if not key.startswith(DETAILED)} for name, each in figures.items()}
 
 
-def errors_by_place(work: Score, tracker: str) -> NDArray[np.float64]:
+def matched_errors(work: EvaluationTask, tracker: str) -> NDArray[np.float64]:
     """Where people were matched, (n, 3): x, y of the person [m] and how far off their track was [m]."""
-    evaluation = evaluated(work)[tracker]
-    truth = _staged(work.cache, work.scenario).truth[_timing(work.scenario)]
+    evaluation = evaluate_placement(work)[tracker]
+    truth = _cached_scene(work.cache, work.scenario).truth[_timing(work.scenario)]
     keys = {(int(t), int(i)): row for row, (t, i) in enumerate(zip(truth.stamps_ns, truth.id, strict=True))}
     rows = [keys[int(t), int(i)] for t, i in zip(evaluation.match_stamps_ns, evaluation.match_person_ids, strict=True)]
     return np.column_stack([truth.x[rows], truth.y[rows], evaluation.match_distances_m])

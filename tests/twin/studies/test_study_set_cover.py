@@ -9,25 +9,27 @@ import pytest
 from hypothesis import given, settings, strategies
 
 from twin.studies.coverage import at_least, count_bits
-from twin.studies.seen import packed
-from twin.studies.sets import Choice, exact, greedy
+from twin.studies.set_cover import CoverProblem, exact, greedy
+from twin.studies.visibility import packed
 
 
-def made_up(seed: int, n: int = 9, rows: int = 40, k: int = 1, per: int = 1) -> Choice:
+def made_up(seed: int, n: int = 9, rows: int = 40, k: int = 1, per: int = 1) -> CoverProblem:
     rng = np.random.default_rng(seed)
     counts = rng.integers(0, per + 1, (n, rows)) * (rng.random((n, rows)) < 0.4)
     counts = np.minimum(counts, k).astype(float)
     near = rng.random((n, n)) < 0.2
-    may = lambda chosen: not any(near[a, b] for a, b in combinations(sorted(chosen), 2))  # noqa: E731
+    is_allowed = lambda chosen: not any(near[a, b] for a, b in combinations(sorted(chosen), 2))  # noqa: E731
     stay = (rng.random(rows) < 0.1).astype(float)
-    return Choice(counts, stay, rng.integers(1, 5, rows).astype(float), k, ["a"] * 6 + ["b"] * (n - 6), may)
+    return CoverProblem(
+        counts, stay, rng.integers(1, 5, rows).astype(float), k, ["a"] * 6 + ["b"] * (n - 6), is_allowed
+    )
 
 
-def best_of_all(choice: Choice, number: dict[str, int]) -> float:
+def best_of_all(choice: CoverProblem, number: dict[str, int]) -> float:
     found = -1.0
     for chosen in combinations(range(len(choice.device)), sum(number.values())):
         right = all(sum(choice.device[each] == name for each in chosen) == count for name, count in number.items())
-        if right and choice.may(list(chosen)):
+        if right and choice.is_allowed(list(chosen)):
             found = max(found, choice.value(chosen))
     return found
 
@@ -41,7 +43,7 @@ def test_exact_is_the_best_of_all_and_its_bounds_hold(seed: int, k: int, per: in
     if best < 0:
         assert len(found.chosen) < 3
         return
-    assert found.optimal and found.told() == "optimal"
+    assert found.optimal and found.summary() == "optimal"
     assert found.value == pytest.approx(best) and choice.value(found.chosen) == pytest.approx(found.value)
     if len(first.chosen) == 3:
         assert first.value <= found.value + 1e-12
@@ -52,7 +54,7 @@ def test_without_time_exact_is_greedy_and_tells_the_gap() -> None:
     choice = made_up(3, n=30, rows=300)
     found, first = exact(choice, {"a": 2, "b": 3}, 0.0), greedy(choice, {"a": 2, "b": 3})
     assert found.chosen == first.chosen and found.bound >= exact(choice, {"a": 2, "b": 3}, 60).value
-    assert not found.optimal and "below the best" in found.told()
+    assert not found.optimal and "below the best" in found.summary()
 
 
 @given(strategies.integers(0, 1000), strategies.integers(1, 4))

@@ -22,7 +22,7 @@ _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Choice:
+class CoverProblem:
     """Options (n) of devices, over r distinct rows.
 
     counts (n, r): how many sensors of an option see a row, at most k; stay (r,): how many see it anyway; weight (r,): how
@@ -30,18 +30,18 @@ class Choice:
     """
 
     counts: Array
-    stay: Array
+    fixed: Array
     weight: Array
     k: int
     device: Sequence[str]
-    may: Callable[[list[int]], bool]
+    is_allowed: Callable[[list[int]], bool]
 
     def value(self, chosen: Sequence[int]) -> float:
         """The share of rows that enough sensors see."""
         return float(self.weight[self._sensors(chosen) >= self.k].sum() / self.weight.sum())
 
     def _sensors(self, chosen: Sequence[int]) -> Array:
-        return self.stay + self.counts[list(chosen)].sum(axis=0)
+        return self.fixed + self.counts[list(chosen)].sum(axis=0)
 
     def gains(self, chosen: Sequence[int]) -> Array:
         """By how much the value would rise with each option, (n,)."""
@@ -63,7 +63,7 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Found:
+class Cover:
     """A set, what it sees, and what no set sees more than; optimal: whether both are one."""
 
     chosen: tuple[int, ...]
@@ -76,57 +76,57 @@ class Found:
         """Whether it is proven to be the best."""
         return self.bound <= self.value + _ROUNDING
 
-    def told(self) -> str:
+    def summary(self) -> str:
         """'optimal', or the gap."""
         return "optimal" if self.optimal else f"at most {self.bound - self.value:.4f} below the best"
 
 
-def greedy(choice: Choice, number: Mapping[str, int]) -> Found:
+def greedy(choice: CoverProblem, number: Mapping[str, int]) -> Cover:
     """So many options of each device, one after another, each time the one that adds most; then exchanged while that helps.
 
     Fewer where no more may be taken. For k > 1 the first sensor of a row adds nothing to what counts, so that what adds most to
     the bound is tried too, and the better of both taken.
     """
     start = time.perf_counter()
-    ways = [_grown(choice, number, by_bound) for by_bound in ((False, True) if choice.k > 1 else (False,))]
-    chosen = max((_exchanged(choice, each, number) for each in ways), key=lambda each: (len(each), choice.value(each)))
-    bound = min(_after_the_fact(choice, each, number) for each in ways)
+    ways = [_grow(choice, number, by_bound) for by_bound in ((False, True) if choice.k > 1 else (False,))]
+    chosen = max((_exchange(choice, each, number) for each in ways), key=lambda each: (len(each), choice.value(each)))
+    bound = min(_posterior_bound(choice, each, number) for each in ways)
     value = choice.value(chosen)
-    return Found(tuple(sorted(chosen)), value, max(bound, value), time.perf_counter() - start)
+    return Cover(tuple(sorted(chosen)), value, max(bound, value), time.perf_counter() - start)
 
 
-def _grown(choice: Choice, number: Mapping[str, int], by_bound: bool) -> list[int]:
+def _grow(choice: CoverProblem, number: Mapping[str, int], by_bound: bool) -> list[int]:
     chosen: list[int] = []
-    while (open_ := _open(choice, chosen, number)).any():
+    while (open_ := _selectable(choice, chosen, number)).any():
         gains, (_, rise) = choice.gains(chosen), choice.bounds(chosen)
         first, second = (rise, gains) if by_bound else (gains, rise)
         order = np.lexsort((np.arange(len(gains)), -second, -first))
-        best = next((int(each) for each in order if open_[each] and choice.may([*chosen, int(each)])), None)
+        best = next((int(each) for each in order if open_[each] and choice.is_allowed([*chosen, int(each)])), None)
         if best is None:
             break
         chosen.append(best)
     return chosen
 
 
-def _exchanged(choice: Choice, chosen: list[int], number: Mapping[str, int]) -> list[int]:
+def _exchange(choice: CoverProblem, chosen: list[int], number: Mapping[str, int]) -> list[int]:
     """The set after every exchange of one option for another that lets it see more."""
     value, better = choice.value(chosen), True
     while better:
         better = False
         for place in range(len(chosen)):
             rest = [*chosen[:place], *chosen[place + 1 :]]
-            gains = np.where(_open(choice, rest, number), choice.gains(rest), -1.0)
+            gains = np.where(_selectable(choice, rest, number), choice.gains(rest), -1.0)
             base = choice.value(rest)
             for each in np.argsort(-gains, kind="stable"):
                 if base + gains[each] <= value + _ROUNDING:
                     break
-                if choice.may([*rest, int(each)]):
+                if choice.is_allowed([*rest, int(each)]):
                     chosen, value, better = [*rest, int(each)], base + float(gains[each]), True
                     break
     return chosen
 
 
-def _after_the_fact(choice: Choice, chosen: Sequence[int], number: Mapping[str, int]) -> float:
+def _posterior_bound(choice: CoverProblem, chosen: Sequence[int], number: Mapping[str, int]) -> float:
     """What no set of so many sees more than: from each set on the way, its bound and the largest gains from there."""
     total = sum(number.values())
     least = 1.0
@@ -136,7 +136,7 @@ def _after_the_fact(choice: Choice, chosen: Sequence[int], number: Mapping[str, 
     return least
 
 
-def exact(choice: Choice, number: Mapping[str, int], limit_s: float) -> Found:
+def exact(choice: CoverProblem, number: Mapping[str, int], limit_s: float) -> Cover:
     """The best set of so many options of each device, by branch and bound, best bound first; greedy's where time runs out."""
     start = time.perf_counter()
     best = greedy(choice, number)
@@ -154,14 +154,14 @@ def exact(choice: Choice, number: Mapping[str, int], limit_s: float) -> Found:
             bound = max(bound, -least)
             break
         rest = total - len(taken)
-        open_ = _open(choice, taken, number)
+        open_ = _selectable(choice, taken, number)
         if rest == 1:
             gains = choice.gains(taken)
             base = choice.value(taken)
             for each in sorted((each for each in left if open_[each]), key=lambda each: -gains[each]):
                 if base + gains[each] <= value + _ROUNDING:
                     break
-                if choice.may([*taken, each]):
+                if choice.is_allowed([*taken, each]):
                     chosen, value = tuple(sorted((*taken, each))), base + float(gains[each])
                     break
             continue
@@ -172,12 +172,12 @@ def exact(choice: Choice, number: Mapping[str, int], limit_s: float) -> Found:
             above = base + float(sums[place + rest] - sums[place])
             if above <= value + _ROUNDING:
                 break
-            if choice.may([*taken, order[place]]):
+            if choice.is_allowed([*taken, order[place]]):
                 heapq.heappush(waiting, (-above, (*taken, order[place]), tuple(order[place + 1 :])))
-    return Found(chosen, max(value, 0.0), max(bound, value), time.perf_counter() - start)
+    return Cover(chosen, max(value, 0.0), max(bound, value), time.perf_counter() - start)
 
 
-def _open(choice: Choice, chosen: Sequence[int], number: Mapping[str, int]) -> Array:
+def _selectable(choice: CoverProblem, chosen: Sequence[int], number: Mapping[str, int]) -> Array:
     """Which options (n,) are of a device of which more may be taken, and are not taken yet."""
     left = dict(number)
     for each in chosen:

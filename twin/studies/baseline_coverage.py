@@ -15,44 +15,44 @@ from twin.recording.whole_file import whole_file
 from twin.reproduce.page import source_of
 from twin.scenario import Scenario
 from twin.scenario.floor import FloorDescription
+from twin.studies.candidate_set import building_of
 from twin.studies.coverage import at_least, count_bits
-from twin.studies.description import Coverage
-from twin.studies.drawings import heat_map, is_scanner, mounted
-from twin.studies.layout import building_of
 from twin.studies.page import environment
-from twin.studies.seen import Crowd, Eye, floor_cells, packed
+from twin.studies.plots import heat_map, is_scanner, plan_sensors
+from twin.studies.spec import Coverage
+from twin.studies.visibility import SampledWorld, SensorVisibility, floor_cells, packed
 from twin.world.staged import Staged, moved
 
 _CELLS = 10_000
 
 
-def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: float, moments: int) -> dict[str, Any]:
+def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: float, samples: int) -> dict[str, Any]:
     """Write coverage.json and coverage.html; the figures. Raises InputError where no sensor looks, or nobody is there."""
     names = [name for name, each in scenario.sensors.items() if not isinstance(each, FloorDescription)]
     if not names:
         raise InputError(
             f"scenario {scenario.name!r}: sensors: none is a scanner or a camera; one that looks is expected"
         )
-    asked = Coverage(beams=beams, px_per_m=px_per_m, moments=moments)
+    asked = Coverage(beams=beams, px_per_m=px_per_m, samples=samples)
     staged = Staged.of(scenario, moved(scenario))
-    times = ((np.arange(moments) + 0.5) / moments * scenario.duration_s).tolist()
-    crowd = Crowd(scenario, staged, times)
-    area = crowd.area
+    times = ((np.arange(samples) + 0.5) / samples * scenario.duration_s).tolist()
+    sampled = SampledWorld(scenario, staged, times)
+    area = sampled.area
     cell_m = max(0.05, float(np.sqrt(np.prod(np.ptp(area, axis=0)) / _CELLS)))
     cells = floor_cells(area, cell_m)
     building = building_of(staged.scene)
-    eyes = {name: Eye(scenario, name, asked) for name in names}
-    seen = {name: eye.people(crowd) for name, eye in eyes.items()}
-    sharp = {name: eye.resolution(crowd.empty(), cells) for name, eye in eyes.items()}
+    visibilities = {name: SensorVisibility(scenario, name, asked) for name in names}
+    visible = {name: visibility.people(sampled) for name, visibility in visibilities.items()}
+    sharp = {name: visibility.resolution(sampled.empty(), cells) for name, visibility in visibilities.items()}
     least = {name: float(beams) if is_scanner(scenario, name) else px_per_m for name in names}
-    bits = packed(np.array(list(seen.values())))
-    n = max(crowd.n_person_moment, 1)
+    bits = packed(np.array(list(visible.values())))
+    n = max(sampled.n_person_frame, 1)
     found: dict[str, Any] = {
         "scenario": scenario.name,
         "seed": scenario.seed,
         "beams": beams,
         "px_per_m": px_per_m,
-        "person_moments": crowd.n_person_moment,
+        "person_frames": sampled.n_person_frame,
         "people_seen_by_at_least": {str(k): count_bits(at_least(bits, k)) / n for k in range(1, len(names) + 1)},
         "floor_seen_by_at_least": {
             str(k): float((np.sum([sharp[name][-1] >= least[name] for name in names], axis=0) >= k).mean())
@@ -60,13 +60,13 @@ def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: fl
         },
         "sensors": {
             name: {
-                "people": float(seen[name].mean()) if len(seen[name]) else None,
+                "people": float(visible[name].mean()) if len(visible[name]) else None,
                 "floor": float((sharp[name][-1] >= least[name]).mean()),
             }
             for name in names
         },
     }
-    sensors = mounted(scenario, names, building)
+    sensors = plan_sensors(scenario, names, building)
     maps = []
     for scanners, label in ((True, "beams on a body"), (False, "px/m")):
         mine = [name for name in names if is_scanner(scenario, name) == scanners]
@@ -92,9 +92,9 @@ def print_coverage(found: dict[str, Any]) -> None:
     for k, share in found["people_seen_by_at_least"].items():
         floor = found["floor_seen_by_at_least"][k]
         console.print(
-            f"seen by at least {k}: {100 * share:.1f} % of {found['person_moments']} person-moments, {100 * floor:.1f} % of "
+            f"seen by at least {k}: {100 * share:.1f} % of {found['person_frames']} person-frames, {100 * floor:.1f} % of "
             "the floor"
         )
     for name, each in found["sensors"].items():
         people = "–" if each["people"] is None else f"{100 * each['people']:.1f} %"
-        console.print(f"{name}: {people} of person-moments, {100 * each['floor']:.1f} % of the floor")
+        console.print(f"{name}: {people} of person-frames, {100 * each['floor']:.1f} % of the floor")

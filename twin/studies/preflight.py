@@ -17,18 +17,15 @@ from twin.scenario import Scenario, load_scenario
 from twin.scenario.floor import FloorDescription
 from twin.scenario.housings import rig_told
 from twin.streams import stream
-from twin.studies.description import Study, StudyScenario, load_study
-from twin.studies.layout import Layout
-from twin.studies.mounts import first_sensor
-from twin.studies.moves import Move
-from twin.studies.placed import placed
-from twin.studies.trial import key_of
+from twin.studies.apply_placement import apply_placement
+from twin.studies.candidate_set import CandidateSet
+from twin.studies.spec import Study, StudyScenario, load_study, scenario_key
 from twin.suites.overrides import as_texts
 from twin.world.scene import Scene, build_scene
 
 
 @dataclass(frozen=True, eq=False)
-class Prepared:
+class PreparedStudy:
     """A study with what its file names: scenarios by their key, held-out ones too, the trackers, and where devices may hang."""
 
     study: Study
@@ -38,7 +35,7 @@ class Prepared:
     held_out: dict[str, Scenario]
     trackers: tuple[ChosenTracker, ...]
     scene: Scene
-    layout: Layout
+    candidate_set: CandidateSet
 
     @property
     def scenario(self) -> Scenario:
@@ -46,7 +43,7 @@ class Prepared:
         return next(iter(self.scenarios.values()))
 
 
-def prepare(name: str | Path, *, seed_offset: int = 0, trusted: TrustedClasses = NONE_TRUSTED) -> Prepared:
+def prepare(name: str | Path, *, seed_offset: int = 0, trusted: TrustedClasses = NONE_TRUSTED) -> PreparedStudy:
     """Load and check a study. Raises InputError, a line a fault; nothing is simulated or written for it.
 
     seed_offset: added to every seed of the study; trusted: classes that it and its scenarios may name.
@@ -63,11 +60,13 @@ def prepare(name: str | Path, *, seed_offset: int = 0, trusted: TrustedClasses =
         raise InputError("\n".join(dict.fromkeys(faults)))
     chosen = tuple(choose(study.trackers, first.trackers, str(path), trusted, STUDY)) if study.trackers else ()
     scene = build_scene(first)
-    layout = Layout.of(study, first, scene, str(path))
-    faults = list(_faults_of_kinds(study, layout, path)) or list(_unused(study, layout, chosen, scene, path))
+    candidate_set = CandidateSet.of(study, first, scene, str(path))
+    faults = list(_faults_of_kinds(study, candidate_set, path)) or list(
+        _unused(study, candidate_set, chosen, scene, path)
+    )
     if faults:
         raise InputError("\n".join(dict.fromkeys(faults)))
-    return Prepared(study, path, scenarios, files, scenarios | others, chosen, scene, layout)
+    return PreparedStudy(study, path, scenarios, files, scenarios | others, chosen, scene, candidate_set)
 
 
 def _with_offset(study: Study, offset: int) -> Study:
@@ -87,7 +86,7 @@ def _with_offset(study: Study, offset: int) -> Study:
 def _loaded(entries: Sequence[StudyScenario], path: Path, field: str) -> tuple[dict[str, Scenario], dict[str, Path]]:
     found, files, faults = {}, {}, []
     for number, entry in enumerate(entries):
-        key = key_of(number, entry) if field == "scenarios" else f"held-out {key_of(number, entry)}"
+        key = scenario_key(number, entry) if field == "scenarios" else f"held-out {scenario_key(number, entry)}"
         try:
             file = models.find("scenarios", entry.scenario, path.parent, f"{path}: {field}.{number}.scenario")
             found[key] = load_scenario(file, suites=as_texts(entry.set), folder=path.parent)
@@ -108,31 +107,31 @@ def _faults_of_moves(study: Study, scenarios: dict[str, Scenario], path: Path) -
     for key, scenario in scenarios.items():
         if scenario.room != first.room:
             yield f"{path}: {key}: is in the room {scenario.room}, and the first in {first.room}; one room is expected of a study"
-        for name, move in study.move.items():
-            named = [*(("sensors", each) for each in move.sensors), *(("together", each) for each in move.together)]
+        for name, device in study.devices.items():
+            named = [*(("sensors", each) for each in device.sensors), *(("together", each) for each in device.together)]
             for field, sensor in named:
                 if sensor not in scenario.sensors:
                     yield (
-                        f"{path}: move.{name}.{field}: {scenario.name} has no sensor {sensor!r}; valid are "
+                        f"{path}: devices.{name}.{field}: {scenario.name} has no sensor {sensor!r}; valid are "
                         f"{', '.join(scenario.sensors)}"
                     )
                 elif scenario.sensors[sensor].kind != first.sensors[sensor].kind:
                     yield f"{path}: {key}: {sensor!r} is another kind of sensor than in the first scenario; the same is expected"
-            if move.housing is not None and move.housing not in scenario.housings:
+            if device.housing is not None and device.housing not in scenario.housings:
                 valid = ", ".join(scenario.housings) or "none, as it has no housings"
-                yield f"{path}: move.{name}.housing: {scenario.name} has no housing {move.housing!r}; valid are {valid}"
-            elif move.housing is not None and not any(
-                getattr(each, "housing", None) == move.housing for each in scenario.sensors.values()
+                yield f"{path}: devices.{name}.housing: {scenario.name} has no housing {device.housing!r}; valid are {valid}"
+            elif device.housing is not None and not any(
+                getattr(each, "housing", None) == device.housing for each in scenario.sensors.values()
             ):
-                yield f"{path}: move.{name}.housing: nothing hangs on {move.housing!r}; a housing with sensors is expected"
-    for name, move in study.move.items():
-        for sensor in (*move.sensors, *move.together):
+                yield f"{path}: devices.{name}.housing: nothing hangs on {device.housing!r}; a housing with sensors is expected"
+    for name, device in study.devices.items():
+        for sensor in (*device.sensors, *device.together):
             if isinstance(first.sensors.get(sensor), FloorDescription) and (
-                move.walls or move.ceiling or move.together
+                device.walls or device.ceiling or device.together
             ):
                 yield (
-                    f"{path}: move.{name}: {sensor!r} is a pressure floor, which lies on the floor; places or a box with z = 0 "
-                    "are expected"
+                    f"{path}: devices.{name}: {sensor!r} is a pressure floor, which lies on the floor; places or a box with "
+                    "z = 0 are expected"
                 )
 
 
@@ -148,41 +147,51 @@ def _faults_of_trackers(study: Study, path: Path, scenarios: dict[str, Scenario]
             )
 
 
-def _faults_of_kinds(study: Study, layout: Layout, path: Path) -> Iterator[str]:
+def _faults_of_kinds(study: Study, candidate_set: CandidateSet, path: Path) -> Iterator[str]:
     """Kinds that are no sensor, told once each; what depends on the place as well is told by the candidates that have it."""
-    for name, move in study.move.items():
-        for number, kind in enumerate(move.kinds):
+    for name, device in study.devices.items():
+        for number, kind in enumerate(device.kinds):
             if not kind.set:
                 continue
-            mine = [layout.options[each] for each in layout.of_device[name] if layout.options[each].kind == number]
+            mine = [
+                candidate_set.poses[each]
+                for each in candidate_set.by_device[name]
+                if candidate_set.poses[each].kind == number
+            ]
             faults = []
             for option in mine[:: max(1, len(mine) // 20)]:
                 try:
-                    placed(study, layout.scenario, [option])
+                    apply_placement(study, candidate_set.scenario, [option])
                     break
                 except InputError as error:
                     faults.append(str(error))
             else:
                 told = faults[0].splitlines()[0] if faults else "has no place"
-                yield f"{path}: move.{name}.kinds.{number}.set: {told}"
+                yield f"{path}: devices.{name}.kinds.{number}.set: {told}"
 
 
-def _unused(study: Study, layout: Layout, chosen: Sequence[ChosenTracker], scene: Scene, path: Path) -> Iterator[str]:
+def _unused(
+    study: Study, candidate_set: CandidateSet, chosen: Sequence[ChosenTracker], scene: Scene, path: Path
+) -> Iterator[str]:
     """Trackers that cannot work on a candidate, or are to judge it and leave sensors that are moved unused.
 
     What those cost would be paid for nothing; by coverage and price alone they are worth it without any tracker.
     """
-    judged = {objective.tracker for objective in study.judged}
+    validated = {objective.tracker for objective in study.validated}
     area = tuple((float(x), float(y)) for x, y in scene.area)
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
     try:
-        for example in _examples(study, layout):
+        for example in _examples(study, candidate_set):
             try:
-                scenario = placed(study, layout.scenario, [layout.options[each] for each in example])
+                scenario = apply_placement(
+                    study, candidate_set.scenario, [candidate_set.poses[each] for each in example]
+                )
             except InputError:  # told with the candidate
                 continue
-            moved = [name for name, each in scenario.sensors.items() if _is_moved(study, layout.scenario, name, each)]
+            moved = [
+                name for name, each in scenario.sensors.items() if _is_moved(study, candidate_set.scenario, name, each)
+            ]
             rig = rig_told(scenario, area)
             for place, each in enumerate(chosen):
                 rng = stream(scenario.seed, "tracker", each.name)
@@ -195,10 +204,10 @@ def _unused(study: Study, layout: Layout, chosen: Sequence[ChosenTracker], scene
                     yield f"{path}: trackers.{place}: {each.name!r} cannot work on a placement of {sensors}: {error}"
                     continue
                 ignored = [name for name in unused_sensors(tracker) if name in moved]
-                if ignored and each.name in judged:
+                if ignored and each.name in validated:
                     yield (
                         f"{path}: trackers.{place}: {each.name!r} makes no use of {', '.join(ignored)}, which the study moves; a "
-                        "tracker that uses what is placed, or other sensors under move, is expected"
+                        "tracker that uses what is placed, or other sensors under devices, is expected"
                     )
     finally:
         logging.disable(before)
@@ -208,33 +217,26 @@ def _is_moved(study: Study, scenario: Scenario, name: str, description: object) 
     if name not in scenario.sensors:
         return True
     own: set[str | None] = set()
-    for move in study.move.values():
-        own |= {*move.sensors, *move.together}
-        if move.housing is not None:
-            own |= {key for key, each in scenario.sensors.items() if getattr(each, "housing", None) == move.housing}
+    for device in study.devices.values():
+        own |= {*device.sensors, *device.together}
+        if device.housing is not None:
+            own |= {key for key, each in scenario.sensors.items() if getattr(each, "housing", None) == device.housing}
     return name in own
 
 
-def _examples(study: Study, layout: Layout) -> Iterator[tuple[int, ...]]:
+def _examples(study: Study, candidate_set: CandidateSet) -> Iterator[tuple[int, ...]]:
     """A candidate of each kind of each device, with as many as there may be, and everything else as few."""
-    for name, move in study.move.items():
-        for kind in range(len(move.kinds)):
+    for name, device in study.devices.items():
+        for kind in range(len(device.kinds)):
             chosen: list[int] = []
-            for other, each in study.move.items():
+            for other, each in study.devices.items():
                 wanted = each.counts[1] if other == name else max(1, each.counts[0])
-                numbers = layout.of_device[other]
-                mine = [n for n in numbers if layout.options[n].kind == kind] if other == name else numbers
+                numbers = candidate_set.by_device[other]
+                mine = [n for n in numbers if candidate_set.poses[n].kind == kind] if other == name else numbers
                 step = max(1, len(mine) // 40)
                 for number in mine[::step]:
-                    if wanted and number not in chosen and not layout.conflict([*chosen, number]):
+                    if wanted and number not in chosen and not candidate_set.conflict([*chosen, number]):
                         chosen.append(number)
                         wanted -= 1
             if chosen:
                 yield tuple(sorted(chosen))
-
-
-def described(move: Move, scenario: Scenario) -> str:
-    """What a device is, for a list of parts."""
-    kind = scenario.sensors[first_sensor(move, scenario)].kind
-    held = len(move.together) or 1
-    return kind if held == 1 else f"{kind} and {held - 1} more on one mount"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -12,7 +12,7 @@ from trackers.configuration import Strict, validate
 from trackers.plain_data import parse_yaml
 from trackers.text_file import read_text
 from twin import models
-from twin.studies.moves import Constraints, Metres, Move
+from twin.studies.devices import Constraints, Device, Metres
 from twin.suites.metrics import FIGURE
 from twin.suites.spec import Changes, OwnName, Seeds, Text, TrackerName, list_of, mapping_of, single
 
@@ -28,6 +28,11 @@ class StudyScenario(Strict):
     )
     weight: float = Field(default=1.0, gt=0, description="how much its figures count in means over scenarios")
     set: Changes = Field(default={}, description="changes to the scenario, by path")
+
+
+def scenario_key(number: int, scenario: StudyScenario) -> str:
+    """Return the name of a scenario of a study among its evaluations: two may be of one name."""
+    return f"{number}:{scenario.scenario}"
 
 
 class HeldOut(Strict):
@@ -51,7 +56,7 @@ class Objective(Strict):
     quantile: float = Field(default=0.1, gt=0, lt=1, description="of 'quantile': the share of seeds that are worse")
     form: Literal["share", "worst"] = Field(
         default="share",
-        description="of coverage: the share seen, or the share of moments in which the worst cell is seen",
+        description="of coverage: the share seen, or the share of samples in which the worst cell is seen",
     )
 
     @model_validator(mode="after")
@@ -82,6 +87,8 @@ class Objective(Strict):
 class Coverage(Strict):
     """When a place or a person counts as seen: by resolution on them, not by a line of sight."""
 
+    former_names: ClassVar = {"moments": "samples"}
+
     of: Literal["people", "floor"] = Field(default="people", description="people as they move, or cells of the floor")
     beams: Annotated[int, Field(ge=1)] = Field(default=6, description="a scanner sees a body that so many beams meet")
     px_per_m: float = Field(
@@ -96,9 +103,9 @@ class Coverage(Strict):
     seeds: Seeds = Field(
         default=(900, 901), description="of 'people': seeds of their motion, others than the search seeds"
     )
-    moments: Annotated[int, Field(ge=0, le=10_000)] = Field(
+    samples: Annotated[int, Field(ge=0, le=10_000)] = Field(
         default=100,
-        description="moments of each seed, evenly over the scenario; of 'floor': people then stand in the way, 0: none",
+        description="time samples per seed, evenly over the scenario; of 'floor': people stand in the way then, 0: none",
     )
     cell_m: float = Field(default=0.1, gt=0.01, description="of 'floor': edge of a cell [m]")
     heights_m: Annotated[tuple[Metres, ...], Field(min_length=1)] = Field(
@@ -135,6 +142,8 @@ class Search(Strict):
 class Study(Strict):
     """A placement study."""
 
+    former_names: ClassVar = {"move": "devices"}
+
     name: OwnName = Field(description="name of the study; it becomes the name of a folder")
     description: Text = Field(default="", description="what the study asks, for readers")
     scenarios: Annotated[
@@ -145,8 +154,8 @@ class Study(Strict):
     trackers: tuple[TrackerName, ...] = Field(default=(), description="trackers to run; none: coverage alone")
     seeds: Seeds = Field(default=(1000,), description="search seeds: replicates are taken from the front")
     held_out: HeldOut | None = Field(default=None, description="what the result is judged by; none: it is not judged")
-    move: Annotated[dict[OwnName, Move], Field(min_length=1), mapping_of("a mapping of devices to place,")] = Field(
-        description="what is placed, by name"
+    devices: Annotated[dict[OwnName, Device], Field(min_length=1), mapping_of("a mapping of devices to place,")] = (
+        Field(description="what is placed, by name")
     )
     constraints: Constraints = Field(default=Constraints(), description="what placements must keep")
     objectives: Annotated[
@@ -161,7 +170,7 @@ class Study(Strict):
     )
 
     @property
-    def judged(self) -> tuple[Objective, ...]:
+    def validated(self) -> tuple[Objective, ...]:
         """The objectives by which what is recommended is judged on held-out seeds: trackers' figures."""
         return tuple(each for each in self.objectives if each.kind == "metric")
 
@@ -206,10 +215,12 @@ class Study(Strict):
                 f"search.method: {self.search.method!r} goes by coverage as a share, and objectives.0 is "
                 f"{self.objectives[0].column}; {{kind: coverage}} first, or exhaustive or optuna, is expected"
             )
-        used = [(name, sensor) for name, move in self.move.items() for sensor in (*move.sensors, *move.together)]
+        used = [
+            (name, sensor) for name, device in self.devices.items() for sensor in (*device.sensors, *device.together)
+        ]
         for (one, sensor), (other, again) in combinations(used, 2):
             if sensor == again:
-                faults.append(f"move.{other}: {sensor!r} is moved by {one!r} already; each sensor once is expected")
+                faults.append(f"devices.{other}: {sensor!r} is moved by {one!r} already; each sensor once is expected")
         if len({each.column for each in self.objectives}) < len(self.objectives):
             faults.append("objectives: one is there twice; each once is expected")
         if faults:
@@ -224,6 +235,6 @@ def _told(seeds: tuple[int, ...]) -> str:
 def load_study(name: str | Path) -> tuple[Study, Path]:
     """The study of this name (shipped) or path, and its file. Raises InputError, every fault on one line."""
     path = models.find("studies", str(name))
-    expected = "a study (name, scenarios, move, objectives, search)"
+    expected = "a study (name, scenarios, devices, objectives, search)"
     content = parse_yaml(read_text(path, expected), str(path), expected)
     return validate(Study, content, str(path)), path

@@ -1,0 +1,185 @@
+"""Generate the candidate poses of a device, and find those that a room or a constraint rejects."""
+
+from __future__ import annotations
+
+from itertools import product
+from math import atan2, degrees, hypot
+
+import numpy as np
+
+from trackers.area import Area
+from trackers.arrays import Array, Mask
+from trackers.errors import InputError
+from twin.room.building import Building
+from twin.scenario import Scenario
+from twin.scenario.floor import FloorDescription, check_floor
+from twin.scenario.housings import in_the_room
+from twin.scenario.mount import Mount, mount_of
+from twin.scenario.sensors import CAMERA_KINDS
+from twin.studies.devices import Device, steps
+from twin.studies.spec import Study
+from twin.world.scene import Scene
+
+_AIM_HEIGHT_M = 1.0
+
+
+def first_sensor(device: Device, scenario: Scenario) -> str:
+    """The sensor by which a device is described."""
+    if device.housing is not None:
+        return next(name for name, each in scenario.sensors.items() if getattr(each, "housing", None) == device.housing)
+    return (*device.sensors, *device.together)[0]
+
+
+def relative_mounts(device: Device, scenario: Scenario) -> list[Mount]:
+    """Where the sensors of a device are in its own frame: that of its first sensor, or of its housing."""
+    if device.housing is not None:
+        on_it = [each for each in scenario.sensors.values() if getattr(each, "housing", None) == device.housing]
+        return [each.mount for each in on_it]  # pyright: ignore[reportReturnType]
+    if device.sensors:
+        return [Mount(xyz=(0.0, 0.0, 0.0))]
+    first, *_ = hung = [in_the_room(scenario, name).mount.room_from_housing() for name in device.together]  # pyright: ignore
+    back = first.rotation.T
+    return [mount_of(back @ each.rotation, back @ (each.translation - first.translation)) for each in hung]
+
+
+def sensor_positions(device: Device, scenario: Scenario, mounts: tuple[Mount, ...]) -> Array:
+    """Where all sensors of a device (or pair) at these mounts are, (k, 3) [m]."""
+    return np.array([mount.carrying(inner).xyz for mount in mounts for inner in relative_mounts(device, scenario)])
+
+
+def candidate_mounts(device: Device, scenario: Scenario, building: Building, scene: Scene) -> list[tuple[Mount, ...]]:
+    """Every place turned every way, with its mirror image where there is one; yaw and tilt in the room."""
+    first = first_sensor(device, scenario)
+    described = scenario.sensors[first]
+    lies = isinstance(described, FloorDescription)
+    own_pitch_deg = 0.0 if lies else in_the_room(scenario, first).mount.pitch_deg  # pyright: ignore[reportAttributeAccessIssue]
+    bases = _every_place(device, building, own_pitch_deg)
+    turned = _turned(device, bases, scene.area.mean(axis=0), is_camera=described.kind in CAMERA_KINDS)
+    rounded = [_rounded(each) for each in turned]
+    return [(each,) if device.mirrored is None else (each, _image(each, device)) for each in rounded]
+
+
+def _every_place(device: Device, building: Building, own_pitch_deg: float) -> list[Mount]:
+    """Every place, not yet turned: those it names, along walls and below the ceiling, and in a box."""
+    bases: list[Mount] = [Mount(xyz=each.xyz, yaw_deg=each.yaw_deg, pitch_deg=each.pitch_deg) for each in device.places]
+    if device.walls is not None:
+        walls = device.walls
+        heights = steps(walls.height_m, walls.height_every_m)
+        places, facing = building.along_walls(walls.every_m, walls.off_m, heights)
+        for place, yaw in zip(places.tolist(), facing.tolist(), strict=True):
+            x, y, z = place
+            bases.append(Mount(xyz=(x, y, z), yaw_deg=degrees(yaw), pitch_deg=own_pitch_deg))
+    if device.ceiling is not None:
+        low, high = building.outline.min(axis=0), building.outline.max(axis=0)
+        grid = [
+            steps((a + device.ceiling.every_m / 2, b), device.ceiling.every_m) for a, b in zip(low, high, strict=True)
+        ]
+        places = np.array(list(product(*grid)))
+        places = places[building.is_indoors(places)]
+        heights = building.ceiling_m(places) - device.ceiling.off_m
+        for (x, y), z in zip(places.tolist(), heights.tolist(), strict=True):
+            if np.isfinite(z):
+                bases.append(Mount(xyz=(x, y, z), pitch_deg=own_pitch_deg))
+    if device.box is not None:
+        axes = [steps(each, device.box.every_m) for each in (device.box.x_m, device.box.y_m, device.box.z_m)]
+        bases += [Mount(xyz=(x, y, z), pitch_deg=own_pitch_deg) for x, y, z in product(*axes)]
+    return bases
+
+
+def _turned(device: Device, bases: list[Mount], middle: Array, *, is_camera: bool) -> list[Mount]:
+    """Each place turned every way, or to the middle (x, y) [m] of where people walk."""
+    turned = []
+    for base in bases:
+        if device.aim:
+            x, y, z = base.xyz
+            gap = hypot(middle[0] - x, middle[1] - y)
+            yaw = degrees(atan2(middle[1] - y, middle[0] - x))
+            pitch = degrees(atan2(z - _AIM_HEIGHT_M, gap)) if is_camera else base.pitch_deg
+            turned.append(base.model_copy(update={"yaw_deg": yaw, "pitch_deg": pitch}))
+            continue
+        yaws = steps(device.yaw_deg, device.yaw_every_deg) if device.yaw_deg else [0.0]
+        tilts = steps(device.tilt_deg, device.tilt_every_deg) if device.tilt_deg else [base.pitch_deg]
+        turned += [
+            base.model_copy(update={"yaw_deg": base.yaw_deg + yaw, "pitch_deg": tilt}) for yaw in yaws for tilt in tilts
+        ]
+    return turned
+
+
+def _rounded(mount: Mount) -> Mount:
+    """To the millimetre and a hundredth of a degree: what somebody with a drill can read off a plan, and more."""
+    x, y, z = (round(each, 3) + 0.0 for each in mount.xyz)
+    yaw = (mount.yaw_deg + 180) % 360 - 180
+    return Mount(xyz=(x, y, z), yaw_deg=round(yaw, 2) + 0.0, pitch_deg=round(mount.pitch_deg, 2) + 0.0)
+
+
+def _image(mount: Mount, device: Device) -> Mount:
+    mirror = device.mirrored
+    assert mirror is not None
+    x, y, z = mount.xyz
+    if mirror.x_m is not None:
+        return _rounded(mount.model_copy(update={"xyz": (2 * mirror.x_m - x, y, z), "yaw_deg": 180 - mount.yaw_deg}))
+    assert mirror.y_m is not None
+    return _rounded(mount.model_copy(update={"xyz": (x, 2 * mirror.y_m - y, z), "yaw_deg": -mount.yaw_deg}))
+
+
+def rejection_reasons(
+    study: Study,
+    building: Building,
+    scene: Scene,
+    scenario: Scenario,
+    device: Device,
+    mounts: list[tuple[Mount, ...]],
+    held: list[Array],
+) -> dict[str, Mask]:
+    """By reason, which of a device's options (n,) it is against."""
+    constraints, places = study.constraints, np.concatenate(held)
+
+    def any_of(which: Mask) -> Mask:
+        return np.asarray(which.reshape(len(held), -1).any(axis=1))
+
+    first = scenario.sensors[first_sensor(device, scenario)]
+    if isinstance(first, FloorDescription):
+        return {"not on the floor of the room": np.array([not _lies(first, scene, each) for each in mounts])}
+    reasons = {
+        "below the floor": any_of(places[:, 2] < 0),
+        "outside the building": any_of(~building.is_indoors(places)),
+        "inside a wall or a thing": any_of(building.is_solid(places)),
+        f"where people walk below {constraints.walked_below_m:g} m": any_of(
+            building.is_walked(places, constraints.walked_below_m)
+        ),
+    }
+    for zone in constraints.keep_free:
+        inside = Area(np.array(zone.polygon)).contains(places[:, :2])
+        reasons[f"in the zone {zone.name!r}"] = any_of(
+            inside & (places[:, 2] >= zone.from_m) & (places[:, 2] <= zone.to_m)
+        )
+    cable = constraints.cable
+    if cable is not None and cable.most_m is not None:
+        reasons[f"with more than {cable.most_m:g} m of cable"] = cable_lengths_m(study, building, held) > cable.most_m
+    return reasons
+
+
+def cable_lengths_m(study: Study, building: Building, held: list[Array]) -> Array:
+    """Length of cable to each option (n,) [m], to each of a pair; 0 where cables are not counted."""
+    cable = study.constraints.cable
+    if cable is None:
+        return np.zeros(len(held))
+    start = np.array(cable.start)
+    places = np.concatenate(held)
+    straight = cable.along == "straight"
+    each = np.linalg.norm(places - start, axis=1) if straight else building.way_along_walls_m(start, places)
+    per = len(held[0])
+    return each.reshape(len(held), per).max(axis=1)
+
+
+def _lies(floor: FloorDescription, scene: Scene, mounts: tuple[Mount, ...]) -> bool:
+    """Whether a pressure floor can lie there."""
+    for mount in mounts:
+        if mount.xyz[2] != 0 or mount.pitch_deg:
+            return False
+        try:
+            there = {"xyz": mount.xyz, "yaw_deg": mount.yaw_deg}
+            check_floor(floor.model_copy(update={"mount": floor.mount.model_copy(update=there)}), scene.floor, "")
+        except InputError:
+            return False
+    return True

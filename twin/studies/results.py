@@ -1,0 +1,247 @@
+"""Results of a study: what it found, as tables, as a summary for programs, and on the terminal."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from trackers.errors import InputError
+from trackers.plain_data import parse_json
+from trackers.text_file import read_text
+from twin.console import PlainConsole
+from twin.recording.whole_file import whole_file
+from twin.scenario import Scenario
+from twin.studies.apply_placement import apply_placement
+from twin.studies.candidate_set import BASELINE, Placement
+from twin.studies.coverage import PoseCoverage
+from twin.studies.preflight import PreparedStudy
+from twin.studies.search import Result
+from twin.studies.set_cover import Cover
+from twin.studies.spec import Objective
+from twin.studies.trials import Trial, placement_id
+from twin.studies.validation import (
+    PairedDifference,
+)
+from twin.suites.cache import RecordingCache
+
+
+@dataclass(frozen=True, eq=False)
+class StudyResults:
+    """What a study found: see the fields of the report."""
+
+    prepared: PreparedStudy
+    coverage: PoseCoverage
+    result: Result
+    baseline: Trial
+    best: Trial
+    front: tuple[Trial, ...]
+    indistinguishable: tuple[tuple[Trial, PairedDifference], ...]
+    held_out: tuple[PairedDifference, ...]
+    one_fewer: tuple[tuple[Placement, float], ...]
+    displaced: tuple[PairedDifference, ...]
+    rank_correlations: tuple[tuple[str, float, int], ...]
+    n_evaluated: int
+    spent_s: float
+    cache: RecordingCache
+
+    @property
+    def objective(self) -> Objective:
+        """The first objective."""
+        return self.prepared.study.objectives[0]
+
+    def scenario_with(self, placement: Placement) -> Scenario:
+        """The study's first scenario with a candidate's sensors."""
+        options = [self.prepared.candidate_set.poses[each] for each in placement]
+        return apply_placement(self.prepared.study, self.prepared.scenario, options)
+
+
+def summarize(results: StudyResults) -> dict[str, Any]:
+    """The answers in short."""
+    study, objective = results.prepared.study, results.objective
+
+    def row(trial: Trial) -> dict[str, Any]:
+        return {
+            "candidate": placement_id(trial.placement),
+            "places": describe_placement(results, trial.placement),
+            "price": trial.price,
+            "seeds": len(trial.seeds),
+            **{
+                each.column: number(trial.value(each, study.scenarios))
+                for each in study.objectives
+                if not trial.failure
+            },
+            "coverage": trial.coverage,
+            **({"rejected": trial.failure} if trial.failure else {}),
+        }
+
+    return {
+        "study": study.name,
+        "objective": objective.column,
+        "baseline": row(results.baseline),
+        "best": row(results.best),
+        "pareto": [row(each) for each in results.front],
+        "indistinguishable": [placement_id(each.placement) for each, _ in results.indistinguishable],
+        "held_out": [_plain(each) for each in results.held_out],
+        "one_fewer": [{"candidate": placement_id(each), objective.column: value} for each, value in results.one_fewer],
+        "displaced": [_plain(each) for each in results.displaced],
+        "rank_correlations": [
+            {"what": what, "rank_correlation": number(rho), "candidates": n} for what, rho, n in results.rank_correlations
+        ],
+        "proven": [
+            {"devices": count, "greedy": first.value, "greedy_bound": first.bound, **_proof(first, best)}
+            for count, first, best in results.result.proven
+        ],
+        "rejected": results.prepared.candidate_set.rejected,
+        "candidates": len(results.result.trials),
+        "evaluated_in_this_run": results.n_evaluated,
+        "seconds_of_this_run": round(results.spent_s, 1),
+    }  # fmt: skip
+
+
+def _proof(first: Cover, best: Cover | None) -> dict[str, Any]:
+    if best is None:
+        return {}
+    share = first.value / best.value if best.value else 1.0
+    return {"exact": best.value, "exact_is": best.summary(), "greedy_over_exact": share}
+
+
+def _plain(row: Any) -> dict[str, Any]:
+    return {key: number(each) if isinstance(each, float) else each for key, each in asdict(row).items()}
+
+
+def number(value: float | None) -> float | None:
+    """A number as JSON has it: none for what is none."""
+    return None if value is None or not np.isfinite(value) else float(value)
+
+
+def describe_placement(results: StudyResults, placement: Placement) -> str:
+    """Where a candidate has its sensors, in a line."""
+    candidate_set, study = results.prepared.candidate_set, results.prepared.study
+    if placement == BASELINE:
+        return "the scenario's own"
+    told = []
+    for each in placement:
+        pose = candidate_set.poses[each]
+        kind = study.devices[pose.device].kinds[pose.kind].name
+        for mount in pose.mounts:
+            x, y, z = mount.xyz
+            tilt = f" tilt {mount.pitch_deg:g}°" if mount.pitch_deg else ""
+            told.append(
+                f"{pose.device}{'' if kind == 'as-is' else ' ' + kind} ({x:g} {y:g} {z:g}) yaw {mount.yaw_deg:g}°{tilt}"
+            )
+    return "; ".join(told)
+
+
+def write_table(path: Path, trials: Sequence[Trial], results: StudyResults) -> None:
+    """One row a candidate: place, price, coverage, each figure's mean with its standard error, replicates, what is against it."""
+    study = results.prepared.study
+    names = sorted(
+        {
+            (tracker, figure)
+            for each in trials
+            for row in each.metrics.values()
+            for tracker in row
+            for figure in row[tracker]
+        }
+    )
+    names = [each for each in names if not each[1].startswith("ms_per_frame")]
+    columns = ["candidate", "places", "price", "coverage", "coverage_worst", "replicates", "rejected"]
+    metrics = [f"{tracker}: {figure}" for tracker, figure in names]
+    wanted = [each.column for each in study.objectives if each.kind == "metric" and each.column not in metrics]
+    with whole_file(path) as stream:
+        table = csv.writer(stream, lineterminator="\n")
+        table.writerow([*columns, *wanted, *(text for each in metrics for text in (each, f"{each} (standard error)"))])
+        for trial in trials:
+            row: list[Any] = [
+                placement_id(trial.placement),
+                describe_placement(results, trial.placement),
+                f"{trial.price:g}",
+            ]
+            row += ["" if each is None else f"{each:.6f}" for each in (trial.coverage, trial.coverage_worst)]
+            row += [len(trial.seeds), trial.failure]
+            for each in study.objectives:
+                if each.column in wanted:
+                    row.append("" if trial.failure or not trial.seeds else f"{trial.value(each, study.scenarios):.6f}")
+            for tracker, figure in names:
+                values = [each[tracker][figure] for each in trial.metrics.values() if tracker in each]
+                known = np.array([each for each in values if each is not None], dtype=float)
+                error = known.std(ddof=1) / np.sqrt(len(known)) if len(known) > 1 else np.nan
+                row += [f"{known.mean():.6f}" if len(known) else "", f"{error:.6f}" if np.isfinite(error) else ""]
+            table.writerow(row)
+
+
+_FORMER_KEYS = {
+    "own": "baseline",
+    "alike": "indistinguishable",
+    "misplaced": "displaced",
+    "moved_by": "rank_correlations",
+    "refused": "rejected",
+}
+"""The key of each field of a summary by what it was called before 0.2."""
+_EXPECTED = "a folder that `twin study run` has finished"
+
+
+def print_summary(folder: Path) -> None:
+    """Print the answers of a study; raises InputError for a folder without them."""
+    path = folder / "summary.json"
+    content = parse_json(read_text(path, _EXPECTED), str(path), _EXPECTED)
+    console = PlainConsole()
+    try:
+        _print(console, {_FORMER_KEYS.get(str(key), str(key)): value for key, value in content.items()})
+    except (AttributeError, KeyError, TypeError) as error:
+        raise InputError(f"{path}: lacks {error}; {_EXPECTED} is expected") from error
+
+
+def _print(console: Console, found: dict[str, Any]) -> None:
+    objective = found["objective"]
+    table = Table(
+        title=f"{found['study']}: {found['candidates'] - 1} candidates beside the scenario's own", title_justify="left"
+    )
+    covers = objective == "coverage"
+    for heading in ("placement", objective, *(() if covers else ("coverage",)), "price", "seeds"):
+        table.add_column(heading, justify="left" if heading == "placement" else "right")
+    shown = {each["candidate"]: each for each in (found["baseline"], found["best"], *found["pareto"])}
+    for each in shown.values():
+        mark = "recommended: " if each["candidate"] == found["best"]["candidate"] else ""
+        table.add_row(
+            mark + each["places"],
+            _text(each.get(objective)),
+            *(() if covers else (_text(each["coverage"]),)),
+            f"{each['price']:g}",
+            str(each["seeds"]),
+        )
+    console.print(table)
+    for row in found["held_out"]:
+        console.print(f"held out, {row['what']}: {_text(row['other'])} -> {_text(row['ours'])}, {_interval(row)}")
+    for row in found["proven"]:
+        devices = ", ".join(f"{count} {name}" for name, count in row["devices"].items())
+        exact = (
+            f", exact {_text(row['exact'])} ({row['exact_is']}), greedy over exact {_text(row['greedy_over_exact'])}"
+            if "exact" in row
+            else ""
+        )
+        console.print(
+            f"coverage, {devices}: greedy {_text(row['greedy'])}, none above {_text(row['greedy_bound'])}{exact}"
+        )
+    for row in found["displaced"]:
+        console.print(f"off by {row['what']}: {_interval(row)}")
+    console.print(f"cannot be told from the best: {len(found['indistinguishable'])}")
+
+
+def _text(value: float | None) -> str:
+    return "–" if value is None else f"{value:.4f}"
+
+
+def _interval(row: dict[str, Any]) -> str:
+    found = row["difference"]
+    if found is None:
+        return "no difference could be worked out"
+    interval = "" if found["low"] is None else f" [{found['low']:+.4f}, {found['high']:+.4f}]"
+    return f"{found['mean']:+.4f}{interval} over {found['n']} seeds"

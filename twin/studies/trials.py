@@ -1,0 +1,254 @@
+"""Trials: candidate placements evaluated on seeds, their metrics, and their order by the objectives of a study."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from trackers.arrays import Array
+from trackers.errors import InputError
+from twin.scenario import Scenario
+from twin.studies.apply_placement import apply_placement
+from twin.studies.candidate_set import BASELINE, Placement
+from twin.studies.preflight import PreparedStudy
+from twin.studies.spec import Objective, StudyScenario, scenario_key
+from twin.studies.store import EvaluationStore, Job, Outcome
+from twin.studies.worker import DETAILED, EvaluationTask, evaluate_task
+from twin.suites.cache import RecordingCache
+from twin.suites.cache_keys import made_from, room_digest, whole_code
+from twin.suites.tasks import State
+
+
+@dataclass
+class Trial:
+    """A candidate: by scenario, seed, tracker and figure what it gave, beside its price and coverage.
+
+    why: what is against it: it breaks a constraint, or could not be simulated or tracked; "" where nothing is.
+    """
+
+    placement: Placement
+    price: float
+    metrics: dict[tuple[str, int], Mapping[str, Mapping[str, float | None]]] = field(default_factory=dict)
+    coverage: float | None = None
+    coverage_worst: float | None = None
+    failure: str = ""
+
+    @property
+    def seeds(self) -> list[int]:
+        """The seeds it was tried on."""
+        return list(dict.fromkeys(seed for _, seed in self.metrics))
+
+    def values_by_seed(self, objective: Objective, scenarios: Sequence[StudyScenario], seeds: Sequence[int]) -> Array:
+        """The figure at each seed (n,): the weighted mean over scenarios. KeyError at a seed it was not tried on."""
+        assert objective.tracker is not None
+        assert objective.metric is not None
+        weight = np.array([each.weight for each in scenarios])
+        rows = [
+            [
+                self.metrics[scenario_key(number, each), seed][objective.tracker][objective.metric]
+                for number, each in enumerate(scenarios)
+            ]
+            for seed in seeds
+        ]
+        return np.array(rows, dtype=float) @ weight / weight.sum()
+
+    def value(
+        self, objective: Objective, scenarios: Sequence[StudyScenario], seeds: Sequence[int] | None = None
+    ) -> float:
+        """What the objective is worth, over all seeds it was tried on, or some."""
+        if objective.kind == "price":
+            return self.price
+        if objective.kind == "coverage":
+            found = self.coverage if objective.form == "share" else self.coverage_worst
+            assert found is not None
+            return found
+        return aggregate(
+            self.values_by_seed(objective, scenarios, seeds if seeds is not None else self.seeds), objective
+        )
+
+
+def aggregate(values: Array, objective: Objective) -> float:
+    """The mean, the worst, or the quantile from the worst side."""
+    worse_first = values if objective.more_is_better else -values
+    if objective.over == "worst":
+        found = worse_first.min()
+    elif objective.over == "quantile":
+        found = np.quantile(worse_first, objective.quantile)
+    else:
+        found = worse_first.mean()
+    return float(found if objective.more_is_better else -found)
+
+
+def losses(trials: Sequence[Trial], objectives: Sequence[Objective], scenarios: Sequence[StudyScenario]) -> Array:
+    """What each trial (n, m) has of each objective, smaller the better."""
+    rows = [[each.value(one, scenarios) * (-1 if one.more_is_better else 1) for one in objectives] for each in trials]
+    return np.array(rows, dtype=float).reshape(len(trials), len(objectives))
+
+
+def pareto_fronts(loss: Array) -> Array:
+    """The number of the front each row (n, m) is in, 0: no other is at least as good in all and better in one."""
+    front = np.full(len(loss), -1)
+    number = 0
+    while (front < 0).any():
+        left = np.flatnonzero(front < 0)
+        less = (loss[left][:, None] <= loss[left]).all(axis=2) & (loss[left][:, None] < loss[left]).any(axis=2)
+        front[left[~less.any(axis=0)]] = number
+        number += 1
+    return front
+
+
+def rank_trials(
+    trials: Sequence[Trial], objectives: Sequence[Objective], scenarios: Sequence[StudyScenario]
+) -> list[Trial]:
+    """The trials, the best first: by front, then by the first objective, then by number."""
+    loss = losses(trials, objectives, scenarios)
+    front = pareto_fronts(loss)
+    order = sorted(range(len(trials)), key=lambda each: (front[each], loss[each].tolist(), trials[each].placement))
+    return [trials[each] for each in order]
+
+
+_LINE_EVERY_S = 15.0
+
+
+class TrialRunner:
+    """One run of a prepared study, its evaluations open."""
+
+    def __init__(self, prepared: PreparedStudy, cache: RecordingCache) -> None:
+        self.prepared, self.cache = prepared, cache
+        self.study, self.candidate_set = prepared.study, prepared.candidate_set
+        self._details = any((each.metric or "").startswith(DETAILED) for each in self.study.objectives)
+        self._code = whole_code()
+        self._room = room_digest(prepared.scenario.room)  # one in all scenarios
+        self._knowledge: dict[str, str] = {}
+        self.evaluations: EvaluationStore | None = None
+        self.trials: Mapping[Placement, Trial] = {}
+        self._started_s = time.perf_counter()
+        self._reported_s = self._started_s
+
+    # ------------------------------------------------------------------------------------------------- evaluating
+
+    def job(self, name: str, key: str, scenario: Scenario, seed: int) -> Job:
+        """The evaluation of a scenario as it stands, with a seed."""
+        seeded = scenario.model_copy(update={"seed": seed, "trackers": {}})
+        files = scenario.knowledge.model_dump_json()
+        if files not in self._knowledge:
+            self._knowledge[files] = scenario.knowledge.digest()
+        trackers = [(each.target, each.options) for each in self.prepared.trackers]
+        made = made_from(seeded.model_dump_json(), self._room, trackers, self._knowledge[files])
+        work = EvaluationTask(seeded, self.prepared.trackers, self.cache, self._code, self._details, made)
+        return Job(name, key, seed, work, made)
+
+    def evaluate(self, trials: Sequence[Trial], number: int) -> None:
+        """Try trials on the first so many search seeds, all scenarios."""
+        if not self.prepared.trackers:
+            return
+        assert self.evaluations is not None
+        jobs: list[Job] = []
+        owners: list[tuple[Trial, str, int]] = []
+        for seed in self.study.seeds[:number]:  # by seed: a worker keeps the scene of one
+            for place, entry in enumerate(self.study.scenarios):
+                key = scenario_key(place, entry)
+                for trial in trials:
+                    if trial.failure or (key, seed) in trial.metrics:
+                        continue
+                    try:
+                        scenario = self.scenario(trial.placement, key)
+                    except InputError as error:
+                        trial.failure = str(error).splitlines()[0]
+                        continue
+                    jobs.append(self.job(placement_id(trial.placement), key, scenario, seed))
+                    owners.append((trial, key, seed))
+        for (trial, key, seed), outcome in zip(owners, self.evaluations.outcomes(jobs), strict=True):
+            self._take(trial, key, seed, outcome)
+
+    def _take(self, trial: Trial, key: str, seed: int, outcome: Outcome) -> None:
+        if outcome.error:
+            trial.failure = trial.failure or f"{key}, seed {seed}: {outcome.error}"
+            return
+        trial.metrics[key, seed] = outcome.metrics
+        for each in self.study.objectives:
+            if each.kind == "metric" and outcome.metrics[each.tracker or ""].get(each.metric or "") is None:
+                trial.failure = trial.failure or f"{key}, seed {seed}: {each.tracker} gives no {each.metric}"
+
+    def scenario(self, placement: Placement, key: str) -> Scenario:
+        """A scenario of the study, held-out ones too, with a candidate's sensors."""
+        scenarios = self.prepared.scenarios | self.prepared.held_out
+        return apply_placement(self.study, scenarios[key], [self.candidate_set.poses[each] for each in placement])
+
+    def check_metrics(self) -> tuple[Job, Outcome] | None:
+        """The scenario's own placement with the first seed, before anything is written: whether all figures are given."""
+        objectives = [each for each in self.study.objectives if each.kind == "metric"]
+        if not objectives:
+            return None
+        key, scenario = next(iter(self.prepared.scenarios.items()))
+        job = self.job(placement_id(BASELINE), key, scenario, self.study.seeds[0])
+        metrics = evaluate_task(job.work)
+        for each in objectives:
+            found = metrics[each.tracker or ""]
+            if found.get(each.metric or "") is None:
+                valid = ", ".join(
+                    name for name, value in found.items() if value is not None and "ms_per_frame" not in name
+                )
+                raise InputError(
+                    f"{self.prepared.path}: objectives.{self.study.objectives.index(each)}.metric: {each.tracker} gives no "
+                    f"{each.metric} on {scenario.name}; valid are {valid}"
+                )
+        return job, Outcome(metrics)
+
+    def metric_by_seed(
+        self,
+        objective: Objective,
+        name: str,
+        weights: Mapping[str, float],
+        place: Callable[[str, int], Scenario],
+        seeds: Sequence[int],
+    ) -> Array:
+        """A tracker's figure at each seed (n,), weighted over scenarios by key; NaN where one failed.
+
+        name: what the evaluations are kept under; place: the scenario of a key and a seed.
+        """
+        assert self.evaluations is not None
+        jobs = [self.job(name, key, place(key, seed), seed) for seed in seeds for key in weights]
+        found = [
+            np.nan if each.error else each.metrics[objective.tracker or ""].get(objective.metric or "")
+            for each in self.evaluations.outcomes(jobs)
+        ]
+        table = np.array(found, dtype=float).reshape(len(seeds), len(weights))
+        weight = np.array(list(weights.values()))
+        return table @ weight / weight.sum()
+
+    # ---------------------------------------------------------------------------------------------------- telling
+
+    def progress(self, total: int, now: State) -> None:
+        """A line on stderr now and then: what is done, the best so far, the time left."""
+        time_s = time.perf_counter()
+        if time_s - self._reported_s < _LINE_EVERY_S:
+            return
+        self._reported_s = time_s
+        done = now.done + now.failed
+        trials = self.trials.values()
+        objective = self.study.objectives[0]
+        known = [each for each in trials if not each.failure and (each.metrics or objective.kind != "metric")]
+        best = ""
+        if known:
+            values = [
+                each.value(objective, self.study.scenarios)
+                for each in known
+                if each.seeds or objective.kind != "metric"
+            ]
+            if values:
+                best = f", best {objective.column} {max(values) if objective.more_is_better else min(values):.3f}"
+        asked = self.study.search.candidates if self.study.search.method == "optuna" else max(len(trials) - 1, 1)
+        share = min(1.0, max(len(trials) - 1, 0) / asked)
+        spent_s = time_s - self._started_s
+        left = f", about {spent_s * (1 - share) / share / 60:.0f} min left" if 0 < share < 1 else ""
+        sys.stderr.write(f"twin: {len(trials)} candidates, {done} of {total} evaluations of this round{best}{left}\n")
+
+
+def placement_id(placement: Placement) -> str:
+    """What a candidate is called in files: its options, or 'own'."""
+    return "-".join(map(str, placement)) or "own"

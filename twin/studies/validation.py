@@ -1,0 +1,223 @@
+"""Validation of a recommended placement: on held-out seeds, with one device fewer, and with its sensors displaced."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from scipy.stats import spearmanr
+
+from trackers.arrays import Array
+from trackers.errors import InputError
+from twin.scenario import Scenario
+from twin.scenario.floor import FloorDescription
+from twin.scenario.housings import in_the_room
+from twin.scenario.mount import Believed
+from twin.streams import stream
+from twin.studies.candidate_set import BASELINE, CandidateSet, Placement
+from twin.studies.coverage import PoseCoverage
+from twin.studies.spec import Objective, Study, scenario_key
+from twin.studies.trials import Trial, TrialRunner, placement_id
+from twin.suites.results import MeanOverSeeds, mean_over_seeds
+
+DISPLACEMENTS = (("5 cm", 0.05, 0.0), ("2°", 0.0, 2.0))
+NOISE_M = 0.001
+"""A place off by so little means nothing: what it changes is the noise [m]."""
+
+
+@dataclass(frozen=True)
+class PairedDifference:
+    """A figure of the recommendation beside that of something else, paired by seed: both means, and this less that."""
+
+    what: str
+    other: float
+    ours: float
+    difference: MeanOverSeeds | None
+
+    @property
+    def text(self) -> str:
+        """The difference with its 95 % interval."""
+        found = self.difference
+        if found is None:
+            return "–"
+        low_high = "" if found.low is None else f" [{found.low:+.4f}, {found.high:+.4f}]"
+        return f"{found.mean:+.4f}{low_high}".replace("-", "−")
+
+
+def paired_difference(what: str, other: Array, ours: Array) -> PairedDifference:
+    """Two figures at the same seeds (n,); seeds at which one failed are left out."""
+    both = np.isfinite(other) & np.isfinite(ours)
+    if not both.any():
+        return PairedDifference(what, float("nan"), float("nan"), None)
+    difference = mean_over_seeds((ours[both] - other[both]).tolist())
+    return PairedDifference(what, float(other[both].mean()), float(ours[both].mean()), difference)
+
+
+def indistinguishable(
+    trials: Sequence[Trial], best: Trial, objective: Objective, study: Study
+) -> list[tuple[Trial, PairedDifference]]:
+    """Every candidate that cannot be told from the best: as many seeds, and an interval of the difference that holds 0."""
+    if objective.kind != "metric":
+        return []
+    found = []
+    for trial in trials:
+        if trial is best or trial.failure or not set(best.seeds) <= set(trial.seeds):
+            continue
+        seeds = best.seeds
+        mine, theirs = (each.values_by_seed(objective, study.scenarios, seeds) for each in (best, trial))
+        difference = paired_difference(str(trial.placement), theirs, mine)
+        interval = difference.difference
+        if interval is not None and (interval.low is None or (interval.low <= 0 <= (interval.high or 0))):
+            found.append((trial, difference))
+    return found
+
+
+def rank_correlations(
+    trials: Sequence[Trial], candidate_set: CandidateSet, objective: Objective, study: Study
+) -> list[tuple[str, float, int]]:
+    """Rank correlation (Spearman) of the first objective with number, height and place, over all candidates tried."""
+    tried = [each for each in trials if not each.failure and each.placement != BASELINE]
+    if len(tried) < 5:
+        return []
+    values = [each.value(objective, study.scenarios) for each in tried]
+    middle = np.mean([np.array(each).mean(axis=0) for each in candidate_set.positions], axis=0)
+    rows: dict[str, list[float]] = {
+        "number of devices": [],
+        "mean height": [],
+        "mean distance from the middle": [],
+        "price": [],
+    }
+    for each in tried:
+        places = np.concatenate([candidate_set.positions[number] for number in each.placement])
+        rows["number of devices"].append(len(each.placement))
+        rows["mean height"].append(float(places[:, 2].mean()))
+        rows["mean distance from the middle"].append(float(np.hypot(*(places - middle)[:, :2].T).mean()))
+        rows["price"].append(each.price)
+    return [
+        (what, float(spearmanr(numbers, values).statistic), len(tried))
+        for what, numbers in rows.items()
+        if np.ptp(numbers) > 1e-9 and np.ptp(values) > 0
+    ]
+
+
+def leave_one_out(candidate_set: CandidateSet, placement: Placement) -> list[Placement]:
+    """The candidate without one of its devices, each in turn, where more than one is there."""
+    return [tuple(each for each in placement if each != gone) for gone in placement] if len(placement) > 1 else []
+
+
+def displace_sensors(
+    scenario: Scenario, names: Sequence[str], off_m: float, turn_deg: float, text: bool, seed: int
+) -> Scenario:
+    """The scenario with the named sensors hung off their places in a direction drawn by the seed, and trackers told or not.
+
+    Off level: scanners must stay level. Turned about the vertical. A sensor that is believed elsewhere already stays so, and
+    is off by this besides.
+    """
+    sensors = dict(scenario.sensors)
+    for name in names:
+        description = in_the_room(scenario, name)
+        if isinstance(description, FloorDescription):
+            raise InputError(f"{name} is a floor; scanners and cameras are hung beside their places")
+        rng = stream(seed, "misplaced", name)
+        bearing, sign = rng.uniform(0, 2 * np.pi), rng.choice([-1.0, 1.0])
+        x, y, z = description.mount.xyz
+        dx, dy = float(off_m * np.cos(bearing)), float(off_m * np.sin(bearing))
+        turn = float(sign * turn_deg)
+        mount = description.mount.model_copy(
+            update={"xyz": (x + dx, y + dy, z), "yaw_deg": description.mount.yaw_deg + turn}
+        )
+        believed = description.believed
+        if not text:
+            before = believed or Believed()
+            bx, by, bz = before.xyz
+            # a tilted camera that is turned about the vertical is believed turned about its own axes
+            own = mount.room_from_housing().rotation.T @ description.mount.room_from_housing().rotation
+            roll, pitch, yaw = _angles(own)
+            believed = before.model_copy(update={"xyz": (bx - dx, by - dy, bz), "rpy_deg": (roll, pitch, yaw)})
+        sensors[name] = description.model_copy(update={"mount": mount, "believed": believed})
+    return scenario.model_copy(update={"sensors": sensors})
+
+
+def _angles(rotation: Array) -> tuple[float, float, float]:
+    """Roll, pitch and yaw of a rotation matrix [deg]."""
+    pitch = np.arcsin(np.clip(-rotation[2, 0], -1, 1))
+    yaw, roll = np.arctan2(rotation[1, 0], rotation[0, 0]), np.arctan2(rotation[2, 1], rotation[2, 2])
+    return float(np.degrees(roll)), float(np.degrees(pitch)), float(np.degrees(yaw))
+
+
+def moved_sensors(study: Study, own: Scenario, now: Scenario) -> list[str]:
+    """The sensors of a placed scenario that the study moves, floors left out."""
+    kept: set[str] = set(own.sensors)
+    for device in study.devices.values():
+        kept -= {*device.sensors, *device.together}
+        if device.housing is not None:
+            kept -= {name for name, each in own.sensors.items() if getattr(each, "housing", None) == device.housing}
+    return [name for name, each in now.sensors.items() if name not in kept and not isinstance(each, FloorDescription)]
+
+
+def _placed_as(run: TrialRunner, placement: Placement, key: str, seed: int) -> Scenario:
+    return run.scenario(placement, key)
+
+
+def held_out_differences(run: TrialRunner, best: Trial, objective: Objective) -> list[PairedDifference]:
+    """The recommendation beside the scenario's own placement, by a tracker's figure on seeds that nothing was chosen by."""
+    held, rows = run.study.held_out, []
+    if held is None:
+        return rows
+    groups = [("the study's scenarios", _weights(run))]
+    groups += [
+        (each.scenario, {f"held-out {scenario_key(number, each)}": 1.0}) for number, each in enumerate(held.scenarios)
+    ]
+    for what, weights in groups:
+        both = []
+        for placement in (BASELINE, best.placement):
+            scenario_of = partial(_placed_as, run, placement)
+            both.append(run.metric_by_seed(objective, placement_id(placement), weights, scenario_of, held.seeds))
+        rows.append(paired_difference(what if len(run.study.validated) == 1 else f"{objective.column}, {what}", *both))
+    return rows
+
+
+def _weights(run: TrialRunner) -> dict[str, float]:
+    return {key: each.weight for each, key in zip(run.study.scenarios, run.prepared.scenarios, strict=True)}
+
+
+def values_with_one_fewer(run: TrialRunner, coverage: PoseCoverage, best: Trial) -> list[tuple[Placement, float]]:
+    """What each device is worth: the first objective without it, on the search seeds."""
+    objective, rows = run.study.objectives[0], []
+    for placement in leave_one_out(run.candidate_set, best.placement):
+        trial = Trial(placement, run.candidate_set.price(placement))
+        if objective.kind == "metric":
+            run.evaluate([trial], len(best.seeds))
+        else:
+            trial.coverage, trial.coverage_worst = coverage.share(placement), coverage.worst(placement)
+        if not trial.failure:
+            rows.append((placement, trial.value(objective, run.study.scenarios)))
+    return rows
+
+
+def displaced_differences(run: TrialRunner, best: Trial, objective: Objective) -> list[PairedDifference]:
+    """The recommendation hung beside its place, told and not, beside the effect of a millimetre."""
+    study = run.study
+    seeds = study.held_out.seeds if study.held_out is not None else best.seeds
+    own = {key: run.scenario(best.placement, key) for key in run.prepared.scenarios}
+    names = moved_sensors(study, run.prepared.scenario, next(iter(own.values())))
+    if not names:
+        return []
+    base = run.metric_by_seed(objective, placement_id(best.placement), _weights(run), lambda key, _: own[key], seeds)
+    wanted = [("1 mm, told: the noise", NOISE_M, 0.0, True)]
+    wanted += [
+        (f"{what}, {'' if told else 'not '}told", off, turn, told)
+        for what, off, turn in DISPLACEMENTS
+        for told in (True, False)
+    ]
+    rows = []
+    for what, off_m, turn_deg, told in wanted:
+
+        def displaced(key: str, seed: int, how: tuple[float, float, bool] = (off_m, turn_deg, told)) -> Scenario:
+            return displace_sensors(own[key], names, *how, seed)
+
+        here = run.metric_by_seed(objective, f"{placement_id(best.placement)} {what}", _weights(run), displaced, seeds)
+        rows.append(paired_difference(what, base, here))
+    return rows
