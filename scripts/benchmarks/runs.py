@@ -21,6 +21,24 @@ _PEAK = (
     "sys.exit(code)"
 )
 
+_MANY = """
+import sys, tempfile
+from pathlib import Path
+from twin.run.live import run_scenario
+from twin.run.replay import track_recording
+from twin.scenario import load_scenario
+
+with tempfile.TemporaryDirectory() as folder:
+    for seed in range(int(sys.argv[1])):
+        scenario = load_scenario(sys.argv[2], ["duration_s=2", f"seed={seed}"])
+        run_scenario(scenario, trackers=["laser-fisheye-imm"], out=Path(folder) / "run")
+        track_recording(
+            Path(folder) / "run" / "recording.mcap", trackers=["sort"], out=Path(folder) / "track", video=False
+        )
+        print(int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 2**20, flush=True)
+"""
+"""Resident memory after each run [MiB]: a worker records, then tracks what it has recorded."""
+
 
 def _twin(*arguments: str) -> tuple[float, float]:
     """Run the command in a process of its own: seconds, and peak resident memory [MiB]."""
@@ -53,3 +71,17 @@ def memory() -> Iterator[Figure]:
         _, long_mib = _twin("run", _SCENARIO, "--duration", "600", "--out", str(Path(folder) / "long"))
         yield Figure("peak memory of a ten-minute run", long_mib, "MiB", "<= 1024")
         yield Figure("ten minutes over 26 s", long_mib / short_mib, "×", "<= 1.25")
+    yield from many_runs()
+
+
+def many_runs(n_runs: int = 150) -> Iterator[Figure]:
+    """Memory of a process that does many runs with images, as a worker does: at most 1 GiB, and no more at its end."""
+    done = subprocess.run(
+        [sys.executable, "-c", _MANY, str(n_runs), _SCENARIO], check=True, capture_output=True, text=True
+    )
+    resident_mib = [float(line) for line in done.stdout.split()]
+    early, late = max(resident_mib[: n_runs // 10 + 1]), max(resident_mib[-(n_runs // 10 + 1) :])
+    yield Figure(f"{n_runs} runs with images in one process: the most resident", max(resident_mib), "MiB", "<= 1024")
+    yield Figure(
+        f"{n_runs} runs with images in one process: the last tenth over the first", late / early, "×", "<= 1.1"
+    )

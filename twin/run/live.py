@@ -49,6 +49,7 @@ from twin.scenario.conditions import conditions_of
 from twin.scenario.load import dump_scenario
 from twin.streams import stream
 from twin.truth.frames import TruthDetail, TruthFrame
+from twin.world.heap import heap_trimmed
 from twin.world.simulation import Simulation
 from twin.world.staged import Staged
 
@@ -83,7 +84,7 @@ def run_scenario(
     if chosen:
         scenario.knowledge.check(source)
     is_default = trackers is None and not scenario.trackers
-    with out_folder(folder, _names(names, video)) as out_:
+    with heap_trimmed(), out_folder(folder, _names(names, video)) as out_:
         return _run(scenario, chosen, is_default, out_, video, images, staged, on_progress, on_warning)
 
 

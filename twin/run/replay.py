@@ -62,6 +62,7 @@ from twin.run.tracker_at_work import file_name
 from twin.scenario import Scenario, TrackerChoice
 from twin.scenario.load import apply_overrides
 from twin.scenario.size import check_size
+from twin.world.heap import heap_trimmed
 from twin.world.world import World
 
 _RATE_PROBE = 20
@@ -104,7 +105,8 @@ def track_recording(
     seed = seed if seed is not None else scenario.seed if scenario is not None else 0
     folder = out if out is not None else _default_folder(recording, bag)
     command = _command(recording, names, rig_path, changes, seed)
-    with out_folder(folder, [*(f"tracks/{file_name(name)}.csv" for name in names), "report.html", *_BESIDES]) as place:
+    files_made = [*(f"tracks/{file_name(name)}.csv" for name in names), "report.html", *_BESIDES]
+    with heap_trimmed(), out_folder(folder, files_made) as place:
         return _track(
             bag,
             scenario,

@@ -42,6 +42,7 @@ from twin.truth.boxes import SeesPeople, person_boxes
 from twin.truth.frames import Box, TruthDetail, TruthFrame
 from twin.truth.sight import sees_some_of
 from twin.truth.visibility import sensor_view
+from twin.world.heap import trim_heap
 from twin.world.scene import foot_shapes
 from twin.world.staged import Staged
 from twin.world.truth_details import TruthDetails
@@ -159,6 +160,7 @@ class Simulation:
         self._renderer.close()
         self._over = self._over or "is closed"
         self._coming = None
+        trim_heap()
 
     def __iter__(self) -> Iterator[Observation]:
         return (delivered.observation for delivered in self.deliveries())
