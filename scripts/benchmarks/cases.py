@@ -29,6 +29,8 @@ CASES = REPOSITORY.parent / "shared" / "cases"
 _CLEAN = {"sort": 0.940, "laser-imm": 0.910}
 """MOTA of the clean bag, the background learned."""
 _NEARLY = 0.03
+_ANEW = 0.08
+"""What starting anew may cost of MOTA in 12 s: five people are confirmed, and the background is learned, once more."""
 _LIMIT_S = 300
 
 
@@ -211,6 +213,22 @@ def same_pictures(first: str, second: str, share: float) -> Check:
     return check
 
 
+def eighth_lamp(folder: Path) -> str:
+    """An eighth lamp shines as the seventh does, or is refused in a sentence."""
+    said = twin(folder, "run", CASES / "16-eight-lamps/light7/s.yaml", "--no-video", "--tracker", "sort")
+    if said.code == 2:
+        return "" if re.search(r"8 <light>.*at most", said.err) else str(said)
+    shutil.rmtree(said.folder)
+    return same_pictures("16-eight-lamps/light6/s.yaml", "16-eight-lamps/light7/s.yaml", 0.02)(folder)
+
+
+def silent_topic(folder: Path) -> str:
+    """Two scanners of which one says nothing, without a rig: the other is tracked, and that is said."""
+    said = twin(folder, "track", CASES / "25-silent-topic/one_topic_empty.bag", "--tracker", "sort", "--no-video")
+    rows = (said.folder / "tracks/sort.csv").read_text().count("\n") if said.code == 0 else 0
+    return "" if rows > 100 and re.search(r"/scan\w*.*no message", said.err) else f"{rows} rows: {said}"
+
+
 def pedestrians(table: Path | str, *options: str) -> Callable[[Path], Said]:
     """Run a plaza with recorded pedestrians."""
 
@@ -340,8 +358,12 @@ CHECKS: dict[str, Check] = {
     "03 empty_now_and_then": tracked("03-empty-scans/empty_now_and_then.bag", r"\w+: \d+ of \d+ messages"),
     "04 bad_increment_midway": tracked("04-one-bad-message/bad_increment_midway.bag", "angle_increment"),
     "04 inf_increment": tracked("04-one-bad-message/inf_increment.bag", "angle_increment"),
-    "05 clock_back": tracked("05-clock-back/clock_back.bag", "waist: .*set back", "knee: .*set back"),
-    "05 clock_back_hour": tracked("05-clock-back/clock_back_hour.bag", "waist: .*set back", "knee: .*set back"),
+    **{
+        f"05 {each}": tracked(
+            f"05-clock-back/{each}.bag", "waist: .*set back", "knee: .*set back", "trackers start anew", least=-_ANEW
+        )
+        for each in ("clock_back", "clock_back_hour")
+    },
     "06 all_stamps_zero": tracked("06-stamps-zero/all_stamps_zero.bag", "waist: .*no stamp", "knee: .*no stamp"),
     "07 first_stamp_zero": tracked("07-first-stamp-zero/first_stamp_zero.bag", r"\w+: 1 of \d+ messages"),
     "07 knee_boot_clock": tracked("07-first-stamp-zero/knee_boot_clock.bag", "knee: .*time_offset_s"),
@@ -356,7 +378,7 @@ CHECKS: dict[str, Check] = {
     "14 far_300": same_pictures("14-near-plane/base/s.yaml", "14-near-plane/far_300/s.yaml", 0.005),
     "14 far_500": same_pictures("14-near-plane/base/s.yaml", "14-near-plane/far_500/s.yaml", 0.005),
     "15 geom group 6": refused(r"group", "run", "15-geom-group/s.yaml", *_RUN),
-    "16 eighth lamp": same_pictures("16-eight-lamps/light6/s.yaml", "16-eight-lamps/light7/s.yaml", 0.02),
+    "16 eighth lamp": eighth_lamp,
     "17 flex": refused(r"flex", "run", "17-flex/s.yaml", *_RUN),
     **{f"21 {each}": dialect(f"{each}.csv") for each in ("bom", "comment", "quoted", "semi", "upper")},
     "21 order": contradicting_header,
@@ -364,8 +386,8 @@ CHECKS: dict[str, Check] = {
     "22 norway": name_of_norway,
     "22 octal": octal,
     "24 turning": moving_robot,
-    "25 one_topic_empty": tracked("25-silent-topic/one_topic_empty.bag", r"(waist|knee): no message", least=-0.3),
-    "25 waist_silent": tracked("25-silent-topic/waist_silent.bag", r"waist: .*missing", least=-0.3),
+    "25 one_topic_empty": silent_topic,
+    "25 waist_silent": tracked("25-silent-topic/waist_silent.bag", r"waist: no message", least=-0.3),
     "26 distortion": printed(
         "26-distortion/rigs.py",
         *(

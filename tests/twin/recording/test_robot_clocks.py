@@ -196,6 +196,7 @@ def test_time_goes_on_in_the_tables_where_a_clock_was_set(tmp_path, said):
     stamps = read_tracks(result.files["tracks laser-imm"]).frame_stamps_ns
     assert all(0 < later - earlier < NS_PER_S for earlier, later in pairwise(stamps.tolist()))
     assert any(line.startswith("waist: ") for line in told)
+    assert any("trackers start anew there" in line for line in told) == (said is not WRONG["one stamp of 0"])
     assert any(line in result.files["report"].read_text().replace("&#39;", "'") for line in told)
 
 
