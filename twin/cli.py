@@ -21,10 +21,10 @@ from twin.commands.exit_codes import (
     EXIT_INTERRUPTED,
     EXIT_OUR_FAULT,
 )
-from twin.commands.follow import detections, track
+from twin.commands.info import check, list_, schema
 from twin.commands.new import app as new
-from twin.commands.offer import check, list_, schema
-from twin.commands.simulate import render, run
+from twin.commands.run import render, run
+from twin.commands.track import detections, track
 from twin.commands.view import view
 from twin.environment.command import environment
 from twin.interruption import heed_interrupts

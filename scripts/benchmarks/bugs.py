@@ -425,7 +425,7 @@ _BY_FILE = {
     "twin/sensors/floor_plate.py": [
         ("sign of a torque", "_Group.press", "-_A[:, 0]", "_A[:, 0]"),
     ],
-    "twin/truth/ray_runs.py": [
+    "twin/world/truth_details.py": [
         ("one beam too many", "person_runs", "_A[_B] - 1", "_A[_B]"),
     ],
     "twin/truth/situations.py": [

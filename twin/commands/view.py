@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from trackers.errors import InputError
 from twin.options import NoLimits, RoomRoot, ScenarioName, Seed, Set, overrides
 
 
@@ -30,11 +31,10 @@ def view(
     out: Annotated[Path | None, typer.Option(help="The picture to write; default: view.png or people.png.")] = None,
 ) -> None:
     """A look inside: the room and every sensor's view at one moment; its people (--people); a video of them (--video)."""
-    from trackers.errors import InputError
     from twin.console import print_paths, print_warnings, progress
     from twin.scenario import load_scenario
     from twin.scenario.size import check_size
-    from twin.view import check_choice, write_drawn, write_people, write_video, write_view
+    from twin.view import write_drawn, write_people, write_video, write_view
 
     if drawn is not None:
         if people or video is not None:
@@ -64,3 +64,30 @@ def view(
         path = out or Path("view.png")
         print_warnings(write_view(loaded, at, path))
         print_paths({"view": path})
+
+
+def check_choice(
+    *,
+    at: float,
+    people: bool,
+    video: Path | None,
+    start_s: float,
+    end_s: float | None,
+    follow: str | None,
+    out: Path | None,
+) -> None:
+    """Raise InputError for options of `twin view` that say nothing about the picture that is asked for."""
+    if people and video is not None:
+        raise InputError("--people: is a picture of its own beside --video; one of the two is expected")
+    if people and at:
+        raise InputError(
+            f"--at {at:g}: says nothing of --people, which shows the whole run; one of the two is expected"
+        )
+    if video is not None and (at or out is not None):
+        option = f"--at {at:g}" if at else f"--out {out}"
+        raise InputError(f"{option}: says nothing of a video; --video FILE.mp4 with --from and --to is expected")
+    if video is None:
+        given = [("--from", start_s or None), ("--to", end_s), ("--follow", follow)]
+        for option, value in given:
+            if value is not None:
+                raise InputError(f"{option} {value}: is about a video; --video FILE.mp4 beside it is expected")

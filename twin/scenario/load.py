@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import difflib
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
 import yaml
-from pydantic import Field
+from pydantic import BaseModel, Field
 
-from trackers.configuration import validate
+from trackers.configuration import keys_of, validate
 from trackers.errors import InputError
 from trackers.knowledge_files import files_within
 from trackers.merging import laid_over
@@ -25,7 +26,6 @@ from twin.drawn.scene import draw_scene, is_drawn
 from twin.scenario.model import Scenario
 from twin.scenario.pedestrians import Pedestrians, people_from
 from twin.scenario.people import Person
-from twin.scenario.removal import check_removals
 from twin.scenario.sensors import SensorDescription
 
 _MOST_SHOWN = 200
@@ -220,3 +220,34 @@ def dump_scenario(scenario: Scenario) -> str:
     """The resolved scenario as YAML that runs again to the same bits."""
     content = scenario.model_dump(mode="json", exclude_none=True)
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+
+
+def check_removals(
+    model: type[BaseModel],
+    base: Mapping[Any, Any],
+    change: Mapping[Any, Any],
+    source: str,
+    at: tuple[str, ...] = (),
+) -> None:
+    """Raise InputError where a null in `change` removes nothing from `base` and is no field that may be left out either.
+
+    at: the path of both in the model; source: opens the sentence. A tracker's options are the tracker's to read.
+    """
+    if at[:1] == ("trackers",) and len(at) > 1:
+        return
+    for key, value in change.items():
+        held = base.get(key)
+        if isinstance(value, Mapping):
+            check_removals(model, held if isinstance(held, Mapping) else {}, value, source, (*at, str(key)))
+        elif value is None and key not in base:
+            fields = keys_of(model, at, change.get("kind", base.get("kind")))
+            if fields is None or key not in fields:
+                raise InputError(f"{source}: {'.'.join((*at, str(key)))}: {_nothing(str(key), base, fields)}")
+
+
+def _nothing(key: str, base: Mapping[Any, Any], fields: frozenset[str] | None) -> str:
+    there = sorted(map(str, base if fields is None else fields))
+    what = "there is none of this name to remove" if fields is None else "unknown key"
+    close = difflib.get_close_matches(key, there, n=1)
+    hint = f"; did you mean {close[0]!r}?" if close else ";"
+    return f"{what}{hint} valid here: {', '.join(there) or 'none, as nothing is there'}"

@@ -16,10 +16,29 @@ from twin.scenario.behaviour import companions
 from twin.scenario.housings import Housing, check_believed, check_on_housing, check_place, check_told
 from twin.scenario.lights import LightChange
 from twin.scenario.people import Person
-from twin.scenario.rendering import PLAIN, Rendering
 from twin.scenario.sensors import SensorDescription
 from twin.scenario.vary import STEADY, Vary
 from twin.sensors.fault_kinds import FaultDescription, check_fault
+
+
+class Rendering(Strict):
+    """Switches of the renderer, for every camera alike; all off: as fast as can be."""
+
+    shadows: bool = Field(
+        default=False,
+        description="whether lamps throw shadows: those of the room that may, else the one that shines most steeply down",
+    )
+    samples: int = Field(
+        default=0, ge=0, le=16, description="samples a pixel, which soften edges; 0: one, at its middle"
+    )
+
+    def __str__(self) -> str:
+        """What is switched on, in words; empty where nothing is."""
+        told = ["shadows"] if self.shadows else []
+        return " and ".join([*told, *([f"{self.samples} samples a pixel"] if self.samples else [])])
+
+
+PLAIN = Rendering()
 
 
 class TrackerChoice(BaseModel):

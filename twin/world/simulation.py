@@ -40,8 +40,7 @@ from twin.sensors.timed import TimedSensor
 from twin.streams import stream
 from twin.truth.boxes import SeesPeople, person_boxes
 from twin.truth.frames import Box, TruthDetail, TruthFrame
-from twin.truth.sight import sees_some_of
-from twin.truth.visibility import sensor_view
+from twin.truth.visibility import sees_some_of, sensor_view
 from twin.world.heap import trim_heap
 from twin.world.scene import foot_shapes
 from twin.world.staged import Staged

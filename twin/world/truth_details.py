@@ -8,15 +8,15 @@ from operator import attrgetter
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trackers.observations import NS_PER_S, LaserScan
 from twin.instant.snapshot import Snapshot, SnapshotSource
 from twin.sensors.sensor import Reading
 from twin.truth.body_outlines import BodyOutlines
 from twin.truth.boxes import SeesPeople, person_boxes
-from twin.truth.frames import BoxFrame, RayFrame, Situation, TruthDetail, TruthFrame
+from twin.truth.frames import BoxFrame, RayFrame, RayRun, Situation, TruthDetail, TruthFrame
 from twin.truth.pairs import Pair, ordered_pairs, pairs_within
-from twin.truth.ray_runs import person_runs
 from twin.truth.rig_merging import Look, look_of, merged_pairs
 from twin.truth.situations import (
     CORRELATED_M,
@@ -27,6 +27,18 @@ from twin.truth.situations import (
 )
 from twin.truth.visibility import SensorView, first_met
 from twin.world.scene import Scene
+
+
+def person_runs(person_of_ray: NDArray[np.int16]) -> tuple[RayRun, ...]:
+    """Runs of equal ids in (n_beam,) ids by beam, those of the room (0) left out."""
+    if person_of_ray.size == 0:
+        return ()
+    starts = np.flatnonzero(np.diff(person_of_ray, prepend=np.int16(-1)))
+    stops = np.append(starts[1:], person_of_ray.size)
+    ids = person_of_ray[starts]
+    met = ids > 0
+    runs = zip(ids[met].tolist(), starts[met].tolist(), (stops[met] - 1).tolist(), strict=True)
+    return tuple(RayRun(*run) for run in runs)
 
 
 class InhabitedWorld(SnapshotSource, Protocol):

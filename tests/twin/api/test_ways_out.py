@@ -59,7 +59,7 @@ def test_closed_pipe_is_quiet(command: list[str]) -> None:
 
 
 def test_list_keeps_its_columns_apart() -> None:
-    from twin.commands.offer import _lines
+    from twin.commands.info import _lines
 
     entries = {"short": "one", "a-name-that-is-longer-than-the-column-was": "two words " * 9}
     for width in (None, 50, 80, 200):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from twin.truth.frames import RayRun
-from twin.truth.ray_runs import person_runs
+from twin.world.truth_details import person_runs
 
 
 def test_runs_begin_and_end_where_the_person_changes():

@@ -11,9 +11,10 @@ import pytest
 
 from trackers.configuration import validate
 from trackers.errors import InputError
+from twin.commands.view import check_choice
 from twin.room.mounts import check_mount
 from twin.scenario import Scenario, load_scenario
-from twin.view import check_choice, write_people, write_video, write_view
+from twin.view import write_people, write_video, write_view
 from twin.view.moment import drawn_view
 from twin.view.standpoint import Room, body_parts, overview, seen_share, standpoint_for
 from twin.view.video import FPS
