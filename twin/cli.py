@@ -22,6 +22,7 @@ from twin.commands.exit_codes import (
     EXIT_OUR_FAULT,
 )
 from twin.commands.info import check, list_, schema
+from twin.commands.memory import check_memory, code_of_child, lack_of_memory
 from twin.commands.new import app as new
 from twin.commands.run import render, run
 from twin.commands.track import detections, track
@@ -80,6 +81,8 @@ app.command(
 
 def main() -> None:
     """Run the command line; every way out has its exit code (see the README)."""
+    if (code := code_of_child()) is not None:
+        sys.exit(code)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a terminal of another encoding shows what it lacks as escapes
             stream.reconfigure(errors="backslashreplace")  # pyright: ignore[reportAttributeAccessIssue]
@@ -96,7 +99,6 @@ def main() -> None:
 
 def _code_of_run() -> int:
     from trackers.errors import InputError, PlugInError
-    from twin.commands.memory import check_memory, lack_of_memory
 
     # Small matrices everywhere: threads of BLAS would only get in the way of the work beside them.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import errno
+import os
 import resource
+import signal
+import sys
 from collections.abc import Iterator
 
 from trackers.errors import InputError
+from twin.commands.exit_codes import EXIT_BAD_INPUT
 
 _LEAST_MB = 200
 """Under this OpenBLAS ends the process by itself, before Python can say anything."""
@@ -14,6 +18,33 @@ _LEAST_MB = 200
 _SAID_OF_MEMORY = ("failed to map segment", "allocate memory", "can't start new thread", "insufficient memory")
 _FOREIGN = ("av", "cv2", "mujoco", "OpenGL", "apsw", "sqlite3", "zstandard")
 """Libraries whose errors do not say that memory was what they lacked."""
+_FATAL = (signal.SIGABRT, signal.SIGSEGV, signal.SIGBUS, signal.SIGILL, signal.SIGTRAP)
+"""How compiled libraries end a process."""
+
+
+def code_of_child() -> int | None:
+    """Do the rest in a child of this process where memory is limited; return its exit code, and None in the child itself.
+
+    Libraries for pictures end the process that may have no more memory, before Python can say anything: the parent can.
+    """
+    limit = _limit_mb()
+    if limit is None:
+        return None
+    try:
+        child = os.fork()
+    except OSError:  # no memory even for that: what comes next says so
+        return None
+    if child == 0:
+        return None
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sends it to both
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda number, _: os.kill(child, number))
+    _, status = os.waitpid(child, 0)
+    code = os.waitstatus_to_exitcode(status)
+    if -code in _FATAL:
+        sys.stderr.write(f"twin: {_sentence(limit)}\n")
+        return EXIT_BAD_INPUT
+    return code if code >= 0 else 128 - code
 
 
 def check_memory() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sqlite3
 import subprocess
 import sys
@@ -83,8 +84,22 @@ def test_user_without_home_is_told_what_to_name(tmp_path: Path) -> None:
     assert twin("suite", "cache", prepare=prepare, **named).returncode == 0
 
 
+ENDS = "twin.cli.app = lambda **_: os.kill(os.getpid(), signal.{})"
+
+
+@pytest.mark.parametrize("name", ["SIGABRT", "SIGSEGV", "SIGBUS"])
+def test_library_that_ends_the_process_for_want_of_memory_is_put_in_words(name: str) -> None:
+    prepare = (
+        "import os, resource, signal, twin.cli; resource.setrlimit(resource.RLIMIT_CORE, (0, 0)); {}"
+        + ENDS.format(name)
+    )
+    limited = prepare.format("resource.setrlimit(resource.RLIMIT_AS, (2**31,) * 2); ")
+    assert "(ulimit -v), which is not enough" in said(twin("list", prepare=limited))
+    assert twin("list", prepare=prepare.format("")).returncode == -getattr(signal, name)  # no limit, no such excuse
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("limit_mb", [100, 250, 400, 600])
+@pytest.mark.parametrize("limit_mb", [100, 250, 400, 600, 781])
 def test_limit_of_memory_is_named(limit_mb: int, tmp_path: Path) -> None:
     prepare = f"import resource; resource.setrlimit(resource.RLIMIT_AS, ({limit_mb * 2**20},) * 2)"
     found = twin("run", "lab-five-people", "--duration", "1", "--out", tmp_path / "out", prepare=prepare)
