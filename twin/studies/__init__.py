@@ -1,1 +1,1 @@
-"""Where sensors should go: placements searched for by coverage and by tracking, held-out figures, and a plan to build by."""
+"""Find where sensors should go: search placements by coverage and tracking, validate the best, and plan the installation."""

@@ -1,4 +1,4 @@
-"""A scenario with its sensors where a candidate has them, and the file that says so."""
+"""Apply a placement to a scenario, and write the scenario file that results."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from twin.studies.spec import Study
 
 
 def apply_placement(study: Study, scenario: Scenario, poses: Sequence[CandidatePose]) -> Scenario:
-    """The scenario with the options' devices in place of its own; the same scenario without options.
+    """Return the scenario with the poses' devices in place of its own; the same scenario without poses.
 
     A device that stands for one sensor keeps its name, and more of them are called NAME-2, NAME-3 ... after their entry. Where
     an entry stands for several, names like `west` say where those hung: theirs are NAME-1, NAME-2 ..., and what the scenario
@@ -73,12 +73,12 @@ def apply_placement(study: Study, scenario: Scenario, poses: Sequence[CandidateP
 
 
 def _names(own: Sequence[str], device_name: str, number: int) -> list[str]:
-    """The scenario's own name where there is one, then NAME-2 ... after the device."""
+    """Name the sensors of a device: the scenario's own name where there is one, then NAME-2 ... after the device."""
     return [own[0] if k == 0 and len(own) == 1 else f"{device_name}-{k + 1}" for k in range(number)]
 
 
 def _described(description: Any, mount: Mount, kind: DeviceKind) -> Any:
-    """A sensor of this kind that hangs there, in the room; its pose without what turning it to and fro has rounded."""
+    """Describe a sensor of this kind at a mount in the room, its pose without what rotating it back and forth has rounded."""
     angles = {each: round(getattr(mount, each), 9) + 0.0 for each in ("yaw_deg", "pitch_deg", "roll_deg")}
     x, y, z = (round(each, 9) + 0.0 for each in mount.xyz)
     mount = Mount(xyz=(x, y, z), **angles)
@@ -103,7 +103,7 @@ def _move_each(
     sensors: dict[str, Any],
     scenario: Scenario,
 ) -> dict[str, str]:
-    """Hang them; what the scenario's own are called now, as far as there are so many."""
+    """Place devices of one sensor each; return the new names of the scenario's own sensors, as far as there are so many."""
     for name in device.sensors:
         del sensors[name]
     names = _names(device.sensors, device_name, len(chosen))
@@ -160,7 +160,7 @@ def _move_housing(
 
 
 def write_scenario(path: Path, own: Scenario, changed: Scenario, own_file: Path, name: str, description: str) -> None:
-    """A scenario file that extends `own_file`, which loads to `own`, and loads to `moved` but for its name; people stay."""
+    """Write a scenario file that extends `own_file` (loads to `own`) and loads to `moved` but for its name; people stay."""
     shipped = models.MODELS / "scenarios"
     parent = own_file.stem if own_file.parent == shipped else os.path.relpath(own_file.resolve(), path.parent.resolve())
     before, now = (each.model_dump(mode="json", exclude_none=True) for each in (own, changed))
@@ -185,7 +185,7 @@ def write_scenario(path: Path, own: Scenario, changed: Scenario, own_file: Path,
 
 
 def _changes(before: Any, now: Any) -> Any:
-    """What is to be laid over `before` to get `now`, null for what is gone; None where nothing is."""
+    """Return what `deep_merge` needs to turn `before` into `now`: null for a removed key; None where nothing changed."""
     if before == now:
         return None
     if not isinstance(before, dict) or not isinstance(now, dict):

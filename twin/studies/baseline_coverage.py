@@ -1,4 +1,4 @@
-"""What the sensors of a scenario see as they stand: figures, and maps on a page; nothing is searched."""
+"""Measure the coverage of a scenario's own sensors, as metrics and as maps on a page; nothing is searched."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _CELLS = 10_000
 
 
 def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: float, samples: int) -> dict[str, Any]:
-    """Write coverage.json and coverage.html; the figures. Raises InputError where no sensor looks, or nobody is there."""
+    """Write coverage.json and coverage.html; return the metrics. Raises InputError without scanners and cameras."""
     names = [name for name, each in scenario.sensors.items() if not isinstance(each, FloorDescription)]
     if not names:
         raise InputError(
@@ -87,7 +87,7 @@ def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: fl
 
 
 def print_coverage(found: dict[str, Any]) -> None:
-    """Print the figures, a line a number of sensors, and a line a sensor."""
+    """Print the metrics: one line per number of sensors, one line per sensor."""
     console = PlainConsole()
     for k, share in found["people_seen_by_at_least"].items():
         floor = found["floor_seen_by_at_least"][k]

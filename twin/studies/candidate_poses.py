@@ -24,14 +24,14 @@ _AIM_HEIGHT_M = 1.0
 
 
 def first_sensor(device: Device, scenario: Scenario) -> str:
-    """The sensor by which a device is described."""
+    """Return the name of the sensor that describes a device."""
     if device.housing is not None:
         return next(name for name, each in scenario.sensors.items() if getattr(each, "housing", None) == device.housing)
     return (*device.sensors, *device.together)[0]
 
 
 def relative_mounts(device: Device, scenario: Scenario) -> list[Mount]:
-    """Where the sensors of a device are in its own frame: that of its first sensor, or of its housing."""
+    """Return the mounts of a device's sensors in its own frame: that of its first sensor, or of its housing."""
     if device.housing is not None:
         on_it = [each for each in scenario.sensors.values() if getattr(each, "housing", None) == device.housing]
         return [each.mount for each in on_it]  # pyright: ignore[reportReturnType]
@@ -43,12 +43,12 @@ def relative_mounts(device: Device, scenario: Scenario) -> list[Mount]:
 
 
 def sensor_positions(device: Device, scenario: Scenario, mounts: tuple[Mount, ...]) -> Array:
-    """Where all sensors of a device (or pair) at these mounts are, (k, 3) [m]."""
+    """Return the positions of all sensors of a device (or pair) at these mounts, (k, 3) [m]."""
     return np.array([mount.carrying(inner).xyz for mount in mounts for inner in relative_mounts(device, scenario)])
 
 
 def candidate_mounts(device: Device, scenario: Scenario, building: Building, scene: Scene) -> list[tuple[Mount, ...]]:
-    """Every place turned every way, with its mirror image where there is one; yaw and tilt in the room."""
+    """Return every position in every direction, with its mirror image where asked for; yaw and tilt in the room's frame."""
     first = first_sensor(device, scenario)
     described = scenario.sensors[first]
     lies = isinstance(described, FloorDescription)
@@ -60,7 +60,7 @@ def candidate_mounts(device: Device, scenario: Scenario, building: Building, sce
 
 
 def _every_place(device: Device, building: Building, own_pitch_deg: float) -> list[Mount]:
-    """Every place, not yet turned: those it names, along walls and below the ceiling, and in a box."""
+    """Return every position, not yet turned: listed ones, along walls, below the ceiling, and in a box."""
     bases: list[Mount] = [Mount(xyz=each.xyz, yaw_deg=each.yaw_deg, pitch_deg=each.pitch_deg) for each in device.places]
     if device.walls is not None:
         walls = device.walls
@@ -87,7 +87,7 @@ def _every_place(device: Device, building: Building, own_pitch_deg: float) -> li
 
 
 def _turned(device: Device, bases: list[Mount], middle: Array, *, is_camera: bool) -> list[Mount]:
-    """Each place turned every way, or to the middle (x, y) [m] of where people walk."""
+    """Turn each mount in every direction, or to the middle (x, y) [m] of the tracked area."""
     turned = []
     for base in bases:
         if device.aim:
@@ -106,7 +106,7 @@ def _turned(device: Device, bases: list[Mount], middle: Array, *, is_camera: boo
 
 
 def _rounded(mount: Mount) -> Mount:
-    """To the millimetre and a hundredth of a degree: what somebody with a drill can read off a plan, and more."""
+    """Round to the millimetre and a hundredth of a degree, finer than anybody can read off a plan."""
     x, y, z = (round(each, 3) + 0.0 for each in mount.xyz)
     yaw = (mount.yaw_deg + 180) % 360 - 180
     return Mount(xyz=(x, y, z), yaw_deg=round(yaw, 2) + 0.0, pitch_deg=round(mount.pitch_deg, 2) + 0.0)
@@ -131,7 +131,7 @@ def rejection_reasons(
     mounts: list[tuple[Mount, ...]],
     held: list[Array],
 ) -> dict[str, Mask]:
-    """By reason, which of a device's options (n,) it is against."""
+    """Return, by reason, the mask (n,) of a device's candidate poses that it rejects."""
     constraints, places = study.constraints, np.concatenate(held)
 
     def any_of(which: Mask) -> Mask:
@@ -160,7 +160,7 @@ def rejection_reasons(
 
 
 def cable_lengths_m(study: Study, building: Building, held: list[Array]) -> Array:
-    """Length of cable to each option (n,) [m], to each of a pair; 0 where cables are not counted."""
+    """Return the length of cable to each candidate pose (n,) [m], to each of a pair; 0 where cables are not counted."""
     cable = study.constraints.cable
     if cable is None:
         return np.zeros(len(held))
@@ -173,7 +173,7 @@ def cable_lengths_m(study: Study, building: Building, held: list[Array]) -> Arra
 
 
 def _lies(floor: FloorDescription, scene: Scene, mounts: tuple[Mount, ...]) -> bool:
-    """Whether a pressure floor can lie there."""
+    """Return True where a pressure floor can lie there."""
     for mount in mounts:
         if mount.xyz[2] != 0 or mount.pitch_deg:
             return False

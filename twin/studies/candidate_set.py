@@ -1,4 +1,4 @@
-"""The options of a study: where each device may be mounted, what that costs, and which of them go together."""
+"""The candidate set of a study: the poses that the constraints leave, their prices, and which of them fit together."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ BASELINE: Placement = ()
 
 @dataclass(frozen=True)
 class CandidatePose:
-    """A device (or a mirrored pair) of one kind at one place: the mounts of its first sensor, or housing, in the room."""
+    """A device (or a mirrored pair) of one kind at one pose: the mounts of its first sensor, or housing, in the room."""
 
     device: str
     kind: int
@@ -42,7 +42,7 @@ class CandidatePose:
 
 @dataclass(frozen=True, eq=False)
 class CandidateSet:
-    """All options that keep the constraints, and how many there were before.
+    """All candidate poses that keep the constraints, and the number of poses considered.
 
     refused: by device and reason, how many options it takes; positions: of each option, where all of its sensors are (k, 3) [m].
     """
@@ -57,7 +57,7 @@ class CandidateSet:
 
     @classmethod
     def of(cls, study: Study, scenario: Scenario, scene: Scene, source: str) -> CandidateSet:
-        """The options in the room of a scenario. Raises InputError, naming `source`, where a device has none."""
+        """Find the candidate poses in a scenario's room. Raises InputError, naming `source`, where a device has none."""
         building = building_of(scene)
         poses: list[CandidatePose] = []
         positions: list[Array] = []
@@ -107,7 +107,7 @@ class CandidateSet:
 
     @cached_property
     def by_device(self) -> dict[str, list[int]]:
-        """The options of each device."""
+        """The numbers of each device's candidate poses."""
         found: dict[str, list[int]] = {name: [] for name in self.study.devices}
         for number, pose in enumerate(self.poses):
             found[pose.device].append(number)
@@ -115,20 +115,20 @@ class CandidateSet:
 
     @cached_property
     def prices(self) -> Array:
-        """What each option costs, (n,)."""
+        """The price of each candidate pose, (n,)."""
         return np.array([pose.price for pose in self.poses])
 
     def apart_m(self, one: int, other: int) -> float:
-        """The least distance between the devices of two options [m]."""
+        """Return the least distance between the devices of two candidate poses [m]."""
         gaps = self.positions[one][:, None] - self.positions[other]
         return float(np.sqrt((gaps**2).sum(axis=-1)).min())
 
     def too_near(self, one: int, other: int) -> bool:
-        """Whether two options cannot be taken together: nearer than `apart_m`, or the same place."""
+        """Return True where two poses exclude each other: nearer than `apart_m`, or the same position."""
         return self.apart_m(one, other) < max(self.study.constraints.apart_m, 1e-6) - 1e-9
 
     def price(self, placement: Placement) -> float:
-        """What the devices and cables of a candidate cost; of the scenario's own placement, what its devices do.
+        """Return the price of a placement's devices and cables; of the baseline, that of its devices.
 
         A device of the scenario's own is of the first kind that changes nothing of it, or of the first.
         """
@@ -141,7 +141,7 @@ class CandidateSet:
         )
 
     def _baseline_price(self, device: Device, name: str) -> float:
-        """What a device costs that the scenario has; name: its sensor, "" where it is of several."""
+        """Return the price of a device of the scenario; name: its sensor, "" where it consists of several."""
         sensors = self.scenario.sensors
         own = sensors[name].model_dump(mode="json", exclude_none=True) if name else {}
         indistinguishable = [
@@ -151,7 +151,7 @@ class CandidateSet:
         return kind.price if kind.price is not None else device.price
 
     def violation(self, placement: Iterable[int]) -> str:
-        """Why a set of options may not be taken; "" where it may."""
+        """Return the constraint that a set of poses violates; "" for none."""
         chosen = sorted(placement)
         for name, device in self.study.devices.items():
             number = sum(self.poses[each].device == name for each in chosen)
@@ -161,7 +161,7 @@ class CandidateSet:
         return self.conflict(chosen)
 
     def conflict(self, chosen: list[int]) -> str:
-        """Why options cannot be together, however many there should be; "" where they can."""
+        """Return the conflict between poses, whatever the required count; "" for none."""
         budget = self.study.constraints.budget
         if budget is not None and self.prices[chosen].sum() > budget + 1e-9:
             return f"constraints.budget: costs {self.prices[chosen].sum():g}, at most {budget:g} is expected"
@@ -192,7 +192,7 @@ class CandidateSet:
 
 
 def building_of(scene: Scene) -> Building:
-    """The building of a scene's room, without its people."""
+    """Return the building of a scene's room, without its people."""
     room = compiled(scene.room, scene.room_file)
     data = mujoco.MjData(room)
     mujoco.mj_kinematics(room, data)

@@ -1,4 +1,4 @@
-"""`twin study`: search for the best placement of sensors, look at the coverage of those that stand, show what was found."""
+"""`twin study`: search for the best placement of sensors, measure the coverage of a scenario's own, show results."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def coverage(
     no_limits: NoLimits = False,
     out: Out = None,
 ) -> None:
-    """What the sensors of a scenario see as they stand: figures, and a page with maps."""
+    """Measure the baseline coverage of a scenario: metrics, and a page with maps."""
     from twin.console import print_paths
     from twin.scenario import load_scenario
     from twin.studies.baseline_coverage import print_coverage, write_coverage
@@ -91,7 +91,7 @@ def coverage(
 
 @app.command(epilog="Example: twin study show out/study-lab-scanner-place")
 def show(folder: Annotated[Path, typer.Argument(help="A folder that `twin study run` has written.")]) -> None:
-    """What a finished study found."""
+    """Show the results of a finished study."""
     from twin.studies.results import print_summary
 
     print_summary(folder)

@@ -1,4 +1,4 @@
-"""Coverage of every option of a study, kept as packed bits, and of any set of them."""
+"""Coverage of every candidate pose of a study, as packed bits, and of any placement."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Bits = NDArray[np.uint64]  # (sensors, words)
 
 
 class CoverageTargets:
-    """What is to be seen: moments of people of the coverage's own seeds, and the floor."""
+    """The targets of coverage: people at time samples of the coverage's own seeds, or the cells of the floor."""
 
     def __init__(self, coverage: Coverage, scenario: Scenario, cache: RecordingCache) -> None:
         self.coverage = coverage
@@ -41,7 +41,7 @@ class CoverageTargets:
 
     @property
     def n(self) -> int:
-        """How many rows there are; of the floor, without the heights that cameras look for."""
+        """The number of rows; of the floor, with one row per height that cameras look for."""
         if self.coverage.of == "people":
             return sum(sampled.n_person_frame for sampled in self.sampled_worlds)
         return (
@@ -49,7 +49,7 @@ class CoverageTargets:
         )
 
     def visibility_bits(self, scenario: Scenario, names: Iterable[str]) -> Bits:
-        """What each of a scenario's sensors sees, (sensors, words); a floor sees nothing and is left out."""
+        """Return what each of a scenario's sensors sees, (sensors, words); pressure floors are left out."""
         found = []
         for name in names:
             if isinstance(scenario.sensors[name], FloorDescription):
@@ -63,13 +63,13 @@ class CoverageTargets:
         return np.array(found) if found else np.zeros((0, -(-self.n // 64)), dtype=np.uint64)
 
     def _cells(self, visibility: SensorVisibility, sampled: SampledWorld) -> NDArray[np.bool_]:
-        """A scanner, which has one height, sees a cell at every height or at none."""
+        """Return the visible cells; a scanner has one height and sees a cell at every height or at none."""
         visible = visibility.floor(sampled, self.cells_m).reshape(max(1, self.coverage.samples), -1, len(self.cells_m))
         heights = len(self.coverage.heights_m)
         return np.broadcast_to(visible, (visible.shape[0], heights, visible.shape[2])).reshape(-1)
 
     def worst_cell(self, covered: Bits) -> float:
-        """Of rows that are seen (words,), the share in the worst place: a cell of the floor, or a square metre of ways."""
+        """Return the share of visible rows (words,) in the worst place: a cell of the floor, or a square metre of paths."""
         bits = np.unpackbits(covered.view(np.uint8), count=self.n).astype(float)
         if self.coverage.of == "floor":
             return float(bits.reshape(-1, len(self.cells_m)).mean(axis=0).min())
@@ -79,7 +79,7 @@ class CoverageTargets:
 
 
 def at_least(bits: Bits, k: int) -> NDArray[np.uint64]:
-    """Which rows (words,) at least k of the sensors (m, words) see."""
+    """Return the rows (words,) that at least k of the sensors (m, words) see."""
     reached = np.zeros((k, bits.shape[1]), dtype=np.uint64)
     for each in bits:
         for level in range(k - 1, 0, -1):
@@ -89,12 +89,12 @@ def at_least(bits: Bits, k: int) -> NDArray[np.uint64]:
 
 
 def count_bits(words: NDArray[np.uint64]) -> int:
-    """How many bits are set."""
+    """Count the bits that are set."""
     return int(np.bitwise_count(words).sum())
 
 
 class PoseCoverage:
-    """The bits of a study's options, worked out when they are first asked for, beside those of sensors that stay."""
+    """The visibility bits of candidate poses, computed on first use, beside those of the sensors that stay."""
 
     def __init__(self, study: Study, candidate_set: CandidateSet, cache: RecordingCache) -> None:
         self._study = study
@@ -110,13 +110,13 @@ class PoseCoverage:
 
     @property
     def fixed(self) -> Bits:
-        """What the sensors see that no option moves."""
+        """The visibility bits of the sensors that no pose moves."""
         if self._fixed is None:
             self._fixed = self.targets.visibility_bits(self._layout.scenario, self._static)
         return self._fixed
 
     def bits(self, pose: int) -> Bits:
-        """What the sensors of one option see, (sensors, words)."""
+        """Return what the sensors of one candidate pose see, (sensors, words)."""
         if pose not in self._bits:
             alone = _only(self._study, self._layout.scenario, self._layout.poses[pose])
             names = [name for name in alone.sensors if name not in self._static]
@@ -124,7 +124,7 @@ class PoseCoverage:
         return self._bits[pose]
 
     def covered(self, placement: Placement) -> NDArray[np.uint64]:
-        """Which rows (words,) enough sensors of a candidate see, those that stay included."""
+        """Return the rows (words,) that enough sensors of a placement see, those that stay included."""
         if placement == BASELINE:
             return at_least(
                 self.targets.visibility_bits(self._layout.scenario, self._baseline), self._study.coverage.at_least
@@ -133,15 +133,15 @@ class PoseCoverage:
         return at_least(every, self._study.coverage.at_least)
 
     def share(self, placement: Placement) -> float:
-        """The share of rows that enough sensors see."""
+        """Return the share of rows that enough sensors see."""
         return count_bits(self.covered(placement)) / self.targets.n
 
     def worst(self, placement: Placement) -> float:
-        """The share in the worst place."""
+        """Return the share of visible rows in the worst place."""
         return self.targets.worst_cell(self.covered(placement))
 
     def counts(self, poses: Sequence[int]) -> tuple[Array, Array, Array]:
-        """Distinct rows: how many sensors of each option see each (n, r), how many of those that stay (r,), and how often (r,).
+        """Return per distinct row the sensors of each pose that see it (n, r), those that stay (r,), and its frequency (r,).
 
         Sensors beyond those that are asked for do not count: at most `at_least` each.
         """
@@ -157,7 +157,7 @@ class PoseCoverage:
 
 
 def _summed(bits: Bits, n: int, most: int) -> NDArray[np.uint8]:
-    """How many of the sensors (m, words) see each row, at most so many, (n,)."""
+    """Count the sensors (m, words) that see each row, at most `most`, (n,)."""
     if not len(bits):
         return np.zeros(n, dtype=np.uint8)
     each = np.unpackbits(np.ascontiguousarray(bits).view(np.uint8), axis=1, count=n)
@@ -165,5 +165,5 @@ def _summed(bits: Bits, n: int, most: int) -> NDArray[np.uint8]:
 
 
 def _only(study: Study, scenario: Scenario, pose: CandidatePose) -> Scenario:
-    """The scenario with one option's devices and no others, its other sensors left out of account; faults do not matter here."""
+    """Return the scenario with the devices of one candidate pose and no others; faults do not matter here."""
     return apply_placement(study, scenario.model_copy(update={"faults": {}}), [pose])

@@ -1,4 +1,4 @@
-"""What a study places: which devices, where they may hang, at what price, and what every placement must keep."""
+"""Devices that a study places: their sensors, candidate poses, kinds and prices, and the constraints on a placement."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Metres = Annotated[FiniteFloat, Field(ge=0, le=1000)]
 
 
 def _one_is_both(value: object) -> object:
-    """`[0.9]`, or 0.9, is the range that begins and ends there."""
+    """Turn 0.9, or `[0.9]`, into the range that begins and ends there."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return [value, value]
     return [value[0], value[0]] if isinstance(value, list | tuple) and len(value) == 1 else value
@@ -27,7 +27,7 @@ Range = Annotated[tuple[FiniteFloat, FiniteFloat], BeforeValidator(_one_is_both)
 
 
 def steps(low_high: Range, every: float) -> list[float]:
-    """The values from the first to the second, at most `every` apart."""
+    """Return evenly spaced values from the first to the second, at most `every` apart."""
     low, high = low_high
     return np.linspace(low, high, 1 + int(np.ceil((high - low) / every - 1e-9))).tolist()
 
@@ -41,7 +41,7 @@ def _ascending(name: str, low_high: Range | None) -> None:
 
 
 class FixedPose(Strict):
-    """One place: where, and how turned."""
+    """One pose: position and direction."""
 
     xyz: Point3 = Field(description="x, y, z in the room frame [m]")
     yaw_deg: FiniteFloat = Field(default=0.0, description="turn about z, counter-clockwise from the room's x [deg]")
@@ -49,7 +49,7 @@ class FixedPose(Strict):
 
 
 class WallPoses(Strict):
-    """Places along the walls, facing into the room."""
+    """Poses along the walls, facing into the room."""
 
     height_m: Range = Field(description="lowest and highest place [m]")
     height_every_m: float = Field(default=0.25, gt=0, description="largest step between heights [m]")
@@ -63,14 +63,14 @@ class WallPoses(Strict):
 
 
 class CeilingPoses(Strict):
-    """Places below the ceiling, on a grid."""
+    """Poses below the ceiling, on a grid."""
 
     every_m: float = Field(default=1.0, gt=0, description="largest step of the grid [m]")
     off_m: Metres = Field(default=0.1, description="how far below the ceiling [m]")
 
 
 class BoxPoses(Strict):
-    """Places on a grid in a box."""
+    """Poses on a grid in a box."""
 
     x_m: Range = Field(description="from and to [m]")
     y_m: Range = Field(description="from and to [m]")
@@ -85,7 +85,7 @@ class BoxPoses(Strict):
 
 
 class DeviceKind(Strict):
-    """One of several devices to choose from."""
+    """One of several kinds of a device to choose from."""
 
     name: OwnName = Field(description="what to call it in tables")
     set: Changes = Field(
@@ -98,7 +98,7 @@ UNCHANGED = (DeviceKind(name="as-is"),)
 
 
 class MirrorLine(Strict):
-    """Every place comes with its image beyond a line across the room; both are occupied."""
+    """A line across the room beyond which every pose has its mirror image; both are occupied."""
 
     x_m: FiniteFloat | None = Field(default=None, description="the line x = this [m]")
     y_m: FiniteFloat | None = Field(default=None, description="the line y = this [m]")
@@ -111,7 +111,7 @@ class MirrorLine(Strict):
 
 
 class Device(Strict):
-    """A device to place: which sensors of the scenario it stands for, where it may hang, how many, at what price.
+    """A device to place: the sensors of the scenario that it stands for, candidate poses, count and price.
 
     `sensors` are devices alike, each on its own; `together` one device of several sensors, which keep their poses to the first;
     `housing` one device with all that hangs on it.
@@ -167,7 +167,7 @@ class Device(Strict):
 
     @property
     def counts(self) -> tuple[int, int]:
-        """Least and most of them."""
+        """Least and greatest number of devices."""
         if self.count is not None:
             return self.count
         number = max(1, len(self.sensors) // (2 if self.mirrored else 1))
@@ -175,7 +175,7 @@ class Device(Strict):
 
 
 class Cable(Strict):
-    """What a cable to each device may cost and how long it may be."""
+    """The start, route, price and greatest length of the cable to each device."""
 
     start: Point3 = Field(alias="from", description="where the cables begin: x, y, z [m]")
     most_m: float | None = Field(default=None, gt=0, description="longest cable [m]; none: any")
@@ -184,7 +184,7 @@ class Cable(Strict):
 
 
 class KeepFreeZone(Strict):
-    """A part of the room in which nothing may hang."""
+    """A part of the room without devices."""
 
     name: Text = Field(description="what it is, for errors and the plan")
     polygon: Annotated[tuple[Point2, ...], Field(min_length=3)] = Field(description="its corners on the floor [m]")
@@ -193,7 +193,7 @@ class KeepFreeZone(Strict):
 
 
 class Constraints(Strict):
-    """What every placement but the scenario's own must keep."""
+    """Constraints on every placement but the baseline."""
 
     budget: float | None = Field(
         default=None, ge=0, description="most that all moved devices and cables cost; none: any"

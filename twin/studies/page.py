@@ -1,4 +1,4 @@
-"""The page of a study, for somebody with a drill and for somebody who pays: one HTML file, printable on A4."""
+"""The page of a study, for whoever installs and whoever pays: one HTML file, printable on A4."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def _trial_row(results: StudyResults, trial: Trial) -> dict[str, str]:
 
 
 def _parts(results: StudyResults) -> list[tuple[str, str, str, str]]:
-    """What is to be bought: device and kind, how many, the price of one without its cable, and metres of cable."""
+    """List the parts to buy: device and kind, number, price of one without its cable, and metres of cable."""
     candidate_set, study, rows = results.prepared.candidate_set, results.prepared.study, []
     for name, device in study.devices.items():
         for number, kind in enumerate(device.kinds):
@@ -124,7 +124,7 @@ def _parts(results: StudyResults) -> list[tuple[str, str, str, str]]:
 
 
 def _rejections(results: StudyResults) -> list[tuple[str, int, dict[str, int]]]:
-    """By device, how many places there were, and why how many of them are none."""
+    """Return, by device, the number of poses considered and the number rejected by each reason."""
     candidate_set = results.prepared.candidate_set
     return [(name, candidate_set.n_considered[name], reasons) for name, reasons in candidate_set.rejected.items()]
 
@@ -136,7 +136,7 @@ def _left_out(results: StudyResults, placement: tuple[int, ...]) -> str:
 
 
 def _maps(results: StudyResults, scenario: Any, sensors: list[PlanSensor]) -> list[tuple[str, str]]:
-    """Beams on a body, pixels a metre, and the mean error by place, each with what it shows."""
+    """Draw beams on a body, pixels per metre, and the mean error by place, each with its caption."""
     prepared, study = results.prepared, results.prepared.study
     area, building = prepared.scene.area, prepared.candidate_set.building
     cell_m = max(0.05, float(np.sqrt(np.prod(np.ptp(area, axis=0)) / _HEAT_CELLS)))
@@ -203,7 +203,7 @@ def _maps(results: StudyResults, scenario: Any, sensors: list[PlanSensor]) -> li
 
 
 def _trial_map(results: StudyResults, sensors: list[PlanSensor]) -> tuple[str, str] | None:
-    """What was tried, its caption first: the first objective over the second or the price, or by place where all cost the same.
+    """Draw all trials, caption first: the first objective over the second or the price, or by place where all cost the same.
 
     None where hardly anything was tried.
     """
@@ -243,7 +243,7 @@ def _trial_map(results: StudyResults, sensors: list[PlanSensor]) -> tuple[str, s
 
 
 def _baseline_places(results: StudyResults) -> Array:
-    """Where the scenario's own devices are, (n, 2) [m], those that are moved."""
+    """Return the positions of the scenario's own devices that the study moves, (n, 2) [m]."""
     own = results.prepared.scenario
     moved = moved_sensors(results.prepared.study, own, results.scenario_with(results.best.placement))
     here = plan_sensors(own, [name for name in moved if name in own.sensors], results.prepared.candidate_set.building)
@@ -258,7 +258,7 @@ def _standard_error(results: StudyResults, trial: Trial) -> float:
 
 
 def _device_label(device: Device, scenario: Scenario) -> str:
-    """What a device is, for a list of parts."""
+    """Name a device for the list of parts."""
     kind = scenario.sensors[first_sensor(device, scenario)].kind
     held = len(device.together) or 1
     return kind if held == 1 else f"{kind} and {held - 1} more on one mount"
@@ -266,7 +266,7 @@ def _device_label(device: Device, scenario: Scenario) -> str:
 
 @cache
 def environment() -> Environment:
-    """What the pages of studies are made with, on the base that pages of results share."""
+    """Return the template environment of study pages, on the base that pages of results share."""
     return Environment(
         loader=ChoiceLoader([PackageLoader("twin.studies", "."), PackageLoader("twin.reproduce", ".")]),
         autoescape=True,

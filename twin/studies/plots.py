@@ -1,4 +1,4 @@
-"""The drawings of a study's page: a plan to scale with dimensions, heat maps, the Pareto front. SVG, by matplotlib."""
+"""Plots of a study's page: a plan to scale with dimensions, heat maps, the Pareto front. SVG, by matplotlib."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _ACCENT, _OLD = "#b5341f", "#98a0ac"
 
 @dataclass(frozen=True)
 class PlanSensor:
-    """A sensor as it hangs: what is read off the plan."""
+    """A sensor on the plan, with its dimensions."""
 
     number: int
     name: str
@@ -47,7 +47,7 @@ class PlanSensor:
 
 
 def plan_sensors(scenario: Scenario, names: Sequence[str], building: Building) -> list[PlanSensor]:
-    """The named sensors of a scenario, numbered as on the plan."""
+    """Return the named sensors of a scenario, numbered as on the plan."""
     rows = []
     for number, name in enumerate(names, start=1):
         description = in_the_room(scenario, name)
@@ -65,7 +65,7 @@ def plan_sensors(scenario: Scenario, names: Sequence[str], building: Building) -
 def floor_plan(
     scenario: Scenario, own: Scenario, sensors: Sequence[PlanSensor], building: Building, area: Array
 ) -> tuple[str, int, float]:
-    """The plan as SVG, the scale 1 : n that it is drawn to, and its width [mm]."""
+    """Draw the plan; return its SVG, the scale 1 : n, and its width [mm]."""
     from matplotlib.figure import Figure
 
     low, high = building.outline.min(axis=0) - _MARGIN_M, building.outline.max(axis=0) + _MARGIN_M
@@ -128,7 +128,7 @@ def _room(axes: Axes, building: Building, area: Array) -> None:
 
 
 def _numbered(axes: Axes, sensors: Sequence[PlanSensor], size: float) -> None:
-    """Dots with the sensors' numbers; those that hang one above the other share one."""
+    """Draw dots with the sensors' numbers; sensors one above the other share a dot."""
     at: dict[tuple[float, float], list[str]] = {}
     for each in sensors:
         at.setdefault((round(each.x, 2), round(each.y, 2)), []).append(str(each.number))
@@ -143,7 +143,7 @@ def heat_map(
     cells_m: Array, values: Array, cell_m: float, sensors: Sequence[PlanSensor], building: Building, area: Array, *,
     label: str, least: float | None = None, most: float | None = None,
 ) -> str:  # fmt: skip
-    """Values (n,) at cells (n, 2) [m] as SVG; those below `least` are blind, and hatched."""
+    """Draw values (n,) at cells (n, 2) [m] as SVG; those below `least` are hatched as blind."""
     from matplotlib.colors import LogNorm
     from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator, NullFormatter
@@ -194,7 +194,7 @@ def heat_map(
 def pareto_plot(
     points: NDArray[np.float64], front: NDArray[np.bool_], own: int, best: int, labels: tuple[str, str], errors: Array
 ) -> str:
-    """Candidates (n, 2), the second beside the first, the front joined, as SVG; errors (n,): standard errors of the second."""
+    """Draw placements (n, 2) as SVG, the second value over the first, the front joined; errors (n,): of the second."""
     from matplotlib.figure import Figure
 
     with look():
@@ -222,7 +222,7 @@ def trial_map(
     area: Array,
     label: str,
 ) -> str:
-    """Where candidates had their devices (n, 2) [m], the best last, coloured by their values (n,), as SVG.
+    """Draw the positions of trials' devices (n, 2) [m], the best last, coloured by their values (n,), as SVG.
 
     own_m: where the scenario's own are (k, 2) [m]; sensors: those recommended.
     """
@@ -246,5 +246,5 @@ def trial_map(
 
 
 def is_scanner(scenario: Scenario, name: str) -> bool:
-    """Whether a sensor is a scanner."""
+    """Return True for a scanner."""
     return isinstance(scenario.sensors[name], LaserDescription)

@@ -1,4 +1,4 @@
-"""A study made ready: its scenarios resolved, its layout worked out, and every fault told before anything is written."""
+"""Preflight of a study: resolve scenarios, trackers and candidate poses; report every mistake before anything is written."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from twin.world.scene import Scene, build_scene
 
 @dataclass(frozen=True, eq=False)
 class PreparedStudy:
-    """A study with what its file names: scenarios by their key, held-out ones too, the trackers, and where devices may hang."""
+    """A study with what its file names: scenarios by key, held-out ones too, trackers, and the candidate set."""
 
     study: Study
     path: Path
@@ -44,7 +44,7 @@ class PreparedStudy:
 
 
 def prepare(name: str | Path, *, seed_offset: int = 0, trusted: TrustedClasses = NONE_TRUSTED) -> PreparedStudy:
-    """Load and check a study. Raises InputError, a line a fault; nothing is simulated or written for it.
+    """Load and check a study. Raises InputError, one line per mistake; nothing is simulated or written for it.
 
     seed_offset: added to every seed of the study; trusted: classes that it and its scenarios may name.
     """
@@ -102,7 +102,7 @@ def _loaded(entries: Sequence[StudyScenario], path: Path, field: str) -> tuple[d
 
 
 def _faults_of_moves(study: Study, scenarios: dict[str, Scenario], path: Path) -> Iterator[str]:
-    """Devices of sensors that are not there, or that cannot hang there; scenarios in other rooms."""
+    """Report devices of sensors that do not exist or cannot be placed so, and scenarios in other rooms."""
     first = next(iter(scenarios.values()))
     for key, scenario in scenarios.items():
         if scenario.room != first.room:
@@ -148,7 +148,7 @@ def _faults_of_trackers(study: Study, path: Path, scenarios: dict[str, Scenario]
 
 
 def _faults_of_kinds(study: Study, candidate_set: CandidateSet, path: Path) -> Iterator[str]:
-    """Kinds that are no sensor, told once each; what depends on the place as well is told by the candidates that have it."""
+    """Report kinds that are no sensor, once each; what depends on the pose as well is reported by its trials."""
     for name, device in study.devices.items():
         for number, kind in enumerate(device.kinds):
             if not kind.set:
@@ -173,7 +173,7 @@ def _faults_of_kinds(study: Study, candidate_set: CandidateSet, path: Path) -> I
 def _unused(
     study: Study, candidate_set: CandidateSet, chosen: Sequence[ChosenTracker], scene: Scene, path: Path
 ) -> Iterator[str]:
-    """Trackers that cannot work on a candidate, or are to judge it and leave sensors that are moved unused.
+    """Report trackers that cannot work on a placement, or that ignore moved sensors and are an objective.
 
     What those cost would be paid for nothing; by coverage and price alone they are worth it without any tracker.
     """
@@ -225,7 +225,7 @@ def _is_moved(study: Study, scenario: Scenario, name: str, description: object) 
 
 
 def _examples(study: Study, candidate_set: CandidateSet) -> Iterator[tuple[int, ...]]:
-    """A candidate of each kind of each device, with as many as there may be, and everything else as few."""
+    """Yield one placement per kind of each device, with as many as allowed, and as few of everything else."""
     for name, device in study.devices.items():
         for kind in range(len(device.kinds)):
             chosen: list[int] = []

@@ -34,7 +34,7 @@ from twin.suites.cache import RecordingCache
 
 @dataclass(frozen=True, eq=False)
 class StudyResults:
-    """What a study found: see the fields of the report."""
+    """The results of a study, with everything that its page shows."""
 
     prepared: PreparedStudy
     coverage: PoseCoverage
@@ -57,13 +57,13 @@ class StudyResults:
         return self.prepared.study.objectives[0]
 
     def scenario_with(self, placement: Placement) -> Scenario:
-        """The study's first scenario with a candidate's sensors."""
+        """Return the study's first scenario with a placement applied."""
         options = [self.prepared.candidate_set.poses[each] for each in placement]
         return apply_placement(self.prepared.study, self.prepared.scenario, options)
 
 
 def summarize(results: StudyResults) -> dict[str, Any]:
-    """The answers in short."""
+    """Return the results in short, as summary.json holds them."""
     study, objective = results.prepared.study, results.objective
 
     def row(trial: Trial) -> dict[str, Any]:
@@ -117,12 +117,12 @@ def _plain(row: Any) -> dict[str, Any]:
 
 
 def number(value: float | None) -> float | None:
-    """A number as JSON has it: none for what is none."""
+    """Return a number as JSON has it: None for NaN and infinity."""
     return None if value is None or not np.isfinite(value) else float(value)
 
 
 def describe_placement(results: StudyResults, placement: Placement) -> str:
-    """Where a candidate has its sensors, in a line."""
+    """Describe a placement in one line."""
     candidate_set, study = results.prepared.candidate_set, results.prepared.study
     if placement == BASELINE:
         return "the scenario's own"
@@ -140,7 +140,7 @@ def describe_placement(results: StudyResults, placement: Placement) -> str:
 
 
 def write_table(path: Path, trials: Sequence[Trial], results: StudyResults) -> None:
-    """One row a candidate: place, price, coverage, each figure's mean with its standard error, replicates, what is against it."""
+    """Write one row per trial: placement, price, coverage, mean and standard error of each metric, seeds, rejection."""
     study = results.prepared.study
     names = sorted(
         {
@@ -189,7 +189,7 @@ _EXPECTED = "a folder that `twin study run` has finished"
 
 
 def print_summary(folder: Path) -> None:
-    """Print the answers of a study; raises InputError for a folder without them."""
+    """Print the summary of a study; raises InputError for a folder without one."""
     path = folder / "summary.json"
     content = parse_json(read_text(path, _EXPECTED), str(path), _EXPECTED)
     console = PlainConsole()

@@ -1,4 +1,4 @@
-"""The search for placements: all, greedy, exact, or by Optuna, each candidate raced against the others on the same seeds."""
+"""Search for placements: exhaustive, greedy, exact, or by Optuna; trials race on the same seeds."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _MOST_EXACT_OPTIONS = 2000
 
 @dataclass
 class Result:
-    """All that was tried, what was proven, in the order of the search."""
+    """All trials in the order of the search, and the proven set covers."""
 
     trials: dict[Placement, Trial] = field(default_factory=dict)
     proven: list[tuple[dict[str, int], Cover, Cover | None]] = field(default_factory=list)
@@ -40,7 +40,7 @@ Evaluate = Callable[[Sequence[Trial], int], None]
 
 
 class Searcher:
-    """Searches a layout, by the coverage in `seen` and whatever figures `fill` brings in."""
+    """Searches a candidate set by coverage and by the metrics that `evaluate` adds."""
 
     def __init__(
         self, study: Study, candidate_set: CandidateSet, coverage: PoseCoverage | None, evaluate: Evaluate
@@ -50,7 +50,7 @@ class Searcher:
         self._covers = coverage is not None and any(each.kind == "coverage" for each in study.objectives)
 
     def check(self, source: str) -> None:
-        """Raise InputError, naming `source`, for a search that cannot be, before anything is evaluated."""
+        """Raise InputError, naming `source`, for a search that is too large, before anything is evaluated."""
         method = self.study.search.method
         ways = [prod(comb(len(numbers), count) for numbers, count in each) for each in product(*self._ways())]
         if method == "exhaustive" and sum(ways) > MOST_CANDIDATES:
@@ -89,7 +89,7 @@ class Searcher:
         return self.result.trials[placement]
 
     def _race(self, trials: Sequence[Trial]) -> None:
-        """Few seeds for all, more for the better half, by domination where there are several objectives."""
+        """Evaluate few seeds of all trials, more of the better half; by Pareto fronts where there are several objectives."""
         running = [each for each in trials if not each.failure]
         for number in self.study.search.replicates:
             self._evaluate(running, number)
@@ -99,7 +99,7 @@ class Searcher:
             running = rank_trials(running, self.study.objectives, self.study.scenarios)[: -(-len(running) // 2)]
 
     def _ways(self) -> list[list[tuple[list[int], int]]]:
-        """Of each device, its options and each number of them that may be taken."""
+        """Return, per device, its poses with each count that is allowed."""
         devices = self.study.devices
         return [
             [(numbers, count) for count in range(devices[name].counts[0], devices[name].counts[1] + 1)]
@@ -107,7 +107,7 @@ class Searcher:
         ]
 
     def _all(self) -> Iterator[Placement]:
-        """Every set that keeps the constraints."""
+        """Yield every placement that keeps the constraints."""
         for each in product(*self._ways()):
             for parts in product(*(combinations(numbers, count) for numbers, count in each)):
                 placement = tuple(sorted(number for part in parts for number in part))
@@ -115,14 +115,14 @@ class Searcher:
                     yield placement
 
     def numbers(self) -> Iterator[dict[str, int]]:
-        """Every number of devices that the study allows, but none at all."""
+        """Yield every combination of device counts that the study allows, but none at all."""
         ranges = [range(device.counts[0], device.counts[1] + 1) for device in self.study.devices.values()]
         for each in islice(product(*ranges), 64):
             if sum(each):
                 yield dict(zip(self.study.devices, each, strict=True))
 
     def choice(self) -> CoverProblem:
-        """What greedy and exact choose from."""
+        """Return the set cover problem that greedy and exact solve."""
         assert self._coverage is not None
         counts, stay, weight = self._coverage.counts(range(len(self.candidate_set.poses)))
         device = [pose.device for pose in self.candidate_set.poses]
@@ -148,7 +148,7 @@ class Searcher:
     # ------------------------------------------------------------------------------------------------ Optuna
 
     def _optuna(self) -> None:
-        """Generations of fixed size: asked for one by one, raced, told in order; the sampler is seeded anew for each.
+        """Search by generations of fixed size: asked one by one, raced, told in order; the sampler is seeded anew for each.
 
         So what is asked depends on what was told before and on nothing else: neither on how many workers there are nor on
         where a run was cut off. A resumed run asks all again, and finds what was evaluated before: nothing that
@@ -208,7 +208,7 @@ class Searcher:
         return optuna.samplers.TPESampler(seed=seed, n_startup_trials=self.study.search.generation, multivariate=False)
 
     def _placement(self, trial: optuna.trial.Trial) -> Placement | None:
-        """The options nearest to where a trial has the devices, of those that the constraints leave; None: there are none."""
+        """Return the poses nearest to a trial's parameters that keep the constraints; None where there are none."""
         chosen: list[int] = []
         for name, device in self.study.devices.items():
             least, most = device.counts
@@ -244,7 +244,7 @@ class Searcher:
         return placement if placement and not self.candidate_set.violation(placement) else None
 
     def _features(self, name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Place and direction of each option of a device (n, 6), and their lowest and highest (6,)."""
+        """Return position and direction of each pose of a device (n, 6), and their lowest and highest (6,)."""
         rows = []
         for number in self.candidate_set.by_device[name]:
             mount = self.candidate_set.poses[number].mounts[0]
@@ -254,7 +254,7 @@ class Searcher:
         return features, features.min(axis=0), features.max(axis=0)
 
     def _starts(self) -> Iterable[dict[str, float]]:
-        """What greedy finds by coverage for each number of devices: a good first guess, where its bits can be kept."""
+        """Yield the greedy set cover for each number of devices, as first guesses, where its bits fit in memory."""
         if self._coverage is None or len(self.candidate_set.poses) > _MOST_EXACT_OPTIONS:
             return
         choice = self.choice()

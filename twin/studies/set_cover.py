@@ -1,4 +1,4 @@
-"""Sets of options that see most: one after another (greedy), and the best, proven by branch and bound.
+"""Set cover: the poses that see most, one after another (greedy), and the best, proven by branch and bound.
 
 Seen is a share of rows, each seen by at least k sensors. For k = 1 what a set sees is submodular: of the options that are
 left, none adds more later than it would now, so that no set that grows from S by r options sees more than S and the r
@@ -23,7 +23,7 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class CoverProblem:
-    """Options (n) of devices, over r distinct rows.
+    """Candidate poses (n) of devices, over r distinct rows.
 
     counts (n, r): how many sensors of an option see a row, at most k; stay (r,): how many see it anyway; weight (r,): how
     often a row is there; device (n,): which device an option is of; may: whether a set may be taken together.
@@ -37,14 +37,14 @@ class CoverProblem:
     is_allowed: Callable[[list[int]], bool]
 
     def value(self, chosen: Sequence[int]) -> float:
-        """The share of rows that enough sensors see."""
+        """Return the share of rows that enough sensors see."""
         return float(self.weight[self._sensors(chosen) >= self.k].sum() / self.weight.sum())
 
     def _sensors(self, chosen: Sequence[int]) -> Array:
         return self.fixed + self.counts[list(chosen)].sum(axis=0)
 
     def gains(self, chosen: Sequence[int]) -> Array:
-        """By how much the value would rise with each option, (n,)."""
+        """Return by how much the value would rise with each pose, (n,)."""
         now = self._sensors(chosen)
         if self.k == 1:
             return self.counts @ (self.weight * (now == 0)) / self.weight.sum()
@@ -52,7 +52,7 @@ class CoverProblem:
         return would @ self.weight / self.weight.sum()
 
     def bounds(self, chosen: Sequence[int]) -> tuple[float, Array]:
-        """A value that is never less than `value`, and by how much it would rise with each option, (n,): submodular."""
+        """Return a submodular upper bound of `value`, and by how much it would rise with each pose, (n,)."""
         if self.k == 1:
             return self.value(chosen), self.gains(chosen)
         now = self._sensors(chosen)
@@ -64,7 +64,7 @@ class CoverProblem:
 
 @dataclass(frozen=True)
 class Cover:
-    """A set, what it sees, and what no set sees more than; optimal: whether both are one."""
+    """A set of poses, the share that it sees, and an upper bound on that of any set."""
 
     chosen: tuple[int, ...]
     value: float
@@ -73,16 +73,16 @@ class Cover:
 
     @property
     def optimal(self) -> bool:
-        """Whether it is proven to be the best."""
+        """True where the set is proven to be the best."""
         return self.bound <= self.value + _ROUNDING
 
     def summary(self) -> str:
-        """'optimal', or the gap."""
+        """Return 'optimal', or the gap."""
         return "optimal" if self.optimal else f"at most {self.bound - self.value:.4f} below the best"
 
 
 def greedy(choice: CoverProblem, number: Mapping[str, int]) -> Cover:
-    """So many options of each device, one after another, each time the one that adds most; then exchanged while that helps.
+    """Choose poses one after another, each time the one that adds most; then exchange while that helps.
 
     Fewer where no more may be taken. For k > 1 the first sensor of a row adds nothing to what counts, so that what adds most to
     the bound is tried too, and the better of both taken.
@@ -109,7 +109,7 @@ def _grow(choice: CoverProblem, number: Mapping[str, int], by_bound: bool) -> li
 
 
 def _exchange(choice: CoverProblem, chosen: list[int], number: Mapping[str, int]) -> list[int]:
-    """The set after every exchange of one option for another that lets it see more."""
+    """Exchange one pose for another while that lets the set see more."""
     value, better = choice.value(chosen), True
     while better:
         better = False
@@ -127,7 +127,7 @@ def _exchange(choice: CoverProblem, chosen: list[int], number: Mapping[str, int]
 
 
 def _posterior_bound(choice: CoverProblem, chosen: Sequence[int], number: Mapping[str, int]) -> float:
-    """What no set of so many sees more than: from each set on the way, its bound and the largest gains from there."""
+    """Bound the value of any set of this size: from each set on the way, its bound and the largest gains from there."""
     total = sum(number.values())
     least = 1.0
     for size in range(len(chosen) + 1):
@@ -137,7 +137,7 @@ def _posterior_bound(choice: CoverProblem, chosen: Sequence[int], number: Mappin
 
 
 def exact(choice: CoverProblem, number: Mapping[str, int], limit_s: float) -> Cover:
-    """The best set of so many options of each device, by branch and bound, best bound first; greedy's where time runs out."""
+    """Find the best set by branch and bound, best bound first; return greedy's, or better, where time runs out."""
     start = time.perf_counter()
     best = greedy(choice, number)
     chosen, value = best.chosen, best.value  # never worse than that
@@ -178,7 +178,7 @@ def exact(choice: CoverProblem, number: Mapping[str, int], limit_s: float) -> Co
 
 
 def _selectable(choice: CoverProblem, chosen: Sequence[int], number: Mapping[str, int]) -> Array:
-    """Which options (n,) are of a device of which more may be taken, and are not taken yet."""
+    """Return the mask (n,) of poses that are not taken, of devices of which more may be taken."""
     left = dict(number)
     for each in chosen:
         left[choice.device[each]] -= 1

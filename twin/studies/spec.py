@@ -1,4 +1,4 @@
-"""A placement study as its YAML file describes it: what is tried where, and what makes a placement good."""
+"""A placement study as its YAML file describes it: scenarios, devices, objectives and search."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NOT_DETERMINISTIC = ("ms_per_frame.mean", "ms_per_frame.p95")
 
 
 class StudyScenario(Strict):
-    """A scenario in which placements are tried, and how much it counts."""
+    """A scenario in which placements are tried, and its weight."""
 
     scenario: Annotated[str, single("the name of a scenario, or the path of its file,")] = Field(
         description="name of a shipped scenario, or path of a YAML file relative to the study"
@@ -36,7 +36,7 @@ def scenario_key(number: int, scenario: StudyScenario) -> str:
 
 
 class HeldOut(Strict):
-    """What the recommendation is judged by in the end, and nothing was chosen by."""
+    """Held-out seeds and scenarios, on which the recommended placement is validated."""
 
     seeds: Seeds = Field(description="a list of seeds, none of them a search seed")
     scenarios: tuple[StudyScenario, ...] = Field(
@@ -45,7 +45,7 @@ class HeldOut(Strict):
 
 
 class Objective(Strict):
-    """One thing that makes a placement good. The first of several decides what is recommended."""
+    """One objective of a study. The first of several decides the recommendation."""
 
     kind: Literal["metric", "coverage", "price"] = Field(description="a tracker's figure, coverage, or the price")
     metric: str | None = Field(default=None, description="of a tracker's figure: which, as in metrics.json (hota)")
@@ -72,12 +72,12 @@ class Objective(Strict):
 
     @property
     def more_is_better(self) -> bool:
-        """Whether it is to be large."""
+        """True where the objective is maximized."""
         return self.kind == "coverage" or (self.metric is not None and FIGURE[self.metric].better == "more")
 
     @property
     def column(self) -> str:
-        """What it is called in tables."""
+        """The heading in tables."""
         if self.kind != "metric":
             return self.kind if self.form == "share" or self.kind == "price" else "coverage_worst"
         over = {"mean": "", "worst": " (worst)", "quantile": f" ({self.quantile:g} quantile)"}[self.over]
@@ -85,7 +85,7 @@ class Objective(Strict):
 
 
 class Coverage(Strict):
-    """When a place or a person counts as seen: by resolution on them, not by a line of sight."""
+    """The visibility that coverage asks for: resolution on a place or a person, beyond a line of sight."""
 
     former_names: ClassVar = {"moments": "samples"}
 
@@ -114,7 +114,7 @@ class Coverage(Strict):
 
 
 class Search(Strict):
-    """How placements are searched."""
+    """The method of the search and its limits."""
 
     method: Literal["exhaustive", "greedy", "exact", "optuna"] = Field(
         description="all of them; one device after another, by coverage; the best by coverage, proven (trackers then follow "
@@ -171,13 +171,13 @@ class Study(Strict):
 
     @property
     def validated(self) -> tuple[Objective, ...]:
-        """The objectives by which what is recommended is judged on held-out seeds: trackers' figures."""
+        """The objectives that are validated on held-out seeds: trackers' metrics."""
         return tuple(each for each in self.objectives if each.kind == "metric")
 
     @model_validator(mode="before")
     @classmethod
     def _only_tracker(cls, content: object) -> object:
-        """An objective without a tracker is of the only one there is."""
+        """Give an objective without a tracker the only one of the study."""
         if not isinstance(content, dict) or not isinstance(content.get("objectives"), list):
             return content
         trackers = content.get("trackers") or []
@@ -233,7 +233,7 @@ def _told(seeds: tuple[int, ...]) -> str:
 
 
 def load_study(name: str | Path) -> tuple[Study, Path]:
-    """The study of this name (shipped) or path, and its file. Raises InputError, every fault on one line."""
+    """Load a shipped study by name, or by path; return its path too. Raises InputError, one line per mistake."""
     path = models.find("studies", str(name))
     expected = "a study (name, scenarios, devices, objectives, search)"
     content = parse_yaml(read_text(path, expected), str(path), expected)

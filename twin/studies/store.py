@@ -1,4 +1,4 @@
-"""Every evaluation of a study in one file, line by line: what was finished is there, whatever kills the run."""
+"""The store of a study's evaluations: one file, one line each, so that a killed run loses nothing that was finished."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _LIMIT_S = 1800.0
 
 @dataclass(frozen=True)
 class Job:
-    """One placement under one key, in one scenario of the study with one seed, and what it is made from."""
+    """One placement in one scenario of the study with one seed, and the digests of what it is made from."""
 
     key: str
     scenario: str
@@ -40,20 +40,20 @@ class Job:
 
     @property
     def id(self) -> str:
-        """What it is called in the file."""
+        """The key in the file."""
         return f"{self.key} {self.scenario} {self.seed}"
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """The figures of each tracker, or why there are none."""
+    """The metrics of each tracker, or an error."""
 
     metrics: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
     error: str = ""
 
 
 class _Line(BaseModel):
-    """A line of the file but for its checksum."""
+    """A line of the file without its checksum."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -67,7 +67,7 @@ _LINE = TypeAdapter(_Line)
 
 
 class EvaluationStore:
-    """What has been evaluated so far, and the means to evaluate more."""
+    """The evaluations so far; evaluates more on request."""
 
     def __init__(
         self,
@@ -86,7 +86,7 @@ class EvaluationStore:
         """So many were evaluated in this run, none of them held before."""
 
     def record(self, job: Job, outcome: Outcome) -> None:
-        """Write down an outcome. Raises InputError where the file cannot be written."""
+        """Append an outcome. Raises InputError where the file cannot be written."""
         self._recorded[job.id] = job.made_from, outcome
         made_from = json.loads(job.made_from.write())
         line = with_checksum({"id": job.id, "made_from": made_from, "figures": outcome.metrics, "error": outcome.error})
@@ -100,7 +100,7 @@ class EvaluationStore:
             ) from error
 
     def read(self) -> None:
-        """Take what an earlier run has written, the last of several lines on one evaluation.
+        """Read what an earlier run has written, the last of several lines on one evaluation.
 
         A line that is damaged is told, left out and evaluated again, those after it are taken; a last one that was cut off is
         left out. The file then holds the good lines alone: the new one takes its place when it is whole.
@@ -125,7 +125,7 @@ class EvaluationStore:
                 stream.write("\n".join([head, *good]) + "\n")
 
     def outcomes(self, jobs: Sequence[Job]) -> list[Outcome]:
-        """The outcome of each job, on all workers, evaluated where it is not known or was made from other things."""
+        """Return the outcome of each job; evaluate on all workers those unknown or made from other files."""
         new = {
             job.id: job for job in jobs if job.id not in self._recorded or self._recorded[job.id][0] != job.made_from
         }
@@ -159,7 +159,7 @@ def open_store(
     watcher: Watcher,
     progress: Callable[[int, State], object],
 ) -> Iterator[EvaluationStore]:
-    """The evaluations in a study's folder, held against other processes, and workers for more.
+    """Open the evaluations in a study's folder, locked against other processes, with workers for more.
 
     study: as its file has it. Raises InputError for a folder with results of an earlier run without `resume`, and of another
     study or code with it. Evaluations that are made from other things since (scenario, room, trackers, files of knowledge)
@@ -197,7 +197,7 @@ def open_store(
 
 
 def with_checksum(content: Mapping[str, Any]) -> str:
-    """Give a line of JSON whose last field, `sum`, is a digest of the others."""
+    """Write a line of JSON whose last field, `sum`, is a digest of the others."""
     return json.dumps({**content, "sum": _sum(content)}, allow_nan=False)
 
 
@@ -206,7 +206,7 @@ def _sum(content: Mapping[str, Any]) -> str:
 
 
 def _content(line: str) -> dict[str, Any]:
-    """The fields of a line but for its checksum; raises InputError where they are not what was written."""
+    """Return the fields of a line without its checksum; raises InputError for a damaged line."""
     try:
         content = json.loads(line)
         checksum = content.pop("sum")
@@ -218,7 +218,7 @@ def _content(line: str) -> dict[str, Any]:
 
 
 def _checked(line: str) -> _Line:
-    """A line of an evaluation; raises InputError for one that is damaged, or holds a figure that cannot be."""
+    """Read the line of an evaluation; raises InputError for a damaged one, or a metric out of range."""
     try:
         content = _LINE.validate_python(_content(line))
     except ValidationError as error:
@@ -230,7 +230,7 @@ def _checked(line: str) -> _Line:
 
 
 def _head(path: Path) -> dict[str, Any] | None:
-    """The first line of a file of evaluations; None where there is no file, or an empty one.
+    """Read the first line of a file of evaluations; None where there is no file, or an empty one.
 
     Raises InputError for a line that is not as it was written.
     """

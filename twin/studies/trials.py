@@ -25,7 +25,7 @@ from twin.suites.tasks import State
 
 @dataclass
 class Trial:
-    """A candidate: by scenario, seed, tracker and figure what it gave, beside its price and coverage.
+    """A placement with its metrics by scenario, seed and tracker, its price and its coverage.
 
     why: what is against it: it breaks a constraint, or could not be simulated or tracked; "" where nothing is.
     """
@@ -39,11 +39,11 @@ class Trial:
 
     @property
     def seeds(self) -> list[int]:
-        """The seeds it was tried on."""
+        """The seeds with metrics."""
         return list(dict.fromkeys(seed for _, seed in self.metrics))
 
     def values_by_seed(self, objective: Objective, scenarios: Sequence[StudyScenario], seeds: Sequence[int]) -> Array:
-        """The figure at each seed (n,): the weighted mean over scenarios. KeyError at a seed it was not tried on."""
+        """Return the metric at each seed (n,), the weighted mean over scenarios. KeyError at a seed without one."""
         assert objective.tracker is not None
         assert objective.metric is not None
         weight = np.array([each.weight for each in scenarios])
@@ -59,7 +59,7 @@ class Trial:
     def value(
         self, objective: Objective, scenarios: Sequence[StudyScenario], seeds: Sequence[int] | None = None
     ) -> float:
-        """What the objective is worth, over all seeds it was tried on, or some."""
+        """Return the value of an objective over all evaluated seeds, or some."""
         if objective.kind == "price":
             return self.price
         if objective.kind == "coverage":
@@ -72,7 +72,7 @@ class Trial:
 
 
 def aggregate(values: Array, objective: Objective) -> float:
-    """The mean, the worst, or the quantile from the worst side."""
+    """Return the mean, the worst, or the quantile from the worst side."""
     worse_first = values if objective.more_is_better else -values
     if objective.over == "worst":
         found = worse_first.min()
@@ -84,13 +84,13 @@ def aggregate(values: Array, objective: Objective) -> float:
 
 
 def losses(trials: Sequence[Trial], objectives: Sequence[Objective], scenarios: Sequence[StudyScenario]) -> Array:
-    """What each trial (n, m) has of each objective, smaller the better."""
+    """Return the value of each objective of each trial (n, m), smaller the better."""
     rows = [[each.value(one, scenarios) * (-1 if one.more_is_better else 1) for one in objectives] for each in trials]
     return np.array(rows, dtype=float).reshape(len(trials), len(objectives))
 
 
 def pareto_fronts(loss: Array) -> Array:
-    """The number of the front each row (n, m) is in, 0: no other is at least as good in all and better in one."""
+    """Return the number of the Pareto front of each row (n, m); 0: no other is as good in all and better in one."""
     front = np.full(len(loss), -1)
     number = 0
     while (front < 0).any():
@@ -104,7 +104,7 @@ def pareto_fronts(loss: Array) -> Array:
 def rank_trials(
     trials: Sequence[Trial], objectives: Sequence[Objective], scenarios: Sequence[StudyScenario]
 ) -> list[Trial]:
-    """The trials, the best first: by front, then by the first objective, then by number."""
+    """Sort trials, best first: by front, then by the first objective, then by number."""
     loss = losses(trials, objectives, scenarios)
     front = pareto_fronts(loss)
     order = sorted(range(len(trials)), key=lambda each: (front[each], loss[each].tolist(), trials[each].placement))
@@ -115,7 +115,7 @@ _LINE_EVERY_S = 15.0
 
 
 class TrialRunner:
-    """One run of a prepared study, its evaluations open."""
+    """Evaluates the trials of a prepared study."""
 
     def __init__(self, prepared: PreparedStudy, cache: RecordingCache) -> None:
         self.prepared, self.cache = prepared, cache
@@ -132,7 +132,7 @@ class TrialRunner:
     # ------------------------------------------------------------------------------------------------- evaluating
 
     def job(self, name: str, key: str, scenario: Scenario, seed: int) -> Job:
-        """The evaluation of a scenario as it stands, with a seed."""
+        """Return the evaluation of a scenario with a seed."""
         seeded = scenario.model_copy(update={"seed": seed, "trackers": {}})
         files = scenario.knowledge.model_dump_json()
         if files not in self._knowledge:
@@ -143,7 +143,7 @@ class TrialRunner:
         return Job(name, key, seed, work, made)
 
     def evaluate(self, trials: Sequence[Trial], number: int) -> None:
-        """Try trials on the first so many search seeds, all scenarios."""
+        """Evaluate trials on the first `number` search seeds, in all scenarios."""
         if not self.prepared.trackers:
             return
         assert self.evaluations is not None
@@ -175,12 +175,12 @@ class TrialRunner:
                 trial.failure = trial.failure or f"{key}, seed {seed}: {each.tracker} gives no {each.metric}"
 
     def scenario(self, placement: Placement, key: str) -> Scenario:
-        """A scenario of the study, held-out ones too, with a candidate's sensors."""
+        """Return a scenario of the study, held-out ones too, with a placement applied."""
         scenarios = self.prepared.scenarios | self.prepared.held_out
         return apply_placement(self.study, scenarios[key], [self.candidate_set.poses[each] for each in placement])
 
     def check_metrics(self) -> tuple[Job, Outcome] | None:
-        """The scenario's own placement with the first seed, before anything is written: whether all figures are given."""
+        """Evaluate the baseline on the first seed, before anything is written. Raises InputError for a missing metric."""
         objectives = [each for each in self.study.objectives if each.kind == "metric"]
         if not objectives:
             return None
@@ -207,7 +207,7 @@ class TrialRunner:
         place: Callable[[str, int], Scenario],
         seeds: Sequence[int],
     ) -> Array:
-        """A tracker's figure at each seed (n,), weighted over scenarios by key; NaN where one failed.
+        """Return a tracker's metric at each seed (n,), weighted over scenarios by key; NaN where one failed.
 
         name: what the evaluations are kept under; place: the scenario of a key and a seed.
         """
@@ -224,7 +224,7 @@ class TrialRunner:
     # ---------------------------------------------------------------------------------------------------- telling
 
     def progress(self, total: int, now: State) -> None:
-        """A line on stderr now and then: what is done, the best so far, the time left."""
+        """Write a line to stderr every 15 s: evaluations done, the best so far, the time left."""
         time_s = time.perf_counter()
         if time_s - self._reported_s < _LINE_EVERY_S:
             return
@@ -250,5 +250,5 @@ class TrialRunner:
 
 
 def placement_id(placement: Placement) -> str:
-    """What a candidate is called in files: its options, or 'own'."""
+    """Return the name of a placement in files: the numbers of its poses, or 'own' for the baseline."""
     return "-".join(map(str, placement)) or "own"

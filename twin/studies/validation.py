@@ -29,7 +29,7 @@ NOISE_M = 0.001
 
 @dataclass(frozen=True)
 class PairedDifference:
-    """A figure of the recommendation beside that of something else, paired by seed: both means, and this less that."""
+    """A metric of the recommended placement beside a reference, paired by seed: both means, and their difference."""
 
     what: str
     other: float
@@ -47,7 +47,7 @@ class PairedDifference:
 
 
 def paired_difference(what: str, other: Array, ours: Array) -> PairedDifference:
-    """Two figures at the same seeds (n,); seeds at which one failed are left out."""
+    """Compare two metrics at the same seeds (n,); seeds at which one failed are left out."""
     both = np.isfinite(other) & np.isfinite(ours)
     if not both.any():
         return PairedDifference(what, float("nan"), float("nan"), None)
@@ -58,7 +58,7 @@ def paired_difference(what: str, other: Array, ours: Array) -> PairedDifference:
 def indistinguishable(
     trials: Sequence[Trial], best: Trial, objective: Objective, study: Study
 ) -> list[tuple[Trial, PairedDifference]]:
-    """Every candidate that cannot be told from the best: as many seeds, and an interval of the difference that holds 0."""
+    """Return the trials on as many seeds whose difference from the best has an interval that holds 0."""
     if objective.kind != "metric":
         return []
     found = []
@@ -77,7 +77,7 @@ def indistinguishable(
 def rank_correlations(
     trials: Sequence[Trial], candidate_set: CandidateSet, objective: Objective, study: Study
 ) -> list[tuple[str, float, int]]:
-    """Rank correlation (Spearman) of the first objective with number, height and place, over all candidates tried."""
+    """Correlate the first objective with number, height, position and price over all trials (Spearman)."""
     tried = [each for each in trials if not each.failure and each.placement != BASELINE]
     if len(tried) < 5:
         return []
@@ -103,14 +103,14 @@ def rank_correlations(
 
 
 def leave_one_out(candidate_set: CandidateSet, placement: Placement) -> list[Placement]:
-    """The candidate without one of its devices, each in turn, where more than one is there."""
+    """Return the placement without each of its devices in turn, where it has more than one."""
     return [tuple(each for each in placement if each != gone) for gone in placement] if len(placement) > 1 else []
 
 
 def displace_sensors(
     scenario: Scenario, names: Sequence[str], off_m: float, turn_deg: float, text: bool, seed: int
 ) -> Scenario:
-    """The scenario with the named sensors hung off their places in a direction drawn by the seed, and trackers told or not.
+    """Displace the named sensors in a direction drawn by the seed; trackers are told of it or not.
 
     Off level: scanners must stay level. Turned about the vertical. A sensor that is believed elsewhere already stays so, and
     is off by this besides.
@@ -141,14 +141,14 @@ def displace_sensors(
 
 
 def _angles(rotation: Array) -> tuple[float, float, float]:
-    """Roll, pitch and yaw of a rotation matrix [deg]."""
+    """Return roll, pitch and yaw of a rotation matrix [deg]."""
     pitch = np.arcsin(np.clip(-rotation[2, 0], -1, 1))
     yaw, roll = np.arctan2(rotation[1, 0], rotation[0, 0]), np.arctan2(rotation[2, 1], rotation[2, 2])
     return float(np.degrees(roll)), float(np.degrees(pitch)), float(np.degrees(yaw))
 
 
 def moved_sensors(study: Study, own: Scenario, now: Scenario) -> list[str]:
-    """The sensors of a placed scenario that the study moves, floors left out."""
+    """Return the sensors of a placed scenario that the study moves, floors left out."""
     kept: set[str] = set(own.sensors)
     for device in study.devices.values():
         kept -= {*device.sensors, *device.together}
@@ -162,7 +162,7 @@ def _placed_as(run: TrialRunner, placement: Placement, key: str, seed: int) -> S
 
 
 def held_out_differences(run: TrialRunner, best: Trial, objective: Objective) -> list[PairedDifference]:
-    """The recommendation beside the scenario's own placement, by a tracker's figure on seeds that nothing was chosen by."""
+    """Compare the recommended placement with the baseline by a tracker's metric on held-out seeds."""
     held, rows = run.study.held_out, []
     if held is None:
         return rows
@@ -184,7 +184,7 @@ def _weights(run: TrialRunner) -> dict[str, float]:
 
 
 def values_with_one_fewer(run: TrialRunner, coverage: PoseCoverage, best: Trial) -> list[tuple[Placement, float]]:
-    """What each device is worth: the first objective without it, on the search seeds."""
+    """Return the first objective without each device in turn, on the search seeds."""
     objective, rows = run.study.objectives[0], []
     for placement in leave_one_out(run.candidate_set, best.placement):
         trial = Trial(placement, run.candidate_set.price(placement))
@@ -198,7 +198,7 @@ def values_with_one_fewer(run: TrialRunner, coverage: PoseCoverage, best: Trial)
 
 
 def displaced_differences(run: TrialRunner, best: Trial, objective: Objective) -> list[PairedDifference]:
-    """The recommendation hung beside its place, told and not, beside the effect of a millimetre."""
+    """Compare the recommended placement with itself displaced, told and not, beside the effect of a millimetre."""
     study = run.study
     seeds = study.held_out.seeds if study.held_out is not None else best.seeds
     own = {key: run.scenario(best.placement, key) for key in run.prepared.scenarios}

@@ -1,4 +1,4 @@
-"""What each sensor sees of people and of the floor: resolution on a target, as bits that are kept packed.
+"""Visibility of people and of the floor from each sensor: resolution on a target.
 
 A scanner sees a body that enough of its beams meet; a camera sees a point that lies in its picture, in its line of sight, at
 enough pixels a metre (EN 62676-4). Rows are person-moments, of people in the tracked area with the others in the way, or cells of
@@ -36,7 +36,7 @@ _SIGHTS = np.array([-2 / 3, 0.0, 2 / 3])
 
 @dataclass(frozen=True, eq=False)
 class WorldSample:
-    """The world at one moment, kept: poses of geoms; of the people in the area ids (n,), heads (n, 3), points (n, k, 3) [m]."""
+    """The world at one time: poses of geoms; of the people in the area ids (n,), heads (n, 3), points (n, k, 3) [m]."""
 
     scene: int  # which of the crowd's scenes has the bodies
     geom_xpos: Array
@@ -47,10 +47,10 @@ class WorldSample:
 
 
 class SampledWorld:
-    """Moments of a scenario's people, or of the empty room, to be looked at by any sensor."""
+    """Time samples of a scenario's people, and the empty room, for any sensor to look at."""
 
     def __init__(self, scenario: Scenario, staged: Staged | None, times_s: Sequence[float]) -> None:
-        """`times_s`: ascending; none of them: the empty room alone."""
+        """Sample the world at ascending `times_s`; without any, the empty room alone."""
         self.scenario = scenario
         world = World(scenario, staged)
         self.area = world.scene.area
@@ -75,11 +75,11 @@ class SampledWorld:
         self._room = empty.data.geom_xpos.copy(), empty.data.geom_xmat.copy()
 
     def empty(self) -> Snapshot:
-        """The room without anybody."""
+        """Return the room without people."""
         return self._posed(-1, *self._room)
 
     def at(self, sample: WorldSample) -> Snapshot:
-        """The world at a moment, for rays alone."""
+        """Return the world at a sample, for rays alone."""
         return self._posed(sample.scene, sample.geom_xpos, sample.geom_xmat)
 
     def _posed(self, scene: int, xpos: Array, xmat: Array) -> Snapshot:
@@ -89,12 +89,12 @@ class SampledWorld:
 
     @property
     def n_person_frame(self) -> int:
-        """How many rows of people there are."""
+        """The number of rows of people."""
         return sum(len(sample.ids) for sample in self.samples)
 
 
 class SensorVisibility:
-    """One scanner or camera that looks for people and for cells of the floor."""
+    """The visibility of people and of cells of the floor from one scanner or camera."""
 
     _look: tuple[Array, NDArray[np.floating], Array, NDArray[np.intp]] | None = (
         None  # of `_lookup`, for the cells it was asked for
@@ -117,12 +117,12 @@ class SensorVisibility:
             self._fan = Fan(view.room_from_sensor_xyz, directions, rotation[:, 2].copy(), description.range_max_m)
 
     def people(self, sampled: SampledWorld) -> Mask:
-        """Whom it sees, over all moments (n_person_moment,)."""
+        """Return the visible people over all samples, (n_person_frame,)."""
         visible = [self._bodies(sampled.at(sample), sample) for sample in sampled.samples if len(sample.ids)]
         return np.concatenate([np.zeros(0, dtype=bool), *visible])
 
     def floor(self, sampled: SampledWorld, cells_m: Array) -> Mask:
-        """Which cells (n, 2) [m] it sees, at each height and moment in turn: (n,), or more; `resolution` says how well."""
+        """Return the visible cells (n, 2) [m], at each height and sample in turn: (n,), or more."""
         snapshots = (sampled.at(sample) for sample in sampled.samples) if sampled.samples else iter([sampled.empty()])
         return np.concatenate([(self.resolution(each, cells_m) >= self._wanted).reshape(-1) for each in snapshots])
 
@@ -131,7 +131,7 @@ class SensorVisibility:
         return float(self._coverage.beams) if self._fan is not None else self._coverage.px_per_m
 
     def resolution(self, snapshot: Snapshot, cells_m: Array) -> Array:
-        """Beams that would meet a body standing at each cell (1, n), or pixels a metre at each height there (h, n); 0: hidden."""
+        """Return the beams on a body at each cell (1, n), or pixels per metre at each height there (h, n); 0: hidden."""
         if self._fan is not None:
             return self._beams_at(snapshot, cells_m)[None]
         heights = np.array(self._coverage.heights_m)
@@ -148,7 +148,7 @@ class SensorVisibility:
         return sharp.reshape(len(heights), -1)
 
     def _bodies(self, snapshot: Snapshot, sample: WorldSample) -> Mask:
-        """Whom of those in the area it sees at a moment, (n,)."""
+        """Return the visible people of those in the area at a sample, (n,)."""
         if self._fan is not None:
             geom, _ = self._fan.cast(snapshot, slice(None))
             met = snapshot.person_of_geom[geom[geom >= 0]]
@@ -162,7 +162,7 @@ class SensorVisibility:
         return ((met == sample.ids[:, None]) & sharp).mean(axis=1) >= 0.5
 
     def _px_per_m(self, local_m: Array) -> Array:
-        """Pixels a metre across the line of sight at points (n, 3) [m] in the camera's frame; 0 outside its picture."""
+        """Return pixels per metre across the line of sight at points (n, 3) [m] in the camera's frame; 0 outside its picture."""
         lens = self.view.sees
         assert isinstance(lens, Intrinsics)
         pixels, shown = lens.project(local_m)
@@ -175,7 +175,7 @@ class SensorVisibility:
         return found
 
     def _beams_at(self, snapshot: Snapshot, cells_m: Array) -> Array:
-        """How many beams would meet a body that stands at each cell (n, 2) [m], of those that come so far, (n,)."""
+        """Count the unobstructed beams that would meet a body at each cell (n, 2) [m], (n,)."""
         assert self._fan is not None
         _, range_m = self._fan.cast(snapshot, slice(None))
         reach = np.where(range_m < 0, np.inf, range_m).astype(np.float32)
@@ -185,7 +185,7 @@ class SensorVisibility:
         return bodies * ((reach.take(beam) >= gap_m).sum(axis=0, dtype=np.uint8) / len(_SIGHTS))
 
     def _lookup(self, cells_m: Array) -> tuple[NDArray[np.floating], Array, NDArray[np.intp]]:
-        """Distance (n,) [m] of cells, beams on a body there (n,), and the beams to ask about (3, n)."""
+        """Return the distance (n,) [m] of cells, beams on a body there (n,), and the beams to test (3, n)."""
         view = self.view
         offset = (
             np.column_stack([cells_m, np.full(len(cells_m), view.room_from_sensor_xyz[2])]) - view.room_from_sensor_xyz
@@ -202,7 +202,7 @@ class SensorVisibility:
 
 
 def floor_cells(area: Array, cell_m: float) -> Array:
-    """The middles (n, 2) [m] of square cells in the tracked area (k, 2)."""
+    """Return the centres (n, 2) [m] of square cells in the tracked area (k, 2)."""
     low, high = area.min(axis=0), area.max(axis=0)
     axes = [np.arange(a + cell_m / 2, b, cell_m) for a, b in zip(low, high, strict=True)]
     cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -210,7 +210,7 @@ def floor_cells(area: Array, cell_m: float) -> Array:
 
 
 def packed(visible: Mask) -> NDArray[np.uint64]:
-    """Bits (..., n) as words (..., w), the last one filled with zeros."""
+    """Pack bits (..., n) into words (..., w), the last one filled with zeros."""
     padded = np.zeros((*visible.shape[:-1], -(-visible.shape[-1] // 64) * 64), dtype=bool)
     padded[..., : visible.shape[-1]] = visible
     return np.packbits(padded, axis=-1).view(np.uint64)

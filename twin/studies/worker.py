@@ -1,4 +1,4 @@
-"""What a worker does with a placement and a seed: people come from the store, sensors look, trackers follow, all is judged."""
+"""Evaluate one placement with one seed on a worker: simulate with cached motion, track, compute metrics."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _TIMING = {"rate_hz", "phase_s", "delay_s", "jitter_s", "dropout", "sweep_time_s
 
 @dataclass(frozen=True)
 class EvaluationTask:
-    """A placed scenario (seed included) to be tracked, the cache of motions, and the code that the others run.
+    """A placed scenario (seed included) to be tracked, the cache of motions, and the digest of the code.
 
     details: whether to find out about situations of two people and who is seen by which sensor, which some figures
     (`DETAILED`) are made of and which costs more; without, there are none of these. made_from: what
@@ -57,7 +57,7 @@ class EvaluationTask:
 
 @dataclass
 class _CachedScene:
-    """A staged scene; by the timing of the sensors that look, its truth and, for scanners alone, its poses: of any placement."""
+    """A compiled scene with its motion; by sensor timing its truth and, for scanners alone, its poses: of any placement."""
 
     staged: Staged
     truth: dict[str, TruthTable] = field(default_factory=dict)
@@ -82,7 +82,7 @@ def _timing(scenario: Scenario) -> str:
 
 
 def evaluate_placement(work: EvaluationTask) -> dict[str, Evaluation]:
-    """The evaluation of each tracker, by name. Raises InputError where the placement cannot be simulated or tracked."""
+    """Evaluate each tracker, by name. Raises InputError where the placement cannot be simulated or tracked."""
     cached, scenario = _cached_scene(work.cache, work.scenario), work.scenario
     timing = _timing(scenario)
     frames: list[TruthFrame] = []
@@ -132,7 +132,7 @@ def _check_files(scenario: Scenario, made: MadeFrom) -> None:
 
 
 def evaluate_task(work: EvaluationTask) -> dict[str, dict[str, float | None]]:
-    """The figures of each tracker, by dotted path."""
+    """Return the metrics of each tracker, by dotted path."""
     if work.code != whole_code():
         raise InputError(
             "the worker's code is not that of the study's process; the same version everywhere is expected"
@@ -146,7 +146,7 @@ def evaluate_task(work: EvaluationTask) -> dict[str, dict[str, float | None]]:
 
 
 def matched_errors(work: EvaluationTask, tracker: str) -> NDArray[np.float64]:
-    """Where people were matched, (n, 3): x, y of the person [m] and how far off their track was [m]."""
+    """Return matched people (n, 3): x, y of the person [m] and the distance of their track [m]."""
     evaluation = evaluate_placement(work)[tracker]
     truth = _cached_scene(work.cache, work.scenario).truth[_timing(work.scenario)]
     keys = {(int(t), int(i)): row for row, (t, i) in enumerate(zip(truth.stamps_ns, truth.id, strict=True))}
