@@ -95,14 +95,15 @@ def _current(kinds: Sequence[Any], content: Any, source: str, at: tuple[str, ...
                 raise ValueError(
                     f"{'.'.join((*at, str(key)))}: is the former name of {name!r}, which is given too; give one of them"
                 )
-            _warn_of_former_name(source, ".".join((*at, str(key))), name)
+            warn_of_former_name(source, ".".join((*at, str(key))), name)
         inner = [member for kind in kinds for member in _inner(kind, name)]
         result[name] = _current(inner, value, source, (*at, str(key)))
     return result
 
 
 @cache
-def _warn_of_former_name(source: str, path: str, name: str) -> None:
+def warn_of_former_name(source: str, path: str, name: str) -> None:
+    """Warn, once, that the field or option at this path of a source is now called `name`."""
     where = ": ".join(part for part in (source, path) if part)
     logger.warning("%s: is now called %r; the former name is accepted in this release only", where, name)
 

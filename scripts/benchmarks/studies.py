@@ -146,7 +146,7 @@ def proven() -> Iterator[Figure]:
         prepared = prepare("meeting-room-cameras")
         seen = PoseCoverage(prepared.study, prepared.candidate_set, RecordingCache(Path(folder), 10**10))
         searcher = Searcher(prepared.study, prepared.candidate_set, seen, lambda trials, number: None)
-        choice = searcher.choice()
+        choice = searcher.cover_problem()
         for number in searcher.numbers():
             start = time.process_time()
             best = exact(choice, number, 60)

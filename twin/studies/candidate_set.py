@@ -25,7 +25,7 @@ from twin.world.scene import Scene
 _MOST_POSES = 200_000
 
 Placement = tuple[int, ...]
-"""The numbers of its options, ascending; of the scenario's own placement none."""
+"""The numbers of its candidate poses, ascending; none for the baseline, the scenario's own placement."""
 BASELINE: Placement = ()
 
 
@@ -44,7 +44,8 @@ class CandidatePose:
 class CandidateSet:
     """All candidate poses that keep the constraints, and the number of poses considered.
 
-    refused: by device and reason, how many options it takes; positions: of each option, where all of its sensors are (k, 3) [m].
+    rejected: the number of poses rejected, by device and reason; positions: those of each pose's sensors (k, 3) [m];
+    n_considered: the number of poses, by device, before any was rejected.
     """
 
     study: Study
@@ -74,7 +75,7 @@ class CandidateSet:
                 )
                 continue
             if not mounts:
-                faults.append(f"{source}: devices.{name}: there is no place in the room; larger ranges are expected")
+                faults.append(f"{source}: devices.{name}: there is no pose in the room; larger ranges are expected")
                 continue
             held = [sensor_positions(device, scenario, each) for each in mounts]
             reasons = rejection_reasons(study, building, scene, scenario, device, mounts, held)
@@ -85,9 +86,9 @@ class CandidateSet:
                 left &= ~violation
             rejected[name] = {reason: count for reason, count in counts.items() if count}
             if not left.any():
-                told = ", ".join(f"{count} {reason}" for reason, count in rejected[name].items())
+                reasons_text = ", ".join(f"{count} {reason}" for reason, count in rejected[name].items())
                 faults.append(
-                    f"{source}: devices.{name}: of its {len(mounts)} places none is left: {told}; other places or weaker "
+                    f"{source}: devices.{name}: of its {len(mounts)} poses none is left: {reasons_text}; other poses or weaker "
                     "constraints are expected"
                 )
                 continue

@@ -73,15 +73,20 @@ def coverage(
         float, typer.Option(min=1, help="A camera sees at so many pixels a metre (EN 62676-4).")
     ] = 125.0,
     samples: Annotated[int, typer.Option(min=1, help="Time samples of the run.")] = 100,
+    moments: Annotated[int | None, typer.Option(min=1, hidden=True, help="Former name of --samples.")] = None,
     room_root: RoomRoot = None,
     no_limits: NoLimits = False,
     out: Out = None,
 ) -> None:
     """Measure the baseline coverage of a scenario: metrics, and a page with maps."""
+    from trackers.configuration import warn_of_former_name
     from twin.console import print_paths
     from twin.scenario import load_scenario
     from twin.studies.baseline_coverage import print_coverage, write_coverage
 
+    if moments is not None:
+        warn_of_former_name("", "--moments", "--samples")
+        samples = moments
     loaded = load_scenario(scenario, overrides(set_, seed))
     folder = out or Path("out") / f"coverage-{loaded.name}"
     found = write_coverage(loaded, folder, beams=beams, px_per_m=px_per_m, samples=samples)

@@ -35,8 +35,8 @@ class CoverageTargets:
         self.cells_m = floor_cells(self.sampled_worlds[0].area, coverage.cell_m)
         if coverage.of == "people" and not self.n:
             raise InputError(
-                f"coverage: nobody is in the tracked area of {scenario.name} at any of {coverage.samples} moments; more of them, "
-                "or of: floor, is expected"
+                f"coverage: no person is in the tracked area of {scenario.name} at any of {coverage.samples} samples; more "
+                "samples, or of: floor, is expected"
             )
 
     @property

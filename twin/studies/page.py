@@ -1,4 +1,4 @@
-"""The page of a study, for whoever installs and whoever pays: one HTML file, printable on A4."""
+"""The page of a study, for those who install and those who pay: one HTML file, printable on A4."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _HEAT_CELLS = 4000
 _MOST_ERROR_SEEDS = 3
 _ERROR_CELL_M = 0.5
 _FEWEST = 3
-_MOST_ALIKE = 30
+_MOST_ROWS = 30
 
 
 def write_page(path: Path, results: StudyResults) -> None:
@@ -52,8 +52,10 @@ def write_page(path: Path, results: StudyResults) -> None:
         "best": _trial_row(results, results.best),
         "baseline": _trial_row(results, results.baseline),
         "front": [_trial_row(results, each) for each in results.front],
-        "alike": [(_trial_row(results, each), row.text) for each, row in results.indistinguishable[:_MOST_ALIKE]],
-        "n_alike": len(results.indistinguishable),
+        "indistinguishable": [
+            (_trial_row(results, each), row.text) for each, row in results.indistinguishable[:_MOST_ROWS]
+        ],
+        "n_indistinguishable": len(results.indistinguishable),
         "maps": _maps(results, scenario, sensors),
         "trial_map": _trial_map(results, sensors),
         "objective": objective,
@@ -81,7 +83,7 @@ def _value(results: StudyResults, trial: Trial) -> float:
 
 def _trial_row(results: StudyResults, trial: Trial) -> dict[str, str]:
     study = results.prepared.study
-    figures = "–" if trial.failure and trial.placement != BASELINE else " · ".join(
+    metrics = "–" if trial.failure and trial.placement != BASELINE else " · ".join(
         f"{each.column} {trial.value(each, study.scenarios):.4g}"
         for each in study.objectives
         if each.kind != "price" and (trial.seeds or each.kind != "metric")
@@ -90,7 +92,7 @@ def _trial_row(results: StudyResults, trial: Trial) -> dict[str, str]:
         "places": describe_placement(results, trial.placement),
         "price": f"{trial.price:g}",
         "coverage": "–" if trial.coverage is None else f"{100 * trial.coverage:.1f} %",
-        "figures": figures,
+        "metrics": metrics,
         "seeds": str(len(trial.seeds)),
         "why": trial.failure,
     }

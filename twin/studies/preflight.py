@@ -55,14 +55,14 @@ def prepare(name: str | Path, *, seed_offset: int = 0, trusted: TrustedClasses =
     first = next(iter(scenarios.values()))
     every = {f"scenarios.{key}": each for key, each in scenarios.items()}
     every |= {f"held_out.scenarios.{key}": each for key, each in others.items()}
-    faults = [*_faults_of_moves(study, every, path), *_faults_of_trackers(study, path, scenarios)]
+    faults = [*_device_faults(study, every, path), *_tracker_faults(study, path, scenarios)]
     if faults:
         raise InputError("\n".join(dict.fromkeys(faults)))
     chosen = tuple(choose(study.trackers, first.trackers, str(path), trusted, STUDY)) if study.trackers else ()
     scene = build_scene(first)
     candidate_set = CandidateSet.of(study, first, scene, str(path))
-    faults = list(_faults_of_kinds(study, candidate_set, path)) or list(
-        _unused(study, candidate_set, chosen, scene, path)
+    faults = list(_kind_faults(study, candidate_set, path)) or list(
+        _unused_sensor_faults(study, candidate_set, chosen, scene, path)
     )
     if faults:
         raise InputError("\n".join(dict.fromkeys(faults)))
@@ -101,7 +101,7 @@ def _loaded(entries: Sequence[StudyScenario], path: Path, field: str) -> tuple[d
     return found, files
 
 
-def _faults_of_moves(study: Study, scenarios: dict[str, Scenario], path: Path) -> Iterator[str]:
+def _device_faults(study: Study, scenarios: dict[str, Scenario], path: Path) -> Iterator[str]:
     """Report devices of sensors that do not exist or cannot be placed so, and scenarios in other rooms."""
     first = next(iter(scenarios.values()))
     for key, scenario in scenarios.items():
@@ -135,7 +135,7 @@ def _faults_of_moves(study: Study, scenarios: dict[str, Scenario], path: Path) -
                 )
 
 
-def _faults_of_trackers(study: Study, path: Path, scenarios: dict[str, Scenario]) -> Iterator[str]:
+def _tracker_faults(study: Study, path: Path, scenarios: dict[str, Scenario]) -> Iterator[str]:
     first = next(iter(scenarios.values()))
     for place, name in enumerate(study.trackers):
         choice = first.trackers.get(name)
@@ -147,7 +147,7 @@ def _faults_of_trackers(study: Study, path: Path, scenarios: dict[str, Scenario]
             )
 
 
-def _faults_of_kinds(study: Study, candidate_set: CandidateSet, path: Path) -> Iterator[str]:
+def _kind_faults(study: Study, candidate_set: CandidateSet, path: Path) -> Iterator[str]:
     """Report kinds that are no sensor, once each; what depends on the pose as well is reported by its trials."""
     for name, device in study.devices.items():
         for number, kind in enumerate(device.kinds):
@@ -159,18 +159,18 @@ def _faults_of_kinds(study: Study, candidate_set: CandidateSet, path: Path) -> I
                 if candidate_set.poses[each].kind == number
             ]
             faults = []
-            for option in mine[:: max(1, len(mine) // 20)]:
+            for pose in mine[:: max(1, len(mine) // 20)]:
                 try:
-                    apply_placement(study, candidate_set.scenario, [option])
+                    apply_placement(study, candidate_set.scenario, [pose])
                     break
                 except InputError as error:
                     faults.append(str(error))
             else:
-                told = faults[0].splitlines()[0] if faults else "has no place"
-                yield f"{path}: devices.{name}.kinds.{number}.set: {told}"
+                reason = faults[0].splitlines()[0] if faults else "has no place"
+                yield f"{path}: devices.{name}.kinds.{number}.set: {reason}"
 
 
-def _unused(
+def _unused_sensor_faults(
     study: Study, candidate_set: CandidateSet, chosen: Sequence[ChosenTracker], scene: Scene, path: Path
 ) -> Iterator[str]:
     """Report trackers that cannot work on a placement, or that ignore moved sensors and are an objective.
@@ -187,7 +187,7 @@ def _unused(
                 scenario = apply_placement(
                     study, candidate_set.scenario, [candidate_set.poses[each] for each in example]
                 )
-            except InputError:  # told with the candidate
+            except InputError:  # reported with the trial
                 continue
             moved = [
                 name for name, each in scenario.sensors.items() if _is_moved(study, candidate_set.scenario, name, each)

@@ -58,8 +58,8 @@ class StudyResults:
 
     def scenario_with(self, placement: Placement) -> Scenario:
         """Return the study's first scenario with a placement applied."""
-        options = [self.prepared.candidate_set.poses[each] for each in placement]
-        return apply_placement(self.prepared.study, self.prepared.scenario, options)
+        poses = [self.prepared.candidate_set.poses[each] for each in placement]
+        return apply_placement(self.prepared.study, self.prepared.scenario, poses)
 
 
 def summarize(results: StudyResults) -> dict[str, Any]:
@@ -126,17 +126,17 @@ def describe_placement(results: StudyResults, placement: Placement) -> str:
     candidate_set, study = results.prepared.candidate_set, results.prepared.study
     if placement == BASELINE:
         return "the scenario's own"
-    told = []
+    parts = []
     for each in placement:
         pose = candidate_set.poses[each]
         kind = study.devices[pose.device].kinds[pose.kind].name
         for mount in pose.mounts:
             x, y, z = mount.xyz
             tilt = f" tilt {mount.pitch_deg:g}°" if mount.pitch_deg else ""
-            told.append(
+            parts.append(
                 f"{pose.device}{'' if kind == 'as-is' else ' ' + kind} ({x:g} {y:g} {z:g}) yaw {mount.yaw_deg:g}°{tilt}"
             )
-    return "; ".join(told)
+    return "; ".join(parts)
 
 
 def write_table(path: Path, trials: Sequence[Trial], results: StudyResults) -> None:
@@ -144,20 +144,20 @@ def write_table(path: Path, trials: Sequence[Trial], results: StudyResults) -> N
     study = results.prepared.study
     names = sorted(
         {
-            (tracker, figure)
+            (tracker, metric)
             for each in trials
             for row in each.metrics.values()
             for tracker in row
-            for figure in row[tracker]
+            for metric in row[tracker]
         }
     )
     names = [each for each in names if not each[1].startswith("ms_per_frame")]
     columns = ["candidate", "places", "price", "coverage", "coverage_worst", "replicates", "rejected"]
-    metrics = [f"{tracker}: {figure}" for tracker, figure in names]
-    wanted = [each.column for each in study.objectives if each.kind == "metric" and each.column not in metrics]
+    headings = [f"{tracker}: {metric}" for tracker, metric in names]
+    wanted = [each.column for each in study.objectives if each.kind == "metric" and each.column not in headings]
     with whole_file(path) as stream:
         table = csv.writer(stream, lineterminator="\n")
-        table.writerow([*columns, *wanted, *(text for each in metrics for text in (each, f"{each} (standard error)"))])
+        table.writerow([*columns, *wanted, *(text for each in headings for text in (each, f"{each} (standard error)"))])
         for trial in trials:
             row: list[Any] = [
                 placement_id(trial.placement),
@@ -169,8 +169,8 @@ def write_table(path: Path, trials: Sequence[Trial], results: StudyResults) -> N
             for each in study.objectives:
                 if each.column in wanted:
                     row.append("" if trial.failure or not trial.seeds else f"{trial.value(each, study.scenarios):.6f}")
-            for tracker, figure in names:
-                values = [each[tracker][figure] for each in trial.metrics.values() if tracker in each]
+            for tracker, metric in names:
+                values = [each[tracker][metric] for each in trial.metrics.values() if tracker in each]
                 known = np.array([each for each in values if each is not None], dtype=float)
                 error = known.std(ddof=1) / np.sqrt(len(known)) if len(known) > 1 else np.nan
                 row += [f"{known.mean():.6f}" if len(known) else "", f"{error:.6f}" if np.isfinite(error) else ""]
@@ -202,7 +202,7 @@ def print_summary(folder: Path) -> None:
 def _print(console: Console, found: dict[str, Any]) -> None:
     objective = found["objective"]
     table = Table(
-        title=f"{found['study']}: {found['candidates'] - 1} candidates beside the scenario's own", title_justify="left"
+        title=f"{found['study']}: {found['candidates'] - 1} placements beside the baseline", title_justify="left"
     )
     covers = objective == "coverage"
     for heading in ("placement", objective, *(() if covers else ("coverage",)), "price", "seeds"):
@@ -231,8 +231,8 @@ def _print(console: Console, found: dict[str, Any]) -> None:
             f"coverage, {devices}: greedy {_text(row['greedy'])}, none above {_text(row['greedy_bound'])}{exact}"
         )
     for row in found["displaced"]:
-        console.print(f"off by {row['what']}: {_interval(row)}")
-    console.print(f"cannot be told from the best: {len(found['indistinguishable'])}")
+        console.print(f"displaced by {row['what']}: {_interval(row)}")
+    console.print(f"not distinguishable from the best: {len(found['indistinguishable'])}")
 
 
 def _text(value: float | None) -> str:

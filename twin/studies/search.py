@@ -52,7 +52,9 @@ class Searcher:
     def check(self, source: str) -> None:
         """Raise InputError, naming `source`, for a search that is too large, before anything is evaluated."""
         method = self.study.search.method
-        ways = [prod(comb(len(numbers), count) for numbers, count in each) for each in product(*self._ways())]
+        ways = [
+            prod(comb(len(numbers), count) for numbers, count in each) for each in product(*self._counts_by_device())
+        ]
         if method == "exhaustive" and sum(ways) > MOST_CANDIDATES:
             raise InputError(
                 f"{source}: search.method: 'exhaustive' would try {sum(ways)} placements; at most {MOST_CANDIDATES}, or another "
@@ -61,7 +63,7 @@ class Searcher:
         number = len(self.candidate_set.poses)
         if method in ("greedy", "exact") and number > _MOST_EXACT_OPTIONS:
             raise InputError(
-                f"{source}: search.method: {method!r} keeps what every option sees, and there are {number}; at most "
+                f"{source}: search.method: {method!r} keeps the bits of every candidate pose, and there are {number}; at most "
                 f"{_MOST_EXACT_OPTIONS}, by larger steps, are expected"
             )
 
@@ -98,7 +100,7 @@ class Searcher:
                 return
             running = rank_trials(running, self.study.objectives, self.study.scenarios)[: -(-len(running) // 2)]
 
-    def _ways(self) -> list[list[tuple[list[int], int]]]:
+    def _counts_by_device(self) -> list[list[tuple[list[int], int]]]:
         """Return, per device, its poses with each count that is allowed."""
         devices = self.study.devices
         return [
@@ -108,7 +110,7 @@ class Searcher:
 
     def _all(self) -> Iterator[Placement]:
         """Yield every placement that keeps the constraints."""
-        for each in product(*self._ways()):
+        for each in product(*self._counts_by_device()):
             for parts in product(*(combinations(numbers, count) for numbers, count in each)):
                 placement = tuple(sorted(number for part in parts for number in part))
                 if placement and not self.candidate_set.violation(placement):
@@ -121,7 +123,7 @@ class Searcher:
             if sum(each):
                 yield dict(zip(self.study.devices, each, strict=True))
 
-    def choice(self) -> CoverProblem:
+    def cover_problem(self) -> CoverProblem:
         """Return the set cover problem that greedy and exact solve."""
         assert self._coverage is not None
         counts, stay, weight = self._coverage.counts(range(len(self.candidate_set.poses)))
@@ -136,7 +138,7 @@ class Searcher:
         )
 
     def _by_coverage(self, *, prove: bool) -> None:
-        choice = self.choice()
+        choice = self.cover_problem()
         for number in self.numbers():
             first = greedy(choice, number)
             best = exact(choice, number, self.study.search.limit_s) if prove else None
@@ -257,7 +259,7 @@ class Searcher:
         """Yield the greedy set cover for each number of devices, as first guesses, where its bits fit in memory."""
         if self._coverage is None or len(self.candidate_set.poses) > _MOST_EXACT_OPTIONS:
             return
-        choice = self.choice()
+        choice = self.cover_problem()
         for number in self.numbers():
             found = greedy(choice, number)
             self.result.proven.append((number, found, None))

@@ -1,7 +1,7 @@
 """Set cover: the poses that see most, one after another (greedy), and the best, proven by branch and bound.
 
-Seen is a share of rows, each seen by at least k sensors. For k = 1 what a set sees is submodular: of the options that are
-left, none adds more later than it would now, so that no set that grows from S by r options sees more than S and the r
+Coverage is a share of rows, each seen by at least k sensors. For k = 1 what a set sees is submodular: of the poses that are
+left, none adds more later than it would now, so that no set that grows from S by r poses sees more than S and the r
 largest gains. For k > 1 it is not; there the same holds of Σ min(sensors, k) / k, which is never less than what counts.
 Greedy's 1 − 1/e (Nemhauser, Wolsey and Fisher, Mathematical Programming 14, 1978) is of a number of devices alone and of
 Σ min(sensors, k); under prices, distances, or for "seen by at least k", it is not claimed: the bound found after the fact is.
@@ -25,8 +25,8 @@ _ROUNDING = 1e-9
 class CoverProblem:
     """Candidate poses (n) of devices, over r distinct rows.
 
-    counts (n, r): how many sensors of an option see a row, at most k; stay (r,): how many see it anyway; weight (r,): how
-    often a row is there; device (n,): which device an option is of; may: whether a set may be taken together.
+    counts (n, r): the sensors of a pose that see a row, at most k; fixed (r,): sensors that see it anyway; weight (r,): how
+    often a row is there; device (n,): the device of a pose; is_allowed: True for a set that keeps the constraints.
     """
 
     counts: Array

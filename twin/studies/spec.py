@@ -26,7 +26,7 @@ class StudyScenario(Strict):
     scenario: Annotated[str, single("the name of a scenario, or the path of its file,")] = Field(
         description="name of a shipped scenario, or path of a YAML file relative to the study"
     )
-    weight: float = Field(default=1.0, gt=0, description="how much its figures count in means over scenarios")
+    weight: float = Field(default=1.0, gt=0, description="weight in means over scenarios")
     set: Changes = Field(default={}, description="changes to the scenario, by path")
 
 
@@ -47,11 +47,9 @@ class HeldOut(Strict):
 class Objective(Strict):
     """One objective of a study. The first of several decides the recommendation."""
 
-    kind: Literal["metric", "coverage", "price"] = Field(description="a tracker's figure, coverage, or the price")
-    metric: str | None = Field(default=None, description="of a tracker's figure: which, as in metrics.json (hota)")
-    tracker: TrackerName | None = Field(
-        default=None, description="whose figure; none: that of the study's only tracker"
-    )
+    kind: Literal["metric", "coverage", "price"] = Field(description="a tracker's metric, coverage, or the price")
+    metric: str | None = Field(default=None, description="of kind 'metric': its name, as in metrics.json (hota)")
+    tracker: TrackerName | None = Field(default=None, description="the tracker; none: the study's only one")
     over: Literal["mean", "worst", "quantile"] = Field(default="mean", description="over seeds and scenarios")
     quantile: float = Field(default=0.1, gt=0, lt=1, description="of 'quantile': the share of seeds that are worse")
     form: Literal["share", "worst"] = Field(
@@ -67,7 +65,7 @@ class Objective(Strict):
             return self
         valid = [key for key in FIGURE if key not in NOT_DETERMINISTIC]
         if self.metric not in valid:
-            raise ValueError(f"there is no figure {self.metric!r} to go by; valid are {', '.join(valid)}")
+            raise ValueError(f"unknown metric {self.metric!r}; valid are {', '.join(valid)}")
         return self
 
     @property
@@ -124,7 +122,7 @@ class Search(Strict):
         default=96, description="of 'optuna': placements to try"
     )
     generation: Annotated[int, Field(ge=1, le=1000)] = Field(
-        default=16, description="of 'optuna': placements asked for before the next are told from them"
+        default=16, description="of 'optuna': placements asked for before their results are used"
     )
     replicates: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(min_length=1)] = Field(
         default=(2, 4, 8, 16), description="seeds that all get, that the better half gets, the better half of that ..."
@@ -153,7 +151,9 @@ class Study(Strict):
     ] = Field(description="where placements are tried")
     trackers: tuple[TrackerName, ...] = Field(default=(), description="trackers to run; none: coverage alone")
     seeds: Seeds = Field(default=(1000,), description="search seeds: replicates are taken from the front")
-    held_out: HeldOut | None = Field(default=None, description="what the result is judged by; none: it is not judged")
+    held_out: HeldOut | None = Field(
+        default=None, description="seeds and scenarios for validation; none: no validation"
+    )
     devices: Annotated[dict[OwnName, Device], Field(min_length=1), mapping_of("a mapping of devices to place,")] = (
         Field(description="what is placed, by name")
     )
@@ -161,7 +161,7 @@ class Study(Strict):
     objectives: Annotated[
         tuple[Objective, ...], Field(min_length=1), list_of("a list, as in [{kind: metric, metric: hota}],")
     ] = Field(description="what makes a placement good")
-    coverage: Coverage = Field(default=Coverage(), description="what counts as seen")
+    coverage: Coverage = Field(default=Coverage(), description="what counts as visible")
     search: Search = Field(description="how placements are searched")
     cheapest_within: float | None = Field(
         default=None,
@@ -183,11 +183,11 @@ class Study(Strict):
         trackers = content.get("trackers") or []
         if not (isinstance(trackers, list | tuple) and len(trackers) == 1):
             return content
-        told = [
+        objectives = [
             {"tracker": trackers[0], **each} if isinstance(each, dict) and each.get("kind") == "metric" else each
             for each in content["objectives"]
         ]
-        return content | {"objectives": told}
+        return content | {"objectives": objectives}
 
     @model_validator(mode="after")
     def _consistent(self) -> Study:
@@ -200,7 +200,7 @@ class Study(Strict):
                 )
         if self.held_out is not None and (shared := sorted(set(self.seeds) & set(self.held_out.seeds))):
             faults.append(
-                f"held_out.seeds: {shared[0]} is a search seed too; others than {_told(self.seeds)} are expected"
+                f"held_out.seeds: {shared[0]} is a search seed too; others than {_seed_range(self.seeds)} are expected"
             )
         if shared := sorted(set(self.coverage.seeds) & set(self.held_out.seeds if self.held_out else ())):
             faults.append(f"coverage.seeds: {shared[0]} is held out; others are expected")
@@ -228,7 +228,7 @@ class Study(Strict):
         return self
 
 
-def _told(seeds: tuple[int, ...]) -> str:
+def _seed_range(seeds: tuple[int, ...]) -> str:
     return f"{min(seeds)} to {max(seeds)}" if len(seeds) > 3 else ", ".join(map(str, seeds))
 
 

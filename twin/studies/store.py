@@ -102,7 +102,7 @@ class EvaluationStore:
     def read(self) -> None:
         """Read what an earlier run has written, the last of several lines on one evaluation.
 
-        A line that is damaged is told, left out and evaluated again, those after it are taken; a last one that was cut off is
+        A damaged line is reported, left out and evaluated again, those after it are taken; a last one that was cut off is
         left out. The file then holds the good lines alone: the new one takes its place when it is whole.
         """
         text = self._path.read_text(encoding="utf-8", errors="replace")

@@ -27,7 +27,7 @@ from twin.suites.tasks import State
 class Trial:
     """A placement with its metrics by scenario, seed and tracker, its price and its coverage.
 
-    why: what is against it: it breaks a constraint, or could not be simulated or tracked; "" where nothing is.
+    failure: the constraint it violates, or the error of its simulation or tracking; "" for none.
     """
 
     placement: Placement
@@ -246,7 +246,7 @@ class TrialRunner:
         share = min(1.0, max(len(trials) - 1, 0) / asked)
         spent_s = time_s - self._started_s
         left = f", about {spent_s * (1 - share) / share / 60:.0f} min left" if 0 < share < 1 else ""
-        sys.stderr.write(f"twin: {len(trials)} candidates, {done} of {total} evaluations of this round{best}{left}\n")
+        sys.stderr.write(f"twin: {len(trials)} placements, {done} of {total} evaluations of this round{best}{left}\n")
 
 
 def placement_id(placement: Placement) -> str:

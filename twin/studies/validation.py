@@ -108,9 +108,9 @@ def leave_one_out(candidate_set: CandidateSet, placement: Placement) -> list[Pla
 
 
 def displace_sensors(
-    scenario: Scenario, names: Sequence[str], off_m: float, turn_deg: float, text: bool, seed: int
+    scenario: Scenario, names: Sequence[str], off_m: float, turn_deg: float, is_surveyed: bool, seed: int
 ) -> Scenario:
-    """Displace the named sensors in a direction drawn by the seed; trackers are told of it or not.
+    """Displace the named sensors in a direction drawn by the seed; trackers know their true poses (surveyed) or not.
 
     Off level: scanners must stay level. Turned about the vertical. A sensor that is believed elsewhere already stays so, and
     is off by this besides.
@@ -119,7 +119,7 @@ def displace_sensors(
     for name in names:
         description = in_the_room(scenario, name)
         if isinstance(description, FloorDescription):
-            raise InputError(f"{name} is a floor; scanners and cameras are hung beside their places")
+            raise InputError(f"{name} is a floor; only scanners and cameras are displaced")
         rng = stream(seed, "misplaced", name)
         bearing, sign = rng.uniform(0, 2 * np.pi), rng.choice([-1.0, 1.0])
         x, y, z = description.mount.xyz
@@ -129,7 +129,7 @@ def displace_sensors(
             update={"xyz": (x + dx, y + dy, z), "yaw_deg": description.mount.yaw_deg + turn}
         )
         believed = description.believed
-        if not text:
+        if not is_surveyed:
             before = believed or Believed()
             bx, by, bz = before.xyz
             # a tilted camera that is turned about the vertical is believed turned about its own axes
@@ -198,7 +198,7 @@ def values_with_one_fewer(run: TrialRunner, coverage: PoseCoverage, best: Trial)
 
 
 def displaced_differences(run: TrialRunner, best: Trial, objective: Objective) -> list[PairedDifference]:
-    """Compare the recommended placement with itself displaced, told and not, beside the effect of a millimetre."""
+    """Compare the recommended placement with itself displaced, surveyed and not, beside the effect of a millimetre."""
     study = run.study
     seeds = study.held_out.seeds if study.held_out is not None else best.seeds
     own = {key: run.scenario(best.placement, key) for key in run.prepared.scenarios}
@@ -206,16 +206,16 @@ def displaced_differences(run: TrialRunner, best: Trial, objective: Objective) -
     if not names:
         return []
     base = run.metric_by_seed(objective, placement_id(best.placement), _weights(run), lambda key, _: own[key], seeds)
-    wanted = [("1 mm, told: the noise", NOISE_M, 0.0, True)]
+    wanted = [("1 mm, surveyed: the noise", NOISE_M, 0.0, True)]
     wanted += [
-        (f"{what}, {'' if told else 'not '}told", off, turn, told)
+        (f"{what}, {'' if is_surveyed else 'not '}surveyed", off, turn, is_surveyed)
         for what, off, turn in DISPLACEMENTS
-        for told in (True, False)
+        for is_surveyed in (True, False)
     ]
     rows = []
-    for what, off_m, turn_deg, told in wanted:
+    for what, off_m, turn_deg, is_surveyed in wanted:
 
-        def displaced(key: str, seed: int, how: tuple[float, float, bool] = (off_m, turn_deg, told)) -> Scenario:
+        def displaced(key: str, seed: int, how: tuple[float, float, bool] = (off_m, turn_deg, is_surveyed)) -> Scenario:
             return displace_sensors(own[key], names, *how, seed)
 
         here = run.metric_by_seed(objective, f"{placement_id(best.placement)} {what}", _weights(run), displaced, seeds)

@@ -29,7 +29,7 @@ from twin.world.simulation import Simulation
 from twin.world.staged import Posed, Staged
 
 DETAILED = ("disposal.", "errors.")
-"""Figures that need more of the truth than where everybody is."""
+"""Metrics that need more of the truth than people's positions."""
 _MOST_STAGED = 6
 """So many scenes with their people a worker keeps compiled."""
 
@@ -42,8 +42,8 @@ _TIMING = {"rate_hz", "phase_s", "delay_s", "jitter_s", "dropout", "sweep_time_s
 class EvaluationTask:
     """A placed scenario (seed included) to be tracked, the cache of motions, and the digest of the code.
 
-    details: whether to find out about situations of two people and who is seen by which sensor, which some figures
-    (`DETAILED`) are made of and which costs more; without, there are none of these. made_from: what
+    details: True for situations of two people and visibility by sensor, of which some metrics
+    (`DETAILED`) are made, at a cost; without, there are none of these. made_from: what
     its files were when the study started (None: unknown).
     """
 
@@ -110,7 +110,7 @@ def evaluate_placement(work: EvaluationTask) -> dict[str, Evaluation]:
                 simulation.world.posed
             )  # whole: what is half kept would be asked for in another order
     truth = cached.truth[timing] if known else truth_table(frames)
-    if not work.details:  # who is seen is of this placement alone
+    if not work.details:  # visibility is of this placement alone
         cached.truth[timing] = truth
     pairs = situation_table(situations, scenario.name) if work.details else None
     found = {}
@@ -139,10 +139,10 @@ def evaluate_task(work: EvaluationTask) -> dict[str, dict[str, float | None]]:
         )
     if work.made_from is not None:
         _check_files(work.scenario, work.made_from)
-    figures = {name: flat(each.metrics) for name, each in evaluate_placement(work).items()}
+    metrics = {name: flat(each.metrics) for name, each in evaluate_placement(work).items()}
     if work.details:
-        return figures
-    return {name: {key: each[key] for key in each if not key.startswith(DETAILED)} for name, each in figures.items()}
+        return metrics
+    return {name: {key: each[key] for key in each if not key.startswith(DETAILED)} for name, each in metrics.items()}
 
 
 def matched_errors(work: EvaluationTask, tracker: str) -> NDArray[np.float64]:

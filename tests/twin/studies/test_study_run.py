@@ -70,7 +70,7 @@ def test_a_run_leaves_its_answers(whole: tuple[Path, Path, dict], capsys: pytest
     ]["n"] == 2
     assert next(row["what"] for row in summary["displaced"]).startswith("1 mm") and len(summary["displaced"]) == 5
     page = (out / "report.html").read_text()
-    assert "1 : 50 on A4" in page and "Hung beside its place" in page
+    assert "1 : 50 on A4" in page and "Displaced sensors" in page
     print_summary(out)
     assert "recommended" in capsys.readouterr().out
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from small_study import written
 
 from trackers.errors import InputError
@@ -14,6 +15,7 @@ from twin import models
 from twin.scenario import load_scenario
 from twin.studies.apply_placement import write_scenario
 from twin.studies.preflight import prepare
+from twin.studies.results import print_summary
 from twin.studies.run import run_study
 from twin.studies.spec import Study, load_study
 from twin.suites.cluster import Place
@@ -61,8 +63,8 @@ def test_every_fault_is_told_at_once(tmp_path: Path) -> None:
         ({"held_out__seeds": [1000]}, "held_out.seeds: 1000 is a search seed too; others than 1000, 1001 are expected"),
         ({"search__replicates": [2, 16]}, "search.replicates: 16 seeds are asked for and seeds has 2"),
         ({"search__method": "exact"}, "search.method: 'exact' goes by coverage as a share, and objectives.0 is laser-imm: hota"),
-        ({"objectives": [{"kind": "metric", "metric": "hot"}]}, "there is no figure 'hot' to go by; valid are mota, motp_m"),
-        ({"objectives": [{"kind": "metric", "metric": "ms_per_frame.mean"}]}, "there is no figure 'ms_per_frame.mean'"),
+        ({"objectives": [{"kind": "metric", "metric": "hot"}]}, "unknown metric 'hot'; valid are mota, motp_m"),
+        ({"objectives": [{"kind": "metric", "metric": "ms_per_frame.mean"}]}, "unknown metric 'ms_per_frame.mean'"),
         ({"objectives__0__tracker": "sort"}, "objectives.0.tracker: 'sort' is none of the trackers; valid are laser-imm"),
         ({"trackers": ["laser-omm"]}, "trackers.0: there is no tracker 'laser-omm'; valid are "),
         ({"devices__rig__together": ["waste"]},
@@ -73,11 +75,11 @@ def test_every_fault_is_told_at_once(tmp_path: Path) -> None:
         ({"constraints__budget": 100}, "constraints.budget: 100 is below the cheapest set, which costs 1500; at least that"),
         (
             {"devices__rig__walls": None, "devices__rig__places": [AMID]},
-            "devices.rig: of its 1 places none is left: 1 where people walk below 2.2 m; other places or weaker constraints",
+            "devices.rig: of its 1 poses none is left: 1 where people walk below 2.2 m; other poses or weaker constraints",
         ),
         (
             {"devices__rig__walls": None, "devices__rig__places": [OUTSIDE]},
-            "devices.rig: of its 1 places none is left: 1 outside the building",
+            "devices.rig: of its 1 poses none is left: 1 outside the building",
         ),
         (
             {"devices__rig__walls": None, "devices__rig__places": [{"xyz": [0, -0.3, 0.95]}]},
@@ -89,7 +91,7 @@ def test_every_fault_is_told_at_once(tmp_path: Path) -> None:
         ),
         (
             {"constraints__cable": {"from": [0, 0, 0], "most_m": 0.1}},
-            "with more than 0.1 m of cable; other places",
+            "with more than 0.1 m of cable; other poses",
         ),
         (
             {"constraints__keep_free": [{"name": "all", "polygon": [[-9, -9], [9, -9], [9, 9], [-9, 9]]}]},
@@ -133,7 +135,7 @@ def test_a_floor_lies_on_the_floor(tmp_path: Path) -> None:
         prepare(path)
     devices = {"floor": {"sensors": ["floor"], "places": [{"xyz": [0.9, 0, 0]}, {"xyz": [-1.8, -1.4, 0.5]}]}}
     path = written(tmp_path, devices=devices, scenarios=[{"scenario": "home-three-people"}], trackers=["floor-kalman"])
-    with pytest.raises(InputError, match=r"of its 2 places none is left: 2 not on the floor of the room"):
+    with pytest.raises(InputError, match=r"of its 2 poses none is left: 2 not on the floor of the room"):
         prepare(path)
 
 
@@ -173,3 +175,40 @@ def test_what_is_recommended_moves_with_its_room(tmp_path: Path) -> None:
     home.rename(tmp_path / "there")
     found = load_scenario(tmp_path / "there" / "out" / "recommended.yaml")
     assert found.room == str(tmp_path / "there" / "room.xml") and found.sensors == own.sensors
+
+
+def test_former_names_are_read_with_a_warning_that_names_the_new_ones(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    current, _ = load_study(written(tmp_path))
+    content = yaml.safe_load((tmp_path / "small.yaml").read_text())
+    content["move"] = content.pop("devices")
+    content["coverage"]["moments"] = content["coverage"].pop("samples")
+    path = tmp_path / "former.yaml"
+    path.write_text(yaml.safe_dump(content))
+    assert load_study(path)[0] == current
+    warnings = [record.message for record in caplog.records]
+    assert len(warnings) == 2
+    for former, now in (("move", "devices"), ("coverage.moments", "samples")):
+        assert any(text.startswith(f"{path}: {former}: is now called {now!r}") for text in warnings)
+
+
+def test_the_summary_of_a_former_version_is_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    row = {"candidate": "own", "places": "the scenario's own", "price": 1, "seeds": 0, "coverage": 0.5}
+    common = {
+        "study": "s",
+        "objective": "coverage",
+        "best": row,
+        "pareto": [],
+        "held_out": [],
+        "proven": [],
+        "candidates": 1,
+    }
+    former = {"own": row, "alike": [], "misplaced": [], "moved_by": [], "refused": {}}
+    current = {"baseline": row, "indistinguishable": [], "displaced": [], "rank_correlations": [], "rejected": {}}
+    shown = []
+    for changes in (former, current):
+        (tmp_path / "summary.json").write_text(json.dumps(common | changes))
+        print_summary(tmp_path)
+        shown.append(capsys.readouterr().out)
+    assert shown[0] == shown[1] and "0.5000" in shown[0]
