@@ -20,6 +20,7 @@ from trackers.floor.clusters import FloorClusterOptions, floor_clusters
 from trackers.observations import NS_PER_S, FloorFrame, Observation
 from trackers.rig import Rig
 from trackers.tracking.association import Stage, associate
+from trackers.tracking.lifecycle import lasted_s
 from trackers.tracking.moment_tracker import MomentTracker
 from trackers.tracking.moments import Moment, MomentRules
 from trackers.tracks import Track
@@ -43,7 +44,12 @@ class ClusterKalmanOptions(Strict):
     acceleration_m_s2: float = Field(default=3.0, gt=0, description="standard deviation of the acceleration [m/s²]")
     measurement_m: float = Field(default=0.1, gt=0, description="standard deviation of a cluster's middle [m]")
     radius_m: float = Field(default=0.8, gt=0, description="a cluster farther from everybody is somebody new [m]")
-    hits: int = Field(default=3, ge=1, description="measurements that confirm a track")
+    confirm_s: float = Field(
+        default=0.25,
+        ge=0,
+        description="a track measured at each frame for longer than this is confirmed, each frame standing for the time since "
+        "the one before [s]",
+    )
     gone_s: float = Field(default=2.0, gt=0, description="who is not measured for so long is gone [s]")
 
 
@@ -73,7 +79,8 @@ class ClusterKalman(MomentTracker):
         ]
 
     def _work(self, moment: Moment) -> None:
-        options, dt, self._ns = self.options, (moment.ns - self._ns) / NS_PER_S, moment.ns
+        options, before_ns, self._ns = self.options, self._ns, moment.ns
+        dt = (moment.ns - before_ns) / NS_PER_S
         for p in self._people:
             p.F = np.kron(np.eye(2), [[1, dt], [0, 1]])
             p.Q = np.kron(np.eye(2), np.outer([dt**2 / 2, dt], [dt**2 / 2, dt])) * options.acceleration_m_s2**2
@@ -86,8 +93,8 @@ class ClusterKalman(MomentTracker):
         for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
             p = self._people[row]
             p.update(places[column])
-            p.ns, p.hits = moment.ns, p.hits + 1
-            if not p.id and p.hits >= options.hits:
+            p.ns = moment.ns
+            if not p.id and lasted_s(p.born_ns, moment.ns, before_ns) > options.confirm_s:
                 self._last_id = p.id = self._last_id + 1
         self._people = [p for p in self._people if self._ns - p.ns <= (options.gone_s * NS_PER_S if p.id else 0)]
         for column in np.setdiff1d(np.arange(len(places)), columns):
@@ -115,6 +122,7 @@ class ClusterKalman(MomentTracker):
 
     def _started(self, place: Float[Array, "2"], colours: Float[Array, "bins"]) -> Any:
         p: Any = KalmanFilter(dim_x=4, dim_z=2)
-        p.x, p.id, p.ns, p.hits, p.colours = np.array([place[0], 0, place[1], 0]), 0, self._ns, 1, colours
+        p.x, p.id, p.colours = np.array([place[0], 0, place[1], 0]), 0, colours
+        p.ns = p.born_ns = self._ns
         p.H, p.R, p.P = np.eye(4)[::2], np.eye(2) * self.options.measurement_m**2, np.diag([0.01, 1.0] * 2)
         return p

@@ -18,7 +18,7 @@ from trackers.camera_floor_particle.pan import GRID, around, unit
 from trackers.camera_floor_particle.people import PAN_BINS, People
 from trackers.camera_floor_particle.views import Views
 from trackers.filters.particle import Cloud
-from trackers.observations import NS_PER_S
+from trackers.tracking.lifecycle import lasted_s
 
 _ASIDE_M = np.arange(-0.28, 0.29, 0.07)
 _LAYER_M = 0.04
@@ -49,6 +49,7 @@ class Newcomers:
         self._options = options
         self._n_camera = n_camera
         self._waiting: list[tuple[Array, int]] = []  # places (2,) [m], since when [ns]
+        self._last_ns: int | None = None  # of the frame before
 
     def unexplained(self, people: People | None, loads: Loads) -> Bool[Mask, "k"]:
         """Clusters that no known person explains: far from all, and more than all of them weigh."""
@@ -63,6 +64,7 @@ class Newcomers:
     def confirmed(self, places: Float[Array, "k 2"], ns: int) -> Bool[Mask, "k"]:
         """Which of these places have been waiting for long enough; the others are remembered."""
         waiting, due = [], np.zeros(len(places), np.bool_)
+        before_ns, self._last_ns = ns if self._last_ns is None else self._last_ns, ns
         for number, place in enumerate(places):
             near = [
                 since
@@ -70,7 +72,7 @@ class Newcomers:
                 if np.linalg.norm(other - place) < self._options.detection.apart_m
             ]
             since = min(near, default=ns)
-            due[number] = ns - since >= self._options.detection.confirm_s * NS_PER_S
+            due[number] = lasted_s(since, ns, before_ns) > self._options.detection.confirm_s
             if not due[number]:
                 waiting.append((place, since))
         self._waiting = waiting

@@ -215,7 +215,12 @@ class ExclusionOptions(Strict):
 class DetectionOptions(Strict):
     """When a cluster on the floor is somebody new, and when somebody is gone."""
 
-    confirm_s: float = Field(default=0.15, ge=0, description="a cluster that stays this long is somebody [s]")
+    confirm_s: float = Field(
+        default=0.25,
+        ge=0,
+        description="a cluster that stays for longer than this is somebody, each of the floor's frames standing for the time since "
+        "the one before [s]",
+    )
     least_load_n: float = Field(default=80.0, ge=0, description="and bears at least this [N]")
     apart_m: float = Field(
         default=0.45, gt=0, description="a cluster with an element this near to a known person is theirs [m]"

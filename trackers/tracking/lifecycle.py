@@ -36,6 +36,15 @@ def measured_for_longer(
     return ~roster.confirmed & measured_now(roster, ns) & (measured_for_ns > nanoseconds(after_s))
 
 
+def lasted_s(since_ns: int, ns: int, before_ns: int) -> float:
+    """Time [s] for which a thing first seen at `since_ns` has been seen at `ns`; 0 at first sight.
+
+    Each frame stands for the time since the frame before it (`before_ns`), so that a rule by this time asks for twice as many
+    frames of a sensor twice as fast, and jitter of a few milliseconds does not shift it by a whole frame.
+    """
+    return 0.0 if ns <= since_ns else (ns - since_ns + ns - before_ns) / NS_PER_S
+
+
 def measured_often(roster: Roster, ns: int, at_least: int) -> Bool[Mask, "n"]:
     """Confirmation by count: tentative tracks, measured at ns, `at_least` times in all."""
     return ~roster.confirmed & measured_now(roster, ns) & (roster.n_measured >= at_least)
