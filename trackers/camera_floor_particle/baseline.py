@@ -45,7 +45,7 @@ class ClusterKalmanOptions(Strict):
     measurement_m: float = Field(default=0.1, gt=0, description="standard deviation of a cluster's middle [m]")
     radius_m: float = Field(default=0.8, gt=0, description="a cluster farther from everybody is somebody new [m]")
     confirm_s: float = Field(
-        default=0.25,
+        default=0.28,
         ge=0,
         description="a track measured at each frame for longer than this is confirmed, each frame standing for the time since "
         "the one before [s]",

@@ -216,7 +216,7 @@ class DetectionOptions(Strict):
     """When a cluster on the floor is somebody new, and when somebody is gone."""
 
     confirm_s: float = Field(
-        default=0.25,
+        default=0.28,
         ge=0,
         description="a cluster that stays for longer than this is somebody, each of the floor's frames standing for the time since "
         "the one before [s]",
