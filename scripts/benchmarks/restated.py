@@ -225,12 +225,12 @@ def doubled_scanners(scene: Scene) -> Restated:
 
 
 def with_silent_sensors(scene: Scene) -> Restated:
-    """One more sensor of each kind that never reports; its name comes last, as trackers that use one take the first."""
+    """One more sensor of each kind that never reports; it comes first, by its place in the rig and by its name."""
     silent = {
-        f"z_{each.kind}": each.model_copy(update={"topic": f"/z_{each.kind}"}) for each in scene.rig.sensors.values()
+        f"a_{each.kind}": each.model_copy(update={"topic": f"/a_{each.kind}"}) for each in scene.rig.sensors.values()
     }
-    rig = scene.rig.model_copy(update={"sensors": {**scene.rig.sensors, **silent}})
-    return Restated(replace(scene, rig=rig))
+    sensors, main = {**silent, **scene.rig.sensors}, scene.rig.main_sensor
+    return Restated(replace(scene, rig=scene.rig.model_copy(update={"sensors": sensors, "main": main})))
 
 
 def second_half(scene: Scene) -> Restated:

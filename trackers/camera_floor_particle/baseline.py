@@ -60,11 +60,12 @@ class ClusterKalman(MomentTracker):
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
     ) -> None:
         self.options = validate(ClusterKalmanOptions, options, "tracker floor-kalman")
-        self._name = the_floor(rig, "floor-kalman")
+        empty_room = list(background)
+        self._name = the_floor(rig, "floor-kalman", empty_room)
         self._floor = rig.floors()[self._name]
         cameras = rig.cameras() if self.options.colour else {}
         self._shared = CameraFloorParticleOptions()
-        self._watchers = Watchers(cameras, list(background), self._shared)
+        self._watchers = Watchers(cameras, empty_room, self._shared)
         self.unused_sensors = [name for name in rig.sensors if name not in cameras and name != self._name]
         super().__init__(MomentRules((self._name,), joins=tuple(cameras)))
         self._people: list[Any] = []

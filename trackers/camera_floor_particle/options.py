@@ -218,8 +218,8 @@ class DetectionOptions(Strict):
     confirm_s: float = Field(
         default=0.28,
         ge=0,
-        description="a cluster that stays for longer than this is somebody, each of the floor's frames standing for the time since "
-        "the one before [s]",
+        description="a cluster that stays for longer than this is somebody, each of the floor's frames standing for the time "
+        "since the one before [s]",
     )
     least_load_n: float = Field(default=80.0, ge=0, description="and bears at least this [N]")
     apart_m: float = Field(

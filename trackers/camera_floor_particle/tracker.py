@@ -40,9 +40,13 @@ _LONGEST_S = 0.5
 """However long nothing came, people move for no longer at once."""
 
 
-def the_floor(rig: Rig, tracker: str) -> str:
-    """The name of the rig's pressure floor, the first of several; raises InputError where there is none."""
-    for name in rig.floors():
+def the_floor(rig: Rig, tracker: str, empty_room: Iterable[Observation]) -> str:
+    """Return the name of the rig's pressure floor: of several the first that reported of the empty room, else the first.
+
+    Raises InputError where there is none.
+    """
+    reported = {each.sensor for each in empty_room}
+    for name in sorted(rig.floors(), key=lambda name: name not in reported):
         return name
     raise InputError(
         f"tracker {tracker}: none of the rig's sensors ({', '.join(rig.sensors)}) is a pressure floor; one of kind floor, "
@@ -69,11 +73,11 @@ class CameraFloorParticle(MomentTracker):
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
     ) -> None:
         self.options = validate(CameraFloorParticleOptions, options, "tracker camera-floor-particle")
-        self._floor = the_floor(rig, "camera-floor-particle")
+        empty_room = list(background)
+        self._floor = the_floor(rig, "camera-floor-particle", empty_room)
         cameras = rig.cameras() if self.options.use_cameras else {}
         self.unused_sensors = [name for name in rig.sensors if name not in cameras and name != self._floor]
         area = Area(rig.area, self.options.room_margin_m) if rig.area else None
-        empty_room = list(background)
         self._rng = np.random.default_rng(0) if rng is None else rng
         self._watchers = Watchers(cameras, empty_room, self.options, area)
         empty_floor = [each for each in empty_room if isinstance(each, FloorFrame) and each.sensor == self._floor]

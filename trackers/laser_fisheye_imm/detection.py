@@ -52,7 +52,11 @@ class Detector:
         cameras = {name: each for name, each in rig.cameras().items() if not isinstance(each, StereoSensor)}
         self._camera = self._projector = None
         if options.camera and "waist" in names and cameras:
-            self._camera = min(cameras, key=lambda name: (not isinstance(cameras[name], FisheyeSensor), name))
+            reported = {each.sensor for each in empty_room}
+            self._camera = min(
+                cameras,
+                key=lambda name: (not isinstance(cameras[name], FisheyeSensor), name not in reported, name),
+            )
             camera = cameras[self._camera]
             # a torso window stands between the bearings at which the camera's own scanner saw somebody
             names["waist"] = _nearest_first(names["waist"], rig, camera.room_from_sensor.translation)

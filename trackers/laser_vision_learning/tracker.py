@@ -4,7 +4,7 @@ Tracking via On-line Learning".
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -43,7 +43,7 @@ class LaserVisionLearning(MomentTracker):
         self._area = None if rig.area is None else Area(rig.area, life.area_margin_m)
         followed = None if rig.area is None else Area(rig.area, life.before_m)
         self._walkers = Walkers(self._scanners, followed, self.options, rng or np.random.default_rng(0))
-        self._camera = self._chosen_camera(rig) if self.options.camera else None
+        self._camera = self._chosen_camera(rig, background) if self.options.camera else None
         self._recognition = None
         if self._camera is not None:
             pictures = [each for each in background if isinstance(each, Image | DepthImage)]
@@ -63,10 +63,14 @@ class LaserVisionLearning(MomentTracker):
         self._decisions: list[Decision] = []
 
     @staticmethod
-    def _chosen_camera(rig: Rig) -> str | None:
-        """A pinhole camera first, then a fisheye, then a stereo camera's left view, by name."""
-        kinds = ("camera", "fisheye", "stereo")
-        return min(rig.cameras(), key=lambda name: (kinds.index(rig.sensors[name].kind), name), default=None)
+    def _chosen_camera(rig: Rig, empty_room: Sequence[Observation]) -> str | None:
+        """Choose a pinhole camera first, then a fisheye, then a stereo camera's left view; of several one that has reported."""
+        kinds, reported = ("camera", "fisheye", "stereo"), {each.sensor for each in empty_room}
+        return min(
+            rig.cameras(),
+            key=lambda name: (kinds.index(rig.sensors[name].kind), name not in reported, name),
+            default=None,
+        )
 
     @property
     def background_learned_causally(self) -> bool:

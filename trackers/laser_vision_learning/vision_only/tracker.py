@@ -14,7 +14,7 @@ not detected there: what the camera cannot see is nobody's.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Set
 from typing import Any, cast
 
 import numpy as np
@@ -62,10 +62,11 @@ class VisionOnly:
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
     ) -> None:
         self.options = validate(VisionOnlyOptions, options, "tracker laser-vision-learning-vision")
-        self.camera = _camera_of(rig, self.options.camera)
+        known = Knowledge.of(background)
+        self.camera = _camera_of(rig, self.options.camera, {each.sensor for each in known})
         self.unused_sensors = [name for name in rig.sensors if name != self.camera]
         self.losses: Counter[tuple[str, str]] = Counter()  # pictures dropped, by sensor and reason
-        known, sensor = Knowledge.of(background), rig.cameras()[self.camera]
+        sensor = rig.cameras()[self.camera]
         empty_room = [cast("Image | DepthImage", each) for each in known if each.sensor == self.camera]
         self._foreground = Foreground(sensor.intrinsics, empty_room, self.options.foreground)
         self.background_learned_causally = self._foreground.learns_background
@@ -226,8 +227,11 @@ class VisionOnly:
         self._people = self._people.joined(People.started(cloud, looks[free], clear[free], self._ns))
 
 
-def _camera_of(rig: Rig, name: str | None) -> str:
-    """The camera to use. Raises InputError where the rig has none, or none of that name."""
+def _camera_of(rig: Rig, name: str | None, reported: Set[str]) -> str:
+    """Return the camera to use, one that `reported` of the empty room before one that may be silent.
+
+    Raises InputError where the rig has none, or none of that name.
+    """
     cameras = rig.cameras()
     if not cameras:
         raise InputError(
@@ -238,4 +242,6 @@ def _camera_of(rig: Rig, name: str | None) -> str:
         raise InputError(
             f"tracker laser-vision-learning-vision: camera: {name!r} is no camera of the rig; valid are {', '.join(cameras)}"
         )
-    return name or (rig.main_sensor if rig.main_sensor in cameras else min(cameras))
+    if name is not None or rig.main_sensor in cameras:
+        return name or rig.main_sensor
+    return min(cameras, key=lambda each: (each not in reported, each))
