@@ -2,9 +2,12 @@
 
 import subprocess
 import sys
+from collections.abc import Mapping
 from importlib.metadata import EntryPoint
 
 import pytest
+import synthetic_home
+import synthetic_meeting
 from synthetic_room import rig
 
 import trackers.presets
@@ -16,21 +19,45 @@ from trackers.laser_fisheye_imm.filter import filter_of
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm
 from trackers.presets import PRESETS, available, make_tracker
+from twin.reproduce.laser_fisheye_imm.conditions import COLUMNS
+from twin.reproduce.laser_vision_learning.conditions import SYSTEMS
 
 
-def test_the_variants_of_table_i_are_there_with_paper_and_description():
-    assert list(PRESETS)[:7] == [
-        "laser-fisheye-imm",
-        "laser-imm",
-        "waist-fisheye-imm",
-        "laser-fisheye-kalman",
-        "laser-kalman",
-        "waist-fisheye-kalman",
-        "laser-fisheye-imm-paper",
-    ]
-    assert all(preset.citation and preset.description for preset in PRESETS.values())
+def rig_of(name):
+    return synthetic_home.rig() if "floor" in name else synthetic_meeting.rig() if "rgbd" in name else rig()
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_every_preset_is_its_class_with_its_options_and_tells_what_it_is_and_whose(name):
+    preset, made = PRESETS[name], make_tracker(name, rig_of(name))
+    module, _, kind = preset.target.partition(":")
+    assert (type(made).__module__, type(made).__name__) == (module, kind)
+    assert preset.description and preset.citation
+    for path, value in leaves(preset.options):
+        found = made.options
+        for part in path:
+            found = found[part] if isinstance(found, Mapping) else getattr(found, part)
+        assert found == value, path
+
+
+def leaves(options, above=()):
+    """Options that are no mapping of options, with their paths."""
+    for name, value in options.items():
+        if isinstance(value, Mapping) and value:
+            yield from leaves(value, (*above, name))
+        else:
+            yield (*above, name), value
+
+
+def test_no_two_presets_are_the_same_or_told_of_alike():
+    made = [(preset.target, repr(preset.options)) for preset in PRESETS.values()]
+    assert len(set(made)) == len(made)
     descriptions = [preset.description for preset in PRESETS.values()]
     assert len(set(descriptions)) == len(descriptions)
+
+
+def test_the_columns_of_the_papers_tables_have_a_preset_each():
+    assert {column.tracker for column in COLUMNS} | set(SYSTEMS) <= set(PRESETS)
 
 
 def test_presets_are_options_of_one_class():

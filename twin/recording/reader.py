@@ -240,12 +240,14 @@ class Recording:
             raise InputError(f"{self.path}: topic {topic} is {msgtype}; {STRING} is expected")
 
     def _check_has_messages(self, times: Mapping[str, MessageTimes]) -> None:
-        if self.is_twin or any(len(times[topic]) for topic in self._topics.sensors):
+        if any(len(times[topic]) for topic in self._topics.sensors):
             return
         if any(self.topics[topic].message_count for topic in self._topics.sensors):
             raise InputError(
                 f"{self.path}: is damaged, its index counts messages that are not there; a whole bag is expected"
             )
+        if self.is_twin:
+            return
         named = ", ".join(self._topics.sensors) or "no topic at all"
         raise InputError(f"{self.path}: holds no message on {named}; a recording of the rig's sensors is expected")
 

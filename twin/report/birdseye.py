@@ -24,7 +24,7 @@ SHIFT = 4  # cv2 draws at 1/16 pixel
 _SHELL_M2 = 4.0
 _SAME_PLACE_PX = 12.0
 _LETTER_PX = 6.5  # about a letter's width
-_FARTHEST_M = 1000.0  # where the drawing of a scanner's free space ends that names no limit
+_FARTHEST_PX = 20_000  # where what is drawn is cut, as int32 would overflow
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,11 @@ class FloorView:
     def pixels(self, xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Picture coordinates (..., 2) [px], x right and y down, of floor points (..., 2) [m]."""
         return (xy_m - np.array([self.x_min_m, self.y_max_m])) * np.array([self.scale, -self.scale])
+
+    @property
+    def drawable_m(self) -> float:
+        """How far from anywhere in the picture a line may end that `fixed_point` leaves as it is [m]."""
+        return (_FARTHEST_PX - max(self.width_px, self.height_px)) / self.scale
 
     def inside(self, pixels: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Whether picture coordinates (..., 2) lie in the picture, (...,)."""
@@ -111,12 +116,13 @@ class ScannerOnFloor:
         valid = np.isfinite(ranges) & (ranges >= scan.range_min_m) & (ranges <= scan.range_max_m)
         return self._ends(ranges[valid], scan.angles_rad[valid])
 
-    def free_space(self, scan: LaserScan) -> Polygon:
+    def free_space(self, scan: LaserScan, within_m: float) -> Polygon:
         """The polygon (n + 1, 2) [m] of floor that a scan saw through, from the scanner to each return.
 
-        A beam without return reaches to the scanner's range limit (at most 1 km); an invalid one (NaN) sees nothing.
+        A beam without return reaches to the scanner's range limit; an invalid one (NaN) sees nothing. All are cut at
+        `within_m`, along the beam: cut on each axis in the picture they would point elsewhere (`FloorView.drawable_m`).
         """
-        farthest_m = min(scan.range_max_m, _FARTHEST_M)
+        farthest_m = min(scan.range_max_m, within_m)
         ranges = np.clip(np.nan_to_num(scan.ranges_m.astype(float), nan=0.0, posinf=farthest_m), 0.0, farthest_m)
         return np.concatenate([self._origin[None], self._ends(ranges, scan.angles_rad)])
 
@@ -153,7 +159,7 @@ class FloorColours:
 
 def fixed_point(pixels: NDArray[np.float64]) -> NDArray[np.int32]:
     """Picture coordinates as cv2 takes them with `shift=SHIFT` (1/16 px), cut where int32 would overflow."""
-    return np.rint(np.minimum(np.maximum(pixels, -20_000), 20_000) * (1 << SHIFT)).astype(np.int32)
+    return np.rint(np.minimum(np.maximum(pixels, -_FARTHEST_PX), _FARTHEST_PX) * (1 << SHIFT)).astype(np.int32)
 
 
 def paint_room(

@@ -146,7 +146,10 @@ class FloorPanel:
         self, panel: NDArray[np.uint8], view: FloorView, scans: Mapping[str, LaserScan], layers: Mapping[str, RGB]
     ) -> None:
         """What any scanner sees through is lighter, with a breath of the colour of each that does."""
-        fans = {name: fixed_point(view.pixels(self._scanners[name].free_space(scan))) for name, scan in scans.items()}
+        fans = {
+            name: fixed_point(view.pixels(self._scanners[name].free_space(scan, view.drawable_m)))
+            for name, scan in scans.items()
+        }
         self._mask[:] = 0
         for fan in fans.values():
             cv2.fillPoly(self._mask, [fan], 255, cv2.LINE_8, SHIFT)

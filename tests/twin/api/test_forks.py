@@ -18,7 +18,8 @@ import numpy as np
 import twin
 
 warnings.simplefilter("ignore", DeprecationWarning)  # of Python 3.12's, of forks beside threads
-SCENARIO = twin.load_scenario("lab-five-people", ["duration_s=0.3", "background_frames=1"])
+SMALL = ["duration_s=0.3", "background_frames=1", "people=null", "people.ann={}", "sensors.fisheye.size=[96, 96]"]
+SCENARIO = twin.load_scenario("lab-five-people", SMALL)
 HERE = os.getpid()
 
 def digest(observations):
@@ -39,7 +40,7 @@ def check(child):
 def in_child(work):
     child = os.fork()
     if child == 0:
-        signal.alarm(30)
+        signal.alarm(120)  # hung; a loaded machine takes its time
         work()
         sys.exit(7)  # not os._exit: what is registered for the end of Python must not hang either
     check(child)
@@ -79,9 +80,9 @@ CHILDREN = {
     "a pool of two": """
         first = run()
         with multiprocessing.get_context("fork").Pool(2) as pool:
-            assert pool.map(run, range(4)) == [first] * 4
+            assert pool.map(run, range(3)) == [first] * 3
         with ProcessPoolExecutor(2, multiprocessing.get_context("fork")) as pool:
-            assert list(pool.map(run, range(4))) == [first] * 4
+            assert list(pool.map(run, range(3))) == [first] * 3
     """,
     "by a thread": """
         first, told = run(), []
@@ -89,7 +90,7 @@ CHILDREN = {
             told.append(run())
             child = os.fork()
             if child == 0:
-                signal.alarm(30)
+                signal.alarm(120)  # hung; a loaded machine takes its time
                 os._exit(7 if run() == first else 3)
             check(child)
         thread = threading.Thread(target=fork)
@@ -111,11 +112,11 @@ CHILDREN = {
         for thread in threads:
             thread.start()
         begun.wait()
-        for _ in range(4):
+        for _ in range(3):
             time.sleep(0.02)
             child = os.fork()
             if child == 0:
-                signal.alarm(30)
+                signal.alarm(120)  # hung; a loaded machine takes its time
                 os._exit(7 if run() == first else 3)
             check(child)
         stop.set()
@@ -136,7 +137,7 @@ def in_python(text: str, **environment: str) -> subprocess.CompletedProcess[str]
     kept = {name: value for name, value in os.environ.items() if name != "LP_NUM_THREADS"}
     program = _PREPARE + textwrap.dedent(text)
     ran = [sys.executable, "-c", program]
-    return subprocess.run(ran, capture_output=True, text=True, timeout=100, env={**kept, **environment})
+    return subprocess.run(ran, capture_output=True, text=True, timeout=280, env={**kept, **environment})
 
 
 @pytest.mark.slow

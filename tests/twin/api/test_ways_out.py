@@ -7,11 +7,15 @@ import signal
 import sqlite3
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
 import pytest
 
+from twin.cli import main
+
+Ended = subprocess.CompletedProcess[str]
 SUITE = """
 name: tiny
 description: "[/b] and [red]"
@@ -24,16 +28,31 @@ NO_IMAGES = ["--no-images", "--no-video"]
 PROGRAM = "import sys; sys.argv[0] = 'twin'; {prepare}; from twin.cli import main; main()"
 
 
-def twin(
-    *arguments: str | Path, prepare: str = "pass", folder: Path | None = None, **environment: str | None
-) -> subprocess.CompletedProcess[str]:
+def twin(*arguments: str | Path, prepare: str = "pass", folder: Path | None = None, **environment: str | None) -> Ended:
     known = {name: value for name, value in {**os.environ, **environment}.items() if value is not None}
     known["PYTHONPATH"] = os.pathsep.join(filter(None, [str(Path(__file__).parents[3]), known.get("PYTHONPATH")]))
     command = [sys.executable, "-c", PROGRAM.format(prepare=prepare), *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=200, cwd=folder, env=known)
 
 
-def said(found: subprocess.CompletedProcess[str], code: int = 2) -> str:
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Ended]:
+    """The same command in this process, where nothing of the process itself is looked at."""
+
+    def run(*arguments: str | Path, **environment: str) -> Ended:
+        for name, value in environment.items():
+            monkeypatch.setenv(name, value)
+        monkeypatch.setattr(sys, "argv", ["twin", *map(str, arguments)])
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert isinstance(ended.value.code, int)
+        return Ended([], ended.value.code, *capsys.readouterr())
+
+    return run
+
+
+def said(found: Ended, code: int = 2) -> str:
     """The one sentence with which it ended."""
     assert found.returncode == code and "Traceback" not in found.stderr, found.stderr
     last = found.stderr.strip().splitlines()[-1]
@@ -41,13 +60,13 @@ def said(found: subprocess.CompletedProcess[str], code: int = 2) -> str:
     return last
 
 
-def test_twin_alone_and_its_groups_print_help_and_version() -> None:
+def test_twin_alone_and_its_groups_print_help_and_version(here: Callable[..., Ended]) -> None:
     for group in ([], ["suite"], ["study"]):
-        found = twin(*group)
+        found = here(*group)
         assert found.returncode == 0 and "Usage:" in found.stdout and not found.stderr
-    assert twin("--version").stdout.startswith("roomtwin ")
-    assert "did you mean 'sort'?" in said(twin("run", "lab-five-people", "--tracker", "sotr"))
-    assert "'run'" in said(twin("rnu")) and "Valid are run, render" in said(twin("rnu"))
+    assert here("--version").stdout.startswith("roomtwin ")
+    assert "did you mean 'sort'?" in said(here("run", "lab-five-people", "--tracker", "sotr"))
+    assert "'run'" in said(here("rnu")) and "Valid are run, render" in said(twin("rnu"))
 
 
 @pytest.mark.parametrize("command", [["list"], ["schema"], ["--help"]])
@@ -70,8 +89,8 @@ def test_list_keeps_its_columns_apart() -> None:
     assert len(list(_lines(entries, None))) == 2
 
 
-def test_control_characters_are_escaped() -> None:
-    message = said(twin("run", "\x1b[31mred\x07"))
+def test_control_characters_are_escaped(here: Callable[..., Ended]) -> None:
+    message = said(here("run", "\x1b[31mred\x07"))
     assert "\x1b" not in message and "\\x1b[31mred\\x07" in message
 
 
@@ -107,39 +126,33 @@ def test_limit_of_memory_is_named(limit_mb: int, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_suite_says_what_is_wrong_with_its_files(tmp_path: Path) -> None:
+def test_suite_says_what_is_wrong_with_its_files(
+    tmp_path: Path, here: Callable[..., Ended], monkeypatch: pytest.MonkeyPatch
+) -> None:
     suite = tmp_path / "tiny.yaml"
     suite.write_text(SUITE.replace("people.ann.shirt: red", "duration_s: 0.5"))
     blocked = tmp_path / "file"
     blocked.write_text("")
-    found = twin(
-        "suite", "run", suite, "--jobs", "1", "--out", tmp_path / "none", ROOMTWIN_CACHE=str(blocked / "cache")
-    )
+    found = here("suite", "run", suite, "--out", tmp_path / "none", ROOMTWIN_CACHE=str(blocked / "cache"))
     assert "ROOMTWIN_CACHE" in said(found) and not (tmp_path / "none").exists()
 
     out, cache = tmp_path / "out", str(tmp_path / "cache")
-    found = twin("suite", "run", suite, "--jobs", "1", "--out", out, ROOMTWIN_CACHE=cache)
+    found = here("suite", "run", suite, "--jobs", "1", "--out", out, ROOMTWIN_CACHE=cache)
     assert found.returncode == 0, found.stderr
-    table = twin("suite", "compare", out, out, "--markdown")
+    table = here("suite", "compare", out, out, "--markdown")
     assert table.returncode == 0 and "0 worse, 0 better" in table.stdout and "┃" not in table.stdout
 
     with closing(sqlite3.connect(out / "results.sqlite", isolation_level=None)) as connection:
         connection.execute("UPDATE cases SET status = 'failed', error = '[/b] [red] \x1b[2J'")
-    shown = twin("suite", "show", out)
+    shown = here("suite", "show", out)
     assert shown.returncode == 0 and "[/b] [red] \\x1b[2J" in shown.stdout, shown.stderr
 
     holder = sqlite3.connect(out / "results.sqlite", isolation_level=None)
     holder.execute("PRAGMA locking_mode = EXCLUSIVE")
     holder.execute("BEGIN EXCLUSIVE")
-    message = said(
-        twin(
-            "suite",
-            "show",
-            out,
-            prepare="import sqlite3; c = sqlite3.connect; "
-            "sqlite3.connect = lambda path, timeout=0, **more: c(path, timeout=0.1, **more)",
-        )
-    )
+    connect = sqlite3.connect
+    monkeypatch.setattr(sqlite3, "connect", lambda path, timeout=0, **more: connect(path, timeout=0.1, **more))
+    message = said(here("suite", "show", out))
     holder.close()
     assert "another process holds it" in message and "no file of results" not in message
 
@@ -161,20 +174,33 @@ def test_class_in_a_suite_of_the_current_folder(tmp_path: Path) -> None:
         assert found.returncode == 0 and "failed" not in found.stdout, found.stdout + found.stderr
 
 
+IDS = {
+    "Largest": "2**63 - 1",
+    "Large": "2**40",
+    "TooLarge": "2**63",
+    "Unique": "uuid.uuid4()",
+    "Text": "'7'",
+    "None_": "0",
+}
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("number", "is_good"),
-    [("2**63 - 1", True), ("2**40", True), ("2**63", False), ("uuid.uuid4()", False), ("'7'", False), ("0", False)],
-)
-def test_ids_of_a_plug_in_cost_nobody_else_anything(number: str, is_good: bool, tmp_path: Path) -> None:
-    (tmp_path / "mine.py").write_text(
-        "import uuid\nfrom trackers.tracks import Track\nclass Mine:\n    def __init__(self, rig, background, rng): pass\n"
-        f"    def update(self, observation): pass\n    def tracks(self): return [Track({number}, 0.0, 0.0)]\n"
-    )
-    run = ["run", "lab-five-people", "--duration", "1", *NO_IMAGES, "--tracker", "sort", "--tracker", "mine:Mine"]
+@pytest.mark.parametrize("good", [True, False])
+def test_ids_of_a_plug_in_cost_nobody_else_anything(good: bool, tmp_path: Path) -> None:
+    lines = ["import uuid", "from trackers.tracks import Track", "class Mine:",
+             "    def __init__(self, rig, background, rng): pass", "    def update(self, observation): pass"]  # fmt: skip
+    for name, number in IDS.items():
+        lines += [f"class {name}(Mine):", f"    def tracks(self): return [Track({number}, 0.0, 0.0)]"]
+    (tmp_path / "mine.py").write_text("\n".join(lines))
+    names = [name for name in IDS if name.startswith("Large") == good]
+    run = ["run", "lab-five-people", "--duration", "1", *NO_IMAGES, "--tracker", "sort"]
+    for name in names:
+        run += ["--tracker", f"mine:{name}"]
     found = twin(*run, "--out", "out", folder=tmp_path)
     assert (tmp_path / "out/metrics.json").exists() and "MOTA" in found.stdout, found.stderr
-    if is_good:
+    if good:
         assert found.returncode == 0, found.stderr
     else:
-        assert "a whole number from 1 to 2**63 - 1" in said(found, 1)
+        said(found, 1)
+        assert all(f"mine:{name}" in found.stderr for name in names), found.stderr
+        assert found.stderr.count("a whole number from 1 to 2**63 - 1") == len(names), found.stderr

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,8 +20,10 @@ from trackers.cameras import FisheyeIntrinsics
 from trackers.errors import InputError
 from trackers.observations import Image, LaserScan
 from trackers.rig import FisheyeSensor, LaserSensor, Rig
+from twin.recording.losses import lines
 from twin.recording.messages import RAW_IMAGE, STRING, encode, time_message
 from twin.recording.reader import Recording
+from twin.recording.tables import TruthFrame
 from twin.recording.writer import BagWriter
 
 REAL_BAG = Path(__file__).parents[3].parent / "shared/data/lasers/demo_stationary_simple_environment.bag"
@@ -149,23 +152,43 @@ def refuse_cut(path: Path, whole: bytes, share: float) -> None:
         list(Recording(path).observations())
 
 
-def test_a_damaged_mcap_is_read_or_refused_never_a_fault(tmp_path):
-    path = tmp_path / "damaged.mcap"
+def is_whole(recording: Recording, scans: list[LaserScan], truth: list[TruthFrame]) -> bool:
+    """Whether all scans, to the bit, and all truth is there."""
+    found, frames = list(recording.observations()), list(recording.truth())
+    if len(found) != len(scans) or frames != truth:
+        return False
+    return all(
+        isinstance(one, LaserScan)
+        and one.stamp_ns == other.stamp_ns
+        and one.ranges_m.tobytes() == other.ranges_m.tobytes()
+        for one, other in zip(found, scans, strict=True)
+    )
+
+
+def test_a_damaged_mcap_is_whole_or_told_of_or_refused_in_one_sentence_that_names_it(tmp_path):
+    """Nothing is lost in silence, and nothing is a fault, wherever 64 bytes are others."""
+    path, scans, truth = tmp_path / "damaged.mcap", [a_scan(k) for k in range(10)], [a_truth(k) for k in range(10)]
     with BagWriter(path, RIG) as writer:
-        for k in range(10):
-            writer.observation(encode(a_scan(k)), k)
-            writer.truth(a_truth(k))
+        for k, scan in enumerate(scans):
+            writer.observation(encode(scan), k)
+            writer.truth(truth[k])
     whole = path.read_bytes()
-    refused = 0
-    for start in np.linspace(8, len(whole) - 64, 60, dtype=int):
+    scans = [encode(scan).observation for scan in scans]
+    ended = Counter()
+    for start in np.linspace(8, len(whole) - 64, 120, dtype=int):
         path.write_bytes(whole[:start] + bytes(range(64, 128)) + whole[start + 64 :])
+        refused = ""
         try:
             recording = Recording(path)
-            list(recording.observations())
-            list(recording.truth())
-        except InputError:
-            refused += 1
-    assert refused > 0
+            is_all = is_whole(recording, scans, truth)
+        except InputError as error:
+            refused = str(error)
+            ended["refused"] += 1
+        else:
+            assert is_all or lines(recording.losses), f"bytes {start} to {start + 64}: lost in silence"
+            ended["whole" if is_all else "told"] += 1
+        assert not refused or (refused.startswith(str(path)) and "\n" not in refused)
+    assert min(ended[each] for each in ("whole", "told", "refused")) >= 10, ended
 
 
 @pytest.mark.parametrize("storage", StoragePlugin)

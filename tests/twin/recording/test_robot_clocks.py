@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
+import av
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from recorded import MS, a_scan, write_ros2_bag
 
 from trackers.errors import InputError
@@ -200,12 +203,31 @@ def test_time_goes_on_in_the_tables_where_a_clock_was_set(tmp_path, said):
     assert any(line in result.files["report"].read_text().replace("&#39;", "'") for line in told)
 
 
+def drawn(folder: Path, range_max: float) -> tuple[list[int], NDArray[np.int16]]:
+    """The stamps that were tracked, and every eighth picture of the preview, of scanners that name this limit."""
+    folder.mkdir(exist_ok=True)
+    bag = a_bag(folder, range_max=range_max)
+    (folder / "rig.yaml").write_text(RIG.dump_yaml())
+    result = track_recording(bag, trackers=["laser-imm"], rig_path=folder / "rig.yaml", out=folder / "out")
+    with av.open(str(result.files["preview"])) as container:
+        pictures = [frame.to_ndarray(format="gray") for k, frame in enumerate(container.decode(video=0)) if k % 8 == 0]
+    stamps = read_tracks(result.files["tracks laser-imm"]).frame_stamps_ns.tolist()
+    return stamps, np.array(pictures, dtype=np.int16)
+
+
+@pytest.fixture(scope="module")
+def with_a_limit(tmp_path_factory) -> tuple[list[int], NDArray[np.int16]]:
+    return drawn(tmp_path_factory.mktemp("limit"), 100.0)
+
+
 @pytest.mark.parametrize("range_max", [1e6, np.inf])
-def test_a_scanner_without_a_limit_is_tracked_and_drawn(tmp_path, range_max):
-    bag = a_bag(tmp_path, range_max=range_max)
-    (tmp_path / "rig.yaml").write_text(RIG.dump_yaml())
-    result = track_recording(bag, trackers=["laser-imm"], rig_path=tmp_path / "rig.yaml", out=tmp_path / "out")
-    assert len(read_tracks(result.files["tracks laser-imm"]).frame_stamps_ns) == N
+def test_a_scanner_without_a_limit_is_tracked_and_drawn_as_one_that_sees_as_far(tmp_path, range_max, with_a_limit):
+    expected_stamps, expected = with_a_limit
+    stamps, pictures = drawn(tmp_path, range_max)
+    assert stamps == expected_stamps and len(stamps) == N
+    assert pictures.shape == expected.shape
+    assert (np.abs(pictures - expected) > 24).mean() < 0.01  # edges, where the compression differs
+    assert (np.abs(pictures[1:] - pictures[:-1]) > 24).mean() > 0.02  # which other scans would not pass for
 
 
 def test_a_scanner_whose_beams_are_nowhere_is_refused_with_bag_and_topic(tmp_path):

@@ -142,7 +142,7 @@ def test_moments_are_drawn_with_masks_particles_floor_and_truth():
         views = Views([View(0, placed_camera(camera), grey, hsv_of(grey), mask, options.histogram)])
         frame = TrackFrame(0, (Track(1, 0.0, 1.0),), maps)
         jpeg = draw_inside(Inside(views, None, None, np.array([1])), frame, rig, floors, truth)
-        drawn = np.asarray(cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR), int)
+        drawn = np.asarray(cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR), np.int16)
         return drawn[:, :1280], drawn[:, 1280:]
 
     def same(one, other):

@@ -59,10 +59,10 @@ def area_in(model: mujoco.MjModel) -> np.ndarray:
 
 
 def overlap(one: np.ndarray, other: np.ndarray) -> float:
-    """Intersection over union, on a grid of 2 cm."""
+    """Intersection over union, at the middles of 300 x 300 cells."""
     both = np.concatenate([one, other])
-    axes = [np.arange(low, high, 0.02) for low, high in zip(both.min(axis=0), both.max(axis=0), strict=True)]
-    places = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+    cells = (np.stack(np.meshgrid(np.arange(300), np.arange(300)), axis=-1).reshape(-1, 2) + 0.5) / 300
+    places = both.min(axis=0) + cells * np.ptp(both, axis=0)
     first, second = Area(one).contains(places), Area(other).contains(places)
     return float((first & second).sum() / (first | second).sum())
 

@@ -266,17 +266,14 @@ def test_environment_on_the_command_line(house: House) -> None:
     page = (house.folder / "tracked" / "report.html").read_text()
     assert f"Trackers were handed: environment from {house.folder / 'other.npz'}, learned.heads from" in page
     np.savez(house.folder / "none.npz", a=[1])
-    for given, said in (
-        ("gone.npz", "--environment gone.npz: there is no such file"),
-        ("none.npz", "holds no environment"),
+    for given, said, command in (
+        ("gone.npz", "--environment gone.npz: there is no such file", ["run", *scenario, "--out", "other"]),
+        ("none.npz", "holds no environment", track),
     ):
-        for command in (["run", *scenario, "--out", "other"], track):
-            done = house.twin(*command, "--environment", given)
-            assert done.returncode == 2 and said in done.stderr, done.stderr
-            assert (
-                len([line for line in done.stderr.splitlines() if line.startswith("twin: ") and "to make" not in line])
-                == 1
-            )
+        done = house.twin(*command, "--environment", given)
+        assert done.returncode == 2 and said in done.stderr, done.stderr
+        lines = [line for line in done.stderr.splitlines() if line.startswith("twin: ") and "to make" not in line]
+        assert len(lines) == 1
     assert not (house.folder / "other").exists() and not house.handed()
 
 
