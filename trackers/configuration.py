@@ -10,7 +10,9 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+import numpy as np
+from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationError, model_validator
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from trackers.errors import InputError
 
@@ -22,6 +24,8 @@ logger = logging.getLogger(__name__)
 _SHAPES = {"tuple_type": "a list", "list_type": "a list"} | dict.fromkeys(
     ("model_type", "model_attributes_type", "dict_type"), "a mapping"
 )
+_SHAPES |= {"bool_type": "true or false", "bool_parsing": "true or false", "string_type": "a text"}
+_SHAPES |= dict.fromkeys(("int_type", "int_parsing", "float_type", "float_parsing", "number_type"), "a number")
 """What the file must hold, where pydantic names the Python type."""
 
 
@@ -31,7 +35,39 @@ _MOST_SHOWN = 200
 """Characters of a value that an error tells."""
 
 
-class Strict(BaseModel):
+def _without_conversions(schema: Any) -> Any:
+    """A pydantic schema, or a part of it, in which `int`, `float` and `bool` take no values of other types."""
+    if isinstance(schema, list | tuple):
+        return type(schema)(_without_conversions(part) for part in schema)
+    if not isinstance(schema, dict):
+        return schema
+    kind = schema.get("type")
+    if kind == "function-before" and schema["function"]["function"] is _a_number:
+        return schema  # a model within this one
+    if kind in ("int", "float"):
+        return core_schema.no_info_before_validator_function(_a_number, schema)  # pyright: ignore[reportArgumentType]
+    if kind == "bool":
+        return schema | {"strict": True}
+    values = ("default", "metadata", "serialization") if isinstance(kind, str) else ()  # else the fields by name
+    return {key: part if key in values else _without_conversions(part) for key, part in schema.items()}
+
+
+def _a_number(value: Any) -> Any:
+    if isinstance(value, bool | np.bool_ | str | bytes):
+        raise PydanticCustomError("number_type", "a number is expected")
+    return value
+
+
+class Typed(BaseModel):
+    """A model whose numbers are numbers and whose booleans are booleans: none is made of the other, or of a text."""
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """The schema of the fields, its numbers and booleans taking nothing else."""
+        return _without_conversions(handler(source))
+
+
+class Strict(Typed):
     """Frozen, typed configuration that refuses unknown keys.
 
     Where the default of a field is a model, a mapping given for it is laid over that very default, so that changing one
@@ -138,6 +174,8 @@ def _lines(error: ValidationError, model: type[BaseModel], content: Any, source:
             path, message = f"{path}.kind", "Field required"
         elif fault["type"] in _SHAPES:
             message = f"{_SHAPES[fault['type']]} is expected (got {_shown(fault['input'])})"
+            if fault["type"] == "string_type" and isinstance(fault["input"], bool | int | float):
+                message += "; in quotes it is one"
         elif fault["type"] != "missing" and not isinstance(fault["input"], dict | BaseModel):
             message += f" (got {_shown(fault['input'])})"
         lines.append(": ".join(part for part in (source, path, message) if part))

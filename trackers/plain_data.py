@@ -3,19 +3,26 @@
 Mappings with text or numbers as keys, lists, texts, numbers, booleans and nothing else. What makes other readers hang,
 run out of memory or stack, or raise all kinds of exceptions is one sentence here: aliases that grow without end or hold
 themselves, deep nesting, numbers of thousands of digits, keys that are lists, tags of other types.
+
+A bare word is what it looks like, as in YAML 1.2: true and false are booleans, decimal numbers are numbers. What YAML 1.1 and
+Python read as something else is the text that it is, which no field of numbers or booleans takes: yes, no, on, off, 010, 0x10,
+1_000, 12:30:00, dates.
 """
 
 from __future__ import annotations
 
 import json
+import re
 from typing import Any
 
 import yaml
 from yaml.composer import Composer, ComposerError
 from yaml.constructor import ConstructorError, SafeConstructor
 from yaml.cyaml import CParser
+from yaml.dumper import SafeDumper
 from yaml.events import AliasEvent
 from yaml.nodes import MappingNode, Node, ScalarNode
+from yaml.parser import ParserError
 from yaml.resolver import BaseResolver, Resolver
 
 from trackers.errors import InputError
@@ -34,20 +41,51 @@ _SCALARS = (*_NUMBERS, f"{_TAG}str", f"{_TAG}bool", f"{_TAG}null")
 _PLAIN = (*_SCALARS, f"{_TAG}seq", f"{_TAG}map")
 
 
+_WHOLE = "[-+]?(?:0|[1-9][0-9]*)"
+_WORDS = {
+    f"{_TAG}bool": (re.compile("true|True|TRUE|false|False|FALSE"), "tTfF"),
+    f"{_TAG}null": (re.compile("~|null|Null|NULL|"), ["~", "n", "N", ""]),
+    f"{_TAG}int": (re.compile(_WHOLE), "-+0123456789"),
+    f"{_TAG}float": (
+        re.compile(
+            rf"(?:{_WHOLE}(?:\.[0-9]*)?|[-+]?\.[0-9]+)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)"
+        ),
+        "-+.0123456789",
+    ),
+}
+"""What a bare word of each type looks like, and what it begins with; asked in this order."""
+_OF_1_1 = ("merge", "value")  # '<<' and '=', which are refused
+_COLOUR = re.compile(r"\s*:?\s*(#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6}|[0-9a-fA-F]{8}))(?=[\s,\]}]|$)")
+
+
+_FLOW_COLOUR = re.compile(r"[\[{,:]" + _COLOUR.pattern)
+
+
 class _PlainResolver(Resolver):
-    """YAML's own types of plain words, but a date stays the text that it is."""
+    """The types of bare words."""
 
 
 _PlainResolver.yaml_implicit_resolvers = {
-    first: [(tag, pattern) for tag, pattern in resolvers if tag != f"{_TAG}timestamp"]
+    first: [(tag, pattern) for tag, pattern in resolvers if tag.removeprefix(_TAG) in _OF_1_1]
     for first, resolvers in Resolver.yaml_implicit_resolvers.items()
 }
+for _tag, (_pattern, _first) in _WORDS.items():
+    _PlainResolver.add_implicit_resolver(_tag, re.compile(rf"(?:{_pattern.pattern})\Z"), list(_first))
+
+
+class _Dumper(SafeDumper):
+    """Quotes a text that YAML 1.1 or this module would read as something else."""
+
+
+_tag, (_pattern, _first) = f"{_TAG}float", _WORDS[f"{_TAG}float"]
+_Dumper.add_implicit_resolver(_tag, re.compile(rf"(?:{_pattern.pattern})\Z"), list(_first))
 
 
 class _Loader(Composer, SafeConstructor, _PlainResolver, CParser):
     """Events by libyaml, the rest in Python, where depth and size are counted before anything is made of them."""
 
     def __init__(self, stream: str) -> None:
+        self._lines = stream.split("\n")
         CParser.__init__(self, stream)
         Composer.__init__(self)
         SafeConstructor.__init__(self)
@@ -94,20 +132,33 @@ class _Loader(Composer, SafeConstructor, _PlainResolver, CParser):
             raise ConstructorError(None, None, f"{what} is none of plain data", node.start_mark)
         if not isinstance(node, ScalarNode):
             return super().construct_object(node, deep)
+        if node.tag == f"{_TAG}null" and node.value == "":
+            self._check_no_colour(node.start_mark)
         if node.tag in _NUMBERS and len(node.value) > LONGEST_NUMBER:
             raise ConstructorError(
                 None, None, f"a number of {len(node.value)} characters; at most {LONGEST_NUMBER}", node.start_mark
             )
         try:
+            if node.tag in _WORDS and not _WORDS[node.tag][0].fullmatch(node.value):
+                raise ValueError
             return super().construct_object(node, deep)
         except (ValueError, LookupError, TypeError, AttributeError, OverflowError) as error:
             kind = node.tag.removeprefix(_TAG)
             raise ConstructorError(None, None, f"{node.value!r} is no {kind}", node.start_mark) from error
 
+    def _check_no_colour(self, mark: Any) -> None:
+        """Refuse nothing where a colour was meant: after a blank, # begins a comment."""
+        line = self._lines[mark.line] if mark.line < len(self._lines) else ""
+        found = _COLOUR.match(line[mark.column :])
+        if found:
+            raise ConstructorError(None, None, _no_colour(found.group(1)), mark)
+
     def construct_mapping(self, node: MappingNode, deep: bool = False) -> dict[Any, Any]:
         """The mapping; a key given twice, which plain YAML would silently overwrite, is refused."""
         seen = set()
-        for key_node, _ in node.value if isinstance(node, MappingNode) else ():
+        for key_node, value_node in node.value if isinstance(node, MappingNode) else ():
+            if isinstance(value_node, ScalarNode) and value_node.value == "":
+                self._check_no_colour(key_node.end_mark)
             if not isinstance(key_node, ScalarNode):
                 raise ConstructorError(None, None, "a key is a list or mapping, not a word", key_node.start_mark)
             key = self.construct_object(key_node, deep=True)
@@ -126,8 +177,18 @@ def parse_yaml(text: str, source: str, expected: str) -> dict[str, Any]:
 
 
 def parse_yaml_value(text: str, source: str) -> Any:
-    """Whatever a YAML text holds; `source` opens the sentence of the InputError for one that is none."""
+    """Whatever a YAML text holds; `source` opens the sentence of the InputError for one that is none.
+
+    A text that begins with # is a text, a colour say: an argument holds no comments.
+    """
+    if text.lstrip().startswith("#"):
+        return text.strip()
     return _loaded(text, source, "a number, word, [list] or {map}", tells_line=False)
+
+
+def dump_yaml(content: Any) -> str:
+    """Plain data as YAML, mappings in their order, which `parse_yaml` and readers of YAML 1.1 read as the same."""
+    return yaml.dump(content, Dumper=_Dumper, sort_keys=False, allow_unicode=True)
 
 
 def _loaded(text: str, source: str, expected: str, *, tells_line: bool) -> Any:
@@ -139,9 +200,16 @@ def _loaded(text: str, source: str, expected: str, *, tells_line: bool) -> Any:
         problem = getattr(error, "problem", None) or str(error).splitlines()[0]
         if problem == "exceeded maximum nesting depth":  # libyaml's own limit, of the texts that it reads ahead
             problem = _TOO_DEEP
+        line = text.split("\n")[mark.line - 1 if mark.line else 0] if isinstance(error, ParserError) and mark else ""
+        if swallowed := _FLOW_COLOUR.search(line):  # and what closes the list with it
+            problem = _no_colour(swallowed.group(1))
         raise InputError(f"{where}: not valid YAML ({problem}); {expected} is expected") from error
     except UnicodeEncodeError as error:  # an argument whose bytes are no UTF-8
         raise InputError(f"{source!r}: not valid YAML (it is not UTF-8); {expected} is expected") from error
+
+
+def _no_colour(colour: str) -> str:
+    return f"{colour} without quotes is a comment and says nothing: write '{colour}' in quotes"
 
 
 def _load(text: str) -> Any:

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import yaml
 from pydantic import Field, model_validator
 
 from trackers.area import Point2, Polygon
 from trackers.configuration import Strict, validate
 from trackers.knowledge_files import NO_FILES, KnowledgeFiles
-from trackers.plain_data import parse_yaml
+from trackers.plain_data import dump_yaml, parse_yaml
 from trackers.pose import Pose
 from trackers.rig_sensors import (
     CameraSensor,
@@ -132,7 +131,7 @@ class Rig(Strict):
 
     def dump_yaml(self) -> str:
         """The rig as the text of a `rig.yaml`."""
-        return yaml.safe_dump(self.model_dump(mode="json", exclude_none=True), sort_keys=False)
+        return dump_yaml(self.model_dump(mode="json", exclude_none=True))
 
     @classmethod
     def load(cls, path: AnyPath) -> Rig:

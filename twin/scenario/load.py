@@ -10,14 +10,13 @@ from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import BaseModel, Field
 
 from trackers.configuration import keys_of, validate
 from trackers.errors import InputError
 from trackers.knowledge_files import files_within
 from trackers.merging import laid_over
-from trackers.plain_data import DEEPEST, parse_yaml, parse_yaml_value
+from trackers.plain_data import DEEPEST, dump_yaml, parse_yaml, parse_yaml_value
 from trackers.rig import Name
 from trackers.text_file import AnyPath, read_text
 from twin import models
@@ -219,7 +218,7 @@ def _index(items: list[Any], part: str, override: str) -> int:
 def dump_scenario(scenario: Scenario) -> str:
     """The resolved scenario as YAML that runs again to the same bits."""
     content = scenario.model_dump(mode="json", exclude_none=True)
-    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+    return dump_yaml(content)
 
 
 def check_removals(

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from pathlib import PurePath
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, JsonValue, model_serializer, model_validator
+from pydantic import ConfigDict, Field, JsonValue, model_serializer, model_validator
 
 from trackers.area import Polygon
-from trackers.configuration import Strict
+from trackers.configuration import Strict, Typed
 from trackers.knowledge_files import NO_FILES, KnowledgeFiles
 from trackers.rig import Name
 from twin.scenario.behaviour import companions
@@ -41,7 +41,7 @@ class Rendering(Strict):
 PLAIN = Rendering()
 
 
-class TrackerChoice(BaseModel):
+class TrackerChoice(Typed):
     """A tracker as a scenario defines it: a preset's or class's name, and the options to change, beside it.
 
     `preset` is the name of a preset or 'module:Class'; without it, the entry's own name. The options are checked by the tracker.

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from trackers.configuration import validate
 from trackers.errors import InputError
+from trackers.plain_data import dump_yaml
 from twin import models
 from twin.recording.whole_file import whole_file
 from twin.scenario import Scenario
@@ -181,7 +180,7 @@ def write_scenario(path: Path, own: Scenario, changed: Scenario, own_file: Path,
             content[field] = changed
     with whole_file(path) as stream:
         stream.write("# What the study recommends: `twin run` takes it as it is.\n")
-        yaml.safe_dump(content, stream, sort_keys=False, allow_unicode=True)
+        stream.write(dump_yaml(content))
 
 
 def _changes(before: Any, now: Any) -> Any:

@@ -10,9 +10,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from trackers.errors import InputError
+from trackers.plain_data import dump_yaml
 from twin.models import cache_folder
 from twin.recording.whole_file import whole_file
 from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
@@ -144,9 +144,7 @@ def write_results(folder: Path, results: StudyResults) -> dict[str, Path]:
         f"{moved.name} with its sensors as the study {study.name} recommends.",
     )  # fmt: skip
     with whole_file(files["study"]) as stream:
-        yaml.safe_dump(
-            study.model_dump(mode="json", exclude_none=True, by_alias=True), stream, sort_keys=False, allow_unicode=True
-        )
+        stream.write(dump_yaml(study.model_dump(mode="json", exclude_none=True, by_alias=True)))
     with whole_file(files["summary"]) as stream:
         json.dump(summarize(results), stream, indent=2, ensure_ascii=False)
         stream.write("\n")

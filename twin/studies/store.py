@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, FiniteFloat, TypeAdapter, ValidationError
+from pydantic import ConfigDict, FiniteFloat, TypeAdapter, ValidationError
 
+from trackers.configuration import Typed
 from trackers.errors import InputError
 from twin.recording.whole_file import whole_file
 from twin.run.out_folder import locked_folder
@@ -52,7 +53,7 @@ class Outcome:
     error: str = ""
 
 
-class _Line(BaseModel):
+class _Line(Typed):
     """A line of the file without its checksum."""
 
     model_config = ConfigDict(extra="forbid")

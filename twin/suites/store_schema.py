@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, Json, TypeAdapter, ValidationError
+from pydantic import AfterValidator, ConfigDict, Field, FiniteFloat, Json, TypeAdapter, ValidationError
 
+from trackers.configuration import Typed
 from trackers.errors import InputError
 from twin.suites.spec import Bound, Tolerance
 from twin.suites.worker import Moment
@@ -67,7 +68,7 @@ class Promise:
     bound: Bound
 
 
-class Facts(BaseModel):
+class Facts(Typed):
     """What is known of a run as a whole."""
 
     model_config = ConfigDict(frozen=True)
