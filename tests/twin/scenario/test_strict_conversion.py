@@ -128,7 +128,10 @@ def test_a_text_is_written_so_that_every_reader_has_the_same_text(word: str) -> 
     assert parse_yaml(text, "", "") == yaml.safe_load(text) == {"a": word, word: [word]}
 
 
-SCENARIO = "name: two\nroom: lab\nduration_s: 2\npeople: {ann: {script: {kind: wander}}}\nsensors: {low: {kind: laser, rate_hz: 10, mount: {xyz: [0, 0, 0.4]}}}\n"
+SCENARIO = (
+    "name: two\nroom: lab\nduration_s: 2\npeople: {ann: {script: {kind: wander}}}\n"
+    "sensors: {low: {kind: laser, rate_hz: 10, mount: {xyz: [0, 0, 0.4]}}}\n"
+)
 
 
 def refused(tmp_path: Path, text: str, *overrides: str) -> str:
