@@ -4,9 +4,11 @@ Mappings with text or numbers as keys, lists, texts, numbers, booleans and nothi
 run out of memory or stack, or raise all kinds of exceptions is one sentence here: aliases that grow without end or hold
 themselves, deep nesting, numbers of thousands of digits, keys that are lists, tags of other types.
 
-A bare word is what it looks like, as in YAML 1.2: true and false are booleans, decimal numbers are numbers. What YAML 1.1 and
-Python read as something else is the text that it is, which no field of numbers or booleans takes: yes, no, on, off, 010, 0x10,
-1_000, 12:30:00, dates.
+A bare word is what it looks like: true and false are booleans, decimal numbers are numbers, null and ~ nothing. What YAML 1.1,
+YAML 1.2 and Python read as different things is the text that it is, which no field of numbers or booleans takes: yes, no, on,
+off, 010, 0x10, 1_000, 12:30:00, dates.
+
+libyaml reads and writes where PyYAML has it, several times faster; else PyYAML's own reader and writer do.
 """
 
 from __future__ import annotations
@@ -18,14 +20,28 @@ from typing import Any
 import yaml
 from yaml.composer import Composer, ComposerError
 from yaml.constructor import ConstructorError, SafeConstructor
-from yaml.cyaml import CParser
-from yaml.dumper import SafeDumper
 from yaml.events import AliasEvent
 from yaml.nodes import MappingNode, Node, ScalarNode
-from yaml.parser import ParserError
+from yaml.parser import Parser, ParserError
+from yaml.reader import Reader
 from yaml.resolver import BaseResolver, Resolver
+from yaml.scanner import Scanner
 
 from trackers.errors import InputError
+
+try:
+    from yaml.cyaml import CParser as _Events, CSafeDumper as _SafeDumper
+except ImportError:  # a PyYAML built without libyaml
+    from yaml.dumper import SafeDumper as _SafeDumper
+
+    class _Events(Reader, Scanner, Parser):
+        """The events of a text."""
+
+        def __init__(self, stream: str) -> None:
+            Reader.__init__(self, stream)
+            Scanner.__init__(self)
+            Parser.__init__(self)
+
 
 DEEPEST = 64
 """Mappings and lists within each other."""
@@ -56,9 +72,10 @@ _WORDS = {
 """What a bare word of each type looks like, and what it begins with; asked in this order."""
 _OF_1_1 = ("merge", "value")  # '<<' and '=', which are refused
 _COLOUR = re.compile(r"\s*:?\s*(#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6}|[0-9a-fA-F]{8}))(?=[\s,\]}]|$)")
-
-
 _FLOW_COLOUR = re.compile(r"[\[{,:]" + _COLOUR.pattern)
+
+
+_OTHER_BREAKS = re.compile("[\r\x85\u2028\u2029]")
 
 
 class _PlainResolver(Resolver):
@@ -73,20 +90,25 @@ for _tag, (_pattern, _first) in _WORDS.items():
     _PlainResolver.add_implicit_resolver(_tag, re.compile(rf"(?:{_pattern.pattern})\Z"), list(_first))
 
 
-class _Dumper(SafeDumper):
+class _Dumper(_SafeDumper):  # pyright: ignore[reportGeneralTypeIssues]
     """Quotes a text that YAML 1.1 or this module would read as something else."""
 
+    def represent_text(self, text: str) -> ScalarNode:
+        """The text; with breaks of lines that readers would make another of, in double quotes, where they are escaped."""
+        return self.represent_scalar(f"{_TAG}str", text, style='"' if _OTHER_BREAKS.search(text) else None)
 
+
+_Dumper.add_representer(str, _Dumper.represent_text)
 _tag, (_pattern, _first) = f"{_TAG}float", _WORDS[f"{_TAG}float"]
 _Dumper.add_implicit_resolver(_tag, re.compile(rf"(?:{_pattern.pattern})\Z"), list(_first))
 
 
-class _Loader(Composer, SafeConstructor, _PlainResolver, CParser):
-    """Events by libyaml, the rest in Python, where depth and size are counted before anything is made of them."""
+class _Loader(Composer, SafeConstructor, _PlainResolver, _Events):  # pyright: ignore[reportGeneralTypeIssues]
+    """Events of a text made into plain data; depth and size are counted before anything is made of them."""
 
     def __init__(self, stream: str) -> None:
         self._lines = stream.split("\n")
-        CParser.__init__(self, stream)
+        _Events.__init__(self, stream)
         Composer.__init__(self)
         SafeConstructor.__init__(self)
         BaseResolver.__init__(self)
@@ -213,6 +235,7 @@ def _no_colour(colour: str) -> str:
 
 
 def _load(text: str) -> Any:
+    text.encode("utf-8")  # half a surrogate pair is refused
     loader = _Loader(text)
     try:
         return loader.get_single_data()

@@ -5,9 +5,11 @@ from __future__ import annotations
 import difflib
 import os
 from pathlib import Path
+from typing import Any
 
 from trackers.errors import InputError
-from trackers.text_file import is_file
+from trackers.plain_data import parse_yaml
+from trackers.text_file import is_file, read_text
 
 _PACKAGE = Path(__file__).parent
 MODELS = _PACKAGE / "models" if (_PACKAGE / "models").is_dir() else _PACKAGE.parent / "models"
@@ -101,9 +103,12 @@ FAULTS = {
 """The kinds of fault a scenario can have, with one line on each."""
 
 
+def load_yaml(name: str) -> dict[str, Any]:
+    """Load a shipped YAML file by its path below `MODELS`."""
+    return parse_yaml(read_text(MODELS / name, "a shipped file"), name, "a mapping")
+
+
 def first_description(folder: str, name: str) -> str:
     """The description of a shipped scenario, suite or study, one line."""
-    import yaml
-
-    content = yaml.safe_load((MODELS / folder / f"{name}{_SUFFIX[folder]}").read_text(encoding="utf-8"))
+    content = load_yaml(f"{folder}/{name}{_SUFFIX[folder]}")
     return " ".join(str(content.get("description", "")).split())

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
+import random
+import sys
 import threading
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 import yaml
 
+from trackers import plain_data
 from trackers.errors import InputError
 from trackers.plain_data import parse_json, parse_yaml, parse_yaml_value
 from trackers.rig import Rig
@@ -137,3 +142,62 @@ def test_a_file_with_a_fault_in_every_line_tells_of_some_and_counts_the_rest() -
     lines = str(caught.value).splitlines()
     assert len(lines) == 51 and lines[-1] == "rig.yaml: and 2950 faults more"
     assert max(map(len, lines)) < 400
+
+
+@pytest.fixture
+def without_libyaml(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """The module as it is where PyYAML has no libyaml."""
+    monkeypatch.setitem(sys.modules, "yaml.cyaml", None)
+    spec = importlib.util.spec_from_file_location("plain_data_without_libyaml", plain_data.__file__)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+PIECES = [
+    *"ab\n:#-'\"é\t\r@&*{}[],?|>!%01e.~",
+    "😀",
+    " ",
+    "  ",
+    "\x85",
+    "\u2028",
+    "\ufeff",
+    "\x07",
+    "null",
+    "on",
+    "long " * 20,
+]
+
+
+def test_any_text_is_written_so_that_it_is_read_again_with_libyaml_and_without(without_libyaml: ModuleType) -> None:
+    rng = random.Random(1)
+    for _ in range(300):
+        word = "".join(rng.choices(PIECES, k=rng.randrange(9)))
+        content = {word: [word, {"within": word * 9}]}
+        for writes in (plain_data, without_libyaml):
+            text = writes.dump_yaml(content)
+            assert parse_yaml(text, "", "") == without_libyaml.parse_yaml(text, "", "") == content, text
+
+
+@pytest.mark.parametrize("folder", ["scenarios", "suites", "studies"])
+def test_shipped_files_are_the_same_without_libyaml(folder: str, without_libyaml: ModuleType) -> None:
+    paths = sorted((Path(__file__).parents[2] / "models" / folder).glob("*.yaml"))
+    assert paths
+    for path in paths:
+        content = parse_yaml(read_text(path, ""), "", "")
+        assert without_libyaml.parse_yaml(read_text(path, ""), "", "") == content
+        assert without_libyaml.dump_yaml(content) == plain_data.dump_yaml(content), path
+
+
+@pytest.mark.parametrize(
+    "text", ["[" * 3000, "a: 1\na: 2", "a: *b", "&a {b: *a}", "a: !!int ''", "a: &b 1\nc: &b 2", "\udcff"]
+)
+def test_what_is_refused_is_refused_without_libyaml_in_the_same_words(text: str, without_libyaml: ModuleType) -> None:
+    said = []
+    for reads in (plain_data, without_libyaml):
+        with pytest.raises(InputError) as refused:
+            reads.parse_yaml(text, "s.yaml", "a scenario")
+        said.append(str(refused.value))
+    assert said[0].startswith("s.yaml") or text == "\udcff"
+    assert said[0] == said[1] or text == "a: *b", said  # the parsers' own words of an alias of nothing

@@ -9,9 +9,7 @@ from difflib import get_close_matches
 from functools import cache
 from typing import Literal
 
-import yaml
-
-from twin.models import MODELS
+from twin.models import load_yaml
 
 Garment = Literal["shirt", "trousers", "shoes", "skin", "hair", "skirt", "coat", "cap", "bag_colour", "shirt_second"]
 Choice = Literal["hair_style", "shirt_pattern", "bag"]
@@ -66,7 +64,7 @@ def _meant(name: str, names: Iterable[str]) -> str:
 @cache
 def wardrobe() -> Wardrobe:
     """The shipped wardrobe (`models/people/wardrobe.yaml`)."""
-    content = yaml.safe_load((MODELS / "people" / "wardrobe.yaml").read_text(encoding="utf-8"))
+    content = load_yaml("people/wardrobe.yaml")
     choices = {choice: content.pop(choice) for choice in _CHOICES}
     worn = content.pop("worn")
     return Wardrobe(content, choices, worn)

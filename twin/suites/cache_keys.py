@@ -15,10 +15,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 import trackers
 import twin
+from trackers.plain_data import parse_yaml
 from trackers.presets import PRESETS, available
 from twin.models import MODELS
 from twin.room.files import room_files
@@ -37,7 +36,7 @@ _LIBRARIES = ("mujoco", "numpy", "scipy", "opencv-python-headless", "rosbags")
 
 def recording_key(resolved: str, renderer: str) -> str:
     """The name under which the recording of a resolved scenario (YAML, seed included, without trackers) is kept."""
-    content = yaml.load(resolved, getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    content = parse_yaml(resolved, "a resolved scenario", "a scenario")
     digest = hashlib.sha256()
     for part in (resolved, renderer, simulation_code(), *_room(content["room"])):
         _add(digest, part.encode() if isinstance(part, str) else part)

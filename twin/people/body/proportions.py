@@ -7,9 +7,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-import yaml
 
-from twin.models import MODELS
+from twin.models import load_yaml
 
 CHILD_BELOW_M = 1.40
 """Somebody less tall than this is a child unless the scenario says otherwise."""
@@ -56,7 +55,7 @@ class Proportions:
 
 @cache
 def _tables() -> dict[str, Any]:
-    return yaml.safe_load((MODELS / "people" / "proportions.yaml").read_text(encoding="utf-8"))
+    return load_yaml("people/proportions.yaml")
 
 
 def fractions(height_m: float | None = None, child: bool = False) -> Proportions:

@@ -11,12 +11,11 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from trackers.arrays import Array
-from twin.models import MODELS
+from twin.models import load_yaml
 from twin.people.body.skeleton import Skeleton
 
 RUN_PACE = 1.0
@@ -95,7 +94,7 @@ class _Table(NamedTuple):
 
 @cache
 def _table() -> _Table:
-    content = yaml.safe_load((MODELS / "people" / "gait.yaml").read_text(encoding="utf-8"))
+    content = load_yaml("people/gait.yaml")
     walking, running = content["walking"], content["running"]
     knots = np.concatenate([walking["speed_m_s"], np.add(running["speed_m_s"], RUN_PACE)])
     last = float(knots[-1])
