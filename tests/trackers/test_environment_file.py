@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import copy
 from dataclasses import replace
 
@@ -103,7 +102,7 @@ def test_a_single_array_is_no_environment(tmp_path):
 
 def test_another_npz(tmp_path):
     np.savez(tmp_path / "other.npz", heights=np.zeros(3))
-    with pytest.raises(InputError, match=r"other.npz: holds no environment but the arrays heights"):
+    with pytest.raises(InputError, match=r"other.npz: format is missing; it holds heights; a file that"):
         load_environment(tmp_path / "other.npz")
 
 
@@ -117,8 +116,8 @@ def test_a_cut_file(path):
     ("changes", "message"),
     [
         ({"version": np.array(7)}, "version: 7 is not known here; 1 is expected: scan the room again"),
-        ({"version": None}, "version: None is not known here"),
-        ({"top_m": None}, "top_m is missing; a file that `twin environment`"),
+        ({"version": None}, "version is missing; it holds "),
+        ({"top_m": None}, "top_m is missing; it holds .*; a file that `twin environment`"),
         ({"surface_m": np.zeros((4, 2))}, r"surface_m has shape \(4, 2\); \(n, 3\) is expected"),
         ({"floor_m": np.array(0.4)}, "fingerprint: the contents are not those that were written"),
     ],
@@ -132,11 +131,14 @@ def test_a_file_that_was_tampered_with(path, changes, message):
     ("changes", "message"),
     [
         ({"surface_m": np.zeros((4, 3), np.float32)}, r"surface_m has 4 points and state \d+ occupied voxels"),
-        ({"top_m": np.zeros((2, 2), np.float32)}, r"top_m has shape \(2, 2\); .* as state's columns, is expected"),
-        ({"floor_m": np.nan}, "floor_m holds nan; finite numbers are expected"),
+        ({"top_m": np.zeros((2, 2), np.float32)}, r"top_m has shape \(2, 2\); \(\d+, \d+\) is expected"),
+        ({"floor_m": np.nan}, "floor_m holds nan; finite numbers from .* are expected"),
         ({"ceiling_m": np.inf}, "ceiling_m holds inf"),
         ({"walls_m": np.full((1, 2, 2), "x")}, "walls_m holds <U1; numbers are expected"),
-        ({"state": np.full((3, 3, 3), 9, np.uint8)}, "state is no grid of voxels"),
+        (
+            {"state": np.full((3, 3, 3), 9, np.uint8), "top_m": np.zeros((3, 3), np.float32)},
+            "state holds 9; .* from 0 to 2",
+        ),
     ],
 )
 def test_arrays_that_do_not_fit_together_are_refused_though_the_fingerprint_is_theirs(
@@ -149,21 +151,7 @@ def test_arrays_that_do_not_fit_together_are_refused_though_the_fingerprint_is_t
         load_environment(path)
 
 
-def test_a_file_that_is_damaged_anywhere_is_refused_or_whole(path):
-    content = path.read_bytes()
-    for at in (*range(0, 200, 5), *range(200, len(content), len(content) // 30)):
-        path.write_bytes(content[:at] + bytes([content[at] ^ 0x10]) + content[at + 1 :])
-        with contextlib.suppress(InputError):
-            load_environment(path)
-
-
-def test_an_archive_that_unpacks_without_end_is_refused(path, monkeypatch):
-    monkeypatch.setattr("trackers.environment.file._LARGEST_BYTES", 1000)
-    with pytest.raises(InputError, match=r"unpacks to \d+ bytes; at most 1000"):
-        load_environment(path)
-
-
 def test_no_pickles_are_read(tmp_path):
-    np.savez(tmp_path / "room.npz", format=np.array([{"a": 1}], dtype=object))
-    with pytest.raises(InputError, match="is not an .npz, or a damaged one"):
+    np.savez(tmp_path / "room.npz", format=np.array([{"a": 1}], dtype=object), version=np.array(1))
+    with pytest.raises(InputError, match="format holds object; text is expected"):
         load_environment(tmp_path / "room.npz")

@@ -156,7 +156,7 @@ def test_what_the_rig_cannot_give_is_bad_input():
 def test_another_model_of_people_may_be_among_what_is_learned(tmp_path):
     on = view.rig()
     VisionOnly(on, Knowledge(learned={"people": SHIPPED}))
-    with pytest.raises(InputError, match=r"mine.npz: cannot be read as a model of people"):
+    with pytest.raises(InputError, match=r"mine.npz: cannot be read "):
         VisionOnly(on, Knowledge(learned={"people": tmp_path / "mine.npz"}))
 
 

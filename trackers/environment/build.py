@@ -11,13 +11,21 @@ from scipy import ndimage
 from trackers.arrays import Array, Bytes, Mask, Singles
 from trackers.configuration import Strict
 from trackers.environment.cloud import PointCloud
-from trackers.environment.grid import FREE, OCCUPIED, UNKNOWN, Grid, count_rays
+from trackers.environment.grid import (
+    FREE,
+    LARGEST_VOXEL_M,
+    MOST_VOXELS,
+    OCCUPIED,
+    SMALLEST_VOXEL_M,
+    UNKNOWN,
+    Grid,
+    count_rays,
+)
 from trackers.environment.model import Environment
 from trackers.environment.planes import find_ceiling, find_floor, find_walls
 from trackers.errors import InputError
 
 _FEWEST_POINTS = 1000
-_MOST_VOXELS = 200_000_000
 _STRAY = 0.0005
 """This share of the points may lie beyond the grid on each side: seen through a door, say."""
 _BORDER_VOXELS = 3
@@ -32,7 +40,7 @@ _ON_THE_FLOOR_M = 0.04
 class EnvironmentOptions(Strict):
     """How finely space is divided, and what counts as something being there."""
 
-    voxel_m: float = Field(default=0.05, ge=0.01, le=0.5, description="side of a voxel [m]")
+    voxel_m: float = Field(default=0.05, ge=SMALLEST_VOXEL_M, le=LARGEST_VOXEL_M, description="side of a voxel [m]")
     height_m: float = Field(default=3.0, ge=2.2, le=30, description="the grid reaches this high above the floor [m]")
     furniture_m: float = Field(
         default=2.2, gt=0, le=30, description="what is higher above the floor is no furniture but hangs there [m]"
@@ -110,10 +118,10 @@ def _grid(cloud: PointCloud, floor_m: float, ceiling_m: float, options: Environm
         )
     extent = np.array([*(high - low), top - bottom])
     shape = np.ceil(extent / voxel - 1e-9).astype(int)
-    if shape.astype(float).prod() > _MOST_VOXELS:
+    if shape.astype(float).prod() > MOST_VOXELS:
         raise InputError(
             f"voxel_m: {voxel:g} m divides {extent[0]:.0f} x {extent[1]:.0f} x {extent[2]:.0f} m into too many voxels; "
-            f"{(extent.prod() / _MOST_VOXELS) ** (1 / 3):.3f} m or more is expected"
+            f"{(extent.prod() / MOST_VOXELS) ** (1 / 3):.3f} m or more is expected"
         )
     return Grid(np.array([*low, bottom]), voxel, (int(shape[0]), int(shape[1]), int(shape[2])))
 

@@ -16,6 +16,10 @@ Counts = NDArray[np.uint32]
 UNKNOWN, FREE, OCCUPIED = 0, 1, 2
 """What is known of a voxel: no ray came there; rays passed through; something is there."""
 
+SMALLEST_VOXEL_M, LARGEST_VOXEL_M = 0.01, 0.5
+MOST_VOXELS = 100_000_000
+"""Voxels of a grid: what trackers work out of each takes some 30 bytes."""
+
 _SHORT_OF_END = 1.0
 """A ray frees nothing within this many voxels of where it ends: its range has noise, and surfaces are met aslant."""
 

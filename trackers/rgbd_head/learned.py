@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
+from trackers.array_files import ArraySpec, read_arrays
 from trackers.arrays import Array, Index
 from trackers.errors import InputError
 from trackers.rgbd_head.colours import COLOURS, SHARES
@@ -20,8 +21,11 @@ from trackers.rgbd_head.skin import HUES, SATURATIONS, SkinRegion
 from trackers.text_file import AnyPath
 
 SHIPPED = Path(__file__).with_name("heads.npz")
-_SHAPES = {"skin": (HUES, SATURATIONS), "share": (CELLS[0] * CELLS[1],), "common": (2, COLOURS)}
-_EXPECTED = "a file that scripts/learn-heads wrote"
+_ARRAYS = {
+    "skin": ArraySpec("b", (HUES, SATURATIONS)),
+    "share": ArraySpec("f", (CELLS[0] * CELLS[1],), 0, 1),
+    "common": ArraySpec("f", (2, COLOURS), 0, 1),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,17 +45,8 @@ class Learned:
 @lru_cache(maxsize=4)
 def load_learned(path: AnyPath) -> Learned:
     """What a file holds; raises InputError for one that is missing, damaged or of something else."""
-    path = Path(path)
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: np.asarray(archive[name]) for name in _SHAPES}
-    except (OSError, ValueError, KeyError, EOFError) as error:
-        raise InputError(f"{path}: cannot be read ({error}); {_EXPECTED} is expected") from error
-    for name, shape in _SHAPES.items():
-        if arrays[name].shape != shape:
-            raise InputError(f"{path}: {name} has shape {arrays[name].shape}; {shape} is expected")
-        if not np.isfinite(arrays[name]).all():
-            raise InputError(f"{path}: {name} holds NaN or infinity; finite numbers are expected")
-    return Learned(
-        SkinRegion(arrays["skin"].astype(np.bool_)), arrays["share"].astype(float), arrays["common"].astype(float)
-    )
+    arrays = read_arrays(path, _ARRAYS, "a file that scripts/learn-heads wrote")
+    sums = arrays["common"].sum(axis=1, dtype=float)
+    if not np.allclose(sums, 1, atol=1e-3):
+        raise InputError(f"{path}: common has rows that sum to {sums}; shares that sum to 1 are expected")
+    return Learned(SkinRegion(arrays["skin"]), arrays["share"].astype(float), arrays["common"].astype(float))

@@ -7,16 +7,14 @@ people next to each other have a peak each); the other where from the window's p
 
 from __future__ import annotations
 
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Float32
-from numpy.typing import NDArray
 
+from trackers.array_files import ArraySpec, read_arrays
 from trackers.arrays import Array, Singles
-from trackers.errors import InputError
 from trackers.text_file import AnyPath
 
 ROWS, COLUMNS = 14, 8
@@ -24,6 +22,17 @@ ROWS, COLUMNS = 14, 8
 INPUTS = ROWS * COLUMNS + 2
 SHIPPED = Path(__file__).with_name("person_model.npz")
 _PARTS = ("into", "into_bias", "out", "out_bias")
+_OUTPUTS = {"nearness": 1, "offset": 2}
+_LARGEST_WEIGHT, _LARGEST_M = 1e4, 10.0
+_ARRAYS = {"deviation_m": ArraySpec("f", (2,), 1e-6, _LARGEST_M)} | {
+    f"{name}_{part}": ArraySpec("f", shape, -_LARGEST_WEIGHT, _LARGEST_WEIGHT)
+    for name, outputs in _OUTPUTS.items()
+    for part, shape in zip(
+        _PARTS,
+        ((INPUTS, f"{name}'s hidden"), (f"{name}'s hidden",), (f"{name}'s hidden", outputs), (outputs,)),
+        strict=True,
+    )
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,39 +59,14 @@ class PersonModel:
 
     def save(self, path: AnyPath) -> None:
         """Write the arrays to a file, the same bytes for the same model."""
-        arrays = {
-            f"{name}_{part}": getattr(getattr(self, name), part) for name in ("nearness", "offset") for part in _PARTS
-        }
+        arrays = {f"{name}_{part}": getattr(getattr(self, name), part) for name in _OUTPUTS for part in _PARTS}
         np.savez(path, allow_pickle=False, deviation_m=self.deviation_m, **arrays)
 
     @classmethod
     def load(cls, path: AnyPath = SHIPPED) -> PersonModel:
         """The model in a file that `save` wrote. Raises InputError for one that is missing, damaged or no such model."""
-        path = Path(path)
-        try:
-            with np.load(path, allow_pickle=False) as file:
-                held = {name: file[name] for name in file.files}
-        except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-            raise InputError(
-                f"{path}: cannot be read as a model of people ({error}); an .npz file is expected"
-            ) from error
-        deviation_m = held.get("deviation_m", np.empty(0))
-        if deviation_m.shape != (2,) or not (deviation_m > 0).all():
-            raise InputError(f"{path}: deviation_m is {deviation_m}; two lengths above 0 are expected")
-        nearness, offset = _network(held, "nearness", 1, path), _network(held, "offset", 2, path)
-        return cls(nearness, offset, deviation_m.astype(float))
-
-
-def _network(held: dict[str, NDArray], name: str, outputs: int, path: Path) -> Network:
-    missing = [f"{name}_{part}" for part in _PARTS if f"{name}_{part}" not in held]
-    if missing:
-        raise InputError(f"{path}: lacks {', '.join(missing)}; a file of scripts/train-person-detector is expected")
-    parts = [held[f"{name}_{part}"] for part in _PARTS]
-    hidden = parts[1].size
-    wanted = [(INPUTS, hidden), (hidden,), (hidden, outputs), (outputs,)]
-    for part, array, shape in zip(_PARTS, parts, wanted, strict=True):
-        if array.shape != shape or array.dtype != np.float32 or not np.isfinite(array).all():
-            raise InputError(
-                f"{path}: {name}_{part} is {array.dtype} of shape {array.shape}; finite float32 of {shape} are expected"
-            )
-    return Network(*parts)
+        held = read_arrays(path, _ARRAYS, "a file that scripts/train-person-detector wrote")
+        nearness, offset = (
+            Network(*(held[f"{name}_{part}"].astype(np.float32) for part in _PARTS)) for name in _OUTPUTS
+        )
+        return cls(nearness, offset, held["deviation_m"].astype(float))
