@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import difflib
 import logging
+import re
 import types
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin
 
@@ -35,27 +36,39 @@ _MOST_SHOWN = 200
 """Characters of a value that an error tells."""
 
 
-def _without_conversions(schema: Any) -> Any:
-    """A pydantic schema, or a part of it, in which `int`, `float` and `bool` take no values of other types."""
+def _without_conversions(schema: Any, number: Callable[[Any], Any] | None = None) -> Any:
+    """A pydantic schema, or a part of it, in which `int`, `float` and `bool` take no values of other types.
+
+    number: what looks at a value before it is a number; the keys of a mapping have one of their own.
+    """
+    number = number or _number
     if isinstance(schema, list | tuple):
-        return type(schema)(_without_conversions(part) for part in schema)
+        return type(schema)(_without_conversions(part, number) for part in schema)
     if not isinstance(schema, dict):
         return schema
     kind = schema.get("type")
-    if kind == "function-before" and schema["function"]["function"] is _a_number:
+    if kind == "function-before" and schema["function"]["function"] in (_number, _number_of_key):
         return schema  # a model within this one
     if kind in ("int", "float"):
-        return core_schema.no_info_before_validator_function(_a_number, schema)  # pyright: ignore[reportArgumentType]
+        return core_schema.no_info_before_validator_function(number, schema)  # pyright: ignore[reportArgumentType]
     if kind == "bool":
         return schema | {"strict": True}
     values = ("default", "metadata", "serialization") if isinstance(kind, str) else ()  # else the fields by name
-    return {key: part if key in values else _without_conversions(part) for key, part in schema.items()}
+    return {
+        key: part if key in values else _without_conversions(part, _number_of_key if key == "keys_schema" else number)
+        for key, part in schema.items()
+    }
 
 
-def _a_number(value: Any) -> Any:
+def _number(value: Any) -> Any:
     if isinstance(value, bool | np.bool_ | str | bytes):
         raise PydanticCustomError("number_type", "a number is expected")
     return value
+
+
+def _number_of_key(value: Any) -> Any:
+    """The number of a mapping's key: JSON has it as a text, written as JSON writes numbers."""
+    return int(value) if isinstance(value, str) and re.fullmatch(r"-?(0|[1-9][0-9]{0,18})", value) else _number(value)
 
 
 class Typed(BaseModel):
