@@ -74,12 +74,11 @@ LAB = "scenarios: [{scenario: lab-five-people, %s}]\n"
         ),
         (
             "trackers: [mine]\n" + LAB % "set: {trackers.mine: {preset: laser-imm, knee: {radius_m: wide}}}",
-            "scenarios.0.set.trackers.mine.knee.radius_m: Input should be a valid number, unable to parse string as a "
-            "number (got 'wide')",
+            "scenarios.0.set.trackers.mine.knee.radius_m: a number is expected (got 'wide')",
         ),
         (
             "trackers: [laser-imm]\n" + LAB % "grid: {trackers.laser-imm.camera: [false, perhaps]}",
-            "scenarios.0.grid.trackers.laser-imm.camera: Input should be a valid boolean",
+            "scenarios.0.grid.trackers.laser-imm.camera: true or false is expected (got 'perhaps')",
         ),
         (
             "trackers: [laser-imm]\n" + LAB % "variants: [{}, {trackers.laser-imm.knee.par_m: 1}]",
