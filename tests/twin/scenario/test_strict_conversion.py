@@ -18,8 +18,8 @@ from trackers.plain_data import dump_yaml, parse_yaml, parse_yaml_value
 from trackers.rig import Rig
 from twin.scenario import load_scenario
 from twin.scenario.load import DrawableScenarioFile, ScenarioFile
-from twin.studies.description import Study
-from twin.suites.description import Suite
+from twin.studies.spec import Study
+from twin.suites.spec import Suite
 
 TEXTS = ("on", "yes", "no", "off", "010", "1_000", "0x10", "0o17", "12:30:00", "2024-01-01", "1e", "'5'", "'true'")
 BOOLEANS = ("true", "False", "TRUE")
