@@ -85,7 +85,7 @@ def test_the_rig_loads() -> None:
 def test_the_study_is_ready_to_run(tmp_path: Path) -> None:
     *_, study = blocks("yaml")
     (tmp_path / "two-scanners.yaml").write_text(study)
-    assert prepare(tmp_path / "two-scanners.yaml").layout.options
+    assert prepare(tmp_path / "two-scanners.yaml").candidate_set.poses
 
 
 def test_the_people_do_what_is_shown(tmp_path: Path) -> None:

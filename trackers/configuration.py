@@ -125,6 +125,18 @@ def with_current_names(model: type[BaseModel], content: Any, source: str = "") -
     return _current([model], content, source, ())
 
 
+def current_path(model: type[BaseModel], path: Sequence[str], source: str = "") -> list[str]:
+    """Return the path of a field with former names in it replaced by the current ones; warn as `with_current_names`."""
+    nested: Any = None
+    for name in reversed(path):
+        nested = {name: nested}
+    current, names = with_current_names(model, nested, source), []
+    while isinstance(current, dict):
+        ((name, current),) = current.items()
+        names.append(name)
+    return names
+
+
 def _current(kinds: Sequence[Any], content: Any, source: str, at: tuple[str, ...]) -> Any:
     """Replace former names in content of one of these kinds, the members of a union; `at`: its path in the file."""
     if isinstance(content, list | tuple) and kinds:

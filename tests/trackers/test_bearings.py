@@ -44,7 +44,7 @@ def on_people(walk: Walk, scan: LaserScan) -> tuple[np.ndarray, np.ndarray]:
     return met, edge
 
 
-def varied(beams: tuple[float, float, int], rng: np.random.Generator) -> tuple[float, float, int]:
+def randomized(beams: tuple[float, float, int], rng: np.random.Generator) -> tuple[float, float, int]:
     """The same field of view by a few beams more or fewer, started up to half a step elsewhere."""
     first, step, count = beams
     n = count + int(rng.integers(-4, 5))
@@ -91,7 +91,7 @@ def test_beams_that_vary_in_every_scan_are_learned_from_and_show_people(beams, c
     background, rng = LearnedBackground(), np.random.default_rng(5)
 
     def next_beams():
-        first, step, count = varied(beams, rng)
+        first, step, count = randomized(beams, rng)
         return (first + step * (count - 1), -step, count) if clockwise else (first, step, count)
 
     shown = [background.foreground(look(None, next_beams(), 0.1 * k)).mean() for k in range(60)]
@@ -107,9 +107,9 @@ def test_beams_that_vary_in_every_scan_are_learned_from_and_show_people(beams, c
 
 def test_a_background_of_varying_scans_is_known_as_well_as_of_equal_ones():
     rng = np.random.default_rng(1)
-    background = KnownBackground([look(None, varied(FRONT, rng), 0.1 * k) for k in range(30)])
+    background = KnownBackground([look(None, randomized(FRONT, rng), 0.1 * k) for k in range(30)])
     for k in range(30, 40):
-        scan = look(STANDING, varied(FRONT, rng), 0.1 * k)
+        scan = look(STANDING, randomized(FRONT, rng), 0.1 * k)
         met, edge = on_people(STANDING, scan)
         found = background.foreground(scan)
         np.testing.assert_array_equal(found[~edge & met], True)

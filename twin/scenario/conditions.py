@@ -19,7 +19,7 @@ def conditions_of(scenario: Scenario) -> list[str]:
         told.append(f"Light: {'; '.join(changes)}.")
     if str(scenario.rendering):
         told.append(f"Pictures are drawn with {scenario.rendering}.")
-    misled = [name for name, sensor in scenario.sensors.items() if sensor.believed is not None]
+    misled = [name for name, sensor in scenario.sensors.items() if sensor.calibration_error is not None]
     if misled:
         told.append(f"Trackers believe another pose, lens or clock than the true one of: {', '.join(misled)}.")
     return told

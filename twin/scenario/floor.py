@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import radians
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from trackers.pose import Coordinate, Point3, Pose
 from trackers.rig import FloorSensor
 from trackers.rig_sensors import Pitch, check_cells
 from twin.geometry.polygon import leaves_at
-from twin.scenario.mount import Believed
+from twin.scenario.mount import CalibrationError
 from twin.scenario.presets import NoiseName, by_name
 from twin.sensors.floor_electronics import FLOOR_ELECTRONICS, FloorElectronics
 from twin.sensors.schedule import Timing
@@ -61,6 +61,8 @@ class FloorDescription(Timing):
     18 along x by 14 along y (ours).
     """
 
+    former_names: ClassVar = {"believed": "calibration_error"}
+
     kind: Literal["floor"] = Field(description="the kind of sensor: a pressure floor")
     mount: FloorMount = Field(default=FloorMount(), description="where the grid lies and how it is turned")
     rows: PositiveInt = Field(default=14, description="number of rows, which follow each other along y")
@@ -72,8 +74,8 @@ class FloorDescription(Timing):
         default=FLOOR_ELECTRONICS["default"],
         description="errors of cover, resistors and electronics: off, default, worse, or their parameters",
     )
-    believed: Believed | None = Field(
-        default=None, description="what trackers believe of the floor where that is not the truth; none: the truth"
+    calibration_error: CalibrationError | None = Field(
+        default=None, description="what the calibration says wrongly of the floor; none: nothing"
     )
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""Housings: several sensors on one, moved as one; and a sensor as it hangs in the room, or is believed to."""
+"""Housings: several sensors on one, moved as one; and a sensor as it hangs in the room, or is assumed to."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from trackers.configuration import Strict
 from trackers.rig import Point2, Pose, Rig, RigSensor
 from trackers.rig_sensors import check_height, check_layer
 from twin.scenario.floor import FloorDescription
-from twin.scenario.mount import Believed, Mount, Mounted
+from twin.scenario.mount import CalibrationError, Mount, Mounted
 
 if TYPE_CHECKING:
     from twin.scenario.model import Scenario
@@ -58,45 +58,47 @@ def check_place(scenario: Scenario, name: str) -> None:
 def check_told(scenario: Scenario, name: str) -> None:
     """Raise ValueError where what trackers are told of a sensor is nothing that a rig can say."""
     description = in_the_room(scenario, name)
-    if description.believed is None:
+    if description.calibration_error is None:
         return
     try:
-        told = believed_sensor(description, description.rig_sensor(name))
+        told = assumed_sensor(description, description.rig_sensor(name))
         type(told).model_validate(told.model_dump())
     except ValidationError as error:
         faults = [".".join(map(str, each["loc"])) + ": " * bool(each["loc"]) + each["msg"] for each in error.errors()]
-        raise ValueError("; ".join(f"believed: {each.replace('Value error, ', '')}" for each in faults)) from error
-
-
-def check_believed(description: Any) -> None:
-    """Raise ValueError where something is believed of a sensor that does not fit its kind."""
-    believed = description.believed
-    if believed is None:
-        return
-    if believed.changes_lens and not hasattr(description, "intrinsics"):
         raise ValueError(
-            f"believed: focal_scale and principal_px are of cameras, not of a {description.kind}; "
+            "; ".join(f"calibration_error: {each.replace('Value error, ', '')}" for each in faults)
+        ) from error
+
+
+def check_calibration_error(description: Any) -> None:
+    """Raise ValueError where something is assumed of a sensor that does not fit its kind."""
+    assumed = description.calibration_error
+    if assumed is None:
+        return
+    if assumed.changes_lens and not hasattr(description, "intrinsics"):
+        raise ValueError(
+            f"calibration_error: focal_scale and principal_px are of cameras, not of a {description.kind}; "
             "xyz, rpy_deg and time_offset_s are valid for it"
         )
-    if isinstance(description, FloorDescription) and (believed.xyz[2] or believed.rpy_deg[0] or believed.rpy_deg[1]):
+    if isinstance(description, FloorDescription) and (assumed.xyz[2] or assumed.rpy_deg[0] or assumed.rpy_deg[1]):
         raise ValueError(
-            "believed: a floor lies level; xyz: [dx, dy, 0] and rpy_deg: [0, 0, yaw] are valid for it, "
-            f"not {list(believed.xyz)} and {list(believed.rpy_deg)}"
+            "calibration_error: a floor lies level; xyz: [dx, dy, 0] and rpy_deg: [0, 0, yaw] are valid for it, "
+            f"not {list(assumed.xyz)} and {list(assumed.rpy_deg)}"
         )
 
 
-def believed_sensor(description: AnyDescription, true: RigSensor) -> RigSensor:
+def assumed_sensor(description: AnyDescription, true: RigSensor) -> RigSensor:
     """What trackers are told of a sensor that hangs in the room as described and truly is as `true` says."""
-    believed = description.believed
-    if believed is None:
+    assumed = description.calibration_error
+    if assumed is None:
         return true
-    change: dict[str, Any] = {"time_offset_s": true.time_offset_s + believed.time_offset_s}
-    if believed.changes_pose:
-        change["room_from_sensor"] = _believed_pose(description, believed)
+    change: dict[str, Any] = {"time_offset_s": true.time_offset_s + assumed.time_offset_s}
+    if assumed.changes_pose:
+        change["room_from_sensor"] = _assumed_pose(description, assumed)
     intrinsics = getattr(true, "intrinsics", None)
-    if believed.changes_lens and intrinsics is not None:
-        right, down = believed.principal_px
-        scale = believed.focal_scale
+    if assumed.changes_lens and intrinsics is not None:
+        right, down = assumed.principal_px
+        scale = assumed.focal_scale
         lens = {
             "fx": intrinsics.fx * scale,
             "fy": intrinsics.fy * scale,
@@ -113,14 +115,14 @@ def rig_told(scenario: Scenario, area: tuple[Point2, ...]) -> Rig:
     area: the tracked area, a polygon in the room's frame [m].
     """
     hung = {name: in_the_room(scenario, name) for name in scenario.sensors}
-    told = {name: believed_sensor(description, description.rig_sensor(name)) for name, description in hung.items()}
+    told = {name: assumed_sensor(description, description.rig_sensor(name)) for name, description in hung.items()}
     return Rig(sensors=told, area=area, room=scenario.room_name, main=scenario.main_sensor)
 
 
-def _believed_pose(description: AnyDescription, believed: Believed) -> Pose:
+def _assumed_pose(description: AnyDescription, assumed: CalibrationError) -> Pose:
     if isinstance(description, FloorDescription):
         mount = description.mount
-        x, y, _ = (a + b for a, b in zip(mount.xyz, believed.xyz, strict=True))
-        return Pose(xyz=(x, y, 0.0), rpy=(0.0, 0.0, radians(mount.yaw_deg + believed.rpy_deg[2])))
-    moved = description.model_copy(update={"mount": believed.mount(description.mount)})
+        x, y, _ = (a + b for a, b in zip(mount.xyz, assumed.xyz, strict=True))
+        return Pose(xyz=(x, y, 0.0), rpy=(0.0, 0.0, radians(mount.yaw_deg + assumed.rpy_deg[2])))
+    moved = description.model_copy(update={"mount": assumed.mount(description.mount)})
     return moved.rig_sensor("").room_from_sensor

@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import BaseModel, Field
 
-from trackers.configuration import keys_of, validate
+from trackers.configuration import current_path, keys_of, validate, with_current_names
 from trackers.errors import InputError
 from trackers.knowledge_files import files_within
 from trackers.merging import laid_over
@@ -87,6 +87,10 @@ def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:
     """The content of a scenario file over that of the scenario it extends."""
     expected = "a scenario (room, people, sensors, duration_s)"
     content = parse_yaml(read_text(path, expected), str(path), expected)
+    try:
+        content = with_current_names(ScenarioFile, content, str(path))
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from error
     _resolve(content, path.parent, f"{path}: room")
     parent = content.pop("extends", None)
     if parent is None:
@@ -184,6 +188,7 @@ def _apply(content: dict[str, Any], override: str) -> None:
         )
     if len(parts) > DEEPEST:
         raise InputError(f"--set: a path of {len(parts)} steps leads nowhere; at most {DEEPEST} are expected")
+    parts = current_path(ScenarioFile, parts, _said(override))
     value = parse_yaml_value(text, _said(override))
     here: Any = content
     for depth, part in enumerate(parts[:-1]):

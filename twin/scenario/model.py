@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import PurePath
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import ConfigDict, Field, JsonValue, model_serializer, model_validator
 
@@ -13,11 +13,11 @@ from trackers.configuration import Strict, Typed
 from trackers.knowledge_files import NO_FILES, KnowledgeFiles
 from trackers.rig import Name
 from twin.scenario.behaviour import companions
-from twin.scenario.housings import Housing, check_believed, check_on_housing, check_place, check_told
+from twin.scenario.housings import Housing, check_calibration_error, check_on_housing, check_place, check_told
 from twin.scenario.lights import LightChange
 from twin.scenario.people import Person
+from twin.scenario.randomize import STEADY, Randomize
 from twin.scenario.sensors import SensorDescription
-from twin.scenario.vary import STEADY, Vary
 from twin.sensors.fault_kinds import FaultDescription, check_fault
 
 
@@ -79,6 +79,8 @@ class TruthOptions(Strict):
 class Scenario(Strict):
     """A room, the people in it, the sensors on its walls, and for how long they are watched."""
 
+    former_names: ClassVar = {"vary": "randomize"}
+
     name: Name = Field(description="name of the scenario; it becomes the name of a folder")
     description: str = Field(default="", description="what the scenario is about, for readers")
     room: str = Field(description="name of a shipped room, or path of an MJCF file relative to the scenario")
@@ -102,10 +104,10 @@ class Scenario(Strict):
         exclude_if=lambda rendering: rendering == PLAIN,
     )
     people: dict[Name, Person] = Field(description="who is in the room, by name")
-    vary: Vary = Field(
+    randomize: Randomize = Field(
         default=STEADY,
         description="how far starts, times and speeds of people differ from seed to seed; none: not at all",
-        exclude_if=lambda vary: vary == STEADY,
+        exclude_if=lambda randomize: randomize == STEADY,
     )
     sensors: dict[Name, SensorDescription] = Field(description="what watches the room, by name")
     main_sensor: Name | None = Field(
@@ -146,7 +148,7 @@ class Scenario(Strict):
             self._check_companions(name, person)
         for name, sensor in self.sensors.items():
             _under(f"sensors.{name}.", lambda sensor=sensor: check_on_housing(sensor, self.housings))
-            _under(f"sensors.{name}.", lambda sensor=sensor: check_believed(sensor))
+            _under(f"sensors.{name}.", lambda sensor=sensor: check_calibration_error(sensor))
             _under(f"sensors.{name}.", lambda name=name: check_place(self, name))
             _under(f"sensors.{name}.", lambda name=name: check_told(self, name))
         for name, fault in self.faults.items():

@@ -1,8 +1,9 @@
-"""Where a sensor hangs, alone or on a housing that carries several, and where it is believed to hang."""
+"""Where a sensor hangs, alone or on a housing that carries several, and where it is assumed to hang."""
 
 from __future__ import annotations
 
 from math import asin, atan2, cos, degrees, radians
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ _HOUSING_FROM_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0,
 """A camera's optical frame (x right, y down, z ahead) in that of its housing (x ahead, y left, z up)."""
 
 _MOST_OFF_M = 1000.0
-"""A sensor is believed no further off than this [m]."""
+"""A sensor is assumed no further off than this [m]."""
 
 _UPRIGHT = 1e-9
 """Below this cosine of the pitch, yaw and roll turn about the same axis: all of it is taken as yaw."""
@@ -65,39 +66,37 @@ def mount_of(rotation: NDArray[np.float64], xyz: NDArray[np.float64]) -> Mount:
     return Mount(xyz=(x, y, z), yaw_deg=degrees(yaw), pitch_deg=degrees(pitch), roll_deg=degrees(roll))
 
 
-class Believed(Strict):
-    """What a tracker believes of a sensor beyond where and how it is: believed minus true.
+class CalibrationError(Strict):
+    """What a tracker believes of a sensor beyond where and how it is: assumed minus true.
 
-    `xyz` [m]: how far off it is believed, along the room's axes; `rpy_deg` [deg]: turned by this about its own frame (x
-    ahead, y left, z up; of a camera too): roll about x, pitch about y, yaw about z. `focal_scale`: the believed focal length
-    over the true one; `principal_px`: the believed principal point off the true one, right and down [px]; both of cameras
+    `xyz` [m]: how far off it is assumed, along the room's axes; `rpy_deg` [deg]: turned by this about its own frame (x
+    ahead, y left, z up; of a camera too): roll about x, pitch about y, yaw about z. `focal_scale`: the assumed focal length
+    over the true one; `principal_px`: the assumed principal point off the true one, right and down [px]; both of cameras
     alone. `time_offset_s` is what the rig tells a tracker to add to the stamps [s].
 
     The twin senses from the true place with the true lens, and so is the truth; the rig that trackers get and that a bag
-    carries holds what is believed. A pressure floor's belief is level: no z, no roll, no pitch.
+    carries holds what is assumed. A pressure floor's belief is level: no z, no roll, no pitch.
     """
 
     xyz: Point3 = Field(
         default=(0.0, 0.0, 0.0),
-        description="how far off the sensor is believed to be, believed minus true, along the room's x, y, z [m]",
+        description="how far off the sensor is assumed to be, assumed minus true, along the room's x, y, z [m]",
     )
     rpy_deg: Point3 = Field(
         default=(0.0, 0.0, 0.0),
-        description="how it is believed to be turned: roll, pitch, yaw about its own x, y, z, believed minus true [deg]",
+        description="how it is assumed to be turned: roll, pitch, yaw about its own x, y, z, assumed minus true [deg]",
     )
-    focal_scale: FiniteFloat = Field(
-        default=1.0, description="believed focal length over the true one, of cameras only"
-    )
+    focal_scale: FiniteFloat = Field(default=1.0, description="assumed focal length over the true one, of cameras only")
     principal_px: tuple[FiniteFloat, FiniteFloat] = Field(
         default=(0.0, 0.0),
-        description="believed principal point off the true one, right and down, of cameras only [px]",
+        description="assumed principal point off the true one, right and down, of cameras only [px]",
     )
     time_offset_s: FiniteFloat = Field(
         default=0.0, description="what trackers are told to add to the sensor's stamps [s]"
     )
 
     @model_validator(mode="after")
-    def _consistent(self) -> Believed:
+    def _consistent(self) -> CalibrationError:
         if not 0.1 <= self.focal_scale <= 10:
             raise ValueError(f"focal_scale {self.focal_scale:g} is no scale of a focal length; 0.1 to 10 is valid")
         if max(map(abs, self.xyz)) > _MOST_OFF_M:
@@ -108,16 +107,16 @@ class Believed(Strict):
 
     @property
     def changes_lens(self) -> bool:
-        """Whether the believed lens is another than the true one."""
+        """Whether the assumed lens is another than the true one."""
         return self.focal_scale != 1 or self.principal_px != (0.0, 0.0)
 
     @property
     def changes_pose(self) -> bool:
-        """Whether the believed pose is another than the true one."""
+        """Whether the assumed pose is another than the true one."""
         return any(self.xyz) or any(self.rpy_deg)
 
     def mount(self, true: Mount) -> Mount:
-        """Where a sensor that hangs at this mount of the room is believed to hang."""
+        """Where a sensor that hangs at this mount of the room is assumed to hang."""
         roll, pitch, yaw = self.rpy_deg
         turned = true.carrying(Mount(xyz=(0.0, 0.0, 0.0), yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll))
         x, y, z = (np.array(true.xyz) + np.array(self.xyz)).tolist()
@@ -127,13 +126,15 @@ class Believed(Strict):
 class Mounted(Timing):
     """A sensor that hangs somewhere: in the room, or on a `housing` by its name, whose frame `mount` is in then.
 
-    `believed`: what trackers believe of it, where that is not the truth.
+    `calibration_error`: what trackers are told of it, where that is not the truth.
     """
+
+    former_names: ClassVar = {"believed": "calibration_error"}
 
     mount: Mount = Field(description="where the sensor hangs and how it is turned")
     housing: str | None = Field(
         default=None, description="name of the housing that carries the sensor; none: it hangs in the room"
     )
-    believed: Believed | None = Field(
-        default=None, description="what trackers believe of the sensor where that is not the truth; none: the truth"
+    calibration_error: CalibrationError | None = Field(
+        default=None, description="what the calibration says wrongly of the sensor; none: nothing"
     )

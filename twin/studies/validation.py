@@ -14,7 +14,7 @@ from trackers.errors import InputError
 from twin.scenario import Scenario
 from twin.scenario.floor import FloorDescription
 from twin.scenario.housings import in_the_room
-from twin.scenario.mount import Believed
+from twin.scenario.mount import CalibrationError
 from twin.streams import stream
 from twin.studies.candidate_set import BASELINE, CandidateSet, Placement
 from twin.studies.coverage import PoseCoverage
@@ -112,7 +112,7 @@ def displace_sensors(
 ) -> Scenario:
     """Displace the named sensors in a direction drawn by the seed; trackers know their true poses (surveyed) or not.
 
-    Off level: scanners must stay level. Turned about the vertical. A sensor that is believed elsewhere already stays so, and
+    Off level: scanners must stay level. Turned about the vertical. A sensor that is assumed elsewhere already stays so, and
     is off by this besides.
     """
     sensors = dict(scenario.sensors)
@@ -128,15 +128,15 @@ def displace_sensors(
         mount = description.mount.model_copy(
             update={"xyz": (x + dx, y + dy, z), "yaw_deg": description.mount.yaw_deg + turn}
         )
-        believed = description.believed
+        assumed = description.calibration_error
         if not is_surveyed:
-            before = believed or Believed()
+            before = assumed or CalibrationError()
             bx, by, bz = before.xyz
-            # a tilted camera that is turned about the vertical is believed turned about its own axes
+            # a tilted camera that is turned about the vertical is assumed turned about its own axes
             own = mount.room_from_housing().rotation.T @ description.mount.room_from_housing().rotation
             roll, pitch, yaw = _angles(own)
-            believed = before.model_copy(update={"xyz": (bx - dx, by - dy, bz), "rpy_deg": (roll, pitch, yaw)})
-        sensors[name] = description.model_copy(update={"mount": mount, "believed": believed})
+            assumed = before.model_copy(update={"xyz": (bx - dx, by - dy, bz), "rpy_deg": (roll, pitch, yaw)})
+        sensors[name] = description.model_copy(update={"mount": mount, "calibration_error": assumed})
     return scenario.model_copy(update={"sensors": sensors})
 
 

@@ -46,7 +46,7 @@ def recording_key(resolved: str, renderer: str) -> str:
 def people_key(scenario: Scenario) -> str:
     """The name under which the motion of a scenario's people is kept: of whatever they depend on, sensors left out."""
     digest = hashlib.sha256()
-    people = scenario.model_dump_json(include={"room", "area", "duration_s", "seed", "people", "vary"})
+    people = scenario.model_dump_json(include={"room", "area", "duration_s", "seed", "people", "randomize"})
     for part in (people, simulation_code(_MOVING), *_room(scenario.room)):
         _add(digest, part.encode() if isinstance(part, str) else part)
     return f"people-{digest.hexdigest()[:32]}"

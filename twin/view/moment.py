@@ -151,7 +151,7 @@ class Sheet:
     def plan_label(self) -> str:
         """What the plan shows."""
         what = "from above: truth, scans, floors"
-        return f"{what} as believed (dashed)" if beliefs(self._simulation.rig, self._simulation.true_rig) else what
+        return f"{what} as calibrated (dashed)" if beliefs(self._simulation.rig, self._simulation.true_rig) else what
 
     def plan(self, looks: Mapping[str, Observation], silent: Collection[str] = ()) -> NDArray[np.uint8]:
         """The plan with the true people, what these scanners see and what these floors feel, as trackers take it.

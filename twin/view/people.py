@@ -13,7 +13,7 @@ from twin.report.look_at import picture
 from twin.report.people_sheet import Figure, check_picture_name, drawn_sheet, lettered, tiled, write_png
 from twin.scenario import Scenario
 from twin.scenario.behaviour import companions
-from twin.scenario.vary import varied
+from twin.scenario.randomize import randomized
 from twin.sensors.render import RendererOnDemand
 from twin.view.occasions import Occasion, occasions, verb
 from twin.view.standpoint import Room, standpoint_for
@@ -42,7 +42,7 @@ def write_people(
     check_picture_name(path)
     if not scenario.people:
         raise InputError(f"scenario {scenario.name!r}: people: nobody to draw; at least one person is expected")
-    scenario = varied(scenario)
+    scenario = randomized(scenario)
     scene = build_scene(scenario)
     listed = list(scenario.people)
     found = occasions(populate(scenario, scene), scenario.duration_s)

@@ -26,7 +26,7 @@ from twin.room.lighting import ENOUGH_LIGHT, light_of
 from twin.room.outline import room_outline
 from twin.run.preview import true_poses
 from twin.scenario import Scenario
-from twin.scenario.vary import varied
+from twin.scenario.randomize import randomized
 from twin.sensors.render import Mark, RendererOnDemand
 from twin.view.occasions import verb
 from twin.view.standpoint import Room, Standpoint, body_parts, fitting, overview, seen_share, standpoint_for
@@ -149,7 +149,7 @@ def _check(scenario: Scenario, path: Path, start_s: float, end_s: float, follow:
 
 def _whereabouts(scenario: Scenario, scene: Scene, start_s: float, end_s: float) -> NDArray[np.float64]:
     """Feet, hips and heads of everybody from one time to another, (k, 3) [m]; the area's corners without anybody."""
-    population = populate(varied(scenario), scene)
+    population = populate(randomized(scenario), scene)
     places = []
     for t in np.arange(start_s, end_s, _SAMPLE_S).tolist():
         population.advance(t)

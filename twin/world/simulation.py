@@ -27,9 +27,9 @@ from twin.room.mounts import check_mount
 from twin.scenario import Scenario
 from twin.scenario.conditions import never_begins
 from twin.scenario.floor import FloorDescription, check_floor
-from twin.scenario.housings import believed_sensor, in_the_room
+from twin.scenario.housings import assumed_sensor, in_the_room
+from twin.scenario.randomize import randomized
 from twin.scenario.sensors import CAMERA_KINDS, build_sensor
-from twin.scenario.vary import varied
 from twin.sensors.faults import with_faults
 from twin.sensors.floor import Floor
 from twin.sensors.message_faults import MessageFaultsOf
@@ -93,7 +93,7 @@ class Simulation:
         staged: Staged | None = None,
         shares: bool = True,
     ) -> None:
-        self.scenario = scenario = varied(scenario)
+        self.scenario = scenario = randomized(scenario)
         self.world = world = World(scenario, staged)
         self._renderer = RendererOnDemand(
             lambda: world.scene.model, shadows=scenario.rendering.shadows, samples=scenario.rendering.samples
@@ -117,8 +117,8 @@ class Simulation:
         true = {name: sensor.rig_sensor() for name, sensor in self._sensors.items()}
         main = scenario.main_sensor if scenario.main_sensor in true else None  # a camera, where images are left out
         self.true_rig = Rig(sensors=true, area=area, room=scenario.room_name, main=main)
-        believed = {name: believed_sensor(self._descriptions[name], sensor) for name, sensor in true.items()}
-        self.rig = Rig(sensors=believed, area=area, room=scenario.room_name, main=main)
+        assumed = {name: assumed_sensor(self._descriptions[name], sensor) for name, sensor in true.items()}
+        self.rig = Rig(sensors=assumed, area=area, room=scenario.room_name, main=main)
         self._check_mounts()
         self._on_truth, self._shares = on_truth, shares
         self.views = {

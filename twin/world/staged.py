@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from trackers.arrays import Array
 from twin.people.motion import Motion
 from twin.scenario import Scenario
-from twin.scenario.vary import varied
+from twin.scenario.randomize import randomized
 from twin.world.scene import Scene, build_scene, populate
 
 LONGEST_LOOK_S = 1.0
@@ -48,7 +48,7 @@ class Staged:
     @classmethod
     def of(cls, scenario: Scenario, motion: Motion) -> Staged:
         """The scenario's people in its room. Raises InputError as `build_scene` does."""
-        return cls(build_scene(varied(scenario)), motion)
+        return cls(build_scene(randomized(scenario)), motion)
 
     def scene_for(self, scenario: Scenario) -> Scene:
         """The scene for one world: with a model of its own where the world changes its light."""
@@ -59,5 +59,5 @@ class Staged:
 
 def moved(scenario: Scenario) -> Motion:
     """The motion of a scenario's people, stepped to its end. Raises InputError as `build_scene` does."""
-    scenario = varied(scenario)
+    scenario = randomized(scenario)
     return populate(scenario, build_scene(scenario)).motion(scenario.duration_s + LONGEST_LOOK_S)

@@ -17,7 +17,7 @@ from twin.people.population import Population
 from twin.people.poses import Poses
 from twin.room.lighting import Lighting
 from twin.scenario import Scenario
-from twin.scenario.vary import varied
+from twin.scenario.randomize import randomized
 from twin.truth.frames import FootTruth, PersonTruth, TruthFrame
 from twin.truth.visibility import SensorView, visible_share
 from twin.world.scene import as_before, build_scene, populate
@@ -35,7 +35,7 @@ class World:
 
     def __init__(self, scenario: Scenario, staged: Staged | None = None) -> None:
         """`staged`: the scenario's people with their bodies, as they move; None: they are made and stepped here."""
-        self._scenario = scenario = varied(scenario)
+        self._scenario = scenario = randomized(scenario)
         self.scene = staged.scene_for(scenario) if staged is not None else build_scene(scenario)
         """The scene with the bodies of those who are there or were just now; another one once others come."""
         self._casts = casts_of(scenario.people)

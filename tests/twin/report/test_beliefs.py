@@ -28,7 +28,8 @@ def scanner(x: float, y: float, yaw_deg: float = 0.0, z: float = 0.9) -> LaserSe
 
 
 def rig(**sensors: RigSensor) -> Rig:
-    return Rig(sensors=sensors, area=AREA)
+    each = {name: sensor.model_copy(update={"topic": f"/{name}"}) for name, sensor in sensors.items()}
+    return Rig(sensors=each, area=AREA)
 
 
 def sector(name: str) -> LaserScan:
@@ -111,7 +112,7 @@ def test_height_alone_and_a_floor_that_lies_elsewhere_are_told() -> None:
 @pytest.mark.parametrize("believed", [True, False])
 def test_a_run_s_report_and_video_draw_the_true_sensor_and_the_believed_one(tmp_path: Path, believed: bool) -> None:
     changes = ["sensors.knee=null", "sensors.fisheye=null", "people={}", "duration_s=0.5"]
-    changes += ["sensors.waist.believed={xyz: [0.6, 0.5, 0]}"] if believed else []
+    changes += ["sensors.waist.calibration_error={xyz: [0.6, 0.5, 0]}"] if believed else []
     scenario = load_scenario("lab-five-people", changes)
     run_scenario(scenario, trackers=["laser-imm"], out=tmp_path)
     page = unescape((tmp_path / "report.html").read_text())

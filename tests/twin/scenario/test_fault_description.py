@@ -97,12 +97,12 @@ def test_every_kind_is_listed_and_in_the_schema() -> None:
         ("faults.a={sensor: waist, kind: dead_beams, beams: [[5, 2]]}", r"\[5, 2\], which goes down"),
         ("sensors.waist.housing=rig", "sensors.waist.housing: 'rig' is no housing; there is none under housings"),
         (
-            "sensors.waist.believed.focal_scale=1.1",
-            "sensors.waist.believed: focal_scale and principal_px are of cameras",
+            "sensors.waist.calibration_error.focal_scale=1.1",
+            "sensors.waist.calibration_error: focal_scale and principal_px are of cameras",
         ),
-        ("sensors.fisheye.believed.focal_scale=0", "focal_scale 0 is no scale"),
-        ("sensors.waist.believed.xzy=[1, 0, 0]", "believed.xzy: unknown key; did you mean 'xyz'"),
-        ("sensors.waist.believed.xyz=[.inf, 0, 0]", "believed.xyz.0: .*finite"),
+        ("sensors.fisheye.calibration_error.focal_scale=0", "focal_scale 0 is no scale"),
+        ("sensors.waist.calibration_error.xzy=[1, 0, 0]", "calibration_error.xzy: unknown key; did you mean 'xyz'"),
+        ("sensors.waist.calibration_error.xyz=[.inf, 0, 0]", "calibration_error.xyz.0: .*finite"),
         ("housings.rig.mount.yaw_deg=3", "housings.rig.mount.xyz: Field required"),
     ],
 )
@@ -124,7 +124,7 @@ def test_what_cannot_be_is_refused_in_a_sentence(change: str, said: str) -> None
         ("faults.a={sensor: floor, kind: dead_cells, columns: [18]}", "columns has 18; the floor's are 0 to 17"),
         ("faults.a={sensor: floor, kind: dead_cells, share: 0.1, reads: 300}", "reads: .*less than or equal to 255"),
         ("sensors.floor.housing=rig", "sensors.floor.housing: unknown key"),
-        ("sensors.floor.believed.xyz=[0, 0, 0.1]", "sensors.floor.believed: a floor lies level"),
+        ("sensors.floor.calibration_error.xyz=[0, 0, 0.1]", "sensors.floor.calibration_error: a floor lies level"),
     ],
 )
 def test_what_a_floor_cannot_have(change: str, said: str) -> None:

@@ -307,8 +307,8 @@ def test_no_number_may_be_anything_but_a_number(contents, tmp_path, which, value
 @pytest.mark.parametrize(("sensor", "believed", "said"), BELIEVED.values(), ids=BELIEVED.keys())
 def test_trackers_are_told_nothing_that_a_rig_cannot_say(contents, tmp_path, sensor, believed, said):
     path = tmp_path / "scenario.yaml"
-    path.write_text(changed(contents[0], (f"sensors.{sensor}.believed", believed)))
-    assert_said(refusal(lambda: load_scenario(path)), rf"sensors\.{sensor}\.believed: .*({said})")
+    path.write_text(changed(contents[0], (f"sensors.{sensor}.calibration_error", believed)))
+    assert_said(refusal(lambda: load_scenario(path)), rf"sensors\.{sensor}\.calibration_error: .*({said})")
 
 
 @pytest.mark.parametrize("topic", ["/waist/scan", "waist/scan", "waist/scan/"])

@@ -115,11 +115,11 @@ def test_a_contact_sheet_shows_every_sensor(tmp_path):
 
 
 def test_a_sheet_s_plan_has_a_floor_where_it_is_and_says_where_it_is_believed(tmp_path):
-    def plan(**believed) -> np.ndarray:
-        write_view(small(people={}, sensors={"floor": FLOOR | believed}), 1.5, tmp_path / "view.png")
+    def plan(**calibration_error) -> np.ndarray:
+        write_view(small(people={}, sensors={"floor": FLOOR | calibration_error}), 1.5, tmp_path / "view.png")
         return read(tmp_path / "view.png")[35 : 35 + 390, 535:1055].astype(int)
 
-    true, misled = plan(), plan(believed={"xyz": [0.6, 0.4, 0]})
+    true, misled = plan(), plan(calibration_error={"xyz": [0.6, 0.4, 0]})
     disc = (true > 235).all(axis=-1)  # at the grid's corner, where its frame is
     assert 50 < disc.sum() < 120 and (misled[disc] > 225).all()
     assert ((misled - true) > 100).all(axis=-1).sum() > 300  # the dashed outline and the letters beside it

@@ -15,7 +15,7 @@ from twin.recording.writer import BagWriter
 from twin.run.live import run_scenario
 from twin.scenario import Scenario, load_scenario
 from twin.scenario.load import dump_scenario
-from twin.scenario.mount import Believed, Mount
+from twin.scenario.mount import CalibrationError, Mount
 from twin.truth.frames import TruthFrame
 from twin.world.simulation import Simulation
 
@@ -78,7 +78,7 @@ def test_the_resolved_scenario_runs_again_to_the_same(tmp_path: Path) -> None:
     described = scenario(
         *ON_ONE,
         "housings.rig.mount.xyz=[0.3, 0.1, 0.25]",
-        "sensors.fisheye.believed={rpy_deg: [0, 0, 1], focal_scale: 1.02}",
+        "sensors.fisheye.calibration_error={rpy_deg: [0, 0, 1], focal_scale: 1.02}",
         "faults.dirt={sensor: fisheye, kind: occlusion}",
         "faults.dead={sensor: [waist, knee], kind: dead_beams, beams: [[3], [5, 9]], to_s: 2}",
     )
@@ -94,7 +94,7 @@ def test_a_housing_in_a_wall_is_refused() -> None:
 
 def test_what_is_believed_changes_the_rig_and_nothing_else() -> None:
     messages, truth, rig, _ = simulate()
-    believed = "sensors.{}.believed={{xyz: [0.1, 0.02, -0.03], rpy_deg: [0, 0, 2]{}}}"
+    believed = "sensors.{}.calibration_error={{xyz: [0.1, 0.02, -0.03], rpy_deg: [0, 0, 2]{}}}"
     told_messages, told_truth, told, true = simulate(
         believed.format("waist", ""), believed.format("fisheye", ", focal_scale: 1.05, principal_px: [2, -1]")
     )
@@ -118,14 +118,14 @@ def test_what_is_believed_changes_the_rig_and_nothing_else() -> None:
 def test_a_camera_is_believed_turned_about_the_axes_of_its_mount() -> None:
     """Roll about where it looks, pitch downwards, yaw to the left, as for any sensor."""
     mount = Mount(xyz=(0, 0, 1), yaw_deg=90)
-    down = Believed(rpy_deg=(0, 10, 0)).mount(mount).room_from_optical().rotation[:, 2]
+    down = CalibrationError(rpy_deg=(0, 10, 0)).mount(mount).room_from_optical().rotation[:, 2]
     np.testing.assert_allclose(down, [0, np.cos(np.pi / 18), -np.sin(np.pi / 18)], atol=1e-12)
-    left = Believed(rpy_deg=(0, 0, 10)).mount(mount).room_from_optical().rotation[:, 2]
+    left = CalibrationError(rpy_deg=(0, 0, 10)).mount(mount).room_from_optical().rotation[:, 2]
     np.testing.assert_allclose(left, [-np.sin(np.pi / 18), np.cos(np.pi / 18), 0], atol=1e-12)
 
 
 def test_a_floor_is_believed_elsewhere() -> None:
-    changes = ["duration_s=0.3", "sensors.floor.believed={xyz: [0.1, 0, 0], rpy_deg: [0, 0, 3]}"]
+    changes = ["duration_s=0.3", "sensors.floor.calibration_error={xyz: [0.1, 0, 0], rpy_deg: [0, 0, 3]}"]
     with Simulation(load_scenario("home-three-people", changes)) as simulation:
         true, told = simulation.true_rig.sensors["floor"], simulation.rig.sensors["floor"]
     np.testing.assert_allclose(told.room_from_sensor.translation - true.room_from_sensor.translation, [0.1, 0, 0])
@@ -135,7 +135,7 @@ def test_a_floor_is_believed_elsewhere() -> None:
 def test_the_bag_carries_what_is_believed_and_replays_to_what_trackers_got_live(tmp_path: Path) -> None:
     """Clock and belief together: a clock 0.3 s ahead of which the rig knows gives the true stamps."""
     changes = ["duration_s=1", "sensors.fisheye=null", "trackers=null",
-               "sensors.waist.believed={xyz: [0.05, 0, 0], time_offset_s: -0.3}",
+               "sensors.waist.calibration_error={xyz: [0.05, 0, 0], time_offset_s: -0.3}",
                "faults.ahead={sensor: waist, kind: clock, offset_s: 0.3}"]  # fmt: skip
     described = load_scenario("lab-five-people", changes)
     with Simulation(described) as simulation:

@@ -9,7 +9,7 @@ from trackers.errors import InputError
 from twin.scenario import load_scenario
 from twin.scenario.behaviour import Path, Walk
 from twin.scenario.load import dump_scenario
-from twin.scenario.vary import varied
+from twin.scenario.randomize import randomized
 from twin.world.world import World
 
 MOVEMENTS = ("movements-crossing", "movements-turning", "movements-going-around", "movements-going-back")
@@ -17,13 +17,13 @@ MOVEMENTS = ("movements-crossing", "movements-turning", "movements-going-around"
 
 def test_a_scenario_without_it_is_itself():
     scenario = load_scenario("home-cameras")
-    assert varied(scenario) is scenario
-    assert "vary" not in dump_scenario(scenario)
+    assert randomized(scenario) is scenario
+    assert "randomize" not in dump_scenario(scenario)
 
 
 def test_seeds_differ_within_bounds_and_the_same_seed_does_not():
     scenario = load_scenario("movements-crossing")
-    runs = [varied(scenario.model_copy(update={"seed": seed})) for seed in range(40)]
+    runs = [randomized(scenario.model_copy(update={"seed": seed})) for seed in range(40)]
     for name, person in scenario.people.items():
         starts = np.array([run.people[name].start for run in runs]) - np.array(person.start)
         assert (np.abs(starts) <= 0.15).all() and (np.ptp(starts, axis=0) > 0.2).all()
@@ -33,13 +33,13 @@ def test_seeds_differ_within_bounds_and_the_same_seed_does_not():
             later = np.array([each.at_s for each in drawn]) - action.at_s
             faster = np.array([each.speed_m_s for each in drawn]) / action.speed_m_s
             assert 0.2 < np.abs(later).max() <= 0.3 and 0.06 < np.abs(faster - 1).max() <= 0.1 + 1e-9
-    assert varied(runs[3]) is runs[3]
-    assert varied(scenario.model_copy(update={"seed": 3})) == runs[3]
+    assert randomized(runs[3]) is runs[3]
+    assert randomized(scenario.model_copy(update={"seed": 3})) == runs[3]
 
 
 def test_a_path_is_moved_as_a_whole_and_walked_at_another_pace():
     scenario = load_scenario("straight-course", ["seed=1000"])
-    (before,), (after,) = (each.people["anna"].script for each in (scenario, varied(scenario)))
+    (before,), (after,) = (each.people["anna"].script for each in (scenario, randomized(scenario)))
     assert isinstance(before, Path) and isinstance(after, Path)
     moved = np.array(after.points)[:, 1:] - np.array(before.points)[:, 1:]
     np.testing.assert_allclose(moved, np.broadcast_to(moved[0], moved.shape), atol=1e-12)
@@ -54,5 +54,21 @@ def test_the_shipped_movements_can_be_walked_with_any_seed(name):
 
 
 def test_bounds_are_checked():
-    with pytest.raises(InputError, match="vary.speed"):
-        load_scenario("pair", ["vary.speed=0.9"])
+    with pytest.raises(InputError, match="randomize.speed"):
+        load_scenario("pair", ["randomize.speed=0.9"])
+
+
+def test_former_names_are_read_in_files_and_overrides_and_named(tmp_path, caplog):
+    path = tmp_path / "own.yaml"
+    path.write_text(
+        "name: own\nextends: lab-faults\nvary: {start_m: 0.1}\nsensors: {waist: {believed: {xyz: [0.1, 0, 0]}}}\n"
+    )
+    scenario = load_scenario(path, ["sensors.fisheye.believed.xyz=[0.3, 0, 0]", "vary.speed=0.1"])
+    assert (scenario.randomize.start_m, scenario.randomize.speed) == (0.1, 0.1)
+    moved = {name: sensor.calibration_error for name, sensor in scenario.sensors.items()}
+    assert moved["waist"].xyz[0] == 0.1 and moved["fisheye"].xyz[0] == 0.3 and moved["knee"] is None
+    assert moved["fisheye"].rpy_deg == load_scenario("lab-faults").sensors["fisheye"].calibration_error.rpy_deg
+    for name in ("randomize", "calibration_error"):
+        assert f"is now called {name!r}" in caplog.text
+    for text in (dump_scenario(scenario),):
+        assert "vary" not in text and "believed" not in text

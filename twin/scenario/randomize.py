@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from twin.scenario.model import Scenario
 
 
-class Vary(Strict):
+class Randomize(Strict):
     """How far each person's start, times and speed are drawn from what their script says, evenly, by the scenario's seed."""
 
     start_m: float = Field(default=0.0, ge=0, le=2, description="most that x and y of a start, or of a path, move [m]")
@@ -25,20 +25,25 @@ class Vary(Strict):
     speed: float = Field(default=0.0, ge=0, le=0.5, description="most that a person walks slower or faster, as a share")
 
 
-STEADY = Vary()
+STEADY = Randomize()
 
 
-def varied(scenario: Scenario) -> Scenario:
+def randomized(scenario: Scenario) -> Scenario:
     """The scenario with its people as this seed has them; itself where nothing varies."""
-    if scenario.vary == STEADY:
+    if scenario.randomize == STEADY:
         return scenario
-    people = {name: _drawn(person, scenario.vary, scenario.seed, name) for name, person in scenario.people.items()}
-    return scenario.model_copy(update={"people": people, "vary": STEADY})
+    people = {name: _drawn(person, scenario.randomize, scenario.seed, name) for name, person in scenario.people.items()}
+    return scenario.model_copy(update={"people": people, "randomize": STEADY})
 
 
-def _drawn(person: Person, vary: Vary, seed: int, name: str) -> Person:
+def _drawn(person: Person, randomize: Randomize, seed: int, name: str) -> Person:
+    # the stream is called as it always was: another name would draw other numbers
     x, y, onset, pace = stream(seed, "vary", name).uniform(-1, 1, 4).tolist()
-    moved, later_s, factor = (vary.start_m * x, vary.start_m * y), vary.onset_s * onset, 1 + vary.speed * pace
+    moved, later_s, factor = (
+        (randomize.start_m * x, randomize.start_m * y),
+        randomize.onset_s * onset,
+        1 + randomize.speed * pace,
+    )
     changes: dict[str, Any] = {"script": tuple(_action(each, moved, later_s, factor) for each in person.script)}
     if person.start is not None:
         changes["start"] = (person.start[0] + moved[0], person.start[1] + moved[1])
