@@ -53,6 +53,7 @@ TWIN_UPWARDS = (
     "geometry",
     "instant",
     "sensors",
+    "tables",
     "drawn",
     "scenario",
     "room",

@@ -15,6 +15,9 @@ def evaluate(
         Path | None, typer.Option(metavar="FILE", help="truth_situations.csv of the run, for the disposal of merges.")
     ] = None,
     gate: Annotated[float, typer.Option(metavar="M", help="A track matches a person within this distance [m].")] = 0.5,
+    frame_rate: Annotated[
+        float | None, typer.Option(metavar="HZ", help="Frames a second, for tables that count frames [Hz].")
+    ] = None,
     no_limits: Annotated[bool, typer.Option("--no-limits", help="Read tables of more than 256 MiB too.")] = False,
 ) -> None:
     """Metrics from two tables, as JSON."""
@@ -29,7 +32,8 @@ def evaluate(
     if not 0 < gate < float("inf"):
         raise InputError(f"--gate {gate}: is not a distance; a number of metres above 0 is expected")
     most_bytes = None if no_limits else MOST_TABLE_BYTES
-    tables = read_truth(truth, most_bytes), read_tracks(tracks, most_bytes)
+    how = most_bytes, frame_rate, "--frame-rate"
+    tables = read_truth(truth, *how), read_tracks(tracks, *how)
     pairs = read_situations(situations) if situations is not None else None
     evaluation = evaluate_with_details(*tables, gate_m=gate, situations=pairs)
     print_warnings(evaluation.notes)

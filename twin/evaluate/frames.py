@@ -12,17 +12,14 @@ from numpy.typing import NDArray
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.evaluate.clear import FrameMatches, PairMatrix, match_frames
+from twin.evaluate.silence import report_clock, silent_stamps, with_moments_between
 from twin.recording.tables import TrackTable, TruthTable
 
 MAX_TRUTH_GAP_NS = NS_PER_S // 4
 GAP_PERIODS = 2.5  # of a person's usual time between rows: one row may be lost on the way, not two
-SILENCE_FACTOR = 1.5
-USUAL_SHARE = (
-    0.8  # of the gaps between frames: as long as these are is no silence, where sensors of unlike rates take turns
-)
 TOLD_SHARE = 0.02  # frames that are not judged: more than these are told
+MOST_BETWEEN = 64  # moments put between two rows of sparse truth: work goes with the rows
 LEAST_SHARE = 0.5  # judged frames: with less than these, figures say little
-JITTER_SHARE = 0.25  # of a period: how far a missing frame may stand outside the truth's span
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,12 +66,12 @@ def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) ->
 
     Judged is every stamp of the tracks at which the truth is known: one of the truth's own stamps, or one between two of
     them no further apart than 0.25 s or 2.5 of the usual intervals between a person's rows. Where the tracker was silent
-    for more than 1.5 times the gap that four of five of its gaps do not exceed, the truth's stamps in that silence,
-    thinned to its median period, are judged too, with no track in them; a stamp of the truth that stands alone, too far
-    from all others, is not. Without any frame of tracks, every stamp of the truth is judged. A person is where their row
-    says at that stamp, else linearly between the person's own neighbouring rows no further apart than that (inside the
-    area as in the nearer row), else not there. Without `interpolate` a person is only where a row says so: for tables
-    that count frames.
+    (see `report_clock`), a moment each period of that silence is judged too, with no track in it: the nearest of the
+    truth's stamps, or one between two of them where the truth's rows come more rarely than the tracker's frames. A stamp
+    of the truth that stands alone, too far from all others, is not judged. Without any frame of tracks, every stamp of
+    the truth is judged. A person is where their row says at that stamp, else linearly between the person's own
+    neighbouring rows no further apart than that (inside the area as in the nearer row), else not there. Without
+    `interpolate` a person is only where a row says so: for tables that count frames.
 
     Raises InputError where the truth holds no moment at all, or the tracks none at which the truth is known.
     """
@@ -86,7 +83,12 @@ def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) ->
     if tracks.frame_stamps_ns.size and reported.size == 0:
         raise _nothing_shared(truth, tracks, gap_ns)
     near = _without_lone_stamps(truth.frame_stamps_ns, gap_ns) if interpolate else truth.frame_stamps_ns
-    silent = _silent_stamps(near, tracks.frame_stamps_ns)
+    clock = report_clock(tracks.frame_stamps_ns, near)
+    if interpolate and clock is not None:
+        # Truth that comes as often as the tracker's frames has holes where a sensor failed: nothing was owed there.
+        longest_ns = gap_ns if clock.silence_ns < usual_ns else min(gap_ns, clock.silence_ns)
+        near = with_moments_between(near, longest_ns, max(clock.period_ns, usual_ns / MOST_BETWEEN))
+    silent = silent_stamps(near, tracks.frame_stamps_ns, clock)
     stamps = np.union1d(reported, silent)
     frames = _frames_at(truth, tracks, stamps, gap_ns)
     n_total = int(tracks.frame_stamps_ns.size + silent.size)
@@ -95,6 +97,12 @@ def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) ->
         notes.append(
             f"{truth.source}: a person's rows come every {usual_ns / NS_PER_S:.3g} s; between rows at most "
             f"{gap_ns / NS_PER_S:.3g} s apart people are taken to walk straight on"
+        )
+    if clock is not None and silent.size > TOLD_SHARE * n_total:
+        notes.append(
+            f"{tracks.source}: reports nothing in {silent.size} of {n_total} frames, the first of them at "
+            f"{silent[0] / NS_PER_S:.3f} s, though it reports every {clock.period_ns / NS_PER_S:.3g} s otherwise; everybody "
+            "there counts as missed; a row with t alone says that a frame has no tracks"
         )
     if len(frames) < (1 - TOLD_SHARE) * n_total:
         unknown = np.setdiff1d(tracks.frame_stamps_ns, reported)
@@ -207,55 +215,6 @@ def _is_covered(truth_stamps: NDArray[np.int64], stamps: NDArray[np.int64], gap_
     bracketed = (before >= 0) & (after < truth_stamps.size)
     gap = truth_stamps[np.minimum(after, truth_stamps.size - 1)] - truth_stamps[np.maximum(before, 0)]
     return bracketed & (gap <= gap_ns)
-
-
-def _silent_stamps(truth_stamps: NDArray[np.int64], track_stamps: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The truth's stamps that stand for frames which the tracker did not report, ascending.
-
-    In a silence a frame is wanted every period. Only those within half a period of a stamp of the truth can be judged, and
-    only those are looked at: a silence may last for years.
-    """
-    if track_stamps.size == 0:
-        return truth_stamps
-    periods = np.diff(track_stamps if track_stamps.size > 1 else truth_stamps)
-    if periods.size == 0:
-        return np.zeros(0, dtype=np.int64)
-    period = float(np.median(periods))
-    silent = SILENCE_FACTOR * float(np.quantile(periods, USUAL_SHARE))
-    first, last = int(track_stamps[0]), int(track_stamps[-1])
-    start, end = int(truth_stamps[0]), int(truth_stamps[-1])
-    wanted: list[NDArray[np.floating]] = [np.zeros(0)]
-    before, after = track_stamps[:-1], track_stamps[1:]
-    counts = ((after - before) / period + 0.5).astype(np.int64) - 1  # the last at least half a period before `after`
-    counts[after - before <= silent] = 0
-    inside = truth_stamps[(truth_stamps > first) & (truth_stamps <= last)]
-    gap = np.searchsorted(track_stamps, inside, side="left") - 1
-    for steps in _steps_near((inside - before[gap]) / period):
-        kept = (steps >= 1) & (steps <= counts[gap])
-        wanted.append(before[gap[kept]] + steps[kept] * period)
-    if first - start > silent:
-        n_step = int((first - start) / period + JITTER_SHARE)
-        for steps in _steps_near((first - truth_stamps[truth_stamps < first]) / period):
-            wanted.append(first - steps[(steps >= 1) & (steps <= n_step)] * period)
-    if end - last > silent:
-        n_step = int((end - last) / period + JITTER_SHARE)
-        for steps in _steps_near((truth_stamps[truth_stamps > last] - last) / period):
-            wanted.append(last + steps[(steps >= 1) & (steps <= n_step)] * period)
-    times = np.concatenate(wanted)
-    if not times.size:
-        return np.zeros(0, dtype=np.int64)
-    after = np.clip(np.searchsorted(truth_stamps, times), 1, max(truth_stamps.size - 1, 1))
-    low, high = truth_stamps[after - 1], truth_stamps[np.minimum(after, truth_stamps.size - 1)]
-    nearest = np.where(times - low <= high - times, low, high)
-    # Where the truth has a hole of its own, nothing near the wanted time can be judged.
-    near = nearest[np.abs(nearest - times) <= period / 2]
-    return np.setdiff1d(near, track_stamps)
-
-
-def _steps_near(steps: NDArray[np.float64]) -> list[NDArray[np.int64]]:
-    """The whole numbers around each of these (n,), far enough on either side to hold all within a half and rounding."""
-    whole = np.rint(steps).astype(np.int64)
-    return [whole - 1, whole, whole + 1]
 
 
 def _people_at(

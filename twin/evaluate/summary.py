@@ -133,7 +133,7 @@ def evaluate_with_details(
         people=people,
         situations=situations,
         errors=errors,
-        notes=aligned.notes,
+        notes=(*truth.notes, *tracks.notes, *aligned.notes),
     )
 
 

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.recording.csv_columns import StampedRows, read_csv_columns
 from twin.recording.detail_rows import (
     DetailWriter,
     FrameRows,
@@ -25,6 +24,7 @@ from twin.recording.detail_rows import (
     refuse_repeats,
     split_frames,
 )
+from twin.tables.columns import StampedRows, read_csv_columns
 from twin.truth.frames import BoxFrame
 
 BOX_COLUMNS = ("t", "camera", "id", "left", "top", "width", "height", "visible_px", "truncated")

@@ -14,10 +14,10 @@ from rosbags.typesys.stores.ros2_humble import std_msgs__msg__String as String
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from twin.recording.csv_columns import CsvColumns
 from twin.recording.messages import STRING, TYPESTORE
 from twin.recording.tables import seconds_cell
 from twin.recording.whole_file import whole_file
+from twin.tables.columns import CsvColumns
 
 Cells = Mapping[str, int]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from twin.recording.csv_columns import read_csv_columns
 from twin.recording.whole_file import whole_file
+from twin.tables.columns import read_csv_columns
 
 PEOPLE_COLUMNS = ("id", "name")
 

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
-from twin.recording.csv_columns import CsvColumns, StampedRows, read_csv_columns
 from twin.recording.detail_rows import DetailWriter, FrameRows, detail_writer, frame_json, frames_once, split_frames
+from twin.tables.columns import CsvColumns, StampedRows, read_csv_columns
 from twin.truth.frames import RayFrame
 
 RAY_COLUMNS = ("t", "sensor", "id", "first_beam", "last_beam")

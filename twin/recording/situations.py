@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from twin.recording.csv_columns import read_csv_columns
 from twin.recording.detail_rows import json_string
 from twin.recording.tables import Row, cell, plain, seconds_cell
 from twin.recording.whole_file import whole_file
+from twin.tables.columns import read_csv_columns
 from twin.truth.frames import Separation, Situation, SituationKind
 
 SITUATION_COLUMNS = ("kind", "first_id", "second_id", "sensor", "start_t", "end_t", "complete", "how", "least_m")

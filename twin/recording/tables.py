@@ -19,12 +19,13 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.text_file import AnyPath
 from trackers.tracks import Track, TrackFrame
-from twin.recording.csv_columns import MAX_INT64, CsvColumns, StampedRows, read_csv_columns
 from twin.recording.whole_file import whole_file
+from twin.tables.columns import MAX_INT64, CsvColumns, StampedRows
+from twin.tables.doubts import doubts
+from twin.tables.people import read_people
 from twin.truth.frames import PersonTruth, TruthFrame
 
 _TRUTH_NUMBERS = ("x", "y", "z", "yaw", "head_x", "head_y", "head_z", "head_yaw", "vx", "vy")
@@ -58,6 +59,7 @@ class TruthTable(StampedRows):
     vy: NDArray[np.float64]
     in_area: NDArray[np.bool_]
     visible: dict[str, NDArray[np.float64]]  # by sensor
+    notes: tuple[str, ...] = ()  # what was guessed in reading it
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +79,8 @@ class TrackTable(StampedRows):
     head_y: NDArray[np.float64]
     head_z: NDArray[np.float64]
     head_yaw: NDArray[np.float64]
-    status: NDArray[np.str_]  # (n,) of STATUSES
+    status: NDArray[np.str_]  # (n,) of STATUSES; "": not said
+    notes: tuple[str, ...] = ()  # what was guessed in reading it
 
 
 class TruthWriter:
@@ -158,38 +161,54 @@ def track_writer(path: Path) -> Iterator[TrackWriter]:
         yield TrackWriter(stream)
 
 
-def read_truth(path: AnyPath, most_bytes: int | None = None) -> TruthTable:
+def read_truth(
+    path: AnyPath, most_bytes: int | None = None, frame_rate_hz: float | None = None, rate_field: str = "frame_rate_hz"
+) -> TruthTable:
     """Read a `truth.csv` of no more than `most_bytes` (None: any size).
 
-    Cells other than t, id, x, y and in_area may be empty. Columns visible_<sensor> are kept by sensor, others that the
-    contract does not name are passed over. Raises InputError naming file, line, column and value.
+    t (or frame, with `frame_rate_hz`, which `rate_field` says), id, x and y suffice; see `read_people` for the layouts.
+    Ids that are not all whole numbers from 1 on are counted from 1. Without in_area everybody is inside. Columns
+    visible_<sensor> are kept by sensor, others that the contract does not name are passed over. Raises InputError
+    naming file, line, column and value.
     """
-    path = Path(path)
-    columns = read_csv_columns(path, TRUTH_COLUMNS, "truth table", most_bytes)
-    frame_stamps, rows, stamps, ids = _index(columns, TRUTH_COLUMNS[1:])
+    found = read_people(Path(path), "a truth table", most_bytes, frame_rate_hz, rate_field)
+    rows = found.rows
     visible = {}
-    for name in columns.cells:
+    for name in rows.cells:
         if name.startswith(_VISIBLE):
             share = rows.numbers(name, may_be_empty=True)
             for row in np.flatnonzero((share < 0) | (share > 1))[:1]:
                 rows.refuse(int(row), name, "a share from 0 to 1 or an empty cell")
             visible[name.removeprefix(_VISIBLE)] = share
-    numbers = {name: rows.numbers(name, may_be_empty=name not in ("x", "y")) for name in _TRUTH_NUMBERS}
-    in_area = rows.flags("in_area")
-    return TruthTable(str(path), frame_stamps, stamps, ids, **numbers, in_area=in_area, visible=visible)
+    numbers = {name: _numbers(rows, name) for name in _TRUTH_NUMBERS}
+    in_area = rows.flags("in_area") if "in_area" in rows.cells else np.ones(len(rows), dtype=np.bool_)
+    return TruthTable(
+        str(path),
+        found.frame_stamps_ns,
+        found.stamps_ns,
+        found.ids(),
+        **numbers,
+        in_area=in_area,
+        visible=visible,
+        notes=found.notes if set(TRUTH_COLUMNS) <= set(rows.cells) else (*found.notes, *doubts(found)),
+    )
 
 
-def read_tracks(path: AnyPath, most_bytes: int | None = None) -> TrackTable:
+def read_tracks(
+    path: AnyPath, most_bytes: int | None = None, frame_rate_hz: float | None = None, rate_field: str = "frame_rate_hz"
+) -> TrackTable:
     """Read a `tracks/<tracker>.csv` of no more than `most_bytes` (None: any size).
 
-    Cells other than t, id, x, y and status may be empty. Columns that the contract
-    does not name are passed over. Raises InputError naming file, line, column and value.
+    t (or frame), id, x and y suffice, as in `read_truth`; status is "" where the table has none. Columns that the
+    contract does not name are passed over. Raises InputError naming file, line, column and value.
     """
-    path = Path(path)
-    columns = read_csv_columns(path, TRACK_COLUMNS, "tracks table", most_bytes)
-    frame_stamps, rows, stamps, ids = _index(columns, TRACK_COLUMNS[1:])
-    numbers = {name: rows.numbers(name, may_be_empty=name not in ("x", "y")) for name in _TRACK_NUMBERS}
-    return TrackTable(str(path), frame_stamps, stamps, ids, **numbers, status=rows.words("status", STATUSES))
+    found = read_people(Path(path), "a tracks table", most_bytes, frame_rate_hz, rate_field)
+    rows = found.rows
+    numbers = {name: _numbers(rows, name) for name in _TRACK_NUMBERS}
+    status = rows.words("status", STATUSES) if "status" in rows.cells else np.zeros(len(rows), dtype="<U9")
+    return TrackTable(
+        str(path), found.frame_stamps_ns, found.stamps_ns, found.ids(), **numbers, status=status, notes=found.notes
+    )
 
 
 def truth_table(frames: Iterable[TruthFrame], source: str = "truth") -> TruthTable:
@@ -204,7 +223,7 @@ def truth_table(frames: Iterable[TruthFrame], source: str = "truth") -> TruthTab
         frame_stamps,
         stamps,
         ids,
-        **_memory_numbers(ordered, _TRUTH_NUMBERS),
+        **dict[str, Any](_memory_numbers(ordered, _TRUTH_NUMBERS)),
         in_area=np.array([person.in_area for person in ordered], dtype=np.bool_),
         visible={s: np.array([person.visible.get(s, nan) for person in ordered], dtype=np.float64) for s in sensors},
     )
@@ -217,7 +236,9 @@ def track_table(frames: Iterable[TrackFrame], source: str = "tracks") -> TrackTa
     frame_stamps, stamps, ids, order = _memory_index([f.stamp_ns for f in frames], [(s, t.id) for s, t in tracks])
     ordered = [tracks[i][1] for i in order]
     status = np.array([track.status for track in ordered], dtype="<U9")
-    return TrackTable(source, frame_stamps, stamps, ids, **_memory_numbers(ordered, _TRACK_NUMBERS), status=status)
+    return TrackTable(
+        source, frame_stamps, stamps, ids, **dict[str, Any](_memory_numbers(ordered, _TRACK_NUMBERS)), status=status
+    )
 
 
 class _RowWriter:
@@ -287,29 +308,11 @@ def number_cell(value: float) -> str:
     raise ValueError(f"{value} in a table; a finite number, or NaN for one that is not known, is needed")
 
 
-def _index(
-    columns: CsvColumns, names: Sequence[str]
-) -> tuple[NDArray[np.int64], CsvColumns, NDArray[np.int64], NDArray[np.int64]]:
-    """Every moment once; the rows with somebody, ordered by stamp and id; their stamps [ns]; their ids."""
-    all_stamps = columns.stamps_ns("t")
-    filled = columns.filled(names) if len(columns) else np.zeros(0, dtype=np.bool_)
-    somebody = np.flatnonzero(filled)
-    all_ids = np.zeros(len(columns), dtype=np.int64)  # 0: a row without anybody
-    all_ids[somebody] = columns.take(somebody).integers("id", minimum=1)
-    order = np.lexsort((all_ids, all_stamps))
-    stamps, ids = all_stamps[order], all_ids[order]
-    same_moment = stamps[1:] == stamps[:-1]
-    for fault in np.flatnonzero(same_moment & ((ids[1:] == ids[:-1]) | (ids[:-1] == 0)))[:1]:
-        first, second = sorted((int(order[fault]), int(order[fault + 1])))
-        what = f"t {columns.cells['t'][second]}, id {columns.cells['id'][second] or 'empty'}"
-        where = f"{columns.source}: line {columns.lines[second]}"
-        if ids[fault] == ids[fault + 1]:
-            raise InputError(f"{where}: {what} stands on line {columns.lines[first]} too; each pair once is expected")
-        raise InputError(
-            f"{where}: {what} contradicts line {columns.lines[first]}; only t filled says that nobody is there"
-        )
-    kept = order[filled[order]]
-    return np.unique(all_stamps), columns.take(kept), all_stamps[kept], all_ids[kept]
+def _numbers(rows: CsvColumns, name: str) -> NDArray[np.float64]:
+    """A column's numbers; NaN where the table has no such column."""
+    if name not in rows.cells:
+        return np.full(len(rows), nan)
+    return rows.numbers(name, may_be_empty=name not in ("x", "y"))
 
 
 def _memory_index(

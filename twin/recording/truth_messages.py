@@ -27,10 +27,10 @@ from rosbags.typesys.stores.ros2_humble import (
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.tracks import Track
-from twin.recording.csv_columns import MAX_INT64
 from twin.recording.messages import STRING, TYPESTORE, time_message
 from twin.recording.tables import TRUTH_COLUMNS, PersonTruth, TruthFrame, person_of, person_row, plain
 from twin.recording.topics import ROOM_FRAME
+from twin.tables.columns import MAX_INT64
 
 MARKER_ARRAY = "visualization_msgs/msg/MarkerArray"
 

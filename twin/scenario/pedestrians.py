@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
-from math import cos, hypot, isfinite, radians, sin
+from math import cos, hypot, radians, sin
 from pathlib import Path as FilePath
 from statistics import median
 from typing import Any
 
+import numpy as np
 from pydantic import Field, FiniteFloat
 
 from trackers.configuration import Strict
 from trackers.errors import InputError
+from trackers.observations import NS_PER_S
 from trackers.rig import Point2
-from trackers.text_file import read_text
+from trackers.text_file import MOST_TEXT_BYTES
 from twin.scenario.behaviour import JUMP_M_S
+from twin.tables.doubts import doubts
+from twin.tables.people import by_number, read_people
 
-_HEADER = ["t", "id", "x", "y"]
 _SLOWEST_S = 10.0
 """Rows further apart than this say nothing of how somebody walked."""
 _FURTHEST_M = 1e6
-_HIGHEST_NUMBER = 2**53
 _GAP = 3.0
 """A hole in a path longer than this many of the file's usual intervals is an error of the recording."""
 
@@ -31,15 +34,15 @@ Row = tuple[float, float, float]
 class Pedestrians(Strict):
     """People who keep the paths in a file: one person each, called `prefix` and the number in the file.
 
-    The file has rows of `frame id x z y ...` parted by blanks (ETH BIWI's and UCY's layout; y is the fifth column, and
-    `frame_rate_hz` turns frames into seconds), or a header `t,id,x,y` and rows parted by commas. Its first moment is
+    The file is a table with the columns t or frame, id, x, y in any layout that `twin.tables.people` reads, ETH's, UCY's,
+    TrajNet's and PeTrack's among them; `frame_rate_hz` turns frames into seconds. Its first moment is
     t = 0; `start_s` into it the scenario begins. `turn_deg` about the file's origin, then `shift_m`, bring its
     places into the room's frame. They carry no bags. Everybody who is there between the start and the scenario's end
     comes, or only `ids`.
     """
 
     file: str = Field(
-        description="path of the file, relative to the scenario: rows of frame, id, x, z, y ..., or a table t,id,x,y [s, m]"
+        description="path of the file, relative to the scenario: a table with columns t or frame, id, x, y [s, m]"
     )
     frame_rate_hz: float | None = Field(
         default=None,
@@ -56,8 +59,8 @@ class Pedestrians(Strict):
     turn_deg: FiniteFloat = Field(
         default=0.0, description="turns the paths about the file's origin, counter-clockwise [deg]"
     )
-    ids: tuple[int, ...] | None = Field(
-        default=None, description="numbers of the people to take; none: everybody who is there during the run"
+    ids: tuple[int | str, ...] | None = Field(
+        default=None, description="ids of the people to take; none: everybody who is there during the run"
     )
     prefix: str = Field(
         default="walker-",
@@ -75,7 +78,8 @@ def people_from(
     value for what is no path: gaps, repeated stamps, jumps, NaN, nobody there.
     """
     path = FilePath(pedestrians.file)
-    paths = _read(path, pedestrians.frame_rate_hz, f"{source}: pedestrians.frame_rate_hz")
+    paths, told = _read(path, pedestrians.frame_rate_hz, f"{source}: pedestrians.frame_rate_hz")
+    wanted = None if pedestrians.ids is None else list(dict.fromkeys(str(number) for number in pedestrians.ids))
     seen_once = [number for number, rows in paths.items() if len(rows) < 2]
     for number in seen_once:
         del paths[number]
@@ -88,21 +92,23 @@ def people_from(
             "rows, and the recording's own frame_rate_hz where it counts frames, are expected"
         )
     first_s = min(rows[0][0] for rows in paths.values()) + pedestrians.start_s
-    for number in pedestrians.ids or ():
+    for number in wanted or ():
         if number not in paths:
             what = (
                 f"has one row of number {number}, no path"
                 if number in seen_once
                 else f"holds nobody of number {number}"
             )
-            raise InputError(f"{source}: pedestrians.ids: {path} {what}; one of {_some(sorted(paths))} is expected")
+            raise InputError(
+                f"{source}: pedestrians.ids: {path} {what}; one of {_some(sorted(paths, key=by_number))} is expected"
+            )
     people = {}
     angle = radians(pedestrians.turn_deg)
-    for number in sorted(paths if pedestrians.ids is None else set(pedestrians.ids)):
+    for number in sorted(paths if wanted is None else wanted, key=by_number):
         rows = paths[number]
         _check_gaps(rows, usual_s, f"{path}: person {number}")
         if not (rows[-1][0] > first_s and rows[0][0] < first_s + duration_s):
-            if pedestrians.ids is None:
+            if wanted is None:
                 continue
             raise InputError(
                 f"{source}: pedestrians.ids: person {number} of {path} is there from {rows[0][0] - first_s:g} to "
@@ -125,68 +131,53 @@ def people_from(
             f"{source}: pedestrians.start_s: nobody of {path} is there from {pedestrians.start_s:g} s on for "
             f"{duration_s:g} s; a moment from 0 to {last:g} s at which somebody walks is expected"
         )
-    return people, _warnings(path, seen_once if pedestrians.ids is None else [])
+    return people, [*(f"pedestrians: {note}" for note in told), *_warnings(path, seen_once if wanted is None else [])]
 
 
-def _warnings(path: FilePath, seen_once: list[int]) -> list[str]:
+def _warnings(path: FilePath, seen_once: list[str]) -> list[str]:
     if not seen_once:
         return []
-    who = f"person {seen_once[0]} has" if len(seen_once) == 1 else f"people {_some(sorted(seen_once))} have"
+    who = (
+        f"person {seen_once[0]} has"
+        if len(seen_once) == 1
+        else f"people {_some(sorted(seen_once, key=by_number))} have"
+    )
     return [
         f"pedestrians: {who} one row in {path.name}, which is no path, and {'is' if len(seen_once) == 1 else 'are'} left out"
     ]
 
 
-def _read(path: FilePath, frame_rate_hz: float | None, rate_field: str) -> dict[int, list[Row]]:
-    """The rows of each person in order of time."""
-    text = read_text(path, "a file of paths (rows of 'frame id x z y' or a table t,id,x,y)")
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
-    is_table = bool(lines) and "," in lines[0][1]
-    if is_table:
-        header = [cell.strip() for cell in lines[0][1].split(",")]
-        if header[:4] != _HEADER:
-            raise InputError(f"{path}: line 1: the header is {lines[0][1]!r}; t,id,x,y is expected")
-        lines, columns, times = lines[1:], (0, 1, 2, 3), 1.0
-    else:
-        if frame_rate_hz is None and lines:
-            raise InputError(
-                f"{rate_field}: is missing and {path} counts frames; the recording's frames a second are expected "
-                "(15 for the ETH file, 25 for UCY's)"
-            )
-        columns, times = (0, 1, 2, 4), 1.0 / (frame_rate_hz or 1.0)
-    paths: dict[int, dict[float, Row]] = {}
-    for number, line in lines:
-        where = f"{path}: line {number}"
-        cells = line.split(",") if is_table else line.split()
-        if len(cells) <= columns[-1]:
-            layout = "t,id,x,y" if is_table else "frame id x z y"
-            raise InputError(f"{where}: has {len(cells)} columns; {layout} is expected")
-        t, who, x, y = (_number(cells[column], where) for column in columns)
-        if who != int(who) or not 0 <= who <= _HIGHEST_NUMBER:
-            raise InputError(
-                f"{where}: {cells[columns[1]]!r} is no person's number; a whole number from 0 on is expected"
-            )
-        if max(abs(x), abs(y)) > _FURTHEST_M:
-            raise InputError(f"{where}: [{x:g}, {y:g}] is out of the world; at most {_FURTHEST_M:g} m are expected")
-        rows = paths.setdefault(int(who), {})
-        if t * times in rows:
-            raise InputError(f"{where}: person {int(who)} stands there twice at {cells[0].strip()}; once is expected")
-        rows[t * times] = (t * times, x, y)
+def _read(path: FilePath, frame_rate_hz: float | None, rate_field: str) -> tuple[dict[str, list[Row]], list[str]]:
+    """The rows of each person in order of time, by label; and what was guessed."""
+    found = read_people(path, "a table of paths", MOST_TEXT_BYTES, frame_rate_hz, rate_field)
+    x, y = (found.rows.numbers(name, may_be_empty=False) for name in "xy")
+    for row in np.flatnonzero(np.maximum(np.abs(x), np.abs(y)) > _FURTHEST_M)[:1]:
+        raise InputError(
+            f"{path}: line {found.rows.lines[row]}: [{x[row]:g}, {y[row]:g}] is out of the world; at most {_FURTHEST_M:g} m "
+            "are expected"
+        )
+    told = [*found.notes, *doubts(found)]
+    paths: dict[str, list[Row]] = {}
+    for who, stamp_ns, *place in zip(found.labels, found.stamps_ns.tolist(), x.tolist(), y.tolist(), strict=True):
+        paths.setdefault(who, []).append((stamp_ns / NS_PER_S, place[0], place[1]))
     if not paths:
-        raise InputError(f"{path}: holds no rows; 'frame id x z y' or a table t,id,x,y is expected")
-    return {who: _ordered(rows, f"{path}: person {who}") for who, rows in paths.items()}
+        raise InputError(f"{path}: holds no rows; a table with the columns t (or frame), id, x, y is expected")
+    for who in paths:
+        if re.fullmatch(r"[A-Za-z0-9_-]+", who) is None:
+            raise InputError(f"{path}: id {who!r} makes no name of a person; letters, digits, _ and - are expected")
+    for who, rows in paths.items():
+        _check_jumps(rows, f"{path}: person {who}")
+    return paths, told
 
 
-def _ordered(rows: dict[float, Row], where: str) -> list[Row]:
-    ordered = [rows[t] for t in sorted(rows)]
-    for (t, x, y), (t2, x2, y2) in pairwise(ordered):
+def _check_jumps(rows: list[Row], where: str) -> None:
+    for (t, x, y), (t2, x2, y2) in pairwise(rows):
         speed = hypot(x2 - x, y2 - y) / (t2 - t)
         if speed > JUMP_M_S:
             raise InputError(
                 f"{where}: jumps from [{x:g}, {y:g}] to [{x2:g}, {y2:g}] at {t2:g} s of the file, {speed:.1f} m/s; "
                 f"at most {JUMP_M_S:g} m/s is expected"
             )
-    return ordered
 
 
 def _check_gaps(rows: list[Row], usual_s: float, where: str) -> None:
@@ -198,16 +189,6 @@ def _check_gaps(rows: list[Row], usual_s: float, where: str) -> None:
             )
 
 
-def _number(text: str, where: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not isfinite(value):
-        raise InputError(f"{where}: {text.strip()!r} is not a finite number; one is expected")
-    return value
-
-
-def _some(numbers: list[int]) -> str:
-    shown = ", ".join(str(number) for number in numbers[:10])
-    return shown if len(numbers) <= 10 else f"{shown}, ... {numbers[-1]}"
+def _some(labels: list[str]) -> str:
+    shown = ", ".join(labels[:10])
+    return shown if len(labels) <= 10 else f"{shown}, ... {labels[-1]}"

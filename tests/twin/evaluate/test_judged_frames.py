@@ -10,7 +10,8 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.tracks import Track, TrackFrame
 from twin.evaluate import evaluate_with_details
-from twin.evaluate.frames import _silent_stamps, align
+from twin.evaluate.frames import align
+from twin.evaluate.silence import report_clock, silent_stamps
 from twin.recording.tables import PersonTruth, TruthFrame, track_table, truth_table
 
 FAR_S = (-1.7e9, -3e4, 1e4, 1.7e9, 9e9)
@@ -28,10 +29,8 @@ def tracks_at(stamps_s, walk=lambda t: (0.1 * t, 0.0)):
     return track_table(frames, "tracks.csv")
 
 
-def wanted_in_silence(truth_ns: np.ndarray, track_ns: np.ndarray) -> list[int]:
+def wanted_in_silence(truth_ns: np.ndarray, track_ns: np.ndarray, period: float, silent: float) -> list[int]:
     """The rule in its plainest form: every period of every silence, step by step."""
-    gaps = np.diff(track_ns if track_ns.size > 1 else truth_ns)
-    period, silent = float(np.median(gaps)), 1.5 * float(np.quantile(gaps, 0.8))
     wanted = []
     for before, after in zip(track_ns[:-1].tolist(), track_ns[1:].tolist(), strict=True):
         if after - before > silent:
@@ -59,7 +58,10 @@ def wanted_in_silence(truth_ns: np.ndarray, track_ns: np.ndarray) -> list[int]:
 def test_silence_is_filled_with_the_truths_stamps(track_gaps, truth_gaps, start) -> None:
     track_ns = np.cumsum([0, *track_gaps]).astype(np.int64) * 1_000_000
     truth_ns = (start + np.cumsum([0, *truth_gaps]).astype(np.int64)) * 1_000_000
-    assert _silent_stamps(truth_ns, track_ns).tolist() == wanted_in_silence(truth_ns, track_ns)
+    clock = report_clock(track_ns, truth_ns)
+    assert clock is not None and clock.period_ns < clock.silence_ns
+    found = silent_stamps(truth_ns, track_ns, clock).tolist()
+    assert found == wanted_in_silence(truth_ns, track_ns, clock.period_ns, clock.silence_ns)
 
 
 @pytest.mark.parametrize("far_s", FAR_S)
@@ -109,7 +111,7 @@ def test_truth_of_any_rate_is_interpolated_between_its_own_rows(truth_hz, track_
 def test_interpolation_over_more_than_a_quarter_of_a_second_is_said() -> None:
     sparse = evaluate_with_details(truth_at(np.arange(0, 10, 0.4)), tracks_at(np.arange(0, 9.5, 0.1) + 0.03))
     assert any("rows come every 0.4 s; between rows at most 1 s apart" in note for note in sparse.notes)
-    dense = evaluate_with_details(truth_at(np.arange(0, 10, 0.1)), tracks_at(np.arange(0, 9.5, 0.1) + 0.03))
+    dense = evaluate_with_details(truth_at(np.arange(0, 10, 0.1)), tracks_at(np.arange(0, 9.8, 0.1) + 0.03))
     assert dense.notes == ()
 
 
@@ -151,3 +153,109 @@ def test_work_goes_with_the_rows_where_everybody_comes_once() -> None:
     tracks = [TrackFrame(k * NS_PER_S // 10, ()) for k in range(n)]
     aligned = align(truth_table(frames), track_table(tracks))
     assert [frame.person_ids.size for frame in aligned.frames] == [1] * n
+
+
+# --- silences
+
+
+def owed(truth, tracks) -> tuple[int, int]:
+    """How many frames are judged without a track, and how many in all."""
+    frames = align(truth, tracks).frames
+    assert all(frame.person_ids.size == 2 for frame in frames)
+    return sum(frame.track_ids.size == 0 for frame in frames), len(frames)
+
+
+def comb(rate_hz: float, phase: float, jitter: float, rng: np.random.Generator, end_s: float = 12.0) -> np.ndarray:
+    """Stamps of a sensor [s]: every period from `phase` periods on, each off by up to `jitter` periods."""
+    n = int((end_s - 0.5) * rate_hz)
+    return (np.arange(n) + phase + rng.uniform(-jitter, jitter, n)) / rate_hz + 0.2
+
+
+def truth_of(kind: str, sensors_s: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Stamps of the truth from the first to the last of the sensors': the twin's, a motion capture's, a person's labels."""
+    if kind == "sensors":
+        return np.unique(sensors_s)
+    rate_hz, jitter = {"120 Hz": (120.0, 0.0), "25 Hz": (25.0, 0.1), "2.5 Hz": (2.5, 0.3)}[kind]
+    first, last = sensors_s.min(), sensors_s.max()
+    inner = np.arange(first + 0.5 / rate_hz, last - 0.5 / rate_hz, 1 / rate_hz)
+    return np.array([first, *(inner + rng.uniform(-jitter, jitter, inner.size) / rate_hz), last])
+
+
+TRUTHS = ("sensors", "120 Hz", "25 Hz", "2.5 Hz")
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    rate_hz=st.sampled_from([4.0, 7.5, 9.97, 10.0, 25.0, 40.0]),
+    every=st.integers(5, 25),
+    jitter=st.floats(0, 0.05),
+    truth=st.sampled_from(TRUTHS),
+    seed=st.integers(0, 2**16),
+)
+@example(rate_hz=10.0, every=10, jitter=0.0, truth="2.5 Hz", seed=0)
+@example(rate_hz=10.0, every=10, jitter=0.05, truth="sensors", seed=0)
+def test_frames_left_out_are_owed_whatever_truth_it_is(rate_hz, every, jitter, truth, seed) -> None:
+    rng = np.random.default_rng(seed)
+    sensor_s = comb(rate_hz, 0.0, jitter, rng)
+    left_out = np.arange(sensor_s.size) % every == every // 2
+    left_out[-1] = False
+    truth_rows = truth_at(truth_of(truth, sensor_s, rng))
+    without = tracks_at(sensor_s[~left_out])
+    assert owed(truth_rows, tracks_at(sensor_s)) == (0, sensor_s.size)
+    assert owed(truth_rows, without) == (left_out.sum(), sensor_s.size)
+    told = f"reports nothing in {left_out.sum()} of {sensor_s.size} frames"
+    assert any(told in note for note in align(truth_rows, without).notes) == (left_out.mean() > 0.02)
+
+
+@settings(max_examples=10, deadline=None)
+@given(every=st.sampled_from([3, 4]), rate_hz=st.sampled_from([5.0, 10.0, 40.0]), jitter=st.floats(0, 0.05))
+def test_a_third_or_a_fourth_of_the_frames_is_owed_where_the_truth_has_their_stamps(every, rate_hz, jitter) -> None:
+    stamps = comb(rate_hz, 0.0, jitter, np.random.default_rng(1))
+    left_out = np.arange(stamps.size) % every == 1
+    left_out[-1] = False
+    assert owed(truth_at(stamps), tracks_at(stamps[~left_out])) == (left_out.sum(), stamps.size)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    share=st.floats(0.02, 0.2), truth=st.sampled_from(TRUTHS), rate_hz=st.sampled_from([5.0, 10.0]), seed=st.integers(0)
+)
+def test_frames_left_out_at_random_never_pay(share, truth, rate_hz, seed) -> None:
+    rng = np.random.default_rng(seed)
+    stamps = comb(rate_hz, 0.0, 0.03, rng)
+    truth_rows = truth_at(truth_of(truth, stamps, rng))
+    wrong = rng.random(stamps.size) < share
+    wrong[[0, -1]] = False
+    assert owed(truth_rows, tracks_at(stamps[~wrong])) == (wrong.sum(), stamps.size)
+
+
+@pytest.mark.parametrize("truth", TRUTHS)
+@pytest.mark.parametrize(
+    "sensors",
+    [
+        [(10.0, 0.0), (25.0, 0.0)],
+        [(10.0, 0.0), (10.0, 0.3)],
+        [(10.0, 0.0), (5.0, 0.25)],
+        [(10.0, 0.0), (1.0, 0.03)],
+        [(30.0, 0.0), (10.0, 0.5)],
+        [(7.5, 0.0), (12.0, 0.4)],
+        [(40.0, 0.0), (4.0, 0.2)],
+    ],
+    ids=str,
+)
+def test_sensors_of_unlike_rates_owe_nothing(sensors, truth) -> None:
+    rng = np.random.default_rng(5)
+    stamps = np.unique(np.round(np.concatenate([comb(rate, phase, 0.0, rng) for rate, phase in sensors]), 6))
+    assert owed(truth_at(truth_of(truth, stamps, rng)), tracks_at(stamps)) == (0, stamps.size)
+    # and one of them alone owes nothing of the other's stamps
+    own = np.round(comb(sensors[0][0], sensors[0][1], 0.0, rng), 6)
+    truth_s = truth_of(truth, stamps, rng)
+    truth_s = truth_s[truth_s <= own[-1]]
+    assert owed(truth_at(truth_s), tracks_at(own))[0] == 0
+
+
+def test_a_long_silence_weighs_its_time_under_sparse_truth_too() -> None:
+    stamps = np.arange(0, 20, 0.1)
+    silent = (stamps > 5) & (stamps < 15)
+    metrics = evaluate_with_details(truth_at(np.arange(0, 20.3, 0.4)), tracks_at(stamps[~silent])).metrics
+    assert (metrics["misses"], metrics["judged"]["frames"]) == (2 * silent.sum(), stamps.size)

@@ -29,8 +29,8 @@ FRAMES = """
 0 1 0.0 0 1.0 9 9 9
 4 1 0.4 0 1.0 9 9 9
 8 1 0.8 0 1.2 9 9 9
-4 2 3.0 0 3.0
-8 2 3.2 0 3.0
+4 2 3.0 0 3.0 9 9 9
+8 2 3.2 0 3.0 9 9 9
 """
 
 
@@ -79,7 +79,7 @@ def test_start_shift_and_turn(tmp_path: Path) -> None:
 
 
 def test_whoever_is_gone_before_the_start_does_not_come(tmp_path: Path) -> None:
-    later = load(tmp_path, FRAMES + "60 3 0 0 0\n64 3 0.4 0 0\n", "pedestrians.start_s=5")
+    later = load(tmp_path, FRAMES + "60 3 0 0 0 9 9 9\n64 3 0.4 0 0 9 9 9\n", "pedestrians.start_s=5")
     assert list(later.people) == ["walker-3"]
 
 
@@ -87,19 +87,21 @@ def test_whoever_is_gone_before_the_start_does_not_come(tmp_path: Path) -> None:
     ("paths", "said"),
     [
         ("0 1 0 0 0\n4 1 0.4 0 0\n8 1 0.8 0 0\n80 1 4 0 0\n", "gap of 7.2 s"),
-        ("0 1 0 0 0\n4 1 0.4 0 0\n4 1 0.5 0 0\n", "line 3: person 1 stands there twice"),
+        ("0 1 0 0 0\n4 1 0.4 0 0\n4 1 0.5 0 0\n", "line 3: t 4, id 1 stands on line 2 too"),
         ("0 1 0 0 0\n4 1 9 0 0\n", "22.5 m/s"),
-        ("0 1 0 0 0\n4 1 nan 0 0\n", "line 2: 'nan' is not a finite number"),
-        ("0 1 0 0 0\n4 1 inf 0 0\n", "'inf' is not a finite number"),
-        ("0 1 0 0 0\n4 1 a 0 0\n", "'a' is not a finite number"),
-        ("0 1 0 0\n", "has 4 columns; frame id x z y is expected"),
-        ("0 1.5 0 0 0\n4 1.5 0 0 0\n", "is no person's number"),
+        ("0 1 0 0 0\n4 1 nan 0 0\n", "line 2: column 3 is 'nan'; a finite number is expected"),
+        ("0 1 0 0 0\n4 1 inf 0 0\n", "column 3 is 'inf'; a finite number is expected"),
+        ("0 1 0 0 0\n4 1 a 0 0\n", "column 3 is 'a'; a finite number is expected"),
+        ("0 1 0\n", "has no header and 3 columns; frame,id,x,y without a header, or a header with the columns"),
+        ("0 1 0 0\n4 1 1\n", "line 2: has 3 cells; 4 as in the first row are expected"),
+        ("0,1,2,3,4,5,6,-1,-1,-1\n", "has no header and 10 columns"),
+        ("0 1.5 0 0 0\n4 1.5 0 0 0\n", "a whole number from 0 on, or a name, is expected"),
         ("0 1 0 0 0\n", "nobody has more than one row"),
         ("0 1 0 0 0\n10000000 1 0.4 0 0\n", "rows of a person come every 1e+06 s, too rarely for a path"),
         ("0 1 0 0 0\n4 1 1e200 0 0\n", "line 2: [1e+200, 0] is out of the world"),
-        ("0 1e300 0 0 0\n4 1e300 0 0 0\n", "is no person's number"),
+        ("0 1e300 0 0 0\n4 1e300 0 0 0\n", "a whole number from 0 on, or a name, is expected"),
         ("", "holds no rows"),
-        ("t,who,x,y\n0,1,0,0\n", "header is 't,who,x,y'"),
+        ("t,who,x,y\n0,1,0,0\n", "line 1: column 'id' is missing among t,who,x,y"),
     ],
 )
 def test_a_file_that_is_no_paths_teaches(tmp_path: Path, paths: str, said: str) -> None:
@@ -130,15 +132,18 @@ def test_a_wrong_description_teaches(tmp_path: Path, overrides: list[str], said:
 
 def test_somebody_with_one_row_is_left_out_with_a_warning(tmp_path: Path) -> None:
     said = "pedestrians: person 9 has one row in paths.txt, which is no path, and is left out"
-    scenario = load(tmp_path, FRAMES + "4 9 0 0 0\n")
-    assert list(scenario.people) == ["walker-1", "walker-2"] and scenario.warnings == (said,)
+    scenario = load(tmp_path, FRAMES + "4 9 0 0 0 9 9 9\n")
+    assert list(scenario.people) == ["walker-1", "walker-2"] and scenario.warnings[-1] == said
     (tmp_path / "again.yaml").write_text(dump_scenario(scenario))
     assert load_scenario(tmp_path / "again.yaml") == scenario
     with Simulation(scenario, images=False) as simulation:
         assert f"scenario 'crowd': {said}" in simulation.warnings
-    assert load(tmp_path, FRAMES).warnings == () and "warnings" not in dump_scenario(load(tmp_path, FRAMES))
+    (told,) = load(tmp_path, FRAMES).warnings
+    assert told.endswith("paths.txt: has no header; its columns are read as frame, id, x, z, y")
+    named = load(tmp_path, "frame,id,x,y\n0,1,0,0\n4,1,0.5,0\n")
+    assert named.warnings == () and "warnings" not in dump_scenario(named)
     with pytest.raises(InputError, match="has one row of number 9, no path; one of 1, 2 is expected"):
-        load(tmp_path, FRAMES + "4 9 0 0 0\n", "pedestrians.ids=[9]")
+        load(tmp_path, FRAMES + "4 9 0 0 0 9 9 9\n", "pedestrians.ids=[9]")
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="the recordings of pedestrians are not here")

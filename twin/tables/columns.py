@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from decimal import Decimal, InvalidOperation
 from math import isfinite, nan
 from pathlib import Path
@@ -16,7 +14,7 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from trackers.text_file import read_text
+from twin.tables.dialect import Cells, read_cells
 
 MAX_INT64 = int(np.iinfo(np.int64).max)
 _MAX_STAMP_S = Decimal(MAX_INT64 // NS_PER_S)
@@ -41,6 +39,8 @@ class CsvColumns:
     source: str
     cells: Mapping[str, Sequence[str]]
     lines: Sequence[int]
+    units: Mapping[str, float] = field(default_factory=dict)
+    """How many of a column's units make a metre or a second; 1 for columns that are not named."""
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -49,7 +49,7 @@ class CsvColumns:
         """The rows with these indices."""
         wanted: list[int] = rows.tolist()
         cells = {name: [column[row] for row in wanted] for name, column in self.cells.items()}
-        return CsvColumns(self.source, cells, [self.lines[row] for row in wanted])
+        return CsvColumns(self.source, cells, [self.lines[row] for row in wanted], self.units)
 
     def filled(self, names: Iterable[str]) -> NDArray[np.bool_]:
         """Whether a row has any of these cells filled, (n,)."""
@@ -57,7 +57,24 @@ class CsvColumns:
 
     def stamps_ns(self, name: str) -> NDArray[np.int64]:
         """Seconds in decimal notation as integer nanoseconds, to the nearest, (n,); exact where a float is not."""
-        return np.array(self._convert(name, _stamp_ns, "a time in seconds"), dtype=np.int64)
+        unit = Decimal(repr(self.units.get(name, 1.0)))
+        return np.array(self._convert(name, lambda text: _stamp_ns(text, unit), "a time in seconds"), dtype=np.int64)
+
+    def people(self, name: str) -> list[str]:
+        """Whom each row is about, n: a whole number from 0 on without leading zeros or decimals, or a name."""
+
+        def convert(text: str) -> str:
+            try:
+                number = float(text)
+            except ValueError:
+                if not text.strip():
+                    raise
+                return text.strip()
+            if not (number.is_integer() and 0 <= number <= MAX_INT64):
+                raise ValueError
+            return str(int(text) if text.strip().isdecimal() else int(number))
+
+        return self._convert(name, convert, "a whole number from 0 on, or a name,")
 
     def integers(self, name: str, minimum: int) -> NDArray[np.int64]:
         """Integers of at least `minimum`, (n,); "3.0" counts as 3, the way a table with empty cells is often saved."""
@@ -105,7 +122,7 @@ class CsvColumns:
             values = None
         n_empty = cells.count("") if may_be_empty else 0
         if values is not None and np.count_nonzero(~np.isfinite(values)) == n_empty and "_" not in "".join(cells):
-            return values
+            return values / self.units.get(name, 1.0)
         # Something is wrong somewhere: go cell by cell to say where.
         fault = next(r for r, c in enumerate(cells) if (c or not may_be_empty) and not _is_finite_number(c))
         self.refuse(fault, name, valid)
@@ -135,36 +152,35 @@ def read_csv_columns(path: Path, required: Sequence[str], what: str, most_bytes:
     Raises InputError for a file that cannot be read, is no CSV, lacks a required column, names one twice or has a row
     of another length than the header.
     """
-    text = read_text(path, f"a {what}", most_bytes).removeprefix("\ufeff")
-    try:
-        reader = csv.reader(io.StringIO(text), strict=True)
-        header = next(reader, None)
-        rows, lines = [], []
-        for row in reader:
-            if row:
-                rows.append(row)
-                lines.append(reader.line_num)
-    except csv.Error as error:
-        raise InputError(f"{path}: is not a CSV file in UTF-8 ({error}); a {what} is expected") from error
+    found = read_cells(path, f"a {what}", most_bytes)
     expected = ",".join(required)
+    header = found.header
     if header is None:
-        raise InputError(f"{path}: is empty; a {what} with the columns {expected} is expected")
-    header = [name.strip() for name in header]
+        why = "has no header" if found.rows else "is empty"
+        raise InputError(f"{path}: {why}; a {what} with the columns {expected} is expected")
     for name in required:
         if name not in header:
-            raise InputError(f"{path}: line 1: column {name!r} is missing; a {what} has the columns {expected}")
+            raise InputError(
+                f"{path}: line {found.header_line}: column {name!r} is missing; a {what} has the columns {expected}"
+            )
     for name in header:
         if header.count(name) > 1:
-            raise InputError(f"{path}: line 1: column {name!r} stands there twice; each column name once is expected")
-    for row, line in zip(rows, lines, strict=True):
-        if len(row) != len(header):
-            raise InputError(f"{path}: line {line}: has {len(row)} cells; {len(header)} as in the header are expected")
-    columns = list(zip(*rows, strict=True)) if rows else [()] * len(header)
-    return CsvColumns(str(path), dict(zip(header, columns, strict=True)), lines)
+            raise InputError(
+                f"{path}: line {found.header_line}: column {name!r} stands there twice; each column name once is expected"
+            )
+    return columns_of(str(path), header, found)
 
 
-def _stamp_ns(text: str) -> int:
+def columns_of(source: str, names: Sequence[str], found: Cells, units: Mapping[str, float] | None = None) -> CsvColumns:
+    """The cells by these names of their columns."""
+    columns = list(zip(*found.rows, strict=True)) if found.rows else [()] * len(names)
+    return CsvColumns(source, dict(zip(names, columns, strict=True)), found.lines, units or {})
+
+
+def _stamp_ns(text: str, unit: Decimal) -> int:
     seconds = Decimal(text.strip())
+    if unit != 1:
+        seconds /= unit
     if not seconds.is_finite() or abs(seconds) > _MAX_STAMP_S:
         raise ValueError
     return int((seconds * NS_PER_S).to_integral_value())

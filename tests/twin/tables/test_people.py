@@ -1,0 +1,247 @@
+"""One table of who is where when, said in many layouts: the same values, for paths of people, truth and tracks."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from trackers.errors import InputError
+from twin.cli import main
+from twin.recording.tables import read_tracks, read_truth
+from twin.scenario.pedestrians import Pedestrians, people_from
+from twin.tables.doubts import doubts
+from twin.tables.people import read_people
+
+RATE_HZ = 10
+CASES = Path(__file__).parents[4] / "shared" / "cases" / "21-csv-dialects"
+
+
+def walk(speed_m_s: float = 1.3, n_row: int = 30, step: int = 4) -> list[tuple[int, int, float, float]]:
+    """Rows of frame, id, x, y [m] by frame: four people who cross a square."""
+    rng = np.random.default_rng(11)
+    start, angle = rng.uniform(-9, 9, (4, 2)), rng.uniform(0, 2 * np.pi, 4)
+    rows = []
+    for k in range(n_row):
+        for who in range(4):
+            way = speed_m_s * k * step / RATE_HZ
+            x, y = start[who] + way * np.array([np.cos(angle[who]), np.sin(angle[who])])
+            rows.append((k * step, who + 3, round(float(x), 3), round(float(y), 3)))
+    return rows
+
+
+ROWS = walk()
+
+
+def table(separator: str, names: str, cells, rows=ROWS, end: str = "\n") -> str:
+    lines = [separator.join(names.split(" "))] if names else []
+    return end.join(lines + [separator.join(cells(*row)) for row in rows]) + end
+
+
+def plain(f, i, x, y):
+    return f"{f / RATE_HZ:.1f}", str(i), f"{x:.3f}", f"{y:.3f}"
+
+
+def frames(f, i, x, y):
+    return str(f), str(i), f"{x:.3f}", f"{y:.3f}"
+
+
+def comma(cell: str) -> str:
+    return cell.replace(".", ",")
+
+
+BASE = table(",", "t id x y", plain)
+SECONDS = {
+    "as the twin": BASE,
+    "byte order mark": "\ufeff" + BASE,
+    "quotes": table(",", "t id x y", lambda *r: [f'"{c}"' for c in plain(*r)]).replace("t,id,x,y", '"t","id","x","y"'),
+    "other order": table(",", "y id t x", lambda *r: [plain(*r)[k] for k in (3, 1, 0, 2)]),
+    "capitals": table(",", "T ID X Y", plain),
+    "mixed case": table(",", "Time Track_ID Pos_X Pos-Y", plain),
+    "semicolons": table(";", "t id x y", plain),
+    "decimal commas": table(";", "t id x y", lambda *r: map(comma, plain(*r))),
+    "tabs": table("\t", "t id x y", plain),
+    "blanks": table("   ", "t id x y", plain),
+    "blanks after commas": table(", ", "t id x y", plain),
+    "comments": "# by hand\n% twice\n// thrice\n" + BASE.replace("\n0.4", "\n# later\n0.4", 1),
+    "header in a comment": "# made here\n# " + BASE,
+    "row of units": BASE.replace("t,id,x,y\n", "t,id,x,y\ns,-,m,m\n"),
+    "row of units in brackets": BASE.replace("t,id,x,y\n", "t,id,x,y\n[s],[],[m],[m]\n"),
+    "centimetres": table(
+        ",", "t id x/cm y/cm", lambda f, i, x, y: (*plain(f, i, x, y)[:2], f"{x * 100:.1f}", f"{y * 100:.1f}")
+    ),
+    "millimetres below": "t,id,x,y\ns,,mm,mm\n"
+    + table(",", "", lambda f, i, x, y: (*plain(f, i, x, y)[:2], f"{x * 1000:.0f}", f"{y * 1000:.0f}")),
+    "milliseconds": table(",", "t[ms] id x[m] y[m]", lambda f, i, x, y: (str(f * 100), *plain(f, i, x, y)[1:])),
+    "Windows": BASE.replace("\n", "\r\n"),
+    "rows in another order": "t,id,x,y\n" + "".join(sorted(BASE.splitlines(keepends=True)[1:])[::-1]),
+    "ids as floats": table(
+        ",", "t id x y", lambda f, i, x, y: (plain(f, i, x, y)[0], f"{i}.0", *plain(f, i, x, y)[2:])
+    ),
+    "separator at the end": table(",", "t id x y", lambda *r: (*plain(*r), "")),
+    "foreign columns": table(",", "note t id x y", lambda *r: ("a", *plain(*r))),
+    "a spreadsheet's first line": "sep=;\n" + table(";", "t id x y", plain),
+    "seconds without header": table(" ", "", plain),
+}
+FRAMES = {
+    "TrajNet": table("\t", "", lambda f, i, x, y: (f"{f}.0", f"{i}.0", f"{x:.3f}", f"{y:.3f}")),
+    "TrajNet by person": table(" ", "", frames, sorted(ROWS, key=lambda row: (row[1], row[0]))),
+    "id before frame": table(" ", "", lambda f, i, x, y: (str(i), str(f), f"{x:.3f}", f"{y:.3f}")),
+    "obsmat": table("  ", "", lambda f, i, x, y: (f"{f:e}", f"{i:e}", f"{x:.9e}", "0.0", f"{y:.9e}", "0", "0", "0")),
+    "heights last": table(" ", "", lambda f, i, x, y: (*frames(f, i, x, y), f"{1.7 + 0.01 * (f % 3):.2f}")),
+    "frame in a header": table(",", "Frame ID X Y", frames),
+}
+PETRACK = {
+    "PeTrack": "# description: a hall\n# framerate: 10.00 fps\n# id frame x/m y/m z/m\n"
+    + table(" ", "", lambda f, i, x, y: (str(i), str(f), f"{x:.3f}", f"{y:.3f}", "1.72")),
+    "PeTrack in cm": "# framerate: 10\n# id frame x/cm y/cm z/cm\n"
+    + table(" ", "", lambda f, i, x, y: (str(i), str(f), f"{x * 100:.1f}", f"{y * 100:.1f}", "172")),
+    "PeTrack, unit in a comment": "# framerate: 10 fps\n# x, y in cm\n# PersID\tFrame\tX\tY\tZ\n"
+    + table("\t", "", lambda f, i, x, y: (str(i), str(f), f"{x * 100:.1f}", f"{y * 100:.1f}", "172")),
+}
+LAYOUTS = {
+    **{name: (text, None) for name, text in {**SECONDS, **PETRACK}.items()},
+    **{name: (text, RATE_HZ) for name, text in FRAMES.items()},
+}
+
+
+def values(text: str, folder: Path, rate_hz: float | None = None):
+    path = folder / "table.csv"
+    path.write_bytes(text.encode())
+    people, warnings = people_from(Pedestrians(file=str(path), frame_rate_hz=rate_hz), 100.0, "s.yaml")
+    points = {name: np.array(person["script"][0]["points"]) for name, person in people.items()}
+    return points, read_truth(path, None, rate_hz), read_tracks(path, None, rate_hz), warnings
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_the_same_table_said_otherwise_gives_the_same_values(layout: str, tmp_path: Path) -> None:
+    expected = values(BASE, tmp_path)
+    text, rate_hz = LAYOUTS[layout]
+    found = values(text, tmp_path, rate_hz)
+    assert list(found[0]) == list(expected[0]) == ["walker-3", "walker-4", "walker-5", "walker-6"]
+    for name, points in found[0].items():
+        np.testing.assert_allclose(points, expected[0][name], rtol=0, atol=1e-12)
+    for own, other in zip(found[1:3], expected[1:3], strict=True):
+        for column in ("frame_stamps_ns", "stamps_ns", "id"):
+            np.testing.assert_array_equal(getattr(own, column), getattr(other, column))
+        for column in ("x", "y"):
+            np.testing.assert_allclose(getattr(own, column), getattr(other, column), rtol=0, atol=1e-12)
+    guessed = any("has no header; its columns are read as" in note for note in found[3])
+    assert guessed == ((layout in FRAMES and layout != "frame in a header") or layout == "seconds without header")
+    assert set(found[1].notes) == {note.removeprefix("pedestrians: ") for note in found[3]}
+
+
+@pytest.mark.parametrize("names", [{3: "ann", 4: "ben", 5: "cem", 6: "dee"}, {3: "0", 4: "1", 5: "2", 6: "x-9"}])
+def test_ids_may_be_names(names: dict[int, str], tmp_path: Path) -> None:
+    text = table(",", "t id x y", lambda f, i, x, y: (plain(f, i, x, y)[0], names[i], *plain(f, i, x, y)[2:]))
+    points, truth, tracks, _ = values(text, tmp_path)
+    assert list(points) == [f"walker-{name}" for name in names.values()]
+    np.testing.assert_array_equal(truth.id, read_truth_of(BASE, tmp_path).id - 2)
+    np.testing.assert_array_equal(tracks.id, truth.id)
+    path = tmp_path / "table.csv"
+    path.write_text(text)
+    one, _ = people_from(Pedestrians(file=str(path), ids=(names[6],)), 100.0, "s.yaml")
+    assert list(one) == [f"walker-{names[6]}"]
+
+
+def read_truth_of(text: str, folder: Path):
+    (folder / "base.csv").write_text(text)
+    return read_truth(folder / "base.csv")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (BASE.encode("utf-16"), "UTF-"),
+        (BASE.encode("utf-16-le"), "is text in UTF-16"),
+        (b"", "is empty"),
+        (b"# nothing\n", "is empty"),
+        (b"t,id,x\n0,1,2\n", "line 1: column 'y' is missing among t,id,x"),
+        (b"t,id,x,y\n0,1,2\n", "line 2: has 3 cells; 4 as in the header are expected"),
+        (b"# c\nt;id;x;y\n0;1;1,5;2.5\n", "line 3: x is '1,5'; a finite number is expected"),
+        (b"t,id,x,y\n0,1,1e,2\n", "line 2: x is '1e'; a finite number is expected"),
+        (b"t,id,x,X,y\n", "columns 'x' and 'X' both say x"),
+        (b"t,id,x,pos_x,y\n", "columns 'x' and 'pos_x' both say x"),
+        (b"t,id,x/cm,y/m\n", "x and y have different units"),
+        (b"t,id,x/s,y\n", "column 'x/s': 's' is no unit of it"),
+        (b"1,2,3,4,5,6,1,-1,-1,-1\n", "has no header and 10 columns"),
+        (b"frame,id,x,y\n0,1,2,3\n", "frame_rate_hz: is missing"),
+        (b"# framerate: 5\n# framerate: 6\nframe,id,x,y\n0,1,2,3\n", "says 5 (line 1) and 6 (line 2) frames a second"),
+        (b"t,id,x,y\n0,-1,2,3\n", "line 2: id is '-1'; a whole number from 0 on, or a name, is expected"),
+    ],
+)
+@pytest.mark.parametrize(
+    "read", [read_truth, read_tracks, lambda path: people_from(Pedestrians(file=str(path)), 9, "s")]
+)
+def test_a_table_that_says_nothing_sure_is_refused_in_a_sentence(read, text: bytes, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    path.write_bytes(text)
+    with pytest.raises(InputError, match=re.escape(said)) as refused:
+        read(path)
+    assert "\n" not in str(refused.value) and str(path) in str(refused.value)
+
+
+@pytest.mark.parametrize("factor", [0.1, 0.3, 1.0, 1.5, 3.0, 30.0, 100.0, 1000.0])
+@pytest.mark.parametrize("layout", ["t", "frame"])
+def test_a_speed_at_which_nobody_walks_is_said_or_refused(factor: float, layout: str, tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(table(",", f"{layout} id x y", plain if layout == "t" else frames, walk(1.3 * factor)))
+    rate_hz = None if layout == "t" else RATE_HZ
+    if 1.3 * factor > 12:
+        for read in (
+            lambda: read_truth(path, None, rate_hz),
+            lambda: doubts(read_people(path, "a table", None, rate_hz)),
+        ):
+            with pytest.raises(InputError, match=r"people walk at .* m/s in the median.* expected"):
+                read()
+        return
+    (*notes,) = doubts(read_people(path, "a table", None, rate_hz, "rate"))
+    assert bool(notes) == (not 0.5 <= 1.3 * factor <= 2.5)
+    assert all("m/s in the median" in note for note in notes)
+    if notes and layout == "frame":
+        fits = float(re.findall(r"frame rate of about ([\d.e+]+) Hz would fit", notes[0])[0])
+        assert doubts(read_people(path, "a table", None, fits, "rate")) == ()
+
+
+@pytest.mark.parametrize("height", [0.0, 1.7])
+def test_a_column_that_looks_like_a_height_is_said(height: float, tmp_path: Path) -> None:
+    rows = [(f, i, x, height + 0.02 * ((f + i) % 3)) for f, i, x, _ in ROWS]
+    path = tmp_path / "table.csv"
+    path.write_text(table(",", "t id x y", plain, rows))
+    assert any("y looks like a height" in note for note in read_truth(path).notes)
+    across = [(*plain(*row), f"{other[3]:.3f}") for row, other in zip(rows, ROWS, strict=True)]
+    path.write_text("t,id,x,y,z\n" + "\n".join(map(",".join, across)))
+    with pytest.raises(InputError, match="y looks like a height.* calls the two coordinates of the floor x and y"):
+        read_truth(path)
+
+
+def test_a_rate_beside_seconds_or_against_the_files_own_is_said(tmp_path: Path) -> None:
+    assert any("holds seconds (t)" in note for note in values(BASE, tmp_path, RATE_HZ)[3])
+    notes = values(PETRACK["PeTrack"].replace("10.00", "12"), tmp_path, RATE_HZ)[3]
+    assert any("line 2 says 12 frames a second" in note and "10 is used" in note for note in notes)
+
+
+@pytest.mark.skipif(not CASES.is_dir(), reason="the cases are not here")
+@pytest.mark.parametrize("name", ["bom", "comment", "quoted", "semi", "upper"])
+def test_the_tables_that_failed_are_read(name: str) -> None:
+    assert len(people_from(Pedestrians(file=str(CASES / f"{name}.csv")), 100.0, "s.yaml")[0]) == 3
+
+
+def test_twin_evaluate_takes_both_tables_in_any_layout(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "truth.txt").write_text(FRAMES["TrajNet"])
+    (tmp_path / "tracks.csv").write_text(SECONDS["decimal commas"])
+    tables = str(tmp_path / "truth.txt"), str(tmp_path / "tracks.csv")
+    monkeypatch.setattr(sys, "argv", ["twin", "evaluate", *tables, "--frame-rate", str(RATE_HZ)])
+    with pytest.raises(SystemExit) as done:
+        main()
+    told = capfd.readouterr()
+    assert done.value.code in (0, None)
+    metrics = json.loads(told.out)
+    assert (metrics["mota"], metrics["judged"]["frames"]) == (1.0, 30)
+    assert "has no header; its columns are read as frame, id, x, y" in told.err

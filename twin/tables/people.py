@@ -1,0 +1,268 @@
+"""Tables of who is where when: which columns say it, in which units; one reader for truth, tracks and recorded paths."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.errors import InputError
+from twin.tables.columns import CsvColumns, columns_of
+from twin.tables.dialect import Cells, read_cells
+
+_NAMES = {
+    "t": ("t", "time", "timestamp", "stamp", "seconds", "secs", "sec"),
+    "frame": ("frame", "frames", "frameid", "framenumber", "framenr", "frameno", "framenum", "fr"),
+    "id": ("id", "trackid", "personid", "persid", "pid", "pedid", "pedestrian", "pedestrianid", "agentid", "agent",
+           "objectid", "objid", "person", "ped", "targetid"),
+    "x": ("x", "posx", "xpos", "worldx", "xworld", "positionx"),
+    "y": ("y", "posy", "ypos", "worldy", "yworld", "positiony"),
+    "z": ("z", "posz", "zpos", "worldz", "zworld", "positionz"),
+}  # fmt: skip
+"""What others call a column, without case, blanks, points, dashes and underscores."""
+_LENGTHS = {"m": 1.0, "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0, "dm": 10.0, "cm": 100.0, "mm": 1000.0}
+_TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e3, "us": 1e6, "µs": 1e6, "ns": 1e9}
+_NO_UNIT = ("", "-", "1", "#", "none")
+_WITH_UNIT = re.compile(r"(.+?)\s*(?:/\s*|[\[(]\s*|_)([a-zµ]+)\s*[\])]?", re.IGNORECASE)
+_RATE = re.compile(
+    r"(?:frame\s*_?rate|fps)\s*(?:\[\w+\]|\(\w+\))?\s*[:=]?\s*(\d+(?:\.\d+)?)|(\d+(?:\.\d+)?)\s*fps", re.IGNORECASE
+)
+_UNIT = re.compile(
+    r"(?:units?|coordinates|\bx\b.*\by\b).*?(?:\bin\b|:|=)\s*[\[(]?\s*(mm|cm|dm|m|met(?:er|re)s?)\b", re.IGNORECASE
+)
+_LENGTH_COLUMNS = ("x", "y", "z", "head_x", "head_y", "head_z", "vx", "vy")
+HEIGHT_SPREAD_M = 0.6
+"""Heads, pelvises and floors lie within this of each other: what varies less may be a height [m]."""
+_CLEARER = 0.5
+"""By how much shorter people's steps are in one order of columns than in the other, where the order is sure."""
+_EXPECTED = "columns t (or frame), id, x, y"
+
+
+@dataclass(frozen=True)
+class PeopleRows:
+    """The rows of a table about somebody, by stamp, then in the file's order; and what was guessed in reading them."""
+
+    frame_stamps_ns: NDArray[np.int64]  # (f,) every moment once, those without people too, ascending
+    rows: CsvColumns  # n rows; lengths in metres by their units
+    stamps_ns: NDArray[np.int64]  # (n,)
+    labels: list[str]  # n: whom each is about
+    notes: tuple[str, ...]
+
+    def ids(self) -> NDArray[np.int64]:
+        """A number from 1 on for each row's person (n,): the label where all are such numbers, else counted by label."""
+        labels = sorted(set(self.labels), key=by_number)
+        whole = all(label.isdecimal() and int(label) > 0 for label in labels)
+        number = {label: int(label) if whole else place for place, label in enumerate(labels, start=1)}
+        return np.array([number[label] for label in self.labels], dtype=np.int64)
+
+
+def by_number(label: str) -> tuple[int, int, str]:
+    """The order of labels: numbers first, by value."""
+    return (0, int(label), "") if label.isdecimal() else (1, 0, label)
+
+
+def read_people(
+    path: Path, what: str, most_bytes: int | None = None, frame_rate_hz: float | None = None, rate_field: str = ""
+) -> PeopleRows:
+    """Read a table of who is where when; `what` names its kind, `rate_field` where a user says `frame_rate_hz`.
+
+    With a header its columns stand in any order; a unit may follow a name (x/cm, t [ms]) or stand in a row below. Without
+    one it is frame (whole numbers) or t, then id, x, y; of 5 to 8 columns also a height: x, z, y (ETH, UCY) or x, y, z. A row
+    with only its time says that nobody is there. Raises InputError naming file, line, column and value, or what a table
+    without a header leaves open.
+    """
+    found = read_cells(path, what, most_bytes)
+    if found.header is None and not found.rows:
+        raise InputError(f"{path}: is empty and holds no rows; {what} with the {_EXPECTED} is expected")
+    notes: list[str] = []
+    if found.header is not None:
+        names, units, found = _by_header(path, found)
+    else:
+        names, units = _by_content(path, found)
+        notes.append(f"{path}: has no header; its columns are read as {', '.join(n for n in names if n[0] != '?')}")
+    comment_unit = next((m[1].lower() for _, text in found.comments if (m := _UNIT.search(text))), None)
+    lengths = units.get("x", _LENGTHS.get(comment_unit or "m", 1.0))
+    if units.get("x", lengths) != units.get("y", lengths):
+        raise InputError(f"{path}: line {found.header_line}: x and y have different units; one for both is expected")
+    if (comment_unit is not None and "x" not in units and found.header is None) or lengths != 1.0:
+        notes.append(
+            f"{path}: lengths are read in {'m' if lengths == 1 else {10: 'dm', 100: 'cm', 1000: 'mm'}[int(lengths)]}"
+        )
+    units = {**{name: lengths for name in _LENGTH_COLUMNS}, **units}
+    columns = columns_of(str(path), names, found, units)
+    if "t" not in names:
+        rate_hz = _rate(path, found, frame_rate_hz, rate_field, notes)
+        columns = replace(columns, cells={**columns.cells, "t": columns.cells["frame"]}, units={**units, "t": rate_hz})
+    elif frame_rate_hz is not None:
+        notes.append(f"{path}: holds seconds (t); {rate_field} {frame_rate_hz:g} is not used")
+    return _ordered(columns, tuple(notes))
+
+
+def _by_header(path: Path, found: Cells) -> tuple[list[str], dict[str, float], Cells]:
+    """The columns' names as ours, the units of some, and the table without a row of units."""
+    assert found.header is not None
+    names: list[str] = []
+    units: dict[str, float] = {}
+    below = found.rows[0] if found.rows and not _holds_number(found.rows[0]) else []
+    below_units = [cell.strip("[]()/ ").lower() for cell in below]
+    known = {*_LENGTHS, *_TIMES, *_NO_UNIT, "m/s", "cm/s", "rad", "deg"}
+    is_units = bool(below) and any(below_units) and all(cell in known for cell in below_units)
+    for place, cell in enumerate(found.header):
+        name, unit = _column(cell)
+        if is_units and unit is None and name in ("t", *_LENGTH_COLUMNS):
+            unit = below_units[place]
+        valid = _TIMES if name == "t" else _LENGTHS
+        if unit is not None and unit not in _NO_UNIT and name in ("t", "x", "y", "z"):
+            if unit not in valid:
+                raise InputError(
+                    f"{path}: line {found.header_line}: column {cell!r}: {unit!r} is no unit of it; "
+                    f"one of {', '.join(valid)} is expected"
+                )
+            units[name] = valid[unit]
+        names.append(name)
+    for name in names:
+        if name and names.count(name) > 1:
+            twice = [repr(cell) for cell, own in zip(found.header, names, strict=True) if own == name]
+            if len(set(twice)) == 1:
+                fault = f"column {name!r} stands there twice"
+            else:
+                fault = f"columns {' and '.join(twice)} both say {name}"
+            raise InputError(f"{path}: line {found.header_line}: {fault}; each column name once is expected")
+    for name in ("t", "id", "x", "y"):
+        if name not in names and not (name == "t" and "frame" in names):
+            raise InputError(
+                f"{path}: line {found.header_line}: column {name!r} is missing among {','.join(found.header)}; "
+                f"{_EXPECTED} are expected"
+            )
+    return names, units, replace(found, rows=found.rows[1:], lines=found.lines[1:]) if is_units else found
+
+
+def _column(cell: str) -> tuple[str, str | None]:
+    """Our name of a column and its unit, if it says one; the cell itself for a column that is not ours."""
+    plain = cell.strip().lower()
+    split = _WITH_UNIT.fullmatch(plain)
+    unit = split[2] if split is not None and split[2] in (*_LENGTHS, *_TIMES) else None
+    word = split[1] if split is not None and unit is not None else plain
+    bare = re.sub(r"[\s._-]", "", word)
+    for name, others in _NAMES.items():
+        if bare in others:
+            return name, unit
+    return (plain if plain in (*_LENGTH_COLUMNS, "yaw", "head_yaw", "in_area", "status") else cell.strip()), None
+
+
+def _by_content(path: Path, found: Cells) -> tuple[list[str], dict[str, float]]:
+    """The names of columns that have none, by how many there are and by what they hold; '?' for those passed over."""
+    width = len(found.rows[0])
+    if not 4 <= width <= 8:
+        raise InputError(
+            f"{path}: has no header and {width} columns; frame,id,x,y without a header, or a header with the {_EXPECTED}, "
+            "is expected"
+        )
+    columns = columns_of(str(path), [f"column {place}" for place in range(1, width + 1)], found)
+    places = columns.numbers("column 3", may_be_empty=False), columns.numbers("column 4", may_be_empty=False)
+    who = "id"
+    first, second = columns.cells["column 1"], columns.people("column 2")
+    order = ("time", who)
+    if all(_is_whole(cell) for cell in (*first, *second)):
+        by_second, by_first = _steps(second, first, places), _steps(first, second, places)
+        if by_second is not None and by_first is not None and by_first < by_second:
+            if by_first > _CLEARER * by_second:
+                raise InputError(
+                    f"{path}: has no header, and its first two columns may be frame, id or id, frame; a header is expected"
+                )
+            order = (who, "time")
+    times = first if order[0] == "time" else second
+    named = {"time": "frame" if all(_is_whole(cell) for cell in times) else "t", who: "id"}
+    names = [named[each] for each in order]
+    if width == 4:
+        return [*names, "x", "y"], {}
+    last = columns.numbers("column 5", may_be_empty=False)
+    flat, flat_last = (float(np.ptp(np.quantile(each, [0.05, 0.95]))) < HEIGHT_SPREAD_M for each in (places[1], last))
+    if not flat and not flat_last:
+        raise InputError(
+            f"{path}: has no header, and neither its column 4 nor 5 looks like a height; a header with the {_EXPECTED} "
+            "is expected"
+        )
+    height_last = flat_last if flat != flat_last else order[0] == who
+    return [*names, *(("x", "y", "z") if height_last else ("x", "z", "y")), *(f"?{k}" for k in range(5, width))], {}
+
+
+def _steps(people: Sequence[str], times: Sequence[str], places: tuple[NDArray, NDArray]) -> float | None:
+    """The median distance from a row to the same person's next; None where nobody has two rows."""
+    who = np.array([float(cell) for cell in people])
+    when = np.array([float(cell) for cell in times])
+    order = np.lexsort((when, who))
+    same = (np.diff(who[order]) == 0) & (np.diff(when[order]) > 0)
+    steps = np.hypot(*(np.diff(each[order])[same] for each in places))
+    return float(np.median(steps)) if steps.size else None
+
+
+def _rate(path: Path, found: Cells, given: float | None, field: str, notes: list[str]) -> float:
+    """Frames a second: as given, else as the file's comments say."""
+    said = {float(m[1] or m[2]): line for line, text in found.comments if (m := _RATE.search(text))}
+    if len(said) > 1 and given is None:
+        rates = " and ".join(f"{rate:g} (line {line})" for rate, line in said.items())
+        raise InputError(f"{path}: says {rates} frames a second; {field} is expected to choose")
+    if given is None and not said:
+        raise InputError(
+            f"{field}: is missing and {path} counts frames; the recording's frames a second are expected "
+            "(15 for the ETH file, 25 for UCY's)"
+        )
+    rate = given if given is not None else next(iter(said))
+    if not 0.01 <= rate <= 1000:
+        raise InputError(f"{path}: a frame rate of {rate:g} Hz is none; 0.01 to 1000 Hz are expected")
+    if given is None:
+        notes.append(f"{path}: {rate:g} frames a second, as its line {said[rate]} says")
+    elif said and given not in said:
+        notes.append(
+            f"{path}: line {min(said.values())} says {next(iter(said)):g} frames a second; {field} {given:g} is used"
+        )
+    return rate
+
+
+def _ordered(columns: CsvColumns, notes: tuple[str, ...]) -> PeopleRows:
+    """The rows with somebody, by stamp and person; raises InputError where a pair comes twice."""
+    all_stamps = columns.stamps_ns("t")
+    own = [name for name in columns.cells if name not in ("t", "frame") and name[:1] != "?"]
+    filled = columns.filled(own) if len(columns) else np.zeros(0, dtype=np.bool_)
+    somebody = np.flatnonzero(filled)
+    labels = [""] * len(columns)  # "": a row without anybody
+    for row, label in zip(somebody.tolist(), columns.take(somebody).people("id"), strict=True):
+        labels[row] = label
+    rank = {label: place for place, label in enumerate(sorted(set(labels) - {""}, key=by_number), start=1)}
+    ids = np.array([rank.get(label, 0) for label in labels], dtype=np.int64)
+    order = np.lexsort((ids, all_stamps))
+    stamps, ids = all_stamps[order], ids[order]
+    for fault in np.flatnonzero((stamps[1:] == stamps[:-1]) & ((ids[1:] == ids[:-1]) | (ids[:-1] == 0)))[:1]:
+        first, second = sorted((int(order[fault]), int(order[fault + 1])))
+        what = f"t {columns.cells['t'][second]}, id {columns.cells['id'][second] or 'empty'}"
+        where = f"{columns.source}: line {columns.lines[second]}"
+        if ids[fault] == ids[fault + 1]:
+            raise InputError(f"{where}: {what} stands on line {columns.lines[first]} too; each pair once is expected")
+        raise InputError(
+            f"{where}: {what} contradicts line {columns.lines[first]}; only t filled says that nobody is there"
+        )
+    kept = order[filled[order]]
+    return PeopleRows(
+        np.unique(all_stamps), columns.take(kept), all_stamps[kept], [labels[row] for row in kept.tolist()], notes
+    )
+
+
+def _holds_number(row: Sequence[str]) -> bool:
+    return any(_is_a_number(cell) for cell in row)
+
+
+def _is_a_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _is_whole(text: str) -> bool:
+    return _is_a_number(text) and float(text).is_integer()
