@@ -24,7 +24,10 @@ SENSOR = (240, 240, 240)
 
 
 def scanner(x: float, y: float, yaw_deg: float = 0.0, z: float = 0.9) -> LaserSensor:
-    return LaserSensor(topic="/s", room_from_sensor=Pose(xyz=(x, y, z), rpy=(0.0, 0.0, np.deg2rad(yaw_deg))))
+    return LaserSensor(
+        topic=f"/{x:g}/{y:g}/{z:g}/{yaw_deg:g}",
+        room_from_sensor=Pose(xyz=(x, y, z), rpy=(0.0, 0.0, np.deg2rad(yaw_deg))),
+    )
 
 
 def rig(**sensors: RigSensor) -> Rig:
