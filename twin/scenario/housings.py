@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import radians
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from pydantic import Field, ValidationError
 
@@ -15,7 +15,6 @@ from twin.scenario.floor import FloorDescription
 from twin.scenario.mount import CalibrationError, Mount, Mounted
 
 if TYPE_CHECKING:
-    from twin.scenario.model import Scenario
     from twin.scenario.sensors import AnyDescription
 
 
@@ -25,6 +24,19 @@ class Housing(Strict):
     mount: Mount = Field(description="where the housing is in the room and how it is turned")
 
 
+class HasSensors(Protocol):
+    """The part of a scenario that holds its sensors: a `Scenario`, which is built on this module."""
+
+    @property
+    def sensors(self) -> Mapping[str, AnyDescription]: ...
+    @property
+    def housings(self) -> Mapping[str, Housing]: ...
+    @property
+    def room_name(self) -> str: ...
+    @property
+    def main_sensor(self) -> str | None: ...
+
+
 def check_on_housing(description: Any, housings: Mapping[str, Housing]) -> None:
     """Raise ValueError where a sensor is on a housing that is not there."""
     if isinstance(description, Mounted) and description.housing is not None and description.housing not in housings:
@@ -32,7 +44,7 @@ def check_on_housing(description: Any, housings: Mapping[str, Housing]) -> None:
         raise ValueError(f"housing: {description.housing!r} is no housing; {there}, or none for a mount in the room")
 
 
-def in_the_room(scenario: Scenario, name: str) -> AnyDescription:
+def in_the_room(scenario: HasSensors, name: str) -> AnyDescription:
     """The description of a sensor with its mount in the room's frame, whatever housing it is on."""
     description = scenario.sensors[name]
     if isinstance(description, FloorDescription) or description.housing is None:
@@ -41,7 +53,7 @@ def in_the_room(scenario: Scenario, name: str) -> AnyDescription:
     return description.model_copy(update={"mount": mount, "housing": None})
 
 
-def check_place(scenario: Scenario, name: str) -> None:
+def check_place(scenario: HasSensors, name: str) -> None:
     """Raise ValueError where a sensor hangs below the floor, or where its role cannot be."""
     description = in_the_room(scenario, name)
     if isinstance(description, FloorDescription):
@@ -55,7 +67,7 @@ def check_place(scenario: Scenario, name: str) -> None:
         check_layer(role, description.mount.room_from_housing())
 
 
-def check_told(scenario: Scenario, name: str) -> None:
+def check_told(scenario: HasSensors, name: str) -> None:
     """Raise ValueError where what trackers are told of a sensor is nothing that a rig can say."""
     description = in_the_room(scenario, name)
     if description.calibration_error is None:
@@ -109,7 +121,7 @@ def assumed_sensor(description: AnyDescription, true: RigSensor) -> RigSensor:
     return true.model_copy(update=change)
 
 
-def rig_told(scenario: Scenario, area: tuple[Point2, ...]) -> Rig:
+def rig_told(scenario: HasSensors, area: tuple[Point2, ...]) -> Rig:
     """The rig as trackers are told of it, that of a simulation of the scenario, without building any sensor.
 
     area: the tracked area, a polygon in the room's frame [m].

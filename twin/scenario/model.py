@@ -15,8 +15,7 @@ from trackers.rig import Name
 from twin.scenario.behaviour import companions
 from twin.scenario.housings import Housing, check_calibration_error, check_on_housing, check_place, check_told
 from twin.scenario.lights import LightChange
-from twin.scenario.people import Person
-from twin.scenario.randomize import STEADY, Randomize
+from twin.scenario.people import STEADY, Person, Randomize
 from twin.scenario.sensors import SensorDescription
 from twin.sensors.fault_kinds import FaultDescription, check_fault
 

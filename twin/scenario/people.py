@@ -121,3 +121,16 @@ class Person(Strict):
                 "expected beside it"
             )
         return self
+
+
+class Randomize(Strict):
+    """The range of each person's start, times and speed about their script, drawn uniformly by the scenario's seed."""
+
+    start_m: float = Field(default=0.0, ge=0, le=2, description="most that x and y of a start, or of a path, move [m]")
+    onset_s: float = Field(
+        default=0.0, ge=0, le=10, description="most that a person's `at_s`, or path, come earlier or later [s]"
+    )
+    speed: float = Field(default=0.0, ge=0, le=0.5, description="most that a person walks slower or faster, as a share")
+
+
+STEADY = Randomize()

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
+from twin.people.randomize import randomized
 from twin.report.look_at import picture
 from twin.report.people_sheet import Figure, check_picture_name, drawn_sheet, lettered, tiled, write_png
 from twin.scenario import Scenario
 from twin.scenario.behaviour import companions
-from twin.scenario.randomize import randomized
 from twin.sensors.render import RendererOnDemand
 from twin.view.occasions import Occasion, occasions, verb
 from twin.view.standpoint import Room, standpoint_for

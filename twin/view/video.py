@@ -15,6 +15,7 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S, FloorFrame, LaserScan, Observation
 from trackers.rig import FloorSensor, Rig
 from twin.instant.snapshot import Snapshot
+from twin.people.randomize import randomized
 from twin.report.lettering import write, write_tags
 from twin.report.look_at import DARK, axes_towards, picture
 from twin.report.palette import LAYER_COLOURS, IdentityColours
@@ -26,7 +27,6 @@ from twin.room.lighting import ENOUGH_LIGHT, light_of
 from twin.room.outline import room_outline
 from twin.run.preview import true_poses
 from twin.scenario import Scenario
-from twin.scenario.randomize import randomized
 from twin.sensors.render import Mark, RendererOnDemand
 from twin.view.occasions import verb
 from twin.view.standpoint import Room, Standpoint, body_parts, fitting, overview, seen_share, standpoint_for

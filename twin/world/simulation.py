@@ -19,6 +19,7 @@ from trackers.rig import Rig, StereoSensor
 from twin.instant.feet import FootShapes
 from twin.instant.snapshot import Snapshot
 from twin.people.population import Population
+from twin.people.randomize import randomized
 from twin.people.script.arrivals import too_late
 from twin.people.script.recorded import close_calls, warning_of
 from twin.recording.messages import Encoded, encode
@@ -28,7 +29,6 @@ from twin.scenario import Scenario
 from twin.scenario.conditions import never_begins
 from twin.scenario.floor import FloorDescription, check_floor
 from twin.scenario.housings import assumed_sensor, in_the_room
-from twin.scenario.randomize import randomized
 from twin.scenario.sensors import CAMERA_KINDS, build_sensor
 from twin.sensors.faults import with_faults
 from twin.sensors.floor import Floor

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array
 from twin.people.motion import Motion
+from twin.people.randomize import randomized
 from twin.scenario import Scenario
-from twin.scenario.randomize import randomized
 from twin.world.scene import Scene, build_scene, populate
 
 LONGEST_LOOK_S = 1.0

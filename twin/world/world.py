@@ -15,9 +15,9 @@ from twin.instant.snapshot import Snapshot
 from twin.people.casts import casts_of
 from twin.people.population import Population
 from twin.people.poses import Poses
+from twin.people.randomize import randomized
 from twin.room.lighting import Lighting
 from twin.scenario import Scenario
-from twin.scenario.randomize import randomized
 from twin.truth.frames import FootTruth, PersonTruth, TruthFrame
 from twin.truth.visibility import SensorView, visible_share
 from twin.world.scene import as_before, build_scene, populate

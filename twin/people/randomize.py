@@ -1,35 +1,17 @@
-"""Runs that differ: what of a scenario's people each seed has otherwise, beside looks and noise."""
+"""Randomize the starts, times and speeds of a scenario's people by its seed."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from pydantic import Field
-
-from trackers.configuration import Strict
+from twin.scenario import Scenario
 from twin.scenario.behaviour import TOP_WALK_M_S, Path, Walk
-from twin.scenario.people import Person
+from twin.scenario.people import STEADY, Person, Randomize
 from twin.streams import stream
-
-if TYPE_CHECKING:
-    from twin.scenario.model import Scenario
-
-
-class Randomize(Strict):
-    """How far each person's start, times and speed are drawn from what their script says, evenly, by the scenario's seed."""
-
-    start_m: float = Field(default=0.0, ge=0, le=2, description="most that x and y of a start, or of a path, move [m]")
-    onset_s: float = Field(
-        default=0.0, ge=0, le=10, description="most that a person's `at_s`, or path, come earlier or later [s]"
-    )
-    speed: float = Field(default=0.0, ge=0, le=0.5, description="most that a person walks slower or faster, as a share")
-
-
-STEADY = Randomize()
 
 
 def randomized(scenario: Scenario) -> Scenario:
-    """The scenario with its people as this seed has them; itself where nothing varies."""
+    """Return the scenario with its people randomized by its seed; itself where it randomizes nothing."""
     if scenario.randomize == STEADY:
         return scenario
     people = {name: _drawn(person, scenario.randomize, scenario.seed, name) for name, person in scenario.people.items()}
@@ -51,7 +33,7 @@ def _drawn(person: Person, randomize: Randomize, seed: int, name: str) -> Person
 
 
 def _action(action: Any, moved: tuple[float, float], later_s: float, factor: float) -> Any:
-    """One action, its time later (none before the start), walked `factor` as fast; a path moved as a whole."""
+    """Return an action begun `later_s` [s] later (never before the start), walked `factor` as fast; a path moved whole [m]."""
     changes: dict[str, Any] = {}
     if action.at_s is not None:
         changes["at_s"] = max(0.0, action.at_s + later_s)

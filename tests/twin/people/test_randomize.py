@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from trackers.errors import InputError
+from twin.people.randomize import randomized
 from twin.scenario import load_scenario
 from twin.scenario.behaviour import Path, Walk
 from twin.scenario.load import dump_scenario
-from twin.scenario.randomize import randomized
 from twin.world.world import World
 
 MOVEMENTS = ("movements-crossing", "movements-turning", "movements-going-around", "movements-going-back")
@@ -48,9 +48,26 @@ def test_a_path_is_moved_as_a_whole_and_walked_at_another_pace():
 
 
 @pytest.mark.parametrize("name", [*MOVEMENTS, "pair", "straight-course"])
-def test_the_shipped_movements_can_be_walked_with_any_seed(name):
-    for seed in (2100, 2101, 2102):
-        World(load_scenario(name, [f"seed={seed}"]))
+def test_the_shipped_movements_are_walked_from_the_drawn_start_without_a_collision(name):
+    scenario = load_scenario(name, ["seed=2101"])
+    world, people = World(scenario), randomized(scenario).people
+    paths = []
+    for t in np.arange(0.0, scenario.duration_s - 0.5, 0.5):
+        world.people.advance(t)
+        paths.append(world.people.qpos(t)[:, :2].copy())
+    paths = np.array(paths)
+    starts = [each.script[0].points[0][1:] if each.start is None else each.start for each in people.values()]
+    np.testing.assert_allclose(paths[0], starts, atol=0.03)
+    assert (np.ptp(paths, axis=0).max(axis=1) > 0.3).sum() >= min(2, len(people))  # cleo may stand
+    gaps = np.linalg.norm(paths[:, :, None] - paths[:, None], axis=3)
+    assert (gaps + 9 * np.eye(len(people))).min() > 0.4
+
+
+@pytest.mark.parametrize("seed", [2100, 2102])
+def test_a_world_begins_where_its_seed_has_drawn_people(seed):
+    scenario = load_scenario("movements-crossing", [f"seed={seed}"])
+    starts = [each.start for each in randomized(scenario).people.values()]
+    np.testing.assert_allclose(World(scenario).people.qpos(0.0)[:, :2], starts, atol=0.03)
 
 
 def test_bounds_are_checked():
