@@ -16,7 +16,7 @@ from trackers.knowledge import Knowledge
 from trackers.laser_vision_learning.vision_only.motion import WhiteAcceleration
 from trackers.laser_vision_learning.vision_only.tracker import VisionOnly
 from trackers.laser_vision_learning.vision_only.weighing import AtDetections
-from trackers.observations import NS_PER_S, Image
+from trackers.observations import NS_PER_S, Image, LaserScan
 from trackers.presets import make_tracker
 from trackers.tracks import detections_of, track_frames
 from trackers.vision.person_model import SHIPPED
@@ -185,3 +185,12 @@ def test_a_detection_weighs_by_its_covariance_and_draws_from_it():
     at = np.array([[[1.2], [5.0]], [[2.0], [5.0]], [[0.0], [0]], [[0.0], [0]]])
     expected = np.exp(-0.5 * 0.2**2 * np.linalg.inv(covariance[0])[0, 0]) + 1e-3
     np.testing.assert_allclose(by.log_likelihood(at)[:, 0], [np.log(expected), np.log(1e-3)], rtol=1e-9)
+
+
+def test_a_scan_under_the_name_of_the_camera_is_refused():
+    on = view.rig()
+    (name,) = on.sensors
+    scan = LaserScan(name, 0, np.ones(3, np.float32), 0.0, 0.1, 0.1, 5.0, 0.0)
+    for background, fed in ([], [scan]), ([scan], film(on, 0.2)):
+        with pytest.raises(InputError, match="is a LaserScan; .* an Image or DepthImage is expected"):
+            tracked(on, fed, background)

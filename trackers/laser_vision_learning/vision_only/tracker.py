@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Set
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -67,7 +67,7 @@ class VisionOnly:
         self.unused_sensors = [name for name in rig.sensors if name != self.camera]
         self.losses: Counter[tuple[str, str]] = Counter()  # pictures dropped, by sensor and reason
         sensor = rig.cameras()[self.camera]
-        empty_room = [cast("Image | DepthImage", each) for each in known if each.sensor == self.camera]
+        empty_room = [_picture(each) for each in known if each.sensor == self.camera]
         self._foreground = Foreground(sensor.intrinsics, empty_room, self.options.foreground)
         self.background_learned_causally = self._foreground.learns_background
         camera, model = placed_camera(sensor), PersonModel.load(known.learned.get(LEARNED, SHIPPED))
@@ -85,14 +85,17 @@ class VisionOnly:
         return self.losses.total()
 
     def update(self, observation: Observation) -> list[TrackFrame]:
-        """Take one observation; the frame of a picture. Other sensors than the camera are ignored."""
+        """Take one observation; the frame of a picture. Other sensors than the camera are ignored.
+
+        Raises InputError for an observation of the camera that is no picture.
+        """
         self._told = []
         if observation.sensor != self.camera:
             return []
         if observation.stamp_ns <= self._ns:
             self.losses[self.camera, LATE] += 1
             return []
-        self._work(cast("Image | DepthImage", observation))
+        self._work(_picture(observation))
         return [TrackFrame(self._ns, tuple(self.tracks()))]
 
     def tracks(self) -> list[Track]:
@@ -245,3 +248,11 @@ def _camera_of(rig: Rig, name: str | None, reported: Set[str]) -> str:
     if name is not None or rig.main_sensor in cameras:
         return name or rig.main_sensor
     return min(cameras, key=lambda each: (each not in reported, each))
+
+
+def _picture(observation: Observation) -> Image | DepthImage:
+    """The observation as a picture; raises InputError for one of another kind."""
+    if isinstance(observation, Image | DepthImage):
+        return observation
+    said = f"observation of {observation.sensor!r} is a {type(observation).__name__}"
+    raise InputError(f"{said}; the rig has a camera of that name, and an Image or DepthImage is expected")
