@@ -46,8 +46,14 @@ def whole_path(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[TextIO]:
-    """Open `path` for writing UTF-8 text that is there under its name when it is whole; see `whole_path`."""
-    with whole_path(path) as partial, partial.open("w", encoding="utf-8", newline="") as stream:
+    """Open `path` for writing UTF-8 text that is there under its name when it is whole; see `whole_path`.
+
+    Names of files that Python could not decode, as with LANG=C, are written as the bytes that they are on disk.
+    """
+    with (
+        whole_path(path) as partial,
+        partial.open("w", encoding="utf-8", errors="surrogateescape", newline="") as stream,
+    ):
         yield stream
 
 
