@@ -177,7 +177,7 @@ def decode_situation(text: str) -> Situation:
             _one_of(row["how"] or "", HOW),
             nan if row["least_m"] is None else float(row["least_m"]),
         )
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         columns = ",".join(SITUATION_COLUMNS)
         raise InputError(f"holds {text[:60]!r}; a JSON list of one object with {columns} is expected") from error
 

@@ -69,7 +69,7 @@ def decode_people(text: str, stamp_ns: int) -> TruthFrame:
         ids = [person.id for person in people]
         if len(set(ids)) < len(ids) or not all(1 <= each <= MAX_INT64 for each in ids):
             raise ValueError
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         columns = ",".join(TRUTH_COLUMNS)
         raise InputError(
             f"holds {text[:60]!r}; a JSON list of objects with {columns}, each id once, is expected"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import types
 from collections.abc import Iterator, Mapping
 from enum import Enum
@@ -13,8 +14,10 @@ import yaml
 from pydantic import BaseModel, JsonValue, ValidationError
 from typing_extensions import TypeAliasType
 
+from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.plain_data import dump_yaml, parse_yaml, parse_yaml_value
+from trackers.presets import PRESETS
 from trackers.rig import Rig
 from twin.scenario import load_scenario
 from twin.scenario.load import DrawableScenarioFile, ScenarioFile
@@ -66,11 +69,22 @@ def scalars(kind: Any) -> Iterator[tuple[type, int]]:
         yield kind, 0
 
 
+def options_of_trackers() -> list[type[BaseModel]]:
+    """The options of every class of trackers that has a preset."""
+    for preset in PRESETS.values():
+        importlib.import_module(preset.target.partition(":")[0])
+    found, more = [], [Strict]
+    while more:
+        model = more.pop()
+        more += model.__subclasses__()
+        found += [model] if model.__module__.startswith("trackers.") and model.__name__.endswith("Options") else []
+    return sorted(found, key=lambda each: (each.__module__, each.__name__))
+
+
 def fields() -> list[tuple[type[BaseModel], str]]:
     seen: set[type[BaseModel]] = set()
-    models = [
-        model for schema in (ScenarioFile, DrawableScenarioFile, Suite, Study, Rig) for model in models_in(schema, seen)
-    ]
+    schemas = (ScenarioFile, DrawableScenarioFile, Suite, Study, Rig, *options_of_trackers())
+    models = [model for schema in schemas for model in models_in(schema, seen)]
     return [(model, name) for model in models for name in model.model_fields]
 
 
