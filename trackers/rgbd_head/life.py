@@ -13,7 +13,7 @@ from trackers.observations import NS_PER_S
 from trackers.rgbd_head.options import RgbdHeadOptions
 from trackers.rgbd_head.outline import ASPECTS
 from trackers.rgbd_head.people import People, around
-from trackers.tracking.lifecycle import coasting_within, measured_often
+from trackers.tracking.lifecycle import coasting_within, lasted_s, measured_often
 
 _FAR_M_S = 1.5
 """Who is not shown is looked for within the way at this speed."""
@@ -26,6 +26,7 @@ class Life:
         self._options, self._n_camera, self._rng = options, n_camera, rng
         self._pending = sorted(options.start, key=lambda start: start.at_s)
         self._last_id = 0
+        self._last_ns = 0  # of the moment before
 
     def nobody(self) -> People:
         """Before anybody has begun."""
@@ -44,7 +45,10 @@ class Life:
         """After a moment that shows some of them: those shown often are confirmed, those not shown for long are gone."""
         roster = people.roster.measured(np.flatnonzero(is_shown), ns, people.roster.state)
         people = people.changed(roster=roster)
-        people = self._numbered(people, np.flatnonzero(measured_often(roster, ns, self._options.life.confirm)))
+        life, before_ns, self._last_ns = self._options.life, self._last_ns, ns
+        often = np.flatnonzero(measured_often(roster, ns, life.confirm))
+        lasted = [lasted_s(born_ns, ns, before_ns) > life.confirm_s for born_ns in roster.born_ns[often].tolist()]
+        people = self._numbered(people, often[np.array(lasted, np.bool_)])
         return people.select(self._staying(people, ns))
 
     def found(self, people: People, places: Float[Array, "m 3"], ns: int) -> People:

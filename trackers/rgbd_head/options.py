@@ -180,6 +180,11 @@ class LifeOptions(Strict):
         "over the cameras that see it",
     )
     confirm: PositiveInt = Field(default=3, description="moments at which a new head is shown until it is confirmed")
+    confirm_s: float = Field(
+        default=0.28,
+        ge=0,
+        description="and it is shown for longer than this, each moment standing for the time since the one before [s]",
+    )
     tentative_s: float = Field(default=0.5, ge=0, description="a tentative head not shown for longer is none [s]")
     gone_s: float = Field(default=2.0, gt=0, description="whose head is not shown for so long is gone [s]")
     same_head_m: float = Field(
