@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import yaml
@@ -13,7 +14,7 @@ from twin.run.replay import scenario_of
 from twin.scenario import load_scenario
 
 
-def carried(changes: dict) -> SimpleNamespace:
+def carried(changes: dict) -> Any:
     """A recording with a scenario of these fields in it."""
     content = load_scenario("lab-five-people").model_dump(mode="json", exclude_none=True)
     return SimpleNamespace(path="walk.mcap", scenario_yaml=yaml.safe_dump(content | changes, sort_keys=False))
