@@ -20,15 +20,15 @@ from twin.scenario import load_scenario
 from twin.suites.baseline import read_results
 from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.cache_keys import whole_code
-from twin.suites.cluster import ENVIRONMENT, Place, open_cluster
-from twin.suites.comparison import Comparison, compare, sentence
+from twin.suites.cluster import ENVIRONMENT, Workers, open_cluster
+from twin.suites.comparison import Comparison, compare, describe_change
 from twin.suites.dask_runner import run_on
 from twin.suites.expansion import expand
-from twin.suites.progress import Watcher
+from twin.suites.progress import ProgressListener
 from twin.suites.run import run_suite, tolerances_of
 from twin.suites.spec import Suite, SuiteScenario, load_suite
 from twin.suites.store_files import read_store
-from twin.suites.tasks import Listener, Task
+from twin.suites.tasks import Task, TaskListener
 from twin.suites.worker import CaseResult, CaseWork, run_case
 
 _N_CASE = 16
@@ -51,10 +51,10 @@ def speed_up() -> Iterator[Figure]:
     for jobs in (1, 2):
         with tempfile.TemporaryDirectory() as folder, open_cluster(jobs) as cluster:
             warm = _tasks(Path(folder), range(100, 100 + jobs))
-            run_on(cluster, warm, run_case, Listener())
+            run_on(cluster, warm, run_case, TaskListener())
             tasks = _tasks(Path(folder), range(_N_CASE))
             start = time.perf_counter()
-            run_on(cluster, tasks, run_case, Listener())
+            run_on(cluster, tasks, run_case, TaskListener())
             spent_s[jobs] = time.perf_counter() - start
     yield Figure(f"two workers against one, {_N_CASE} cases", spent_s[1] / spent_s[2], "×", ">= 1.7")
 
@@ -71,7 +71,13 @@ def cost() -> Iterator[Figure]:
             marks.append((time.perf_counter(), process.memory_info().rss / 2**20))
 
         run_suite(
-            suite, path, Path(folder) / "out", cache, Place(jobs=2), watcher=Watcher(state=state), function=nothing
+            suite,
+            path,
+            Path(folder) / "out",
+            cache,
+            Workers(jobs=2),
+            progress=ProgressListener(state=state),
+            function=nothing,
         )
     per_case_ms = 1e3 * (marks[-1][0] - marks[len(marks) // 10][0]) / (0.9 * _MANY)
     yield Figure("the engine's own cost of a case, two workers", per_case_ms, "ms", "<= 50")
@@ -101,7 +107,9 @@ def gate() -> Iterator[Figure]:
             now = _run(suite, (*presets, *changes), Path(folder) / f"worse-{number}")
             found = _compare(known[suite], now)
             for change in found.worse:
-                print(f"{name}: {change.key.scenario}, {change.key.tracker}: {sentence(change)}", file=sys.stderr)
+                print(
+                    f"{name}: {change.key.scenario}, {change.key.tracker}: {describe_change(change)}", file=sys.stderr
+                )
             yield Figure(f"{name}, on {suite}: figures that got worse", len(found.worse), "", ">= 1")
 
 
@@ -114,7 +122,7 @@ def harmless() -> Iterator[Figure]:
             with mock.patch.dict(ENVIRONMENT, LP_NUM_THREADS=str(n_thread)):
                 cache = RecordingCache(Path(folder) / f"cache-{number}", 10**10)
                 found = _compare(base, _run("smoke", changes, Path(folder) / str(number), cache))
-            told = [(each.key.scenario, each.key.tracker, sentence(each)) for each in found.worse]
+            told = [(each.key.scenario, each.key.tracker, describe_change(each)) for each in found.worse]
             print(number, changes[:1], told, file=sys.stderr, flush=True)
             return len(found.worse)
 

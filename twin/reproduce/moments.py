@@ -13,13 +13,13 @@ from twin.recording.whole_file import whole_file, whole_path
 from twin.reproduce.suite_runs import SUITE_FOLDER, condition_name
 from twin.suites.cache import RecordingCache
 from twin.suites.cache_keys import recording_key
-from twin.suites.cluster import Place
-from twin.suites.dask_runner import open_place
+from twin.suites.cluster import Workers
+from twin.suites.dask_runner import open_workers
 from twin.suites.expansion import Case
-from twin.suites.filmstrip import StripWork, draw_strip
-from twin.suites.progress import Watcher
-from twin.suites.tasks import Ended, Listener, State, Task
-from twin.suites.worker import Moment
+from twin.suites.filmstrip import FilmstripWork, draw_filmstrip
+from twin.suites.progress import ProgressListener
+from twin.suites.tasks import State, Task, TaskListener, TaskResult
+from twin.suites.worker import Incident
 
 _LIMIT_S = 300.0
 
@@ -29,7 +29,7 @@ class SeenMoment:
     """A misidentification or a loss: in which case, and when."""
 
     case: Case
-    moment: Moment
+    moment: Incident
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def draw_strips(
     moments: Sequence[SeenMoment],
     names: Mapping[str, str],
     cache: RecordingCache,
-    place: Place,
+    place: Workers,
     on_progress: Callable[[str, float, float], None] | None = None,
     on_failure: Callable[[str], object] = lambda message: None,
 ) -> list[Strip]:
@@ -69,7 +69,7 @@ def draw_strips(
     tasks = [
         Task(
             f"strip-{number}",
-            StripWork(each.case, cache, each.moment.t_s),
+            FilmstripWork(each.case, cache, each.moment.t_s),
             _LIMIT_S,
             recording_key(each.case.resolved, ""),
         )
@@ -77,7 +77,7 @@ def draw_strips(
     ]
     pictures: dict[str, bytes] = {}
 
-    def ended(end: Ended) -> None:
+    def ended(end: TaskResult) -> None:
         if end.status == "done":
             pictures[end.task.id] = end.value
         else:
@@ -89,7 +89,9 @@ def draw_strips(
 
     if tasks:
         with ExitStack() as stack:
-            open_place(place, stack, Watcher())(tasks, draw_strip, Listener(ended=ended, state=state), None)
+            open_workers(place, stack, ProgressListener())(
+                tasks, draw_filmstrip, TaskListener(ended=ended, state=state), None
+            )
     return [
         Strip(
             condition=condition_name(each.case),

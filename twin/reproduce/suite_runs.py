@@ -18,15 +18,15 @@ from twin.recording.tables import TrackTable, TruthTable, read_tracks, read_trut
 from twin.shown import shown
 from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.cache_keys import recording_key
-from twin.suites.cluster import Place
+from twin.suites.cluster import Workers
 from twin.suites.expansion import Case, expand
-from twin.suites.progress import Watcher
+from twin.suites.progress import ProgressListener
 from twin.suites.run import run_suite
 from twin.suites.spec import Suite, load_suite
 from twin.suites.store_files import read_store
 from twin.suites.store_schema import DONE
 from twin.suites.tasks import State
-from twin.suites.worker import TRUTH, Moment, record, renderer_of, resolved_scenario
+from twin.suites.worker import TRUTH, Incident, record, renderer_of, resolved_scenario
 
 SUITE_FOLDER = "suite"
 """The folder of the suite's results within the reproduction's."""
@@ -41,7 +41,7 @@ class SuiteRuns:
 
     by_condition: Mapping[str, Mapping[int, Mapping[str, Case]]]
     metrics: Mapping[str, Mapping[str, float | None]]  # case id -> figure of metrics.json -> value
-    moments: Mapping[str, Sequence[Moment]]  # case id
+    moments: Mapping[str, Sequence[Incident]]  # case id
     cache: RecordingCache
     folder: Path
     not_done: tuple[str, ...]
@@ -60,7 +60,7 @@ def suite_of(name: str, seeds: range) -> tuple[Suite, Path]:
 
 
 def run_in(
-    folder: Path, suite: Suite, path: Path, place: Place, resume: bool, on_progress: OnProgress | None
+    folder: Path, suite: Suite, path: Path, place: Workers, resume: bool, on_progress: OnProgress | None
 ) -> RecordingCache:
     """Run the suite into `folder`; the cache that holds its recordings.
 
@@ -86,7 +86,7 @@ def run_in(
         cache,
         place,
         resume=resume,
-        watcher=Watcher(failed=tell_failure, state=state),
+        progress=ProgressListener(failed=tell_failure, state=state),
     )
     return cache
 

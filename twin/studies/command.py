@@ -50,9 +50,9 @@ def run(
     from twin.run.chosen_trackers import TrustedClasses, import_from_here
     from twin.studies.results import print_summary
     from twin.studies.run import run_study, write_results
-    from twin.suites.cluster import place_of
+    from twin.suites.cluster import parse_workers
 
-    place = place_of(jobs, scheduler, resource)
+    place = parse_workers(jobs, scheduler, resource)
     trusted = TrustedClasses(every=allow_plugins)
     import_from_here((), files_trusted=allow_plugins)
     with run_study(study, out, place, resume=resume, seed_offset=seed or 0, trusted=trusted) as (results, folder):

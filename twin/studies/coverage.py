@@ -16,7 +16,7 @@ from twin.studies.candidate_set import BASELINE, CandidatePose, CandidateSet, Pl
 from twin.studies.spec import Coverage, Study
 from twin.studies.visibility import SampledWorld, SensorVisibility, floor_cells, packed
 from twin.suites.cache import RecordingCache
-from twin.suites.worker import staged_in
+from twin.suites.worker import cached_motion
 
 Bits = NDArray[np.uint64]  # (sensors, words)
 
@@ -31,7 +31,7 @@ class CoverageTargets:
         self.sampled_worlds = []
         for seed in coverage.seeds if times else coverage.seeds[:1]:
             seeded = scenario.model_copy(update={"seed": seed})
-            self.sampled_worlds.append(SampledWorld(seeded, staged_in(cache, seeded), times))
+            self.sampled_worlds.append(SampledWorld(seeded, cached_motion(cache, seeded), times))
         self.cells_m = floor_cells(self.sampled_worlds[0].area, coverage.cell_m)
         if coverage.of == "people" and not self.n:
             raise InputError(

@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field, FiniteFloat, model_validator
 from trackers.configuration import Strict
 from trackers.pose import Point3
 from trackers.rig import Point2
-from twin.suites.spec import Changes, OwnName, Text
+from twin.suites.spec import Overrides, OwnName, Text
 
 Metres = Annotated[FiniteFloat, Field(ge=0, le=1000)]
 
@@ -88,7 +88,7 @@ class DeviceKind(Strict):
     """One of several kinds of a device to choose from."""
 
     name: OwnName = Field(description="what to call it in tables")
-    set: Changes = Field(
+    set: Overrides = Field(
         default={}, description="changes to the sensor, by field: role, rate_hz, field_of_view_deg ..."
     )
     price: float | None = Field(default=None, ge=0, description="what one costs; none: the entry's price")

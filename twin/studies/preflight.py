@@ -20,7 +20,7 @@ from twin.streams import stream
 from twin.studies.apply_placement import apply_placement
 from twin.studies.candidate_set import CandidateSet
 from twin.studies.spec import Study, StudyScenario, load_study, scenario_key
-from twin.suites.overrides import as_texts
+from twin.suites.overrides import format_overrides
 from twin.world.scene import Scene, build_scene
 
 
@@ -89,7 +89,7 @@ def _loaded(entries: Sequence[StudyScenario], path: Path, field: str) -> tuple[d
         key = scenario_key(number, entry) if field == "scenarios" else f"held-out {scenario_key(number, entry)}"
         try:
             file = models.find("scenarios", entry.scenario, path.parent, f"{path}: {field}.{number}.scenario")
-            found[key] = load_scenario(file, suites=as_texts(entry.set), folder=path.parent)
+            found[key] = load_scenario(file, suites=format_overrides(entry.set), folder=path.parent)
             files[key] = file
         except InputError as error:
             faults += [

@@ -34,15 +34,15 @@ from twin.studies.validation import (
     values_with_one_fewer,
 )
 from twin.suites.cache import RecordingCache, cache_limit_bytes
-from twin.suites.cluster import Place
-from twin.suites.progress import Watcher
+from twin.suites.cluster import Workers
+from twin.suites.progress import ProgressListener
 
 
 @contextmanager
 def run_study(
     name: str | Path,
     out: Path | None,
-    place: Place,
+    place: Workers,
     *,
     resume: bool = False,
     seed_offset: int = 0,
@@ -64,7 +64,7 @@ def run_study(
     run.trials = searcher.result.trials
     first = None if resume and (folder / FILE).exists() else run.check_metrics()
     facts = study.model_dump(mode="json", by_alias=True)
-    watcher = Watcher(warned=_warn)
+    watcher = ProgressListener(warned=_warn)
     with open_store(folder, facts, place, resume, watcher, run.progress) as evaluations:
         run.evaluations = evaluations
         if first is not None:

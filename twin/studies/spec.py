@@ -13,8 +13,8 @@ from trackers.plain_data import parse_yaml
 from trackers.text_file import read_text
 from twin import models
 from twin.studies.devices import Constraints, Device, Metres
-from twin.suites.metrics import FIGURE
-from twin.suites.spec import Changes, OwnName, Seeds, Text, TrackerName, list_of, mapping_of, single
+from twin.suites.metrics import METRICS
+from twin.suites.spec import Overrides, OwnName, Seeds, Text, TrackerName, list_of, mapping_of, single
 
 NOT_DETERMINISTIC = ("ms_per_frame.mean", "ms_per_frame.p95")
 """Figures that depend on who else uses the machine: no study goes by them."""
@@ -27,7 +27,7 @@ class StudyScenario(Strict):
         description="name of a shipped scenario, or path of a YAML file relative to the study"
     )
     weight: float = Field(default=1.0, gt=0, description="weight in means over scenarios")
-    set: Changes = Field(default={}, description="changes to the scenario, by path")
+    set: Overrides = Field(default={}, description="changes to the scenario, by path")
 
 
 def scenario_key(number: int, scenario: StudyScenario) -> str:
@@ -63,7 +63,7 @@ class Objective(Strict):
             if self.metric is not None or self.tracker is not None:
                 raise ValueError(f"metric and tracker are of kind 'metric', not of {self.kind!r}")
             return self
-        valid = [key for key in FIGURE if key not in NOT_DETERMINISTIC]
+        valid = [key for key in METRICS if key not in NOT_DETERMINISTIC]
         if self.metric not in valid:
             raise ValueError(f"unknown metric {self.metric!r}; valid are {', '.join(valid)}")
         return self
@@ -71,7 +71,7 @@ class Objective(Strict):
     @property
     def more_is_better(self) -> bool:
         """True where the objective is maximized."""
-        return self.kind == "coverage" or (self.metric is not None and FIGURE[self.metric].better == "more")
+        return self.kind == "coverage" or (self.metric is not None and METRICS[self.metric].better == "more")
 
     @property
     def column(self) -> str:

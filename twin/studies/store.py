@@ -17,13 +17,13 @@ from trackers.errors import InputError
 from twin.recording.whole_file import whole_file
 from twin.run.out_folder import locked_folder
 from twin.studies.worker import EvaluationTask, evaluate_task
-from twin.suites.cache_keys import MadeFrom, digest_of, whole_code
-from twin.suites.cluster import Place
-from twin.suites.dask_runner import RunTasks, open_place
+from twin.suites.cache_keys import Provenance, digest_of, whole_code
+from twin.suites.cluster import Workers
+from twin.suites.dask_runner import RunTasks, open_workers
 from twin.suites.metrics import check_ranges
-from twin.suites.progress import Watcher
-from twin.suites.store_files import done_again
-from twin.suites.tasks import Ended, Listener, State, Task
+from twin.suites.progress import ProgressListener
+from twin.suites.store_files import rerun_warning
+from twin.suites.tasks import State, Task, TaskListener, TaskResult
 
 FILE = "evaluations.jsonl"
 _LIMIT_S = 1800.0
@@ -37,7 +37,7 @@ class Job:
     scenario: str
     seed: int
     work: EvaluationTask
-    made_from: MadeFrom
+    made_from: Provenance
 
     @property
     def id(self) -> str:
@@ -82,7 +82,7 @@ class EvaluationStore:
         self._run_tasks = run_tasks
         self._progress = progress
         self._warn = warn
-        self._recorded: dict[str, tuple[MadeFrom | None, Outcome]] = {}
+        self._recorded: dict[str, tuple[Provenance | None, Outcome]] = {}
         self.n_evaluated = 0
         """So many were evaluated in this run, none of them held before."""
 
@@ -117,7 +117,7 @@ class EvaluationStore:
                 self._warn(f"{self._path}: line {number}: {error}; what it held is evaluated again")
                 continue
             self._recorded[content.id] = (
-                MadeFrom.read(json.dumps(content.made_from)),
+                Provenance.read(json.dumps(content.made_from)),
                 Outcome(content.figures, content.error),
             )
             good.append(line)
@@ -134,10 +134,10 @@ class EvaluationStore:
             name: job.made_from.changed(self._recorded[name][0]) for name, job in new.items() if name in self._recorded
         }
         if changed:
-            self._warn(done_again(changed, len(jobs)))
+            self._warn(rerun_warning(changed, len(jobs)))
         by_id = {f"evaluation-{number}": job for number, job in enumerate(new.values())}
 
-        def ended(end: Ended) -> None:
+        def ended(end: TaskResult) -> None:
             done = Outcome(end.value) if end.status == "done" else Outcome(error=end.error.splitlines()[0])
             self.record(by_id[end.task.id], done)
 
@@ -146,7 +146,7 @@ class EvaluationStore:
 
         if new:
             tasks = [Task(name, job.work, _LIMIT_S) for name, job in by_id.items()]
-            self._run_tasks(tasks, evaluate_task, Listener(ended=ended, state=state), None)
+            self._run_tasks(tasks, evaluate_task, TaskListener(ended=ended, state=state), None)
             self.n_evaluated += len(new)
         return [self._recorded[job.id][1] for job in jobs]
 
@@ -155,9 +155,9 @@ class EvaluationStore:
 def open_store(
     folder: Path,
     study: Mapping[str, Any],
-    place: Place,
+    place: Workers,
     resume: bool,
-    watcher: Watcher,
+    watcher: ProgressListener,
     progress: Callable[[int, State], object],
 ) -> Iterator[EvaluationStore]:
     """Open the evaluations in a study's folder, locked against other processes, with workers for more.
@@ -188,7 +188,7 @@ def open_store(
                 f"--resume: {path}: was made of another study ({', '.join(changed) or 'some fields are gone'} changed); the same "
                 "study, or another folder, is expected"
             )
-        evaluations = EvaluationStore(folder, open_place(place, stack, watcher), progress, watcher.warned)
+        evaluations = EvaluationStore(folder, open_workers(place, stack, watcher), progress, watcher.warned)
         if before is None:
             with whole_file(path) as stream:
                 stream.write(with_checksum(head) + "\n")

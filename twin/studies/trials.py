@@ -19,7 +19,7 @@ from twin.studies.spec import Objective, StudyScenario, scenario_key
 from twin.studies.store import EvaluationStore, Job, Outcome
 from twin.studies.worker import DETAILED, EvaluationTask, evaluate_task
 from twin.suites.cache import RecordingCache
-from twin.suites.cache_keys import made_from, room_digest, whole_code
+from twin.suites.cache_keys import provenance_of, room_digest, whole_code
 from twin.suites.tasks import State
 
 
@@ -138,7 +138,7 @@ class TrialRunner:
         if files not in self._knowledge:
             self._knowledge[files] = scenario.knowledge.digest()
         trackers = [(each.target, each.options) for each in self.prepared.trackers]
-        made = made_from(seeded.model_dump_json(), self._room, trackers, self._knowledge[files])
+        made = provenance_of(seeded.model_dump_json(), self._room, trackers, self._knowledge[files])
         work = EvaluationTask(seeded, self.prepared.trackers, self.cache, self._code, self._details, made)
         return Job(name, key, seed, work, made)
 

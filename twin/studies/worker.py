@@ -21,9 +21,9 @@ from twin.run.chosen_trackers import ChosenTracker
 from twin.scenario import Scenario
 from twin.streams import stream
 from twin.suites.cache import RecordingCache
-from twin.suites.cache_keys import MadeFrom, people_key, room_digest, whole_code
-from twin.suites.metrics import flat
-from twin.suites.worker import staged_in
+from twin.suites.cache_keys import Provenance, people_key, room_digest, whole_code
+from twin.suites.metrics import flatten_metrics
+from twin.suites.worker import cached_motion
 from twin.truth.frames import Situation, TruthDetail, TruthFrame
 from twin.world.simulation import Simulation
 from twin.world.staged import Posed, Staged
@@ -52,7 +52,7 @@ class EvaluationTask:
     cache: RecordingCache
     code: str
     details: bool = False
-    made_from: MadeFrom | None = None
+    made_from: Provenance | None = None
 
 
 @dataclass
@@ -70,7 +70,7 @@ _scenes: OrderedDict[str, _CachedScene] = OrderedDict()
 def _cached_scene(cache: RecordingCache, scenario: Scenario) -> _CachedScene:
     key = people_key(scenario)
     if key not in _scenes:
-        _scenes[key] = _CachedScene(staged_in(cache, scenario))
+        _scenes[key] = _CachedScene(cached_motion(cache, scenario))
         if len(_scenes) > _MOST_STAGED:
             _scenes.popitem(last=False)
     _scenes.move_to_end(key)
@@ -122,7 +122,7 @@ def evaluate_placement(work: EvaluationTask) -> dict[str, Evaluation]:
     return found
 
 
-def _check_files(scenario: Scenario, made: MadeFrom) -> None:
+def _check_files(scenario: Scenario, made: Provenance) -> None:
     for what, now, before in (
         ("the room", room_digest(scenario.room), made.room),
         ("the files of knowledge", scenario.knowledge.digest(), made.knowledge),
@@ -139,7 +139,7 @@ def evaluate_task(work: EvaluationTask) -> dict[str, dict[str, float | None]]:
         )
     if work.made_from is not None:
         _check_files(work.scenario, work.made_from)
-    metrics = {name: flat(each.metrics) for name, each in evaluate_placement(work).items()}
+    metrics = {name: flatten_metrics(each.metrics) for name, each in evaluate_placement(work).items()}
     if work.details:
         return metrics
     return {name: {key: each[key] for key in each if not key.startswith(DETAILED)} for name, each in metrics.items()}

@@ -14,9 +14,9 @@ from trackers.errors import InputError
 from trackers.plain_data import parse_json
 from trackers.text_file import read_text
 from twin.recording.whole_file import whole_file
-from twin.suites.metrics import GATED, GATED_READINGS
+from twin.suites.metrics import GATED, GATED_SENSOR_METRICS
 from twin.suites.results import Group, GroupKey, Results
-from twin.suites.store_files import FILE, read_store
+from twin.suites.store_files import RESULTS_FILE, read_store
 
 _EXPECTED = "a baseline that `twin suite run --update-baseline` has written"
 
@@ -79,7 +79,7 @@ def write_baseline(path: Path, results: Results) -> None:
     }
     text = json.dumps(head, ensure_ascii=False, indent=2)[:-2]
     groups = _lines(results.groups, "tracker", tuple(GATED))
-    sensors = _lines(results.sensors, "sensor", tuple(GATED_READINGS))
+    sensors = _lines(results.sensors, "sensor", tuple(GATED_SENSOR_METRICS))
     with whole_file(path) as stream:
         stream.write(f'{text},\n  "groups": [\n{groups}\n  ],\n  "sensors": [\n{sensors}\n  ]\n}}\n')
 
@@ -108,10 +108,10 @@ def _text(key: GroupKey, group: Group, whose: str, metrics: Sequence[str]) -> st
 
 def read_results(path: Path) -> Results:
     """The results of a suite's folder, of its results.sqlite, or of a baseline; raises InputError for anything else."""
-    from twin.suites.results import results_of
+    from twin.suites.results import collect_results
 
-    folder = path.parent if path.name == FILE else path
+    folder = path.parent if path.name == RESULTS_FILE else path
     if path.suffix == ".json":
         return read_baseline(path)
     with read_store(folder) as store:
-        return results_of(store)
+        return collect_results(store)

@@ -53,7 +53,7 @@ def people_key(scenario: Scenario) -> str:
 
 
 @dataclass(frozen=True)
-class MadeFrom:
+class Provenance:
     """Digests of all that a case's figures depend on besides this package's own code ("": nothing of the kind)."""
 
     scenario: str
@@ -63,7 +63,7 @@ class MadeFrom:
     knowledge: str
 
     @classmethod
-    def read(cls, text: str) -> MadeFrom | None:
+    def read(cls, text: str) -> Provenance | None:
         """Read what `write` gave; None for anything else."""
         try:
             return cls(**json.loads(text))
@@ -74,7 +74,7 @@ class MadeFrom:
         """Give the digests as JSON."""
         return json.dumps(asdict(self))
 
-    def changed(self, before: MadeFrom | None) -> list[str]:
+    def changed(self, before: Provenance | None) -> list[str]:
         """Name what is not as it was; everything where `before` is unknown."""
         return [name for name, digest in asdict(self).items() if before is None or getattr(before, name) != digest]
 
@@ -87,7 +87,9 @@ def digest_of(*parts: str | bytes) -> str:
     return digest.hexdigest()[:16]
 
 
-def made_from(resolved: str, room: str, trackers: Iterable[tuple[str, Mapping[str, Any]]], knowledge: str) -> MadeFrom:
+def provenance_of(
+    resolved: str, room: str, trackers: Iterable[tuple[str, Mapping[str, Any]]], knowledge: str
+) -> Provenance:
     """Digest what a case is made from.
 
     resolved: the scenario, its seed included; room: `room_digest` of its room; trackers: what `make_tracker` calls each,
@@ -96,7 +98,7 @@ def made_from(resolved: str, room: str, trackers: Iterable[tuple[str, Mapping[st
     tracking = [
         part for name, options in trackers for part in (name, json.dumps(options, sort_keys=True), plug_in_code(name))
     ]
-    return MadeFrom(digest_of(resolved), simulation_code()[:16], room, digest_of(*tracking), knowledge)
+    return Provenance(digest_of(resolved), simulation_code()[:16], room, digest_of(*tracking), knowledge)
 
 
 def room_digest(name: str) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from html import escape
 
 from twin.report.palette import IDENTITY_COLOURS
-from twin.suites.metrics import FIGURE, written
+from twin.suites.metrics import METRICS, format_metric
 from twin.suites.results import Group, mean_over_seeds
 
 _SHAPES = (
@@ -39,7 +39,7 @@ def scale_of(metric: str, groups: Iterable[Group]) -> Scale:
     if not values:
         return Scale(0.0, 1.0)
     low, high = min(values), max(values)
-    figure = FIGURE[metric]
+    figure = METRICS[metric]
     if figure.better == "less":
         low = min(0.0, low)
     else:
@@ -53,14 +53,14 @@ def colour_of(slot: int) -> int:
     return slot % len(IDENTITY_COLOURS)
 
 
-def mark(slot: int, x: float, y: float, said: str = "") -> str:
+def marker(slot: int, x: float, y: float, said: str = "") -> str:
     """The mark of the tracker in this place, as SVG."""
     shape = _SHAPES[slot // len(IDENTITY_COLOURS) % len(_SHAPES)]
     title = f"<title>{said}</title>" if said else ""
     return f'<path class="mean f{colour_of(slot)}" transform="translate({x:.1f} {y:g})" d="{shape}">{title}</path>'
 
 
-def multiple(
+def small_multiple(
     metric: str,
     scale: Scale,
     trackers: Sequence[tuple[str, Group]],
@@ -73,11 +73,11 @@ def multiple(
     """
     height = _TOP + _ROW * len(trackers) + _BOTTOM
     right = _WIDTH - _RIGHT
-    parts = [f'<svg viewBox="0 0 {_WIDTH:g} {height:g}" role="img" aria-label="{escape(FIGURE[metric].name)}">']
+    parts = [f'<svg viewBox="0 0 {_WIDTH:g} {height:g}" role="img" aria-label="{escape(METRICS[metric].name)}">']
     bottom = height - _BOTTOM
     parts.append(f'<path class="frame" d="M{_LEFT:g} {bottom:g}H{right:g}"/>')
     for value, anchor in ((scale.low, "start"), (scale.high, "end")):
-        text = _tick(metric, max(0.0, value) if FIGURE[metric].better == "less" else min(1.0, value))
+        text = _tick(metric, max(0.0, value) if METRICS[metric].better == "less" else min(1.0, value))
         x = _LEFT if anchor == "start" else right
         parts.append(f'<text class="axis" x="{x:g}" y="{height - 5:g}" text-anchor="{anchor}">{text}</text>')
     for row, (name, group) in enumerate(trackers):
@@ -92,7 +92,7 @@ def _row(metric: str, scale: Scale, y: float, group: Group, slot: int, before: G
         return [f'<text class="axis" x="{_WIDTH - 2:g}" y="{y + 4:g}" text-anchor="end">–</text>']
     parts = [
         f'<circle class="seed f{colour_of(slot)}" cx="{scale.x(value):.1f}" cy="{y:g}" r="2.2"><title>seed {seed}: '
-        f"{written(metric, value)}</title></circle>"
+        f"{format_metric(metric, value)}</title></circle>"
         for seed, figures in group.seeds.items()
         if (value := figures.get(metric)) is not None
     ]
@@ -100,19 +100,21 @@ def _row(metric: str, scale: Scale, y: float, group: Group, slot: int, before: G
     if old is not None:
         x = min(max(scale.x(old.mean), _LEFT), _WIDTH - _RIGHT)
         parts.append(
-            f'<path class="before" d="M{x:.1f} {y - 7:g}V{y + 7:g}"><title>before: {written(metric, old.mean)}</title></path>'
+            f'<path class="before" d="M{x:.1f} {y - 7:g}V{y + 7:g}">'
+            f"<title>before: {format_metric(metric, old.mean)}</title></path>"
         )
     if mean.low is not None and mean.high is not None:
         parts.append(
             f'<path class="interval s{colour_of(slot)}" d="M{scale.x(mean.low):.1f} {y:g}H{scale.x(mean.high):.1f}"/>'
         )
-        said = f"{written(metric, mean.mean)}, 95 %: {written(metric, mean.low)} to {written(metric, mean.high)}"
+        centre, low, high = (format_metric(metric, value) for value in (mean.mean, mean.low, mean.high))
+        said = f"{centre}, 95 %: {low} to {high}"
     else:
-        said = written(metric, mean.mean)
-    parts.append(mark(slot, scale.x(mean.mean), y, said))
+        said = format_metric(metric, mean.mean)
+    parts.append(marker(slot, scale.x(mean.mean), y, said))
     parts.append(f'<text x="{_WIDTH - 2:g}" y="{y + 4:g}" text-anchor="end">{_tick(metric, mean.mean)}</text>')
     return parts
 
 
 def _tick(metric: str, value: float) -> str:
-    return f"{value:.{FIGURE[metric].decimals or 1}f}".replace("-", "−")
+    return f"{value:.{METRICS[metric].decimals or 1}f}".replace("-", "−")

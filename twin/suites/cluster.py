@@ -158,7 +158,7 @@ def read_resources(texts: Sequence[str]) -> dict[str, float]:
 
 
 @dataclass(frozen=True)
-class Place:
+class Workers:
     """Where a suite runs: `jobs` processes here (None: one a core; 1: in this very process), or a Dask scheduler's workers."""
 
     jobs: int | None = None
@@ -166,10 +166,10 @@ class Place:
     resources: Mapping[str, float] | None = None
 
 
-def place_of(jobs: int | None, scheduler: str | None, resource: list[str] | None) -> Place:
+def parse_workers(jobs: int | None, scheduler: str | None, resource: list[str] | None) -> Workers:
     """The place that these options name. Raises InputError where both kinds are given, or a resource is none."""
     if scheduler is not None and jobs is not None:
         raise InputError(
             f"--jobs {jobs} --scheduler {scheduler}: a scheduler has its own workers; one of them is expected"
         )
-    return Place(jobs, scheduler, read_resources(resource or []))
+    return Workers(jobs, scheduler, read_resources(resource or []))

@@ -60,18 +60,18 @@ def run(
     """Run every case of a suite."""
     from trackers.errors import InputError
     from twin.run.chosen_trackers import TrustedClasses, import_from_here, typed_classes, typed_schedulers
-    from twin.suites.cluster import place_of
-    from twin.suites.gate import run_and_judge
+    from twin.suites.cluster import parse_workers
+    from twin.suites.gate import run_gate
 
     if update_baseline and baseline is None:
         raise InputError("--update-baseline: writes to the file of --baseline; --baseline FILE is expected beside it")
-    place = place_of(jobs, scheduler, resource)
+    workers = parse_workers(jobs, scheduler, resource)
     typed = typed_classes(set_ or [])
     import_from_here(typed, files_trusted=allow_plugins)
-    well = run_and_judge(
+    well = run_gate(
         suite,
         out,
-        place,
+        workers,
         resume=resume,
         baseline=baseline,
         update_baseline=update_baseline,

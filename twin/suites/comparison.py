@@ -20,17 +20,17 @@ from pathlib import Path
 
 import numpy as np
 
-from twin.suites.metrics import GATED, figure_named, worsening, written
-from twin.suites.pairing import Pair, pairs_of
+from twin.suites.metrics import GATED, format_metric, metric_named, worsening
+from twin.suites.pairing import Pair, pair_results
 from twin.suites.permutation_test import (
     ALPHA,
-    Power,
+    MinimumDetectableChange,
+    contributions,
     family_wise_p,
-    fewest_for_an_alarm,
+    min_recordings,
+    minimum_detectable_changes,
     over_scenarios,
     over_trackers,
-    power_of,
-    shares_of,
 )
 from twin.suites.results import GroupKey, Results
 from twin.suites.store import ResultStore
@@ -86,7 +86,7 @@ class Comparison:
 
     changes: tuple[Change, ...]
     warnings: tuple[str, ...]
-    power: tuple[Power, ...] = ()
+    detectable: tuple[MinimumDetectableChange, ...] = ()
     identical: bool = False  # recordings and figures all have the same bits
 
     @property
@@ -104,19 +104,19 @@ def compare(
     before: Results, now: Results, allowed: Callable[[str, float], float], before_name: str = "the baseline"
 ) -> Comparison:
     """Every figure of `now` against `before`; `allowed(metric, before)`: how much worse it may be, in its unit."""
-    pairs = list(pairs_of(before, now, allowed))
+    pairs = list(pair_results(before, now, allowed))
     tests = [[pair] for pair in pairs] + [*over_scenarios(pairs), *over_trackers(pairs)]
-    shares, allowances = shares_of(tests)
+    shares, allowances = contributions(tests)
     p, p_better = family_wise_p(shares), family_wise_p(-shares)
     changes = [_change(*each) for each in zip(tests, p, p_better, allowances, strict=True)]
     gone = list(_gone(before, now))
     identical = (
         bool(pairs)
         and not gone
-        and all(each.kinship == "same bits" and (each.before == each.now).all() for each in pairs)
+        and all(each.relation == "same bits" and (each.before == each.now).all() for each in pairs)
     )
-    warnings = tuple(caveats_of(before, now, before_name, pairs))
-    return Comparison((*gone, *changes), warnings, tuple(power_of(pairs)), identical)
+    warnings = tuple(notes_on(before, now, before_name, pairs))
+    return Comparison((*gone, *changes), warnings, tuple(minimum_detectable_changes(pairs)), identical)
 
 
 def _change(pairs: Sequence[Pair], p: float, p_better: float, allowed: float) -> Change:
@@ -165,28 +165,28 @@ def _excess(change: Change) -> float:
     return abs(change.change) / max(change.allowed, 1e-12)
 
 
-def caveats_of(before: Results, now: Results, before_name: str, pairs: Sequence[Pair]) -> Iterator[str]:
+def notes_on(before: Results, now: Results, before_name: str, pairs: Sequence[Pair]) -> Iterator[str]:
     """The sentences, none where there is nothing to know."""
     if before.suite != now.suite:
         yield f"{before_name} is of the suite {before.suite}, this one is {now.suite}"
-    strangers = [pair.key for pair in pairs if pair.kinship == "strangers"]
-    if strangers and not any(group.people for group in before.groups.values()):
+    unrelated = [pair.key for pair in pairs if pair.relation == "unrelated"]
+    if unrelated and not any(group.people for group in before.groups.values()):
         yield (
             f"{before_name} does not say on which ways its people went, as one written before that was kept: written anew, "
             "it lets seeds be pairs where sensors alone report otherwise"
         )
-    if strangers:
+    if unrelated:
         yield (
-            f"the recordings of {_names(strangers)} are not those of {before_name}: another scenario, or other code that moves "
+            f"the recordings of {_names(unrelated)} are not those of {before_name}: another scenario, or other code that moves "
             "people; seeds are then two populations and no pairs"
         )
-    relations = [pair.key for pair in pairs if pair.kinship == "same people"]
-    if relations:
+    related = [pair.key for pair in pairs if pair.relation == "same people"]
+    if related:
         yield (
-            f"the recordings of {_names(relations)} show the people of {before_name} on the same ways, but the sensors report "
+            f"the recordings of {_names(related)} show the people of {before_name} on the same ways, but the sensors report "
             "otherwise: other noise, other sensors or other code; seeds are pairs of which each has a draw of the noise"
         )
-    if any(pair.kinship == "same origin" for pair in pairs):
+    if any(pair.relation == "same origin" for pair in pairs):
         yield (
             f"recordings have other bits than those of {before_name} though they are made from the same, as on another processor "
             "or renderer; seeds are pairs all the same"
@@ -196,10 +196,10 @@ def caveats_of(before: Results, now: Results, before_name: str, pairs: Sequence[
     old, new = before.versions.get("mujoco"), now.versions.get("mujoco")
     if old != new:
         yield f"{before_name} was made with MuJoCo {old}, here it is {new}: contacts and pictures may differ"
-    few = {pair.key: pair for pair in pairs if len(pair.seeds) < fewest_for_an_alarm()}
+    few = {pair.key: pair for pair in pairs if len(pair.seeds) < min_recordings()}
     if few:
         yield (
-            f"{_names(list(few))} have fewer than {fewest_for_an_alarm()} seeds in common: there alone, only one that "
+            f"{_names(list(few))} have fewer than {min_recordings()} seeds in common: there alone, only one that "
             "falls beyond any noise is noticed"
         )
     missing = [key for key in before.groups if key not in now.groups]
@@ -224,7 +224,7 @@ _KIND_OF = {"misidentifications": "misidentification", "lost_tracks": "lost", "i
 
 
 @dataclass(frozen=True)
-class Look:
+class IncidentLink:
     """A case's page and the moment to look at [s]; `what` happened there."""
 
     page: Path
@@ -236,7 +236,7 @@ class Look:
         return f"{self.page} at {self.t_s:.1f} s ({self.what})"
 
 
-def look_at(change: Change, results: Results, store: ResultStore, folder: Path) -> Look | None:
+def incident_link(change: Change, results: Results, store: ResultStore, folder: Path) -> IncidentLink | None:
     """The moment behind a change, in the seed that got worst; None where the run has no case of it."""
     group = results.groups.get(change.key)
     case_id = group.cases.get(change.worst_seed) if group is not None and change.worst_seed is not None else None
@@ -247,26 +247,28 @@ def look_at(change: Change, results: Results, store: ResultStore, folder: Path) 
     chosen = next((moment for moment in moments if moment.kind == kind), moments[0] if moments else None)
     if chosen is None:
         return None
-    return Look(page_of(folder, case_id), chosen.t_s, chosen.what)
+    return IncidentLink(case_page(folder, case_id), chosen.t_s, chosen.what)
 
 
-def page_of(folder: Path, case_id: str) -> Path:
+def case_page(folder: Path, case_id: str) -> Path:
     """The report of a case of the run in `folder`; of a suite without reports the case's folder, its tracks and figures."""
     case = folder / "cases" / case_id
     return report if (report := case / "report.html").is_file() else case
 
 
-def sentence(change: Change) -> str:
+def describe_change(change: Change) -> str:
     """What changed, in words: "MOTP 0.067 m → 0.091 m (+0.024 m, allowed 0.004 m)"."""
-    name = figure_named(change.metric).name
-    was = written(change.metric, change.before)
+    name = metric_named(change.metric).name
+    was = format_metric(change.metric, change.before)
     if change.now is None:
         return f"{name} {was} → no longer measured"
-    now, by = written(change.metric, change.now), written(change.metric, change.change, sign=True)
-    return f"{name} {was} → {now} ({by}, allowed {written(change.metric, change.allowed)}, {evidence(change)})"
+    now, by = format_metric(change.metric, change.now), format_metric(change.metric, change.change, sign=True)
+    return (
+        f"{name} {was} → {now} ({by}, allowed {format_metric(change.metric, change.allowed)}, {significance(change)})"
+    )
 
 
-def evidence(change: Change) -> str:
+def significance(change: Change) -> str:
     """Why a change counts: how likely chance makes one so large, and the seed of a case that fell beyond any noise."""
     if change.now is None:
         return "gone"

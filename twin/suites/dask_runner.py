@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from trackers.errors import InputError
-from twin.suites.cluster import Cluster, Place, open_cluster
-from twin.suites.progress import Watcher
-from twin.suites.tasks import MOST_ATTEMPTS, Listener, Task, TaskQueue, attempt, log_tail, run_here
+from twin.suites.cluster import Cluster, Workers, open_cluster
+from twin.suites.progress import ProgressListener
+from twin.suites.tasks import MAX_RETRIES, Task, TaskListener, TaskQueue, call_task, log_tail, run_serial
 
 if TYPE_CHECKING:
     from distributed import Future
@@ -59,7 +59,7 @@ def run_on(
     cluster: Cluster,
     tasks: Iterable[Task],
     function: Callable[[Any], Any],
-    listener: Listener,
+    listener: TaskListener,
     logs: Path | None = None,
 ) -> None:
     """Run the tasks on the cluster's workers; `function` is one that a worker can import.
@@ -93,10 +93,10 @@ class _Run:
             while len(self._todo) or self._running:
                 self._look_at_workers()
                 self._start_what_may()
-                self._todo.tell(len(self._running), len(self._workers))
+                self._todo.report(len(self._running), len(self._workers))
                 self._collect()
                 self._end_what_hangs()
-            self._todo.tell(0, len(self._workers))
+            self._todo.report(0, len(self._workers))
         finally:
             left = [each.future for each in self._running.values()]
             if left:
@@ -144,7 +144,7 @@ class _Run:
             task, number = next_one
             log = self._logs / f"{task.id}.{number}.log" if self._logs is not None else None
             future = self._cluster.client.submit(
-                attempt,
+                call_task,
                 self._function,
                 task.work,
                 task.limit_s,
@@ -200,7 +200,7 @@ class _Run:
             message = message or _reason(one.future) or f"its worker died after {spent_s:.1f} s"
         tail = log_tail(one.log)
         self._cluster.client.cancel([one.future], force=True)
-        attempts = f"{message}, at attempt {one.number} of {MOST_ATTEMPTS}"
+        attempts = f"{message}, after {one.number - 1} of {MAX_RETRIES} retries"
         self._todo.interrupted(one.task, spent_s, "\n".join(part for part in (attempts, tail) if part))
 
     def _end_what_hangs(self) -> None:
@@ -229,14 +229,14 @@ def _reason(future: Future) -> str:
     )
 
 
-RunTasks = Callable[[Sequence[Task], Callable[[Any], Any], Listener, Path | None], None]
+RunTasks = Callable[[Sequence[Task], Callable[[Any], Any], TaskListener, Path | None], None]
 
 
-def open_place(place: Place, stack: ExitStack, watcher: Watcher) -> RunTasks:
+def open_workers(workers: Workers, stack: ExitStack, progress: ProgressListener) -> RunTasks:
     """What runs tasks there, workers included, until the stack is left; raises InputError as `open_cluster`."""
-    if place.scheduler is None and place.jobs == 1:
-        return lambda tasks, function, listener, logs: run_here(tasks, function, listener)
-    cluster = stack.enter_context(open_cluster(place.jobs, place.scheduler, place.resources))
+    if workers.scheduler is None and workers.jobs == 1:
+        return lambda tasks, function, listener, logs: run_serial(tasks, function, listener)
+    cluster = stack.enter_context(open_cluster(workers.jobs, workers.scheduler, workers.resources))
     if cluster.dashboard is not None:
-        watcher.dashboard(cluster.dashboard)
+        progress.dashboard(cluster.dashboard)
     return lambda tasks, function, listener, logs: run_on(cluster, tasks, function, listener, logs)

@@ -20,10 +20,10 @@ from twin.scenario import load_scenario
 from twin.scenario.load import dump_scenario
 from twin.scenario.model import Scenario, TrackerChoice
 from twin.scenario.size import RunSize, check_size, size_of
-from twin.suites.cache_keys import MadeFrom, made_from, people_key, recording_key, room_digest
-from twin.suites.overrides import Variant, as_texts, variants
+from twin.suites.cache_keys import Provenance, people_key, provenance_of, recording_key, room_digest
+from twin.suites.overrides import Variant, format_overrides, variants
 from twin.suites.preflight import TrackerCheck
-from twin.suites.spec import Changes, Suite, find_scenario
+from twin.suites.spec import Overrides, Suite, find_scenario
 
 MOST_CASES = 5000
 
@@ -51,16 +51,16 @@ class Case:
     resolved: str  # YAML, without trackers and what they may know: what is simulated
     tracker_changes: tuple[str, ...]  # 'trackers.NAME=...' for those that the scenario defines
     knowledge: KnowledgeFiles
-    made_from: MadeFrom  # by content: a case of other files is another one
+    provenance: Provenance  # by content: a case of other files is another one
     recipe: str  # the key of its recording, but for the renderer
 
     @property
     def tracking_changes(self) -> tuple[str, ...]:
         """What is said to `twin track` of the recording: the trackers as the scenario defines them, the files they are handed."""
-        files: Changes = (
+        files: Overrides = (
             {} if self.knowledge == NO_FILES else {"knowledge": self.knowledge.model_dump(exclude_none=True)}
         )
-        return (*self.tracker_changes, *as_texts(files))
+        return (*self.tracker_changes, *format_overrides(files))
 
     def check_files(self) -> None:
         """Raise InputError where the room, or the files that trackers are handed, are not there or not what they were."""
@@ -69,7 +69,7 @@ class Case:
                 f"{self.id}: its room changed after the suite was started; --resume records it as it is now"
             )
         self.knowledge.check(self.id)
-        if self.knowledge.digest() != self.made_from.knowledge:
+        if self.knowledge.digest() != self.provenance.knowledge:
             told = ", ".join(map(str, self.knowledge.paths().values()))
             raise InputError(
                 f"{self.id}: {told}: changed after the suite was started; --resume tracks with what it is now"
@@ -80,7 +80,7 @@ class Case:
     """The key of its people's motion: cases with the same one differ in their sensors alone."""
 
 
-def check_number(suite: Suite, path: Path) -> None:
+def check_case_count(suite: Suite, path: Path) -> None:
     """Raise InputError for a suite of more cases than anybody is likely to mean; they are counted, not made."""
     if suite.n_case > MOST_CASES:
         raise InputError(
@@ -161,7 +161,9 @@ def _check_entry(
         if "seed" in variant.overrides:
             raise InputError(f"{path}: {variant.written('seed')}: seed is set; `seeds:` beside it is expected")
         try:
-            scenario = load_scenario(scenario_path, changes, suites=as_texts(variant.overrides), folder=path.parent)
+            scenario = load_scenario(
+                scenario_path, changes, suites=format_overrides(variant.overrides), folder=path.parent
+            )
             if limits:
                 check_size(scenario)
             title = _title(entry.name or scenario.name, _own_settings(variant))
@@ -174,7 +176,7 @@ def _check_entry(
 
 def _cases_of(suite: Suite, checked: _Checked, path: Path, changes: Sequence[str], *, limits: bool) -> Iterator[Case]:
     entry, variant, scenario = suite.scenarios[checked.number], checked.variant, checked.scenario
-    overrides, label, told = as_texts(variant.overrides), entry.name or scenario.name, _own_settings(variant)
+    overrides, label, told = format_overrides(variant.overrides), entry.name or scenario.name, _own_settings(variant)
     for seed in entry.seeds or suite.seeds:
         of_seed = scenario
         if is_kept_room(scenario.room):  # each seed draws a scene of its own
@@ -203,9 +205,9 @@ def _cases_of(suite: Suite, checked: _Checked, path: Path, changes: Sequence[str
                 size=size_of(of_seed),
                 people=people,
                 knowledge=scenario.knowledge,
-                made_from=made_from(resolved, room, followed, checked.digest),
+                provenance=provenance_of(resolved, room, followed, checked.digest),
                 recipe=recipe,
-                tracker_changes=as_texts(
+                tracker_changes=format_overrides(
                     {f"trackers.{name}": _options(choice) for name, choice in scenario.trackers.items()}
                 ),
             )
@@ -217,7 +219,7 @@ def _options(choice: TrackerChoice) -> JsonValue:
 
 def _own_settings(variant: Variant) -> str:
     """The settings that tell this variant from the others of its entry, short."""
-    return ", ".join(_short(text) for text in as_texts(variant.own))
+    return ", ".join(_short(text) for text in format_overrides(variant.own))
 
 
 def _short(text: str, longest: int = 60) -> str:

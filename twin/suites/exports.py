@@ -14,8 +14,8 @@ from typing import Any
 from xml.etree import ElementTree
 
 from twin.recording.whole_file import whole_file, whole_path
-from twin.suites.comparison import Change, Comparison, sentence
-from twin.suites.results import GroupKey, Kept, Results, gated_values
+from twin.suites.comparison import Change, Comparison, describe_change
+from twin.suites.results import GroupKey, RequirementCheck, Results, gated_values
 from twin.suites.store import ResultStore
 from twin.suites.store_schema import DONE, FAILED, StoredCase
 
@@ -27,7 +27,7 @@ def write_junit(
     suite: str,
     cases: Sequence[StoredCase],
     comparison: Comparison | None,
-    promises: Sequence[Kept] = (),
+    requirements: Sequence[RequirementCheck] = (),
 ) -> None:
     """Write `junit.xml`; raises InputError where it cannot be written."""
     root = ElementTree.Element("testsuites", name=suite)
@@ -60,14 +60,14 @@ def write_junit(
             root,
             suite,
             "against the baseline",
-            ((each.key, each.variant, sentence(each) if each.worse else None) for each in comparison.changes),
+            ((each.key, each.variant, describe_change(each) if each.worse else None) for each in comparison.changes),
         )
-    if promises:
+    if requirements:
         _add_groups(
             root,
             suite,
-            "against what it promises",
-            ((each.key, each.variant, each.sentence() if each.broken else None) for each in promises),
+            "against its requirements",
+            ((each.key, each.variant, each.sentence() if each.violated else None) for each in requirements),
         )
     ElementTree.indent(root)
     with whole_path(path) as partial:
@@ -107,7 +107,7 @@ def write_summary(
     store: ResultStore,
     results: Results,
     comparison: Comparison | None,
-    promises: Sequence[Kept] = (),
+    requirements: Sequence[RequirementCheck] = (),
 ) -> None:
     """Write the means over seeds with their 95 % intervals, what failed, and what changed; raises InputError as a file does."""
     facts, cases = store.facts(), store.cases()
@@ -122,7 +122,7 @@ def write_summary(
         "seconds": facts["seconds"],
         "versions": dict(results.versions),
         "renderers": list(results.renderers),
-        "doubts": dict(results.doubts),
+        "doubts": dict(results.tracker_warnings),
         "groups": [
             {
                 "scenario": key.scenario,
@@ -149,10 +149,10 @@ def write_summary(
                     "in_scenario": each.in_scenario,
                     "in_case": each.in_case,
                 }
-                for each in comparison.power
+                for each in comparison.detectable
             },
         }
-    if promises:
+    if requirements:
         document["promises"] = [
             {
                 "scenario": each.key.scenario,
@@ -161,9 +161,9 @@ def write_summary(
                 "metric": each.metric,
                 "bound": each.bound,
                 "mean": each.mean,
-                "kept": not each.broken,
+                "kept": not each.violated,
             }
-            for each in promises
+            for each in requirements
         ]
     with whole_file(path) as stream:
         json.dump(document, stream, indent=2, ensure_ascii=False, allow_nan=False)

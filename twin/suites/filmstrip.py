@@ -39,7 +39,7 @@ _QUALITY = 82
 
 
 @dataclass(frozen=True)
-class StripWork:
+class FilmstripWork:
     """A case, its recording's cache, and the moment to show [s]."""
 
     case: Case
@@ -47,7 +47,7 @@ class StripWork:
     t_s: float
 
 
-def draw_strip(work: StripWork) -> bytes:
+def draw_filmstrip(work: FilmstripWork) -> bytes:
     """The moment as three pictures side by side, a JPEG: camera and floor plan with tracks and truth, as in the preview.
 
     Tracks the recording again up to there; a recording that has left the cache is made again.
@@ -63,7 +63,7 @@ def draw_strip(work: StripWork) -> bytes:
     ):
         folder = Path(temporary)
         bag = Recording(entry / RECORDING)
-        writer = _StripWriter(
+        writer = _FilmstripWriter(
             folder / "strip.mp4",
             bag.rig,
             fps=10,
@@ -79,7 +79,7 @@ def draw_strip(work: StripWork) -> bytes:
         return _side_by_side(writer.stills)
 
 
-class _StripWriter(PreviewWriter):
+class _FilmstripWriter(PreviewWriter):
     """A preview of the wanted moments alone: frames long before them and after the last are not drawn."""
 
     wanted_s: deque[float]
@@ -103,7 +103,7 @@ class _StripWriter(PreviewWriter):
             self.stills.append(self.still())
 
 
-def _show(fed: Feed, shown: Preview, writer: _StripWriter, bag: Recording) -> None:
+def _show(fed: Feed, shown: Preview, writer: _FilmstripWriter, bag: Recording) -> None:
     """Feed the recording until every wanted moment is drawn, or to its end."""
     truths = deque(bag.truth())
     for observation in bag.observations():

@@ -13,24 +13,24 @@ from twin.models import cache_folder
 from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
 from twin.suites.baseline import read_baseline, read_results, write_baseline
 from twin.suites.cache import RecordingCache, cache_limit_bytes
-from twin.suites.cluster import Place
+from twin.suites.cluster import Workers
 from twin.suites.comparison import Comparison, compare
 from twin.suites.exports import write_junit, write_summary
 from twin.suites.metrics import allowed_by_default
 from twin.suites.page import write_comparison_page, write_page
 from twin.suites.progress import suite_progress
-from twin.suites.results import Kept, Results, promises_of, results_of
+from twin.suites.results import RequirementCheck, Results, check_requirements, collect_results
 from twin.suites.run import run_suite, tolerances_of
 from twin.suites.spec import Suite, load_suite
 from twin.suites.store import ResultStore
 from twin.suites.store_files import read_store
-from twin.suites.tables import markdown_comparison, markdown_table, print_comparison, print_promises, print_results
+from twin.suites.tables import markdown_comparison, markdown_table, print_comparison, print_requirements, print_results
 
 
-def run_and_judge(
+def run_gate(
     name: str,
     out: Path | None,
-    place: Place,
+    workers: Workers,
     *,
     resume: bool = False,
     baseline: Path | None = None,
@@ -50,38 +50,38 @@ def run_and_judge(
     folder = out if out is not None else Path("out") / f"suite-{suite.name}"
     before = _baseline_of(suite, baseline, update_baseline)
     cache = RecordingCache(cache_folder(), cache_limit_bytes())
-    with suite_progress() as watcher, _told_how_to_go_on():
+    with suite_progress() as progress, _resume_hint():
         run_suite(
             suite,
             path,
             folder,
             cache,
-            place,
+            workers,
             changes=changes,
             trusted=trusted,
             resume=resume,
-            watcher=watcher,
+            progress=progress,
             limits=limits,
         )
     with read_store(folder) as store:
-        results = results_of(store)
+        results = collect_results(store)
         comparison = None
         if before is not None:
             comparison = compare(before, results, tolerances_of(store.facts()))
             store.note(baseline=str(baseline.resolve()) if baseline is not None else None)
-        promises = promises_of(store.facts(), results)
-        print_results(results, store.facts().get("beside"))
+        requirements = check_requirements(store.facts(), results)
+        print_results(results, store.facts().get("reference"))
         if comparison is not None:
             print_comparison(comparison, results, store, folder, shown=("worse",))
-        print_promises(promises)
-        files = _write(folder, store, results, comparison, promises, before)
+        print_requirements(requirements)
+        files = _write(folder, store, results, comparison, requirements, before)
         print_paths(files)
         if comparison is not None:
             _check_compared(comparison, f"--baseline {baseline}")
         if baseline is not None and update_baseline and not results.failed:
             write_baseline(baseline, results)
             print_paths({"baseline": baseline})
-    kept = not any(each.broken for each in promises)
+    kept = not any(each.violated for each in requirements)
     return not results.failed and kept and (comparison is None or not comparison.worse)
 
 
@@ -96,7 +96,7 @@ def _baseline_of(suite: Suite, baseline: Path | None, update: bool) -> Results |
 
 
 @contextmanager
-def _told_how_to_go_on() -> Iterator[None]:
+def _resume_hint() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
@@ -107,24 +107,24 @@ def _told_how_to_go_on() -> Iterator[None]:
 def show_markdown(folder: Path) -> None:
     """Print the means of a run, finished or not, as a table in Markdown."""
     with read_store(folder) as store:
-        print(markdown_table(results_of(store)))
+        print(markdown_table(collect_results(store)))
 
 
 def show_results(folder: Path) -> None:
     """Print the table of a run, finished or not, and write its page; against its baseline, where it had one."""
     with read_store(folder) as store:
-        results, facts = results_of(store), store.facts()
-        print_results(results, store.facts().get("beside"))
-        promises = promises_of(facts, results)
+        results, facts = collect_results(store), store.facts()
+        print_results(results, store.facts().get("reference"))
+        requirements = check_requirements(facts, results)
         before = comparison = None
         baseline = Path(facts["baseline"]) if facts.get("baseline") else None
         if baseline is not None and baseline.is_file():
             before = read_baseline(baseline)
             comparison = compare(before, results, tolerances_of(facts))
             print_comparison(comparison, results, store, folder, shown=("worse",))
-        print_promises(promises)
+        print_requirements(requirements)
         page = folder / "report.html"
-        write_page(page, store, results, comparison, folder, before, promises)
+        write_page(page, store, results, comparison, folder, before, requirements)
         print_paths({"results": store.path, "report": page})
 
 
@@ -175,7 +175,7 @@ def _write(
     store: ResultStore,
     results: Results,
     comparison: Comparison | None,
-    promises: Sequence[Kept],
+    requirements: Sequence[RequirementCheck],
     before: Results | None,
 ) -> dict[str, Path]:
     files = {
@@ -184,7 +184,7 @@ def _write(
         "junit": folder / "junit.xml",
         "report": folder / "report.html",
     }
-    write_summary(files["summary"], store, results, comparison, promises)
-    write_junit(files["junit"], results.suite, store.cases(), comparison, promises)
-    write_page(files["report"], store, results, comparison, folder, before, promises)
+    write_summary(files["summary"], store, results, comparison, requirements)
+    write_junit(files["junit"], results.suite, store.cases(), comparison, requirements)
+    write_page(files["report"], store, results, comparison, folder, before, requirements)
     return files

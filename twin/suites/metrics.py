@@ -17,7 +17,7 @@ from typing import Any
 from trackers.errors import InputError
 from twin.report.figures_table import FIGURES, HEADLINES, Figure
 
-FIGURE: Mapping[str, Figure] = {figure.key: figure for figure in FIGURES}
+METRICS: Mapping[str, Figure] = {figure.key: figure for figure in FIGURES}
 """Every figure by its dotted place in a tracker's entry of `metrics.json`."""
 
 
@@ -51,33 +51,33 @@ GATED: Mapping[str, Allowance] = {
 """The figures that are compared, in the order they are shown; those at the wider gate say much the same again, and what
 a frame costs depends on who else uses the machine."""
 
-READINGS: Mapping[str, Figure] = {
+SENSOR_METRICS: Mapping[str, Figure] = {
     "range_scatter_m": Figure(
         "range_scatter_m", "Scatter of ranges", "m", "of a scanner, where a beam meets one surface twice", "less", 4
     )
 }
 """Figures of what a sensor reports, whatever a tracker makes of it."""
 
-GATED_READINGS: Mapping[str, Allowance] = {"range_scatter_m": Allowance(0.0, 0.05)}
+GATED_SENSOR_METRICS: Mapping[str, Allowance] = {"range_scatter_m": Allowance(0.0, 0.05)}
 """Those are compared too. Another draw of the same noise moves less, and noise that doubles more than twice as much, people who
 walk through notwithstanding (tests/twin/suites/test_suite_contents.py)."""
 
-SHOWN = HEADLINES
+HEADLINE_METRICS = HEADLINES
 """The figures that a table or a row of a page has room for."""
 
 
 def allowed_by_default(metric: str, baseline: float) -> float:
     """How much worse a figure may get where a suite says nothing else, in its unit."""
-    allowance = GATED[metric] if metric in GATED else GATED_READINGS[metric]
+    allowance = GATED[metric] if metric in GATED else GATED_SENSOR_METRICS[metric]
     return allowance.absolute + allowance.relative * abs(baseline)
 
 
-def figure_named(key: str) -> Figure:
+def metric_named(key: str) -> Figure:
     """A figure that is compared: of a tracker, or of what a sensor reports."""
-    return READINGS[key] if key in READINGS else FIGURE[key]
+    return SENSOR_METRICS[key] if key in SENSOR_METRICS else METRICS[key]
 
 
-def flat(metrics: Mapping[str, Any]) -> dict[str, float | None]:
+def flatten_metrics(metrics: Mapping[str, Any]) -> dict[str, float | None]:
     """A tracker's entry of `metrics.json` as numbers by dotted path; the gate, which is no result, left out."""
     return {key: value for key, value in _leaves(metrics, "") if key != "gate_m"}
 
@@ -88,9 +88,9 @@ def check_ranges(figures: Mapping[str, float | None], source: str) -> None:
     What is better the more there is of it is a share, or 1 less something; everything else counts, or is a length or angle.
     """
     for key, value in figures.items():
-        if value is None or key not in FIGURE:
+        if value is None or key not in METRICS:
             continue
-        most = 1.0 if FIGURE[key].better == "more" else inf
+        most = 1.0 if METRICS[key].better == "more" else inf
         least = -inf if key.rpartition(".")[2] in ("mota", "accuracy") else 0.0
         if not least <= value <= most + 1e-9:
             raise InputError(f"{source}: {key} is {value:g}; a number from {least:g} to {most:g} is expected")
@@ -106,13 +106,13 @@ def _leaves(content: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, floa
 
 def worsening(key: str, change: float) -> float:
     """A change of a figure, positive where it is for the worse."""
-    return -change if figure_named(key).better == "more" else change
+    return -change if metric_named(key).better == "more" else change
 
 
-def written(key: str, value: float | None, sign: bool = False) -> str:
+def format_metric(key: str, value: float | None, sign: bool = False) -> str:
     """A figure as text with its unit; counts, which are means over seeds here, with one decimal."""
     if value is None or not isfinite(value):
         return "–"
-    figure = figure_named(key)
+    figure = metric_named(key)
     text = f"{value:{'+' if sign else ''}.{figure.decimals or 1}f}".replace("-", "−")
     return f"{text} {figure.unit}" if figure.unit else text

@@ -6,7 +6,7 @@ import json
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
-from twin.suites.spec import Changes, Suite, SuiteScenario
+from twin.suites.spec import Overrides, Suite, SuiteScenario
 
 
 @dataclass(frozen=True)
@@ -22,8 +22,8 @@ class Variant:
     entry: SuiteScenario
     trackers: tuple[str, ...]
     listed: str
-    overrides: Changes
-    own: Changes
+    overrides: Overrides
+    own: Overrides
     changes: tuple[str, ...]
     sources: tuple[tuple[str, Collection[str]], ...]
 
@@ -34,10 +34,10 @@ class Variant:
         """
         for text in reversed(self.changes):
             path = text.partition("=")[0].strip()
-            if (reached := _reached(path, field)) is not None:
+            if (reached := _deeper(path, field)) is not None:
                 return f"--set {text}: {reached}"
         for path in reversed(self.overrides):
-            if (reached := _reached(path, field)) is not None:
+            if (reached := _deeper(path, field)) is not None:
                 where = next(where for where, changes in reversed(self.sources) if path in changes)
                 return f"{where}.{reached}"
         return None
@@ -68,12 +68,12 @@ def variants(suite: Suite, number: int, changes: Sequence[str] = ()) -> Iterator
         )
 
 
-def as_texts(changes: Changes) -> tuple[str, ...]:
+def format_overrides(changes: Overrides) -> tuple[str, ...]:
     """Changes as 'path=value', the value as JSON, which is YAML too."""
     return tuple(f"{path}={json.dumps(value, ensure_ascii=False)}" for path, value in changes.items())
 
 
-def _reached(path: str, field: str) -> str | None:
+def _deeper(path: str, field: str) -> str | None:
     """The longer of two paths where one leads to the other; None where neither does."""
     if field == path or field.startswith(f"{path}."):
         return field

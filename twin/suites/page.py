@@ -16,11 +16,20 @@ from markupsafe import Markup
 
 from twin.recording.whole_file import whole_file
 from twin.report.palette import IDENTITY_COLOURS, hex_colour
-from twin.suites.charts import colour_of, mark, multiple, scale_of
-from twin.suites.comparison import Change, Comparison, evidence, look_at, page_of
-from twin.suites.metrics import FIGURE, GATED, SHOWN, figure_named, written
+from twin.suites.charts import colour_of, marker, scale_of, small_multiple
+from twin.suites.comparison import Change, Comparison, case_page, incident_link, significance
+from twin.suites.metrics import GATED, HEADLINE_METRICS, METRICS, format_metric, metric_named
 from twin.suites.permutation_test import ALPHA
-from twin.suites.results import COMPARED, Beside, Group, GroupKey, Kept, Results, beside, mean_over_seeds
+from twin.suites.results import (
+    REFERENCE_METRICS,
+    Group,
+    GroupKey,
+    ReferenceDifference,
+    RequirementCheck,
+    Results,
+    differences_from,
+    mean_over_seeds,
+)
 from twin.suites.store import ResultStore
 
 
@@ -31,7 +40,7 @@ def write_page(
     comparison: Comparison | None,
     folder: Path,
     before: Results | None = None,
-    promises: Sequence[Kept] = (),
+    requirements: Sequence[RequirementCheck] = (),
 ) -> None:
     """Write the page of a run into its folder; it takes its name when it is whole. Raises InputError as a file does."""
     facts = store.facts()
@@ -42,29 +51,29 @@ def write_page(
         results=results,
         before=before,
         comparison=comparison,
-        promises=promises,
-        looks=_looks(comparison, results, store, folder, path.parent),
+        requirements=requirements,
+        links=_links(comparison, results, store, folder, path.parent),
         sections=[
-            section | {"strip": _strip(section["cases"], facts.get("strips", {}), store, folder)}
+            section | {"filmstrip": _filmstrip(section["cases"], facts.get("filmstrips", {}), store, folder)}
             for section in _sections(results, before)
         ],
         seconds=facts["seconds"],
-        reference=facts.get("beside"),
-        link=lambda case_id: page_of(folder, case_id).relative_to(folder).as_posix(),
+        reference=facts.get("reference"),
+        link=lambda case_id: case_page(folder, case_id).relative_to(folder).as_posix(),
     )
 
 
-def _looks(
+def _links(
     comparison: Comparison | None, results: Results, store: ResultStore, folder: Path, page: Path
 ) -> dict[int, tuple[str, str]]:
     """By change, the link from a page in the folder `page` to the moment in the run in `folder`, and what is there."""
-    looks = {}
+    links = {}
     for change in comparison.worse if comparison is not None else ():
-        look = look_at(change, results, store, folder)
-        if look is not None:
-            link = Path(os.path.relpath(look.page, page)).as_posix()
-            looks[id(change)] = (link, f"{look.t_s:.1f} s: {look.what}")
-    return looks
+        incident = incident_link(change, results, store, folder)
+        if incident is not None:
+            link = Path(os.path.relpath(incident.page, page)).as_posix()
+            links[id(change)] = (link, f"{incident.t_s:.1f} s: {incident.what}")
+    return links
 
 
 def write_comparison_page(
@@ -76,7 +85,7 @@ def write_comparison_page(
     run: tuple[ResultStore, Path] | None = None,
 ) -> None:
     """Write a page of two runs, linked to the moments of `run` (results and folder); raises InputError as a file does."""
-    sections = [section | {"strip": None, "cases": []} for section in _sections(now, before)]
+    sections = [section | {"filmstrip": None, "cases": []} for section in _sections(now, before)]
     _write(
         path,
         title=title,
@@ -84,8 +93,8 @@ def write_comparison_page(
         results=now,
         before=before,
         comparison=comparison,
-        promises=(),
-        looks=_looks(comparison, now, *run, path.parent) if run is not None else {},
+        requirements=(),
+        links=_links(comparison, now, *run, path.parent) if run is not None else {},
         sections=sections,
         seconds=None,
         reference=None,
@@ -98,14 +107,14 @@ def _write(
     *,
     results: Results,
     comparison: Comparison | None,
-    promises: Sequence[Kept],
-    looks: Mapping[int, tuple[str, str]],
+    requirements: Sequence[RequirementCheck],
+    links: Mapping[int, tuple[str, str]],
     reference: str | None,
     **content: Any,
 ) -> None:
-    trackers = [(name, colour_of(slot), Markup(mark(slot, 11, 7))) for name, slot in _slots(results).items()]
-    rows = [] if reference is None else beside(results, reference)
-    power = comparison.power if comparison is not None else ()
+    trackers = [(name, colour_of(slot), Markup(marker(slot, 11, 7))) for name, slot in _slots(results).items()]
+    rows = [] if reference is None else differences_from(results, reference)
+    detectable = comparison.detectable if comparison is not None else ()
     page = _template().render(
         results=results,
         trackers=trackers,
@@ -116,26 +125,31 @@ def _write(
         n_compared=len(comparison.changes) if comparison is not None else 0,
         identical=comparison is not None and comparison.identical,
         alpha=ALPHA,
-        power=[
+        detectable=[
             (
-                figure_named(each.metric),
-                *(written(each.metric, loss) for loss in (each.everywhere, each.in_scenario, each.in_case)),
+                metric_named(each.metric),
+                *(format_metric(each.metric, loss) for loss in (each.everywhere, each.in_scenario, each.in_case)),
             )
-            for each in power
+            for each in detectable
         ],
-        power_trackers=sorted({tracker for each in power if each.metric in SHOWN for tracker in each.of_tracker}),
-        power_of=[
-            (figure_named(each.metric), {name: written(each.metric, loss) for name, loss in each.of_tracker.items()})
-            for each in power
-            if each.metric in SHOWN
+        detectable_trackers=sorted(
+            {tracker for each in detectable if each.metric in HEADLINE_METRICS for tracker in each.of_tracker}
+        ),
+        detectable_of=[
+            (
+                metric_named(each.metric),
+                {name: format_metric(each.metric, loss) for name, loss in each.of_tracker.items()},
+            )
+            for each in detectable
+            if each.metric in HEADLINE_METRICS
         ],
-        broken=[(each, FIGURE[each.metric].name) for each in promises if each.broken],
-        n_promise=len(promises),
-        worse=[_change(each, looks) for each in comparison.worse] if comparison is not None else [],
-        better=[_change(each, looks) for each in comparison.better] if comparison is not None else [],
+        violated=[(each, METRICS[each.metric].name) for each in requirements if each.violated],
+        n_requirement=len(requirements),
+        worse=[_change(each, links) for each in comparison.worse] if comparison is not None else [],
+        better=[_change(each, links) for each in comparison.better] if comparison is not None else [],
         reference=reference,
-        beside_figures=[FIGURE[metric] for metric in COMPARED],
-        beside_rows=[(row.tracker, row.n_case, _differences(row)) for row in rows],
+        reference_metrics=[METRICS[metric] for metric in REFERENCE_METRICS],
+        reference_rows=[(row.tracker, row.n_case, _differences(row)) for row in rows],
         n_done=sum(len(group.seeds) for group in results.groups.values()),
         **content,
     )
@@ -148,7 +162,7 @@ def _sections(results: Results, before: Results | None) -> list[dict[str, Any]]:
     rows: dict[tuple[str, str], list[tuple[GroupKey, Group]]] = {}
     for key, group in results.groups.items():
         rows.setdefault((key.scenario, key.overrides), []).append((key, group))
-    scales = {metric: scale_of(metric, results.groups.values()) for metric in SHOWN}
+    scales = {metric: scale_of(metric, results.groups.values()) for metric in HEADLINE_METRICS}
     slots = _slots(results)
     sections = []
     for (scenario, overrides), found in rows.items():
@@ -160,12 +174,13 @@ def _sections(results: Results, before: Results | None) -> list[dict[str, Any]]:
                 "variant": found[0][1].variant,
                 "overrides": json.loads(overrides),
                 "multiples": [
-                    (FIGURE[metric], Markup(multiple(metric, scales[metric], trackers, slots, old))) for metric in SHOWN
+                    (METRICS[metric], Markup(small_multiple(metric, scales[metric], trackers, slots, old)))
+                    for metric in HEADLINE_METRICS
                 ],
                 "trackers": [name for name, _ in trackers],
                 "n": [f"{group.n} in {len(group.seeds)} seeds" for _, group in trackers],
                 "table": [
-                    (FIGURE[metric], [_cell(metric, group) for _, group in trackers])
+                    (METRICS[metric], [_cell(metric, group) for _, group in trackers])
                     for metric in GATED
                     if any(group.values(metric) for _, group in trackers)
                 ],
@@ -177,43 +192,46 @@ def _sections(results: Results, before: Results | None) -> list[dict[str, Any]]:
     return sections
 
 
-def _strip(
-    cases: list[tuple[str, list[tuple[int, str | None]]]], strips: Mapping[str, float], store: ResultStore, folder: Path
+def _filmstrip(
+    cases: list[tuple[str, list[tuple[int, str | None]]]],
+    filmstrips: Mapping[str, float],
+    store: ResultStore,
+    folder: Path,
 ) -> dict[str, Any] | None:
     """The drawn moment of a section, if there is one."""
     for tracker, seeds in cases:
         for seed, case_id in seeds:
-            if case_id is None or case_id not in strips:
+            if case_id is None or case_id not in filmstrips:
                 continue
             picture = folder / "cases" / case_id / "worst.jpg"
             if picture.is_file():
                 return {
                     "source": "data:image/jpeg;base64," + base64.b64encode(picture.read_bytes()).decode(),
                     "case": case_id,
-                    "caption": f"{tracker}, seed {seed}, at {strips[case_id]:.1f} s: "
+                    "caption": f"{tracker}, seed {seed}, at {filmstrips[case_id]:.1f} s: "
                     f"{store.moments(case_id)[0].what}, the worst of this scenario",
                 }
     return None
 
 
-def _change(change: Change, looks: Mapping[int, tuple[str, str]]) -> dict[str, Any]:
+def _change(change: Change, links: Mapping[int, tuple[str, str]]) -> dict[str, Any]:
     metric = change.metric
     gone = change.now is None
     return {
         "scenario": change.key.scenario,
         "variant": change.variant,
         "tracker": change.key.tracker,
-        "figure": figure_named(metric).name,
-        "before": written(metric, change.before),
-        "now": "gone" if gone else written(metric, change.now),
-        "change": "" if gone else written(metric, change.change, sign=True),
-        "allowed": "" if gone else written(metric, change.allowed),
-        "evidence": evidence(change),
-        "look": looks.get(id(change)),
+        "metric": metric_named(metric).name,
+        "before": format_metric(metric, change.before),
+        "now": "gone" if gone else format_metric(metric, change.now),
+        "change": "" if gone else format_metric(metric, change.change, sign=True),
+        "allowed": "" if gone else format_metric(metric, change.allowed),
+        "significance": significance(change),
+        "look": links.get(id(change)),
     }
 
 
-def _differences(row: Beside) -> list[tuple[str, str, str]]:
+def _differences(row: ReferenceDifference) -> list[tuple[str, str, str]]:
     """Mean difference, interval and verdict of each figure of a tracker beside another."""
     cells = []
     for metric, found in row.differences.items():
@@ -221,9 +239,11 @@ def _differences(row: Beside) -> list[tuple[str, str, str]]:
             cells.append(("–", "", ""))
             continue
         interval = (
-            "" if found.low is None else f"{written(metric, found.low, True)} to {written(metric, found.high, True)}"
+            ""
+            if found.low is None
+            else f"{format_metric(metric, found.low, True)} to {format_metric(metric, found.high, True)}"
         )
-        cells.append((written(metric, found.mean, True), interval, row.verdict(metric)))
+        cells.append((format_metric(metric, found.mean, True), interval, row.verdict(metric)))
     return cells
 
 
@@ -231,7 +251,7 @@ def _cell(metric: str, group: Group) -> str:
     mean = mean_over_seeds(group.values(metric))
     if mean is None:
         return "–"
-    decimals = FIGURE[metric].decimals or 1
+    decimals = METRICS[metric].decimals or 1
     text = f"{mean.mean:.{decimals}f}"
     if mean.low is not None:
         text += f" ({mean.low:.{decimals}f} to {mean.high:.{decimals}f})"

@@ -24,10 +24,10 @@ from typing import Literal
 import numpy as np
 
 from trackers.arrays import Array
-from twin.suites.metrics import GATED, GATED_READINGS, worsening
+from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, worsening
 from twin.suites.results import Group, GroupKey, Results
 
-Kinship = Literal["same bits", "same origin", "same people", "strangers"]
+Relation = Literal["same bits", "same origin", "same people", "unrelated"]
 """What the recordings of a group are to those before, the closest first."""
 
 Unit = tuple[int | str, ...]
@@ -35,7 +35,7 @@ Unit = tuple[int | str, ...]
 
 _BEYOND_NOISE, _BEYOND_ANY_DRAW, _BEYOND_SPREAD = 10.0, 50.0, 4.0
 
-_STANDARD_ERRORS: Mapping[Kinship, float] = {"same people": 3.0, "strangers": 2.0}
+_STANDARD_ERRORS: Mapping[Relation, float] = {"same people": 3.0, "unrelated": 2.0}
 
 
 @dataclass(frozen=True)
@@ -52,19 +52,19 @@ class Pair:
     before: Array  # (n,)
     now: Array  # (n,)
     tolerance: float
-    kinship: Kinship
+    relation: Relation
 
     @property
     def is_exact(self) -> bool:
         """Whether no chance is between before and now: the recordings are the same, or made from the same."""
-        return self.kinship in ("same bits", "same origin")
+        return self.relation in ("same bits", "same origin")
 
     @property
     def units(self) -> list[Unit]:
         """What chance draws as one, of each seed: recordings whose people begin alike, or each where that is not known."""
         people = self.group.people
         return [
-            (seed, start_of(people[seed])) if people.get(seed) else (seed, self.key.scenario, self.key.overrides)
+            (seed, start_digest(people[seed])) if people.get(seed) else (seed, self.key.scenario, self.key.overrides)
             for seed in self.seeds
         ]
 
@@ -76,8 +76,8 @@ class Pair:
     @property
     def draws(self) -> Array:
         """What chance moved in each seed, about a mean of 0, (k, n): nothing, the pairs, or before and now for themselves."""
-        of_kin = {"same people": [self.now - self.before], "strangers": [self.before, self.now]}
-        drawn = np.array(of_kin.get(self.kinship, ()), dtype=float).reshape(-1, len(self.seeds))
+        of_kin = {"same people": [self.now - self.before], "unrelated": [self.before, self.now]}
+        drawn = np.array(of_kin.get(self.relation, ()), dtype=float).reshape(-1, len(self.seeds))
         return drawn - drawn.mean(axis=1, keepdims=True)
 
     @property
@@ -97,7 +97,7 @@ class Pair:
         return self.seeds[worst] if by[worst] > self.allowed_in_case else None
 
 
-def allowance(pairs: Sequence[Pair]) -> float:
+def allowed_change(pairs: Sequence[Pair]) -> float:
     """How much worse the mean over these groups may be: the mean tolerance over the root of their number, and chance.
 
     Chance is some standard errors of the mean, for which recordings of the same people, whoever tracks them, count as one.
@@ -106,16 +106,16 @@ def allowance(pairs: Sequence[Pair]) -> float:
     moved: dict[tuple[int, Unit], float] = {}  # by row of the draws
     for pair in pairs:
         n = len(pair.seeds)
-        scale = _STANDARD_ERRORS.get(pair.kinship, 0.0) * np.sqrt(n / (n - 1)) / (n * len(pairs)) if n > 1 else 0.0
+        scale = _STANDARD_ERRORS.get(pair.relation, 0.0) * np.sqrt(n / (n - 1)) / (n * len(pairs)) if n > 1 else 0.0
         for row, drawn in enumerate(pair.draws):
             for unit, by in zip(pair.units, drawn, strict=True):
                 moved[row, unit] = moved.get((row, unit), 0.0) + scale * float(by)
     return tolerance + float(np.sqrt(sum(by**2 for by in moved.values())))
 
 
-def pairs_of(before: Results, now: Results, allowed: Callable[[str, float], float]) -> Iterator[Pair]:
+def pair_results(before: Results, now: Results, allowed: Callable[[str, float], float]) -> Iterator[Pair]:
     """Every figure that a group of trackers, or a scanner, had before and has now; `allowed`: see `comparison.compare`."""
-    for old, new, metrics in ((before.groups, now.groups, GATED), (before.sensors, now.sensors, GATED_READINGS)):
+    for old, new, metrics in ((before.groups, now.groups, GATED), (before.sensors, now.sensors, GATED_SENSOR_METRICS)):
         for key, group in new.items():
             if key in old:
                 for metric in metrics:
@@ -133,21 +133,21 @@ def _pair(
     if both:
         seeds, old, new = zip(*both, strict=True)
         tolerance = allowed(metric, float(np.mean(old)))
-        yield Pair(key, group, metric, seeds, np.array(old), np.array(new), tolerance, _kinship(was, group, seeds))
+        yield Pair(key, group, metric, seeds, np.array(old), np.array(new), tolerance, _relation(was, group, seeds))
 
 
-def _kinship(was: Group, group: Group, seeds: Sequence[int]) -> Kinship:
+def _relation(was: Group, group: Group, seeds: Sequence[int]) -> Relation:
     if _same(was.recordings, group.recordings, seeds):
         return "same bits"
     if _same(was.recipes, group.recipes, seeds):
         return "same origin"
-    return "same people" if _same(was.people, group.people, seeds) else "strangers"
+    return "same people" if _same(was.people, group.people, seeds) else "unrelated"
 
 
 def _same(before: Mapping[int, str], now: Mapping[int, str], seeds: Sequence[int]) -> bool:
     return all(before.get(seed) and before[seed] == now.get(seed) for seed in seeds)
 
 
-def start_of(people: str) -> str:
+def start_digest(people: str) -> str:
     """The part of such digests that tells where people are at first."""
     return people.partition("-")[0]

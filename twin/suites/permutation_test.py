@@ -20,8 +20,8 @@ import numpy as np
 
 from trackers.arrays import Array
 from twin.streams import stream
-from twin.suites.metrics import GATED, GATED_READINGS
-from twin.suites.pairing import Pair, Unit, allowance
+from twin.suites.metrics import GATED, GATED_SENSOR_METRICS
+from twin.suites.pairing import Pair, Unit, allowed_change
 
 ALPHA = 0.05
 """The chance of a false alarm anywhere in a suite."""
@@ -53,7 +53,7 @@ def family_wise_p(shares: Array) -> Array:
     return 1 - as_large / len(signs)
 
 
-def fewest_for_an_alarm() -> int:
+def min_recordings() -> int:
     """Recordings that all have to get worse before their number alone is evidence."""
     return int(np.ceil(-np.log2(ALPHA)))
 
@@ -88,7 +88,7 @@ def over_trackers(pairs: Sequence[Pair]) -> Iterator[list[Pair]]:
             yield found
 
 
-def shares_of(tests: Sequence[Sequence[Pair]]) -> tuple[Array, list[float]]:
+def contributions(tests: Sequence[Sequence[Pair]]) -> tuple[Array, list[float]]:
     """What each unit of chance adds to each test's statistic, (u, t), and how much the test's mean may get worse.
 
     A test is of one group, of a tracker's groups, or of all trackers': of several the mean over groups is judged. With d,
@@ -103,7 +103,7 @@ def shares_of(tests: Sequence[Sequence[Pair]]) -> tuple[Array, list[float]]:
                 place.setdefault(unit, len(place))
     shares, allowances = np.zeros((len(place), len(tests))), []
     for number, pairs in enumerate(tests):
-        allowances.append(allowance(pairs))
+        allowances.append(allowed_change(pairs))
         for pair in pairs:
             rows = [place[unit] for unit in pair.units]
             shares[rows, number] += pair.worsened / max(allowances[-1], 1e-12)
@@ -112,7 +112,7 @@ def shares_of(tests: Sequence[Sequence[Pair]]) -> tuple[Array, list[float]]:
 
 
 @dataclass(frozen=True)
-class Power:
+class MinimumDetectableChange:
     """The smallest loss of a figure, in its unit, that would be noticed while nothing else changes.
 
     of_tracker: in all scenarios of each tracker; in_scenario and in_case: in all seeds of one scenario and in one case alone,
@@ -130,16 +130,18 @@ class Power:
         return max(self.of_tracker.values())
 
 
-def power_of(pairs: Sequence[Pair]) -> Iterator[Power]:
+def minimum_detectable_changes(pairs: Sequence[Pair]) -> Iterator[MinimumDetectableChange]:
     """Of each figure, the smallest loss that is noticed."""
     by_metric: Mapping[str, list[Pair]] = {
         metric: sorted((pair for pair in pairs if pair.metric == metric), key=_tracker)
-        for metric in (*GATED, *GATED_READINGS)
+        for metric in (*GATED, *GATED_SENSOR_METRICS)
     }
     for metric, found in by_metric.items():
         if found:
             of_tracker = {tracker: _everywhere(list(its)) for tracker, its in groupby(found, key=_tracker)}
-            yield Power(metric, of_tracker, max(map(_in_scenario, found)), max(pair.allowed_in_case for pair in found))
+            yield MinimumDetectableChange(
+                metric, of_tracker, max(map(_in_scenario, found)), max(pair.allowed_in_case for pair in found)
+            )
 
 
 def _tracker(pair: Pair) -> str:
@@ -147,10 +149,10 @@ def _tracker(pair: Pair) -> str:
 
 
 def _in_scenario(pair: Pair) -> float:
-    return allowance([pair]) if len(pair.seeds) >= fewest_for_an_alarm() else pair.allowed_in_case
+    return allowed_change([pair]) if len(pair.seeds) >= min_recordings() else pair.allowed_in_case
 
 
 def _everywhere(pairs: list[Pair]) -> float:
     """In all scenarios of the tracker of these pairs."""
     n_case = sum(len(pair.seeds) for pair in pairs)
-    return allowance(pairs) if n_case >= fewest_for_an_alarm() else max(map(_in_scenario, pairs))
+    return allowed_change(pairs) if n_case >= min_recordings() else max(map(_in_scenario, pairs))

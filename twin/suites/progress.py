@@ -15,7 +15,7 @@ from twin.suites.tasks import State
 
 
 @dataclass(frozen=True)
-class Watcher:
+class ProgressListener:
     """Whom to tell how a run goes.
 
     The Dask dashboard's address, if there is one, each case that fails, what warns, how far it is, and before what it will
@@ -33,7 +33,7 @@ _LINE_EVERY_S = 15.0
 
 
 @contextmanager
-def suite_progress() -> Iterator[Watcher]:
+def suite_progress() -> Iterator[ProgressListener]:
     """Cases done, running, failed and the time left, on stderr: a bar in a terminal, a line now and then elsewhere."""
     console = PlainConsole(stderr=True)
     bar = Progress(
@@ -61,7 +61,7 @@ def suite_progress() -> Iterator[Watcher]:
 
     with bar:
         task = bar.add_task("cases", text="")
-        yield Watcher(
+        yield ProgressListener(
             dashboard=lambda address: console.print(f"Dask dashboard: {address}", soft_wrap=True),
             failed=failed,
             warned=lambda warning: console.print(f"warning: {warning}", soft_wrap=True),

@@ -10,10 +10,10 @@ import numpy as np
 
 from trackers.errors import InputError
 from twin.streams import stream
-from twin.suites.metrics import FIGURE, GATED, written
+from twin.suites.metrics import GATED, METRICS, format_metric
 from twin.suites.spec import holds
 from twin.suites.store import ResultStore
-from twin.suites.store_schema import DONE, EXPECTED, FAILED, Recorded, StoredCase
+from twin.suites.store_schema import DONE, EXPECTED, FAILED, RecordingInfo, StoredCase
 from twin.suites.worker import NO_RENDERER
 
 _N_REPLICATE = 2000
@@ -75,11 +75,11 @@ class Results:
     groups: Mapping[GroupKey, Group]
     failed: tuple[StoredCase, ...] = ()
     unfinished: int = 0
-    doubts: Mapping[str, int] = field(default_factory=dict)
+    tracker_warnings: Mapping[str, int] = field(default_factory=dict)
     sensors: Mapping[GroupKey, Group] = field(default_factory=dict)
 
 
-def results_of(store: ResultStore) -> Results:
+def collect_results(store: ResultStore) -> Results:
     """What a run has given until now."""
     facts, cases, metrics, recorded = store.facts(), store.cases(), store.metrics(), store.recorded()
     recipes: Mapping[str, str] = facts.get("recipes", {})
@@ -93,13 +93,13 @@ def results_of(store: ResultStore) -> Results:
                 f"{store.path}: results: of {case.id}, which is done, there are none; {EXPECTED} is expected"
             )
         groups.setdefault(GroupKey(case.scenario, case.overrides, case.tracker), []).append((case, metrics[case.id]))
-        for scanner, scatter_m in recorded.get(case.id, Recorded()).scatter_m.items():
+        for scanner, scatter_m in recorded.get(case.id, RecordingInfo()).scatter_m.items():
             key = GroupKey(case.scenario, case.overrides, scanner)
             sensors.setdefault(key, []).append((case, {"range_scatter_m": scatter_m}))
     return Results(
         suite=facts["suite"],
         versions=facts["versions"],
-        doubts=facts.get("doubts", {}),
+        tracker_warnings=facts.get("tracker_warnings", {}),
         renderers=tuple(name for name in facts.get("renderers", ()) if name != NO_RENDERER),
         groups={key: _group(found, recorded, recipes) for key, found in groups.items()},
         failed=tuple(case for case in cases if case.status == FAILED),
@@ -111,8 +111,8 @@ def results_of(store: ResultStore) -> Results:
 _Figures = tuple[StoredCase, Mapping[str, float | None]]
 
 
-def _group(found: Sequence[_Figures], recorded: Mapping[str, Recorded], recipes: Mapping[str, str]) -> Group:
-    known = {case.seed: recorded.get(case.id, Recorded()) for case, _ in found}
+def _group(found: Sequence[_Figures], recorded: Mapping[str, RecordingInfo], recipes: Mapping[str, str]) -> Group:
+    known = {case.seed: recorded.get(case.id, RecordingInfo()) for case, _ in found}
     return Group(
         found[0][0].variant,
         {case.seed: figures for case, figures in found},
@@ -156,7 +156,7 @@ def gated_values(group: Group) -> Iterator[tuple[str, MeanOverSeeds]]:
 
 
 @dataclass(frozen=True)
-class Kept:
+class RequirementCheck:
     """A promise and what is: the mean over the seeds of a scenario, None where the tracker has no such figure."""
 
     key: GroupKey
@@ -166,40 +166,49 @@ class Kept:
     mean: float | None
 
     @property
-    def broken(self) -> bool:
-        """Whether it is not kept."""
+    def violated(self) -> bool:
+        """Whether the requirement is not met."""
         return self.mean is None or not holds(self.mean, self.bound)
 
     @property
     def measured(self) -> str:
         """The mean as text."""
-        return "not measured" if self.mean is None else written(self.metric, self.mean)
+        return "not measured" if self.mean is None else format_metric(self.metric, self.mean)
 
     def sentence(self) -> str:
-        """What is and what was promised: "MOTA is 0.912, promised >= 0.97"."""
-        return f"{FIGURE[self.metric].name} is {self.measured}, promised {self.bound}"
+        """Say what is and what is required: "MOTA is 0.912, required >= 0.97"."""
+        return f"{METRICS[self.metric].name} is {self.measured}, required {self.bound}"
 
 
-def promises_of(facts: Mapping[str, Any], results: Results) -> list[Kept]:
+def check_requirements(facts: Mapping[str, Any], results: Results) -> list[RequirementCheck]:
     """The promises of the suite that left these facts, for what has been run of it."""
-    return list(_of(facts.get("promises", ()), results))
+    return list(_of(facts.get("requirements", ()), results))
 
 
-def _of(promised: Iterable[Mapping[str, str]], results: Results) -> Iterator[Kept]:
+def _of(promised: Iterable[Mapping[str, str]], results: Results) -> Iterator[RequirementCheck]:
     for each in promised:
         key = GroupKey(each["scenario"], each["overrides"], each["tracker"])
         group = results.groups.get(key)
         if group is not None:
             values = group.values(each["metric"])
             mean = float(np.mean(values)) if values else None
-            yield Kept(key, group.variant, each["metric"], each["bound"], mean)
+            yield RequirementCheck(key, group.variant, each["metric"], each["bound"], mean)
 
 
-COMPARED = ("mota", "idf1", "hota", "motp_m", "id_switches", "misidentifications", "lost_tracks", "false_positives")
+REFERENCE_METRICS = (
+    "mota",
+    "idf1",
+    "hota",
+    "motp_m",
+    "id_switches",
+    "misidentifications",
+    "lost_tracks",
+    "false_positives",
+)
 
 
 @dataclass(frozen=True)
-class Beside:
+class ReferenceDifference:
     """A tracker beside the one that a suite names: mean differences, this less that, over cases that both have done."""
 
     tracker: str
@@ -211,23 +220,23 @@ class Beside:
         found = self.differences[metric]
         if found is None or found.low is None or found.high is None or found.low <= 0 <= found.high:
             return ""
-        return "better" if (found.mean > 0) == (FIGURE[metric].better == "more") else "worse"
+        return "better" if (found.mean > 0) == (METRICS[metric].better == "more") else "worse"
 
 
-def beside(results: Results, reference: str) -> list[Beside]:
+def differences_from(results: Results, reference: str) -> list[ReferenceDifference]:
     """Every other tracker beside `reference`, over all scenarios together, paired by scenario, variant and seed."""
     others = dict.fromkeys(key.tracker for key in results.groups if key.tracker != reference)
-    return [_beside(results, reference, tracker) for tracker in others]
+    return [_difference(results, reference, tracker) for tracker in others]
 
 
-def _beside(results: Results, reference: str, tracker: str) -> Beside:
+def _difference(results: Results, reference: str, tracker: str) -> ReferenceDifference:
     pairs = []
     for key, group in results.groups.items():
         own = results.groups.get(GroupKey(key.scenario, key.overrides, reference))
         if key.tracker == tracker and own is not None:
             pairs += [(figures, own.seeds[seed]) for seed, figures in group.seeds.items() if seed in own.seeds]
     differences = {}
-    for metric in COMPARED:
+    for metric in REFERENCE_METRICS:
         values = [(one.get(metric), other.get(metric)) for one, other in pairs]
         differences[metric] = mean_over_seeds([a - b for a, b in values if a is not None and b is not None])
-    return Beside(tracker, len(pairs), differences)
+    return ReferenceDifference(tracker, len(pairs), differences)

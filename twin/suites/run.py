@@ -17,20 +17,20 @@ from twin.run.outcome import versions
 from twin.scenario.size import total
 from twin.suites.cache import RecordingCache
 from twin.suites.cache_keys import whole_code
-from twin.suites.cluster import Place
-from twin.suites.dask_runner import RunTasks, open_place
-from twin.suites.expansion import Case, check_number, expand
-from twin.suites.filmstrip import StripWork, draw_strip
-from twin.suites.metrics import allowed_by_default, flat
-from twin.suites.progress import Watcher
+from twin.suites.cluster import Workers
+from twin.suites.dask_runner import RunTasks, open_workers
+from twin.suites.expansion import Case, check_case_count, expand
+from twin.suites.filmstrip import FilmstripWork, draw_filmstrip
+from twin.suites.metrics import allowed_by_default, flatten_metrics
+from twin.suites.progress import ProgressListener
 from twin.suites.spec import Suite, Tolerance
 from twin.suites.store import ResultStore
 from twin.suites.store_files import open_store
-from twin.suites.store_schema import DONE, FAILED, Promise, Recorded
-from twin.suites.tasks import Ended, Listener, State, Task
+from twin.suites.store_schema import DONE, FAILED, RecordingInfo, Requirement
+from twin.suites.tasks import State, Task, TaskListener, TaskResult
 from twin.suites.worker import WORST, CaseResult, CaseWork, run_case
 
-_MOST_STRIPS = 24
+_MAX_FILMSTRIPS = 24
 
 
 def run_suite(
@@ -38,12 +38,12 @@ def run_suite(
     path: Path,
     folder: Path,
     cache: RecordingCache,
-    place: Place | None = None,
+    workers: Workers | None = None,
     *,
     changes: Sequence[str] = (),
     trusted: TrustedClasses = NONE_TRUSTED,
     resume: bool = False,
-    watcher: Watcher | None = None,
+    progress: ProgressListener | None = None,
     function: Callable[[CaseWork], CaseResult] | None = None,
     limits: bool = True,
 ) -> None:
@@ -55,46 +55,46 @@ def run_suite(
     that cannot be, where no scheduler answers, for a folder with other results, and where the disk is full or the workers
     are gone; what was done until then is kept.
     """
-    watcher, place = watcher or Watcher(), place or Place()
+    progress, workers = progress or ProgressListener(), workers or Workers()
     # What a scheduler's workers have of the user's own is not known here.
     if limits:
-        check_number(suite, path)
-    watcher.planned(f"{suite.n_case} cases")
-    cases = expand(suite, path, changes, plug_ins=place.scheduler is None, trusted=trusted, limits=limits)
+        check_case_count(suite, path)
+    progress.planned(f"{suite.n_case} cases")
+    cases = expand(suite, path, changes, plug_ins=workers.scheduler is None, trusted=trusted, limits=limits)
     recordings = {case.resolved: case.size for case in cases}
-    watcher.planned(f"{len(recordings)} recordings: {total(recordings.values())}")
+    progress.planned(f"{len(recordings)} recordings: {total(recordings.values())}")
     facts = {
         "suite": suite.name,
         "description": suite.description,
-        "beside": suite.beside,
+        "reference": suite.reference,
         "code": whole_code(),
         "versions": {name: value for name, value in versions(None).items() if not name.startswith("gl_")},
         "changes": list(changes),
         "tolerances": {name: each.model_dump() for name, each in suite.tolerances.items()},
-        "promises": [
+        "requirements": [
             asdict(each)
             for each in dict.fromkeys(
-                Promise(case.scenario, json.dumps(case.overrides, ensure_ascii=False), case.tracker, metric, bound)
+                Requirement(case.scenario, json.dumps(case.overrides, ensure_ascii=False), case.tracker, metric, bound)
                 for case in cases
                 for metric, bound in case.require.items()
             )
         ],
         "seconds": 0.0,
         "renderers": [],
-        "doubts": {},
+        "tracker_warnings": {},
     }
-    if place.scheduler is None:  # workers elsewhere have caches of their own
+    if workers.scheduler is None:  # workers elsewhere have caches of their own
         cache.check()
     with ExitStack() as stack:
         # Processes of ours always start, a scheduler may not answer: then the folder is not ours either.
-        elsewhere = open_place(place, stack, watcher) if place.scheduler is not None else None
-        store = stack.enter_context(open_store(folder, cases, facts, resume, watcher.warned))
+        elsewhere = open_workers(workers, stack, progress) if workers.scheduler is not None else None
+        store = stack.enter_context(open_store(folder, cases, facts, resume, progress.warned))
         start, before_s = time.perf_counter(), store.facts()["seconds"]
-        run_tasks = elsewhere or open_place(place, stack, watcher)
+        run_tasks = elsewhere or open_workers(workers, stack, progress)
         logs = folder / "logs"
         logs.mkdir(exist_ok=True)
-        _run_cases(store, folder, cases, cache, run_tasks, watcher, logs, function or run_case)
-        _draw_strips(store, folder, cases, cache, run_tasks, watcher)
+        _run_cases(store, folder, cases, cache, run_tasks, progress, logs, function or run_case)
+        _draw_filmstrips(store, folder, cases, cache, run_tasks, progress)
         store.note(seconds=before_s + time.perf_counter() - start)
 
 
@@ -104,34 +104,34 @@ def _run_cases(
     cases: Sequence[Case],
     cache: RecordingCache,
     run_tasks: RunTasks,
-    watcher: Watcher,
+    progress: ProgressListener,
     logs: Path,
     function: Callable[[CaseWork], CaseResult],
 ) -> None:
     by_id = {case.id: case for case in cases}
     done = {each.id for each in store.cases() if each.status == DONE}
     facts = store.facts()
-    renderers, doubts = set(facts["renderers"]), dict(facts.get("doubts", {}))
+    renderers, tracker_warnings = set(facts["renderers"]), dict(facts.get("tracker_warnings", {}))
     code = whole_code()
 
-    def ended(end: Ended) -> None:
+    def ended(end: TaskResult) -> None:
         case = by_id[end.task.id]
         if end.status == FAILED:
             store.failed(case.id, end.attempts, end.seconds, end.error)
-            watcher.failed(case.id, end.error)
+            progress.failed(case.id, end.error)
             return
         result: CaseResult = end.value
         for warning in result.warnings:
-            watcher.warned(warning)
-        for doubt in result.doubts:
-            if doubt not in doubts:  # once, however many cases it is of
-                watcher.warned(f"{case.id}: {doubt}")
-            doubts[doubt] = doubts.get(doubt, 0) + 1
-        if result.doubts:
-            store.note(doubts=doubts)
+            progress.warned(warning)
+        for each in result.tracker_warnings:
+            if each not in tracker_warnings:  # once, however many cases it is of
+                progress.warned(f"{case.id}: {each}")
+            tracker_warnings[each] = tracker_warnings.get(each, 0) + 1
+        if result.tracker_warnings:
+            store.note(tracker_warnings=tracker_warnings)
         _write_files(folder / "cases" / case.id, result.files)
-        recorded = Recorded(result.recording, result.people, result.scatter_m)
-        store.finished(case, end.attempts, end.seconds, flat(result.metrics), result.moments, recorded)
+        recorded = RecordingInfo(result.recording, result.people, result.scatter_m)
+        store.finished(case, end.attempts, end.seconds, flatten_metrics(result.metrics), result.moments, recorded)
         if result.renderer not in renderers:
             renderers.add(result.renderer)
             store.note(renderers=sorted(renderers))
@@ -151,18 +151,18 @@ def _run_cases(
     ]
 
     def state(now: State) -> None:
-        watcher.state(State(now.waiting, now.running, now.done + len(done), now.failed, now.workers))
+        progress.state(State(now.waiting, now.running, now.done + len(done), now.failed, now.workers))
 
-    run_tasks(tasks, function, Listener(lambda task, number: store.started(task.id, number), ended, state), logs)
+    run_tasks(tasks, function, TaskListener(lambda task, number: store.started(task.id, number), ended, state), logs)
 
 
-def _draw_strips(
+def _draw_filmstrips(
     store: ResultStore,
     folder: Path,
     cases: Sequence[Case],
     cache: RecordingCache,
     run_tasks: RunTasks,
-    watcher: Watcher,
+    progress: ProgressListener,
 ) -> None:
     """The worst second of each scenario and variant, the worst of them first; one that cannot be drawn is left out."""
     worst: dict[tuple[str, str], tuple[float, float, Case]] = {}
@@ -173,22 +173,22 @@ def _draw_strips(
             row = (case.scenario, case.variant)
             if moment.kind == WORST and (row not in worst or moment.severity > worst[row][0]):
                 worst[row] = (moment.severity, moment.t_s, case)
-    chosen = sorted(worst.values(), key=lambda each: each[0], reverse=True)[:_MOST_STRIPS]
+    chosen = sorted(worst.values(), key=lambda each: each[0], reverse=True)[:_MAX_FILMSTRIPS]
     tasks = [
-        Task(f"{case.id}-strip", StripWork(case, cache, t_s), case.limit_s, case.recipe) for _, t_s, case in chosen
+        Task(f"{case.id}-strip", FilmstripWork(case, cache, t_s), case.limit_s, case.recipe) for _, t_s, case in chosen
     ]
     drawn = {}
 
-    def ended(end: Ended) -> None:
+    def ended(end: TaskResult) -> None:
         case: Case = end.task.work.case
         if end.status == FAILED:
-            watcher.failed(end.task.id, end.error)
+            progress.failed(end.task.id, end.error)
             return
         _write_files(folder / "cases" / case.id, {"worst.jpg": end.value})
         drawn[case.id] = end.task.work.t_s
 
-    run_tasks(tasks, draw_strip, Listener(ended=ended), None)
-    store.note(strips=drawn)
+    run_tasks(tasks, draw_filmstrip, TaskListener(ended=ended), None)
+    store.note(filmstrips=drawn)
 
 
 def _write_files(folder: Path, files: Mapping[str, bytes]) -> None:

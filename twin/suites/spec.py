@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from itertools import product
 from math import prod
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import (
     AfterValidator,
@@ -27,7 +27,7 @@ from trackers.plain_data import parse_yaml
 from trackers.rig import Name
 from trackers.text_file import read_text
 from twin import models
-from twin.suites.metrics import FIGURE, GATED, GATED_READINGS
+from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, METRICS
 
 
 def list_of(what: str, *, or_empty: bool = False) -> BeforeValidator:
@@ -35,7 +35,7 @@ def list_of(what: str, *, or_empty: bool = False) -> BeforeValidator:
 
     def check(value: Any) -> Any:
         if not isinstance(value, list | tuple) or not (value or or_empty):
-            raise refused(value, f"{what} is expected")
+            raise expected_error(value, f"{what} is expected")
         return value
 
     return BeforeValidator(check)
@@ -46,7 +46,7 @@ def mapping_of(what: str) -> BeforeValidator:
 
     def check(value: Any) -> Any:
         if not isinstance(value, dict):
-            raise refused(value, f"{what} is expected")
+            raise expected_error(value, f"{what} is expected")
         for key in value:
             if not isinstance(key, str):
                 raise ValueError(f"the key {key!r} is not a text; {what} is expected")
@@ -64,12 +64,12 @@ def single(what: str) -> WrapValidator:
                 return inner(value)
             except ValidationError:
                 pass
-        raise refused(value, f"{what} is expected")
+        raise expected_error(value, f"{what} is expected")
 
     return WrapValidator(check)
 
 
-def refused(value: Any, sentence: str) -> ValueError:
+def expected_error(value: Any, sentence: str) -> ValueError:
     """The error that says this of a value; `validate` itself tells every value that is no mapping."""
     return ValueError(f"{sentence} (got {value!r})" if isinstance(value, dict) else sentence)
 
@@ -95,20 +95,22 @@ def _bound(value: str | float) -> str:
     return f"{found[1] or '=='} {found[2]}"
 
 
-def _figure(name: str) -> str:
-    if name not in FIGURE:
-        raise ValueError(f"there is no figure {name!r}; valid are {', '.join(FIGURE)}")
+def _metric_name(name: str) -> str:
+    if name not in METRICS:
+        raise ValueError(f"there is no metric {name!r}; valid are {', '.join(METRICS)}")
     return name
 
 
 Bound = Annotated[str, BeforeValidator(_bound, json_schema_input_type=str | float)]
 
-Figures = Annotated[
-    dict[Annotated[str, AfterValidator(_figure)], Bound], mapping_of('a mapping of figures, as in {mota: ">= 0.97"},')
+MetricBounds = Annotated[
+    dict[Annotated[str, AfterValidator(_metric_name)], Bound],
+    mapping_of('a mapping of metrics, as in {mota: ">= 0.97"},'),
 ]
 
-Required = Annotated[
-    dict[str, Figures], mapping_of('a mapping of trackers, as in {sort: {mota: ">= 0.97", misidentifications: 0}},')
+Requirements = Annotated[
+    dict[str, MetricBounds],
+    mapping_of('a mapping of trackers, as in {sort: {mota: ">= 0.97", misidentifications: 0}},'),
 ]
 """By tracker and figure, what the mean over the seeds of each scenario is to be."""
 
@@ -121,7 +123,7 @@ def holds(mean: float, bound: str) -> bool:
     return _COMPARISONS[sign](rounded, float(limit))
 
 
-Changes = Annotated[dict[str, JsonValue], mapping_of("a mapping of fields' paths to values, as in {duration_s: 10},")]
+Overrides = Annotated[dict[str, JsonValue], mapping_of("a mapping of fields' paths to values, as in {duration_s: 10},")]
 """Values by the path of the scenario's field, as `--set path=value` would give them."""
 
 _MOST_SEEDS = 100_000
@@ -144,14 +146,14 @@ def _seeds(value: Any) -> Any:
         try:
             between = SeedRange.model_validate(value)
         except ValidationError as error:
-            raise refused(value, _SEEDS_EXPECTED) from error
+            raise expected_error(value, _SEEDS_EXPECTED) from error
         return tuple(range(between.first, between.first + between.count))
     if isinstance(value, int) and not isinstance(value, bool):
         if not 1 <= value <= _MOST_SEEDS:
             raise ValueError(f"how many seeds there are from 0 on; 1 to {_MOST_SEEDS} is valid")
         return tuple(range(value))
     if not isinstance(value, list | tuple) or not value:
-        raise refused(value, _SEEDS_EXPECTED)
+        raise expected_error(value, _SEEDS_EXPECTED)
     return value
 
 
@@ -212,18 +214,18 @@ class SuiteScenario(Strict):
     limit_s: Limit | None = Field(
         default=None, description="how long a case may take, recording and tracking [s]; none: the suite's"
     )
-    require: Required = Field(
+    require: Requirements = Field(
         default={}, description="what figures trackers are to reach here, beside and before what the suite says"
     )
-    set: Changes = Field(default={}, description="changes to every case, by path")
+    set: Overrides = Field(default={}, description="changes to every case, by path")
     grid: Annotated[dict[str, Values], mapping_of("a mapping of paths to lists, as in {duration_s: [5, 10]},")] = Field(
         default={}, description="values by path, every combination"
     )
     variants: Annotated[
-        list[Changes], Field(min_length=1), list_of("a list of mappings, as in [{}, {duration_s: 5}],")
+        list[Overrides], Field(min_length=1), list_of("a list of mappings, as in [{}, {duration_s: 5}],")
     ] = Field(default=[{}], description="changes by path, one after the other")
 
-    def combinations(self) -> list[Changes]:
+    def combinations(self) -> list[Overrides]:
         """The overrides of each case, without those of `set`."""
         grids = [dict(zip(self.grid, values, strict=True)) for values in product(*self.grid.values())]
         return [{**grid, **variant} for variant in self.variants for grid in grids]
@@ -239,15 +241,17 @@ def _entry(value: Any) -> Any:
 class Suite(Strict):
     """Scenarios × seeds × overrides × trackers, the time limit of a case, and what counts as worse."""
 
+    former_names: ClassVar = {"beside": "reference"}
+
     name: OwnName = Field(description="name of the suite; it becomes the name of a folder")
     description: Text = Field(default="", description="what the suite is for, for readers")
     seeds: Seeds = Field(default=(0, 1, 2), description="a list of seeds, or how many from 0 on")
     trackers: Annotated[tuple[TrackerName, ...], list_of(_TRACKERS, or_empty=True)] = Field(
         default=(), description="names of trackers to run on every scenario that names none"
     )
-    beside: TrackerName | None = Field(
+    reference: TrackerName | None = Field(
         default=None,
-        description="name of the tracker that all others are set beside, paired by scenario and seed; none: no such table",
+        description="name of the tracker that all others are compared with, paired by scenario and seed; none: no such table",
     )
     limit_s: Limit = Field(default=600.0, description="how long a case may take, recording and tracking [s]")
     reports: bool = Field(
@@ -255,12 +259,12 @@ class Suite(Strict):
         description="whether each case gets a page of its own, 1 to 3 s of its time; figures, tracks and moments are the "
         "same without",
     )
-    require: Required = Field(
+    require: Requirements = Field(
         default={},
         description="what figures trackers are to reach, as a mean over the seeds of each scenario and whatever the baseline "
         "says: a number, or a bound",
     )
-    set: Changes = Field(default={}, description="changes to every case of every scenario, by path")
+    set: Overrides = Field(default={}, description="changes to every case of every scenario, by path")
     scenarios: Annotated[
         list[Annotated[SuiteScenario, BeforeValidator(_entry)]],
         Field(min_length=1),
@@ -268,27 +272,29 @@ class Suite(Strict):
     ] = Field(description="what is run: scenarios with their own seeds, trackers and changes")
     tolerances: Annotated[
         dict[str, Annotated[Tolerance, mapping_of("a mapping, as in {absolute: 0.01},")]],
-        mapping_of("a mapping of figures, as in {mota: {absolute: 0.01}},"),
+        mapping_of("a mapping of metrics, as in {mota: {absolute: 0.01}},"),
     ] = Field(default={}, description="by figure, instead of the default; see twin/suites/metrics.py")
 
     @field_validator("tolerances")
     @classmethod
-    def _known_figures(cls, tolerances: dict[str, Tolerance]) -> dict[str, Tolerance]:
+    def _known_metrics(cls, tolerances: dict[str, Tolerance]) -> dict[str, Tolerance]:
         for name in tolerances:
-            if name not in (*GATED, *GATED_READINGS):
-                raise ValueError(f"there is no figure {name!r}; valid are {', '.join((*GATED, *GATED_READINGS))}")
+            if name not in (*GATED, *GATED_SENSOR_METRICS):
+                raise ValueError(f"there is no metric {name!r}; valid are {', '.join((*GATED, *GATED_SENSOR_METRICS))}")
         return tolerances
 
     @model_validator(mode="after")
-    def _somebody_tracks(self) -> Suite:
+    def _check_trackers(self) -> Suite:
         for number, entry in enumerate(self.scenarios):
             if not (entry.trackers or self.trackers):
                 raise ValueError(
                     f"scenarios.{number} ({entry.scenario}) has no trackers and the suite has none; one is needed"
                 )
         named = {name for entry in self.scenarios for name in entry.trackers or self.trackers}
-        if self.beside is not None and self.beside not in named:
-            raise ValueError(f"beside: {self.beside!r} is none of the trackers; valid are {', '.join(sorted(named))}")
+        if self.reference is not None and self.reference not in named:
+            raise ValueError(
+                f"reference: {self.reference!r} is none of the trackers; valid are {', '.join(sorted(named))}"
+            )
         for number, entry in ((None, self), *enumerate(self.scenarios)):
             where = "" if number is None else f"scenarios.{number}."
             has = named if number is None else set(entry.trackers or self.trackers)

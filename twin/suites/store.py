@@ -17,7 +17,7 @@ from typing import Any
 
 from trackers.errors import InputError
 from trackers.plain_data import parse_json
-from twin.suites.cache_keys import MadeFrom
+from twin.suites.cache_keys import Provenance
 from twin.suites.expansion import Case
 from twin.suites.metrics import check_ranges
 from twin.suites.store_schema import (
@@ -26,16 +26,17 @@ from twin.suites.store_schema import (
     EXPECTED,
     FACTS,
     FAILED,
+    FORMER_FACTS,
+    INCIDENTS,
     METRICS,
-    MOMENTS,
-    RECORDED,
+    RECORDINGS,
     RUNNING,
     WAITING,
-    Recorded,
+    RecordingInfo,
     StoredCase,
     checked,
 )
-from twin.suites.worker import Moment
+from twin.suites.worker import Incident
 
 _SCHEMA = """
 CREATE TABLE facts (name TEXT PRIMARY KEY, value TEXT);
@@ -76,7 +77,7 @@ class ResultStore:
         self._connection = connection
         self.path = path
 
-    def define(self, cases: Sequence[Case]) -> None:
+    def create(self, cases: Sequence[Case]) -> None:
         """Make the tables of a new file, all cases waiting."""
         self._connection.executescript(f"BEGIN IMMEDIATE;{_SCHEMA}COMMIT;")
         with self._writing():
@@ -91,7 +92,7 @@ class ResultStore:
                         json.dumps(case.overrides, ensure_ascii=False),
                         case.seed,
                         case.tracker,
-                        case.made_from.write(),
+                        case.provenance.write(),
                     )
                     for place, case in enumerate(cases)
                 ],
@@ -100,7 +101,7 @@ class ResultStore:
                 "INSERT INTO cases VALUES (?, ?, 0, NULL, NULL)", [(case.id, WAITING) for case in cases]
             )
 
-    def take_up(self, cases: Sequence[Case]) -> dict[str, list[str]]:
+    def resume(self, cases: Sequence[Case]) -> dict[str, list[str]]:
         """Have cases run that were running when the run was killed, that failed, or that are made from other things now.
 
         Returns of the last, where they were done, by case_id what has changed (fields of `MadeFrom`).
@@ -109,7 +110,7 @@ class ResultStore:
         done = {
             case_id for (case_id,) in self._connection.execute("SELECT case_id FROM cases WHERE status = ?", (DONE,))
         }
-        changed = {case.id: case.made_from.changed(MadeFrom.read(held[case.id])) for case in cases}
+        changed = {case.id: case.provenance.changed(Provenance.read(held[case.id])) for case in cases}
         ids = [(case_id,) for case_id, parts in changed.items() if parts]
         with self._writing():
             for table in ("results", "moments", "recordings", "scanners"):
@@ -119,7 +120,7 @@ class ResultStore:
             )
             self._connection.executemany(
                 "UPDATE definitions SET made_from = ? WHERE case_id = ?",
-                [(case.made_from.write(), case.id) for case in cases],
+                [(case.provenance.write(), case.id) for case in cases],
             )
             self._connection.execute(
                 "UPDATE cases SET status = ?, attempts = 0, seconds = NULL, error = NULL WHERE status != ?",
@@ -140,11 +141,11 @@ class ResultStore:
         attempts: int,
         seconds: float,
         metrics: Mapping[str, float | None],
-        moments: Sequence[Moment],
-        recorded: Recorded | None = None,
+        moments: Sequence[Incident],
+        recorded: RecordingInfo | None = None,
     ) -> None:
         """Write a case's figures and what its recording holds, all or none."""
-        recorded = recorded or Recorded()
+        recorded = recorded or RecordingInfo()
         overrides = json.dumps(case.overrides, ensure_ascii=False)
         with self._writing():
             self._connection.executemany(
@@ -189,7 +190,9 @@ class ResultStore:
     def facts(self) -> dict[str, Any]:
         """The facts about the run."""
         rows = self._connection.execute("SELECT name, value FROM facts").fetchall()
-        facts = {name: parse_json(str(value), f"{self.path}: facts.{name}", EXPECTED) for name, value in rows}
+        stored = {name: parse_json(str(value), f"{self.path}: facts.{name}", EXPECTED) for name, value in rows}
+        former = {name: stored.pop(old) for old, name in FORMER_FACTS.items() if old in stored}
+        facts = former | stored
         checked(FACTS, facts, f"{self.path}: facts")
         return facts
 
@@ -211,7 +214,7 @@ class ResultStore:
             check_ranges(figures, f"{self.path}: results: {case_id}")
         return found
 
-    def recorded(self) -> dict[str, Recorded]:
+    def recorded(self) -> dict[str, RecordingInfo]:
         """What the recording of each finished case holds, by the case's id; in files of before it was kept it is unknown."""
         columns = {row[1] for row in self._connection.execute("PRAGMA table_info(recordings)")}
         people = "people" if "people" in columns else "''"
@@ -224,15 +227,15 @@ class ResultStore:
             case_id: {"digest": digest, "people": ways, "scatter_m": scatter.get(case_id, {})}
             for case_id, digest, ways in rows
         }
-        return checked(RECORDED, found, f"{self.path}: recordings")
+        return checked(RECORDINGS, found, f"{self.path}: recordings")
 
-    def moments(self, case_id: str) -> list[Moment]:
+    def moments(self, case_id: str) -> list[Incident]:
         """The moments of a case, the worst second first, then in order of time."""
         rows = self._connection.execute(
             "SELECT t_s, kind, what, severity FROM moments WHERE case_id = ? ORDER BY kind != 'worst', t_s", (case_id,)
         )
-        names = [field.name for field in fields(Moment)]
-        return checked(MOMENTS, [dict(zip(names, row, strict=True)) for row in rows], f"{self.path}: moments")
+        names = [field.name for field in fields(Incident)]
+        return checked(INCIDENTS, [dict(zip(names, row, strict=True)) for row in rows], f"{self.path}: moments")
 
     @contextmanager
     def _writing(self) -> Iterator[None]:

@@ -15,9 +15,9 @@ from twin.suites.expansion import Case
 from twin.suites.store import ResultStore, fault_of_file
 from twin.suites.store_schema import EXPECTED
 
-FILE = "results.sqlite"
+RESULTS_FILE = "results.sqlite"
 
-_OF_SUITE = ("description", "beside", "tolerances", "promises")
+_OF_SUITE = ("description", "reference", "tolerances", "requirements")
 """Facts that figures are judged by: those of the suite as it is now hold."""
 
 
@@ -36,7 +36,7 @@ def open_store(
     InputError where another process writes there, where there are results and none were to be taken up, and where those are
     of other cases, or of another suite, other changes or other code.
     """
-    path = folder / FILE
+    path = folder / RESULTS_FILE
     with locked_folder(folder):
         exists = path.exists()
         if exists and not resume:
@@ -50,13 +50,13 @@ def open_store(
                 with _sound(path):
                     _check_whole(connection, path)
                     _check_same(store, cases, facts)
-                    changed = store.take_up(cases)
+                    changed = store.resume(cases)
                 store.note(**{name: facts[name] for name in _OF_SUITE if name in facts})
                 if changed:
-                    warn(done_again(changed, len(cases)))
+                    warn(rerun_warning(changed, len(cases)))
             else:
                 with _sound(path):
-                    store.define(cases)
+                    store.create(cases)
                 store.note(**facts)
             yield store
 
@@ -64,9 +64,9 @@ def open_store(
 @contextmanager
 def read_store(folder: Path) -> Iterator[ResultStore]:
     """The results in `folder`, for reading, also while a run writes them; raises InputError where there are none."""
-    path = folder / FILE
+    path = folder / RESULTS_FILE
     if not path.is_file():
-        raise InputError(f"{folder}: has no {FILE}; a folder that `twin suite run` has written is expected")
+        raise InputError(f"{folder}: has no {RESULTS_FILE}; a folder that `twin suite run` has written is expected")
     is_ours = os.access(path, os.W_OK) and os.access(folder, os.W_OK)
     with _sound(path), (_connected if is_ours else _read_alone)(path) as connection:
         yield ResultStore(connection, path)
@@ -75,7 +75,7 @@ def read_store(folder: Path) -> Iterator[ResultStore]:
 @contextmanager
 def _read_alone(path: Path) -> Iterator[sqlite3.Connection]:
     """The file where nothing may be written beside it, as sqlite does else even to read; nobody writes it meanwhile."""
-    if (waiting := path.with_name(f"{FILE}-wal")).exists() and waiting.stat().st_size:
+    if (waiting := path.with_name(f"{RESULTS_FILE}-wal")).exists() and waiting.stat().st_size:
         raise InputError(
             f"{path}: is read-only, and holds what a run has not finished writing; a file and a folder that this user may "
             "write are expected"
@@ -87,7 +87,7 @@ def _read_alone(path: Path) -> Iterator[sqlite3.Connection]:
         connection.close()
 
 
-def done_again(changed: Mapping[str, Sequence[str]], n_all: int) -> str:
+def rerun_warning(changed: Mapping[str, Sequence[str]], n_all: int) -> str:
     """Say that results are done again: by the id of each, what has changed of what it is made from."""
     what = " and ".join(dict.fromkeys(part for parts in changed.values() for part in parts))
     first, *more = changed

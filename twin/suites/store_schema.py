@@ -11,7 +11,7 @@ from pydantic import AfterValidator, ConfigDict, Field, FiniteFloat, Json, TypeA
 from trackers.configuration import Typed
 from trackers.errors import InputError
 from twin.suites.spec import Bound, Tolerance
-from twin.suites.worker import Moment
+from twin.suites.worker import Incident
 
 WAITING, RUNNING, DONE, FAILED = "waiting", "running", "done", "failed"
 
@@ -46,7 +46,7 @@ class StoredCase:
 
 
 @dataclass(frozen=True)
-class Recorded:
+class RecordingInfo:
     """What is known of a case's recording: digests of its bits and of its people's ways ("": unknown), and its scanners.
 
     scatter_m: of each scanner's ranges, by where it is.
@@ -58,7 +58,7 @@ class Recorded:
 
 
 @dataclass(frozen=True)
-class Promise:
+class Requirement:
     """A bound of a figure that a tracker is to reach in a scenario, as a mean over its seeds."""
 
     scenario: str
@@ -79,25 +79,34 @@ class Facts(Typed):
     versions: dict[str, str | None]
     changes: list[str]
     tolerances: dict[str, Tolerance]
-    promises: list[Promise] = Field(default_factory=list)
+    requirements: list[Requirement] = Field(default_factory=list)
     seconds: FiniteFloat
     renderers: list[str]
-    doubts: dict[str, int] = Field(default_factory=dict)
+    tracker_warnings: dict[str, int] = Field(default_factory=dict)
     recipes: dict[str, str] = Field(default_factory=dict)  # of each case, what its recording is made from
-    strips: dict[str, FiniteFloat] = Field(default_factory=dict)
+    filmstrips: dict[str, FiniteFloat] = Field(default_factory=dict)
     baseline: str | None = None
-    beside: str | None = None
+    reference: str | None = None
+
+
+FORMER_FACTS = {
+    "promises": "requirements",
+    "doubts": "tracker_warnings",
+    "strips": "filmstrips",
+    "beside": "reference",
+}
+"""Names of facts in files that version 0.1 wrote."""
 
 
 FACTS = TypeAdapter(Facts)
 
 CASES = TypeAdapter(list[StoredCase])
 
-RECORDED = TypeAdapter(dict[str, Recorded])
+RECORDINGS = TypeAdapter(dict[str, RecordingInfo])
 
 METRICS = TypeAdapter(dict[str, dict[str, FiniteFloat | None]])
 
-MOMENTS = TypeAdapter(list[Moment])
+INCIDENTS = TypeAdapter(list[Incident])
 
 
 def checked(kind: TypeAdapter[_Content], content: Any, source: str) -> _Content:

@@ -10,9 +10,18 @@ from rich.table import Table
 
 from twin.console import PlainConsole
 from twin.shown import shown
-from twin.suites.comparison import Change, Comparison, evidence, look_at
-from twin.suites.metrics import FIGURE, SHOWN, figure_named, written
-from twin.suites.results import COMPARED, Group, GroupKey, Kept, MeanOverSeeds, Results, beside, mean_over_seeds
+from twin.suites.comparison import Change, Comparison, incident_link, significance
+from twin.suites.metrics import HEADLINE_METRICS, METRICS, format_metric, metric_named
+from twin.suites.results import (
+    REFERENCE_METRICS,
+    Group,
+    GroupKey,
+    MeanOverSeeds,
+    RequirementCheck,
+    Results,
+    differences_from,
+    mean_over_seeds,
+)
 from twin.suites.store import ResultStore
 
 _MOST_ROWS = 30
@@ -23,20 +32,21 @@ def print_results(results: Results, reference: str | None = None) -> None:
     table = Table()
     for name in ("scenario", "tracker", "seeds", "person-frames"):
         table.add_column(name)
-    for metric in SHOWN:
+    for metric in HEADLINE_METRICS:
         table.add_column(_heading(metric), justify="right")
     for key, group in results.groups.items():
         name = f"{key.scenario} ({group.variant})" if group.variant else key.scenario
-        cells = [_mean_text(metric, mean_over_seeds(group.values(metric))) for metric in SHOWN]
+        cells = [_mean_text(metric, mean_over_seeds(group.values(metric))) for metric in HEADLINE_METRICS]
         table.add_row(name, key.tracker, str(len(group.seeds)), group.n, *cells)
     console = _console()
     console.print(f"{results.suite}: means over seeds, gate 0.5 m")
     console.print(table)
     if reference is not None:
         console.print(
-            f"beside {reference}, paired by scenario and seed; *: the 95 % interval leaves out 0", highlight=False
+            f"compared with {reference}, paired by scenario and seed; *: the 95 % interval leaves out 0",
+            highlight=False,
         )
-        console.print(_beside_table(results, reference))
+        console.print(_reference_table(results, reference))
     for case in results.failed[:_MOST_ROWS]:
         error = (case.error or "").splitlines()
         console.print(
@@ -49,22 +59,22 @@ def print_results(results: Results, reference: str | None = None) -> None:
 
 def _heading(metric: str) -> str:
     """A figure's name and unit as rich shows them."""
-    figure = FIGURE[metric]
+    figure = METRICS[metric]
     return f"{figure.name}{f' [{figure.unit}]' if figure.unit else ''}"
 
 
-def _beside_table(results: Results, reference: str) -> Table:
+def _reference_table(results: Results, reference: str) -> Table:
     """Mean differences of every other tracker, over all scenarios together."""
     table = Table()
     table.add_column("tracker", no_wrap=True)
     table.add_column("cases", justify="right", no_wrap=True)
-    for metric in COMPARED:
+    for metric in REFERENCE_METRICS:
         table.add_column(_heading(metric), justify="right")
-    for row in beside(results, reference):
+    for row in differences_from(results, reference):
         cells = [
             "–"
             if found is None
-            else written(metric, found.mean, True).split()[0] + ("*" if row.verdict(metric) else "")
+            else format_metric(metric, found.mean, True).split()[0] + ("*" if row.verdict(metric) else "")
             for metric, found in row.differences.items()
         ]
         table.add_row(row.tracker, str(row.n_case), *cells)
@@ -85,35 +95,39 @@ def print_comparison(
     for word in shown:
         changes = comparison.worse if word == "worse" else comparison.better
         if changes:
-            console.print(f"{len(changes)} figures got {word}")
+            console.print(f"{len(changes)} metrics got {word}")
             console.print(_changes_table(changes[:_MOST_ROWS]))
             if len(changes) > _MOST_ROWS:
                 console.print(f"and {len(changes) - _MOST_ROWS} more, in summary.json")
         if word == "worse" and store is not None:
             for line in dict.fromkeys(
-                look.text() for change in changes[:_MOST_ROWS] if (look := look_at(change, results, store, folder))
+                incident.text()
+                for change in changes[:_MOST_ROWS]
+                if (incident := incident_link(change, results, store, folder))
             ):
-                console.print(f"look at {line}", soft_wrap=True)
+                console.print(f"see {line}", soft_wrap=True)
     if comparison.identical:
         console.print(
-            f"every recording and figure has the same bits: {len(comparison.changes)} compared", highlight=False
+            f"every recording and metric has the same bits: {len(comparison.changes)} compared", highlight=False
         )
     elif not comparison.worse:
-        console.print(f"nothing got worse: {len(comparison.changes)} figures compared")
-    console.print("the smallest loss that would be noticed")
-    console.print(_power_table(comparison))
+        console.print(f"nothing got worse: {len(comparison.changes)} metrics compared")
+    console.print("minimum detectable change")
+    console.print(_detectable_table(comparison))
 
 
-def _power_table(comparison: Comparison) -> Table:
+def _detectable_table(comparison: Comparison) -> Table:
     """What the suite can notice, for the figures that a table has room for."""
     table = Table()
-    table.add_column("noticed where it is lost")
-    shown = [each for each in comparison.power if each.metric in SHOWN]
+    table.add_column("where the metric is lost")
+    shown = [each for each in comparison.detectable if each.metric in HEADLINE_METRICS]
     for each in shown:
         table.add_column(_heading(each.metric), justify="right")
 
     def add(name: str, losses: Sequence[float | None]) -> None:
-        cells = ["" if loss is None else written(each.metric, loss) for each, loss in zip(shown, losses, strict=True)]
+        cells = [
+            "" if loss is None else format_metric(each.metric, loss) for each, loss in zip(shown, losses, strict=True)
+        ]
         table.add_row(name, *(cell.split()[0] if cell else "" for cell in cells))
 
     for tracker in sorted({tracker for each in shown for tracker in each.of_tracker}):
@@ -123,22 +137,22 @@ def _power_table(comparison: Comparison) -> Table:
     return table
 
 
-def print_promises(promises: Sequence[Kept]) -> None:
+def print_requirements(requirements: Sequence[RequirementCheck]) -> None:
     """The promises that are broken, and how many are kept."""
-    if not promises:
+    if not requirements:
         return
     console = _console()
-    broken = [each for each in promises if each.broken]
+    broken = [each for each in requirements if each.violated]
     for each in broken[:_MOST_ROWS]:
         name = f"{each.key.scenario} ({each.variant})" if each.variant else each.key.scenario
-        text = f"promise broken: {name}, {each.key.tracker}: {each.sentence()}"
+        text = f"requirement not met: {name}, {each.key.tracker}: {each.sentence()}"
         console.print(text, soft_wrap=True)
-    console.print(f"{len(promises) - len(broken)} of {len(promises)} promises kept")
+    console.print(f"{len(requirements) - len(broken)} of {len(requirements)} requirements met")
 
 
 def _changes_table(changes: Sequence[Change]) -> Table:
     table = Table()
-    for name in ("scenario", "tracker", "figure"):
+    for name in ("scenario", "tracker", "metric"):
         table.add_column(name)
     for name in ("before", "now", "change", "allowed", "p", "seeds"):
         table.add_column(name, justify="right")
@@ -149,12 +163,12 @@ def _changes_table(changes: Sequence[Change]) -> Table:
         table.add_row(
             name,
             change.key.tracker,
-            figure_named(metric).name,
-            written(metric, change.before),
-            "gone" if gone else written(metric, change.now),
-            "" if gone else written(metric, change.change, sign=True),
-            "" if gone else written(metric, change.allowed),
-            evidence(change),
+            metric_named(metric).name,
+            format_metric(metric, change.before),
+            "gone" if gone else format_metric(metric, change.now),
+            "" if gone else format_metric(metric, change.change, sign=True),
+            "" if gone else format_metric(metric, change.allowed),
+            significance(change),
             str(change.n_seed),
         )
     return table
@@ -163,7 +177,7 @@ def _changes_table(changes: Sequence[Change]) -> Table:
 def _mean_text(metric: str, mean: MeanOverSeeds | None) -> str:
     if mean is None:
         return "–"
-    decimals = FIGURE[metric].decimals or 1
+    decimals = METRICS[metric].decimals or 1
     return f"{mean.mean:.{decimals}f}".replace("-", "−")
 
 
@@ -176,7 +190,7 @@ _SHOWN = ("mota", "idf1", "hota", "id_switches", "misidentifications", "lost_tra
 
 def markdown_table(results: Results) -> str:
     """Means over seeds, a row a scenario, variant and tracker; the best trackers of each scenario in bold."""
-    heads = [FIGURE[metric].name for metric in _SHOWN]
+    heads = [METRICS[metric].name for metric in _SHOWN]
     lines = [
         _line(["scenario", "tracker", "seeds", "person-frames", *heads]),
         _line(["---", "---", *["--:"] * (2 + len(heads))]),
@@ -188,10 +202,10 @@ def markdown_table(results: Results) -> str:
 
 def markdown_comparison(comparison: Comparison) -> str:
     """What got worse and better, a row a figure, and the warnings; one line where nothing got worse."""
-    heads = ["", "scenario", "tracker", "figure", "before", "now", "change", "allowed", "p", "seeds"]
+    heads = ["", "scenario", "tracker", "metric", "before", "now", "change", "allowed", "p", "seeds"]
     told = [("worse", each) for each in comparison.worse] + [("better", each) for each in comparison.better]
     lines = [
-        f"{len(comparison.changes)} figures compared: {len(comparison.worse)} worse, {len(comparison.better)} better."
+        f"{len(comparison.changes)} metrics compared: {len(comparison.worse)} worse, {len(comparison.better)} better."
     ]
     if told:
         lines += ["", _line(heads), _line(["---"] * 4 + ["--:"] * 6)]
@@ -202,12 +216,12 @@ def markdown_comparison(comparison: Comparison) -> str:
             f"**{word}**" if word == "worse" else word,
             name,
             f"`{change.key.tracker}`",
-            figure_named(change.metric).name,
-            written(change.metric, change.before),
-            "gone" if gone else written(change.metric, change.now),
-            "" if gone else written(change.metric, change.change, sign=True),
-            "" if gone else written(change.metric, change.allowed),
-            evidence(change),
+            metric_named(change.metric).name,
+            format_metric(change.metric, change.before),
+            "gone" if gone else format_metric(change.metric, change.now),
+            "" if gone else format_metric(change.metric, change.change, sign=True),
+            "" if gone else format_metric(change.metric, change.allowed),
+            significance(change),
             str(change.n_seed),
         ]
         lines.append(_line(cells))
@@ -233,7 +247,7 @@ def _rows_of_scenario(rows: list[tuple[GroupKey, Group]]) -> list[str]:
 def _column(metric: str, groups: list[Group]) -> list[str]:
     """A figure of each tracker as text; the best, where not all are alike, in bold."""
     means = [mean_over_seeds(group.values(metric)) for group in groups]
-    figure = FIGURE[metric]
+    figure = METRICS[metric]
     texts = ["–" if mean is None else f"{mean.mean:.{figure.decimals or 1}f}" for mean in means]
     known = {float(text) for text in texts if text != "–"}
     if len(known) > 1:

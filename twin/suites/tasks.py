@@ -18,7 +18,7 @@ from typing import Any, Literal
 from trackers.errors import InputError, PlugInError
 from twin.run.plug_in_faults import first_line
 
-Way = Literal["done", "bad input", "no space", "raised"]
+CallStatus = Literal["done", "bad input", "no space", "raised"]
 
 _LOG_TAIL_BYTES = 4000
 
@@ -26,16 +26,16 @@ _NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
 
 
 @dataclass(frozen=True)
-class Attempt:
+class CallResult:
     """How an attempt ended: the value where it is done, else a message, with the log's tail where it raised."""
 
-    way: Way
+    status: CallStatus
     value: Any
     seconds: float
     message: str = ""
 
 
-def attempt(function: Callable[[Any], Any], work: Any, limit_s: float, log: Path | None, killed: bool) -> Attempt:
+def call_task(function: Callable[[Any], Any], work: Any, limit_s: float, log: Path | None, killed: bool) -> CallResult:
     """Call `function(work)`; whatever it raises comes back as a value, so that no exception has to travel.
 
     log: file that holds all that the process writes meanwhile, stacks of a crash included (None: none). killed: whether
@@ -49,21 +49,21 @@ def attempt(function: Callable[[Any], Any], work: Any, limit_s: float, log: Path
 
     try:
         with _logged(log, limit_s if killed else None):
-            return Attempt("done", function(work), spent_s())
+            return CallResult("done", function(work), spent_s())
     except InputError as error:
         cause = error.__cause__
         full = isinstance(cause, OSError) and cause.errno in _NO_SPACE
-        return Attempt("no space" if full else "bad input", None, spent_s(), str(error))
+        return CallResult("no space" if full else "bad input", None, spent_s(), str(error))
     except OSError as error:  # the log's own too: a full disk can keep it from being opened or written
         if error.errno in _NO_SPACE:
             message = f"{error.filename or log or 'a file'}: cannot be written ({error.strerror})"
-            return Attempt("no space", None, spent_s(), message)
-        return Attempt("raised", None, spent_s(), _told(error))
+            return CallResult("no space", None, spent_s(), message)
+        return CallResult("raised", None, spent_s(), _format_error(error))
     except (Exception, SystemExit) as error:  # a plug-in that leaves the process is a failed case, no more
-        return Attempt("raised", None, spent_s(), _told(error))
+        return CallResult("raised", None, spent_s(), _format_error(error))
 
 
-def _told(error: BaseException) -> str:
+def _format_error(error: BaseException) -> str:
     """What was raised, on a line of its own, and then how it came to it."""
     what = str(error) if isinstance(error, PlugInError) else f"{type(error).__name__}: {error}"
     return f"{first_line(what)}\n{traceback.format_exc()}"
@@ -121,8 +121,8 @@ def _watched(deadline_s: float | None, descriptor: int) -> Iterator[None]:
         faulthandler.disable()
 
 
-MOST_ATTEMPTS = 3
-"""A task whose worker died or hung is tried again twice."""
+MAX_RETRIES = 2
+"""How often a task is tried again whose worker died or hung."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Ended:
+class TaskResult:
     """How a task ended: the value where it is done, else the error, several lines where there is a log."""
 
     task: Task
@@ -167,18 +167,18 @@ class OutOfSpaceError(InputError):
 
 
 @dataclass
-class Listener:
+class TaskListener:
     """Whom to tell, in the caller's thread: of each start (task, attempt), each end, and how far it is."""
 
     started: Callable[[Task, int], object] = lambda task, number: None
-    ended: Callable[[Ended], object] = lambda ended: None
+    ended: Callable[[TaskResult], object] = lambda ended: None
     state: Callable[[State], object] = lambda state: None
 
 
 class TaskQueue:
     """The tasks to do, in order, and what has become of the others."""
 
-    def __init__(self, tasks: Iterable[Task], listener: Listener) -> None:
+    def __init__(self, tasks: Iterable[Task], listener: TaskListener) -> None:
         self._waiting = deque(tasks)
         self._making: dict[str, str] = {}  # shares: the id of the first task, until it has ended
         self._made: set[str] = set()
@@ -213,21 +213,21 @@ class TaskQueue:
 
     def interrupted(self, task: Task, seconds: float, error: str) -> None:
         """The worker is gone: try again, or give up."""
-        if self._attempts[task.id] < MOST_ATTEMPTS:
+        if self._attempts[task.id] <= MAX_RETRIES:
             self._waiting.appendleft(task)
         else:
             self._end(task, "failed", seconds, error=error)
 
-    def ended(self, task: Task, result: Attempt, log: Path | None) -> None:
+    def ended(self, task: Task, result: CallResult, log: Path | None) -> None:
         """The attempt came to its end. What it raised it would raise again: no second attempt."""
-        if result.way == "no space":
+        if result.status == "no space":
             raise OutOfSpaceError(
                 f"{result.message}; a disk with free space is needed, and --resume then does the rest"
             )
-        if result.way == "done":
+        if result.status == "done":
             self._end(task, "done", result.seconds, value=result.value)
         else:
-            tail = log_tail(log) if result.way == "raised" else ""
+            tail = log_tail(log) if result.status == "raised" else ""
             self._end(task, "failed", result.seconds, error="\n".join(part for part in (result.message, tail) if part))
 
     def _end(
@@ -238,14 +238,14 @@ class TaskQueue:
             self._made.add(task.shares)
         self.done += status == "done"
         self.failed += status == "failed"
-        self._listener.ended(Ended(task, status, self._attempts.pop(task.id), seconds, value, error))
+        self._listener.ended(TaskResult(task, status, self._attempts.pop(task.id), seconds, value, error))
 
-    def tell(self, running: int, workers: int) -> None:
+    def report(self, running: int, workers: int) -> None:
         """Tell how far it is."""
         self._listener.state(State(len(self._waiting), running, self.done, self.failed, workers))
 
 
-def run_here(tasks: Iterable[Task], function: Callable[[Any], Any], listener: Listener) -> None:
+def run_serial(tasks: Iterable[Task], function: Callable[[Any], Any], listener: TaskListener) -> None:
     """Run the tasks one after the other in this process, for debugging: no time limit holds, and a crash ends it all.
 
     Raises OutOfSpaceError where a disk is full; what the listener raises comes through.
@@ -253,6 +253,6 @@ def run_here(tasks: Iterable[Task], function: Callable[[Any], Any], listener: Li
     todo = TaskQueue(tasks, listener)
     while (next_one := todo.take()) is not None:
         task, _ = next_one
-        todo.tell(1, 1)
-        todo.ended(task, attempt(function, task.work, task.limit_s, None, killed=False), None)
-    todo.tell(0, 1)
+        todo.report(1, 1)
+        todo.ended(task, call_task(function, task.work, task.limit_s, None, killed=False), None)
+    todo.report(0, 1)

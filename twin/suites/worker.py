@@ -67,7 +67,7 @@ class CaseWork:
 
 
 @dataclass(frozen=True)
-class Moment:
+class Incident:
     """Something to look at in a case: an event of the evaluation, or WORST, the middle of the worst second by OSPA."""
 
     t_s: float
@@ -85,7 +85,7 @@ class CaseResult:
     """
 
     metrics: dict[str, Any]
-    moments: tuple[Moment, ...]
+    moments: tuple[Incident, ...]
     files: dict[str, bytes]
     renderer: str
     recorded: bool  # False: the recording was in the cache
@@ -94,7 +94,7 @@ class CaseResult:
     people: str = ""
     scatter_m: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
-    doubts: tuple[str, ...] = ()
+    tracker_warnings: tuple[str, ...] = ()
 
 
 def run_case(work: CaseWork) -> CaseResult:
@@ -116,7 +116,7 @@ def run_case(work: CaseWork) -> CaseResult:
     key, warnings = recording_key(case.resolved, renderer), []
 
     def make(folder: Path) -> None:
-        record(scenario, folder, staged_in(work.cache, scenario) if work.same_people else None)
+        record(scenario, folder, cached_motion(work.cache, scenario) if work.same_people else None)
 
     with work.cache.recording(key, make, warnings.append) as (entry, found):
         record_s = time.perf_counter() - start
@@ -137,7 +137,7 @@ def run_case(work: CaseWork) -> CaseResult:
             names = [*(["report.html"] if case.report else []), "metrics.json", table]
             return CaseResult(
                 metrics=result.metrics["trackers"][case.tracker],
-                moments=tuple(_moments(result.evaluations[case.tracker], scenario)),
+                moments=tuple(_incidents(result.evaluations[case.tracker], scenario)),
                 files={name: (folder / name).read_bytes() for name in names},
                 renderer=renderer,
                 recorded=not found,
@@ -146,7 +146,7 @@ def run_case(work: CaseWork) -> CaseResult:
                 people=people_digest(entry / TRUTH),
                 scatter_m=range_scatter_m(entry / RECORDING, scenario),
                 warnings=tuple(warnings),
-                doubts=result.doubts,
+                tracker_warnings=result.doubts,
             )
 
 
@@ -177,7 +177,7 @@ def record(scenario: Scenario, folder: Path, staged: Staged | None = None) -> No
     run_scenario(scenario, trackers=[], out=folder, video=False, staged=staged)
 
 
-def _moments(evaluation: Evaluation, scenario: Scenario) -> list[Moment]:
+def _incidents(evaluation: Evaluation, scenario: Scenario) -> list[Incident]:
     """The worst second, then the events, each a moment; stamps of a twin's recording count from its start."""
     names = dict(enumerate(scenario.people, start=1))
     moments = []
@@ -191,9 +191,9 @@ def _moments(evaluation: Evaluation, scenario: Scenario) -> list[Moment]:
         begun = t >= t[0] + _START_S
         worst = int(np.argmax(np.where(begun, mean, -1.0))) if begun.any() else int(np.argmax(mean))
         middle_s = float(t[worst : last[worst]].mean())
-        moments.append(Moment(middle_s, WORST, f"OSPA {mean[worst]:.3f} m over a second", float(mean[worst])))
+        moments.append(Incident(middle_s, WORST, f"OSPA {mean[worst]:.3f} m over a second", float(mean[worst])))
     moments += [
-        Moment(event.stamp_ns / NS_PER_S, event.kind, describe(event, names), 1.0)
+        Incident(event.stamp_ns / NS_PER_S, event.kind, describe(event, names), 1.0)
         for event in evaluation.events[:_MOST_EVENTS]
     ]
     return moments
@@ -202,7 +202,7 @@ def _moments(evaluation: Evaluation, scenario: Scenario) -> list[Moment]:
 _FILE = "motion.npz"
 
 
-def staged_in(cache: RecordingCache, scenario: Scenario) -> Staged:
+def cached_motion(cache: RecordingCache, scenario: Scenario) -> Staged:
     """The scenario's people and their motion, from the cache or moved for it; raises InputError as a simulation does."""
 
     def make(folder: Path) -> None:

@@ -19,7 +19,7 @@ from trackers.presets import PRESETS, make_tracker
 from trackers.tracks import track_frames
 from twin.recording.reader import Recording
 from twin.recording.tables import number_cell
-from twin.suites.worker import CaseResult, CaseWork, Moment
+from twin.suites.worker import CaseResult, CaseWork, Incident
 
 _JUMPS_S = (0.05, -0.05, 1.0, -1.0, 86_400 * 30, -86_400 * 30, 1_700_000_000, 9e9)
 
@@ -107,5 +107,5 @@ def made_up(work: CaseWork) -> CaseResult:
     """A case's figures without recording or tracking it."""
     metrics = {"mota": 0.9, "motp_m": 0.06, "idf1": 0.9, "hota": 0.9, "misses": work.case.seed % 7}
     return CaseResult(
-        metrics, (Moment(0.1, "missed", "two misses", 2.0),), {"report.html": b"a page"}, "none", True, 0.0
+        metrics, (Incident(0.1, "missed", "two misses", 2.0),), {"report.html": b"a page"}, "none", True, 0.0
     )

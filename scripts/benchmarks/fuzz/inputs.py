@@ -21,7 +21,7 @@ from twin.recording.reader import Recording
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 from twin.suites.cache import RecordingCache
-from twin.suites.cluster import Place
+from twin.suites.cluster import Workers
 from twin.suites.run import run_suite
 from twin.suites.spec import load_suite
 from twin.suites.worker import CaseResult, CaseWork
@@ -132,7 +132,7 @@ def _run_suite(
 ) -> None:
     (folder / name).write_text(content, encoding="utf-8")
     suite, path = load_suite(folder / name)
-    run_suite(suite, path, out, RecordingCache(folder / "cache", 10**9), Place(jobs=1), function=function)
+    run_suite(suite, path, out, RecordingCache(folder / "cache", 10**9), Workers(jobs=1), function=function)
 
 
 def _messages(recording: Path) -> tuple[tuple[str, str, int, Any], ...]:

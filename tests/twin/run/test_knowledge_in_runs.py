@@ -22,7 +22,7 @@ from twin.scenario import load_scenario
 from twin.scenario.load import dump_scenario
 from twin.suites.cache import RecordingCache
 from twin.suites.cache_keys import recording_key
-from twin.suites.cluster import Place
+from twin.suites.cluster import Workers
 from twin.suites.expansion import expand
 from twin.suites.run import run_suite
 from twin.suites.spec import load_suite
@@ -125,7 +125,7 @@ def test_a_run_its_replay_and_a_suite_hand_over_the_same(house: House, monkeypat
     (house.folder / "s.yaml").write_text(SUITE)
     loaded, path = load_suite(house.folder / "s.yaml")
     cache = RecordingCache(house.folder / "cache", 10**8)
-    run_suite(loaded, path, house.folder / "out", cache, Place(jobs=1), trusted=EVERY)
+    run_suite(loaded, path, house.folder / "out", cache, Workers(jobs=1), trusted=EVERY)
     tried, *tracked = house.handed()
     assert tried == [0, *house.expected[1:]]  # before any case, without the empty room
     assert len(tracked) == 2 and tracked == [house.expected] * 2  # the case, and the picture of its worst moment
@@ -137,7 +137,7 @@ def test_a_suite_tracks_again_what_has_another_environment_and_renders_nothing_a
     cache = RecordingCache(house.folder / "cache", 10**8)
 
     def run() -> int:
-        run_suite(*suite, house.folder / "out", cache, Place(jobs=1), trusted=EVERY, resume=True)
+        run_suite(*suite, house.folder / "out", cache, Workers(jobs=1), trusted=EVERY, resume=True)
         with read_store(house.folder / "out") as store:
             (case,) = store.cases()
         assert case.status == "done"
@@ -161,7 +161,7 @@ def test_a_recording_is_kept_under_a_name_that_knows_no_environment(house: House
     )
     without, relative = expand(*load_suite(house.folder / "s.yaml"), trusted=EVERY)
     assert recording_key(without.resolved, "") == recording_key(relative.resolved, "")
-    assert without.made_from.knowledge == "" != relative.made_from.knowledge
+    assert without.provenance.knowledge == "" != relative.provenance.knowledge
     assert relative.knowledge.environment == str(house.folder / "lab.npz")  # beside the suite
     assert relative.overrides == ('knowledge.environment="lab.npz"',)  # its name is the same wherever the suite lies
 

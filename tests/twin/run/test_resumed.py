@@ -24,8 +24,8 @@ from twin.models import MODELS
 from twin.run.chosen_trackers import TrustedClasses
 from twin.studies.run import run_study, write_results
 from twin.suites.cache import RecordingCache
-from twin.suites.cluster import Place
-from twin.suites.progress import Watcher
+from twin.suites.cluster import Workers
+from twin.suites.progress import ProgressListener
 from twin.suites.run import run_suite
 from twin.suites.spec import load_suite
 
@@ -141,8 +141,8 @@ def suite_run(folder: Path, out: str, *, resume: bool = False) -> list[str]:
     told: list[str] = []
     suite, path = load_suite(folder / "suite.yaml")
     cache = RecordingCache(folder / "cache", 10**9)
-    watcher = Watcher(warned=told.append, failed=lambda case_id, error: pytest.fail(error))
-    run_suite(suite, path, folder / out, cache, Place(jobs=1), trusted=EVERY, watcher=watcher, resume=resume)
+    watcher = ProgressListener(warned=told.append, failed=lambda case_id, error: pytest.fail(error))
+    run_suite(suite, path, folder / out, cache, Workers(jobs=1), trusted=EVERY, progress=watcher, resume=resume)
     return told
 
 
@@ -176,7 +176,7 @@ def test_a_suite_goes_on_as_if_begun_after_the_edit(folder: Path, what: str, mon
 
 
 def study_run(folder: Path, out: str, **more: bool) -> None:
-    with run_study(folder / "study.yaml", folder / out, Place(jobs=1), trusted=EVERY, **more) as (answers, where):
+    with run_study(folder / "study.yaml", folder / out, Workers(jobs=1), trusted=EVERY, **more) as (answers, where):
         write_results(where, answers)
 
 

@@ -13,7 +13,7 @@ from twin.cli import app
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 from twin.scenario.size import check_size, size_of
-from twin.suites.expansion import check_number
+from twin.suites.expansion import check_case_count
 from twin.suites.spec import load_suite
 
 pytestmark = pytest.mark.slow
@@ -105,6 +105,6 @@ def test_the_cases_of_a_suite_are_counted_before_they_are_made(
     with pytest.raises(
         InputError, match=rf"many\.yaml: has {n_case} cases .*; at most 5000, or --no-limits, is expected"
     ):
-        check_number(suite, path)
+        check_case_count(suite, path)
     done = twin("suite", "run", str(path), "--out", "out", cwd=tmp_path)
     assert done.returncode == 2 and f"has {n_case} cases" in done.stderr and not (tmp_path / "out").exists()

@@ -22,8 +22,8 @@ from twin.studies.run import run_study, write_results
 from twin.studies.worker import EvaluationTask, evaluate_task
 from twin.suites.cache import RecordingCache
 from twin.suites.cache_keys import whole_code
-from twin.suites.cluster import Place
-from twin.suites.metrics import flat
+from twin.suites.cluster import Workers
+from twin.suites.metrics import flatten_metrics
 
 pytestmark = pytest.mark.slow
 
@@ -39,7 +39,7 @@ def _own_cache(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run(path: Path, out: Path, jobs: int = 1, **options: Any) -> dict[str, Any]:
-    with run_study(path, out, Place(jobs=jobs), **options) as (results, folder):
+    with run_study(path, out, Workers(jobs=jobs), **options) as (results, folder):
         write_results(folder, results)
     return json.loads((out / "summary.json").read_text())
 
@@ -84,7 +84,7 @@ def test_figures_and_tracks_are_those_of_a_run(whole: tuple[Path, Path, dict], t
     scenario = load_scenario(out / "recommended.yaml", ["seed=1001"])
     metrics = run_scenario(scenario, trackers=["laser-imm"], out=tmp_path / "run", video=False).metrics
     assert metrics is not None
-    ours, theirs = row["figures"]["laser-imm"], flat(metrics["trackers"]["laser-imm"])
+    ours, theirs = row["figures"]["laser-imm"], flatten_metrics(metrics["trackers"]["laser-imm"])
     differ = {key for key in theirs if ours.get(key) != theirs[key]}
     assert {key.split(".")[0] for key in differ} <= {
         "ms_per_frame",

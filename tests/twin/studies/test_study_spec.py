@@ -18,7 +18,7 @@ from twin.studies.preflight import prepare
 from twin.studies.results import print_summary
 from twin.studies.run import run_study
 from twin.studies.spec import Study, load_study
-from twin.suites.cluster import Place
+from twin.suites.cluster import Workers
 
 PLACE = {"xyz": [0, 3.6, 0.95], "yaw_deg": -90}
 AMID = {"xyz": [0, 1.5, 0.95]}
@@ -112,7 +112,7 @@ def test_bad_input_is_one_sentence_and_nothing_is_written(
 ) -> None:
     monkeypatch.setenv("ROOMTWIN_CACHE", str(tmp_path / "cache"))
     path = written(tmp_path, **changes)
-    with pytest.raises(InputError) as raised, run_study(path, tmp_path / "out", Place(jobs=1)):
+    with pytest.raises(InputError) as raised, run_study(path, tmp_path / "out", Workers(jobs=1)):
         pass
     (line,) = str(raised.value).splitlines()
     assert sentence in line and line.startswith(str(path))

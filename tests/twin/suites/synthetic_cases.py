@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from trackers.errors import InputError
-from twin.suites.worker import CaseResult, CaseWork, Moment
+from twin.suites.worker import CaseResult, CaseWork, Incident
 
 
 def work_of(kind: str, **more: Any) -> dict[str, Any]:
@@ -74,7 +74,7 @@ def result_of(work: CaseWork) -> CaseResult:
             "at_1m": {"mota": 0.95},
             "ms_per_frame": {"mean": 2.0, "p95": 3.0},
         },
-        moments=(Moment(3.0 + case.seed, "misidentification", "blue → white", 1.0),),
+        moments=(Incident(3.0 + case.seed, "misidentification", "blue → white", 1.0),),
         files={"metrics.json": b"{}"} | ({"report.html": b"<p>a report</p>"} if case.report else {}),
         renderer="none",
         recorded=True,
@@ -82,5 +82,5 @@ def result_of(work: CaseWork) -> CaseResult:
         recording=f"{case.scenario} {case.seed} {noise}",
         people=f"{case.scenario} {case.seed} people",
         scatter_m={"scanner at 0, 0, 0.95": 0.008 * noise},
-        doubts=(f"{case.tracker}: doubts everything",),
+        tracker_warnings=(f"{case.tracker}: doubts everything",),
     )

@@ -11,7 +11,7 @@ import pytest
 
 from twin.suites.comparison import EVERY_SCENARIO, EVERY_TRACKER, Comparison, compare
 from twin.suites.metrics import GATED, allowed_by_default, worsening
-from twin.suites.permutation_test import family_wise_p, fewest_for_an_alarm
+from twin.suites.permutation_test import family_wise_p, min_recordings
 from twin.suites.results import Group, GroupKey, Results, mean_over_seeds
 
 TRACKERS = ("full", "lasers")
@@ -310,7 +310,7 @@ def somewhere(
 @pytest.mark.parametrize("n_seed", [1, 3, 6, 10])
 def test_what_is_said_to_be_noticed_is_noticed_and_less_is_not(n_seed: int) -> None:
     before = results(n_seed=n_seed)
-    for power in found(before, before).power:
+    for power in found(before, before).detectable:
         metric = power.metric
         for shift in (
             somewhere(metric, 1.001 * power.in_case, "room 0", "full", 0),
@@ -334,7 +334,7 @@ def test_a_figure_that_is_no_longer_there_is_worse() -> None:
 
 def test_what_cannot_be_compared_is_told() -> None:
     few = " | ".join(found(results(n_seed=2), results(n_seed=2)).warnings)
-    assert f"fewer than {fewest_for_an_alarm()} seeds in common" in few
+    assert f"fewer than {min_recordings()} seeds in common" in few
     before = results()
     less = Results("other", {"mujoco": "4.1.0"}, ("NVIDIA H200",), dict(list(before.groups.items())[2:]))
     warnings = " | ".join(found(before, less).warnings)

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from twin.scenario import load_scenario
-from twin.suites.metrics import GATED_READINGS
-from twin.suites.pairing import start_of
+from twin.suites.metrics import GATED_SENSOR_METRICS
+from twin.suites.pairing import start_digest
 from twin.suites.worker import RECORDING, TRUTH, people_digest, range_scatter_m, record
 
 LASERS = ("sensors.fisheye=null", "duration_s=2", "background=none")
@@ -49,7 +49,7 @@ def test_people_are_the_same_whatever_sensors_look_at_them(as_it_is: Path, tmp_p
     taller = recorded(tmp_path / "taller", "people.pink.height_m=1.7")
     assert people_digest(taller / TRUTH) != digest
     longer = people_digest(recorded(tmp_path / "longer", "duration_s=3") / TRUTH)
-    assert longer != digest and start_of(longer) == start_of(digest)
+    assert longer != digest and start_digest(longer) == start_digest(digest)
 
 
 def changed_truth(path: Path, out: Path, change: Callable[[list[dict[str, str]]], Sequence[dict[str, str]]]) -> Path:
@@ -104,7 +104,7 @@ def test_a_noise_that_doubled_shows_through_the_people_who_walk(as_it_is: Path, 
     of_other = range_scatter_m(other / RECORDING, load_scenario("lab-five-people", [*LASERS, renamed]))
     of_doubled = range_scatter_m(doubled / RECORDING, scenario)
     for scanner, was in before.items():
-        allowed = GATED_READINGS["range_scatter_m"].relative * was
+        allowed = GATED_SENSOR_METRICS["range_scatter_m"].relative * was
         assert abs(of_other[scanner] - was) < allowed
         assert of_doubled[scanner] - was > 2 * allowed
 

@@ -22,7 +22,7 @@ from trackers.errors import InputError
 from twin.suites import dask_runner, tasks
 from twin.suites.cluster import Cluster, open_cluster, read_resources
 from twin.suites.dask_runner import run_on
-from twin.suites.tasks import MOST_ATTEMPTS, Ended, Listener, OutOfSpaceError, State, Task, run_here
+from twin.suites.tasks import MAX_RETRIES, OutOfSpaceError, State, Task, TaskListener, TaskResult, run_serial
 
 pytestmark = pytest.mark.slow
 
@@ -45,15 +45,15 @@ class Record:
 
     def __init__(self) -> None:
         self.starts: list[tuple[str, int]] = []
-        self.ends: list[Ended] = []
+        self.ends: list[TaskResult] = []
         self.states: list[State] = []
 
-    def listener(self) -> Listener:
-        return Listener(
+    def listener(self) -> TaskListener:
+        return TaskListener(
             lambda task, number: self.starts.append((task.id, number)), self.ends.append, self.states.append
         )
 
-    def by_id(self) -> dict[str, Ended]:
+    def by_id(self) -> dict[str, TaskResult]:
         assert max(Counter(end.task.id for end in self.ends).values()) == 1
         return {end.task.id: end for end in self.ends}
 
@@ -95,7 +95,7 @@ def test_a_case_that_kills_its_worker_is_tried_twice_again_and_fails_with_its_lo
     once = Task("once", work_of("die once", mark=str(tmp_path / "mark"), n=7), 60)
     run_on(cluster, [Task("dies", work_of("die"), 60), once, *squares(6)], do, record.listener(), tmp_path)
     ends = record.by_id()
-    assert ends["dies"].status == "failed" and ends["dies"].attempts == MOST_ATTEMPTS == 3
+    assert ends["dies"].status == "failed" and ends["dies"].attempts == MAX_RETRIES + 1 == 3
     assert "its worker died" in ends["dies"].error and "about to die" in ends["dies"].error
     assert (ends["once"].value, ends["once"].attempts) == (49, 2)
     assert all(ends[f"square-{k}"].value == k**2 for k in range(6))
@@ -116,7 +116,7 @@ def test_a_process_that_stands_still_altogether_is_replaced_by_its_nanny(
     cluster: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(dask_runner, "_GRACE_S", 0.5)
-    monkeypatch.setattr(tasks, "MOST_ATTEMPTS", 1)
+    monkeypatch.setattr(tasks, "MAX_RETRIES", 0)
     record = Record()
     run_on(cluster, [Task("stops", work_of("stop"), 0.5), *squares(4)], do, record.listener())
     ends = record.by_id()
@@ -137,7 +137,7 @@ def test_workers_killed_at_random_cost_no_result(cluster: Cluster) -> None:
         record.starts.append((task.id, number))
 
     todo = [Task(f"{k}", work_of("sleep", s=0.05, n=k), 60) for k in range(30)]
-    run_on(cluster, todo, do, Listener(started, record.ends.append))
+    run_on(cluster, todo, do, TaskListener(started, record.ends.append))
     ends = record.by_id()
     assert {end.task.id: end.value for end in ends.values()} == {f"{k}": k for k in range(30)}
     assert max(end.attempts for end in ends.values()) <= 3
@@ -154,11 +154,11 @@ def test_what_one_case_makes_for_others_is_made_once_at_a_time_and_first(cluster
         running[task.id] = task.shares or ""
         record.starts.append((task.id, number))
 
-    def end(ended_task: Ended) -> None:
+    def end(ended_task: TaskResult) -> None:
         ended.add(running.pop(ended_task.task.id))
         record.ends.append(ended_task)
 
-    run_on(cluster, todo, do, Listener(started, end))
+    run_on(cluster, todo, do, TaskListener(started, end))
     assert len(record.by_id()) == 9
     assert [name for name, _ in record.starts][:3] == ["a0", "b0", "c0"]
 
@@ -168,7 +168,7 @@ def test_a_full_disk_ends_the_run_with_one_sentence(cluster: Cluster, here: bool
     record = Record()
     todo = [*squares(2), Task("full", work_of("full"), 60), Task("never", work_of("sleep", s=30), 60)]
     said = r"^/full/disk: cannot be written \(No space left on device\); .*--resume"
-    run = run_here if here else partial(run_on, cluster)
+    run = run_serial if here else partial(run_on, cluster)
     with pytest.raises(OutOfSpaceError, match=said):
         run(todo, do, record.listener())
     assert "never" not in {end.task.id for end in record.ends}
@@ -176,7 +176,7 @@ def test_a_full_disk_ends_the_run_with_one_sentence(cluster: Cluster, here: bool
 
 def test_in_this_process_tasks_run_in_order_and_failures_are_noted() -> None:
     record = Record()
-    run_here(
+    run_serial(
         [Task("raises", work_of("raise"), 1), *squares(3), Task("pid", work_of("where"), 1)], do, record.listener()
     )
     assert [end.task.id for end in record.ends] == ["raises", "square-0", "square-1", "square-2", "pid"]
@@ -184,11 +184,11 @@ def test_in_this_process_tasks_run_in_order_and_failures_are_noted() -> None:
 
 
 def test_what_a_listener_raises_ends_the_run_and_frees_the_workers(cluster: Cluster) -> None:
-    def refuse(end: Ended) -> None:
+    def refuse(end: TaskResult) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_on(cluster, [*squares(1), Task("long", work_of("sleep", s=0.5), 60)], do, Listener(ended=refuse))
+        run_on(cluster, [*squares(1), Task("long", work_of("sleep", s=0.5), 60)], do, TaskListener(ended=refuse))
     time.sleep(0.6)
     record = Record()
     run_on(cluster, squares(4), do, record.listener())
@@ -216,7 +216,7 @@ def test_a_scheduler_that_is_gone_is_told_in_one_sentence(monkeypatch: pytest.Mo
         LocalCluster(n_workers=1, processes=False, dashboard_address="127.0.0.1:0") as theirs,
         open_cluster(scheduler=theirs.scheduler_address) as elsewhere,
     ):
-        left = Listener(ended=lambda end: theirs.close())
+        left = TaskListener(ended=lambda end: theirs.close())
         with pytest.raises(InputError, match=r"^the Dask scheduler is gone; .*--resume"):
             run_on(elsewhere, [Task(str(k), work_of("sleep", s=0.6), 60) for k in range(6)], do, left)
 

@@ -18,8 +18,8 @@ from synthetic_cases import result_of
 from twin import cli
 from twin.suites import run as suite_run
 from twin.suites.cache import RecordingCache
-from twin.suites.cluster import Place
-from twin.suites.progress import Watcher
+from twin.suites.cluster import Workers
+from twin.suites.progress import ProgressListener
 from twin.suites.run import run_suite
 from twin.suites.spec import load_suite
 from twin.suites.tasks import State
@@ -63,7 +63,7 @@ def assert_there_once(folder: Path, n_done: int) -> None:
 def twin(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str]:
     """Exit code and stderr of the command `twin`, cases made up, its workers processes as ever."""
     monkeypatch.setattr(suite_run, "run_case", result_of)
-    monkeypatch.setattr(suite_run, "_draw_strips", lambda *arguments: None)  # there are no recordings
+    monkeypatch.setattr(suite_run, "_draw_filmstrips", lambda *arguments: None)  # there are no recordings
     monkeypatch.setattr(sys, "argv", ["twin", *arguments])
     monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.setattr(signal, "signal", lambda number, handler: None)
@@ -82,11 +82,11 @@ def twin(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *a
             {
                 "raise": (1, r"RuntimeError: nothing works today(.|\n)*about to raise"),
                 "bad input": (1, r"^sensors.waist: is no good"),
-                "die": (3, r"^its worker died after .* s, at attempt 3 of 3(.|\n)*about to die"),
+                "die": (3, r"^its worker died after .* s, after 2 of 2 retries(.|\n)*about to die"),
                 "leave": (1, r"SystemExit: 0"),
             },
         ),
-        (2, {"hang": (3, r"^did not end within its time limit of 2 s, at attempt 3 of 3(.|\n)*synthetic_cases.py")}),
+        (2, {"hang": (3, r"^did not end within its time limit of 2 s, after 2 of 2 retries(.|\n)*synthetic_cases.py")}),
     ],
     ids=["bad cases", "a case that hangs"],
 )
@@ -127,7 +127,7 @@ def test_workers_killed_at_random_cost_a_run_no_result(
     loaded, path = load_suite(suite)
     folder = tmp_path / "out"
     cache = RecordingCache(tmp_path / "cache", 10**6)
-    run_suite(loaded, path, folder, cache, Place(jobs=2), watcher=Watcher(state=state), function=result_of)
+    run_suite(loaded, path, folder, cache, Workers(jobs=2), progress=ProgressListener(state=state), function=result_of)
     assert len(killed) == 3
     assert_there_once(folder, N_CASE)
 

@@ -1,11 +1,13 @@
-"""Trackers beside one of them, paired by case."""
+"""Trackers compared with one of them, paired by case."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import pytest
 
 from trackers.errors import InputError
-from twin.suites.results import Group, GroupKey, Results, beside
+from twin.suites.results import Group, GroupKey, Results, differences_from
 from twin.suites.spec import Suite, load_suite
 
 
@@ -24,7 +26,10 @@ def results(**by_tracker: list[float | None]) -> Results:
 
 def test_differences_are_paired_by_seed():
     spread = [0.1, 0.5, 0.9, 0.3, 0.7, 0.2]
-    found = {row.tracker: row for row in beside(results(ours=spread, less=[each - 0.02 for each in spread]), "ours")}
+    found = {
+        row.tracker: row
+        for row in differences_from(results(ours=spread, less=[each - 0.02 for each in spread]), "ours")
+    }
     assert set(found) == {"less"}
     less = found["less"]
     assert less.n_case == 6
@@ -35,20 +40,27 @@ def test_differences_are_paired_by_seed():
 
 
 def test_only_cases_that_both_have_done_count():
-    (row,) = beside(results(ours=[0.5, None, 0.7], other=[0.6, 0.9, None]), "ours")
+    (row,) = differences_from(results(ours=[0.5, None, 0.7], other=[0.6, 0.9, None]), "ours")
     assert row.n_case == 1
     assert row.differences["mota"].mean == pytest.approx(0.1)
     assert row.verdict("mota") == ""  # one case has no interval
 
 
 def test_no_difference_is_no_verdict():
-    (row,) = beside(results(ours=[0.5, 0.6, 0.7], other=[0.6, 0.5, 0.7]), "ours")
+    (row,) = differences_from(results(ours=[0.5, 0.6, 0.7], other=[0.6, 0.5, 0.7]), "ours")
     assert row.verdict("mota") == ""
 
 
 def test_a_suite_names_one_of_its_trackers(tmp_path):
     path = tmp_path / "mine.yaml"
-    path.write_text("name: mine\ntrackers: [sort]\nbeside: laser-imm\nscenarios: [{scenario: lab-five-people}]\n")
-    with pytest.raises(InputError, match="beside: 'laser-imm' is none of the trackers; valid are sort"):
+    path.write_text("name: mine\ntrackers: [sort]\nreference: laser-imm\nscenarios: [{scenario: lab-five-people}]\n")
+    with pytest.raises(InputError, match="reference: 'laser-imm' is none of the trackers; valid are sort"):
         load_suite(path)
     assert isinstance(load_suite("ablation")[0], Suite)
+
+
+def test_a_suite_may_name_its_reference_as_version_0_1_did(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = tmp_path / "former.yaml"
+    path.write_text("name: mine\ntrackers: [sort]\nbeside: sort\nscenarios: [{scenario: lab-five-people}]\n")
+    assert load_suite(path)[0].reference == "sort"
+    assert f"{path}: beside: is now called 'reference'" in caplog.text

@@ -22,13 +22,14 @@ from typer.testing import CliRunner
 from trackers.errors import InputError
 from twin.suites import run as suite_run, store_files
 from twin.suites.cache import RecordingCache
-from twin.suites.cluster import Place
+from twin.suites.cluster import Workers
 from twin.suites.command import app
 from twin.suites.page import write_page
-from twin.suites.results import results_of
+from twin.suites.results import collect_results
 from twin.suites.run import run_suite
 from twin.suites.spec import load_suite
 from twin.suites.store_files import read_store
+from twin.suites.store_schema import FORMER_FACTS
 
 pytestmark = pytest.mark.slow
 
@@ -64,7 +65,7 @@ def _cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def run_made_up(suite: Path, folder: Path, jobs: int = 1, **more: object) -> None:
     loaded, path = load_suite(suite)
     cache = RecordingCache(folder.parent / "cache", 10**6)
-    run_suite(loaded, path, folder, cache, Place(jobs=jobs), function=result_of, **more)
+    run_suite(loaded, path, folder, cache, Workers(jobs=jobs), function=result_of, **more)
 
 
 def rows(folder: Path, query: str) -> list[tuple]:
@@ -223,12 +224,12 @@ def test_the_gate_passes_then_fails_and_says_where_to_look(
         set(each[digests]) == set(each["seeds"]) for each in held for digests in ("recordings", "recipes", "people")
     )
     code, text, _ = command(monkeypatch, *common, "--out", str(tmp_path / "b"))
-    assert code == 0 and "every recording and figure has the same bits: 30 compared" in text
+    assert code == 0 and "every recording and metric has the same bits: 30 compared" in text
     monkeypatch.setenv("SYNTHETIC_WORSE_M", "0.02")
     code, text, _ = command(monkeypatch, *common, "--out", str(tmp_path / "c"))
-    assert code == 1 and "9 figures got worse" in text and "+0.020 m" in text
-    look = re.search(r"look at (\S+report.html) at ([\d.]+) s \(blue → white\)", text)
-    assert look is not None and Path(look[1]).is_file()
+    assert code == 1 and "9 metrics got worse" in text and "+0.020 m" in text
+    found = re.search(r"see (\S+report.html) at ([\d.]+) s \(blue → white\)", text)
+    assert found is not None and Path(found[1]).is_file()
     summary = json.loads((tmp_path / "c" / "summary.json").read_text())
     assert {row["metric"] for row in summary["comparison"]["worse"]} == {"motp_m"}
     assert summary["cases"] == {"total": N_CASE, "done": N_CASE, "failed": 0, "unfinished": 0}
@@ -239,10 +240,10 @@ def test_the_gate_passes_then_fails_and_says_where_to_look(
     ]
     assert junit.find(".//failure") is not None and "MOTP 0.0" in (junit.find(".//failure").text or "")
     page = (tmp_path / "c" / "report.html").read_text()
-    assert "9 of 30 figures got worse" in page and "<svg" in page and "nan" not in page
+    assert "9 of 30 metrics got worse" in page and "<svg" in page and "nan" not in page
     assert "http://" not in page and "https://" not in page
     code, text, _ = command(monkeypatch, "show", str(tmp_path / "c"))
-    assert code == 0 and "9 figures got worse" in text
+    assert code == 0 and "9 metrics got worse" in text
     code, text, _ = command(monkeypatch, "show", str(tmp_path / "c"), "--markdown")
     assert code == 0 and text.startswith("| scenario | tracker |") and text.count("\n") == 2 + 6
     page = tmp_path / "compare.html"
@@ -251,7 +252,7 @@ def test_the_gate_passes_then_fails_and_says_where_to_look(
     (link, *_) = re.findall(r'href="(c/cases/[^"]+/report.html)"', page.read_text())
     assert (tmp_path / link).is_file()
     code, text, _ = command(monkeypatch, "compare", str(tmp_path / "c"), str(tmp_path / "b"))
-    assert code == 0 and "figures got better" in text
+    assert code == 0 and "metrics got better" in text
 
 
 def test_a_scanner_that_got_noisier_fails_the_gate_though_no_tracker_did_and_what_was_kept_before_is_read(
@@ -263,7 +264,7 @@ def test_a_scanner_that_got_noisier_fails_the_gate_though_no_tracker_did_and_wha
     monkeypatch.setenv("SYNTHETIC_NOISE", "1.4")
     noisier = ["--set", "sensors.knee.noise.sigma_m=0.01"]
     code, text, _ = command(monkeypatch, *common, *noisier, "--out", str(now))
-    assert code == 1 and "1 figures got worse" in text and "show the people of the baseline on the same ways" in text
+    assert code == 1 and "1 metrics got worse" in text and "show the people of the baseline on the same ways" in text
     assert "Scatter of ranges" in text and "+0.0032 m" in text
     junit = (now / "junit.xml").read_text()
     assert junit.count("<failure") == 1 and "Scatter of ranges 0.0080 m → 0.0112 m" in junit
@@ -286,42 +287,50 @@ def test_a_scanner_that_got_noisier_fails_the_gate_though_no_tracker_did_and_wha
         assert code == 0 and "does not say on which ways its people went" in text and "nothing got worse" in text
 
 
-def test_promises_hold_or_the_run_falls_short_whatever_the_baseline_says(
+def test_requirements_are_met_or_the_run_falls_short_whatever_the_baseline_says(
     suite: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    promised = "require: {laser-imm: {mota: '>= 0.915', misidentifications: 0.5, hota: '> 0.5'}}\n"
+    required = "require: {laser-imm: {mota: '>= 0.915', misidentifications: 0.5, hota: '> 0.5'}}\n"
     suite.write_text(
-        promised + SUITE.replace("    name: plain\n", "    name: plain\n    require: {laser-imm: {hota: '> 0'}}\n")
+        required + SUITE.replace("    name: plain\n", "    name: plain\n    require: {laser-imm: {hota: '> 0'}}\n")
     )
     code, text, _ = command(monkeypatch, "run", str(suite), "--jobs", "1", "--out", str(tmp_path / "a"))
     # MOTA .915 and half a misidentification are the very means; HOTA is not among the made-up figures
-    assert code == 1 and "6 of 9 promises kept" in text
-    assert "promise broken: plain, laser-imm: HOTA is not measured, promised > 0\n" in text
-    assert "promise broken: shirts (people.white.shirt=red), laser-imm: HOTA is not measured, promised > 0.5" in text
+    assert code == 1 and "6 of 9 requirements met" in text
+    assert "requirement not met: plain, laser-imm: HOTA is not measured, required > 0\n" in text
+    assert (
+        "requirement not met: shirts (people.white.shirt=red), laser-imm: HOTA is not measured, required > 0.5" in text
+    )
     page = (tmp_path / "a" / "report.html").read_text()
-    assert "6 of 9 promises kept" in page and "Promises broken" in page
+    assert "6 of 9 requirements met" in page and "Requirements not met" in page
     junit = ElementTree.parse(tmp_path / "a" / "junit.xml").getroot()
     assert [(each.get("tests"), each.get("failures")) for each in junit][1:] == [("3", "3")]
     summary = json.loads((tmp_path / "a" / "summary.json").read_text())
     assert [row["kept"] for row in summary["promises"]].count(False) == 3
     code, text, _ = command(monkeypatch, "show", str(tmp_path / "a"))
-    assert "6 of 9 promises kept" in text
+    assert "6 of 9 requirements met" in text
+    connection = sqlite3.connect(tmp_path / "a" / "results.sqlite")
+    with connection:  # a file of version 0.1
+        for former, name in FORMER_FACTS.items():
+            connection.execute("UPDATE facts SET name = ? WHERE name = ?", (former, name))
+    connection.close()
+    assert "6 of 9 requirements met" in command(monkeypatch, "show", str(tmp_path / "a"))[1]
     suite.write_text(SUITE + "\nrequire: {laser-imm: {mota: 0.915}, laser-kalman: {motp_m: '<= 0.07'}}\n")
     code, text, _ = command(monkeypatch, "run", str(suite), "--jobs", "1", "--out", str(tmp_path / "b"))
-    assert code == 0 and "6 of 6 promises kept" in text and "promise broken" not in text
+    assert code == 0 and "6 of 6 requirements met" in text and "requirement not met" not in text
 
 
 @pytest.mark.parametrize(
     ("require", "said"),
     [
         ("{laser-im: {mota: 1}}", "require: 'laser-im' is none of the trackers; valid are laser-imm, laser-kalman"),
-        ("{laser-imm: {moto: 1}}", "there is no figure 'moto'; valid are mota"),
+        ("{laser-imm: {moto: 1}}", "there is no metric 'moto'; valid are mota"),
         ("{laser-imm: {mota: about 1}}", 'a number, or a bound as in ">= 0.97", is expected'),
-        ("{laser-imm: [mota]}", 'a mapping of figures, as in {mota: ">= 0.97"}, is expected'),
+        ("{laser-imm: [mota]}", 'a mapping of metrics, as in {mota: ">= 0.97"}, is expected'),
         ("[laser-imm]", "a mapping of trackers, as in {sort:"),
     ],
 )
-def test_a_promise_that_cannot_be_is_told(suite: Path, require: str, said: str) -> None:
+def test_a_requirement_that_cannot_be_is_told(suite: Path, require: str, said: str) -> None:
     suite.write_text(SUITE + f"\nrequire: {require}\n")
     with pytest.raises(InputError) as told:
         load_suite(suite)
@@ -333,7 +342,7 @@ def test_without_reports_the_page_leads_to_the_folders_of_the_cases(suite: Path,
     run_made_up(suite, folder := tmp_path / "out")
     assert not list((folder / "cases").glob("*/report.html"))
     with read_store(folder) as store:
-        write_page(folder / "report.html", store, results_of(store), None, folder)
+        write_page(folder / "report.html", store, collect_results(store), None, folder)
     links = re.findall(r'href="(cases/[^"]+)"', (folder / "report.html").read_text())
     assert len(links) == N_CASE and all((folder / link / "metrics.json").is_file() for link in links)
 

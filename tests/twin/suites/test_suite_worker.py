@@ -17,8 +17,8 @@ from twin.suites import worker
 from twin.suites.cache import RecordingCache
 from twin.suites.cache_keys import whole_code
 from twin.suites.expansion import Case, expand
-from twin.suites.filmstrip import StripWork, draw_strip
-from twin.suites.metrics import flat
+from twin.suites.filmstrip import FilmstripWork, draw_filmstrip
+from twin.suites.metrics import flatten_metrics
 from twin.suites.spec import load_suite
 from twin.suites.worker import CaseWork, run_case
 
@@ -47,7 +47,7 @@ def cases(tmp_path_factory: pytest.TempPathFactory) -> list[Case]:
 
 
 def without_cost(metrics: dict) -> dict:
-    return {name: value for name, value in flat(metrics).items() if not name.startswith("ms_per_frame")}
+    return {name: value for name, value in flatten_metrics(metrics).items() if not name.startswith("ms_per_frame")}
 
 
 def test_a_case_has_the_figures_of_a_run_and_the_second_tracker_renders_nothing(
@@ -83,7 +83,7 @@ def test_a_case_whose_people_moved_before_is_recorded_to_the_same_bits(cases: li
 
 
 def test_the_worst_moment_is_drawn(cases: list[Case], cache: RecordingCache) -> None:
-    jpeg = draw_strip(StripWork(cases[1], cache, 1.2))
+    jpeg = draw_filmstrip(FilmstripWork(cases[1], cache, 1.2))
     picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
     assert picture is not None and picture.shape == (360, 3 * 720, 3)
     thirds = np.split(picture.astype(int), 3, axis=1)

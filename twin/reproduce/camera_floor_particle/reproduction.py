@@ -38,7 +38,7 @@ from twin.reproduce.page import grid_of, rows_of, write_page, write_plots
 from twin.reproduce.registry import Asked, Found, OnProgress
 from twin.reproduce.results import Result, write_results
 from twin.reproduce.suite_runs import SuiteRuns, read_runs, run_in, suite_of, tracks_of, truth_of
-from twin.suites.cluster import Place
+from twin.suites.cluster import Workers
 from twin.suites.spec import Suite
 
 _SHOWN = (("crossing", "figure 4"), ("going-back", "figure 4"), (PAIR, "one cluster"), (HOME, "figure 5"))
@@ -53,7 +53,7 @@ def reproduce(folder: Path, asked: Asked, on_progress: OnProgress | None = None)
     """
     suite, path = suite_of(asked.suite or asked.name, asked.seed_range)
     check_suite(suite, path)
-    cache = run_in(folder, suite, path, Place(asked.jobs), asked.resume, on_progress)
+    cache = run_in(folder, suite, path, Workers(asked.jobs), asked.resume, on_progress)
     runs = read_runs(suite, path, folder, cache)
     command = asked.command + (f" --suite {shlex.quote(asked.suite)}" if asked.suite else "")
     return write_all(folder, runs, [*mask_results(runs), *choices(cache, on_progress)], command)

@@ -21,7 +21,7 @@ from twin.reproduce.page import rows_of, write_page, write_plots
 from twin.reproduce.registry import Asked, Found, OnProgress
 from twin.reproduce.results import write_results
 from twin.reproduce.suite_runs import read_runs, run_in, suite_of, tell_failure
-from twin.suites.cluster import Place
+from twin.suites.cluster import Workers
 
 N_RUN = 100
 """Monte-Carlo runs of figure 7, the paper's."""
@@ -36,7 +36,7 @@ def reproduce(folder: Path, asked: Asked, on_progress: OnProgress | None = None)
     name, n_run = asked.suite or asked.name, asked.runs or N_RUN
     suite, path = suite_of(name, asked.seed_range)
     check_suite(suite, path)
-    place = Place(asked.jobs)
+    place = Workers(asked.jobs)
     cache = run_in(folder, suite, path, place, asked.resume, on_progress)
     lab = read_lab(read_runs(suite, path, folder, cache, list(NAMES)))
     runs = simulate(maneuvering_walk(), range(asked.seed, asked.seed + n_run), on_progress)

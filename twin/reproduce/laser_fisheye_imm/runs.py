@@ -28,7 +28,7 @@ from twin.scenario import Scenario
 from twin.suites.cache_keys import recording_key
 from twin.suites.expansion import Case
 from twin.suites.spec import Suite
-from twin.suites.worker import TRUTH, Moment, record, renderer_of, resolved_scenario
+from twin.suites.worker import TRUTH, Incident, record, renderer_of, resolved_scenario
 from twin.world.world import World
 
 
@@ -86,7 +86,7 @@ def _condition(
     whole: Mapping[int, Mapping[str, Case]],
     full: Sequence[OneRun],
     metrics: Mapping[str, Mapping[str, float | None]],
-    moments: Mapping[str, Sequence[Moment]],
+    moments: Mapping[str, Sequence[Incident]],
 ) -> Condition:
     first = next(iter(whole.values()))[FULL.tracker]
     scenario = resolved_scenario(first)

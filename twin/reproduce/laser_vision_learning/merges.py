@@ -10,7 +10,7 @@ from trackers.observations import NS_PER_S
 from twin.evaluate.disposal import AFTER_S
 from twin.reproduce.laser_vision_learning.conditions import FUSED, OneRun
 from twin.reproduce.moments import SeenMoment
-from twin.suites.worker import Moment
+from twin.suites.worker import Incident
 
 MOST_DRAWN = 4
 _LEAST_S = 0.5
@@ -60,7 +60,7 @@ def moments_of(run: OneRun, merges: list[Merge]) -> list[SeenMoment]:
                 verdict = "disposed of" if name in merge.disposed else "not disposed of"
                 what = f"{merge.said}: {verdict}"
                 moments.append(
-                    SeenMoment(case, Moment((merge.start_s + merge.end_s) / 2, "merge", what, float(number)))
+                    SeenMoment(case, Incident((merge.start_s + merge.end_s) / 2, "merge", what, float(number)))
                 )
     return moments
 

@@ -30,7 +30,7 @@ from twin.reproduce.page import rows_of, write_page, write_plots
 from twin.reproduce.registry import Asked, Found, OnProgress
 from twin.reproduce.results import Result, write_results
 from twin.reproduce.suite_runs import read_runs, run_in, suite_of, tell_failure
-from twin.suites.cluster import Place
+from twin.suites.cluster import Workers
 from twin.suites.worker import resolved_scenario
 
 
@@ -42,7 +42,7 @@ def reproduce(folder: Path, asked: Asked, on_progress: OnProgress | None = None)
     """
     suite, path = suite_of(asked.suite or asked.name, asked.seed_range)
     check_suite(suite, path)
-    place = Place(asked.jobs)
+    place = Workers(asked.jobs)
     cache = run_in(folder, suite, path, place, asked.resume, on_progress)
     hall = read_hall(read_runs(suite, path, folder, cache))
     names = {name: SYSTEMS.get(name, name) for name in hall.busy.cases}

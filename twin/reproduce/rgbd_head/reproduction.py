@@ -40,7 +40,7 @@ from twin.reproduce.rgbd_head.tables import (
 )
 from twin.reproduce.suite_runs import SuiteRuns, read_runs, recording_of, run_in, suite_of, tracks_of, truth_of
 from twin.scenario import load_scenario
-from twin.suites.cluster import Place
+from twin.suites.cluster import Workers
 from twin.suites.expansion import Case
 from twin.suites.spec import Suite
 
@@ -64,7 +64,7 @@ def reproduce(folder: Path, asked: Asked, on_progress: OnProgress | None = None)
     check_suite(suite, path)
     environment = scanned(folder, asked.resume, on_progress)
     suite = suite.model_copy(update={"set": {**suite.set, "knowledge.environment": str(environment.resolve())}})
-    cache = run_in(folder, suite, path, Place(asked.jobs), asked.resume, on_progress)
+    cache = run_in(folder, suite, path, Workers(asked.jobs), asked.resume, on_progress)
     runs = read_runs(suite, path, folder, cache)
     return write_all(folder, runs, load_environment(environment), asked, on_progress)
 
