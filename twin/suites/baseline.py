@@ -1,4 +1,4 @@
-"""The last known good results, in one file to be committed: a line a seed, so that a change of it can be read."""
+"""Read and write a baseline: the results to compare with, in one JSON file to be committed, one line per seed."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class _Baseline(Strict):
 
 
 def read_baseline(path: Path) -> Results:
-    """The results in a baseline; raises InputError where it is none."""
+    """Read the results in a baseline. Raises InputError for any other file."""
     content = parse_json(read_text(path, _EXPECTED), str(path), _EXPECTED)
     held = validate(_Baseline, content, str(path))
     return Results(
@@ -85,7 +85,7 @@ def write_baseline(path: Path, results: Results) -> None:
 
 
 def _lines(groups: Mapping[GroupKey, Group], whose: str, metrics: Sequence[str]) -> str:
-    """The groups as JSON, a line a seed; `whose` figures they are."""
+    """Format the groups as JSON, one line per seed; `whose`: "tracker" or "sensor"."""
     return ",\n".join(_text(key, group, whose, metrics) for key, group in groups.items())
 
 
@@ -107,7 +107,7 @@ def _text(key: GroupKey, group: Group, whose: str, metrics: Sequence[str]) -> st
 
 
 def read_results(path: Path) -> Results:
-    """The results of a suite's folder, of its results.sqlite, or of a baseline; raises InputError for anything else."""
+    """Read the results of a suite's folder, its results.sqlite or a baseline. Raises InputError for anything else."""
     from twin.suites.results import collect_results
 
     folder = path.parent if path.name == RESULTS_FILE else path

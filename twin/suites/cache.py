@@ -32,7 +32,7 @@ _SUMS = ".sha256.json"
 
 
 def cache_limit_bytes() -> int:
-    """$ROOMTWIN_CACHE_GB in bytes (default 20 GB); raises InputError for what is no number above 0."""
+    """Read $ROOMTWIN_CACHE_GB in bytes (default 20 GB). Raises InputError for anything but a number above 0."""
     text = os.environ.get(LIMIT_VARIABLE, str(DEFAULT_LIMIT_GB))
     try:
         limit = float(text)
@@ -82,7 +82,7 @@ class RecordingCache:
     def recording(
         self, key: str, make: Callable[[Path], object], warn: Callable[[str], object] = _warn
     ) -> Iterator[tuple[Path, bool]]:
-        """The folder under this key, and whether it was there; it stays at least as long as the block runs.
+        """Give the folder under this key, and whether it existed; it stays at least as long as the block runs.
 
         Where it is not there, or not as it was written (`warn` is told), `make(folder)` fills it; it takes its name when it
         is whole. Other processes that want the same wait for it. Raises InputError where the cache cannot be written, or
@@ -129,7 +129,7 @@ class RecordingCache:
             raise
 
     def size(self) -> tuple[int, int]:
-        """How many recordings there are, and their bytes."""
+        """Count the recordings and their bytes."""
         sizes = [size for _, _, size in self._all()]
         return len(sizes), sum(sizes)
 
@@ -162,7 +162,7 @@ class RecordingCache:
         return gone
 
     def _all(self) -> list[tuple[float, Path, int]]:
-        """When each was used last, its folder, its bytes; one that another process removes meanwhile is left out."""
+        """List the time of last use, folder and bytes of each entry; one that another process removes meanwhile is left out."""
         entries = []
         for entry in self._entries.glob("*") if self._entries.is_dir() else ():
             if entry.name.startswith(".") or not entry.is_dir():
@@ -189,7 +189,7 @@ class RecordingCache:
 
     @contextmanager
     def _alone(self, key: str) -> Iterator[bool]:
-        """Whether nobody uses or makes this recording; and nobody does as long as the block runs."""
+        """Try to lock an entry exclusively for the block; yield whether that succeeded."""
         lock = os.open(self._entries / f"{key}{_LOCK}", os.O_RDWR | os.O_CREAT, 0o644)
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -206,12 +206,12 @@ def _write_sums(folder: Path) -> None:
 
 
 def digests_of(entry: Path) -> dict[str, str]:
-    """The SHA-256 of each file of a recording that is whole, by its name."""
+    """Read the SHA-256 of each file of a whole recording, by file name."""
     return json.loads((entry / _SUMS).read_text(encoding="utf-8"))
 
 
 def _fault(entry: Path) -> str | None:
-    """In what a recording is not as it was written; None where it is."""
+    """Describe the difference between a recording and what was written; None where there is none."""
     if not entry.exists():
         return "is not there"
     try:

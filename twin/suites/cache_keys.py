@@ -35,7 +35,7 @@ _LIBRARIES = ("mujoco", "numpy", "scipy", "opencv-python-headless", "rosbags")
 
 
 def recording_key(resolved: str, renderer: str) -> str:
-    """The name under which the recording of a resolved scenario (YAML, seed included, without trackers) is kept."""
+    """Compute the key of the recording of a resolved scenario (YAML, seed included, without trackers)."""
     content = parse_yaml(resolved, "a resolved scenario", "a scenario")
     digest = hashlib.sha256()
     for part in (resolved, renderer, simulation_code(), *_room(content["room"])):
@@ -44,7 +44,7 @@ def recording_key(resolved: str, renderer: str) -> str:
 
 
 def people_key(scenario: Scenario) -> str:
-    """The name under which the motion of a scenario's people is kept: of whatever they depend on, sensors left out."""
+    """Compute the key of the motion of a scenario's people: a digest of all that it depends on, sensors left out."""
     digest = hashlib.sha256()
     people = scenario.model_dump_json(include={"room", "area", "duration_s", "seed", "people", "randomize"})
     for part in (people, simulation_code(_MOVING), *_room(scenario.room)):
@@ -80,7 +80,7 @@ class Provenance:
 
 
 def digest_of(*parts: str | bytes) -> str:
-    """The first 16 digits of a SHA-256 over parts, each told from the next."""
+    """Compute the first 16 hexadecimal digits of a SHA-256 over parts, their lengths included."""
     digest = hashlib.sha256()
     for part in parts:
         _add(digest, part.encode() if isinstance(part, str) else part)
@@ -90,7 +90,7 @@ def digest_of(*parts: str | bytes) -> str:
 def provenance_of(
     resolved: str, room: str, trackers: Iterable[tuple[str, Mapping[str, Any]]], knowledge: str
 ) -> Provenance:
-    """Digest what a case is made from.
+    """Digest all inputs of a case.
 
     resolved: the scenario, its seed included; room: `room_digest` of its room; trackers: what `make_tracker` calls each,
     and its options; knowledge: the digest of the files that trackers are handed.
@@ -123,7 +123,7 @@ def plug_in_code(name: str) -> str:
 
 @cache
 def simulation_code(modules: tuple[str, ...] = _SIMULATING) -> str:
-    """A digest of every module that takes part in a recording, of the models, and of the libraries' versions.
+    """Digest every module that takes part in a recording, the models, and the libraries' versions.
 
     Trackers, metrics and reports are no part of it: changing them leaves every recording as it is.
     """
@@ -138,7 +138,7 @@ def simulation_code(modules: tuple[str, ...] = _SIMULATING) -> str:
 
 @cache
 def whole_code() -> str:
-    """A digest of both packages, learned files included: results of one suite must not come from two states of the code."""
+    """Digest both packages, learned files included: results of one suite must come from one state of the code."""
     digest = hashlib.sha256()
     for package in _PACKAGES.values():
         for path in sorted([*package.rglob("*.py"), *package.rglob("*.npz")]):
@@ -157,7 +157,7 @@ def _files(folder: Path) -> Iterator[Path]:
 
 
 def _room(name: str) -> Iterator[bytes]:
-    """A room of the user's own: its file, and every file that it names."""
+    """Yield the contents of a user's own room: its file, and every file that it names."""
     path = Path(name)
     if not path.is_file():  # a shipped one, among the models
         return
@@ -167,7 +167,7 @@ def _room(name: str) -> Iterator[bytes]:
 
 
 def _own_sources(module: str) -> set[Path]:
-    """The files of a module that is loaded and of those that it imports, installed packages but its own left out."""
+    """Find the files of a loaded module and of its imports; of installed packages only its own."""
     own = module.partition(".")[0]
     installed = [Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")]
     waiting, found = [module], set()
@@ -196,7 +196,7 @@ def _own_sources(module: str) -> set[Path]:
 
 
 def _modules(names: Iterable[str]) -> set[Path]:
-    """The files of these modules and of all that they import from the two packages, at whatever depth."""
+    """Find the files of these modules and of all that they import from the two packages, at any depth."""
     waiting, found = list(names), set()
     while waiting:
         name = waiting.pop()
@@ -217,7 +217,7 @@ def _modules(names: Iterable[str]) -> set[Path]:
 
 
 def _file_of(module: str) -> Path | None:
-    """The file of a module of ours; None for other people's and for a name that is no module."""
+    """Find the file of a module of `twin` or `trackers`; None for any other name."""
     package, *rest = module.split(".")
     if package not in _PACKAGES:
         return None

@@ -23,18 +23,18 @@ _WIDTH, _LEFT, _RIGHT, _TOP, _ROW, _BOTTOM = 178.0, 8.0, 50.0, 8.0, 20.0, 18.0
 
 @dataclass(frozen=True)
 class Scale:
-    """The values that the axis of a figure goes from and to, the same in every scenario."""
+    """Range of values of a metric's axis, the same in every scenario."""
 
     low: float
     high: float
 
     def x(self, value: float) -> float:
-        """Where a value is drawn [px]."""
+        """Convert a value to its place on the axis [px]."""
         return _LEFT + (value - self.low) / (self.high - self.low) * (_WIDTH - _LEFT - _RIGHT)
 
 
 def scale_of(metric: str, groups: Iterable[Group]) -> Scale:
-    """A scale with room for every seed of every group; counts start at 0, shares end at 1."""
+    """Choose a scale with room for every seed of every group; counts start at 0, shares end at 1."""
     values = [value for group in groups for value in group.values(metric)]
     if not values:
         return Scale(0.0, 1.0)
@@ -49,12 +49,12 @@ def scale_of(metric: str, groups: Iterable[Group]) -> Scale:
 
 
 def colour_of(slot: int) -> int:
-    """The number of the colour of the tracker in this place."""
+    """Compute the number of the colour of the tracker in this slot."""
     return slot % len(IDENTITY_COLOURS)
 
 
 def marker(slot: int, x: float, y: float, said: str = "") -> str:
-    """The mark of the tracker in this place, as SVG."""
+    """Draw the marker of the tracker in this slot, as SVG."""
     shape = _SHAPES[slot // len(IDENTITY_COLOURS) % len(_SHAPES)]
     title = f"<title>{said}</title>" if said else ""
     return f'<path class="mean f{colour_of(slot)}" transform="translate({x:.1f} {y:g})" d="{shape}">{title}</path>'
@@ -67,7 +67,7 @@ def small_multiple(
     slots: Mapping[str, int],
     before: Mapping[str, Group],
 ) -> str:
-    """The chart as SVG, a row a tracker (name and group).
+    """Draw the chart as SVG, one row per tracker (name and group).
 
     slots: a tracker's place among all, of which colour and mark follow; before: the same group of the baseline.
     """

@@ -1,4 +1,4 @@
-"""Where tasks run: processes of this machine, or any Dask scheduler's workers."""
+"""Workers for tasks: processes of this machine, or those of any Dask scheduler."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Cluster:
             self.local.scale(len(self.local.worker_spec) + self.n_worker - n_there)
 
     def workers(self) -> dict[str, bool] | None:
-        """The workers that are there and have the resources, by address: whether they take work.
+        """List the workers that have the resources: by address, whether each takes work.
 
         One that does not, being short of memory, say, may still be at work. None where the scheduler does not answer just
         now; raises InputError where the client has given it up.
@@ -87,7 +87,7 @@ class Cluster:
 
 
 def core_count() -> int:
-    """Cores this process may use."""
+    """Count the cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -95,7 +95,7 @@ def core_count() -> int:
 def open_cluster(
     jobs: int | None = None, scheduler: str | None = None, resources: Mapping[str, float] | None = None
 ) -> Iterator[Cluster]:
-    """`jobs` processes of this machine (None: one a core), or the workers of the scheduler at this address.
+    """Open `jobs` processes of this machine (None: one per core), or connect to the scheduler at this address.
 
     Raises InputError where nobody answers at the address.
     """
@@ -141,7 +141,7 @@ def _has_dashboard() -> bool:
 
 
 def read_resources(texts: Sequence[str]) -> dict[str, float]:
-    """'NAME=N' texts as Dask's resources; raises InputError for what is none."""
+    """Parse 'NAME=N' texts as Dask resources. Raises InputError for any other text."""
     resources = {}
     for text in texts:
         name, _, value = text.partition("=")
@@ -159,7 +159,7 @@ def read_resources(texts: Sequence[str]) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Workers:
-    """Where a suite runs: `jobs` processes here (None: one a core; 1: in this very process), or a Dask scheduler's workers."""
+    """Workers of a run: `jobs` processes here (None: one per core; 1: in this very process), or those of a Dask scheduler."""
 
     jobs: int | None = None
     scheduler: str | None = None
@@ -167,7 +167,7 @@ class Workers:
 
 
 def parse_workers(jobs: int | None, scheduler: str | None, resource: list[str] | None) -> Workers:
-    """The place that these options name. Raises InputError where both kinds are given, or a resource is none."""
+    """Make the workers that the command's options name. Raises InputError where both kinds are given, or for a bad resource."""
     if scheduler is not None and jobs is not None:
         raise InputError(
             f"--jobs {jobs} --scheduler {scheduler}: a scheduler has its own workers; one of them is expected"

@@ -91,7 +91,7 @@ def show(
         bool, typer.Option("--markdown", help="The means alone, as a table for a README or a pull request.")
     ] = False,
 ) -> None:
-    """The table of a run, finished or not, and its page."""
+    """Show the table of a run, finished or not, and write its page."""
     from twin.suites.gate import show_markdown, show_results
 
     (show_markdown if markdown else show_results)(folder)
@@ -106,7 +106,7 @@ def compare(
     ] = False,
     out: Annotated[Path | None, typer.Option(help="Write a page too.")] = None,
 ) -> None:
-    """What is worse and what is better in B than in A; exit 1 where something is worse."""
+    """Show what is worse and what is better in B than in A; exit 1 where something is worse."""
     from twin.suites.gate import compare_results
 
     if not compare_results(before, now, out, markdown=markdown):
@@ -117,7 +117,7 @@ def compare(
 def cache(
     empty: Annotated[bool, typer.Option("--empty", help="Remove every recording that is not in use.")] = False,
 ) -> None:
-    """Where the recordings are kept, and how much they take."""
+    """Show the folder of the recordings and how much they take."""
     from twin.models import cache_folder
     from twin.suites.cache import RecordingCache, cache_limit_bytes
 

@@ -41,7 +41,7 @@ EVERY_SCENARIO, EVERY_TRACKER = "every scenario", "every tracker"
 
 @dataclass(frozen=True)
 class Change:
-    """A figure of a group, or of several together, before and now: means over the seeds that both have; totals of rare events.
+    """Change of a metric of one group, or of several pooled: means over the seeds that both runs have.
 
     A group is of a tracker in a scenario, or of a scanner there, which the key then names in the tracker's place.
 
@@ -64,25 +64,25 @@ class Change:
 
     @property
     def change(self) -> float:
-        """Now − before; NaN where the figure is gone."""
+        """Now − before; NaN where the metric is no longer measured."""
         return float("nan") if self.now is None else self.now - self.before
 
     @property
     def worse(self) -> bool:
-        """Whether the mean got worse by more than it may and than chance, one case fell, or the figure is gone."""
+        """True where the mean got worse beyond tolerance and chance, one case collapsed, or the metric is no longer measured."""
         if self.now is None or self.fallen is not None:
             return True
         return self.p <= ALPHA and worsening(self.metric, self.change) > self.allowed
 
     @property
     def better(self) -> bool:
-        """Whether the mean got better by as much."""
+        """True where the mean got better beyond tolerance and chance."""
         return self.now is not None and self.p_better <= ALPHA and -worsening(self.metric, self.change) > self.allowed
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """All changes, by group and figure, and what a reader must know of how they were judged."""
+    """All changes, by group and metric, with notes on how they were judged."""
 
     changes: tuple[Change, ...]
     warnings: tuple[str, ...]
@@ -91,19 +91,19 @@ class Comparison:
 
     @property
     def worse(self) -> list[Change]:
-        """What got worse, the most tolerances first."""
+        """Changes for the worse, by decreasing ratio to the tolerance."""
         return sorted((each for each in self.changes if each.worse), key=_excess, reverse=True)
 
     @property
     def better(self) -> list[Change]:
-        """What got better, the most tolerances first."""
+        """Changes for the better, by decreasing ratio to the tolerance."""
         return sorted((each for each in self.changes if each.better), key=_excess, reverse=True)
 
 
 def compare(
     before: Results, now: Results, allowed: Callable[[str, float], float], before_name: str = "the baseline"
 ) -> Comparison:
-    """Every figure of `now` against `before`; `allowed(metric, before)`: how much worse it may be, in its unit."""
+    """Compare every metric of `now` with `before`; `allowed(metric, before)`: tolerated worsening in the metric's unit."""
     pairs = list(pair_results(before, now, allowed))
     tests = [[pair] for pair in pairs] + [*over_scenarios(pairs), *over_trackers(pairs)]
     shares, allowances = contributions(tests)
@@ -147,7 +147,7 @@ def _change(pairs: Sequence[Pair], p: float, p_better: float, allowed: float) ->
 
 
 def _gone(before: Results, now: Results) -> Iterator[Change]:
-    """Figures that applied to a group before and apply to none of its seeds now, though it was run."""
+    """Yield metrics that applied to a group before and apply to none of its seeds now, though it was run."""
     for key, was in before.groups.items():
         group = now.groups.get(key)
         if group is None or not set(was.seeds) & set(group.seeds):
@@ -159,14 +159,14 @@ def _gone(before: Results, now: Results) -> Iterator[Change]:
 
 
 def _excess(change: Change) -> float:
-    """By how many tolerances a figure changed; what is gone comes first."""
+    """Compute the ratio of a change to its tolerance; inf where the metric is no longer measured."""
     if change.now is None:
         return float("inf")
     return abs(change.change) / max(change.allowed, 1e-12)
 
 
 def notes_on(before: Results, now: Results, before_name: str, pairs: Sequence[Pair]) -> Iterator[str]:
-    """The sentences, none where there is nothing to know."""
+    """Yield notes on how the comparison was judged, one sentence each."""
     if before.suite != now.suite:
         yield f"{before_name} is of the suite {before.suite}, this one is {now.suite}"
     unrelated = [pair.key for pair in pairs if pair.relation == "unrelated"]
@@ -225,19 +225,19 @@ _KIND_OF = {"misidentifications": "misidentification", "lost_tracks": "lost", "i
 
 @dataclass(frozen=True)
 class IncidentLink:
-    """A case's page and the moment to look at [s]; `what` happened there."""
+    """A case's page and the time to look at [s]; `what` happened there."""
 
     page: Path
     t_s: float
     what: str
 
     def text(self) -> str:
-        """Path and moment on one line."""
+        """Format page and time on one line."""
         return f"{self.page} at {self.t_s:.1f} s ({self.what})"
 
 
 def incident_link(change: Change, results: Results, store: ResultStore, folder: Path) -> IncidentLink | None:
-    """The moment behind a change, in the seed that got worst; None where the run has no case of it."""
+    """Find the incident behind a change, in the seed that got worst; None where the run has no such case."""
     group = results.groups.get(change.key)
     case_id = group.cases.get(change.worst_seed) if group is not None and change.worst_seed is not None else None
     if case_id is None:
@@ -251,13 +251,13 @@ def incident_link(change: Change, results: Results, store: ResultStore, folder: 
 
 
 def case_page(folder: Path, case_id: str) -> Path:
-    """The report of a case of the run in `folder`; of a suite without reports the case's folder, its tracks and figures."""
+    """Give the report of a case of the run in `folder`; of a suite without reports the case's folder."""
     case = folder / "cases" / case_id
     return report if (report := case / "report.html").is_file() else case
 
 
 def describe_change(change: Change) -> str:
-    """What changed, in words: "MOTP 0.067 m → 0.091 m (+0.024 m, allowed 0.004 m)"."""
+    """Describe a change: "MOTP 0.067 m → 0.091 m (+0.024 m, allowed 0.004 m)"."""
     name = metric_named(change.metric).name
     was = format_metric(change.metric, change.before)
     if change.now is None:
@@ -269,7 +269,7 @@ def describe_change(change: Change) -> str:
 
 
 def significance(change: Change) -> str:
-    """Why a change counts: how likely chance makes one so large, and the seed of a case that fell beyond any noise."""
+    """Describe the significance of a change: its p, and the seed of a case that collapsed."""
     if change.now is None:
         return "gone"
     p = min(change.p, change.p_better)

@@ -189,7 +189,7 @@ class _Run:
         self._todo.ended(one.task, result, one.log)
 
     def _lost(self, address: str, message: str = "") -> None:
-        """The worker died, or could not even begin."""
+        """Return the task of a dead worker to the queue, or fail it after the last retry."""
         one = self._running.pop(address)
         spent_s = one.spent_s()
         self._polled_s = -_POLL_S
@@ -218,7 +218,7 @@ class _Run:
 
 
 def _reason(future: Future) -> str:
-    """Why a worker could not run the task; "" where the worker was killed."""
+    """Describe the reason why a worker could not run the task; "" where the worker was killed."""
     from distributed import KilledWorker
 
     error = future.exception(timeout=_FETCH_S) if future.status == "error" else None
@@ -233,7 +233,7 @@ RunTasks = Callable[[Sequence[Task], Callable[[Any], Any], TaskListener, Path | 
 
 
 def open_workers(workers: Workers, stack: ExitStack, progress: ProgressListener) -> RunTasks:
-    """What runs tasks there, workers included, until the stack is left; raises InputError as `open_cluster`."""
+    """Open the workers until the stack is left; return the function that runs tasks there. Raises as `open_cluster`."""
     if workers.scheduler is None and workers.jobs == 1:
         return lambda tasks, function, listener, logs: run_serial(tasks, function, listener)
     cluster = stack.enter_context(open_cluster(workers.jobs, workers.scheduler, workers.resources))

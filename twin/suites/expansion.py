@@ -1,4 +1,4 @@
-"""The cases of a suite: every scenario with every override, seed and tracker, checked before the first one runs."""
+"""Expand a suite to cases, scenario × overrides × seed × tracker, checked before the first one runs."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Case:
 
     @property
     def tracking_changes(self) -> tuple[str, ...]:
-        """What is said to `twin track` of the recording: the trackers as the scenario defines them, the files they are handed."""
+        """Overrides for `twin track` of the recording: the scenario's tracker definitions and the files handed to trackers."""
         files: Overrides = (
             {} if self.knowledge == NO_FILES else {"knowledge": self.knowledge.model_dump(exclude_none=True)}
         )
@@ -81,7 +81,7 @@ class Case:
 
 
 def check_case_count(suite: Suite, path: Path) -> None:
-    """Raise InputError for a suite of more cases than anybody is likely to mean; they are counted, not made."""
+    """Raise InputError for a suite of more than MOST_CASES cases; they are counted, not made."""
     if suite.n_case > MOST_CASES:
         raise InputError(
             f"{path}: has {suite.n_case} cases (seeds × grid × variants × trackers); at most {MOST_CASES}, or --no-limits, "
@@ -98,7 +98,7 @@ def expand(
     trusted: TrustedClasses = NONE_TRUSTED,
     limits: bool = False,
 ) -> list[Case]:
-    """The cases, those of one recording one after the other.
+    """Expand a suite to its cases, those of one recording in sequence.
 
     changes: 'path=value' texts for every case, which keeps its id all the same, so that two runs can be compared;
     plug_ins: whether trackers of the user's own are on this machine, to be looked at too; trusted: classes that the suite
@@ -218,7 +218,7 @@ def _options(choice: TrackerChoice) -> JsonValue:
 
 
 def _own_settings(variant: Variant) -> str:
-    """The settings that tell this variant from the others of its entry, short."""
+    """Format the settings that tell this variant from the others of its entry, short."""
     return ", ".join(_short(text) for text in format_overrides(variant.own))
 
 
@@ -232,6 +232,6 @@ def _title(label: str, variant: str) -> str:
 
 
 def _case_id(label: str, overrides: tuple[str, ...], seed: int, tracker: str) -> str:
-    """A name for files and rows that is the same wherever and whenever the case is run."""
+    """Make a file name for a case that is the same on every machine and at any time."""
     digest = hashlib.sha256(json.dumps([label, overrides, seed, tracker]).encode()).hexdigest()[:8]
     return f"{label}-{seed}-{re.sub(r'[^A-Za-z0-9._-]', '-', file_name(tracker))}-{digest}"

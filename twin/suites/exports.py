@@ -77,7 +77,7 @@ def write_junit(
 def _add_groups(
     root: ElementTree.Element, suite: str, what: str, judged: Iterable[tuple[GroupKey, str, str | None]]
 ) -> None:
-    """A test for each group, by key and variant, that fails with the sentences of what is wrong with its figures."""
+    """Add one test per group, by key and variant; it fails with the sentences of what is wrong with its metrics."""
     groups: dict[tuple[str, str, str], list[str]] = {}
     for key, variant, wrong in judged:
         lines = groups.setdefault((key.scenario, variant, key.tracker), [])
@@ -98,7 +98,7 @@ def _add_groups(
 
 
 def _clean(text: str) -> str:
-    """Without the characters that XML has no way to write."""
+    """Remove the characters that XML cannot hold."""
     return _NOT_XML.sub("�", text)
 
 

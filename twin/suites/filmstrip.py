@@ -1,4 +1,4 @@
-"""The worst moment of a case as a strip of pictures: before, at, and after it."""
+"""Film strip: the worst moment of a case as three pictures, before, at and after it."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class FilmstripWork:
 
 
 def draw_filmstrip(work: FilmstripWork) -> bytes:
-    """The moment as three pictures side by side, a JPEG: camera and floor plan with tracks and truth, as in the preview.
+    """Draw the moment as three pictures side by side, a JPEG: camera and floor plan with tracks and truth, as in the preview.
 
     Tracks the recording again up to there; a recording that has left the cache is made again.
     """
@@ -89,7 +89,7 @@ class _FilmstripWriter(PreviewWriter):
         self.stills: list[bytes] = []
 
     def still(self, quality: int = 88) -> bytes:
-        """The last picture; nothing before the first, which a preview of the whole run does not ask for."""
+        """Encode the last picture; empty before the first, which a preview of the whole run does not ask for."""
         return super().still(quality) if self.n_frames else b""
 
     def frame(self, stamp_ns: int, *arguments: Any, **options: Any) -> None:
@@ -116,7 +116,7 @@ def _show(fed: Feed, shown: Preview, writer: _FilmstripWriter, bag: Recording) -
 
 
 def _choice(text: str) -> tuple[str, TrackerChoice]:
-    """'trackers.NAME={...}' as the scenario would hold it."""
+    """Parse 'trackers.NAME={...}' to a name and a tracker of the scenario."""
     path, _, value = text.partition("=")
     return path.removeprefix("trackers."), TrackerChoice.model_validate(json.loads(value))
 

@@ -40,7 +40,7 @@ def run_gate(
     limits: bool = True,
     trusted: TrustedClasses = NONE_TRUSTED,
 ) -> bool:
-    """Run a suite and say whether all went well: no case failed, promises are kept, nothing is worse than in the baseline.
+    """Run a suite and return whether all went well: no case failed, requirements are met, nothing is worse than the baseline.
 
     Leaves results.sqlite, summary.json, report.html and junit.xml in `out` (default: out/suite-<name>). Raises
     InputError for bad input, before the first case where that can be.
@@ -86,7 +86,7 @@ def run_gate(
 
 
 def _baseline_of(suite: Suite, baseline: Path | None, update: bool) -> Results | None:
-    """The results to compare with, None where there are none to be; raises InputError for those of another suite."""
+    """Read the results to compare with; None where there are none. Raises InputError for those of another suite."""
     if baseline is None or (update and not baseline.exists()):
         return None
     before = read_baseline(baseline)
@@ -129,7 +129,7 @@ def show_results(folder: Path) -> None:
 
 
 def _check_compared(comparison: Comparison, what: str) -> None:
-    """Raise InputError where not one figure could be compared: that nothing is worse would say nothing."""
+    """Raise InputError where no metric could be compared."""
     if not comparison.changes:
         raise InputError(
             f"{what}: nothing could be compared; the same scenarios, changes, trackers and seeds are expected in both"
@@ -137,7 +137,7 @@ def _check_compared(comparison: Comparison, what: str) -> None:
 
 
 def compare_results(before: Path, now: Path, out: Path | None, *, markdown: bool = False) -> bool:
-    """Print what is worse and better in `now`, write a page where asked; whether nothing is worse.
+    """Print what is worse and better in `now`, write a page where asked; return whether nothing is worse.
 
     `markdown`: print a table in Markdown instead.
     """

@@ -1,4 +1,4 @@
-"""The figures of a case: those of `metrics.json`, which of them are compared, and how much worse each may get.
+"""Metrics of a case: the entries of `metrics.json`, which of them are compared, and their default tolerances.
 
 The default tolerances are ours: small enough that validation gates half as wide are noticed (in MOTP, DetA and OSPA; on
 seeds 0 to 2 and on 1000 to 1002), while what is harmless moves less: on the lab, seeds 1000 to 1005, other noise of the
@@ -23,7 +23,7 @@ METRICS: Mapping[str, Figure] = {figure.key: figure for figure in FIGURES}
 
 @dataclass(frozen=True)
 class Allowance:
-    """How much worse a figure may get: absolute, in its unit, + relative × |baseline|."""
+    """Tolerated worsening of a metric: absolute, in its unit, + relative × |baseline|."""
 
     absolute: float = 0.0
     relative: float = 0.0
@@ -67,23 +67,23 @@ HEADLINE_METRICS = HEADLINES
 
 
 def allowed_by_default(metric: str, baseline: float) -> float:
-    """How much worse a figure may get where a suite says nothing else, in its unit."""
+    """Compute the default tolerance of a metric, in its unit."""
     allowance = GATED[metric] if metric in GATED else GATED_SENSOR_METRICS[metric]
     return allowance.absolute + allowance.relative * abs(baseline)
 
 
 def metric_named(key: str) -> Figure:
-    """A figure that is compared: of a tracker, or of what a sensor reports."""
+    """Look up a compared metric: of a tracker, or of a sensor."""
     return SENSOR_METRICS[key] if key in SENSOR_METRICS else METRICS[key]
 
 
 def flatten_metrics(metrics: Mapping[str, Any]) -> dict[str, float | None]:
-    """A tracker's entry of `metrics.json` as numbers by dotted path; the gate, which is no result, left out."""
+    """Flatten a tracker's entry of `metrics.json` to numbers by dotted path; the gate, which is no result, is left out."""
     return {key: value for key, value in _leaves(metrics, "") if key != "gate_m"}
 
 
 def check_ranges(figures: Mapping[str, float | None], source: str) -> None:
-    """Raise InputError, naming `source` and the figure, for a value that the figure cannot have.
+    """Raise InputError, naming `source` and the metric, for a value outside the metric's range.
 
     What is better the more there is of it is a share, or 1 less something; everything else counts, or is a length or angle.
     """
@@ -105,12 +105,12 @@ def _leaves(content: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, floa
 
 
 def worsening(key: str, change: float) -> float:
-    """A change of a figure, positive where it is for the worse."""
+    """Compute the change of a metric, positive for the worse."""
     return -change if metric_named(key).better == "more" else change
 
 
 def format_metric(key: str, value: float | None, sign: bool = False) -> str:
-    """A figure as text with its unit; counts, which are means over seeds here, with one decimal."""
+    """Format a metric with its unit; counts, which are means over seeds here, with one decimal."""
     if value is None or not isfinite(value):
         return "–"
     figure = metric_named(key)

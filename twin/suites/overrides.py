@@ -1,4 +1,4 @@
-"""What a suite changes in a scenario, and where the user wrote it."""
+"""Overrides: the changes that a suite makes to a scenario, and the source of each in the user's files."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Variant:
     sources: tuple[tuple[str, Collection[str]], ...]
 
     def written(self, field: str) -> str | None:
-        """Where this field of the scenario was last given: a path in the suite, or '--set path=value: path'.
+        """Find the source of a field's last override: a path in the suite, or '--set path=value: path'.
 
         None where only the scenario's own file can have it.
         """
@@ -44,7 +44,7 @@ class Variant:
 
 
 def variants(suite: Suite, number: int, changes: Sequence[str] = ()) -> Iterator[Variant]:
-    """The variants of one entry of the suite, in order."""
+    """Yield the variants of one entry of the suite, in order."""
     entry, here = suite.scenarios[number], f"scenarios.{number}"
     combinations = entry.combinations()
     per_variant = len(combinations) // len(entry.variants)
@@ -69,12 +69,12 @@ def variants(suite: Suite, number: int, changes: Sequence[str] = ()) -> Iterator
 
 
 def format_overrides(changes: Overrides) -> tuple[str, ...]:
-    """Changes as 'path=value', the value as JSON, which is YAML too."""
+    """Format overrides as 'path=value', the value as JSON, which is YAML too."""
     return tuple(f"{path}={json.dumps(value, ensure_ascii=False)}" for path, value in changes.items())
 
 
 def _deeper(path: str, field: str) -> str | None:
-    """The longer of two paths where one leads to the other; None where neither does."""
+    """Return the longer of two paths where one leads to the other, else None."""
     if field == path or field.startswith(f"{path}."):
         return field
     return path if path.startswith(f"{field}.") else None

@@ -1,4 +1,4 @@
-"""The page of a suite: a row a scenario, its figures as small multiples, its worst moment as pictures, all linked."""
+"""Page of a suite: one row per scenario with small multiples of its metrics and a film strip of its worst moment."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def write_page(
 def _links(
     comparison: Comparison | None, results: Results, store: ResultStore, folder: Path, page: Path
 ) -> dict[int, tuple[str, str]]:
-    """By change, the link from a page in the folder `page` to the moment in the run in `folder`, and what is there."""
+    """Link each change to its incident in the run in `folder`, relative to the folder `page`."""
     links = {}
     for change in comparison.worse if comparison is not None else ():
         incident = incident_link(change, results, store, folder)
@@ -158,7 +158,7 @@ def _write(
 
 
 def _sections(results: Results, before: Results | None) -> list[dict[str, Any]]:
-    """What the page shows of each scenario and variant."""
+    """Collect the contents of the page's sections, one per scenario and variant."""
     rows: dict[tuple[str, str], list[tuple[GroupKey, Group]]] = {}
     for key, group in results.groups.items():
         rows.setdefault((key.scenario, key.overrides), []).append((key, group))
@@ -198,7 +198,7 @@ def _filmstrip(
     store: ResultStore,
     folder: Path,
 ) -> dict[str, Any] | None:
-    """The drawn moment of a section, if there is one."""
+    """Find the film strip of a section; None where there is none."""
     for tracker, seeds in cases:
         for seed, case_id in seeds:
             if case_id is None or case_id not in filmstrips:
@@ -232,7 +232,7 @@ def _change(change: Change, links: Mapping[int, tuple[str, str]]) -> dict[str, A
 
 
 def _differences(row: ReferenceDifference) -> list[tuple[str, str, str]]:
-    """Mean difference, interval and verdict of each figure of a tracker beside another."""
+    """Format mean difference, interval and verdict of each metric of a tracker against the reference."""
     cells = []
     for metric, found in row.differences.items():
         if found is None:
@@ -259,7 +259,7 @@ def _cell(metric: str, group: Group) -> str:
 
 
 def _slots(results: Results) -> dict[str, int]:
-    """A place for each tracker, in the order in which they come."""
+    """Number the trackers in the order in which they come."""
     names = dict.fromkeys(key.tracker for key in results.groups)
     return {name: place for place, name in enumerate(names)}
 

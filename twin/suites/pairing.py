@@ -40,7 +40,7 @@ _STANDARD_ERRORS: Mapping[Relation, float] = {"same people": 3.0, "unrelated": 2
 
 @dataclass(frozen=True)
 class Pair:
-    """One figure of one group in the n seeds that both have.
+    """One metric of one group in the n seeds that both runs have.
 
     tolerance: how much worse its mean may be where chance has no part.
     """
@@ -56,12 +56,12 @@ class Pair:
 
     @property
     def is_exact(self) -> bool:
-        """Whether no chance is between before and now: the recordings are the same, or made from the same."""
+        """True where the recordings are the same, or made from the same inputs."""
         return self.relation in ("same bits", "same origin")
 
     @property
     def units(self) -> list[Unit]:
-        """What chance draws as one, of each seed: recordings whose people begin alike, or each where that is not known."""
+        """Exchangeable unit of each seed: recordings whose people begin alike, or each alone where that is not known."""
         people = self.group.people
         return [
             (seed, start_digest(people[seed])) if people.get(seed) else (seed, self.key.scenario, self.key.overrides)
@@ -70,26 +70,26 @@ class Pair:
 
     @property
     def worsened(self) -> Array:
-        """By how much each seed got worse, (n,)."""
+        """Worsening of each seed, (n,)."""
         return worsening(self.metric, 1.0) * (self.now - self.before)
 
     @property
     def draws(self) -> Array:
-        """What chance moved in each seed, about a mean of 0, (k, n): nothing, the pairs, or before and now for themselves."""
+        """Centred random differences, (k, n): none, the paired differences, or before and now each."""
         of_kin = {"same people": [self.now - self.before], "unrelated": [self.before, self.now]}
         drawn = np.array(of_kin.get(self.relation, ()), dtype=float).reshape(-1, len(self.seeds))
         return drawn - drawn.mean(axis=1, keepdims=True)
 
     @property
     def allowed_in_case(self) -> float:
-        """How much worse one case may be."""
+        """Tolerated worsening of one case."""
         spread = float(self.before.std(ddof=1)) if len(self.seeds) > 1 else 0.0
         times = _BEYOND_NOISE if self.is_exact else _BEYOND_ANY_DRAW
         return times * self.tolerance + _BEYOND_SPREAD * spread
 
     @property
     def fallen(self) -> int | None:
-        """The seed that fell furthest beyond any noise."""
+        """Seed with the largest worsening beyond `allowed_in_case`; None where there is none."""
         sign = worsening(self.metric, 1.0)
         before = sign * self.before
         by = sign * self.now - (before if self.is_exact else before.max())
@@ -98,7 +98,7 @@ class Pair:
 
 
 def allowed_change(pairs: Sequence[Pair]) -> float:
-    """How much worse the mean over these groups may be: the mean tolerance over the root of their number, and chance.
+    """Compute the tolerated worsening of the mean over G groups: the mean tolerance / √G, plus an allowance for chance.
 
     Chance is some standard errors of the mean, for which recordings of the same people, whoever tracks them, count as one.
     """
@@ -114,7 +114,7 @@ def allowed_change(pairs: Sequence[Pair]) -> float:
 
 
 def pair_results(before: Results, now: Results, allowed: Callable[[str, float], float]) -> Iterator[Pair]:
-    """Every figure that a group of trackers, or a scanner, had before and has now; `allowed`: see `comparison.compare`."""
+    """Pair every metric of each tracker group and scanner in both runs; `allowed`: see `comparison.compare`."""
     for old, new, metrics in ((before.groups, now.groups, GATED), (before.sensors, now.sensors, GATED_SENSOR_METRICS)):
         for key, group in new.items():
             if key in old:
@@ -149,5 +149,5 @@ def _same(before: Mapping[int, str], now: Mapping[int, str], seeds: Sequence[int
 
 
 def start_digest(people: str) -> str:
-    """The part of such digests that tells where people are at first."""
+    """Return the part of a people digest that covers the first second."""
     return people.partition("-")[0]

@@ -1,4 +1,4 @@
-"""How likely chance alone would make so large a change somewhere: an exact test over all figures of a suite at once.
+"""Permutation test over all metrics of a suite at once: family-wise p, and minimum detectable changes.
 
 If a change does not matter, before and now could be swapped in any recording: that turns the signs of all its differences, of
 all trackers and figures together. (In any unit of chance: recordings of the same people before the same noise are one.) So
@@ -36,7 +36,7 @@ _ROUNDING = 1e-9
 
 
 def family_wise_p(shares: Array) -> Array:
-    """The p of each of t tests (t,), one-sided: how likely chance makes any statistic as large as this one.
+    """Compute the family-wise p of each of t one-sided tests (t,), by sign flips and the maximum statistic.
 
     shares (u, t): what each of u units of chance adds to each statistic, positive for the worse, 0 where it takes no part.
     """
@@ -54,12 +54,12 @@ def family_wise_p(shares: Array) -> Array:
 
 
 def min_recordings() -> int:
-    """Recordings that all have to get worse before their number alone is evidence."""
+    """Compute the least number of recordings whose unanimous worsening is significant."""
     return int(np.ceil(-np.log2(ALPHA)))
 
 
 def _signs(count: int) -> Array:
-    """Signs to try (f, count), the ones as observed first."""
+    """Draw sign vectors (f, count), the observed one first."""
     if count <= _MOST_EXACT:
         bits = np.arange(2**count)[:, None] >> np.arange(count) & 1
         return 1.0 - 2.0 * bits.astype(float)
@@ -73,7 +73,7 @@ OF_ALL = ("motp_m", "misidentifications", "lost_tracks", "id_switches", "misses"
 
 
 def over_scenarios(pairs: Sequence[Pair]) -> Iterator[list[Pair]]:
-    """A figure of a tracker in all its scenarios, where there are several."""
+    """Yield each metric of a tracker pooled over its scenarios, where there are several."""
     by_tracker = sorted(pairs, key=lambda pair: (pair.key.tracker, pair.metric))
     for _, found in groupby(by_tracker, key=lambda pair: (pair.key.tracker, pair.metric)):
         if len(several := list(found)) > 1:
@@ -81,7 +81,7 @@ def over_scenarios(pairs: Sequence[Pair]) -> Iterator[list[Pair]]:
 
 
 def over_trackers(pairs: Sequence[Pair]) -> Iterator[list[Pair]]:
-    """A figure of all trackers, where there are several."""
+    """Yield each rare-event metric pooled over all trackers, where there are several."""
     for metric in OF_ALL:
         found = [pair for pair in pairs if pair.metric == metric]
         if len({pair.key.tracker for pair in found}) > 1:
@@ -89,7 +89,7 @@ def over_trackers(pairs: Sequence[Pair]) -> Iterator[list[Pair]]:
 
 
 def contributions(tests: Sequence[Sequence[Pair]]) -> tuple[Array, list[float]]:
-    """What each unit of chance adds to each test's statistic, (u, t), and how much the test's mean may get worse.
+    """Compute each unit's contribution to each test's statistic, (u, t), and each test's tolerance.
 
     A test is of one group, of a tracker's groups, or of all trackers': of several the mean over groups is judged. With d,
     what a unit got worse in units of what that is allowed, the statistic is Σ d / √(Σ d² + n): a signal over its
@@ -113,7 +113,7 @@ def contributions(tests: Sequence[Sequence[Pair]]) -> tuple[Array, list[float]]:
 
 @dataclass(frozen=True)
 class MinimumDetectableChange:
-    """The smallest loss of a figure, in its unit, that would be noticed while nothing else changes.
+    """Smallest loss of a metric, in its unit, that the comparison detects while nothing else changes.
 
     of_tracker: in all scenarios of each tracker; in_scenario and in_case: in all seeds of one scenario and in one case alone,
     whichever tracker and scenario it is.
@@ -126,12 +126,12 @@ class MinimumDetectableChange:
 
     @property
     def everywhere(self) -> float:
-        """In all scenarios of a tracker, whichever it is."""
+        """Loss in all scenarios of a tracker, for the least sensitive tracker."""
         return max(self.of_tracker.values())
 
 
 def minimum_detectable_changes(pairs: Sequence[Pair]) -> Iterator[MinimumDetectableChange]:
-    """Of each figure, the smallest loss that is noticed."""
+    """Yield the minimum detectable change of each metric."""
     by_metric: Mapping[str, list[Pair]] = {
         metric: sorted((pair for pair in pairs if pair.metric == metric), key=_tracker)
         for metric in (*GATED, *GATED_SENSOR_METRICS)

@@ -1,4 +1,4 @@
-"""Whether a suite's trackers can be made for its scenarios, found out before any case starts: nothing is simulated."""
+"""Preflight: check that a suite's trackers can be made for its scenarios before any case starts; nothing is simulated."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from twin.world.scene import walkable_in
 
 
 class TrackerCheck:
-    """Makes each tracker once for each rig, with its options and without a background, and keeps what is wrong.
+    """Check that each tracker can be made for each rig, with its options and without a background; collect the faults.
 
     plug_ins: whether classes of the user's own are on this machine too, as they are not where only a cluster's workers
     have them; trusted: those of them that the suite and its scenarios may name. A plug-in that raises anything but an
@@ -56,7 +56,7 @@ class TrackerCheck:
         self._faults: dict[tuple[str, str], dict[str, None]] = {}  # the sentence around its titles: these
 
     def check(self, variant: Variant, scenario: Scenario, file: Path, title: str) -> str:
-        """Look at every tracker of a variant: its scenario as resolved, the scenario's file, what to call it.
+        """Check every tracker of a variant: its resolved scenario, the scenario's file, its title in messages.
 
         Gives the digest of the files that they are handed (see `KnowledgeFiles.digest`).
         """
@@ -93,7 +93,7 @@ class TrackerCheck:
         return self._digests[key]
 
     def faults(self) -> list[str]:
-        """One sentence for each fault so far: the suite's file, the field as it was written, and what would be valid."""
+        """Format one sentence per fault: the suite's file, the field as written by the user, what is valid."""
         told = []
         for (start, end), titles in self._faults.items():
             first, *more = titles
@@ -105,7 +105,7 @@ class TrackerCheck:
         self._faults.setdefault((start, end), {})[title] = None
 
     def _knowledge(self, variant: Variant, scenario: Scenario, rig: Rig, file: Path) -> Knowledge | None:
-        """What trackers are handed but for the empty room; None where one of the files is not what it should be."""
+        """Load the prior files of a scenario, without the empty room; None where one of them is invalid."""
         files = scenario.knowledge
         missing = files.missing()
         for field, path in missing.items():
@@ -137,7 +137,7 @@ class TrackerCheck:
         return self._made[key]
 
     def _rig(self, scenario: Scenario) -> Rig:
-        """What trackers are told in every run of this scenario; raises InputError for a room that cannot be."""
+        """Make the rig that trackers get in every run of this scenario. Raises InputError for an invalid room."""
         if scenario.room not in self._walkable:
             self._walkable[scenario.room] = tuple((float(x), float(y)) for x, y in walkable_in(scenario))
         return rig_told(scenario, scenario.area or self._walkable[scenario.room])
@@ -153,14 +153,14 @@ def _unknown(where: str, target: str, also: str) -> str:
 
 
 def _place(variant: Variant, file: Path, field: str) -> str:
-    """The field as the user wrote it: in the suite, on the command line, or else in the scenario's file."""
+    """Locate a field as the user wrote it: in the suite, on the command line, or else in the scenario's file."""
     return variant.written(field) or f"scenarios.{variant.number}.scenario: {file}: {field}"
 
 
 def _faults(
     target: str, rig: Rig, scenario: Scenario, name: str, options: Mapping[str, Any], knowledge: Knowledge
 ) -> Iterator[tuple[str, str]]:
-    """What keeps the tracker from being made: the option's path ("": it is no option's fault), and the message."""
+    """Yield the faults of making a tracker: the option's path ("" where it is no option's), and the message."""
     background = _EmptyRoom()
     try:
         with _silent():
@@ -178,7 +178,7 @@ def _faults(
 
 
 class _EmptyRoom(Sequence[Observation]):
-    """No observations of the empty room, and whether anybody asked for them."""
+    """An empty background that records whether it was read."""
 
     def __init__(self) -> None:
         self.asked = False
@@ -193,7 +193,7 @@ class _EmptyRoom(Sequence[Observation]):
 
 
 def _by_option(line: str, options: Mapping[str, Any]) -> tuple[str, str]:
-    """A line of a tracker's error, by the option that it names after whose it is: 'tracker NAME: option.path: message'."""
+    """Split a line of a tracker's error, 'tracker NAME: option.path: message', into option and message."""
     parts = line.split(": ")
     for place, part in enumerate(parts[:-1]):
         if part.split(".")[0] in options:
@@ -203,7 +203,7 @@ def _by_option(line: str, options: Mapping[str, Any]) -> tuple[str, str]:
 
 @contextmanager
 def _silent() -> Iterator[None]:
-    """Without the log of what is true of this check alone: that there is no background."""
+    """Silence warnings that hold for this check only: that there is no background."""
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
     try:

@@ -16,7 +16,7 @@ from twin.suites.tasks import State
 
 @dataclass(frozen=True)
 class ProgressListener:
-    """Whom to tell how a run goes.
+    """Callbacks for the progress of a run.
 
     The Dask dashboard's address, if there is one, each case that fails, what warns, how far it is, and before what it will
     make.
@@ -34,7 +34,7 @@ _LINE_EVERY_S = 15.0
 
 @contextmanager
 def suite_progress() -> Iterator[ProgressListener]:
-    """Cases done, running, failed and the time left, on stderr: a bar in a terminal, a line now and then elsewhere."""
+    """Show cases done, running, failed and the time left on stderr: a bar in a terminal, else a line every 15 s."""
     console = PlainConsole(stderr=True)
     bar = Progress(
         TextColumn("{task.description}", markup=False),
@@ -71,7 +71,7 @@ def suite_progress() -> Iterator[ProgressListener]:
 
 
 class _Clock:
-    """How long the rest will take, from what has ended since the first look."""
+    """Estimate of the time left, from the cases that ended since the first call."""
 
     def __init__(self) -> None:
         self._start_s: float | None = None

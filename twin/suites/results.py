@@ -1,4 +1,4 @@
-"""The results of a suite as they are compared and shown: a group a scenario, variant and tracker, its seeds in it."""
+"""Results of a suite as compared and shown: one group per scenario, variant and tracker, with its seeds."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class GroupKey:
-    """What is compared as one: a scenario with its overrides (JSON), and a tracker (or a scanner, by where it is)."""
+    """Key of a group: a scenario with its overrides (JSON), and a tracker (or a scanner, by its place)."""
 
     scenario: str
     overrides: str
@@ -32,7 +32,7 @@ class GroupKey:
 
 @dataclass(frozen=True)
 class Group:
-    """The figures of each seed, by name; None where a figure does not apply.
+    """Metrics of each seed, by name; None where a metric does not apply.
 
     cases: the case's id by seed, if known; recordings: the digest of its recording, if known; recipes: the digest of what it
     was made from, scenario, seed and code, if known: another processor or renderer makes other bits of the same; people: the
@@ -47,13 +47,13 @@ class Group:
     people: Mapping[int, str] = field(default_factory=dict)
 
     def values(self, metric: str) -> list[float]:
-        """The figure in each seed that has it."""
+        """List the metric of each seed that has it."""
         values = (figures.get(metric) for figures in self.seeds.values())
         return [value for value in values if value is not None]
 
     @property
     def n(self) -> str:
-        """The person-frames behind its figures, all seeds together, and the share of the frames judged where not all were."""
+        """Person-frames of all seeds, with the share of frames evaluated where that is below 1, as text."""
         counts, shares = self.values("judged.person_frames"), self.values("judged.share")
         if len(counts) < len(self.seeds) or not counts:
             return "–"  # a run of an older version
@@ -63,7 +63,7 @@ class Group:
 
 @dataclass(frozen=True)
 class Results:
-    """A run's results, or a baseline's.
+    """Results of a run or a baseline.
 
     renderers: of all recordings with images; doubts: cases by what a tracker warns of; sensors: what the scanners report, a
     group a scenario, variant and scanner, whose key names it in the tracker's place.
@@ -80,7 +80,7 @@ class Results:
 
 
 def collect_results(store: ResultStore) -> Results:
-    """What a run has given until now."""
+    """Collect the results of a run so far."""
     facts, cases, metrics, recorded = store.facts(), store.cases(), store.metrics(), store.recorded()
     recipes: Mapping[str, str] = facts.get("recipes", {})
     groups: dict[GroupKey, list[_Figures]] = {}
@@ -125,7 +125,7 @@ def _group(found: Sequence[_Figures], recorded: Mapping[str, RecordingInfo], rec
 
 @dataclass(frozen=True)
 class MeanOverSeeds:
-    """A figure's mean over seeds, and its 95 % interval by the bootstrap; None where one seed gives none."""
+    """Mean of a metric over seeds and its 95 % bootstrap interval; None for the bounds where there is one seed."""
 
     mean: float
     low: float | None
@@ -134,7 +134,7 @@ class MeanOverSeeds:
 
 
 def mean_over_seeds(values: list[float]) -> MeanOverSeeds | None:
-    """The mean and its percentile interval; None without values. The same values give the same interval."""
+    """Compute the mean and its percentile interval; None without values. Equal values give equal intervals."""
     if not values:
         return None
     n = len(values)
@@ -148,7 +148,7 @@ def mean_over_seeds(values: list[float]) -> MeanOverSeeds | None:
 
 
 def gated_values(group: Group) -> Iterator[tuple[str, MeanOverSeeds]]:
-    """Each compared figure that applies to the group."""
+    """Yield each compared metric that applies to the group."""
     for metric in GATED:
         found = mean_over_seeds(group.values(metric))
         if found is not None:
@@ -157,7 +157,7 @@ def gated_values(group: Group) -> Iterator[tuple[str, MeanOverSeeds]]:
 
 @dataclass(frozen=True)
 class RequirementCheck:
-    """A promise and what is: the mean over the seeds of a scenario, None where the tracker has no such figure."""
+    """Check of a requirement: the mean over the seeds of a scenario; None where the tracker has no such metric."""
 
     key: GroupKey
     variant: str
@@ -167,7 +167,7 @@ class RequirementCheck:
 
     @property
     def violated(self) -> bool:
-        """Whether the requirement is not met."""
+        """True where the requirement is not met."""
         return self.mean is None or not holds(self.mean, self.bound)
 
     @property
@@ -176,12 +176,12 @@ class RequirementCheck:
         return "not measured" if self.mean is None else format_metric(self.metric, self.mean)
 
     def sentence(self) -> str:
-        """Say what is and what is required: "MOTA is 0.912, required >= 0.97"."""
+        """Format the check: "MOTA is 0.912, required >= 0.97"."""
         return f"{METRICS[self.metric].name} is {self.measured}, required {self.bound}"
 
 
 def check_requirements(facts: Mapping[str, Any], results: Results) -> list[RequirementCheck]:
-    """The promises of the suite that left these facts, for what has been run of it."""
+    """Check the requirements in the facts of a run, for the groups that have been run."""
     return list(_of(facts.get("requirements", ()), results))
 
 
@@ -209,14 +209,14 @@ REFERENCE_METRICS = (
 
 @dataclass(frozen=True)
 class ReferenceDifference:
-    """A tracker beside the one that a suite names: mean differences, this less that, over cases that both have done."""
+    """Mean differences between a tracker and the reference, over cases that both have done."""
 
     tracker: str
     n_case: int
     differences: Mapping[str, MeanOverSeeds | None]  # by figure
 
     def verdict(self, metric: str) -> str:
-        """'better' or 'worse' where the 95 % interval leaves out 0, else ''."""
+        """Return 'better' or 'worse' where the 95 % interval leaves out 0, else ''."""
         found = self.differences[metric]
         if found is None or found.low is None or found.high is None or found.low <= 0 <= found.high:
             return ""
@@ -224,7 +224,7 @@ class ReferenceDifference:
 
 
 def differences_from(results: Results, reference: str) -> list[ReferenceDifference]:
-    """Every other tracker beside `reference`, over all scenarios together, paired by scenario, variant and seed."""
+    """Compare every other tracker with `reference`, over all scenarios, paired by scenario, variant and seed."""
     others = dict.fromkeys(key.tracker for key in results.groups if key.tracker != reference)
     return [_difference(results, reference, tracker) for tracker in others]
 

@@ -47,7 +47,7 @@ def run_suite(
     function: Callable[[CaseWork], CaseResult] | None = None,
     limits: bool = True,
 ) -> None:
-    """Run every case of the suite into `folder`/results.sqlite, its files beside; then draw the worst moments.
+    """Run every case of the suite into `folder`/results.sqlite, with its files; then draw film strips.
 
     changes: 'path=value' texts for every case; trusted: classes that the suite and its scenarios may name; function: what
     is done with a case, one that a worker can import (None: `run_case`); limits: whether to refuse more cases, people and
@@ -164,7 +164,7 @@ def _draw_filmstrips(
     run_tasks: RunTasks,
     progress: ProgressListener,
 ) -> None:
-    """The worst second of each scenario and variant, the worst of them first; one that cannot be drawn is left out."""
+    """Draw the worst second of each scenario and variant, the worst first; one that cannot be drawn is left out."""
     worst: dict[tuple[str, str], tuple[float, float, Case]] = {}
     by_id = {case.id: case for case in cases}
     for each in store.cases():
@@ -198,7 +198,7 @@ def _write_files(folder: Path, files: Mapping[str, bytes]) -> None:
 
 
 def tolerances_of(facts: Mapping[str, Any]) -> Callable[[str, float], float]:
-    """How much worse a figure may get, as the suite that left these facts says."""
+    """Return the function that computes tolerances, as the suite's facts say."""
     own = {name: Tolerance(**content) for name, content in facts.get("tolerances", {}).items()}
 
     def allowed(metric: str, baseline: float) -> float:

@@ -31,7 +31,7 @@ from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, METRICS
 
 
 def list_of(what: str, *, or_empty: bool = False) -> BeforeValidator:
-    """A field that takes a list, with something in it or `or_empty`; `what`: the sentence's start, with an example."""
+    """Make a validator of a field that takes a list, not empty unless `or_empty`; `what`: start of the error's sentence."""
 
     def check(value: Any) -> Any:
         if not isinstance(value, list | tuple) or not (value or or_empty):
@@ -42,7 +42,7 @@ def list_of(what: str, *, or_empty: bool = False) -> BeforeValidator:
 
 
 def mapping_of(what: str) -> BeforeValidator:
-    """A field that takes a mapping whose keys are texts."""
+    """Make a validator of a field that takes a mapping with texts as keys."""
 
     def check(value: Any) -> Any:
         if not isinstance(value, dict):
@@ -56,7 +56,7 @@ def mapping_of(what: str) -> BeforeValidator:
 
 
 def single(what: str) -> WrapValidator:
-    """A field that takes one value: whatever is wrong with it, this is what is expected."""
+    """Make a validator of a field that takes one value; every error of it says what is expected."""
 
     def check(value: Any, inner: ValidatorFunctionWrapHandler) -> Any:
         if not isinstance(value, bool):
@@ -70,7 +70,7 @@ def single(what: str) -> WrapValidator:
 
 
 def expected_error(value: Any, sentence: str) -> ValueError:
-    """The error that says this of a value; `validate` itself tells every value that is no mapping."""
+    """Make the error for a value; `validate` itself shows every value that is no mapping."""
     return ValueError(f"{sentence} (got {value!r})" if isinstance(value, dict) else sentence)
 
 
@@ -88,7 +88,7 @@ _ROUNDING = 1e-9
 
 
 def _bound(value: str | float) -> str:
-    """The bound as `>= 0.97`; a number alone is what the figure is to be."""
+    """Parse a bound like `>= 0.97`; a number alone means equality."""
     found = _BOUND.fullmatch(str(value))
     if found is None:
         raise ValueError('a number, or a bound as in ">= 0.97", is expected')
@@ -116,7 +116,7 @@ Requirements = Annotated[
 
 
 def holds(mean: float, bound: str) -> bool:
-    """Whether a mean keeps within a bound."""
+    """Check a mean against a bound."""
     sign, _, limit = bound.partition(" ")
     # means of floats: that of a hundred times 0.97 is 0.97
     rounded = float(limit) if abs(mean - float(limit)) <= _ROUNDING else mean
@@ -185,13 +185,13 @@ Values = Annotated[list[JsonValue], Field(min_length=1), list_of("a list of valu
 
 
 class Tolerance(Strict):
-    """How much worse a figure may get, on the mean over a scenario's seeds: absolute + relative × |baseline|."""
+    """Tolerated worsening of a metric's mean over a scenario's seeds: absolute + relative × |baseline|."""
 
     absolute: Amount = Field(default=0.0, description="how much worse the figure may get, in its own unit")
     relative: Amount = Field(default=0.0, description="what is added to that, as a share of the baseline's figure")
 
     def allowed(self, baseline: float) -> float:
-        """The change that is still tolerated, in the figure's unit."""
+        """Compute the tolerated change, in the metric's unit."""
         return self.absolute + self.relative * abs(baseline)
 
 
@@ -226,7 +226,7 @@ class SuiteScenario(Strict):
     ] = Field(default=[{}], description="changes by path, one after the other")
 
     def combinations(self) -> list[Overrides]:
-        """The overrides of each case, without those of `set`."""
+        """List the overrides of each combination, without those of `set`."""
         grids = [dict(zip(self.grid, values, strict=True)) for values in product(*self.grid.values())]
         return [{**grid, **variant} for variant in self.variants for grid in grids]
 
@@ -239,7 +239,7 @@ def _entry(value: Any) -> Any:
 
 
 class Suite(Strict):
-    """Scenarios × seeds × overrides × trackers, the time limit of a case, and what counts as worse."""
+    """Scenarios × seeds × overrides × trackers, the time limit of a case, and the tolerances."""
 
     former_names: ClassVar = {"beside": "reference"}
 
@@ -306,7 +306,7 @@ class Suite(Strict):
 
     @property
     def n_case(self) -> int:
-        """How many cases there are, without making them."""
+        """Number of cases, without making them."""
         return sum(
             len(entry.seeds or self.seeds)
             * len(entry.trackers or self.trackers)
@@ -316,7 +316,7 @@ class Suite(Strict):
         )
 
     def with_seed_offset(self, offset: int) -> Suite:
-        """The same suite with other seeds: this much is added to each."""
+        """Copy the suite with this number added to each seed."""
 
         def moved(seeds: tuple[int, ...] | None) -> tuple[int, ...] | None:
             return None if seeds is None else tuple(seed + offset for seed in seeds)
@@ -326,7 +326,7 @@ class Suite(Strict):
 
 
 def load_suite(name: str | Path) -> tuple[Suite, Path]:
-    """The suite of this name (shipped) or path, and its file. Raises InputError, every fault on one line."""
+    """Load the suite of this name (shipped) or path; return it and its file. Raises InputError, every fault on one line."""
     path = models.find("suites", str(name))
     expected = "a suite (name, scenarios, seeds, trackers)"
     content = parse_yaml(read_text(path, expected), str(path), expected)
@@ -334,5 +334,5 @@ def load_suite(name: str | Path) -> tuple[Suite, Path]:
 
 
 def find_scenario(entry: SuiteScenario, suite: Path, number: int) -> Path:
-    """The scenario's file; raises InputError naming the suite's, and the entry by its `number` there."""
+    """Find the scenario's file. Raises InputError naming the suite's file and the entry by its `number`."""
     return models.find("scenarios", entry.scenario, suite.parent, f"{suite}: scenarios.{number}.scenario")

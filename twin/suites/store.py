@@ -65,20 +65,20 @@ _FAULT_OF_FILE = {
 
 
 def fault_of_file(error: sqlite3.OperationalError) -> str | None:
-    """What is wrong with the place of a file of results; None where it is the file, or what we ask of it."""
+    """Describe a fault of the place of a results file; None where the file itself, or the query, is at fault."""
     fault = _FAULT_OF_FILE.get(error.sqlite_errorcode & 0xFF)
     return f"{fault} ({error})" if fault else None
 
 
 class ResultStore:
-    """The results of one run of a suite, opened by `open_store` for writing or by `read_store` for reading alone."""
+    """Results of one run of a suite, opened by `open_store` for writing or by `read_store` for reading."""
 
     def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
         self._connection = connection
         self.path = path
 
     def create(self, cases: Sequence[Case]) -> None:
-        """Make the tables of a new file, all cases waiting."""
+        """Create the tables of a new file, with all cases waiting."""
         self._connection.executescript(f"BEGIN IMMEDIATE;{_SCHEMA}COMMIT;")
         with self._writing():
             self._connection.executemany(
@@ -102,7 +102,7 @@ class ResultStore:
             )
 
     def resume(self, cases: Sequence[Case]) -> dict[str, list[str]]:
-        """Have cases run that were running when the run was killed, that failed, or that are made from other things now.
+        """Reset cases that were running when the run was killed, that failed, or whose inputs changed, so that they run again.
 
         Returns of the last, where they were done, by case_id what has changed (fields of `MadeFrom`).
         """
@@ -129,7 +129,7 @@ class ResultStore:
         return {case_id: parts for case_id, parts in changed.items() if parts and case_id in done}
 
     def started(self, case_id: str, attempt: int) -> None:
-        """Note that an attempt at a case begins."""
+        """Record that a case is tried."""
         with self._writing():
             self._connection.execute(
                 "UPDATE cases SET status = ?, attempts = ? WHERE case_id = ?", (RUNNING, attempt, case_id)
@@ -144,7 +144,7 @@ class ResultStore:
         moments: Sequence[Incident],
         recorded: RecordingInfo | None = None,
     ) -> None:
-        """Write a case's figures and what its recording holds, all or none."""
+        """Write a case's metrics and the digests of its recording, in one transaction."""
         recorded = recorded or RecordingInfo()
         overrides = json.dumps(case.overrides, ensure_ascii=False)
         with self._writing():
@@ -172,7 +172,7 @@ class ResultStore:
             )
 
     def failed(self, case_id: str, attempts: int, seconds: float, error: str) -> None:
-        """Note that a case has failed for good."""
+        """Record that a case has failed for good."""
         with self._writing():
             self._connection.execute(
                 "UPDATE cases SET status = ?, attempts = ?, seconds = ?, error = ? WHERE case_id = ?",
@@ -180,7 +180,7 @@ class ResultStore:
             )
 
     def note(self, **facts: Any) -> None:
-        """Keep facts about the run, by name; a value is anything that JSON can hold."""
+        """Write facts about the run, by name; a value is anything that JSON can hold."""
         with self._writing():
             self._connection.executemany(
                 "INSERT OR REPLACE INTO facts VALUES (?, ?)",
@@ -188,7 +188,7 @@ class ResultStore:
             )
 
     def facts(self) -> dict[str, Any]:
-        """The facts about the run."""
+        """Read the facts about the run; former names are replaced by the current ones."""
         rows = self._connection.execute("SELECT name, value FROM facts").fetchall()
         stored = {name: parse_json(str(value), f"{self.path}: facts.{name}", EXPECTED) for name, value in rows}
         former = {name: stored.pop(old) for old, name in FORMER_FACTS.items() if old in stored}
@@ -197,7 +197,7 @@ class ResultStore:
         return facts
 
     def cases(self) -> list[StoredCase]:
-        """Every case, in the suite's order."""
+        """Read every case, in the suite's order."""
         rows = self._connection.execute(
             "SELECT case_id, scenario, variant, overrides, seed, tracker, status, attempts, seconds, error "
             "FROM definitions JOIN cases USING (case_id) ORDER BY place"
@@ -206,7 +206,7 @@ class ResultStore:
         return checked(CASES, [dict(zip(names, row, strict=True)) for row in rows], f"{self.path}: cases")
 
     def metrics(self) -> dict[str, dict[str, float | None]]:
-        """The figures of each finished case, by its id."""
+        """Read the metrics of each finished case, by case id."""
         found: dict[str, dict[str, float | None]] = {}
         for case_id, metric, value in self._connection.execute("SELECT case_id, metric, value FROM results"):
             found.setdefault(case_id, {})[metric] = value
@@ -215,7 +215,7 @@ class ResultStore:
         return found
 
     def recorded(self) -> dict[str, RecordingInfo]:
-        """What the recording of each finished case holds, by the case's id; in files of before it was kept it is unknown."""
+        """Read the digests of each finished case's recording, by case id; files of older versions lack some."""
         columns = {row[1] for row in self._connection.execute("PRAGMA table_info(recordings)")}
         people = "people" if "people" in columns else "''"
         scatter: dict[str, dict[str, float]] = {}
@@ -230,7 +230,7 @@ class ResultStore:
         return checked(RECORDINGS, found, f"{self.path}: recordings")
 
     def moments(self, case_id: str) -> list[Incident]:
-        """The moments of a case, the worst second first, then in order of time."""
+        """Read the incidents of a case, the worst second first, then in order of time."""
         rows = self._connection.execute(
             "SELECT t_s, kind, what, severity FROM moments WHERE case_id = ? ORDER BY kind != 'worst', t_s", (case_id,)
         )

@@ -1,4 +1,4 @@
-"""How the file of a run's results is opened: a new one, an earlier one to go on with, or any of them to read."""
+"""Open the results file of a run: a new one, an earlier one to resume, or any of them for reading."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def open_store(
     resume: bool,
     warn: Callable[[str], object] = lambda warning: None,
 ) -> Iterator[ResultStore]:
-    """The results in `folder`, ours alone as long as the block runs.
+    """Open the results in `folder` for writing, locked as long as the block runs.
 
     A new file holds the cases and `facts`; with `resume` an earlier one is taken up, where there is one; cases that are
     made from other things since (scenario, room, tracker, files of knowledge) are done again, and `warn` is told. Raises
@@ -63,7 +63,7 @@ def open_store(
 
 @contextmanager
 def read_store(folder: Path) -> Iterator[ResultStore]:
-    """The results in `folder`, for reading, also while a run writes them; raises InputError where there are none."""
+    """Open the results in `folder` for reading, also while a run writes them. Raises InputError where there are none."""
     path = folder / RESULTS_FILE
     if not path.is_file():
         raise InputError(f"{folder}: has no {RESULTS_FILE}; a folder that `twin suite run` has written is expected")
@@ -74,7 +74,7 @@ def read_store(folder: Path) -> Iterator[ResultStore]:
 
 @contextmanager
 def _read_alone(path: Path) -> Iterator[sqlite3.Connection]:
-    """The file where nothing may be written beside it, as sqlite does else even to read; nobody writes it meanwhile."""
+    """Open a file in a read-only folder, where sqlite could not even read otherwise; no process writes it meanwhile."""
     if (waiting := path.with_name(f"{RESULTS_FILE}-wal")).exists() and waiting.stat().st_size:
         raise InputError(
             f"{path}: is read-only, and holds what a run has not finished writing; a file and a folder that this user may "
@@ -88,7 +88,7 @@ def _read_alone(path: Path) -> Iterator[sqlite3.Connection]:
 
 
 def rerun_warning(changed: Mapping[str, Sequence[str]], n_all: int) -> str:
-    """Say that results are done again: by the id of each, what has changed of what it is made from."""
+    """Format the warning that cases are run again, with the inputs that changed."""
     what = " and ".join(dict.fromkeys(part for parts in changed.values() for part in parts))
     first, *more = changed
     on = f" ({first} and {len(more)} more)" if more else f" ({first})"
@@ -96,7 +96,7 @@ def rerun_warning(changed: Mapping[str, Sequence[str]], n_all: int) -> str:
 
 
 def _is_defined(connection: sqlite3.Connection, path: Path) -> bool:
-    """Whether the file has all tables: a run that was killed at its very start leaves one without."""
+    """Return whether the file has all tables; a run killed at its very start leaves one without."""
     with _sound(path):
         query = "SELECT 1 FROM sqlite_master WHERE name = 'moments_of_case'"
         return connection.execute(query).fetchone() is not None

@@ -1,4 +1,4 @@
-"""What a file of results holds, checked where it is read: it may have been cut, or edited by hand."""
+"""Content of a results file, validated on reading: it may have been cut, or edited by hand."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class StoredCase:
 
 @dataclass(frozen=True)
 class RecordingInfo:
-    """What is known of a case's recording: digests of its bits and of its people's ways ("": unknown), and its scanners.
+    """Digests of a case's recording and of its people's motion ("": unknown), and its scanners' range noise.
 
     scatter_m: of each scanner's ranges, by where it is.
     """
@@ -59,7 +59,7 @@ class RecordingInfo:
 
 @dataclass(frozen=True)
 class Requirement:
-    """A bound of a figure that a tracker is to reach in a scenario, as a mean over its seeds."""
+    """Bound of a metric that a tracker has to reach in a scenario, as a mean over its seeds."""
 
     scenario: str
     overrides: Annotated[str, AfterValidator(_list_of_texts)]  # JSON, a list of texts
@@ -69,7 +69,7 @@ class Requirement:
 
 
 class Facts(Typed):
-    """What is known of a run as a whole."""
+    """Facts about a run as a whole."""
 
     model_config = ConfigDict(frozen=True)
 
@@ -110,7 +110,7 @@ INCIDENTS = TypeAdapter(list[Incident])
 
 
 def checked(kind: TypeAdapter[_Content], content: Any, source: str) -> _Content:
-    """The content as this kind; raises InputError naming the source, the place, the value and what is expected."""
+    """Validate content as this kind. Raises InputError naming the source, the place, the value and what is expected."""
     try:
         return kind.validate_python(content)
     except ValidationError as error:

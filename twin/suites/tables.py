@@ -1,4 +1,4 @@
-"""What a person at a terminal sees of a suite: progress on stderr, tables on stdout."""
+"""Tables of a suite's results: on the terminal, and in Markdown."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _MOST_ROWS = 30
 
 
 def print_results(results: Results, reference: str | None = None) -> None:
-    """The means over seeds, a row a scenario, variant and tracker; all trackers beside `reference`; and what failed."""
+    """Print means over seeds, one row per scenario, variant and tracker; differences from `reference`; failed cases."""
     table = Table()
     for name in ("scenario", "tracker", "seeds", "person-frames"):
         table.add_column(name)
@@ -58,13 +58,13 @@ def print_results(results: Results, reference: str | None = None) -> None:
 
 
 def _heading(metric: str) -> str:
-    """A figure's name and unit as rich shows them."""
+    """Format a metric's name and unit as a heading."""
     figure = METRICS[metric]
     return f"{figure.name}{f' [{figure.unit}]' if figure.unit else ''}"
 
 
 def _reference_table(results: Results, reference: str) -> Table:
-    """Mean differences of every other tracker, over all scenarios together."""
+    """Tabulate the mean differences of every other tracker from the reference, over all scenarios."""
     table = Table()
     table.add_column("tracker", no_wrap=True)
     table.add_column("cases", justify="right", no_wrap=True)
@@ -88,7 +88,7 @@ def print_comparison(
     folder: Path,
     shown: Sequence[str] = ("worse", "better"),
 ) -> None:
-    """What got worse, by how much, and where to look; what got better after it; warnings on stderr."""
+    """Print what got worse, by how much, and the incidents; what got better after it; notes on stderr."""
     console = _console()
     for warning in comparison.warnings:
         PlainConsole(stderr=True).print(f"warning: {warning}", soft_wrap=True)
@@ -117,7 +117,7 @@ def print_comparison(
 
 
 def _detectable_table(comparison: Comparison) -> Table:
-    """What the suite can notice, for the figures that a table has room for."""
+    """Tabulate the minimum detectable change of the headline metrics."""
     table = Table()
     table.add_column("where the metric is lost")
     shown = [each for each in comparison.detectable if each.metric in HEADLINE_METRICS]
@@ -138,7 +138,7 @@ def _detectable_table(comparison: Comparison) -> Table:
 
 
 def print_requirements(requirements: Sequence[RequirementCheck]) -> None:
-    """The promises that are broken, and how many are kept."""
+    """Print the requirements that are not met, and how many are met."""
     if not requirements:
         return
     console = _console()
@@ -189,7 +189,7 @@ _SHOWN = ("mota", "idf1", "hota", "id_switches", "misidentifications", "lost_tra
 
 
 def markdown_table(results: Results) -> str:
-    """Means over seeds, a row a scenario, variant and tracker; the best trackers of each scenario in bold."""
+    """Format means over seeds, one row per scenario, variant and tracker; the best of each scenario in bold."""
     heads = [METRICS[metric].name for metric in _SHOWN]
     lines = [
         _line(["scenario", "tracker", "seeds", "person-frames", *heads]),
@@ -201,7 +201,7 @@ def markdown_table(results: Results) -> str:
 
 
 def markdown_comparison(comparison: Comparison) -> str:
-    """What got worse and better, a row a figure, and the warnings; one line where nothing got worse."""
+    """Format what got worse and better, one row per metric, and the notes; one line where nothing got worse."""
     heads = ["", "scenario", "tracker", "metric", "before", "now", "change", "allowed", "p", "seeds"]
     told = [("worse", each) for each in comparison.worse] + [("better", each) for each in comparison.better]
     lines = [
@@ -245,7 +245,7 @@ def _rows_of_scenario(rows: list[tuple[GroupKey, Group]]) -> list[str]:
 
 
 def _column(metric: str, groups: list[Group]) -> list[str]:
-    """A figure of each tracker as text; the best, where not all are alike, in bold."""
+    """Format a metric of each tracker; the best, where not all are alike, in bold."""
     means = [mean_over_seeds(group.values(metric)) for group in groups]
     figure = METRICS[metric]
     texts = ["–" if mean is None else f"{mean.mean:.{figure.decimals or 1}f}" for mean in means]
@@ -261,5 +261,5 @@ def _line(cells: list[str]) -> str:
 
 
 def _cell(text: str) -> str:
-    """A text as part of one line: what a user has written neither ends a cell nor is a tag."""
+    """Escape a text for a table cell: a user's text neither ends a cell nor is a tag."""
     return shown(" ".join(text.split())).replace("|", "\\|").replace("<", "&lt;")

@@ -27,7 +27,7 @@ _NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
 
 @dataclass(frozen=True)
 class CallResult:
-    """How an attempt ended: the value where it is done, else a message, with the log's tail where it raised."""
+    """Result of one call: the value where it is done, else a message, with the traceback where it raised."""
 
     status: CallStatus
     value: Any
@@ -36,7 +36,7 @@ class CallResult:
 
 
 def call_task(function: Callable[[Any], Any], work: Any, limit_s: float, log: Path | None, killed: bool) -> CallResult:
-    """Call `function(work)`; whatever it raises comes back as a value, so that no exception has to travel.
+    """Call `function(work)`; exceptions come back as a value, so that none has to travel.
 
     log: file that holds all that the process writes meanwhile, stacks of a crash included (None: none). killed: whether
     a call that outlasts `limit_s` [s] takes its process down, its stacks in the log; this works also where the call
@@ -64,13 +64,13 @@ def call_task(function: Callable[[Any], Any], work: Any, limit_s: float, log: Pa
 
 
 def _format_error(error: BaseException) -> str:
-    """What was raised, on a line of its own, and then how it came to it."""
+    """Format an exception: its message on a line of its own, then the traceback."""
     what = str(error) if isinstance(error, PlugInError) else f"{type(error).__name__}: {error}"
     return f"{first_line(what)}\n{traceback.format_exc()}"
 
 
 def log_tail(log: Path | None) -> str:
-    """The end of a log; "" where there is none."""
+    """Read the end of a log; "" where there is none."""
     if log is None or not log.is_file():
         return ""
     with log.open("rb") as stream:
@@ -80,7 +80,7 @@ def log_tail(log: Path | None) -> str:
 
 @contextmanager
 def _logged(log: Path | None, deadline_s: float | None) -> Iterator[None]:
-    """What the process writes goes to the log; past the deadline [s] the stacks go there too, and the process ends."""
+    """Redirect the process's output to the log; past the deadline [s] write the stacks there too and exit."""
     if log is None or not log.parent.is_dir():  # another machine, without our folders
         with _watched(deadline_s, 2):
             yield
@@ -141,7 +141,7 @@ class Task:
 
 @dataclass(frozen=True)
 class TaskResult:
-    """How a task ended: the value where it is done, else the error, several lines where there is a log."""
+    """Result of a task: the value where it is done, else the error, several lines where there is a log."""
 
     task: Task
     status: Literal["done", "failed"]
@@ -153,7 +153,7 @@ class TaskResult:
 
 @dataclass(frozen=True)
 class State:
-    """How far a run of tasks is; `workers`: how many there are now."""
+    """State of a run of tasks; `workers`: their present number."""
 
     waiting: int
     running: int
@@ -168,7 +168,7 @@ class OutOfSpaceError(InputError):
 
 @dataclass
 class TaskListener:
-    """Whom to tell, in the caller's thread: of each start (task, attempt), each end, and how far it is."""
+    """Callbacks in the caller's thread: each start (task, number of the try), each end, and the state."""
 
     started: Callable[[Task, int], object] = lambda task, number: None
     ended: Callable[[TaskResult], object] = lambda ended: None
@@ -176,7 +176,7 @@ class TaskListener:
 
 
 class TaskQueue:
-    """The tasks to do, in order, and what has become of the others."""
+    """Queue of the tasks to do, in order, with the counts of those that ended."""
 
     def __init__(self, tasks: Iterable[Task], listener: TaskListener) -> None:
         self._waiting = deque(tasks)
@@ -191,7 +191,7 @@ class TaskQueue:
         return len(self._waiting)
 
     def take(self) -> tuple[Task, int] | None:
-        """The next task that may start now, and which attempt it is; None where none may.
+        """Take the next task that may start now, and the number of its try; None where none may.
 
         Those that make something for others go first: they take longest, and the others then fill the gaps.
         """
@@ -212,14 +212,14 @@ class TaskQueue:
         return task, number
 
     def interrupted(self, task: Task, seconds: float, error: str) -> None:
-        """The worker is gone: try again, or give up."""
+        """Retry a task whose worker is gone, or fail it after the last retry."""
         if self._attempts[task.id] <= MAX_RETRIES:
             self._waiting.appendleft(task)
         else:
             self._end(task, "failed", seconds, error=error)
 
     def ended(self, task: Task, result: CallResult, log: Path | None) -> None:
-        """The attempt came to its end. What it raised it would raise again: no second attempt."""
+        """End a task whose call returned or raised; an exception would be raised again, so there is no retry."""
         if result.status == "no space":
             raise OutOfSpaceError(
                 f"{result.message}; a disk with free space is needed, and --resume then does the rest"
@@ -241,7 +241,7 @@ class TaskQueue:
         self._listener.ended(TaskResult(task, status, self._attempts.pop(task.id), seconds, value, error))
 
     def report(self, running: int, workers: int) -> None:
-        """Tell how far it is."""
+        """Report the state to the listener."""
         self._listener.state(State(len(self._waiting), running, self.done, self.failed, workers))
 
 

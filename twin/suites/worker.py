@@ -1,4 +1,4 @@
-"""What a worker does with a case: record, unless that has been done, then track and evaluate."""
+"""Run one case on a worker: record, unless that has been done, then track and evaluate."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class CaseWork:
 
 @dataclass(frozen=True)
 class Incident:
-    """Something to look at in a case: an event of the evaluation, or WORST, the middle of the worst second by OSPA."""
+    """An event of the evaluation, or WORST: the middle of the worst second by OSPA."""
 
     t_s: float
     kind: str
@@ -78,7 +78,7 @@ class Incident:
 
 @dataclass(frozen=True)
 class CaseResult:
-    """What a case gave: the tracker's entry of `metrics.json`, the moments, the files of its folder, how it was made.
+    """Result of a case: the tracker's entry of `metrics.json`, incidents, the files of its folder, provenance.
 
     recording: a digest of what was recorded, bit by bit; people: one of their ways; scatter_m: of each scanner's ranges, by
     where it is; doubts: what the tracker warns of.
@@ -151,12 +151,12 @@ def run_case(work: CaseWork) -> CaseResult:
 
 
 def resolved_scenario(case: Case) -> Scenario:
-    """The case's scenario, seed included, without trackers."""
+    """Parse the case's scenario, seed included, without trackers."""
     return validate(Scenario, parse_yaml(case.resolved, case.id, "a resolved scenario"), case.id)
 
 
 def renderer_of(scenario: Scenario) -> str:
-    """The OpenGL that draws here and with what switched on, or NO_RENDERER for a scenario without cameras.
+    """Name the OpenGL that draws here and its switches, or NO_RENDERER for a scenario without cameras.
 
     Raises InputError where there is no OpenGL.
     """
@@ -173,12 +173,12 @@ def _renderer() -> str:
 
 
 def record(scenario: Scenario, folder: Path, staged: Staged | None = None) -> None:
-    """Simulate a scenario into a folder: its recording, and the truth as a table; of people who have moved before, if any."""
+    """Simulate a scenario into a folder: its recording, and the truth as a table. `staged`: precomputed motion, if any."""
     run_scenario(scenario, trackers=[], out=folder, video=False, staged=staged)
 
 
 def _incidents(evaluation: Evaluation, scenario: Scenario) -> list[Incident]:
-    """The worst second, then the events, each a moment; stamps of a twin's recording count from its start."""
+    """List the worst second, then the events; stamps of a twin's recording count from its start."""
     names = dict(enumerate(scenario.people, start=1))
     moments = []
     if evaluation.stamps_ns.size:
@@ -203,7 +203,7 @@ _FILE = "motion.npz"
 
 
 def cached_motion(cache: RecordingCache, scenario: Scenario) -> Staged:
-    """The scenario's people and their motion, from the cache or moved for it; raises InputError as a simulation does."""
+    """Load the scenario's motion from the cache, or compute it. Raises InputError as a simulation does."""
 
     def make(folder: Path) -> None:
         moved(scenario).save(folder / _FILE)
@@ -220,7 +220,7 @@ _ONE_SURFACE_M = 0.05
 
 
 def people_digest(truth: Path) -> str:
-    """Digests of where people are in a `truth.csv`, at its first whole second and at all; "" where no moment is one.
+    """Digest the positions of people in a `truth.csv`: at its first whole second, and at all; "" where there is none.
 
     They are the same whatever sensors look at them, and in whatever order they are named; the first one is also the same
     however long they are looked at.
@@ -237,7 +237,7 @@ def people_digest(truth: Path) -> str:
 
 
 def range_scatter_m(recording: Path, scenario: Scenario) -> dict[str, float]:
-    """Of each scanner, by where it is, the σ of a range [m]: of two scans in a row, where a beam meets one surface in both.
+    """Compute each scanner's σ of a range [m], by its place, from consecutive scans where a beam meets one surface in both.
 
     People who move add to it, the same in every recording of them. Scanners at one place count as one.
     """
@@ -261,5 +261,5 @@ def range_scatter_m(recording: Path, scenario: Scenario) -> dict[str, float]:
 
 
 def scanner_name(xyz: tuple[float, float, float]) -> str:
-    """A scanner by where it is [m, room frame]: whatever it is called, from there it sees what it saw."""
+    """Name a scanner by its position [m, room frame]: names of sensors may differ between runs."""
     return "scanner at " + ", ".join(f"{value:g}" for value in xyz)

@@ -121,11 +121,11 @@ def test_a_run_killed_in_the_middle_is_resumed_and_nothing_is_done_twice(suite: 
         "from synthetic_cases import result_of\n"
         "from twin.suites.cache import RecordingCache\n"
         "from twin.suites.spec import load_suite\n"
-        "from twin.suites.cluster import Place\n"
+        "from twin.suites.cluster import Workers\n"
         "from twin.suites.run import run_suite\n"
         "if __name__ == '__main__':\n"
         "    suite, path = load_suite(sys.argv[1])\n"
-        "    run_suite(suite, path, Path(sys.argv[2]), RecordingCache(Path(sys.argv[2]) / 'c', 1), Place(jobs=2), "
+        "    run_suite(suite, path, Path(sys.argv[2]), RecordingCache(Path(sys.argv[2]) / 'c', 1), Workers(jobs=2), "
         "function=result_of)\n"
     )
     script = tmp_path / "run_it.py"
