@@ -15,9 +15,9 @@ from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any
 
 from trackers.camera_floor_particle import rules as floor_rules
+from trackers.deep_merge import deep_merge
 from trackers.errors import InputError
 from trackers.laser_fisheye_imm.rules import PAPER
-from trackers.merging import laid_over
 from trackers.rgbd_head import rules as head_rules
 
 if TYPE_CHECKING:
@@ -193,7 +193,7 @@ def make_tracker(
         raise InputError(
             f"tracker {name!r} is unknown; {hint}valid ones are {', '.join(known)}, or a class of yours as module:Class"
         )
-    maker, given = _load(preset.target, name), laid_over(preset.options, options or {})
+    maker, given = _load(preset.target, name), deep_merge(preset.options, options or {})
     try:
         return maker(rig, Knowledge.of(background), rng, **given)
     except InputError as error:  # a class calls itself by one name, whatever it was asked for by

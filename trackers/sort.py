@@ -12,8 +12,8 @@ from trackers.filters.gating import distances, mahalanobis
 from trackers.laser.group import people_seen, scanner_groups
 from trackers.observations import NS_PER_S
 from trackers.tracking.association import Stage, associate
-from trackers.tracking.moment_tracker import MomentTracker
-from trackers.tracking.moments import MomentRules
+from trackers.tracking.synced_frames import SyncPolicy
+from trackers.tracking.synced_tracker import SynchronizedTracker
 from trackers.tracks import Track
 
 
@@ -32,7 +32,7 @@ class SortOptions(Strict):
     coast_s: float = Field(default=2.0, ge=0, description="and when it ends; a tentative one at its first miss [s]")
 
 
-class Sort(MomentTracker):
+class Sort(SynchronizedTracker):
     """Trunks, else legs, of all scanners; a Kalman filter a person. Raises InputError for a rig without a scanner."""
 
     def __init__(self, rig, background=(), rng=None, **options):
@@ -40,7 +40,7 @@ class Sort(MomentTracker):
         self.groups, self.area = scanner_groups(rig, list(background)), Area(rig.area, 0.3) if rig.area else None
         used = tuple(name for group in self.groups.values() for name in group.names)
         self.unused_sensors = [name for name in rig.sensors if name not in used]
-        super().__init__(MomentRules(used, main=rig.main_sensor if rig.main_sensor in used else None))
+        super().__init__(SyncPolicy(used, main=rig.main_sensor if rig.main_sensor in used else None))
         self.people, self.ns, self.last_id, self.seen = [], 0, 0, []
 
     def _work_all(self, moments):

@@ -41,8 +41,8 @@ _BY_FILE = {
     ],
     "trackers/filters/gating.py": [
         ("radius not squared", "validation_region", "_A ** 2", "_A"),
-        ("cross term halved", "deviations", "2 * s_xy", "s_xy"),
-        ("tails of the square root", "deviations", "_A + 2", "(_A + 2) / 2"),
+        ("cross term halved", "mahalanobis_distances", "2 * s_xy", "s_xy"),
+        ("tails of the square root", "mahalanobis_distances", "_A + 2", "(_A + 2) / 2"),
         (
             "nearest for optimal assignment",
             "global_nearest_neighbour",
@@ -50,10 +50,10 @@ _BY_FILE = {
             "(np.arange(len(_A)), np.where(_A, _B, _C).argmin(axis=1))",
         ),
     ],
-    "trackers/filters/absence.py": [
-        ("mean square left in the variance", "not_seen", "uu - mean_u ** 2", "uu"),
-        ("existence by who would be seen", "existence_unseen", "there * missed", "there * (1 - missed)"),
-        ("evidence upside down", "existence_measured", "_A * _B", "_A / _B"),
+    "trackers/filters/negative_information.py": [
+        ("mean square left in the variance", "update_missed", "uu - mean_u ** 2", "uu"),
+        ("existence by who would be seen", "existence_after_miss", "there * missed", "there * (1 - missed)"),
+        ("evidence upside down", "existence_after_detection", "_A * _B", "_A / _B"),
     ],
     "trackers/filters/circular.py": [
         ("arctangent's arguments exchanged", "circular_mean", "np.arctan2(_A, _B)", "np.arctan2(_B, _A)"),
@@ -76,10 +76,10 @@ _BY_FILE = {
         ("confirmed a frame late", "measured_for_longer", "_A - _B + nanoseconds(_C)", "_A - _B"),
         ("clear of anybody, not of everybody", "clear_of", "distances(_A, _B).min", "distances(_A, _B).max"),
     ],
-    "trackers/tracking/moments.py": [
+    "trackers/tracking/synced_frames.py": [
         (
             "joins within a period, not half of one",
-            "MomentGatherer._learn_period",
+            "FrameSynchronizer._learn_period",
             "min(round(_A * _B), *_C) // 2",
             "min(round(_A * _B), *_C)",
         ),
@@ -103,10 +103,15 @@ _BY_FILE = {
         ("pushed towards the scanner", "pushed_back", "1 + _A / _B", "1 - _A / _B"),
         ("farther taken for nearer", "_hidden", "_A - _B", "_A + _B"),
     ],
-    "trackers/laser/free_space.py": [
-        ("rotation not transposed", "FreeSpace.__init__", "_A[:2, :2].T", "_A[:2, :2]"),
-        ("a beam more is asked for", "FreeSpace.seen", "self._least - 1", "self._least"),
-        ("seen before, not behind", "FreeSpace.seen", "distance + options.behind_m", "distance - options.behind_m"),
+    "trackers/laser/detection_model.py": [
+        ("rotation not transposed", "DetectionModel.__init__", "_A[:2, :2].T", "_A[:2, :2]"),
+        ("a beam more is asked for", "DetectionModel.seen", "self._least - 1", "self._least"),
+        (
+            "seen before, not behind",
+            "DetectionModel.seen",
+            "distance + options.behind_m",
+            "distance - options.behind_m",
+        ),
     ],
     "trackers/laser/group.py": [
         ("what one beam shows starts a track", "ScannerGroup.firm", "self._least", "1"),
@@ -180,7 +185,7 @@ _BY_FILE = {
         (
             "every measurement is proof",
             "existence_paired",
-            "existence_measured(np.maximum(_A, _B), np.exp(-0.5 * _C))",
+            "existence_after_detection(np.maximum(_A, _B), np.exp(-0.5 * _C))",
             "np.ones_like(_A)",
         ),
     ],
@@ -219,16 +224,16 @@ _BY_FILE = {
             "seen.histograms[looked]",
         ),
     ],
-    "trackers/laser_fisheye_imm/life.py": [
-        ("bodies three times as far apart", "Life.unseen.not_shown", "rules.apart_m", "3 * rules.apart_m"),
-        ("negative evidence left out", "Life.unseen", "people.state.replaced(unseen, state)", "people.state"),
-        ("a long gap ends nobody", "Life._goes_on", "_A - _B <= nanoseconds(_C)", "True"),
+    "trackers/laser_fisheye_imm/track_manager.py": [
+        ("bodies three times as far apart", "TrackManager.unseen.not_shown", "rules.apart_m", "3 * rules.apart_m"),
+        ("negative evidence left out", "TrackManager.unseen", "people.state.replaced(unseen, state)", "people.state"),
+        ("a long gap ends nobody", "TrackManager._goes_on", "_A - _B <= nanoseconds(_C)", "True"),
     ],
-    "trackers/tracking/repeats.py": [
-        ("a hung sensor is believed", "Repeats.repeats", "_A == 0", "False"),
+    "trackers/tracking/stale_frames.py": [
+        ("a hung sensor is believed", "StaleFrameDetector.repeats", "_A == 0", "False"),
         (
             "noise is never forgotten",
-            "Repeats.repeats",
+            "StaleFrameDetector.repeats",
             "n >= _LEAST and 2 * n_changed >= n",
             "n >= _LEAST and 2 * n_changed >= n or self._noisy.get(sensor, False)",
         ),
@@ -267,7 +272,7 @@ _BY_FILE = {
             "-looks.learned_ns[waiting]",
         ),
     ],
-    "trackers/laser_vision_learning/recognition.py": [
+    "trackers/laser_vision_learning/reidentification.py": [
         ("moved back to the picture", "Recognition._shown", "_A + _B * _C", "_A - _B * _C"),
     ],
     "trackers/learning/boosting.py": [
@@ -358,7 +363,7 @@ _BY_FILE = {
         ),
     ],
     "trackers/rgbd_head/picture.py": [
-        ("depth for range", "Watcher.__init__", "1000 * _A", "np.full_like(_A, 1000)"),
+        ("depth for range", "CameraFrontEnd.__init__", "1000 * _A", "np.full_like(_A, 1000)"),
     ],
     "trackers/rgbd_head/colours.py": [
         ("blue for red", "_numbers", "cv2.COLOR_RGB2YCrCb", "cv2.COLOR_BGR2YCrCb"),

@@ -17,7 +17,7 @@ from trackers.presets import make_tracker
 from trackers.rgbd_head.colours import HeadColours
 from trackers.rgbd_head.learned import SHIPPED, load_learned
 from trackers.rgbd_head.options import WeightOptions
-from trackers.rgbd_head.picture import Watcher
+from trackers.rgbd_head.picture import CameraFrontEnd
 from trackers.rgbd_head.weighing import Weigher
 from trackers.rig import Rig, StereoSensor
 from twin import Simulation, load_scenario
@@ -47,7 +47,7 @@ def measure() -> Iterator[Figure]:
     assert isinstance(sensor, StereoSensor)
     assert isinstance(image, DepthImage)
     learned, options = load_learned(SHIPPED), WeightOptions()
-    watcher = Watcher(sensor, [each for each in known if each.sensor == "stereo_1"], learned, options)
+    watcher = CameraFrontEnd(sensor, [each for each in known if each.sensor == "stereo_1"], learned, options)
     picture = watcher.ready(image)
     assert picture is not None
     weigher = Weigher([watcher])

@@ -7,11 +7,17 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from scipy import stats
 
-from trackers.filters.absence import chance_unseen, chance_within, existence_measured, existence_unseen, not_seen
 from trackers.filters.heading_motion import HeadingMotion
 from trackers.filters.imm import Imm
 from trackers.filters.imm_state import ImmState
 from trackers.filters.motion import KALMAN_MODELS, SPEED
+from trackers.filters.negative_information import (
+    existence_after_detection,
+    existence_after_miss,
+    miss_probability,
+    probability_within,
+    update_missed,
+)
 from trackers.filters.velocity_motion import VelocityMotion
 
 ALONG_X = np.array([[1.0], [0.0]])
@@ -26,7 +32,7 @@ def walking_to(x_m_s: float = 1.0, n_coasted: int = 5, models=None) -> ImmState:
 
 def test_a_look_that_shows_nothing_anywhere_says_nothing():
     state = walking_to()
-    after, chance = not_seen(state, lambda at: np.ones(at.shape[1:]), ALONG_X)
+    after, chance = update_missed(state, lambda at: np.ones(at.shape[1:]), ALONG_X)
     np.testing.assert_allclose(after.mean, state.mean, atol=1e-12)
     np.testing.assert_allclose(after.covariance, state.covariance, atol=1e-12)
     np.testing.assert_allclose(after.probability, state.probability, atol=1e-12)
@@ -41,7 +47,7 @@ def test_moments_are_those_of_the_density_times_the_chance_of_a_miss():
     def missed(at):
         return 1 / (1 + np.exp(3 * (at[0] - at[1] - 0.3 * deviation) / deviation))
 
-    after, chance = not_seen(state, missed, ALONG_X)
+    after, chance = update_missed(state, missed, ALONG_X)
     drawn = place.rvs(400_000, random_state=np.random.default_rng(1)).T
     weight = missed(drawn)
     assert chance[0] == pytest.approx(weight.mean(), abs=0.01)
@@ -52,7 +58,7 @@ def test_moments_are_those_of_the_density_times_the_chance_of_a_miss():
 
 def test_the_speed_follows_the_position_by_their_covariance():
     state = walking_to(models=KALMAN_MODELS)
-    after, _ = not_seen(state, lambda at: (at[0] < 0).astype(float), ALONG_X)
+    after, _ = update_missed(state, lambda at: (at[0] < 0).astype(float), ALONG_X)
     P, moved = state.covariance[..., 0, 0], after.mean[:, 0, 0] - state.mean[:, 0, 0]
     assert moved[0] < 0
     assert after.mean[SPEED, 0, 0] < state.mean[SPEED, 0, 0]
@@ -64,7 +70,7 @@ def test_modes_that_put_the_target_where_it_would_be_seen_lose_weight():
     spread = state.mean.copy()
     spread[0, :, 0] = [-1.0, 0.0, 1.0]
     state = ImmState(spread, state.covariance, state.probability)
-    after, _ = not_seen(state, lambda at: np.where(at[0] < -0.5, 1.0, 0.05), ALONG_X)
+    after, _ = update_missed(state, lambda at: np.where(at[0] < -0.5, 1.0, 0.05), ALONG_X)
     hidden = stats.norm.cdf(-0.5, spread[0, :, 0], np.sqrt(state.covariance[0, 0, :, 0]))
     expected = state.probability[:, 0] * (hidden + 0.05 * (1 - hidden))
     np.testing.assert_allclose(after.probability[:, 0], expected / expected.sum(), atol=0.1)
@@ -73,7 +79,7 @@ def test_modes_that_put_the_target_where_it_would_be_seen_lose_weight():
 
 def test_a_target_that_would_surely_have_been_seen_stays_where_the_model_has_it():
     state = walking_to()
-    after, chance = not_seen(state, lambda at: np.zeros(at.shape[1:]), ALONG_X)
+    after, chance = update_missed(state, lambda at: np.zeros(at.shape[1:]), ALONG_X)
     np.testing.assert_allclose(after.mean, state.mean, atol=1e-12)
     np.testing.assert_allclose(after.covariance, state.covariance, atol=1e-12)
     assert chance[0] <= 1e-3
@@ -82,7 +88,7 @@ def test_a_target_that_would_surely_have_been_seen_stays_where_the_model_has_it(
 def test_a_position_known_exactly_stays_finite():
     state = walking_to()
     known = ImmState(state.mean, np.zeros_like(state.covariance), state.probability)
-    after, _ = not_seen(known, lambda at: (at[0] < 0).astype(float), ALONG_X)
+    after, _ = update_missed(known, lambda at: (at[0] < 0).astype(float), ALONG_X)
     for values in (after.mean, after.covariance, after.probability):
         assert np.isfinite(values).all()
     np.testing.assert_allclose(after.mean, known.mean, atol=1e-5)
@@ -99,7 +105,7 @@ def test_a_position_known_exactly_stays_finite():
 def test_nothing_makes_a_covariance_that_is_none(angle, edge_m, seen, speed_m_s, n_coasted):
     state = walking_to(speed_m_s, n_coasted)
     hidden = lambda at: np.where(at[0] * np.cos(angle) + at[1] * np.sin(angle) < edge_m, 1.0, 1 - seen)  # noqa: E731
-    after, chance = not_seen(state, hidden, ALONG_X)
+    after, chance = update_missed(state, hidden, ALONG_X)
     assert 0 < chance[0] <= 1 + 1e-9
     assert np.linalg.eigvalsh(after.covariance.T).min() > -1e-9
     assert after.probability.sum() == pytest.approx(1)
@@ -114,7 +120,7 @@ def test_a_turned_room_is_the_same_room(angle, edge_m, way):
     def after(turned):
         state = imm.predict_over(imm.start(np.zeros((1, 2)), velocity @ turned.T, 0.02, 0.2), 0.5, 0.1)
         missed = lambda at: np.where(np.einsum("i,i...->...", turned[:, 0], at) < edge_m, 1.0, 0.1)  # noqa: E731
-        return not_seen(state, missed, imm.velocity(state))
+        return update_missed(state, missed, imm.velocity(state))
 
     (here, chance), (there, chance_there) = after(np.eye(2)), after(R)
     assert chance_there[0] == pytest.approx(chance[0])
@@ -131,7 +137,7 @@ def test_existence_is_bayes_over_left_there_unseen_and_seen(existence, missed, e
     stays = existence * np.exp(-elapsed_s / survival_s)
     outcomes = {"gone": 1 - stays, "unseen": stays * missed, "seen": stays * (1 - missed)}
     expected = outcomes["unseen"] / (outcomes["gone"] + outcomes["unseen"])
-    got = existence_unseen(np.array([existence]), np.array([missed]), elapsed_s, survival_s)
+    got = existence_after_miss(np.array([existence]), np.array([missed]), elapsed_s, survival_s)
     assert got[0] == pytest.approx(expected, rel=1e-12)
     assert got[0] < existence
 
@@ -139,9 +145,9 @@ def test_existence_is_bayes_over_left_there_unseen_and_seen(existence, missed, e
 def test_who_cannot_be_seen_fades_as_people_leave_and_in_plain_sight_at_once():
     hidden, plain = np.ones(1), np.ones(1)
     for _ in range(100):
-        hidden = existence_unseen(hidden, np.ones(1), 0.1, 10.0)
+        hidden = existence_after_miss(hidden, np.ones(1), 0.1, 10.0)
     for _ in range(3):
-        plain = existence_unseen(plain, np.full(1, 0.05), 0.1, 10.0)
+        plain = existence_after_miss(plain, np.full(1, 0.05), 0.1, 10.0)
     assert hidden[0] == pytest.approx(np.exp(-1))
     assert plain[0] < 0.02
 
@@ -149,7 +155,7 @@ def test_who_cannot_be_seen_fades_as_people_leave_and_in_plain_sight_at_once():
 @given(PROBABILITIES, st.floats(1e-3, 1e3))
 def test_existence_is_bayes_over_theirs_and_not(existence, likelihood_ratio):
     odds = existence / (1 - existence) * likelihood_ratio
-    got = existence_measured(np.array([existence]), np.array([likelihood_ratio]))
+    got = existence_after_detection(np.array([existence]), np.array([likelihood_ratio]))
     assert got[0] == pytest.approx(odds / (1 + odds), rel=1e-9)
 
 
@@ -159,8 +165,8 @@ def test_how_probably_a_look_shows_nothing_is_over_all_places_and_modes(edge_m, 
     missed = lambda at: np.where(at[0] > edge_m, missed_beyond, 1.0)  # noqa: E731
     beyond = 1 - stats.norm.cdf(edge_m, state.mean[0, :, 0], np.sqrt(state.covariance[0, 0, :, 0]))
     expected = state.probability[:, 0] @ (1 - (1 - missed_beyond) * beyond)
-    assert chance_unseen(state, missed, ALONG_X)[0] == pytest.approx(expected, abs=0.12)
-    assert chance_unseen(state, missed, ALONG_X)[0] == pytest.approx(not_seen(state, missed, ALONG_X)[1][0])
+    assert miss_probability(state, missed, ALONG_X)[0] == pytest.approx(expected, abs=0.12)
+    assert miss_probability(state, missed, ALONG_X)[0] == pytest.approx(update_missed(state, missed, ALONG_X)[1][0])
 
 
 @settings(max_examples=30, deadline=None)
@@ -180,7 +186,7 @@ def test_the_chance_to_be_within_a_radius_is_that_of_the_density(variances, corr
     drawn = np.random.default_rng(0).multivariate_normal(mean, covariance, 4000)
     expected = (np.hypot(*(drawn - mean).T) <= radius_m).mean()
     along = np.array([[np.cos(way)], [np.sin(way)]])
-    (chance,) = chance_within(track, mean[None], radius_m, along)
+    (chance,) = probability_within(track, mean[None], radius_m, along)
     # the grid is .6 standard deviations wide: its rings are in or out as a whole
     assert chance == pytest.approx(expected, abs=0.15)
 
@@ -189,7 +195,7 @@ def test_the_chance_to_be_within_a_radius_grows_with_it_and_falls_with_time():
     now, later = walking_to(n_coasted=1), walking_to(n_coasted=20)
     for state in (now, later):
         centre = (state.mean[:2] * state.probability).sum(axis=1).T
-        chances = [chance_within(state, centre, radius_m, ALONG_X)[0] for radius_m in (0.1, 0.5, 1.0, 50.0)]
+        chances = [probability_within(state, centre, radius_m, ALONG_X)[0] for radius_m in (0.1, 0.5, 1.0, 50.0)]
         assert chances == sorted(chances) and chances[-1] == pytest.approx(1)
     at = [(state.mean[:2] * state.probability).sum(axis=1).T for state in (now, later)]
-    assert chance_within(now, at[0], 0.5, ALONG_X) > 0.95 > 0.5 > chance_within(later, at[1], 0.5, ALONG_X)
+    assert probability_within(now, at[0], 0.5, ALONG_X) > 0.95 > 0.5 > probability_within(later, at[1], 0.5, ALONG_X)

@@ -9,7 +9,7 @@ from synthetic_room import Walk, body, cast, straight_walk
 from trackers.errors import InputError
 from trackers.laser.background import KnownBackground, LearnedBackground
 from trackers.laser.bearings import BearingGrid, beams_of_turn, counter_clockwise
-from trackers.laser.free_space import FreeSpace, FreeSpaceOptions
+from trackers.laser.detection_model import DetectionModel, DetectionOptions
 from trackers.laser.layer import KneeOptions, LaserLayer, WaistOptions
 from trackers.observations import NS_PER_S, LaserScan
 from trackers.rig import LaserSensor, Pose
@@ -194,7 +194,7 @@ def test_a_turn_whose_last_beam_looks_where_the_first_did_counts_it_once():
 
 def test_free_space_of_a_full_turn_has_no_gap_at_its_seam():
     points = 2.0 * np.stack([np.cos(a := np.linspace(0, 2 * np.pi, 721)), np.sin(a)])
-    space = FreeSpace(LaserSensor(topic="/scan"), FreeSpaceOptions(detected=0.9))
+    space = DetectionModel(LaserSensor(topic="/scan"), DetectionOptions(detected=0.9))
     for count in (455, 456, 720):
         for first in (-np.pi, 0.0, 1.234):
             scan = LaserScan("scan", 0, np.full(count, 5.0, np.float32), first, 2 * np.pi / (count + 0.4), 0.05, 8.0)

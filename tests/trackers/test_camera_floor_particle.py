@@ -18,7 +18,7 @@ from trackers.camera_floor_particle.loads import FloorWatch
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions, ExclusionOptions, MotionOptions
 from trackers.camera_floor_particle.pan import GRID, Looks, pan_bin, turned, walk as walk_of
 from trackers.camera_floor_particle.people import PAN_BINS
-from trackers.camera_floor_particle.views import Watchers, padded_roots, shows_floor
+from trackers.camera_floor_particle.views import CameraFrontEnds, padded_roots, shows_floor
 from trackers.errors import InputError
 from trackers.filters.circular import diffused, drawn
 from trackers.observations import NS_PER_S, FloorFrame, Image
@@ -320,7 +320,7 @@ def test_old_and_broken_frames_say_nothing():
 @pytest.mark.parametrize("pixels", ["foreground", "all"])
 def test_windows_are_like_references_by_the_bhattacharyya_coefficient(pixels):
     options = CameraFloorParticleOptions.model_validate({"head": {"window": {"pixels": pixels, "stride": 1}}})
-    views = Watchers(RIG.cameras(), ROOM, options).views({each.sensor: each for each in SEEN[:4]})
+    views = CameraFrontEnds(RIG.cameras(), ROOM, options).views({each.sensor: each for each in SEEN[:4]})
     places = np.column_stack([*np.c_[WALK[0], [1.3, 1.3, 1.3]], [0.9, 0.0, 1.2]])
     at, seen, _ = views.look(places)
     view, window = views[1], options.head.window

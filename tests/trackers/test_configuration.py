@@ -16,8 +16,8 @@ from synthetic_room import rig
 
 import trackers.presets
 from trackers.configuration import Strict, validate
+from trackers.deep_merge import deep_merge
 from trackers.errors import InputError
-from trackers.merging import laid_over
 from trackers.presets import PRESETS, Preset, make_tracker
 from trackers.rgbd_head.options import Start
 
@@ -79,7 +79,7 @@ def test_setting_one_option_of_a_preset_changes_that_one_alone(data: st.DataObje
     preset, path = data.draw(st.sampled_from(EVERY_OPTION))
     before = options_of(preset)
     value = data.draw(valid_values(before, path))
-    given_options = laid_over(PRESETS[preset].options, nested(path, value))
+    given_options = deep_merge(PRESETS[preset].options, nested(path, value))
     after = leaves(validate(type(before), given_options, "options"))
     assert after == leaves(before) | {path: value}
 

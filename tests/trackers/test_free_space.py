@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trackers.laser.free_space import FreeSpace, FreeSpaceOptions
+from trackers.laser.detection_model import DetectionModel, DetectionOptions
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor, Pose
 
 WALL_M = 4.0
-SURE = FreeSpaceOptions(detected=0.9)
+SURE = DetectionOptions(detected=0.9)
 
 
 def scan(*nearer: tuple[float, float, float], field_deg: float = 180.0) -> LaserScan:
@@ -23,7 +23,7 @@ def scan(*nearer: tuple[float, float, float], field_deg: float = 180.0) -> Laser
 
 
 def seen(at: LaserScan, *points: tuple[float, float], sensor: LaserSensor | None = None, options=SURE) -> list[float]:
-    space = FreeSpace(sensor or LaserSensor(topic="/waist"), options)
+    space = DetectionModel(sensor or LaserSensor(topic="/waist"), options)
     return space.seen(at, np.array(points, float).T).tolist()
 
 
@@ -64,7 +64,7 @@ def test_points_are_in_the_room():
 
 
 def test_legs_may_hide_a_body_that_beams_pass_by():
-    legs = FreeSpaceOptions(detected=0.9, half_width_m=0.25, hidden_up_to=0.5)
+    legs = DetectionOptions(detected=0.9, half_width_m=0.25, hidden_up_to=0.5)
     one_leg_covered = scan((3, 12, 1.0))
     assert seen(one_leg_covered, (2, 0), options=legs)[0] < 0.9
     assert seen(scan(), (2, 0), options=legs) == [pytest.approx(0.9)]
@@ -76,7 +76,7 @@ def test_a_thing_is_seen_as_often_as_enough_beams_fall_on_it(range_m):
     open_hall = LaserScan(
         "waist", 0, np.full_like(far.ranges_m, 9.0), far.angle_min_rad, far.angle_increment_rad, 0.05, 10.0
     )
-    space = FreeSpace(LaserSensor(topic="/waist"), FreeSpaceOptions(detected=0.9, width_m=width_m), least)
+    space = DetectionModel(LaserSensor(topic="/waist"), DetectionOptions(detected=0.9, width_m=width_m), least)
     starts = np.random.default_rng(3).uniform(0, 1, 20_000)  # in beams, where the thing begins
     beams = np.floor(starts + width_m / (range_m * open_hall.angle_increment_rad))
     assert space.seen(open_hall, np.array([[range_m], [0.0]]))[0] == pytest.approx(

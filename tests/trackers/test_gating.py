@@ -5,7 +5,13 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from scipy.stats import multivariate_normal, multivariate_t
 
-from trackers.filters.gating import deviations, global_nearest_neighbour, linked, mahalanobis, validation_region
+from trackers.filters.gating import (
+    global_nearest_neighbour,
+    linked,
+    mahalanobis,
+    mahalanobis_distances,
+    validation_region,
+)
 
 
 @pytest.mark.parametrize("radius_m", [0.5, 1.0])
@@ -89,7 +95,7 @@ def test_a_measurement_with_noise_of_its_own_is_explained_by_whom_it_makes_likel
     modes, measured = rng.normal(size=(4, 3, 2)), rng.normal(size=(6, 2))
     root, variance = rng.normal(size=(4, 3, 2, 2)), rng.uniform(0.1, 2, 6)
     P = root @ root.swapaxes(-1, -2)
-    N, unlikely = deviations(modes, P, measured, variance)
+    N, unlikely = mahalanobis_distances(modes, P, measured, variance)
     for i, j in np.ndindex(4, 6):
         S = P[i] + variance[j] * np.eye(2)
         by_mode = [multivariate_normal.logpdf(measured[j], modes[i, m], S[m]) for m in range(3)]
@@ -102,8 +108,8 @@ def test_heavy_tails_are_those_of_student():
     modes, measured, variance = rng.normal(size=(2, 1, 2)), 3 * rng.normal(size=(5, 2)), np.full(5, 0.3)
     root = rng.normal(size=(2, 1, 2, 2))
     P = root @ root.swapaxes(-1, -2)
-    N, unlikely = deviations(modes, P, measured, variance, degrees_of_freedom=4.0)
-    assert pytest.approx(N) == deviations(modes, P, measured, variance)[0]
+    N, unlikely = mahalanobis_distances(modes, P, measured, variance, degrees_of_freedom=4.0)
+    assert pytest.approx(N) == mahalanobis_distances(modes, P, measured, variance)[0]
     for i, j in np.ndindex(2, 5):
         density = multivariate_t.logpdf(measured[j], modes[i, 0], P[i, 0] + 0.3 * np.eye(2), df=4.0)
         assert unlikely[i, j] == pytest.approx(-2 * density)

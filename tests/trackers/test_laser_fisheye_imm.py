@@ -16,7 +16,7 @@ from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm
 from trackers.observations import NS_PER_S, Image, LaserScan
 from trackers.presets import make_tracker
 from trackers.rig import LaserSensor, Pose, Rig
-from trackers.tracking.moments import Moment
+from trackers.tracking.synced_frames import SyncedFrame
 from trackers.tracks import track_frames
 
 BACKGROUND = empty_room(np.random.default_rng(99))
@@ -132,7 +132,7 @@ def test_whoever_stops_out_of_sight_is_looked_for_where_nobody_could_see_them():
 def test_nobody_is_outside_the_area():
     detector = Detector(rig(), BACKGROUND, LaserFisheyeImmOptions(), Area(AREA, 0.3))
     inside_outside = np.array([[0.0, 9.0], [1.5, 1.5]])
-    assert detector.missed(Moment(0), inside_outside).tolist() == [1, 0]
+    assert detector.missed(SyncedFrame(0), inside_outside).tolist() == [1, 0]
 
 
 def test_knees_help_where_the_waist_is_hidden():

@@ -12,7 +12,7 @@ from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.posture import Posture, PostureOptions
 from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm
 from trackers.observations import NS_PER_S, LaserScan
-from trackers.tracking.moments import Moment
+from trackers.tracking.synced_frames import SyncedFrame
 
 SEAT, ELSEWHERE = (-1.0, 2.4), (1.2, 1.0)
 KNEES = ((-1.1, 1.96), (-0.9, 1.96))  # 0.44 m before the trunk, as measured
@@ -42,7 +42,9 @@ class Room:
             self.seen = Seen(found, detections(*legs), np.ones(len(legs), np.bool_), None, histograms, nothing, nothing)
             self.n += 1
             ns = self.n * NS_PER_S // self.rate_hz
-            self.tracker._work(Moment(ns, {"waist": LaserScan("waist", ns, np.empty(0, np.float32), 0, 0.1, 0.1, 9)}))
+            self.tracker._work(
+                SyncedFrame(ns, {"waist": LaserScan("waist", ns, np.empty(0, np.float32), 0, 0.1, 0.1, 9)})
+            )
             told.append({each.id: (each.x, each.y) for each in self.tracker.tracks()})
         return told
 

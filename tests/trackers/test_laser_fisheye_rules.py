@@ -6,9 +6,9 @@ import pytest
 from pydantic import BaseModel
 
 from trackers.configuration import validate
+from trackers.deep_merge import deep_merge
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.rules import PAPER, RULES, without
-from trackers.merging import laid_over
 from twin.suites.spec import load_suite
 
 VAGUE = ("somebody", "believed", "whoever", "who ", "the same where", "the same for", "and how", "or if")
@@ -44,7 +44,7 @@ def test_every_rule_changes_an_option_from_its_default(rule):
         for name in path:
             value = getattr(value, name)
         assert value != off, path
-    LaserFisheyeImmOptions.model_validate(laid_over(defaults.model_dump(), without(rule)))
+    LaserFisheyeImmOptions.model_validate(deep_merge(defaults.model_dump(), without(rule)))
 
 
 def test_the_papers_system_is_without_any_rule():

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, strategies as st
 
 from trackers.errors import InputError
-from trackers.filters.absence import cloud_not_seen
 from trackers.filters.circular import circular_mean
+from trackers.filters.negative_information import update_missed_particles
 from trackers.filters.particle import Cloud, ParticleFilter
 from trackers.filters.proposal import MixtureProposal
 from trackers.filters.staged import staged
@@ -101,7 +101,7 @@ def test_angles_that_cancel_have_no_direction():
 
 def test_a_cloud_that_was_not_seen_is_where_it_could_not_be():
     cloud = Cloud.of(np.array([[[0.0, 1.0, 2.0, 3.0], [0.0, 0.0, 0.0, 0.0]], [[0.0] * 4] * 2]))
-    after, chance = cloud_not_seen(cloud, lambda points: np.where(points[0] < 1.5, 0.0, 0.5))
+    after, chance = update_missed_particles(cloud, lambda points: np.where(points[0] < 1.5, 0.0, 0.5))
     np.testing.assert_allclose(after.weights.normalised, [[0, 0, 0.5, 0.5], [0.25] * 4])
     np.testing.assert_allclose(chance, [0.25, 0.0])
     assert after.weights.lost.tolist() == [False, True]

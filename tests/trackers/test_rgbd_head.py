@@ -18,13 +18,13 @@ from trackers.observations import NS_PER_S, DepthImage
 from trackers.pose import Pose
 from trackers.presets import PRESETS, make_tracker
 from trackers.rgbd_head.calibration import is_turned
+from trackers.rgbd_head.calibration_check import Doubts
 from trackers.rgbd_head.colours import COLOURS, HeadColours, colour_numbers
-from trackers.rgbd_head.doubts import Doubts
 from trackers.rgbd_head.evaluators import Evaluator
 from trackers.rgbd_head.learned import SHIPPED, load_learned
 from trackers.rgbd_head.options import WeightOptions
 from trackers.rgbd_head.outline import cells_shown, inner_points, outlines, ring_points
-from trackers.rgbd_head.picture import Picture, Watcher
+from trackers.rgbd_head.picture import CameraFrontEnd, Picture
 from trackers.rgbd_head.rules import PAPER
 from trackers.rgbd_head.tracker import RgbdHead
 from trackers.rgbd_head.weighing import Weigher, expected_share
@@ -37,12 +37,12 @@ SEEN = observe(RIG, WALK)
 LEARNED = load_learned(SHIPPED)
 
 
-def watching(options: WeightOptions) -> tuple[Watcher, Picture]:
+def watching(options: WeightOptions) -> tuple[CameraFrontEnd, Picture]:
     """The first camera, and its picture of the eleventh moment."""
     sensor, image = RIG.sensors["stereo_1"], SEEN[40]
     assert isinstance(sensor, StereoSensor)
     assert isinstance(image, DepthImage)
-    watcher = Watcher(sensor, [each for each in ROOM if each.sensor == "stereo_1"], LEARNED, options)
+    watcher = CameraFrontEnd(sensor, [each for each in ROOM if each.sensor == "stereo_1"], LEARNED, options)
     picture = watcher.ready(image)
     assert picture is not None
     return watcher, picture

@@ -54,7 +54,7 @@ def test_tracks_are_the_local_ones_to_the_bit_whatever_order_answers_come_in(thr
         return later
 
     expected = repr(followed(made(room=room)))
-    for name in ("take", "expect", "weights", "facing", "asides", "look", "strangers"):
+    for name in ("take", "expect", "weights", "facing", "silhouette_offsets", "look", "strangers"):
         monkeypatch.setattr(Evaluator, name, slow(getattr(Evaluator, name)))
     tracker = made(threads.scheduler_address, room)
     assert repr(followed(tracker)) == expected

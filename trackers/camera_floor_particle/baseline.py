@@ -13,7 +13,7 @@ from pydantic import Field
 from trackers.arrays import Array, Mask
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
 from trackers.camera_floor_particle.tracker import the_floor
-from trackers.camera_floor_particle.views import Views, Watchers
+from trackers.camera_floor_particle.views import CameraFrontEnds, Views
 from trackers.configuration import Strict, validate
 from trackers.filters.gating import distances
 from trackers.floor.clusters import FloorClusterOptions, floor_clusters
@@ -21,8 +21,8 @@ from trackers.observations import NS_PER_S, FloorFrame, Observation
 from trackers.rig import Rig
 from trackers.tracking.association import Stage, associate
 from trackers.tracking.lifecycle import lasted_s
-from trackers.tracking.moment_tracker import MomentTracker
-from trackers.tracking.moments import Moment, MomentRules
+from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
+from trackers.tracking.synced_tracker import SynchronizedTracker
 from trackers.tracks import Track
 from trackers.vision.histogram import bhattacharyya_distance, normalised
 
@@ -53,7 +53,7 @@ class ClusterKalmanOptions(Strict):
     gone_s: float = Field(default=2.0, gt=0, description="who is not measured for so long is gone [s]")
 
 
-class ClusterKalman(MomentTracker):
+class ClusterKalman(SynchronizedTracker):
     """Works at the floor's own frames; raises InputError for a rig without a floor."""
 
     def __init__(
@@ -65,9 +65,9 @@ class ClusterKalman(MomentTracker):
         self._floor = rig.floors()[self._name]
         cameras = rig.cameras() if self.options.colour else {}
         self._shared = CameraFloorParticleOptions()
-        self._watchers = Watchers(cameras, empty_room, self._shared)
+        self._watchers = CameraFrontEnds(cameras, empty_room, self._shared)
         self.unused_sensors = [name for name in rig.sensors if name not in cameras and name != self._name]
-        super().__init__(MomentRules((self._name,), joins=tuple(cameras)))
+        super().__init__(SyncPolicy((self._name,), attached=tuple(cameras)))
         self._people: list[Any] = []
         self._ns, self._last_id = 0, 0
 
@@ -79,7 +79,7 @@ class ClusterKalman(MomentTracker):
             if p.id
         ]
 
-    def _work(self, moment: Moment) -> None:
+    def _work(self, moment: SyncedFrame) -> None:
         options, before_ns, self._ns = self.options, self._ns, moment.ns
         dt = (moment.ns - before_ns) / NS_PER_S
         for p in self._people:

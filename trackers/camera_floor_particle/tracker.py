@@ -12,22 +12,22 @@ from numpy.typing import NDArray
 
 from trackers.area import Area
 from trackers.camera_floor_particle.body import BodyFilter
+from trackers.camera_floor_particle.calibration_check import FEWEST, OFF_M, look
 from trackers.camera_floor_particle.detection import Newcomers, hull_over
-from trackers.camera_floor_particle.doubts import FEWEST, OFF_M, look
 from trackers.camera_floor_particle.head import HeadFilter
 from trackers.camera_floor_particle.loads import FloorWatch, Loads
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
 from trackers.camera_floor_particle.pan import unit
 from trackers.camera_floor_particle.people import People
-from trackers.camera_floor_particle.views import Views, Watchers
+from trackers.camera_floor_particle.views import CameraFrontEnds, Views
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, FloorFrame, Observation
 from trackers.rig import Rig
-from trackers.tracking.moment_tracker import MomentTracker
-from trackers.tracking.moments import Moment, MomentRules
+from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
+from trackers.tracking.synced_tracker import SynchronizedTracker
 from trackers.tracks import Hypotheses, Track
-from trackers.vision.camera_doubts import CameraDoubts
+from trackers.vision.calibration_monitor import CalibrationMonitor
 
 _LEAST_SHOWN = 0.5
 """Share of the cameras that see a place from which, showing foreground there, they show somebody."""
@@ -63,7 +63,7 @@ class Inside(NamedTuple):
     ids: NDArray[np.intp]
 
 
-class CameraFloorParticle(MomentTracker):
+class CameraFloorParticle(SynchronizedTracker):
     """Cameras open a moment, the pressure floor's newest frame is held; without cameras the floor alone opens.
 
     Raises InputError for a rig without a pressure floor, which detects people, and for wrong options.
@@ -79,16 +79,16 @@ class CameraFloorParticle(MomentTracker):
         self.unused_sensors = [name for name in rig.sensors if name not in cameras and name != self._floor]
         area = Area(rig.area, self.options.room_margin_m) if rig.area else None
         self._rng = np.random.default_rng(0) if rng is None else rng
-        self._watchers = Watchers(cameras, empty_room, self.options, area)
+        self._watchers = CameraFrontEnds(cameras, empty_room, self.options, area)
         empty_floor = [each for each in empty_room if isinstance(each, FloorFrame) and each.sensor == self._floor]
         self._watch = FloorWatch(rig.floors()[self._floor], empty_floor, self.options)
         self._bodies, self._heads = BodyFilter(self.options, area), HeadFilter(self.options, area)
         self._newcomers = Newcomers(self.options, len(cameras))
-        self._cameras, self._doubts = tuple(cameras), CameraDoubts(len(cameras), OFF_M, FEWEST)
+        self._cameras, self._doubts = tuple(cameras), CalibrationMonitor(len(cameras), OFF_M, FEWEST)
         self.background_learned_causally = self._watchers.learns_background
         opens, held = (tuple(cameras), (self._floor,)) if cameras else ((self._floor,), ())
         main = rig.main_sensor if rig.main_sensor in opens else None
-        super().__init__(MomentRules(opens, held=held, main=main, awaited=(*opens, *held)))
+        super().__init__(SyncPolicy(opens, latest=held, main=main, awaited=(*opens, *held)))
         self._has_pictures = bool(cameras)
         self._people: People | None = None
         self._ids = np.empty(0, np.intp)
@@ -139,10 +139,10 @@ class CameraFloorParticle(MomentTracker):
             for row, number in enumerate(self._ids.tolist())
         )
 
-    def _work(self, moment: Moment) -> None:
+    def _work(self, moment: SyncedFrame) -> None:
         dt = min((moment.ns - self._ns) / NS_PER_S, _LONGEST_S) if self._began else 0.0
         self._ns, self._began = moment.ns, True
-        frame = {**moment.held, **moment.observations}.get(self._floor)
+        frame = {**moment.latest, **moment.observations}.get(self._floor)
         frame = frame if isinstance(frame, FloorFrame) else None
         is_new = self._watch.is_new(frame, moment.ns)
         loads = self._watch.loads(frame, moment.ns)

@@ -172,7 +172,7 @@ def _parted(windows: BinnedSamples, samples: tuple[int, int], parts: tuple[int, 
     return BinnedSamples(number, None, windows.size)
 
 
-class Watchers:
+class CameraFrontEnds:
     """The cameras of a rig, each with its empty room; makes views of a moment's pictures.
 
     Raises InputError for pictures of the empty room of another size than the rig says.
@@ -209,7 +209,7 @@ class Watchers:
             image = observations.get(name)
             if not isinstance(image, Image | DepthImage) or self._steady[name].is_frozen(image):
                 continue
-            image = self._steady[name].set_right(image)
+            image = self._steady[name].normalize_exposure(image)
             hsv = hsv_of(image.rgb)
             mask = self._foreground[name].mask(image, hsv)
             if cv2.countNonZero(mask.view(np.uint8)) > _BLIND_FROM * mask.size:

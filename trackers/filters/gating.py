@@ -40,10 +40,10 @@ def mahalanobis(
     predicted: Float[Array, "n m 2"], innovation_covariance: Float[Array, "n m 2 2"], position: Float[Array, "k 2"]
 ) -> Float[Array, "n k"]:
     """N: the smallest Mahalanobis distance over the modes for each track and measurement (eq. 5); positions [m]."""
-    return deviations(predicted, innovation_covariance, position, np.zeros(len(position)))[0]
+    return mahalanobis_distances(predicted, innovation_covariance, position, np.zeros(len(position)))[0]
 
 
-def deviations(
+def mahalanobis_distances(
     predicted: Float[Array, "n m 2"],
     covariance: Float[Array, "n m 2 2"],
     position: Float[Array, "k 2"],
@@ -77,7 +77,7 @@ def _differences(
     return position[:, 0] - predicted[..., 0, None], position[:, 1] - predicted[..., 1, None]
 
 
-def worthiest(worth: Float[Array, "n k"]) -> tuple[Int[Index, "pairs"], Int[Index, "pairs"]]:
+def max_weight_assignment(worth: Float[Array, "n k"]) -> tuple[Int[Index, "pairs"], Int[Index, "pairs"]]:
     """One-to-one pairs (tracks, ascending; measurements) that are together worth most, without those that are worth nothing."""
     rows, columns = linear_sum_assignment(np.maximum(worth, 0.0), maximize=True)
     real = worth[rows, columns] > 0

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from trackers.arrays import Array, Index, Mask
-from trackers.filters.gating import distances, worthiest
+from trackers.filters.gating import distances, max_weight_assignment
 
 
 def trunks(
@@ -69,7 +69,7 @@ def take_legs(
     away = distances(expected, legs)
     away[np.zeros_like(away, np.bool_) if barred is None else barred] = np.inf
     reach, first_leg, against = (np.broadcast_to(each, n)[:, None].copy() for each in (reach_m, first_leg_m2, opposite))
-    places, what = worthiest(np.tile(reach**2 - away**2 - first_leg, (2, 1)))
+    places, what = max_weight_assignment(np.tile(reach**2 - away**2 - first_leg, (2, 1)))
     who = places % n
     nearest_first = away[who, what].argsort(kind="stable")
     who, index = np.unique(who[nearest_first], return_index=True)
@@ -83,7 +83,7 @@ def take_legs(
     near[who] &= distances(legs[first], legs[others]) < stride_m
     off = distances(place, legs[others]) / spread
     first_leg[who] = 0.0
-    who, column = worthiest(np.where(near, reach**2 - off**2 - first_leg, 0.0))
+    who, column = max_weight_assignment(np.where(near, reach**2 - off**2 - first_leg, 0.0))
     also, had = others[column], n_leg[who] > 0
     position[who] = np.where(had[:, None], 0.5 * (position[who] + legs[also]), legs[also])
     n_leg[who], free[also] = 1 + (had | both_together[also]), False

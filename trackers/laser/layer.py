@@ -13,8 +13,8 @@ from trackers.configuration import Strict
 from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground, returns
 from trackers.laser.bearings import beams_of_turn, counter_clockwise
 from trackers.laser.clusters import ClusterOptions, Clusters, directions, find_clusters, pushed_back, with_beside
+from trackers.laser.detection_model import DetectionModel, DetectionOptions
 from trackers.laser.detections import Detections
-from trackers.laser.free_space import FreeSpace, FreeSpaceOptions
 from trackers.laser.grouping import trunks
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor
@@ -32,8 +32,8 @@ class LayerOptions(Strict):
 
     cluster: ClusterOptions = Field(description="how samples become clusters")
     background: BackgroundOptions = Field(default=BackgroundOptions(), description="what of a scan is the room")
-    free_space: FreeSpaceOptions = Field(
-        default=FreeSpaceOptions(), description="negative evidence of beams that go on"
+    free_space: DetectionOptions = Field(
+        default=DetectionOptions(), description="negative evidence of beams that go on"
     )
     weak_samples: PositiveInt | None = Field(
         default=None,
@@ -111,8 +111,8 @@ class KneeOptions(LayerOptions):
         default=ClusterOptions(jump_m=0.08, jump_spacings=1.0, min_samples=2, min_width_m=0.03),
         description=_told("cluster"),
     )
-    free_space: FreeSpaceOptions = Field(
-        default=FreeSpaceOptions(width_m=0.08, half_width_m=0.25, hidden_up_to=0.5), description=_told("free_space")
+    free_space: DetectionOptions = Field(
+        default=DetectionOptions(width_m=0.08, half_width_m=0.25, hidden_up_to=0.5), description=_told("free_space")
     )
     weak_samples: PositiveInt | None = Field(default=1, description=_told("weak_samples"))
     radius_m: float = Field(default=0.5, gt=0, description=_told("radius_m"))
@@ -189,9 +189,9 @@ class LaserLayer:
         empty_scans = [scan for scan in empty_scans if not np.isnan(scan.ranges_m).all()]
         self.learns_background = not empty_scans
         self._least = options.weak_samples or options.cluster.min_samples
-        self._free_space = FreeSpace(sensor, options.free_space, self._least)
-        self._past_a_thing = FreeSpace(
-            sensor, FreeSpaceOptions(half_width_m=_NARROW_M, behind_m=_BEHIND_M, detected=_SURE)
+        self._free_space = DetectionModel(sensor, options.free_space, self._least)
+        self._past_a_thing = DetectionModel(
+            sensor, DetectionOptions(half_width_m=_NARROW_M, behind_m=_BEHIND_M, detected=_SURE)
         )
         self._room_from_scan = sensor.room_from_sensor.rotation[:2, :2].T.copy()
         self._origin_m = sensor.room_from_sensor.translation[:2]

@@ -19,7 +19,7 @@ from trackers.laser.roles import Role, scanners_by_role
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.observations import Image, Observation
 from trackers.rig import FisheyeSensor, Rig, StereoSensor
-from trackers.tracking.moments import Moment
+from trackers.tracking.synced_frames import SyncedFrame
 from trackers.vision.histogram import ColourHistogram
 from trackers.vision.torso import TorsoProjector, TorsoWindows
 
@@ -89,7 +89,7 @@ class Detector:
         """Whether such a scanner has reported; one that is silent leaves the others' knowledge of the room as it is."""
         return any(group.is_learning for group in self._groups.values())
 
-    def detect(self, moment: Moment) -> Seen:
+    def detect(self, moment: SyncedFrame) -> Seen:
         """What the moment shows in the area. Raises InputError for an image of another size than the rig's."""
         trunks, legs = self._scanned(moment, "waist"), self._scanned(moment, "knee")
         firm = self._groups["knee"].firm(legs) if "knee" in self._groups else np.empty(0, np.bool_)
@@ -111,7 +111,7 @@ class Detector:
         usable, clear = (np.pad(each, (0, without)) for each in (windows.usable, windows.clear))
         return Seen(trunks, legs, firm, windows, histograms, usable, clear)
 
-    def _scanned(self, moment: Moment, role: Role) -> Detections:
+    def _scanned(self, moment: SyncedFrame, role: Role) -> Detections:
         group = self._groups.get(role)
         detections = Detections.none() if group is None else group.detect(moment.observations, weak=True)
         if self._area is None or len(detections) == 0:
@@ -123,7 +123,7 @@ class Detector:
         shown: dict[Role, Detections] = {"waist": seen.trunks, "knee": seen.legs}
         return [each for role, group in self._groups.items() for each in group.told(shown[role], role, ns)]
 
-    def missed(self, moment: Moment, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
+    def missed(self, moment: SyncedFrame, points: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
         """How probably the moment's scans show nothing of somebody at points; nobody is outside the area."""
         chance = np.ones(points.shape[1:])
         if self._area is not None:

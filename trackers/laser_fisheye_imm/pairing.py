@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from trackers.arrays import Array, Mask
-from trackers.filters.absence import existence_measured
-from trackers.filters.gating import deviations, validation_region
+from trackers.filters.gating import mahalanobis_distances, validation_region
+from trackers.filters.negative_information import existence_after_detection
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
 
@@ -56,7 +56,7 @@ def costs(
     """
     modes = people.state.positions
     covariance = people.state.covariance[:2, :2].T
-    N, unlikely = deviations(modes, covariance, position, variance_m2, options.degrees_of_freedom)
+    N, unlikely = mahalanobis_distances(modes, covariance, position, variance_m2, options.degrees_of_freedom)
     out_of_gate = ~validation_region(modes, position, radius_m)
     if options.max_deviations is not None:
         # so near there is nobody else: whoever stood starts to walk
@@ -85,4 +85,4 @@ def existence_paired(
     """How probably tracks still exist, with a measurement at that cost; 1 by the paper."""
     if options.new_density_m2 is None or options.management.survival_s is None:
         return np.ones_like(existence)
-    return existence_measured(np.maximum(existence, _LEAST_EXISTENCE), np.exp(-0.5 * cost))
+    return existence_after_detection(np.maximum(existence, _LEAST_EXISTENCE), np.exp(-0.5 * cost))

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from trackers.merging import laid_over
+from trackers.deep_merge import deep_merge
 
 RULES: Mapping[str, Mapping[str, Any]] = {
     "body-depth": {"waist": {"half_depth_m": 0.0, "side_half_depth_m": None}, "knee": {"half_depth_m": 0.0}},
@@ -49,7 +49,7 @@ def without(*rules: str) -> dict[str, Any]:
     """The options that switch off these rules. Raises KeyError for a rule that there is not."""
     options: dict[str, Any] = {}
     for rule in rules:
-        options = laid_over(options, RULES[rule])
+        options = deep_merge(options, RULES[rule])
     return options
 
 

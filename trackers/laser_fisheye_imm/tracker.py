@@ -32,20 +32,20 @@ from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.configuration import validate
 from trackers.detections import Detection
-from trackers.filters.absence import chance_unseen
+from trackers.filters.negative_information import miss_probability
 from trackers.filters.rows import written
 from trackers.laser_fisheye_imm.association import Association, Matches
 from trackers.laser_fisheye_imm.detection import Detector, Seen
 from trackers.laser_fisheye_imm.filter import filter_of
-from trackers.laser_fisheye_imm.life import Life
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
+from trackers.laser_fisheye_imm.track_manager import TrackManager
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.rig import Rig
-from trackers.tracking.held_back import Held, HeldBack, told
+from trackers.tracking.fixed_lag_smoother import FixedLagSmoother, Held, told
 from trackers.tracking.lifecycle import clear_of, measured_now
-from trackers.tracking.moment_tracker import MomentTracker
-from trackers.tracking.moments import Moment, MomentRules
+from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
+from trackers.tracking.synced_tracker import SynchronizedTracker
 from trackers.tracks import Track, TrackFrame
 
 logger = logging.getLogger(__name__)
@@ -53,7 +53,7 @@ logger = logging.getLogger(__name__)
 _ISOTROPIC = np.eye(2)
 
 
-class LaserFisheyeImm(MomentTracker):
+class LaserFisheyeImm(SynchronizedTracker):
     """Tracker of people from a waist scanner, a knee scanner and a fisheye camera; does with less (see module).
 
     background: observations of the empty room; a scanner without any learns its background as it goes. Options are those
@@ -71,14 +71,14 @@ class LaserFisheyeImm(MomentTracker):
         area = None if rig.area is None else Area(rig.area, self.options.management.area_margin_m)
         self._detector = Detector(rig, list(background), self.options, area)
         self._imm = filter_of(self.options)
-        self._life = Life(self.options, area, self._imm)
+        self._track_manager = TrackManager(self.options, area, self._imm)
         knee, used = self.options.knee, self._detector.sensors
         self._knee_radius_m = knee.radius_m if self._detector.sees_waists else knee.radius_alone_m
         scanners = tuple(name for name in used if name in rig.lasers())
         super().__init__(
-            MomentRules(
-                opens=scanners,
-                joins=tuple(name for name in used if name not in scanners),
+            SyncPolicy(
+                triggers=scanners,
+                attached=tuple(name for name in used if name not in scanners),
                 main=rig.main_sensor if rig.main_sensor in used else None,
                 period_s=self.options.step_s,
                 max_wait_s=self.options.max_wait_s,
@@ -126,7 +126,7 @@ class LaserFisheyeImm(MomentTracker):
         if self._ns is None:
             return []
         roster = people.roster
-        measured, shown = measured_now(roster, self._ns), self._life.reported(people, self._ns).nonzero()[0]
+        measured, shown = measured_now(roster, self._ns), self._track_manager.reported(people, self._ns).nonzero()[0]
         shown = shown[roster.id[shown].argsort()]
         mean = self._imm.average(people.state)[:, shown]
         columns = roster.id[shown], *mean[:2], *self._imm.motion.velocity(mean), measured[shown]
@@ -139,7 +139,7 @@ class LaserFisheyeImm(MomentTracker):
         """The torso windows of the last frame's image: whose (None: nobody's yet), and the outline in pixels."""
         return self._windows
 
-    def _work_all(self, moments: list[Moment]) -> list[TrackFrame]:
+    def _work_all(self, moments: list[SyncedFrame]) -> list[TrackFrame]:
         self._seen = []
         if self._held_back is None:
             return super()._work_all(moments)
@@ -152,13 +152,13 @@ class LaserFisheyeImm(MomentTracker):
             frames += self._held_back.add(held, roster.id)
         return frames
 
-    def _work(self, moment: Moment) -> None:
+    def _work(self, moment: SyncedFrame) -> None:
         seen = self._detector.detect(moment)
         self._seen.append((moment.ns, seen))
         elapsed_s = self._predict(moment.ns)
         waists = self._detector.sees_waists
         if any(isinstance(each, LaserScan) for each in moment.observations.values()):
-            self._life.looked(moment.ns)
+            self._track_manager.looked(moment.ns)
         knows_room = not self._detector.is_learning
         share = min(elapsed_s / self.options.step_s, 1.0)
 
@@ -166,16 +166,16 @@ class LaserFisheyeImm(MomentTracker):
             return self._detector.missed(moment, points) ** share
 
         state = self._people.state
-        unseen = chance_unseen(state, missed, self._imm.velocity(state))
+        unseen = miss_probability(state, missed, self._imm.velocity(state))
         times = moment.ns, self._last_ns
         at = Association(self._people, unseen, self.options, self._knee_radius_m, *times, waists, knows_room)
         matches = at.matches(seen)
         self._update(matches, moment.ns)
         self._learn_colours(matches, seen)
         self._note_windows(matches, seen)
-        people = self._life.confirmed(self._people, moment.ns, knows_room)
-        people = self._life.unseen(people, moment.ns, elapsed_s, missed)
-        self._people = self._life.remaining(people, moment.ns)
+        people = self._track_manager.confirmed(self._people, moment.ns, knows_room)
+        people = self._track_manager.unseen(people, moment.ns, elapsed_s, missed)
+        self._people = self._track_manager.remaining(people, moment.ns)
         self._start(matches, seen, moment.ns)
 
     # --- predict
@@ -185,7 +185,7 @@ class LaserFisheyeImm(MomentTracker):
         last_ns = ns if self._ns is None else self._ns
         self._ns = ns
         self._last_ns, elapsed_s = last_ns, (ns - last_ns) / NS_PER_S
-        self._people = self._life.before(self._people, last_ns, ns)
+        self._people = self._track_manager.before(self._people, last_ns, ns)
         self._people = self._people.in_state(self._imm.predict_over(self._people.state, elapsed_s, self.options.step_s))
         return elapsed_s
 
@@ -276,8 +276,8 @@ class LaserFisheyeImm(MomentTracker):
 
     # --- set up
 
-    def _made_to_wait(self) -> HeldBack | None:
+    def _made_to_wait(self) -> FixedLagSmoother | None:
         options = self.options
         if not options.smoothed_s:
             return None
-        return HeldBack(options.smoothed_s, np.sqrt(options.measurement_variance_m2), options.start_speed_m_s)
+        return FixedLagSmoother(options.smoothed_s, np.sqrt(options.measurement_variance_m2), options.start_speed_m_s)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pydantic import Field
 
 from trackers.configuration import Strict
-from trackers.laser.free_space import FreeSpaceOptions
+from trackers.laser.detection_model import DetectionOptions
 from trackers.laser.layer import KneeOptions
 from trackers.laser_vision_learning.identities import IdentityOptions
 from trackers.laser_vision_learning.looks import LooksOptions
 from trackers.laser_vision_learning.points import PointOptions
-from trackers.laser_vision_learning.recognition import RecognitionOptions
+from trackers.laser_vision_learning.reidentification import RecognitionOptions
 from trackers.laser_vision_learning.situations import SituationOptions
 from trackers.laser_vision_learning.walking import WalkingOptions
 
@@ -71,7 +71,7 @@ class LaserVisionLearningOptions(Strict):
     )
     scanner: KneeOptions = Field(
         # a lone point shows a leg here, so that one far away is missed no more than one near by
-        default=KneeOptions(free_space=FreeSpaceOptions(half_width_m=0.25, hidden_up_to=0.5)),
+        default=KneeOptions(free_space=DetectionOptions(half_width_m=0.25, hidden_up_to=0.5)),
         description="the scanners, and what of a scan is the room",
     )
     walking: WalkingOptions = Field(default=WalkingOptions(), description="the two-feet walking model")

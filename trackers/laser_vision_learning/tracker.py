@@ -14,18 +14,18 @@ from trackers.configuration import validate
 from trackers.laser.group import ScannerGroup
 from trackers.laser.roles import scanners_by_role
 from trackers.laser_vision_learning.options import LaserVisionLearningOptions
-from trackers.laser_vision_learning.recognition import Decision, Recognition
+from trackers.laser_vision_learning.reidentification import Decision, Recognition
 from trackers.laser_vision_learning.situations import Situation, told
 from trackers.laser_vision_learning.walkers import Walkers
 from trackers.observations import DepthImage, Image, Observation
 from trackers.rig import Rig
 from trackers.tracking.lifecycle import measured_now
-from trackers.tracking.moment_tracker import MomentTracker
-from trackers.tracking.moments import Moment, MomentRules
+from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
+from trackers.tracking.synced_tracker import SynchronizedTracker
 from trackers.tracks import ScoreMap, Track, TrackFrame
 
 
-class LaserVisionLearning(MomentTracker):
+class LaserVisionLearning(SynchronizedTracker):
     """Tracker of people from every knee scanner of a rig (see module).
 
     background: observations of the empty room; a scanner without any learns its background as it goes. Options are those of
@@ -58,7 +58,7 @@ class LaserVisionLearning(MomentTracker):
         # a frame at every stamp of the main sensor, whatever its rate
         opens = names if rig.main_sensor in names else (*names, rig.main_sensor)
         joins = () if self._camera is None or self._camera in opens else (self._camera,)
-        super().__init__(MomentRules(opens, joins=joins, main=rig.main_sensor))
+        super().__init__(SyncPolicy(opens, attached=joins, main=rig.main_sensor))
         self.unused_sensors = [name for name in rig.sensors if name not in (*names, self._camera)]
         self._decisions: list[Decision] = []
 
@@ -111,11 +111,11 @@ class LaserVisionLearning(MomentTracker):
         """Who was said to be who after splits, and by what, in the moments worked by the last `update` or `finish`."""
         return self._decisions
 
-    def _work_all(self, moments: list[Moment]) -> list[TrackFrame]:
+    def _work_all(self, moments: list[SyncedFrame]) -> list[TrackFrame]:
         self._decisions = []
         return super()._work_all(moments)
 
-    def _work(self, moment: Moment) -> None:
+    def _work(self, moment: SyncedFrame) -> None:
         walkers = self._walkers
         walkers.step(moment.observations, moment.ns)
         if self._recognition is not None:

@@ -9,8 +9,8 @@ from jaxtyping import Float
 
 from trackers.area import Area
 from trackers.arrays import Array
-from trackers.filters.absence import cloud_not_seen
 from trackers.filters.gating import distances, global_nearest_neighbour
+from trackers.filters.negative_information import update_missed_particles
 from trackers.filters.particle import Cloud, ParticleFilter
 from trackers.laser.group import ScannerGroup
 from trackers.laser_vision_learning.options import LaserVisionLearningOptions
@@ -95,7 +95,7 @@ class Walkers:
         missed = (people.roster.confirmed & ~seen).nonzero()[0]
         if missed.size == 0:
             return people.changed(missing_s=missing_s)
-        cloud, hidden = cloud_not_seen(
+        cloud, hidden = update_missed_particles(
             people.cloud.select(missed), lambda places: self._scanners.missed(observations, places)
         )
         missing_s[missed] -= elapsed_s * hidden * (1 - life.coast_s / life.coast_hidden_s)

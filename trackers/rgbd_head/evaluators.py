@@ -14,9 +14,9 @@ from jaxtyping import Float, Int
 
 from trackers.arrays import Array, Index, Singles
 from trackers.observations import DepthImage
+from trackers.rgbd_head.calibration_check import silhouette_offsets
 from trackers.rgbd_head.colours import ExpectedColours
-from trackers.rgbd_head.doubts import asides
-from trackers.rgbd_head.picture import Picture, Watcher
+from trackers.rgbd_head.picture import CameraFrontEnd, Picture
 from trackers.rgbd_head.weighing import Weigher, Weights
 
 _LOW_M, _HIGH_M = 0.4, 2.2
@@ -29,7 +29,7 @@ class Evaluator:
     colours: what is expected of everybody; None: the share of skin counts.
     """
 
-    def __init__(self, watcher: Watcher) -> None:
+    def __init__(self, watcher: CameraFrontEnd) -> None:
         self.watcher = watcher
         self._weigher = Weigher([watcher])
         self.colours: ExpectedColours | None = None
@@ -52,16 +52,16 @@ class Evaluator:
         """What the picture says of where heads face (`Weigher.facing`)."""
         return self._weigher.facing([self.shown()], heads[:, None], self.tables())[0]
 
-    def asides(self, heads: Float[Array, "4 n"]) -> Float[Array, "n 2"]:
-        """How far aside of heads the picture has their silhouettes (`trackers.rgbd_head.doubts`)."""
-        return asides(self.watcher.camera, self.shown().mask, heads, self.watcher.crown_m)
+    def silhouette_offsets(self, heads: Float[Array, "4 n"]) -> Float[Array, "n 2"]:
+        """How far aside of heads the picture has their silhouettes (`trackers.rgbd_head.calibration_check`)."""
+        return silhouette_offsets(self.watcher.camera, self.shown().mask, heads, self.watcher.crown_m)
 
     def look(self, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
         """The picture's pixels on heads (`Weigher.look`)."""
         return self._weigher.look([self.shown()], heads[:, None])
 
     def strangers(self, known: Float[Array, "n 2"], apart_m: float) -> Float[Array, "4 k"]:
-        """Points of the foreground (`Watcher.strangers`) as high as people, farther than `apart_m` from known places.
+        """Points of the foreground (`CameraFrontEnd.strangers`) as high as people, farther than `apart_m` from known places.
 
         Along the ray a point may be wherever its distance may be off: what a far camera sees of somebody lies about them.
         """
@@ -125,9 +125,9 @@ class Evaluators:
         weigher, pictures, tables = self._together(tuple(heads))
         return list(weigher.facing(pictures, np.stack(list(heads.values()), axis=1), tables))
 
-    def asides(self, name: str, heads: Float[Array, "4 n"]) -> Float[Array, "n 2"]:
+    def silhouette_offsets(self, name: str, heads: Float[Array, "4 n"]) -> Float[Array, "n 2"]:
         """How far aside of heads one camera has their silhouettes [rad]."""
-        return self._ask("asides", {name: (heads,)})[name]
+        return self._ask("silhouette_offsets", {name: (heads,)})[name]
 
     def look(self, name: str, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
         """One camera's pixels on heads."""

@@ -59,7 +59,7 @@ class Picture:
             cv2.remap(self.pixels, columns[:, part], rows[:, part], cv2.INTER_NEAREST, out[:, part], borderValue=0)
 
 
-class Watcher:
+class CameraFrontEnd:
     """One stereo camera with its empty room. Raises InputError for pictures of another size than the rig says."""
 
     def __init__(
@@ -92,7 +92,7 @@ class Watcher:
         """The picture made ready; None where it is blind, as nearly all of it has changed, or frozen."""
         if self._steady.is_frozen(image):
             return None
-        image = self._steady.set_right(image)
+        image = self._steady.normalize_exposure(image)
         foreground = self.foreground.mask(image)
         mask = foreground.view(np.uint8)
         if cv2.countNonZero(mask) > _BLIND_FROM * mask.size:
@@ -131,7 +131,7 @@ class Watcher:
     def pass_over(self, image: DepthImage) -> None:
         """Remember of a picture what later ones are compared with, as `ready` does, and nothing else."""
         if not self._steady.is_frozen(image):
-            self.foreground.pass_over(self._steady.set_right(image))
+            self.foreground.pass_over(self._steady.normalize_exposure(image))
 
     def strangers(self, picture: Picture) -> Float[Array, "4 k"]:
         """Places (x, y, z) [m] of pixels of the foreground before the empty room's, and the area that each shows [m²]."""

@@ -11,7 +11,7 @@ from trackers.arrays import Array
 from trackers.environment.model import Environment
 from trackers.rgbd_head.calibration import is_turned
 from trackers.rgbd_head.options import EnvironmentOptions
-from trackers.rgbd_head.picture import Watcher
+from trackers.rgbd_head.picture import CameraFrontEnd
 
 
 class Room:
@@ -44,7 +44,7 @@ class Room:
         lacking = self._environment is None and self._options.used
         return ["goes without the room's environment (`twin environment` makes one)"] if lacking else []
 
-    def turned(self, watchers: Mapping[str, Watcher]) -> list[str]:
+    def turned(self, watchers: Mapping[str, CameraFrontEnd]) -> list[str]:
         """The cameras that do not hang as the rig says, as far as the room is known."""
         room = self._environment
         if room is None:

@@ -24,21 +24,21 @@ from trackers.errors import InputError
 from trackers.filters.particle import ParticleFilter
 from trackers.knowledge import Knowledge
 from trackers.observations import NS_PER_S, DepthImage, Observation
-from trackers.rgbd_head.doubts import Doubts
+from trackers.rgbd_head.calibration_check import Doubts
 from trackers.rgbd_head.evaluators import Evaluator, Evaluators
+from trackers.rgbd_head.initiation import newcomers
 from trackers.rgbd_head.learned import SHIPPED, load_learned
-from trackers.rgbd_head.life import Life
 from trackers.rgbd_head.motion import Motion
-from trackers.rgbd_head.newcomers import newcomers
 from trackers.rgbd_head.options import RgbdHeadOptions
 from trackers.rgbd_head.people import People
-from trackers.rgbd_head.picture import Watcher
+from trackers.rgbd_head.picture import CameraFrontEnd
 from trackers.rgbd_head.room import Room
 from trackers.rgbd_head.sight import Sight
+from trackers.rgbd_head.track_manager import TrackManager
 from trackers.rgbd_head.weighing import Weights
 from trackers.rig import Rig, StereoSensor
-from trackers.tracking.moment_tracker import MomentTracker
-from trackers.tracking.moments import Moment, MomentRules
+from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
+from trackers.tracking.synced_tracker import SynchronizedTracker
 from trackers.tracks import Hypotheses, Track, TrackFrame
 
 FILTER = ParticleFilter(threshold=0.7)
@@ -59,7 +59,7 @@ class Inside(NamedTuple):
     weighed: dict[str, Weights]
 
 
-class RgbdHead(MomentTracker):
+class RgbdHead(SynchronizedTracker):
     """Stereo cameras open a moment; every head is weighed by all of its pictures, each at its own stamp.
 
     Raises InputError for a rig without a stereo camera, for wrong options, for pictures of another size than the rig says, and
@@ -76,16 +76,18 @@ class RgbdHead(MomentTracker):
         area = Area(rig.area, _BESIDE_M) if rig.area else None
         learned = load_learned(known.learned.get(LEARNED, SHIPPED))
         watchers = {
-            name: Watcher(sensor, [each for each in known if each.sensor == name], learned, self.options.weights, area)
+            name: CameraFrontEnd(
+                sensor, [each for each in known if each.sensor == name], learned, self.options.weights, area
+            )
             for name, sensor in sensors.items()
         }
         self._room = Room(known.environment, self.options.environment)
         self.background_learned_causally = any(each.foreground.learns_background for each in watchers.values())
         main = rig.main_sensor if rig.main_sensor in sensors else None
-        super().__init__(MomentRules(tuple(sensors), main=main, period_s=0.25))
+        super().__init__(SyncPolicy(tuple(sensors), main=main, period_s=0.25))
         self._rng = np.random.default_rng(0) if rng is None else rng
-        self._life = Life(self.options, len(sensors), self._rng)
-        self._people = self._life.nobody()
+        self._track_manager = TrackManager(self.options, len(sensors), self._rng)
+        self._people = self._track_manager.nobody()
         self._doubts = Doubts(list(sensors), self._room.turned(watchers), self.options.leave_out)
         self._ns, self._turn, self._began = 0, 0, False
         self._weights: dict[str, Weights] = {}
@@ -129,17 +131,17 @@ class RgbdHead(MomentTracker):
             for k in np.flatnonzero(roster.confirmed)
         )
 
-    def _work(self, moment: Moment) -> None:
+    def _work(self, moment: SyncedFrame) -> None:
         dt = min((moment.ns - self._ns) / NS_PER_S, _LONGEST_S) if self._began else 0.0
         self._ns, self._began = moment.ns, True
         later_s = self._taken(moment)
         if len(self._people):
             self._follow(dt, later_s)
-        self._people = self._life.begun(self._people, self._ns)
+        self._people = self._track_manager.begun(self._people, self._ns)
         if not self.options.start and later_s:
             self._find(later_s)
 
-    def _taken(self, moment: Moment) -> dict[str, float]:
+    def _taken(self, moment: SyncedFrame) -> dict[str, float]:
         """The cameras whose pictures show anything, in the rig's order, and how much later than the moment each was taken [s]."""
         images = {
             name: each
@@ -181,10 +183,10 @@ class RgbdHead(MomentTracker):
             name = list(later_s)[self._turn % len(later_s)]  # one camera after another
             heads = people.heads(later_s[name], 0.0)[:, people.roster.confirmed]
             if heads.size:
-                self._doubts.take(name, self._evaluators.asides(name, heads))
+                self._doubts.take(name, self._evaluators.silhouette_offsets(name, heads))
             if self.options.weights.colour.by_person:
                 people = people.changed(colours=self._sight.colours(people, is_shown, name, later_s[name]))
-        self._people = self._life.shown(people, is_shown, self._ns)
+        self._people = self._track_manager.shown(people, is_shown, self._ns)
 
     def _find(self, later_s: dict[str, float]) -> None:
         """Begin heads where the foreground shows somebody whom nobody follows."""
@@ -194,7 +196,7 @@ class RgbdHead(MomentTracker):
         found = newcomers(points, life)
         if len(found):
             found = found[np.isfinite(self._room.log_weight(found))]
-            self._people = self._life.found(people, found, self._ns)
+            self._people = self._track_manager.found(people, found, self._ns)
 
 
 def _evaluators_of(here: Mapping[str, Evaluator], scheduler: str | None) -> Evaluators:

@@ -19,7 +19,7 @@ from trackers.cameras.placed import CameraGroup
 from trackers.rgbd_head.colours import COLOURS, SHARES
 from trackers.rgbd_head.options import WeightOptions
 from trackers.rgbd_head.outline import ASPECTS, Outlines, cells_shown, inner_points, outlines, ring_points
-from trackers.rgbd_head.picture import FOREGROUND, INSIDE, SKIN, Picture, Watcher, range_m
+from trackers.rgbd_head.picture import FOREGROUND, INSIDE, SKIN, CameraFrontEnd, Picture, range_m
 
 _NOTHING = 1e-3
 """A linear weight (eq. 5, 7) is never less: a floor of 0 would let one blocked camera kill a right hypothesis."""
@@ -45,7 +45,7 @@ class Weights:
 class Weigher:
     """Some stereo cameras, whose pictures of a moment weigh heads together."""
 
-    def __init__(self, watchers: Sequence[Watcher]) -> None:
+    def __init__(self, watchers: Sequence[CameraFrontEnd]) -> None:
         self._cameras = CameraGroup([each.camera for each in watchers])
         self._learned, self._options = watchers[0].learned, watchers[0].options
 

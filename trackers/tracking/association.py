@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from trackers.arrays import Array, Index, Mask
-from trackers.filters.gating import global_nearest_neighbour, worthiest
+from trackers.filters.gating import global_nearest_neighbour, max_weight_assignment
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ def associate(stages: Sequence[Stage]) -> tuple[Int[Index, "p"], Int[Index, "p"]
         if stage.unpaired is None:
             more_rows, more_columns = global_nearest_neighbour(cost, allowed)
         else:
-            more_rows, more_columns = worthiest(np.where(allowed, stage.unpaired[:, None] - cost, 0.0))
+            more_rows, more_columns = max_weight_assignment(np.where(allowed, stage.unpaired[:, None] - cost, 0.0))
         rows, columns = np.concatenate([rows, more_rows]), np.concatenate([columns, more_columns])
     return rows, columns
 

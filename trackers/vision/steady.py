@@ -39,7 +39,7 @@ class SteadyCamera:
         self._last, self._again = samples, self._again + 1 if same else 0
         return self._again >= _FROZEN_AFTER
 
-    def set_right(self, image: Kind) -> Kind:
+    def normalize_exposure(self, image: Kind) -> Kind:
         """The picture as bright as the empty room was, where the light has changed."""
         before, brightness = self._brightness, _brightness(image.rgb)
         if before is None or not self._gain_from or brightness.shape != before.shape:

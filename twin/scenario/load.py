@@ -13,9 +13,9 @@ from typing import Any
 from pydantic import BaseModel, Field
 
 from trackers.configuration import current_path, keys_of, validate, with_current_names
+from trackers.deep_merge import deep_merge
 from trackers.errors import InputError
 from trackers.knowledge_files import files_within
-from trackers.merging import laid_over
 from trackers.plain_data import DEEPEST, dump_yaml, parse_yaml, parse_yaml_value
 from trackers.rig import Name
 from trackers.text_file import AnyPath, read_text
@@ -105,7 +105,7 @@ def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:
     for own in ("name", "description"):  # they tell of the other scenario
         base.pop(own, None)
     check_removals(ScenarioFile, base, content, str(path))
-    return laid_over(base, content)
+    return deep_merge(base, content)
 
 
 def _resolve(content: dict[str, Any], folder: Path, asked_by: str) -> None:

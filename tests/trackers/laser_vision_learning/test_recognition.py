@@ -12,7 +12,7 @@ from trackers.filters.particle import Cloud
 from trackers.laser_vision_learning.identities import IdentityOptions
 from trackers.laser_vision_learning.looks import LooksOptions
 from trackers.laser_vision_learning.people import People
-from trackers.laser_vision_learning.recognition import Recognition, RecognitionOptions
+from trackers.laser_vision_learning.reidentification import Recognition, RecognitionOptions
 from trackers.laser_vision_learning.situations import Situations
 from trackers.laser_vision_learning.walking import SPEED
 from trackers.learning.boosting import BoostingOptions

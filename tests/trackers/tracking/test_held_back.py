@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from trackers.observations import NS_PER_S
-from trackers.tracking.held_back import Held, HeldBack, told
+from trackers.tracking.fixed_lag_smoother import FixedLagSmoother, Held, told
 from trackers.tracks import Track, TrackFrame
 
 STEP_NS = NS_PER_S // 10
@@ -17,7 +17,7 @@ def walked(
     place: np.ndarray, measured: np.ndarray, confirmed_from: int, delay_s: float = 0.5, place_m: float = 0.1
 ) -> tuple[list[TrackFrame], list[int]]:
     """Frames of one person (serial 4, id 7), and how many had left after each moment."""
-    back, frames, n_left = HeldBack(delay_s, place_m, 1.5), [], []
+    back, frames, n_left = FixedLagSmoother(delay_s, place_m, 1.5), [], []
     last = place[0]
     for k, (here, seen) in enumerate(zip(place, measured, strict=True)):
         last = here if seen else last
@@ -53,7 +53,7 @@ def test_noise_is_averaged_out() -> None:
 
 
 def test_a_tentative_track_that_is_never_confirmed_is_nobody() -> None:
-    back, nobody = HeldBack(0.3, 0.1, 1.5), np.zeros(1, np.int64)
+    back, nobody = FixedLagSmoother(0.3, 0.1, 1.5), np.zeros(1, np.int64)
     frames = []
     for k in range(4):
         held = Held(k * STEP_NS, np.array([0]), np.array([True]), np.zeros((1, 2)), {})
@@ -70,4 +70,4 @@ def test_who_is_gone_for_longer_than_the_delay_is_told_as_the_tracker_did(delay_
 
 
 def test_nothing_ever_came() -> None:
-    assert HeldBack(0.5, 0.1, 1.5).finish() == []
+    assert FixedLagSmoother(0.5, 0.1, 1.5).finish() == []

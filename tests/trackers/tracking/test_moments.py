@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from trackers.observations import NS_PER_S, FloorFrame, Image, LaserScan, Observation
-from trackers.tracking.moments import Moment, MomentGatherer, MomentRules
+from trackers.tracking.synced_frames import FrameSynchronizer, SyncedFrame, SyncPolicy
 
-TWO_LAYERS = MomentRules(opens=("waist", "knee"), joins=("camera",))
+TWO_LAYERS = SyncPolicy(triggers=("waist", "knee"), attached=("camera",))
 CAMERAS = ("camera_1", "camera_2", "camera_3", "camera_4")
 
 
@@ -22,32 +22,32 @@ def seen(sensor: str, t: float) -> Observation:
     return LaserScan(sensor, ns, np.ones(3, np.float32), 0.0, 0.1, 0.1, 9.0)
 
 
-def left(gather: MomentGatherer, *arrivals: tuple[str, float]) -> list[Moment]:
+def left(gather: FrameSynchronizer, *arrivals: tuple[str, float]) -> list[SyncedFrame]:
     return [moment for sensor, t in arrivals for moment in gather.add(seen(sensor, t))]
 
 
-def fed(gather: MomentGatherer, *arrivals: tuple[str, float]) -> list[tuple[float, str]]:
+def fed(gather: FrameSynchronizer, *arrivals: tuple[str, float]) -> list[tuple[float, str]]:
     """Moments as (t, sensors) in the order in which they leave."""
     return [told(moment) for moment in left(gather, *arrivals)]
 
 
-def told(moment: Moment) -> tuple[float, str]:
+def told(moment: SyncedFrame) -> tuple[float, str]:
     return round(moment.t, 6), "".join(sorted(name[0] for name in moment.observations))
 
 
 def test_a_moment_leaves_when_its_last_sensor_reports():
-    gather = MomentGatherer(TWO_LAYERS)
+    gather = FrameSynchronizer(TWO_LAYERS)
     assert fed(gather, ("waist", 1.0), ("knee", 1.01)) == []
     assert fed(gather, ("camera", 1.04)) == [(1.0, "ckw")]
 
 
 def test_sensors_may_come_in_any_order_and_the_first_openers_stamp_counts():
-    gather = MomentGatherer(TWO_LAYERS)
+    gather = FrameSynchronizer(TWO_LAYERS)
     assert fed(gather, ("camera", 1.03), ("knee", 1.02), ("waist", 1.0)) == [(1.0, "ckw")]
 
 
 def test_a_silent_sensor_costs_the_waiting_time_and_no_more():
-    gather = MomentGatherer(TWO_LAYERS)
+    gather = FrameSynchronizer(TWO_LAYERS)
     arrivals = [(name, round(0.1 * k, 3)) for k in range(20) for name in ("waist", "knee")]
     assert fed(gather, *arrivals) == [(round(0.1 * k, 3), "kw") for k in range(18)]
     assert [round(moment.t, 3) for moment in gather.finish()] == [1.8, 1.9]
@@ -55,7 +55,7 @@ def test_a_silent_sensor_costs_the_waiting_time_and_no_more():
 
 
 def test_late_and_double_observations_are_dropped_and_counted():
-    gather = MomentGatherer(MomentRules(opens=("waist", "knee")))
+    gather = FrameSynchronizer(SyncPolicy(triggers=("waist", "knee")))
     assert fed(gather, ("waist", 1.0), ("waist", 1.0)) == []  # twice while it waits
     assert fed(gather, ("knee", 1.0), ("knee", 1.0), ("waist", 0.9), ("waist", 1.0)) == [(1.0, "kw")]
     assert gather.discarded == 4
@@ -63,19 +63,19 @@ def test_late_and_double_observations_are_dropped_and_counted():
 
 
 def test_what_belonged_to_a_moment_that_left_without_it_does_not_open_another():
-    gather = MomentGatherer(MomentRules(opens=("waist", "knee")))
+    gather = FrameSynchronizer(SyncPolicy(triggers=("waist", "knee")))
     assert fed(gather, ("waist", 1.0), ("waist", 1.1), ("waist", 1.2)) == [(1.0, "w")]
     assert fed(gather, ("knee", 1.02)) == []
     assert gather.discarded == 1
 
 
 def test_moments_leave_in_order_even_if_a_later_one_is_whole_first():
-    gather = MomentGatherer(MomentRules(opens=("waist", "knee")))
+    gather = FrameSynchronizer(SyncPolicy(triggers=("waist", "knee")))
     assert fed(gather, ("waist", 1.0), ("waist", 1.1), ("knee", 1.1), ("knee", 1.0)) == [(1.0, "kw"), (1.1, "kw")]
 
 
 def test_what_joins_no_moment_is_dropped_in_the_end():
-    gather = MomentGatherer(TWO_LAYERS)
+    gather = FrameSynchronizer(TWO_LAYERS)
     assert fed(gather, *[("camera", 0.1 * k) for k in range(50)]) == []
     assert gather.discarded == 48  # the last two may still find their scan
     assert gather.finish() == []
@@ -84,28 +84,28 @@ def test_what_joins_no_moment_is_dropped_in_the_end():
 
 @pytest.mark.parametrize(("main", "t"), [(None, 0.98), ("knee", 0.98), ("waist", 1.0), ("camera", 1.03)])
 def test_a_moment_takes_the_stamp_of_the_sensor_that_is_stated(main, t):
-    rules = MomentRules(opens=("knee", "waist"), joins=("camera",), main=main)
+    rules = SyncPolicy(triggers=("knee", "waist"), attached=("camera",), main=main)
     for order in (("knee", "waist", "camera"), ("camera", "waist", "knee")):
         stamps = {"knee": 0.98, "waist": 1.0, "camera": 1.03}
-        (moment,) = left(MomentGatherer(rules), *((name, stamps[name]) for name in order))
+        (moment,) = left(FrameSynchronizer(rules), *((name, stamps[name]) for name in order))
         assert moment.ns == round(t * NS_PER_S)
         assert {name: each.t for name, each in moment.observations.items()} == stamps
 
 
 def test_a_fast_scanner_opens_a_moment_for_every_scan():
-    gather = MomentGatherer(MomentRules(opens=("waist",)))
+    gather = FrameSynchronizer(SyncPolicy(triggers=("waist",)))
     moments = fed(gather, *[("waist", 0.025 * k) for k in range(8)])
     assert [t for t, _ in moments] == [pytest.approx(0.025 * k) for k in range(8)]
 
 
 def test_sensors_that_are_not_named_are_ignored():
-    gather = MomentGatherer(MomentRules(opens=("waist",)))
+    gather = FrameSynchronizer(SyncPolicy(triggers=("waist",)))
     assert fed(gather, ("knee", 1.0)) == []
     assert gather.discarded == 0
 
 
 def test_three_scanners_half_a_period_apart_are_of_one_moment_each_time():
-    gather = MomentGatherer(MomentRules(opens=("a", "b", "c"), max_wait_s=0.1))
+    gather = FrameSynchronizer(SyncPolicy(triggers=("a", "b", "c"), max_wait_s=0.1))
     arrivals = sorted(
         (round(0.04 * k + phase, 3), name)
         for k in range(25)
@@ -119,7 +119,7 @@ def test_three_scanners_half_a_period_apart_are_of_one_moment_each_time():
 
 def test_scanners_faster_than_declared_that_miss_scans_never_make_two_moments_of_one_stamp():
     rng = np.random.default_rng(4)
-    gather = MomentGatherer(MomentRules(opens=("west", "east")))
+    gather = FrameSynchronizer(SyncPolicy(triggers=("west", "east")))
     arrivals = [
         (name, round(0.04 * k, 3)) for k in range(100) for name in ("west", "east") if k < 4 or rng.random() > 0.2
     ]
@@ -140,7 +140,7 @@ def test_moments_of_any_rates_have_stamps_that_grow_and_hold_all_but_a_few_scans
         t = np.arange(1, 4 * rate_hz) / rate_hz + rng.uniform(0, 0.002, int(np.ceil(4 * rate_hz)) - 1)
         arriving += [seen(name, float(at)) for at in t[rng.random(t.size) >= loss]]
     arriving.sort(key=lambda each: each.stamp_ns)
-    gatherer = MomentGatherer(MomentRules(tuple(names), main=str(rng.choice(names))))
+    gatherer = FrameSynchronizer(SyncPolicy(tuple(names), main=str(rng.choice(names))))
     moments = [moment for each in arriving for moment in gatherer.add(each)] + gatherer.finish()
     assert all(before.ns < after.ns for before, after in pairwise(moments))
     n_held = sum(len(moment.observations) for moment in moments)
@@ -150,7 +150,7 @@ def test_moments_of_any_rates_have_stamps_that_grow_and_hold_all_but_a_few_scans
 
 def test_a_first_picture_that_is_lost_makes_no_two_moments_of_one_stamp():
     names = ("a", "b", "c")
-    gatherer = MomentGatherer(MomentRules(names, held=("floor",), main="a", awaited=(*names, "floor")))
+    gatherer = FrameSynchronizer(SyncPolicy(names, latest=("floor",), main="a", awaited=(*names, "floor")))
     arriving = [
         seen("b", 0.0),
         seen("c", 0.0),
@@ -162,13 +162,13 @@ def test_a_first_picture_that_is_lost_makes_no_two_moments_of_one_stamp():
 
 
 def test_cameras_alone_make_a_moment_of_four_pictures():
-    gather = MomentGatherer(MomentRules(opens=CAMERAS, period_s=0.05))
+    gather = FrameSynchronizer(SyncPolicy(triggers=CAMERAS, period_s=0.05))
     arrivals = [(name, round(0.05 * k, 3)) for k in range(10) for name in CAMERAS]
     assert fed(gather, *arrivals) == [(round(0.05 * k, 3), "cccc") for k in range(10)]
 
 
 def test_a_floor_alone_makes_a_moment_of_each_frame():
-    gather = MomentGatherer(MomentRules(opens=("floor",)))
+    gather = FrameSynchronizer(SyncPolicy(triggers=("floor",)))
     assert fed(gather, *[("floor", 0.1 * k) for k in range(5)]) == [(round(0.1 * k, 6), "f") for k in range(5)]
 
 
@@ -178,8 +178,8 @@ STAGGERED = sorted((PERIOD_S * (k + phase), name) for k in range(12) for name, p
 
 
 def test_pictures_taken_one_after_another_join_the_nearest_moment_with_their_own_stamps():
-    rules = MomentRules(opens=CAMERAS[:1], joins=CAMERAS[1:], period_s=PERIOD_S, max_wait_s=PERIOD_S)
-    gather = MomentGatherer(rules)
+    rules = SyncPolicy(triggers=CAMERAS[:1], attached=CAMERAS[1:], period_s=PERIOD_S, max_wait_s=PERIOD_S)
+    gather = FrameSynchronizer(rules)
     moments = left(gather, *((name, t) for t, name in STAGGERED))
     assert [moment.ns for moment in moments[:9]] == [round(PERIOD_S * k * NS_PER_S) for k in range(9)]
     for moment in moments[2:9]:
@@ -190,22 +190,22 @@ def test_pictures_taken_one_after_another_join_the_nearest_moment_with_their_own
 
 
 def test_pictures_may_each_be_a_moment_of_their_own_those_of_one_stamp_together():
-    rules = MomentRules(opens=CAMERAS, within_s=0.0, max_wait_s=0.06)
-    gather = MomentGatherer(rules)
+    rules = SyncPolicy(triggers=CAMERAS, within_s=0.0, max_wait_s=0.06)
+    gather = FrameSynchronizer(rules)
     moments = [*left(gather, *((name, t) for t, name in STAGGERED)), *gather.finish()]
     assert [(moment.t, *moment.observations) for moment in moments] == [
         (pytest.approx(t, abs=1e-8), name) for t, name in STAGGERED
     ]
-    gather = MomentGatherer(rules)
+    gather = FrameSynchronizer(rules)
     at_once = [(name, 0.2 * k) for k in range(5) for name in CAMERAS]
     assert fed(gather, *at_once) == [(round(0.2 * k, 6), "cccc") for k in range(5)]
 
 
-BESIDE_A_FLOOR = MomentRules(opens=CAMERAS[:2], held=("floor",), period_s=0.05)
+BESIDE_A_FLOOR = SyncPolicy(triggers=CAMERAS[:2], latest=("floor",), period_s=0.05)
 
 
 def test_a_slower_floor_is_held_the_newest_that_is_not_after_the_moment():
-    gather = MomentGatherer(BESIDE_A_FLOOR)
+    gather = FrameSynchronizer(BESIDE_A_FLOOR)
     arrivals = [
         (name, round(0.05 * k, 3))
         for k in range(10)
@@ -214,46 +214,46 @@ def test_a_slower_floor_is_held_the_newest_that_is_not_after_the_moment():
     ]
     moments = left(gather, *arrivals)
     assert [moment.t for moment in moments] == [pytest.approx(0.05 * k) for k in range(10)]
-    assert [moment.held["floor"].t for moment in moments] == [pytest.approx(0.1 * (k // 2)) for k in range(10)]
+    assert [moment.latest["floor"].t for moment in moments] == [pytest.approx(0.1 * (k // 2)) for k in range(10)]
     assert not any("floor" in moment.observations for moment in moments)
 
 
 def test_newest_is_by_stamp_not_by_arrival_and_late_or_double_values_are_counted():
-    gather = MomentGatherer(BESIDE_A_FLOOR)
+    gather = FrameSynchronizer(BESIDE_A_FLOOR)
     both = [("camera_1", 1.0), ("camera_2", 1.0)]
     (moment,) = left(gather, ("floor", 0.95), ("floor", 0.9), ("floor", 0.95), ("floor", 1.02), *both)
-    assert moment.held["floor"].t == 0.95  # the one at 1.02 is of a later moment
+    assert moment.latest["floor"].t == 0.95  # the one at 1.02 is of a later moment
     assert gather.discarded == 1
     (moment,) = left(gather, ("floor", 0.94), ("floor", 0.95), ("camera_1", 1.05), ("camera_2", 1.05))
-    assert moment.held["floor"].t == 1.02
+    assert moment.latest["floor"].t == 1.02
     assert gather.discarded == 3
 
 
 def test_a_floor_that_has_not_spoken_yet_holds_nobody_up():
-    gather = MomentGatherer(BESIDE_A_FLOOR)
+    gather = FrameSynchronizer(BESIDE_A_FLOOR)
     (moment,) = left(gather, ("camera_1", 1.0), ("camera_2", 1.0))
-    assert moment.held == {}
+    assert moment.latest == {}
 
 
 def test_an_awaited_floor_is_waited_for_and_no_longer_than_said():
     rules = replace(BESIDE_A_FLOOR, awaited=(*CAMERAS[:2], "floor"), max_wait_s=0.08)
-    gather = MomentGatherer(rules)
+    gather = FrameSynchronizer(rules)
     both = [("camera_1", 1.0), ("camera_2", 1.0)]
     assert left(gather, ("floor", 0.9), *both) == []
     (moment,) = left(gather, ("floor", 1.0))
-    assert moment.held["floor"].t == 1.0
+    assert moment.latest["floor"].t == 1.0
     assert left(gather, ("camera_1", 1.05), ("camera_2", 1.05)) == []
     assert left(gather, ("camera_1", 1.1), ("camera_2", 1.1)) == []
     (moment,) = left(gather, ("camera_1", 1.15))
-    assert (moment.t, moment.held["floor"].t) == (1.05, 1.0)
+    assert (moment.t, moment.latest["floor"].t) == (1.05, 1.0)
 
 
 def test_values_are_held_in_bounded_memory_while_no_moment_opens():
-    gather = MomentGatherer(BESIDE_A_FLOOR)
+    gather = FrameSynchronizer(BESIDE_A_FLOOR)
     left(gather, *[("floor", 0.1 * k) for k in range(1000)])
     assert len(gather._held["floor"]) <= 3
     (moment,) = left(gather, ("camera_1", 99.95), ("camera_2", 99.95))
-    assert moment.held["floor"].t == pytest.approx(99.9)
+    assert moment.latest["floor"].t == pytest.approx(99.9)
 
 
 @pytest.mark.parametrize(
@@ -267,4 +267,4 @@ def test_values_are_held_in_bounded_memory_while_no_moment_opens():
 )
 def test_a_declaration_that_makes_no_sense_is_refused(rules, complaint):
     with pytest.raises(ValueError, match=complaint):
-        MomentRules(**rules)
+        SyncPolicy(**rules)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from trackers.observations import NS_PER_S, DepthImage, Image, LaserScan
-from trackers.tracking.moments import BLANK, MomentGatherer, MomentRules
-from trackers.tracking.repeats import Repeats
+from trackers.tracking.stale_frames import StaleFrameDetector
+from trackers.tracking.synced_frames import BLANK, FrameSynchronizer, SyncPolicy
 
 RNG = np.random.default_rng(3)
 
@@ -21,7 +21,7 @@ def noisy(n_beam=200):
 
 
 def told(readings):
-    repeats = Repeats()
+    repeats = StaleFrameDetector()
     return [repeats.repeats(each) for each in readings]
 
 
@@ -67,7 +67,7 @@ def test_pictures_too(kind):
 
 
 def test_the_moment_of_a_repetition_leaves_without_it_and_nobody_waits():
-    gatherer = MomentGatherer(MomentRules(("knee",)))
+    gatherer = FrameSynchronizer(SyncPolicy(("knee",)))
     ranges = [noisy(), noisy()]
     left = [moment for n in range(4) for moment in gatherer.add(scan(ranges[min(n, 1)], n))]
     assert [moment.ns for moment in left] == [n * NS_PER_S // 10 for n in range(4)]
@@ -82,7 +82,7 @@ NO_BEAMS, INVALID, NOTHING = np.empty(0), np.full(200, np.nan), np.full(200, np.
 
 @pytest.mark.parametrize("blank", [NO_BEAMS, INVALID, NOTHING], ids=["no beams", "invalid", "nothing met"])
 def test_a_scan_that_loses_every_return_is_no_reading(blank):
-    gatherer = MomentGatherer(MomentRules(opens=("knee",)))
+    gatherer = FrameSynchronizer(SyncPolicy(triggers=("knee",)))
     scans = [scan(each, n) for n, each in enumerate((noisy(), blank, blank, noisy(), blank, noisy()))]
     moments = [moment for each in scans for moment in gatherer.add(each)] + gatherer.finish()
     assert [len(moment.observations) for moment in moments] == [1, 0, 0, 1, 0, 1]
@@ -90,7 +90,7 @@ def test_a_scan_that_loses_every_return_is_no_reading(blank):
 
 
 def test_nothing_met_in_open_space_is_a_look():
-    repeats = Repeats()
+    repeats = StaleFrameDetector()
     post = np.where(np.arange(200) < 10, noisy(), np.inf)
     assert not any(repeats.is_blank(scan(each)) for each in (NOTHING, post, NOTHING, NOTHING))
     assert repeats.is_blank(scan(NO_BEAMS))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from trackers.area import Area
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
-from trackers.camera_floor_particle.views import Watchers
+from trackers.camera_floor_particle.views import CameraFrontEnds
 from trackers.observations import NS_PER_S, Image
 from twin.recording.reader import Recording
 from twin.reproduce.camera_floor_particle.tables import BEYOND
@@ -54,7 +54,7 @@ def _foreground(path: Path) -> Iterator[tuple[Image, NDArray[np.bool_]]]:
     """The tracker's foreground in each camera's pictures, one in half a second."""
     bag = Recording(path)
     area = None if bag.rig.area is None else Area(bag.rig.area)
-    watchers = Watchers(bag.rig.cameras(), list(bag.background), CameraFloorParticleOptions(), area)
+    watchers = CameraFrontEnds(bag.rig.cameras(), list(bag.background), CameraFloorParticleOptions(), area)
     last_ns: dict[str, int] = {}
     for image in bag.observations():
         if isinstance(image, Image) and image.stamp_ns - last_ns.get(image.sensor, -NS_PER_S) >= _EVERY_S * NS_PER_S:

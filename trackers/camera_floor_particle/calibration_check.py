@@ -1,4 +1,4 @@
-"""What tells of a camera that it cannot hang where the rig says: its silhouettes of walkers (`trackers.vision.camera_doubts`)."""
+"""What tells of a camera that it cannot hang where the rig says: the silhouettes of walkers."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from trackers.camera_floor_particle.body import CROWN_M
 from trackers.camera_floor_particle.people import People
 from trackers.camera_floor_particle.views import Views
-from trackers.vision.camera_doubts import CameraDoubts, silhouette_top
+from trackers.vision.calibration_monitor import CalibrationMonitor, silhouette_top
 
 OFF_M = 0.04
 """A camera whose median look is farther off than this hangs elsewhere."""
@@ -24,7 +24,7 @@ _APART_M = 0.7
 """Heads with another so near, as a camera sees them, are left out."""
 
 
-def look(doubts: CameraDoubts, people: People, views: Views) -> None:
+def look(doubts: CalibrationMonitor, people: People, views: Views) -> None:
     """Take in a moment, in metres. Two cameras cannot tell which of them is wrong."""
     upright = people.head_place[:, 2] > people.height_m - CROWN_M - _BENT_M
     walking = upright & (np.hypot(*people.velocity[:, :2].T) > _WALKS_M_S) & ~people.lost

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from trackers.arrays import Array, Mask
 from trackers.cameras.placed import PlacedCamera
 from trackers.rgbd_head.calibration import TURNS_DEG
-from trackers.vision.camera_doubts import CameraDoubts, silhouette_top
+from trackers.vision.calibration_monitor import CalibrationMonitor, silhouette_top
 
 _OFF_RAD = np.radians(3.5)
 """A camera whose median look is farther off than this hangs elsewhere: one that is turned by 5°, and not by 1° or 2°."""
@@ -39,7 +39,7 @@ class Doubts:
         self._looks = self._none_yet()
 
     def take(self, name: str, off_rad: Float[Array, "n 2"]) -> None:
-        """Remember how far off a camera shows heads (`asides`)."""
+        """Remember how far off a camera shows heads (`silhouette_offsets`)."""
         if len(self._numbers) - len(self.left_out) <= 2:
             return
         for each in off_rad[np.isfinite(off_rad[:, 0])]:
@@ -69,11 +69,11 @@ class Doubts:
         names = list(self._numbers)
         return [names[number] for number in self._looks.doubted]
 
-    def _none_yet(self) -> CameraDoubts:
-        return CameraDoubts(len(self._numbers), _OFF_RAD, _FEWEST)
+    def _none_yet(self) -> CalibrationMonitor:
+        return CalibrationMonitor(len(self._numbers), _OFF_RAD, _FEWEST)
 
 
-def asides(
+def silhouette_offsets(
     camera: PlacedCamera, mask: Bool[Mask, "height width"], heads: Float[Array, "4 n"], up_m: float
 ) -> Float[Array, "n 2"]:
     """How far the tops of silhouettes are to the right of heads' crowns, and below them [rad]; NaN where there is none.

@@ -30,7 +30,7 @@ _NOTHING_TOLD = np.array([0.0, 0, 1, 0, 1])[:, None, None]
 _LEAST_VARIANCE_M2 = 1e-12
 
 
-def not_seen(
+def update_missed(
     state: ImmState, missed: Callable[[Array], Array], along: Float[Array, "2 n"], least: float = 1e-3
 ) -> tuple[ImmState, Float[Array, "n"]]:
     """The n tracks after a look that did not show them, and how probably it would not.
@@ -60,8 +60,10 @@ def not_seen(
     return ImmState(state.mean + by_u * mean_u + by_v * mean_v, covariance, joint / missed_all), missed_all
 
 
-def chance_unseen(state: ImmState, missed: Callable[[Array], Array], along: Float[Array, "2 n"]) -> Float[Array, "n"]:
-    """How probably a look does not show the n tracks, over all the places where they may be; arguments: as of `not_seen`."""
+def miss_probability(
+    state: ImmState, missed: Callable[[Array], Array], along: Float[Array, "2 n"]
+) -> Float[Array, "n"]:
+    """How probably a look does not show the n tracks, over all the places where they may be; arguments: as of `update_missed`."""
     points, *_ = _places(state, *_axes(along))
     return (state.probability * (missed(points) @ _DENSITY)).sum(axis=0)
 
@@ -73,10 +75,10 @@ def _axes(along: Float[Array, "2 n"]) -> tuple[Float[Array, "2 n"], Float[Array,
     return u, np.stack([-u[1], u[0]])
 
 
-def chance_within(
+def probability_within(
     state: ImmState, centre: Float[Array, "n 2"], radius_m: float, along: Float[Array, "2 n"]
 ) -> Float[Array, "n"]:
-    """Return how probably the n tracks are within `radius_m` of `centre` [m], over all their modes; along: as of `not_seen`."""
+    """Return how probably the n tracks are within `radius_m` of `centre` [m]; along: as of `update_missed`."""
     points, *_ = _places(state, *_axes(along))
     off_x, off_y = points[0] - centre[:, :1], points[1] - centre[:, 1:]
     within = off_x * off_x + off_y * off_y <= radius_m**2
@@ -101,12 +103,12 @@ def _places(
     return np.stack([x, y]), l_uu, l_vu, l_vv
 
 
-def existence_unseen(
+def existence_after_miss(
     existence: Float[Array, "n"], missed: Float[Array, "n"], elapsed_s: float, survival_s: Float[Array, "n"] | float
 ) -> Float[Array, "n"]:
     """How probably the n tracks still are somebody, after a look that did not show them.
 
-    existence: before the look, `elapsed_s` ago; missed: how probably the look would not show them, as by `not_seen`. Who is
+    existence: before the look, `elapsed_s` ago; missed: how probably the look would not show them, as by `update_missed`. Who is
     not seen stays on average for `survival_s`. With e' = e exp(−Δt / survival_s) it is e' m / (1 − e' + e' m) (D. Mušicki,
     R. Evans and S. Stanković, "Integrated probabilistic data association", IEEE Trans. Automatic Control 39, 1994).
     """
@@ -115,7 +117,7 @@ def existence_unseen(
     return unseen / (1 - there + unseen)
 
 
-def existence_measured(existence: Float[Array, "n"], likelihood_ratio: Float[Array, "n"]) -> Float[Array, "n"]:
+def existence_after_detection(existence: Float[Array, "n"], likelihood_ratio: Float[Array, "n"]) -> Float[Array, "n"]:
     """How probably the n tracks still are somebody, after a measurement taken for theirs.
 
     likelihood_ratio: its density if it is theirs, over that of whatever else it may be. With e before it, it is
@@ -125,7 +127,7 @@ def existence_measured(existence: Float[Array, "n"], likelihood_ratio: Float[Arr
     return theirs / (1 - existence + theirs)
 
 
-def cloud_not_seen(cloud: Cloud, missed: Callable[[Array], Array]) -> tuple[Cloud, Float[Array, "n"]]:
+def update_missed_particles(cloud: Cloud, missed: Callable[[Array], Array]) -> tuple[Cloud, Float[Array, "n"]]:
     """The n sets of particles after a look that did not show their targets, and how probably it would not.
 
     missed: the probability that the look does not show a target at positions (2, n, p) [m], the first two components of the

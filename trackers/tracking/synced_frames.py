@@ -1,6 +1,6 @@
 """Moments: what several sensors report at about the same time, gathered by declaration before a tracker works it.
 
-A tracker declares (`MomentRules`) which sensors open a moment, which join the nearest one, of which the newest value is held,
+A tracker declares (`SyncPolicy`) which sensors open a moment, which join the nearest one, of which the newest value is held,
 and what is awaited how long. A pair of scanners and a camera: the scanners open, the camera joins. Cameras beside a slower
 pressure floor: the cameras open, the floor is held. Cameras alone, or a floor alone: they open. Cameras that look one after
 another, each picture at its own stamp: all open, `within_s=0`.
@@ -8,7 +8,7 @@ another, each picture at its own stamp: all open, `within_s=0`.
 A moment is whole when every awaited sensor has reported, and is given up waiting for when an observation at least
 `max_wait_s` newer has arrived; moments leave in order of time. So a silent sensor delays a tracker by little more than
 `max_wait_s`, never for ever. What comes too late (its moment has left) or twice is dropped and counted, and so is a reading
-that only repeats the one before (`Repeats`); its moment leaves all the same.
+that only repeats the one before (`StaleFrameDetector`); its moment leaves all the same.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from statistics import median_low
 
 from trackers.observations import NS_PER_S, Observation
 from trackers.order import LATE, TWICE
-from trackers.tracking.repeats import Repeats
+from trackers.tracking.stale_frames import StaleFrameDetector
 
 _GAPS = 9
 """How many of a sensor's last gaps between observations tell its period."""
@@ -31,7 +31,7 @@ REPEATED = "bit for bit the same as the one before: the sensor or its driver han
 
 
 @dataclass(frozen=True)
-class MomentRules:
+class SyncPolicy:
     """How moments are made of observations; sensors that are not named here are ignored.
 
     opens: sensors whose observations open a moment, or join one of each other's. joins: those that join the nearest moment
@@ -44,9 +44,9 @@ class MomentRules:
     Raises ValueError where nothing opens, a sensor is named twice, or the main or an awaited one is not named at all.
     """
 
-    opens: tuple[str, ...]
-    joins: tuple[str, ...] = ()
-    held: tuple[str, ...] = ()
+    triggers: tuple[str, ...]
+    attached: tuple[str, ...] = ()
+    latest: tuple[str, ...] = ()
     main: str | None = None
     awaited: tuple[str, ...] | None = None
     period_s: float = 0.1
@@ -54,28 +54,28 @@ class MomentRules:
     max_wait_s: float = 0.15
 
     def __post_init__(self) -> None:
-        named = (*self.opens, *self.joins, *self.held)
-        if not self.opens:
+        named = (*self.triggers, *self.attached, *self.latest)
+        if not self.triggers:
             raise ValueError("no sensor opens a moment; at least one in 'opens' is needed")
         if len(set(named)) < len(named):
             raise ValueError(f"a sensor stands twice among {', '.join(named)}; each has one part")
-        if self.main is not None and self.main not in (*self.opens, *self.joins):
+        if self.main is not None and self.main not in (*self.triggers, *self.attached):
             raise ValueError(f"main is {self.main!r}, which neither opens nor joins")
         if unknown := set(self.awaited or ()) - set(named):
             raise ValueError(f"awaited are {', '.join(sorted(unknown))}, which neither open, join nor are held")
 
 
 @dataclass
-class Moment:
+class SyncedFrame:
     """The observations of one moment, by sensor, each with its own stamp.
 
-    ns: the moment [ns], see `MomentRules.main`. held: the newest values not after it of the sensors that are held; their own
+    ns: the moment [ns], see `SyncPolicy.main`. held: the newest values not after it of the sensors that are held; their own
     stamps say how old they are. repeated: the sensors that reported, but only repeated themselves, or nothing at all.
     """
 
     ns: int
     observations: dict[str, Observation] = field(default_factory=dict)
-    held: dict[str, Observation] = field(default_factory=dict)
+    latest: dict[str, Observation] = field(default_factory=dict)
     repeated: frozenset[str] = frozenset()
 
     @property
@@ -84,25 +84,25 @@ class Moment:
         return self.ns / NS_PER_S
 
 
-class MomentGatherer:
+class FrameSynchronizer:
     """Takes observations in order of arrival, hands back moments in order of time.
 
     Stamps are on one clock: whoever decodes messages adds the rig's time offsets.
     """
 
-    def __init__(self, rules: MomentRules) -> None:
+    def __init__(self, rules: SyncPolicy) -> None:
         self._rules = rules
-        self._awaited = (*rules.opens, *rules.joins) if rules.awaited is None else rules.awaited
-        self._stamped_by = rules.opens if rules.main is None else (rules.main, *rules.opens)
+        self._awaited = (*rules.triggers, *rules.attached) if rules.awaited is None else rules.awaited
+        self._stamped_by = rules.triggers if rules.main is None else (rules.main, *rules.triggers)
         self._max_wait_ns = round(rules.max_wait_s * NS_PER_S)
         self._within_ns = round((0.5 * rules.period_s if rules.within_s is None else rules.within_s) * NS_PER_S)
         self._last_ns: dict[str, int] = {}
-        self._gaps_ns: dict[str, deque[int]] = {name: deque(maxlen=_GAPS) for name in rules.opens}
-        self._pending: list[Moment] = []
+        self._gaps_ns: dict[str, deque[int]] = {name: deque(maxlen=_GAPS) for name in rules.triggers}
+        self._pending: list[SyncedFrame] = []
         self._waiting: list[Observation] = []  # those that join, while no moment is open for them
-        self._held: dict[str, list[Observation]] = {name: [] for name in rules.held}  # by stamp
-        self._left: Moment | None = None
-        self._repeats = Repeats()
+        self._held: dict[str, list[Observation]] = {name: [] for name in rules.latest}  # by stamp
+        self._left: SyncedFrame | None = None
+        self._repeats = StaleFrameDetector()
         self.losses: Counter[tuple[str, str]] = Counter()
         """The observations dropped, by sensor and reason: too late, twice, no moment to join, or a repetition."""
 
@@ -111,12 +111,12 @@ class MomentGatherer:
         """How many observations were dropped."""
         return self.losses.total()
 
-    def add(self, observation: Observation) -> list[Moment]:
+    def add(self, observation: Observation) -> list[SyncedFrame]:
         """The moments that are ready now that `observation` has arrived, oldest first."""
         rules, sensor, ns = self._rules, observation.sensor, observation.stamp_ns
-        if sensor in rules.held:
+        if sensor in rules.latest:
             self._hold(observation)
-        elif sensor not in rules.opens and sensor not in rules.joins:
+        elif sensor not in rules.triggers and sensor not in rules.attached:
             return []
         elif self._has(sensor, ns):
             self.losses[sensor, TWICE] += 1
@@ -125,7 +125,7 @@ class MomentGatherer:
             again = self._left is not None and (left := self._left.observations.get(sensor)) and left.stamp_ns == ns
             self.losses[sensor, TWICE if again else LATE] += 1
             return []
-        elif sensor in rules.opens:
+        elif sensor in rules.triggers:
             self._learn_period(sensor, ns)
             moment = self._nearest(ns, without=sensor)
             if moment is None:
@@ -136,7 +136,7 @@ class MomentGatherer:
         self._join()
         return self._ready(ns)
 
-    def finish(self) -> list[Moment]:
+    def finish(self) -> list[SyncedFrame]:
         """The moments still waiting, oldest first; what found no moment to join is dropped."""
         moments = self._ready(max((moment.ns for moment in self._pending), default=0) + self._max_wait_ns)
         self._lose_alone(self._waiting)
@@ -169,7 +169,7 @@ class MomentGatherer:
         waiting += [other for other in self._waiting if other.sensor == sensor]
         return any(other.stamp_ns == ns for other in waiting)
 
-    def _nearest(self, ns: int, without: str) -> Moment | None:
+    def _nearest(self, ns: int, without: str) -> SyncedFrame | None:
         """The pending moment nearest to `ns`, near enough to join, that lacks the sensor."""
         near = [
             (abs(moment.ns - ns), moment.ns, place)
@@ -178,12 +178,12 @@ class MomentGatherer:
         ]
         return self._pending[min(near)[2]] if near else None
 
-    def _opened(self, ns: int) -> Moment:
+    def _opened(self, ns: int) -> SyncedFrame:
         """Open a moment; it takes over what joined another for want of this one, and is nearer to it than to the others there.
 
         Before a sensor's period is known, or where one reports late, a moment of the past may have what belongs to the next.
         """
-        opened = Moment(ns)
+        opened = SyncedFrame(ns)
         for other in self._pending:
             for sensor, each in list(other.observations.items()):
                 beside = [abs(each.stamp_ns - it.stamp_ns) for it in other.observations.values() if it is not each]
@@ -193,12 +193,12 @@ class MomentGatherer:
         self._pending.append(opened)
         return opened
 
-    def _put(self, moment: Moment, observation: Observation) -> None:
+    def _put(self, moment: SyncedFrame, observation: Observation) -> None:
         moment.observations[observation.sensor] = observation
         self._stamp(moment)
         self._pending.sort(key=lambda pending: pending.ns)
 
-    def _stamp(self, moment: Moment) -> None:
+    def _stamp(self, moment: SyncedFrame) -> None:
         """Give a moment the stamp of its main sensor, else of the first of those that opened it."""
         stamped_by = next(name for name in (*self._stamped_by, *moment.observations) if name in moment.observations)
         moment.ns = moment.observations[stamped_by].stamp_ns
@@ -214,14 +214,14 @@ class MomentGatherer:
 
     def _hold(self, observation: Observation) -> None:
         values, ns = self._held[observation.sensor], observation.stamp_ns
-        handed_out = self._left.held.get(observation.sensor) if self._left is not None else None
+        handed_out = self._left.latest.get(observation.sensor) if self._left is not None else None
         if any(value.stamp_ns == ns for value in values) or (handed_out is not None and ns <= handed_out.stamp_ns):
             self.losses[observation.sensor, TWICE] += 1
             return
         values.append(observation)
         values.sort(key=lambda value: value.stamp_ns)
 
-    def _ready(self, newest_ns: int) -> list[Moment]:
+    def _ready(self, newest_ns: int) -> list[SyncedFrame]:
         ready = []
         while self._pending:
             head = self._pending[0]
@@ -245,13 +245,13 @@ class MomentGatherer:
     def _lose_alone(self, observations: list[Observation]) -> None:
         self.losses.update((each.sensor, ALONE) for each in observations)
 
-    def _lacks(self, moment: Moment, sensor: str) -> bool:
+    def _lacks(self, moment: SyncedFrame, sensor: str) -> bool:
         """Whether an awaited sensor has not yet said of the moment what it can say."""
         if sensor in self._held:
             return not self._held[sensor] or self._held[sensor][-1].stamp_ns < moment.ns
         return sensor not in moment.observations
 
-    def _leave(self, moment: Moment) -> None:
+    def _leave(self, moment: SyncedFrame) -> None:
         """Hand the moment the values that are held, as it leaves, and take from it what says nothing."""
         mute: dict[str, str] = {}
         for name, each in moment.observations.items():
@@ -264,7 +264,7 @@ class MomentGatherer:
             del moment.observations[name]
         moment.repeated = frozenset(mute)
         self._forget_held_before(moment.ns)
-        moment.held = {
+        moment.latest = {
             name: values[0] for name, values in self._held.items() if values and values[0].stamp_ns <= moment.ns
         }
         self._left = moment

@@ -9,8 +9,8 @@ from jaxtyping import Bool, Float
 
 from trackers.area import Area
 from trackers.arrays import Array, Mask
-from trackers.filters.absence import chance_within, existence_unseen, not_seen
 from trackers.filters.imm import Imm
+from trackers.filters.negative_information import existence_after_miss, probability_within, update_missed
 from trackers.filters.rows import written
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
@@ -20,7 +20,7 @@ _AT_REST = 0.01
 """Variance of the speed of somebody who lies [m²/s²]."""
 
 
-class Life:
+class TrackManager:
     """The rules, the numbers given so far, and when any scanner last looked.
 
     area: where people are (None: everywhere).
@@ -68,7 +68,7 @@ class Life:
             return missed(points) * free
 
         state = people.state.select(unseen)
-        state, chance = not_seen(state, not_shown, self._imm.velocity(state))
+        state, chance = update_missed(state, not_shown, self._imm.velocity(state))
         sitting, posture = self._options.posture, people.posture.select(unseen)
         seated, seat = posture.seated(people.measured_at[unseen], sitting), np.nan_to_num(posture.seat)
         alone = clear_of(seat, taken, clearance_m=rules.apart_m)
@@ -78,7 +78,7 @@ class Life:
         existence = people.existence
         if rules.survival_s is not None:
             stays_s = np.where(seated, sitting.stays_s, rules.survival_s)
-            still = existence_unseen(existence[unseen], chance, elapsed_s, stays_s)
+            still = existence_after_miss(existence[unseen], chance, elapsed_s, stays_s)
             existence = written(existence, unseen, still)
         posture = people.posture.replaced(unseen, posture)
         return people.in_state(people.state.replaced(unseen, state)).changed(existence=existence, posture=posture)
@@ -95,7 +95,7 @@ class Life:
         there = self._inside(people) & self._exists(people)
         within_m = self._options.management.within_m
         if within_m is not None:
-            chance = people.existence * chance_within(
+            chance = people.existence * probability_within(
                 people.state, people.positions, within_m, self._imm.velocity(people.state)
             )
             there &= chance > self._options.management.exists_above

@@ -17,7 +17,7 @@ _EVERY = 4
 """So many looks apart the median is worked out."""
 
 
-class CameraDoubts:
+class CalibrationMonitor:
     """off: how far off each camera shows heads, by the median, to the right and down, in the unit of the looks handed in.
 
     off_from: a camera whose median is farther off hangs elsewhere. fewest: looks of a camera that a doubt takes.

@@ -24,7 +24,7 @@ Likewise returns, each as likely as not to be lost.
 """
 
 
-class Repeats:
+class StaleFrameDetector:
     """Tells which readings say no more than the one before; asked once for each, a sensor's in order of time.
 
     A sensor is taken to have noise while its last two different readings differ in at least half of their values. Without

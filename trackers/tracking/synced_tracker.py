@@ -6,17 +6,17 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 
 from trackers.observations import Observation
-from trackers.tracking.moments import Moment, MomentGatherer, MomentRules
+from trackers.tracking.synced_frames import FrameSynchronizer, SyncedFrame, SyncPolicy
 from trackers.tracks import Hypotheses, ScoreMap, Track, TrackFrame
 
 
-class MomentTracker(ABC):
+class SynchronizedTracker(ABC):
     """Base of such trackers: they declare their moments, work one, and have tracks. Other sensors are ignored."""
 
     takes_any_order = True  # the gatherer waits for what comes late, and drops what comes twice
 
-    def __init__(self, rules: MomentRules) -> None:
-        self._gatherer = MomentGatherer(rules)
+    def __init__(self, rules: SyncPolicy) -> None:
+        self._gatherer = FrameSynchronizer(rules)
 
     @property
     def discarded(self) -> int:
@@ -41,14 +41,14 @@ class MomentTracker(ABC):
         """Everybody, as of the moment worked last."""
 
     @abstractmethod
-    def _work(self, moment: Moment) -> None:
+    def _work(self, moment: SyncedFrame) -> None:
         """Take the tracks on to a moment."""
 
     def _maps(self) -> tuple[ScoreMap | Hypotheses, ...]:
         """What pictures showed of them in that moment, or was thought; none, unless a tracker tells."""
         return ()
 
-    def _work_all(self, moments: list[Moment]) -> list[TrackFrame]:
+    def _work_all(self, moments: list[SyncedFrame]) -> list[TrackFrame]:
         frames = []
         for moment in moments:
             self._work(moment)

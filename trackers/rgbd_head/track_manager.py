@@ -19,7 +19,7 @@ _FAR_M_S = 1.5
 """Who is not shown is looked for within the way at this speed."""
 
 
-class Life:
+class TrackManager:
     """The rules, the numbers given so far, and the known starts still to come."""
 
     def __init__(self, options: RgbdHeadOptions, n_camera: int, rng: np.random.Generator) -> None:

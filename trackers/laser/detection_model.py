@@ -15,7 +15,7 @@ from trackers.rig import LaserSensor
 _ACROSS = np.array([-1.0, 0.0, 1.0])  # where across a body the beams are asked
 
 
-class FreeSpaceOptions(Strict):
+class DetectionOptions(Strict):
     """How a body stands in the beams of one layer, and how surely it is seen (ours)."""
 
     detected: float = Field(
@@ -42,7 +42,7 @@ class FreeSpaceOptions(Strict):
     )
 
 
-class FreeSpace:
+class DetectionModel:
     """A scanner's view of empty places: how probably its scans would have shown a body there.
 
     least: the samples of the smallest cluster. On a width w, beams that are s apart fall w / s times or one more, at least k
@@ -50,7 +50,7 @@ class FreeSpace:
     without a reading (NaN) says nothing.
     """
 
-    def __init__(self, sensor: LaserSensor, options: FreeSpaceOptions, least: int = 1) -> None:
+    def __init__(self, sensor: LaserSensor, options: DetectionOptions, least: int = 1) -> None:
         self.options, self._least = options, least
         self._origin_m = sensor.room_from_sensor.translation[:2].copy()
         self._scan_from_room = sensor.room_from_sensor.rotation[:2, :2].T.copy()

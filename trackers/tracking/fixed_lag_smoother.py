@@ -33,7 +33,7 @@ class Held:
     told: dict[int, Track]  # by id, who was reported then
 
 
-class HeldBack:
+class FixedLagSmoother:
     """A tracker's frames on their way out, `delay_s` late; place_m and speed_m_s: standard deviations of a measured place, and of
     people's speed beforehand, on each axis."""
 
