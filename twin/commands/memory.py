@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import resource
 import signal
 import sys
@@ -16,6 +17,8 @@ _LEAST_MB = 200
 """Under this OpenBLAS ends the process by itself, before Python can say anything."""
 
 _SAID_OF_MEMORY = ("failed to map segment", "allocate memory", "can't start new thread", "insufficient memory")
+_SAID_BY_THE_PARSER = re.compile(r"field '\w+' is required for \w+")
+"""What Python says of a syntax tree that it had no memory for, as it imports a module."""
 _FOREIGN = ("av", "cv2", "mujoco", "OpenGL", "apsw", "sqlite3", "zstandard")
 """Libraries whose errors do not say that memory was what they lacked."""
 _FATAL = (signal.SIGABRT, signal.SIGSEGV, signal.SIGBUS, signal.SIGILL, signal.SIGTRAP)
@@ -67,7 +70,9 @@ def lack_of_memory(error: BaseException) -> str | None:
             or (said and any(word in str(each).lower() for word in _SAID_OF_MEMORY))
         ):
             return _sentence(limit)
-        if limit is not None and ((_is_foreign(each) and not is_told) or "gives no OpenGL context" in str(each)):
+        is_of_parser = isinstance(each, ValueError) and _SAID_BY_THE_PARSER.fullmatch(str(each)) is not None
+        is_graphics = "gives no OpenGL context" in str(each)
+        if limit is not None and ((_is_foreign(each) and not is_told) or is_graphics or is_of_parser):
             return _sentence(limit)
     return None
 

@@ -8,6 +8,7 @@ radians, metres per second.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -183,7 +184,7 @@ def read_truth(
     numbers = {name: _numbers(rows, name) for name in _TRUTH_NUMBERS}
     in_area = rows.flags("in_area") if "in_area" in rows.cells else np.ones(len(rows), dtype=np.bool_)
     return TruthTable(
-        str(path),
+        os.fspath(path),
         found.frame_stamps_ns,
         found.stamps_ns,
         found.ids(),
@@ -207,7 +208,13 @@ def read_tracks(
     numbers = {name: _numbers(rows, name) for name in _TRACK_NUMBERS}
     status = rows.words("status", STATUSES) if "status" in rows.cells else np.zeros(len(rows), dtype="<U9")
     return TrackTable(
-        str(path), found.frame_stamps_ns, found.stamps_ns, found.ids(), **numbers, status=status, notes=found.notes
+        os.fspath(path),
+        found.frame_stamps_ns,
+        found.stamps_ns,
+        found.ids(),
+        **numbers,
+        status=status,
+        notes=found.notes,
     )
 
 

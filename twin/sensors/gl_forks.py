@@ -103,6 +103,12 @@ def _after_in_child() -> None:
     global _n_forking, _n_drawing
     _n_forking, _n_drawing = 0, int(getattr(_own, "drawing", False))
     _state.release()
+    if _drawn_in is not None:
+        # Mesa waits at the end of a process for a thread of the parent's, by an address that a new thread may get: a pool
+        # of OpenCV's never ends, so that the child would not either.
+        os.environ["OPENCV_FOR_THREADS_NUM"] = "1"
+        if "cv2" in sys.modules:
+            sys.modules["cv2"].setNumThreads(1)
     egl = sys.modules.get("mujoco.egl")
     if egl is not None:
         atexit.unregister(egl._terminate_display)  # would wait for threads that the child does not have

@@ -70,9 +70,10 @@ class CsvColumns:
                 if not text.strip():
                     raise
                 return text.strip()
-            if not (number.is_integer() and 0 <= number <= MAX_INT64):
+            whole = int(text) if text.strip().isdecimal() else number  # a float holds no whole number beyond 2⁵³
+            if not (float(whole).is_integer() and 0 <= whole <= MAX_INT64):
                 raise ValueError
-            return str(int(text) if text.strip().isdecimal() else int(number))
+            return str(int(whole))
 
         return self._convert(name, convert, "a whole number from 0 on, or a name,")
 

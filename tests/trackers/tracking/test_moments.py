@@ -259,10 +259,10 @@ def test_values_are_held_in_bounded_memory_while_no_moment_opens():
 @pytest.mark.parametrize(
     ("rules", "complaint"),
     [
-        ({"opens": ()}, "no sensor opens"),
-        ({"opens": ("a",), "joins": ("a",)}, "twice"),
-        ({"opens": ("a",), "held": ("b",), "main": "b"}, "main is 'b'"),
-        ({"opens": ("a",), "awaited": ("a", "c")}, "awaited are c"),
+        ({"triggers": ()}, "no sensor opens"),
+        ({"triggers": ("a",), "attached": ("a",)}, "twice"),
+        ({"triggers": ("a",), "latest": ("b",), "main": "b"}, "main is 'b'"),
+        ({"triggers": ("a",), "awaited": ("a", "c")}, "awaited are c"),
     ],
 )
 def test_a_declaration_that_makes_no_sense_is_refused(rules, complaint):

@@ -172,7 +172,8 @@ def pinholes(staged: Staged, names: str) -> Rig:
     camera = staged.rig.cameras()["camera"]
     lens = PinholeIntrinsics(width=320, height=240, fx=200, fy=200, cx=159.5, cy=119.5)
     pinhole = PinholeSensor(topic="/c/image", room_from_sensor=camera.room_from_sensor, intrinsics=lens)
-    return Rig(sensors=dict.fromkeys(names, pinhole), area=staged.rig.area)
+    sensors = {name: pinhole.model_copy(update={"topic": f"/{name}/image"}) for name in names}
+    return Rig(sensors=sensors, area=staged.rig.area)
 
 
 def test_a_pinhole_shows_tracks_and_cuts_windows_at_its_edge(tmp_path: Path, staged: Staged) -> None:

@@ -268,7 +268,7 @@ def test_environment_on_the_command_line(house: House) -> None:
     np.savez(house.folder / "none.npz", a=[1])
     for given, said, command in (
         ("gone.npz", "--environment gone.npz: there is no such file", ["run", *scenario, "--out", "other"]),
-        ("none.npz", "holds no environment", track),
+        ("none.npz", "none.npz: format is missing", track),
     ):
         done = house.twin(*command, "--environment", given)
         assert done.returncode == 2 and said in done.stderr, done.stderr
