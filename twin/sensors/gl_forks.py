@@ -29,6 +29,7 @@ _n_forking = 0
 _own = threading.local()
 _drawn_in: int | None = None  # the process that made the first context
 _goes_on = True  # in children of that process
+_opencv_threads: list[int] = []  # before the fork that is under way
 
 
 @contextmanager
@@ -90,10 +91,18 @@ def _before_fork() -> None:
     _state.acquire()
     _n_forking += 1
     _state.wait_for(lambda: _n_drawing == getattr(_own, "drawing", False))
+    # Mesa waits at the end of a child for a thread of the parent's, by an address that a new thread may get: a pool of
+    # OpenCV's never ends, so that the child would not either. It gets none, and the parent's is none while it forks.
+    cv2 = sys.modules.get("cv2")
+    if _drawn_in is not None and cv2 is not None:
+        _opencv_threads.append(cv2.getNumThreads())
+        cv2.setNumThreads(1)
 
 
 def _after_in_parent() -> None:
     global _n_forking
+    if _opencv_threads:
+        sys.modules["cv2"].setNumThreads(_opencv_threads.pop())
     _n_forking -= 1
     _state.notify_all()
     _state.release()
@@ -103,12 +112,6 @@ def _after_in_child() -> None:
     global _n_forking, _n_drawing
     _n_forking, _n_drawing = 0, int(getattr(_own, "drawing", False))
     _state.release()
-    if _drawn_in is not None:
-        # Mesa waits at the end of a process for a thread of the parent's, by an address that a new thread may get: a pool
-        # of OpenCV's never ends, so that the child would not either.
-        os.environ["OPENCV_FOR_THREADS_NUM"] = "1"
-        if "cv2" in sys.modules:
-            sys.modules["cv2"].setNumThreads(1)
     egl = sys.modules.get("mujoco.egl")
     if egl is not None:
         atexit.unregister(egl._terminate_display)  # would wait for threads that the child does not have
