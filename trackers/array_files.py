@@ -38,9 +38,8 @@ _DAMAGED = (
     KeyError,
     LookupError,
     MemoryError,  # a header of brackets within each other
-    NotImplementedError,  # a way of packing that does not exist
     RecursionError,
-    RuntimeError,  # an encrypted file
+    RuntimeError,  # an encrypted file, or a way of packing that zipfile does not know
     SyntaxError,
     TypeError,
     UserWarning,
@@ -110,7 +109,7 @@ def read_arrays(path: AnyPath, specs: Mapping[str, ArraySpec], expected: str) ->
 
 def _header(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> _Header:
     if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        raise NotImplementedError("numpy packs arrays by no other way")
+        raise ValueError("numpy packs arrays by no other way")
     with archive.open(member) as stream:
         start = io.BytesIO(stream.read(_LONGEST_HEADER))
     version = np.lib.format.read_magic(start)

@@ -125,6 +125,14 @@ def with_current_names(model: type[BaseModel], content: Any, source: str = "") -
     return _current([model], content, source, ())
 
 
+def checked_current_names(model: type[BaseModel], content: Any, source: str) -> Any:
+    """Return `with_current_names`; raises InputError, opening with `source`, where a mapping has both names of a field."""
+    try:
+        return with_current_names(model, content, source)
+    except ValueError as error:
+        raise InputError(f"{source}: {error}") from error
+
+
 def current_path(model: type[BaseModel], path: Sequence[str], source: str = "") -> list[str]:
     """Return the path of a field with former names in it replaced by the current ones; warn as `with_current_names`."""
     nested: Any = None
@@ -171,10 +179,7 @@ def warn_of_former_name(source: str, path: str, name: str) -> None:
 
 def validate(model: type[Model], content: Any, source: str) -> Model:
     """The content as this model; raises InputError with one line for every fault: source, path, fault, value."""
-    try:
-        content = with_current_names(model, content, source)
-    except ValueError as error:
-        raise InputError(f"{source}: {error}") from error
+    content = checked_current_names(model, content, source)
     try:
         return model.model_validate(content)
     except ValidationError as error:

@@ -1,14 +1,14 @@
-"""Moments: what several sensors report at about the same time, gathered by declaration before a tracker works it.
+"""Synchronized frames: what several sensors report at about the same time, gathered by a declared policy for a tracker.
 
-A tracker declares (`SyncPolicy`) which sensors open a moment, which join the nearest one, of which the newest value is held,
-and what is awaited how long. A pair of scanners and a camera: the scanners open, the camera joins. Cameras beside a slower
-pressure floor: the cameras open, the floor is held. Cameras alone, or a floor alone: they open. Cameras that look one after
-another, each picture at its own stamp: all open, `within_s=0`.
+A tracker declares (`SyncPolicy`) which sensors trigger a frame, which are attached to the nearest one, of which the latest value
+is handed out, and which are awaited for how long. A pair of scanners and a camera: the scanners trigger, the camera is attached.
+Cameras beside a slower pressure floor: the cameras trigger, the floor's latest value is used. Cameras alone, or a floor alone:
+they trigger. Cameras that look one after another, each picture at its own stamp: all trigger, `within_s=0`.
 
-A moment is whole when every awaited sensor has reported, and is given up waiting for when an observation at least
-`max_wait_s` newer has arrived; moments leave in order of time. So a silent sensor delays a tracker by little more than
-`max_wait_s`, never for ever. What comes too late (its moment has left) or twice is dropped and counted, and so is a reading
-that only repeats the one before (`StaleFrameDetector`); its moment leaves all the same.
+A frame is complete when every awaited sensor has reported, and is given up waiting for when an observation at least
+`max_wait_s` newer has arrived; frames leave in order of time. So a silent sensor delays a tracker by little more than
+`max_wait_s`, never for ever. What comes too late (its frame has left) or twice is dropped and counted, and so is a reading
+that only repeats the one before (`StaleFrameDetector`); its frame leaves all the same.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ REPEATED = "bit for bit the same as the one before: the sensor or its driver han
 
 @dataclass(frozen=True)
 class SyncPolicy:
-    """How moments are made of observations; sensors that are not named here are ignored.
+    """How synchronized frames are made of observations; sensors that are not named here are ignored.
 
-    opens: sensors whose observations open a moment, or join one of each other's. joins: those that join the nearest moment
-    and never open one. held: those whose newest value not after the moment is handed out with it, again and again where they
-    are slower. main: the sensor whose stamp a moment takes, else that of the first of `opens` that it holds (None: that one).
-    awaited: the sensors waited for (None: all that open or join); a held one is awaited until its value is of the moment or
-    newer. within_s: how far from a moment an observation may be to join it (None: half of `period_s`, and half of the period
-    at which the fastest opener is seen to report, where that is less).
+    triggers: sensors whose observations start a frame, or join one of each other's. attached: those that join the nearest
+    frame and never start one. latest: those whose newest value not after the frame is handed out with it, again and again
+    where they are slower. main: the sensor whose stamp a frame takes, else that of the first of `triggers` in it (None: that
+    one). awaited: the sensors waited for (None: all of `triggers` and `attached`); one of `latest` is awaited until its value
+    is of the frame or newer. within_s: how far from a frame an observation may be to join it (None: half of `period_s`, and
+    half of the period at which the fastest trigger is seen to report, where that is less).
 
-    Raises ValueError where nothing opens, a sensor is named twice, or the main or an awaited one is not named at all.
+    Raises ValueError where nothing triggers, a sensor is named twice, or the main or an awaited one is not named at all.
     """
 
     triggers: tuple[str, ...]
@@ -56,20 +56,20 @@ class SyncPolicy:
     def __post_init__(self) -> None:
         named = (*self.triggers, *self.attached, *self.latest)
         if not self.triggers:
-            raise ValueError("no sensor opens a moment; at least one in 'opens' is needed")
+            raise ValueError("no sensor triggers a frame; at least one in 'triggers' is needed")
         if len(set(named)) < len(named):
             raise ValueError(f"a sensor stands twice among {', '.join(named)}; each has one part")
         if self.main is not None and self.main not in (*self.triggers, *self.attached):
-            raise ValueError(f"main is {self.main!r}, which neither opens nor joins")
+            raise ValueError(f"main is {self.main!r}, which is neither in 'triggers' nor in 'attached'")
         if unknown := set(self.awaited or ()) - set(named):
-            raise ValueError(f"awaited are {', '.join(sorted(unknown))}, which neither open, join nor are held")
+            raise ValueError(f"awaited are {', '.join(sorted(unknown))}, in none of 'triggers', 'attached', 'latest'")
 
 
 @dataclass
 class SyncedFrame:
-    """The observations of one moment, by sensor, each with its own stamp.
+    """The observations of one frame, by sensor, each with its own stamp.
 
-    ns: the moment [ns], see `SyncPolicy.main`. held: the newest values not after it of the sensors that are held; their own
+    ns: its stamp [ns], see `SyncPolicy.main`. latest: the newest values not after it of the policy's `latest`; their own
     stamps say how old they are. repeated: the sensors that reported, but only repeated themselves, or nothing at all.
     """
 
@@ -80,12 +80,12 @@ class SyncedFrame:
 
     @property
     def t(self) -> float:
-        """The moment [s]."""
+        """Its stamp [s]."""
         return self.ns / NS_PER_S
 
 
 class FrameSynchronizer:
-    """Takes observations in order of arrival, hands back moments in order of time.
+    """Takes observations in order of arrival, hands back frames in order of time.
 
     Stamps are on one clock: whoever decodes messages adds the rig's time offsets.
     """
@@ -99,12 +99,12 @@ class FrameSynchronizer:
         self._last_ns: dict[str, int] = {}
         self._gaps_ns: dict[str, deque[int]] = {name: deque(maxlen=_GAPS) for name in rules.triggers}
         self._pending: list[SyncedFrame] = []
-        self._waiting: list[Observation] = []  # those that join, while no moment is open for them
-        self._held: dict[str, list[Observation]] = {name: [] for name in rules.latest}  # by stamp
+        self._waiting: list[Observation] = []  # those that join, while no frame is there for them
+        self._latest: dict[str, list[Observation]] = {name: [] for name in rules.latest}  # by stamp
         self._left: SyncedFrame | None = None
         self._repeats = StaleFrameDetector()
         self.losses: Counter[tuple[str, str]] = Counter()
-        """The observations dropped, by sensor and reason: too late, twice, no moment to join, or a repetition."""
+        """The observations dropped, by sensor and reason: too late, twice, no frame to join, or a repetition."""
 
     @property
     def discarded(self) -> int:
@@ -112,7 +112,7 @@ class FrameSynchronizer:
         return self.losses.total()
 
     def add(self, observation: Observation) -> list[SyncedFrame]:
-        """The moments that are ready now that `observation` has arrived, oldest first."""
+        """The frames that are ready now that `observation` has arrived, oldest first."""
         rules, sensor, ns = self._rules, observation.sensor, observation.stamp_ns
         if sensor in rules.latest:
             self._hold(observation)
@@ -127,24 +127,24 @@ class FrameSynchronizer:
             return []
         elif sensor in rules.triggers:
             self._learn_period(sensor, ns)
-            moment = self._nearest(ns, without=sensor)
-            if moment is None:
-                moment = self._opened(ns)
-            self._put(moment, observation)
+            frame = self._nearest(ns, without=sensor)
+            if frame is None:
+                frame = self._started(ns)
+            self._put(frame, observation)
         else:
             self._waiting.append(observation)
         self._join()
         return self._ready(ns)
 
     def finish(self) -> list[SyncedFrame]:
-        """The moments still waiting, oldest first; what found no moment to join is dropped."""
-        moments = self._ready(max((moment.ns for moment in self._pending), default=0) + self._max_wait_ns)
+        """The frames still waiting, oldest first; what found no frame to join is dropped."""
+        frames = self._ready(max((frame.ns for frame in self._pending), default=0) + self._max_wait_ns)
         self._lose_alone(self._waiting)
         self._waiting = []
-        return moments
+        return frames
 
     def _learn_period(self, sensor: str, ns: int) -> None:
-        """Where sensors report faster than declared, moments are nearer to one another."""
+        """Where sensors report faster than declared, frames are nearer to one another."""
         if self._rules.within_s is not None:
             return
         gap_ns = ns - self._last_ns.get(sensor, ns)
@@ -159,29 +159,29 @@ class FrameSynchronizer:
             return False
         if ns <= self._left.ns:
             return True
-        # it belonged to a moment that has left without it
+        # it belonged to a frame that has left without it
         left = self._left
         return sensor not in left.observations and sensor not in left.repeated and ns - left.ns <= self._within_ns
 
     def _has(self, sensor: str, ns: int) -> bool:
         """Whether an observation of that sensor and stamp is already waiting."""
-        waiting = [moment.observations[sensor] for moment in self._pending if sensor in moment.observations]
+        waiting = [frame.observations[sensor] for frame in self._pending if sensor in frame.observations]
         waiting += [other for other in self._waiting if other.sensor == sensor]
         return any(other.stamp_ns == ns for other in waiting)
 
     def _nearest(self, ns: int, without: str) -> SyncedFrame | None:
-        """The pending moment nearest to `ns`, near enough to join, that lacks the sensor."""
+        """The pending frame nearest to `ns`, near enough to join, that lacks the sensor."""
         near = [
-            (abs(moment.ns - ns), moment.ns, place)
-            for place, moment in enumerate(self._pending)
-            if without not in moment.observations and abs(moment.ns - ns) <= self._within_ns
+            (abs(frame.ns - ns), frame.ns, place)
+            for place, frame in enumerate(self._pending)
+            if without not in frame.observations and abs(frame.ns - ns) <= self._within_ns
         ]
         return self._pending[min(near)[2]] if near else None
 
-    def _opened(self, ns: int) -> SyncedFrame:
-        """Open a moment; it takes over what joined another for want of this one, and is nearer to it than to the others there.
+    def _started(self, ns: int) -> SyncedFrame:
+        """Start a frame; it takes over what joined another for want of this one, and is nearer to it than to the others there.
 
-        Before a sensor's period is known, or where one reports late, a moment of the past may have what belongs to the next.
+        Before a sensor's period is known, or where one reports late, a frame of the past may have what belongs to the next.
         """
         opened = SyncedFrame(ns)
         for other in self._pending:
@@ -193,27 +193,27 @@ class FrameSynchronizer:
         self._pending.append(opened)
         return opened
 
-    def _put(self, moment: SyncedFrame, observation: Observation) -> None:
-        moment.observations[observation.sensor] = observation
-        self._stamp(moment)
+    def _put(self, frame: SyncedFrame, observation: Observation) -> None:
+        frame.observations[observation.sensor] = observation
+        self._stamp(frame)
         self._pending.sort(key=lambda pending: pending.ns)
 
-    def _stamp(self, moment: SyncedFrame) -> None:
-        """Give a moment the stamp of its main sensor, else of the first of those that opened it."""
-        stamped_by = next(name for name in (*self._stamped_by, *moment.observations) if name in moment.observations)
-        moment.ns = moment.observations[stamped_by].stamp_ns
+    def _stamp(self, frame: SyncedFrame) -> None:
+        """Give a frame the stamp of its main sensor, else of the first of those that triggered it."""
+        stamped_by = next(name for name in (*self._stamped_by, *frame.observations) if name in frame.observations)
+        frame.ns = frame.observations[stamped_by].stamp_ns
 
     def _join(self) -> None:
         waiting, self._waiting = self._waiting, []
         for observation in waiting:
-            moment = self._nearest(observation.stamp_ns, without=observation.sensor)
-            if moment is None:
+            frame = self._nearest(observation.stamp_ns, without=observation.sensor)
+            if frame is None:
                 self._waiting.append(observation)
             else:
-                self._put(moment, observation)
+                self._put(frame, observation)
 
     def _hold(self, observation: Observation) -> None:
-        values, ns = self._held[observation.sensor], observation.stamp_ns
+        values, ns = self._latest[observation.sensor], observation.stamp_ns
         handed_out = self._left.latest.get(observation.sensor) if self._left is not None else None
         if any(value.stamp_ns == ns for value in values) or (handed_out is not None and ns <= handed_out.stamp_ns):
             self.losses[observation.sensor, TWICE] += 1
@@ -234,43 +234,43 @@ class FrameSynchronizer:
                 continue
             ready.append(head)
             self._leave(head)
-        # a moment that these could join may open until then
+        # a frame that these could join may start until then
         oldest_ns = newest_ns - max(self._max_wait_ns, self._within_ns + 1)
         kept = [observation for observation in self._waiting if observation.stamp_ns > oldest_ns]
         self._lose_alone([each for each in self._waiting if each.stamp_ns <= oldest_ns])
         self._waiting = kept
-        self._forget_held_before(min([oldest_ns, *(moment.ns for moment in self._pending[:1])]))
+        self._forget_latest_before(min([oldest_ns, *(frame.ns for frame in self._pending[:1])]))
         return ready
 
     def _lose_alone(self, observations: list[Observation]) -> None:
         self.losses.update((each.sensor, ALONE) for each in observations)
 
-    def _lacks(self, moment: SyncedFrame, sensor: str) -> bool:
-        """Whether an awaited sensor has not yet said of the moment what it can say."""
-        if sensor in self._held:
-            return not self._held[sensor] or self._held[sensor][-1].stamp_ns < moment.ns
-        return sensor not in moment.observations
+    def _lacks(self, frame: SyncedFrame, sensor: str) -> bool:
+        """Whether an awaited sensor has not yet said of the frame what it can say."""
+        if sensor in self._latest:
+            return not self._latest[sensor] or self._latest[sensor][-1].stamp_ns < frame.ns
+        return sensor not in frame.observations
 
-    def _leave(self, moment: SyncedFrame) -> None:
-        """Hand the moment the values that are held, as it leaves, and take from it what says nothing."""
+    def _leave(self, frame: SyncedFrame) -> None:
+        """Hand the frame the latest values, as it leaves, and take from it what says nothing."""
         mute: dict[str, str] = {}
-        for name, each in moment.observations.items():
+        for name, each in frame.observations.items():
             if self._repeats.is_blank(each):
                 mute[name] = BLANK
             elif self._repeats.repeats(each):
                 mute[name] = REPEATED
         for name, reason in mute.items():
             self.losses[name, reason] += 1
-            del moment.observations[name]
-        moment.repeated = frozenset(mute)
-        self._forget_held_before(moment.ns)
-        moment.latest = {
-            name: values[0] for name, values in self._held.items() if values and values[0].stamp_ns <= moment.ns
+            del frame.observations[name]
+        frame.repeated = frozenset(mute)
+        self._forget_latest_before(frame.ns)
+        frame.latest = {
+            name: values[0] for name, values in self._latest.items() if values and values[0].stamp_ns <= frame.ns
         }
-        self._left = moment
+        self._left = frame
 
-    def _forget_held_before(self, ns: int) -> None:
-        """Keep of every sensor that is held the newest value up to `ns`, and the later ones."""
-        for name, values in self._held.items():
+    def _forget_latest_before(self, ns: int) -> None:
+        """Keep of every sensor of `latest` the newest value up to `ns`, and the later ones."""
+        for name, values in self._latest.items():
             n_before = sum(value.stamp_ns <= ns for value in values)
-            self._held[name] = values[max(n_before - 1, 0) :]
+            self._latest[name] = values[max(n_before - 1, 0) :]

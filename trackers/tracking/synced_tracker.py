@@ -1,4 +1,4 @@
-"""What trackers that work moment by moment have in common: observations are gathered, and each moment is worked once."""
+"""What trackers of synchronized frames have in common: observations are gathered, and each frame is processed once."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ from trackers.tracks import Hypotheses, ScoreMap, Track, TrackFrame
 
 
 class SynchronizedTracker(ABC):
-    """Base of such trackers: they declare their moments, work one, and have tracks. Other sensors are ignored."""
+    """Base of such trackers: they declare a policy, process one frame, and have tracks. Other sensors are ignored."""
 
-    takes_any_order = True  # the gatherer waits for what comes late, and drops what comes twice
+    takes_any_order = True  # the synchronizer waits for what comes late, and drops what comes twice
 
     def __init__(self, rules: SyncPolicy) -> None:
-        self._gatherer = FrameSynchronizer(rules)
+        self._synchronizer = FrameSynchronizer(rules)
 
     @property
     def discarded(self) -> int:
-        """Observations dropped so far: too late, twice, without a moment to join, or no more than the one before again."""
-        return self._gatherer.discarded
+        """Observations dropped so far: too late, twice, without a frame to join, or no more than the one before again."""
+        return self._synchronizer.discarded
 
     @property
     def losses(self) -> Mapping[tuple[str, str], int]:
         """The same by sensor and reason."""
-        return self._gatherer.losses
+        return self._synchronizer.losses
 
     def update(self, observation: Observation) -> list[TrackFrame]:
         """Take one observation; the frames it completes, oldest first."""
-        return self._work_all(self._gatherer.add(observation))
+        return self._work_all(self._synchronizer.add(observation))
 
     def finish(self) -> list[TrackFrame]:
         """The frames still held back when the observations have ended."""
-        return self._work_all(self._gatherer.finish())
+        return self._work_all(self._synchronizer.finish())
 
     @abstractmethod
     def tracks(self) -> list[Track]:

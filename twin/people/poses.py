@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -39,7 +40,7 @@ class PopulationTruth:
     vy: Array
 
 
-class Poses:
+class Poses(ABC):
     """What sensors and truth ask of people, in the order of their names, from the memory of their last ticks."""
 
     def __init__(self, names: Sequence[str], appearances: Mapping[str, Appearance], measures: BodyMeasures) -> None:
@@ -59,8 +60,9 @@ class Poses:
         while self._memory.tick * TICK_S < t:
             self._step()
 
+    @abstractmethod
     def _step(self) -> None:
-        raise NotImplementedError
+        """Take the people on by one tick."""
 
     def present(self, t: float) -> Mask:
         """Who is in the room at time t [s], (n,)."""

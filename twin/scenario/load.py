@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import BaseModel, Field
 
-from trackers.configuration import current_path, keys_of, validate, with_current_names
+from trackers.configuration import checked_current_names, current_path, keys_of, validate
 from trackers.deep_merge import deep_merge
 from trackers.errors import InputError
 from trackers.knowledge_files import files_within
@@ -87,10 +87,7 @@ def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:
     """The content of a scenario file over that of the scenario it extends."""
     expected = "a scenario (room, people, sensors, duration_s)"
     content = parse_yaml(read_text(path, expected), str(path), expected)
-    try:
-        content = with_current_names(ScenarioFile, content, str(path))
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from error
+    content = checked_current_names(ScenarioFile, content, str(path))
     _resolve(content, path.parent, f"{path}: room")
     parent = content.pop("extends", None)
     if parent is None:

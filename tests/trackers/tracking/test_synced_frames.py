@@ -251,7 +251,7 @@ def test_an_awaited_floor_is_waited_for_and_no_longer_than_said():
 def test_values_are_held_in_bounded_memory_while_no_moment_opens():
     gather = FrameSynchronizer(BESIDE_A_FLOOR)
     left(gather, *[("floor", 0.1 * k) for k in range(1000)])
-    assert len(gather._held["floor"]) <= 3
+    assert len(gather._latest["floor"]) <= 3
     (moment,) = left(gather, ("camera_1", 99.95), ("camera_2", 99.95))
     assert moment.latest["floor"].t == pytest.approx(99.9)
 
@@ -259,7 +259,7 @@ def test_values_are_held_in_bounded_memory_while_no_moment_opens():
 @pytest.mark.parametrize(
     ("rules", "complaint"),
     [
-        ({"triggers": ()}, "no sensor opens"),
+        ({"triggers": ()}, "no sensor triggers a frame"),
         ({"triggers": ("a",), "attached": ("a",)}, "twice"),
         ({"triggers": ("a",), "latest": ("b",), "main": "b"}, "main is 'b'"),
         ({"triggers": ("a",), "awaited": ("a", "c")}, "awaited are c"),
