@@ -187,8 +187,16 @@ def test_the_chance_to_be_within_a_radius_is_that_of_the_density(variances, corr
     expected = (np.hypot(*(drawn - mean).T) <= radius_m).mean()
     along = np.array([[np.cos(way)], [np.sin(way)]])
     (chance,) = probability_within(track, mean[None], radius_m, along)
-    # the grid is .6 standard deviations wide: its rings are in or out as a whole
-    assert chance == pytest.approx(expected, abs=0.15)
+    assert chance == pytest.approx(expected, abs=0.04)  # five standard errors of 4000 draws
+
+
+@pytest.mark.parametrize("sigma_m", [1e-3, 0.05, 0.5, 5.0])
+@pytest.mark.parametrize("radius_m", [0.1, 0.5, 2.0])
+def test_within_a_radius_of_a_round_density_is_what_rayleigh_says(sigma_m, radius_m):
+    mean, covariance = VelocityMotion().started(np.zeros((1, 2)), np.zeros((1, 2)), sigma_m**2, 1.0)
+    track = ImmState(mean[:, None], covariance[:, :, None], np.ones((1, 1)))
+    expected = -np.expm1(-0.5 * (radius_m / sigma_m) ** 2)
+    assert probability_within(track, np.zeros((1, 2)), radius_m, ALONG_X)[0] == pytest.approx(expected, abs=1e-4)
 
 
 def test_the_chance_to_be_within_a_radius_grows_with_it_and_falls_with_time():

@@ -28,6 +28,8 @@ _PRODUCTS /= _DENSITY @ _PRODUCTS[0]  # the grid ends where the density does not
 _MOMENTS = np.concatenate([np.ones((1, _Z.shape[1])), _Z, _PRODUCTS]).T  # (k, 6)
 _NOTHING_TOLD = np.array([0.0, 0, 1, 0, 1])[:, None, None]
 _LEAST_VARIANCE_M2 = 1e-12
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
+_TAILS = 6.0  # standard deviations beyond which there is nothing
 
 
 def update_missed(
@@ -78,29 +80,49 @@ def _axes(along: Float[Array, "2 n"]) -> tuple[Float[Array, "2 n"], Float[Array,
 def probability_within(
     state: ImmState, centre: Float[Array, "n 2"], radius_m: float, along: Float[Array, "2 n"]
 ) -> Float[Array, "n"]:
-    """Return how probably the n tracks are within `radius_m` of `centre` [m]; along: as of `update_missed`."""
-    points, *_ = _places(state, *_axes(along))
-    off_x, off_y = points[0] - centre[:, :1], points[1] - centre[:, 1:]
-    within = off_x * off_x + off_y * off_y <= radius_m**2
-    return (state.probability * (within @ _DENSITY)).sum(axis=0)
+    """Return how probably the n tracks are within `radius_m` of `centre` [m]; along: as of `update_missed`.
+
+    Along the way by Gauss and Legendre's rule over the circle, across it by the normal distribution of what is left.
+    """
+    from scipy.special import ndtr
+
+    u, v = _axes(along)
+    l_uu, l_vu, l_vv = (each[..., None] for each in _root(state, u, v))
+    off_x, off_y = state.mean[0] - centre[:, 0], state.mean[1] - centre[:, 1]  # (m, n)
+    middle, aside = (u[0] * off_x + u[1] * off_y)[..., None], (v[0] * off_x + v[1] * off_y)[..., None]
+    low, high = np.maximum(middle - _TAILS * l_uu, -radius_m), np.minimum(middle + _TAILS * l_uu, radius_m)
+    half = 0.5 * np.maximum(high - low, 0.0)
+    at = low + half * (1 + _NODES)
+    z, chord = (at - middle) / l_uu, np.sqrt(np.maximum(radius_m**2 - at * at, 0.0))
+    aside = aside + l_vu * z
+    across = ndtr((chord - aside) / l_vv) - ndtr((-chord - aside) / l_vv)
+    chance = (half / l_uu)[..., 0] * ((np.exp(-0.5 * z * z) * across) @ _WEIGHTS) / np.sqrt(2 * np.pi)
+    return (state.probability * chance).sum(axis=0)
 
 
 def _places(
     state: ImmState, u: Float[Array, "2 n"], v: Float[Array, "2 n"]
 ) -> tuple[Float[Array, "2 m n k"], Float[Array, "m n"], Float[Array, "m n"], Float[Array, "m n"]]:
-    """Places that stand for each mode's density, and the root L of the position's covariance over axes u, v [m]."""
+    """Places that stand for each mode's density, and the root of the position's covariance (`_root`)."""
+    l_uu, l_vu, l_vv = _root(state, u, v)
+    along = l_uu[..., None] * _Z[0]
+    across = l_vu[..., None] * _Z[0] + l_vv[..., None] * _Z[1]
+    x = state.mean[0, ..., None] + u[0][:, None] * along + v[0][:, None] * across
+    y = state.mean[1, ..., None] + u[1][:, None] * along + v[1][:, None] * across
+    return np.stack([x, y]), l_uu, l_vu, l_vv
+
+
+def _root(
+    state: ImmState, u: Float[Array, "2 n"], v: Float[Array, "2 n"]
+) -> tuple[Float[Array, "m n"], Float[Array, "m n"], Float[Array, "m n"]]:
+    """The root L of the position's covariance over axes u, v [m]: its elements uu, vu, vv."""
     xx, xy, yy = state.covariance[0, 0], state.covariance[0, 1], state.covariance[1, 1]
     uu = u[0] ** 2 * xx + 2 * u[0] * u[1] * xy + u[1] ** 2 * yy
     vu = u[0] * v[0] * xx + (u[0] * v[1] + u[1] * v[0]) * xy + u[1] * v[1] * yy
     vv = v[0] ** 2 * xx + 2 * v[0] * v[1] * xy + v[1] ** 2 * yy
     l_uu = np.sqrt(np.maximum(uu, _LEAST_VARIANCE_M2))
     l_vu = vu / l_uu
-    l_vv = np.sqrt(np.maximum(vv - l_vu**2, _LEAST_VARIANCE_M2))
-    along = l_uu[..., None] * _Z[0]
-    across = l_vu[..., None] * _Z[0] + l_vv[..., None] * _Z[1]
-    x = state.mean[0, ..., None] + u[0][:, None] * along + v[0][:, None] * across
-    y = state.mean[1, ..., None] + u[1][:, None] * along + v[1][:, None] * across
-    return np.stack([x, y]), l_uu, l_vu, l_vv
+    return l_uu, l_vu, np.sqrt(np.maximum(vv - l_vu**2, _LEAST_VARIANCE_M2))
 
 
 def existence_after_miss(
