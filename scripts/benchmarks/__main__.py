@@ -76,7 +76,7 @@ BENCHMARKS: dict[str, Callable[[], Iterator[Figure]]] = {
     "suite-harmless": suites.harmless,
     "gate-bugs": gate_bugs.measure,
     "gate-bugs-regression": gate_bugs.with_regression,
-    "study-candidate": studies.candidate,
+    "study-candidate": studies.placement,
     "study-coverage": studies.coverage,
     "study-sets": studies.sets,
     "study-foretold": studies.foretold,
