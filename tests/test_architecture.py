@@ -18,21 +18,6 @@ ROOT = Path(__file__).parents[1]
 PYTHON_FILES = sorted([*(ROOT / "trackers").rglob("*.py"), *(ROOT / "twin").rglob("*.py")])
 
 
-def imported_modules(path: Path) -> set[str]:
-    names = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-            names.add(node.module)
-    return names
-
-
-@pytest.mark.parametrize("path", sorted((ROOT / "trackers").rglob("*.py")), ids=lambda path: path.stem)
-def test_a_tracker_module_never_names_the_twin(path: Path) -> None:
-    assert not {name for name in imported_modules(path) if name.split(".")[0] == "twin"}
-
-
 def test_importing_every_tracker_module_never_loads_the_twin() -> None:
     modules = [info.name for info in pkgutil.walk_packages(trackers.__path__, "trackers.")]
     assert "trackers.laser_fisheye_imm" in modules
@@ -43,82 +28,14 @@ def test_importing_every_tracker_module_never_loads_the_twin() -> None:
     assert done.returncode == 0, done.stderr
 
 
-TWIN_UPWARDS = (
-    "models",
-    "streams",
-    "progress",
-    "limits",
-    "interruption",
-    "shown",
-    "geometry",
-    "instant",
-    "sensors",
-    "tables",
-    "drawn",
-    "scenario",
-    "room",
-    "people",
-    "truth",
-    "recording",
-    "evaluate",
-    "world",
-    "report",
-    "run",
-    "view",
-    "console",
-    "options",
-    "environment",
-    "suites",
-    "reproduce",
-    "studies",
-    "check",
-    "commands",
-    "cli",
-    "__main__",
-)
-"""The rooms of the twin: each imports from those before it alone."""
-PEOPLE_UPWARDS = ("body", "gait", "posture", "crowd", "script")
+def test_imports_go_in_one_direction_and_in_no_circle(monkeypatch, capsys) -> None:
+    """Contracts of pyproject.toml: layers, no circle of files, no twin in trackers, no inside of a system elsewhere."""
+    from importlinter.cli import EXIT_STATUS_SUCCESS, lint_imports
 
-
-def room_of(module: str, under: str) -> str | None:
-    """The room right under a package that a module is in, or none."""
-    return module.removeprefix(f"{under}.").split(".")[0] if module.startswith(f"{under}.") else None
-
-
-@pytest.mark.parametrize(("package", "upwards"), [("twin", TWIN_UPWARDS), ("twin.people", PEOPLE_UPWARDS)])
-def test_rooms_import_in_one_direction(package: str, upwards: tuple[str, ...]) -> None:
-    folder = ROOT / package.replace(".", "/")
-    rooms = {path.stem for path in folder.iterdir() if path.suffix == ".py" or (path / "__init__.py").is_file()}
-    if package == "twin":
-        assert rooms - {"__init__"} == set(upwards)
-    backwards = []
-    for path in folder.rglob("*.py"):
-        here = room_of(".".join(path.relative_to(ROOT).with_suffix("").parts), package)
-        if here not in upwards:
-            continue
-        for name in imported_modules(path):
-            there = room_of(name, package)
-            if there in upwards and upwards.index(there) > upwards.index(here):
-                backwards.append(f"{path.relative_to(ROOT)} imports {name}")
-    assert not backwards
-
-
-def test_folders_of_trackers_do_not_import_each_other() -> None:
-    imports: dict[str, set[str]] = {}
-    for path in (ROOT / "trackers").rglob("*.py"):
-        here = path.relative_to(ROOT).parts[1].removesuffix(".py")
-        there = {room_of(name, "trackers") for name in imported_modules(path)} - {None, here}
-        imports.setdefault(here, set()).update(each for each in there if each is not None)
-
-    def reached(room: str) -> set[str]:
-        found, waiting = set(), [room]
-        while waiting:
-            new = imports.get(waiting.pop(), set()) - found
-            found |= new
-            waiting += new
-        return found
-
-    assert not [room for room in imports if room in reached(room)]
+    monkeypatch.chdir(ROOT)
+    monkeypatch.syspath_prepend(str(ROOT))
+    status = lint_imports(no_cache=True)
+    assert status == EXIT_STATUS_SUCCESS, capsys.readouterr().out
 
 
 def test_no_room_without_a_name_of_its_own() -> None:
