@@ -1,23 +1,25 @@
-"""What a tracker must not break: tell a plug-in's author what theirs does."""
+"""Checks of what no tracker may break, for authors of plug-ins; recordings are fed with every fault that sensors have."""
 
 from __future__ import annotations
 
 import copy
 import itertools
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import fields
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import fields, replace
 from math import isinf, isnan
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 import numpy as np
 
 from trackers.detections import Detection
-from trackers.observations import Observation
+from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
 from trackers.rig import Rig
-from trackers.spoiling import SPOILINGS
 from trackers.tracks import FedTracker, Status, Track, Tracker, TrackFrame, detections_of, misreported
 
 Make = Callable[[Rig, Iterable[Observation], np.random.Generator], Tracker]
+Recording = list[Observation]
+Corruption = Callable[[Recording], Recording]
+Kind = TypeVar("Kind", bound=Observation)
 
 _SEED = 0
 
@@ -31,7 +33,7 @@ def check_tracker(
     input gives the same tracks; inputs are left alone; stamps rise; ids are whole numbers, from 1 up, once a frame; x and y
     are numbers, and the rest numbers or NaN; a status is one of the two; what the tracker has of `trackers.tracks.Reporting`
     is what it should be, before and after a run, and its detections are of the rig's sensors; and it lives through
-    everything of `trackers.spoiling`: observations that are late, doubled, missing or of a sensor that fails. Doubles and
+    every fault of `CORRUPTIONS`: observations that are late, doubled, missing or of a sensor that fails. Doubles and
     what is late are held back from all but a tracker with `takes_any_order`, as wherever trackers are fed.
     """
     violations: list[str] = []
@@ -64,10 +66,10 @@ def check_tracker(
         violations.append("plain run: nobody was ever tracked; a recording with people is needed to check the rest")
     if repr(frames_of("second run", given)) != repr(first):
         violations.append("second run: other tracks from the same observations and the same generator")
-    for what, spoil in SPOILINGS.items():
-        spoiled = spoil(given)
-        if not given or spoiled is not given:
-            frames_of(what, spoiled)
+    for what, corrupt in CORRUPTIONS.items():
+        corrupted = corrupt(given)
+        if not given or corrupted is not given:
+            frames_of(what, corrupted)
     return violations
 
 
@@ -124,3 +126,103 @@ def _arrays(observation: Observation) -> list[np.ndarray]:
 
 def _same(first: list[np.ndarray], second: list[np.ndarray]) -> bool:
     return all(one.tobytes() == other.tobytes() for one, other in zip(first, second, strict=True))
+
+
+def _middle_third(kind: type[Kind] | tuple[type[Kind], ...], change: Callable[[Kind], Kind]) -> Corruption:
+    """Corrupt the observations of a kind in the middle third; return the very recording where there are none."""
+
+    def corrupt(recording: Recording) -> Recording:
+        n = len(recording)
+        corrupted = [
+            change(item) if isinstance(item, kind) and n // 3 <= place < 2 * n // 3 else item  # type: ignore[arg-type]
+            for place, item in enumerate(recording)
+        ]
+        return corrupted if any(new is not old for new, old in zip(corrupted, recording, strict=True)) else recording
+
+    return corrupt
+
+
+def _pictures(value: int) -> Corruption:
+    """Make pictures one grey, without any depth where they have one: a covered lens, a blinding light."""
+
+    def change(picture: Image | DepthImage) -> Image | DepthImage:
+        grey = np.full_like(picture.rgb, value)
+        if isinstance(picture, DepthImage):
+            return replace(picture, rgb=grey, depth_m=np.zeros_like(picture.depth_m))
+        return replace(picture, rgb=grey)
+
+    return _middle_third((Image, DepthImage), change)
+
+
+def _without_sensor(recording: Recording) -> Recording:
+    """Silence the sensor that reports first, after a third."""
+    if len({item.sensor for item in recording}) < 2:
+        return recording
+    silent, third = recording[0].sensor, len(recording) // 3
+    return [item for place, item in enumerate(recording) if place < third or item.sensor != silent]
+
+
+def _frozen(recording: Recording) -> Recording:
+    """Let each sensor repeat its last reading under new stamps from the middle on."""
+    last: dict[str, Observation] = {}
+    frozen = []
+    for place, item in enumerate(recording):
+        if place < len(recording) // 2 or item.sensor not in last:
+            last[item.sensor] = item
+        frozen.append(replace(last[item.sensor], stamp_ns=item.stamp_ns))
+    return frozen
+
+
+def _with_gap(recording: Recording) -> Recording:
+    half = len(recording) // 2
+    later = [replace(item, stamp_ns=item.stamp_ns + 3 * NS_PER_S) for item in recording[half:]]
+    return [*recording[:half], *later]
+
+
+def _with_late(recording: Recording) -> Recording:
+    """Let the observation at a third of the recording arrive after those of the next second."""
+    if not recording:
+        return recording
+    fed = list(recording)
+    late = fed.pop(len(fed) // 3)
+    place = next((i for i, item in enumerate(fed) if item.stamp_ns >= late.stamp_ns + NS_PER_S), len(fed))
+    return [*fed[:place], late, *fed[place:]]
+
+
+def _ranges(value: float) -> Corruption:
+    return _middle_third(LaserScan, lambda scan: replace(scan, ranges_m=np.full_like(scan.ranges_m, value)))
+
+
+def _floor(change: Callable[[np.ndarray], np.ndarray]) -> Corruption:
+    return _middle_third(FloorFrame, lambda frame: replace(frame, values=change(frame.values)))
+
+
+def _stuck(values: np.ndarray) -> np.ndarray:
+    stuck = values.copy()
+    stuck[0, 0] = 200
+    return stuck
+
+
+CORRUPTIONS: Mapping[str, Corruption] = {
+    "no observations": lambda recording: [],
+    "scans that meet nothing": _ranges(np.inf),
+    "scans without a reading": _ranges(np.nan),
+    "black pictures": _pictures(0),
+    "white pictures": _pictures(255),
+    "pictures without depth": _middle_third(
+        DepthImage, lambda picture: replace(picture, depth_m=np.zeros_like(picture.depth_m))
+    ),
+    "a depth of 1 mm throughout": _middle_third(
+        DepthImage, lambda picture: replace(picture, depth_m=np.full_like(picture.depth_m, 0.001))
+    ),
+    "a floor that feels nothing": _floor(np.zeros_like),
+    "a saturated floor": _floor(lambda values: np.full_like(values, 255)),
+    "a stuck element of the floor": _floor(_stuck),
+    "a sensor that falls silent": _without_sensor,
+    "sensors that freeze": _frozen,
+    "a gap of 3 s": _with_gap,
+    "every observation twice": lambda recording: [item for item in recording for _ in range(2)],
+    "an observation that comes a second late": _with_late,
+}
+"""Fault injection: by name, what makes of a recording (in order of arrival) one with that fault, or returns the very same where
+no sensor can have it."""

@@ -175,12 +175,12 @@ def make_tracker(
 ) -> Tracker:
     """The tracker called `name` (a preset, an entry point or `module:Class`) on a rig, ready to be fed.
 
-    background: observations of the empty room, or a `trackers.knowledge.Knowledge`, which the tracker is handed in any
+    background: observations of the empty room, or a `trackers.prior.Prior`, which the tracker is handed in any
     case; rng: the tracker's own generator; options: laid over the preset's, at every depth. Raises InputError for a name,
     module, class or option that does not exist, naming the valid ones.
     What is imported here runs: a name that a file holds is for the caller to refuse (see `twin.run.chosen_trackers`).
     """
-    from trackers.knowledge import Knowledge
+    from trackers.prior import Prior
 
     known = available()
     if name in known:
@@ -195,7 +195,7 @@ def make_tracker(
         )
     maker, given = _load(preset.target, name), deep_merge(preset.options, options or {})
     try:
-        return maker(rig, Knowledge.of(background), rng, **given)
+        return maker(rig, Prior.of(background), rng, **given)
     except InputError as error:  # a class calls itself by one name, whatever it was asked for by
         raise InputError(re.sub(r"^tracker [\w-]+: ", f"tracker {name}: ", str(error), flags=re.MULTILINE)) from error
     except TypeError as error:

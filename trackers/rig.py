@@ -5,13 +5,16 @@ Written by users as `rig.yaml`, resolved from a scenario's sensors by the twin, 
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any, ClassVar, Self
 
 from pydantic import Field, model_validator
 
 from trackers.area import Point2, Polygon
 from trackers.configuration import Strict, validate
-from trackers.knowledge_files import NO_FILES, KnowledgeFiles
+from trackers.errors import InputError
 from trackers.plain_data import dump_yaml, parse_yaml
 from trackers.pose import Pose
 from trackers.rig_sensors import (
@@ -27,9 +30,10 @@ from trackers.rig_sensors import (
     StereoSensor,
     placed_camera,
 )
-from trackers.text_file import AnyPath, read_text
+from trackers.text_file import AnyPath, is_file, read_text
 
 __all__ = [
+    "NO_PRIOR",
     "CameraSensor",
     "DepthMode",
     "FisheyeSensor",
@@ -39,10 +43,13 @@ __all__ = [
     "PinholeSensor",
     "Point2",
     "Pose",
+    "PriorFiles",
     "Rig",
     "RigSensor",
     "Role",
     "StereoSensor",
+    "files_within",
+    "missing_file",
     "normal_topic",
     "placed_camera",
 ]
@@ -53,11 +60,75 @@ def normal_topic(name: str) -> str:
     return "/" + name.strip("/")
 
 
+class PriorFiles(Strict):
+    """Files of what trackers may know of a room; relative to the file that names them, absolute once that is loaded."""
+
+    environment: str | None = Field(
+        default=None,
+        description="file of the empty room's walls and furniture, as `twin environment` writes; none: unknown",
+    )
+    learned: dict[str, str] = Field(
+        default={}, description="files that trackers have learned beforehand, by the name that they ask for"
+    )
+
+    def within(self, folder: AnyPath) -> Self:
+        """Return the files with absolute paths; they were named in `folder`."""
+        return type(self).model_validate(files_within(self.model_dump(), folder))
+
+    def paths(self) -> dict[str, Path]:
+        """Return the files by their field: 'environment', 'learned.NAME'."""
+        environment = {} if self.environment is None else {"environment": Path(self.environment)}
+        return environment | {f"learned.{name}": Path(each) for name, each in self.learned.items()}
+
+    def missing(self) -> dict[str, Path]:
+        """Return the files, by their field, that do not exist."""
+        return {field: path for field, path in self.paths().items() if not is_file(path)}
+
+    def without(self, fields: Iterable[str]) -> Self:
+        """Return the files but for those of these fields."""
+        left_out = set(fields)
+        learned = {name: each for name, each in self.learned.items() if f"learned.{name}" not in left_out}
+        environment = None if "environment" in left_out else self.environment
+        return self.model_copy(update={"environment": environment, "learned": learned})
+
+    def check(self, source: str) -> None:
+        """Raise InputError, one line per file that does not exist, naming `source` and the field."""
+        faults = [f"{source}: {missing_file(f'prior.{field}', path)}" for field, path in self.missing().items()]
+        if faults:
+            raise InputError("\n".join(faults))
+
+    def digest(self) -> str:
+        """Digest the contents of the files, 16 hexadecimal digits; '' where there are none. All of them must exist."""
+        whole = hashlib.sha256()
+        for field, path in sorted(self.paths().items()):
+            with path.open("rb") as stream:
+                whole.update(f"{field} {hashlib.file_digest(stream, 'sha256').hexdigest()}\n".encode())
+        return whole.hexdigest()[:16] if self.paths() else ""
+
+
+NO_PRIOR = PriorFiles()
+
+
+def files_within(content: Any, folder: AnyPath) -> Any:
+    """Make every path in `prior`, or a part of it, as plain data, absolute; they are relative to `folder`."""
+    if isinstance(content, dict):
+        return {key: files_within(value, folder) for key, value in content.items()}
+    return str((Path(folder) / content).absolute()) if isinstance(content, str) else content
+
+
+def missing_file(field: str, path: AnyPath) -> str:
+    """Say in a clause that the file of a field does not exist, and what is expected."""
+    expected = "one that `twin environment` wrote" if field.endswith("environment") else "what a tracker has learned"
+    return f"{field}: there is no file {path}; {expected} is expected"
+
+
 class Rig(Strict):
     """Every sensor by name, and the tracked area as a polygon in the room frame [m] (None: everywhere).
 
     `room` names the room they are in, so that the environment of another is refused (None: not said).
     """
+
+    former_names: ClassVar[Mapping[str, str]] = {"knowledge": "prior"}
 
     sensors: dict[Name, RigSensor] = Field(description="every sensor, by name")
     area: Polygon | None = Field(
@@ -69,10 +140,10 @@ class Rig(Strict):
         description="name of the sensor at whose stamps trackers report; none: a waist scanner before a knee scanner, a "
         "fisheye, a camera, a stereo camera, a floor, the first by name",
     )
-    knowledge: KnowledgeFiles = Field(
-        default=NO_FILES,
+    prior: PriorFiles = Field(
+        default=NO_PRIOR,
         description="files of what trackers may know beforehand, relative to this file; none: they go on without",
-        exclude_if=lambda files: files == NO_FILES,
+        exclude_if=lambda files: files == NO_PRIOR,
     )
 
     @model_validator(mode="after")
@@ -138,7 +209,7 @@ class Rig(Strict):
         """The rig in a `rig.yaml`, the files that it names absolute; raises InputError naming every field at fault."""
         path = Path(path)
         rig = cls.parse(read_text(path, "a rig.yaml"), str(path))
-        return rig.model_copy(update={"knowledge": rig.knowledge.within(path.parent)})
+        return rig.model_copy(update={"prior": rig.prior.within(path.parent)})
 
     @classmethod
     def parse(cls, text: str, source: str) -> Rig:

@@ -106,7 +106,7 @@ class Tracker(Protocol):
 
     Built as `Class(rig, background, rng, **options)`: the rig, the observations of the empty room (may be none: then
     the tracker learns the background as it goes), a `numpy.random.Generator` of its own. `background` is a
-    `trackers.knowledge.Knowledge`: a sequence of those observations that has the room's `environment`, or None, beside.
+    `trackers.prior.Prior`: a sequence of those observations that has the room's `environment`, or None, beside.
 
     `update` may return the frames that the observation completed, oldest first (a tracker that waits for several
     sensors of one moment completes a frame late), or None: then `tracks()` is read after each observation of

@@ -12,16 +12,16 @@ import numpy as np
 import psutil
 
 from benchmarks.figure import Figure
-from trackers.knowledge import Knowledge
 from trackers.observations import NS_PER_S, Observation
 from trackers.presets import make_tracker
+from trackers.prior import Prior
 from trackers.rig import Rig
 from twin import Simulation
 from twin.reproduce.camera_floor_particle.replays import standing
 
 _S = 4
 _MINUTES = 10
-_Recorded = tuple[Rig, Knowledge, Sequence[Observation], int]
+_Recorded = tuple[Rig, Prior, Sequence[Observation], int]
 
 
 def measure() -> Iterator[Figure]:
@@ -51,7 +51,7 @@ def measure() -> Iterator[Figure]:
 
 def _recorded(n_person: int) -> _Recorded:
     with Simulation(standing(n_person, _S)) as simulation:
-        background = Knowledge.of(simulation.background())
+        background = Prior.of(simulation.background())
         return simulation.rig, background, list(simulation), n_person
 
 

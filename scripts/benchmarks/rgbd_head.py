@@ -11,9 +11,9 @@ import numpy as np
 from distributed import LocalCluster
 
 from benchmarks.figure import Figure
-from trackers.knowledge import Knowledge
 from trackers.observations import DepthImage, Observation
 from trackers.presets import make_tracker
+from trackers.prior import Prior
 from trackers.rgbd_head.colours import HeadColours
 from trackers.rgbd_head.learned import SHIPPED, load_learned
 from trackers.rgbd_head.options import WeightOptions
@@ -33,7 +33,7 @@ def measure() -> Iterator[Figure]:
     for n_person, bound in ((1, 6), (3, 12)):
         gone = [f"people.{name}=null" for name in ("ben", "cleo")[: 3 - n_person]]
         with Simulation(load_scenario("meeting-three-people", [f"duration_s={_S}", *gone])) as simulation:
-            rig, known, seen = simulation.rig, Knowledge.of(simulation.background()), list(simulation)
+            rig, known, seen = simulation.rig, Prior.of(simulation.background()), list(simulation)
         tracker, costs, spent = make_tracker("rgbd-head", rig, known, np.random.default_rng(0)), [], 0.0
         for observation in seen:
             start = time.process_time()
@@ -66,7 +66,7 @@ def measure() -> Iterator[Figure]:
     yield from _on_workers(rig, known, [each for each in seen if each.t < 3.5])
 
 
-def _on_workers(rig: Rig, known: Knowledge, seen: Sequence[Observation]) -> Iterator[Figure]:
+def _on_workers(rig: Rig, known: Prior, seen: Sequence[Observation]) -> Iterator[Figure]:
     """What a moment of three people takes with each camera on a Dask worker, and from how many hypotheses on it takes less."""
     with LocalCluster(n_workers=4, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50) as cluster:
         here, there = (
@@ -83,7 +83,7 @@ def _on_workers(rig: Rig, known: Knowledge, seen: Sequence[Observation]) -> Iter
         yield Figure("hypotheses from which four Dask workers are faster", float(even), "", "")
 
 
-def _moment_ms(rig: Rig, known: Knowledge, seen: Sequence[Observation], options: dict[str, object]) -> float:
+def _moment_ms(rig: Rig, known: Prior, seen: Sequence[Observation], options: dict[str, object]) -> float:
     """Median wall time of a moment, from the first one on that everybody is found in [ms]."""
     tracker, costs, spent = make_tracker("rgbd-head", rig, known, np.random.default_rng(0), options), [], 0.0
     for observation in seen:

@@ -10,12 +10,11 @@ import synthetic_home
 import synthetic_meeting
 from synthetic_room import empty_room, observe, rig, straight_walk
 
-from trackers.check import check_tracker
+from trackers.check import CORRUPTIONS, check_tracker
 from trackers.detections import Detection
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame
 from trackers.presets import PRESETS, make_tracker
 from trackers.rig import FloorSensor, Rig, StereoSensor
-from trackers.spoiling import SPOILINGS
 from trackers.tracks import (
     FedTracker,
     Reporting,
@@ -93,9 +92,9 @@ def test_trackers_keep_the_contract_through_every_fault(name, known):
 @pytest.mark.parametrize("name", [name for name in PRESETS if name not in (*BY_CLASS.values(), *OTHER_RULES)])
 def test_presets_that_differ_in_values_keep_the_contract_through_some_faults(name, known, monkeypatch):
     """Each through two, so that together they meet all of them."""
-    every, number = list(SPOILINGS), 2 * list(PRESETS).index(name)
-    some = {every[k % len(every)]: SPOILINGS[every[k % len(every)]] for k in (number, number + 1) if known}
-    monkeypatch.setattr("trackers.check.SPOILINGS", some)
+    every, number = list(CORRUPTIONS), 2 * list(PRESETS).index(name)
+    some = {every[k % len(every)]: CORRUPTIONS[every[k % len(every)]] for k in (number, number + 1) if known}
+    monkeypatch.setattr("trackers.check.CORRUPTIONS", some)
     assert violations_of(name, known) == []
 
 
@@ -305,9 +304,9 @@ def test_check_tracker_spoils_pictures_depth_and_floors(chokes, complaint):
 
 def test_a_sensor_that_falls_silent_is_silent_and_one_that_freezes_repeats_itself():
     given = of_all_kinds(9)
-    silent = SPOILINGS["a sensor that falls silent"](given)
+    silent = CORRUPTIONS["a sensor that falls silent"](given)
     assert [item.sensor for item in silent].count("waist") == 3
-    frozen = SPOILINGS["sensors that freeze"](given)
+    frozen = CORRUPTIONS["sensors that freeze"](given)
     assert [item.stamp_ns for item in frozen] == [item.stamp_ns for item in given]
     floors = [item.values.tobytes() for item in frozen if isinstance(item, FloorFrame)]
     assert len(set(floors[:4])) == 4 and len(set(floors[4:])) == 1

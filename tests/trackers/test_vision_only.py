@@ -12,12 +12,12 @@ import synthetic_view as view
 
 from trackers.check import check_tracker
 from trackers.errors import InputError
-from trackers.knowledge import Knowledge
 from trackers.laser_vision_learning.vision_only.motion import WhiteAcceleration
 from trackers.laser_vision_learning.vision_only.tracker import VisionOnly
 from trackers.laser_vision_learning.vision_only.weighing import AtDetections
 from trackers.observations import NS_PER_S, Image, LaserScan
 from trackers.presets import make_tracker
+from trackers.prior import Prior
 from trackers.tracks import detections_of, track_frames
 from trackers.vision.person_model import SHIPPED
 
@@ -155,9 +155,9 @@ def test_what_the_rig_cannot_give_is_bad_input():
 
 def test_another_model_of_people_may_be_among_what_is_learned(tmp_path):
     on = view.rig()
-    VisionOnly(on, Knowledge(learned={"people": SHIPPED}))
+    VisionOnly(on, Prior(learned={"people": SHIPPED}))
     with pytest.raises(InputError, match=r"mine.npz: cannot be read "):
-        VisionOnly(on, Knowledge(learned={"people": tmp_path / "mine.npz"}))
+        VisionOnly(on, Prior(learned={"people": tmp_path / "mine.npz"}))
 
 
 def test_the_preset_uses_one_camera_and_says_so():

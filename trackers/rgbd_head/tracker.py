@@ -22,8 +22,8 @@ from trackers.arrays import Array
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.filters.particle import ParticleFilter
-from trackers.knowledge import Knowledge
 from trackers.observations import NS_PER_S, DepthImage, Observation
+from trackers.prior import Prior
 from trackers.rgbd_head.calibration_check import Doubts
 from trackers.rgbd_head.evaluators import Evaluator, Evaluators
 from trackers.rgbd_head.initiation import newcomers
@@ -72,7 +72,7 @@ class RgbdHead(SynchronizedTracker):
         self.options = validate(RgbdHeadOptions, options, "tracker rgbd-head")
         sensors = _stereo_cameras(rig, self.options.cameras)
         self.unused_sensors = [name for name in rig.sensors if name not in sensors]
-        known = Knowledge.of(background)
+        known = Prior.of(background)
         area = Area(rig.area, _BESIDE_M) if rig.area else None
         learned = load_learned(known.learned.get(LEARNED, SHIPPED))
         watchers = {

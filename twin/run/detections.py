@@ -14,8 +14,8 @@ from typing import Any, TextIO
 
 from trackers.detections import Detection
 from trackers.errors import InputError, PlugInError
-from trackers.knowledge import Knowledge
 from trackers.presets import PRESETS
+from trackers.prior import Prior
 from trackers.text_file import AnyPath
 from trackers.tracks import FedTracker, detections_of
 from twin.progress import OnWarning
@@ -23,8 +23,8 @@ from twin.recording.losses import dropped_by, lines
 from twin.recording.reader import Recording
 from twin.recording.tables import number_cell, seconds_cell
 from twin.run.chosen_trackers import ChosenTracker
-from twin.run.knowledge import files_for
 from twin.run.plug_in_faults import plug_in_fault
+from twin.run.prior import files_for
 from twin.run.replay import chosen_trackers, scenario_of
 from twin.run.tracker_at_work import TrackerAtWork
 
@@ -54,7 +54,7 @@ def write_detections(
     for warning in warned:
         on_warning(warning)
     made = TrackerAtWork(chosen, bag.rig)
-    made.make(Knowledge.read(bag.background, files, bag.rig), seed, bag.jumps_ns)
+    made.make(Prior.read(bag.background, files, bag.rig), seed, bag.jumps_ns)
     if made.failure:
         raise PlugInError(made.failure)
     told = detections_of(made.tracker)

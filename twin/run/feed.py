@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from trackers.knowledge import Knowledge
 from trackers.observations import Observation
+from trackers.prior import Prior
 from trackers.rig import Rig
 from trackers.tracks import TrackFrame
 from twin.recording.losses import Heard, Loss, dropped_by
@@ -68,7 +68,7 @@ class Feed:
 def feed(
     folder: Path,
     rig: Rig,
-    knowledge: Knowledge,
+    prior: Prior,
     chosen: Sequence[ChosenTracker],
     seed: int,
     *,
@@ -88,7 +88,7 @@ def feed(
     InputError for an unknown tracker or option.
     """
     with ExitStack() as stack:
-        at_work = stack.enter_context(trackers_at_work(chosen, rig, knowledge, seed, folder / "tracks", jumps_ns))
+        at_work = stack.enter_context(trackers_at_work(chosen, rig, prior, seed, folder / "tracks", jumps_ns))
         shown = None
         if video_hz is not None:
             shown = stack.enter_context(

@@ -10,11 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from trackers.errors import InputError
-from trackers.knowledge import Knowledge
-from trackers.knowledge_files import NO_FILES
 from trackers.observations import NS_PER_S
 from trackers.presets import make_tracker
-from trackers.rig import Rig
+from trackers.prior import Prior
+from trackers.rig import NO_PRIOR, Rig
 from trackers.text_file import AnyPath
 from twin.progress import OnProgress, OnWarning
 from twin.recording.details import DETAIL_FILES, detail_writer
@@ -30,7 +29,6 @@ from twin.report.page import RunFacts
 from twin.room.outline import room_outline
 from twin.run.chosen_trackers import NONE_TRUSTED, ChosenTracker, TrustedClasses, choose
 from twin.run.feed import feed
-from twin.run.knowledge import notes_of
 from twin.run.out_folder import OutFolder, out_folder
 from twin.run.outcome import (
     Place,
@@ -43,6 +41,7 @@ from twin.run.outcome import (
     versions,
     write_results,
 )
+from twin.run.prior import notes_of
 from twin.run.tracker_at_work import file_name
 from twin.scenario import Scenario
 from twin.scenario.conditions import conditions_of
@@ -82,7 +81,7 @@ def run_scenario(
     source = source or f"scenario {scenario.name}"
     chosen = choose(names, scenario.trackers, source, trusted)
     if chosen:
-        scenario.knowledge.check(source)
+        scenario.prior.check(source)
     is_default = trackers is None and not scenario.trackers
     with heap_trimmed(), out_folder(folder, _names(names, video)) as out_:
         return _run(scenario, chosen, is_default, out_, video, images, staged, on_progress, on_warning)
@@ -117,9 +116,9 @@ def _run(
         )
         scene, rig, warnings = simulation.world.scene, simulation.rig, simulation.warnings
         background = list(simulation.background_messages())
-        handed = scenario.knowledge if chosen else NO_FILES
-        knowledge = Knowledge.read(map(simulation.as_read, background), handed, rig)
-        if is_default and (reason := _unfit(rig, knowledge, scenario.seed)):
+        handed = scenario.prior if chosen else NO_PRIOR
+        prior = Prior.read(map(simulation.as_read, background), handed, rig)
+        if is_default and (reason := _unfit(rig, prior, scenario.seed)):
             chosen, warnings = [], (*warnings, reason)
         place = Place(
             rig,
@@ -131,7 +130,7 @@ def _run(
             feed(
                 folder,
                 rig,
-                knowledge,
+                prior,
                 chosen,
                 scenario.seed,
                 video_hz=scenario.sensors[rig.main_sensor].rate_hz if video else None,
@@ -217,10 +216,10 @@ def _run(
     return replace(result, files=files, warnings=(*told, *new, *result.warnings), doubts=tuple(doubts))
 
 
-def _unfit(rig: Rig, knowledge: Knowledge, seed: int) -> str:
+def _unfit(rig: Rig, prior: Prior, seed: int) -> str:
     """Why the default tracker cannot work on this rig, as a warning; empty where it can."""
     try:
-        make_tracker(DEFAULT_TRACKER, rig, knowledge, stream(seed, "tracker", DEFAULT_TRACKER))
+        make_tracker(DEFAULT_TRACKER, rig, prior, stream(seed, "tracker", DEFAULT_TRACKER))
     except InputError as error:
         return f"recorded without a tracker: none is named, and the default, {DEFAULT_TRACKER}, does not fit: {error}"
     return ""

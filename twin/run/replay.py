@@ -6,20 +6,21 @@ import json
 import shlex
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice, pairwise
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from trackers.configuration import Strict, validate
 from trackers.errors import InputError
-from trackers.knowledge import Knowledge
-from trackers.knowledge_files import KnowledgeFiles
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.plain_data import parse_yaml
+from trackers.prior import Prior
+from trackers.rig import PriorFiles
 from trackers.text_file import AnyPath
 from trackers.tracks import TrackFrame
 from twin.limits import are_limits_lifted
@@ -45,7 +46,6 @@ from twin.run.chosen_trackers import (
     typed_schedulers,
 )
 from twin.run.feed import feed
-from twin.run.knowledge import files_for, notes_of
 from twin.run.out_folder import OutFolder, out_folder
 from twin.run.outcome import (
     Place,
@@ -58,6 +58,7 @@ from twin.run.outcome import (
     versions,
     write_results,
 )
+from twin.run.prior import files_for, notes_of
 from twin.run.tracker_at_work import file_name
 from twin.scenario import Scenario, TrackerChoice
 from twin.scenario.load import apply_overrides
@@ -88,7 +89,7 @@ def track_recording(
     """Track a recording into `out`: tracks, report, and metrics where the bag holds truth.
 
     The default folder is out/<its name>, for the twin's out/<its run>-tracked. `changes`: overrides like
-    'trackers.NAME.field=value' and 'knowledge.environment=FILE'; `seed`: of trackers that draw at random (default: that of
+    'trackers.NAME.field=value' and 'prior.environment=FILE'; `seed`: of trackers that draw at random (default: that of
     the run that wrote the bag, else 0); `report`: whether to write one; `bag_copy`: where to write a copy
     of the recording that holds the tracks too. A class (`module:Class`) is taken from `trackers` and `changes`, never from
     the bag. Raises InputError for bad input, before anything is written, and PlugInError when every tracker has failed;
@@ -132,7 +133,7 @@ def _track(
     bag: Recording,
     scenario: Scenario | None,
     chosen: Sequence[ChosenTracker],
-    files: KnowledgeFiles,
+    files: PriorFiles,
     missing: Sequence[str],
     seed: int,
     out: OutFolder,
@@ -156,7 +157,7 @@ def _track(
     with feed(
         folder,
         bag.rig,
-        Knowledge.read(bag.background, files, bag.rig),
+        Prior.read(bag.background, files, bag.rig),
         chosen,
         seed,
         video_hz=_rate_hz(bag) if video else None,
@@ -278,10 +279,12 @@ def _defined(scenario: Scenario | None, names: Sequence[str], changes: Sequence[
 
 
 class _Changeable(Strict):
-    """What `--set` may change of a recording: only the trackers, and what they are handed (see `twin.run.knowledge`)."""
+    """What `--set` may change of a recording: only the trackers, and what they are handed (see `twin.run.prior`)."""
+
+    former_names: ClassVar[Mapping[str, str]] = {"knowledge": "prior"}
 
     trackers: dict[str, TrackerChoice] = Field(default_factory=dict)
-    knowledge: KnowledgeFiles | None = None
+    prior: PriorFiles | None = None
 
 
 def _rate_hz(bag: Recording) -> float:

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from trackers.errors import InputError, PlugInError
-from trackers.knowledge import Knowledge
 from trackers.observations import NS_PER_S, Observation
 from trackers.presets import PRESETS, make_tracker
+from trackers.prior import Prior
 from trackers.restarts import RestartedTracker
 from trackers.rig import Rig
 from trackers.tracks import FedTracker, Tracker, TrackFrame, detections_of, misreported, warnings
@@ -48,7 +48,7 @@ class TrackerAtWork:
         self._tracked = False
         self._n_frame = self._n_with_detections = 0
 
-    def make(self, knowledge: Knowledge, seed: int, jumps_ns: Sequence[int] = ()) -> None:
+    def make(self, prior: Prior, seed: int, jumps_ns: Sequence[int] = ()) -> None:
         """Make the tracker; raises InputError where its name, options or class are not what they should be.
 
         jumps_ns: the stamps at which another like it takes its place (`trackers.restarts`).
@@ -56,7 +56,7 @@ class TrackerAtWork:
 
         def made(streamed: str) -> Tracker:
             rng = stream(seed, "tracker", streamed)
-            return make_tracker(self._chosen.target, self._rig, knowledge, rng, self._chosen.options)
+            return make_tracker(self._chosen.target, self._rig, prior, rng, self._chosen.options)
 
         try:
             self.tracker = made(self.name)
@@ -169,7 +169,7 @@ def file_name(tracker: str) -> str:
 def trackers_at_work(
     chosen: Sequence[ChosenTracker],
     rig: Rig,
-    knowledge: Knowledge,
+    prior: Prior,
     seed: int,
     folder: Path,
     jumps_ns: Sequence[int] = (),
@@ -180,7 +180,7 @@ def trackers_at_work(
     """
     at_work = [TrackerAtWork(each, rig) for each in chosen]
     for each in at_work:
-        each.make(knowledge, seed, jumps_ns)
+        each.make(prior, seed, jumps_ns)
     check_somebody_tracks(at_work)
     with ExitStack() as stack:
         for each in at_work:

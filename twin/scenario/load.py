@@ -15,9 +15,8 @@ from pydantic import BaseModel, Field
 from trackers.configuration import checked_current_names, current_path, keys_of, validate
 from trackers.deep_merge import deep_merge
 from trackers.errors import InputError
-from trackers.knowledge_files import files_within
 from trackers.plain_data import DEEPEST, dump_yaml, parse_yaml, parse_yaml_value
-from trackers.rig import Name
+from trackers.rig import Name, files_within
 from trackers.text_file import AnyPath, read_text
 from twin import models
 from twin.drawn.distributions import DrawnPeople, DrawnRoom, DrawnSensors
@@ -65,7 +64,7 @@ def load_scenario(
     `extends: NAME` starts from another scenario: mappings merge, everything else replaces, null removes an entry (among a
     tracker's options it is a value: some may be none).
     A room, people and sensors of `kind: drawn` are drawn with the scenario's seed (`twin.drawn`).
-    A room, parent or file of knowledge given by path is relative to the file that names it. Raises InputError, every
+    A room, parent or prior file given by path is relative to the file that names it. Raises InputError, every
     fault on one line.
     """
     path, folder = models.find("scenarios", os.fspath(name)), Path(folder)
@@ -106,7 +105,7 @@ def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:
 
 
 def _resolve(content: dict[str, Any], folder: Path, asked_by: str) -> None:
-    """Make paths of a user's room, pedestrians and knowledge, relative to `folder`, absolute: it then runs from anywhere.
+    """Make paths of a user's room, pedestrians and prior, relative to `folder`, absolute: it then runs from anywhere.
 
     asked_by: where the room was named.
     """
@@ -121,8 +120,8 @@ def _resolve(content: dict[str, Any], folder: Path, asked_by: str) -> None:
         with suppress(ValueError):  # a NUL in it: reading it says so
             path = path.resolve()
         pedestrians["file"] = str(path)
-    if "knowledge" in content:
-        content["knowledge"] = files_within(content["knowledge"], folder)
+    if "prior" in content:
+        content["prior"] = files_within(content["prior"], folder)
 
 
 def _bring_pedestrians(content: dict[str, Any], source: str) -> None:

@@ -10,8 +10,7 @@ from pydantic import ConfigDict, Field, JsonValue, model_serializer, model_valid
 
 from trackers.area import Polygon
 from trackers.configuration import Strict, Typed
-from trackers.knowledge_files import NO_FILES, KnowledgeFiles
-from trackers.rig import Name
+from trackers.rig import NO_PRIOR, Name, PriorFiles
 from twin.scenario.behaviour import companions
 from twin.scenario.housings import Housing, check_calibration_error, check_on_housing, check_place, check_told
 from twin.scenario.lights import LightChange
@@ -78,7 +77,7 @@ class TruthOptions(Strict):
 class Scenario(Strict):
     """A room, the people in it, the sensors on its walls, and for how long they are watched."""
 
-    former_names: ClassVar = {"vary": "randomize"}
+    former_names: ClassVar = {"vary": "randomize", "knowledge": "prior"}
 
     name: Name = Field(description="name of the scenario; it becomes the name of a folder")
     description: str = Field(default="", description="what the scenario is about, for readers")
@@ -122,10 +121,10 @@ class Scenario(Strict):
     trackers: dict[Name, TrackerChoice] = Field(
         default={}, description="trackers with changed options, by the name to call them by"
     )
-    knowledge: KnowledgeFiles = Field(
-        default=NO_FILES,
+    prior: PriorFiles = Field(
+        default=NO_PRIOR,
         description="files of what trackers may know beforehand, relative to this file; none: they go on without",
-        exclude_if=lambda files: files == NO_FILES,
+        exclude_if=lambda files: files == NO_PRIOR,
     )
     truth: TruthOptions = Field(default=TruthOptions(), description="what is kept of the truth")
     warnings: tuple[str, ...] = Field(

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from trackers.errors import InputError
-from trackers.knowledge import Knowledge
 from trackers.presets import available, make_tracker
+from trackers.prior import Prior
 from trackers.tracks import unused_sensors
 from twin import models
 from twin.run.chosen_trackers import NONE_TRUSTED, STUDY, ChosenTracker, TrustedClasses, choose
@@ -196,9 +196,7 @@ def _unused_sensor_faults(
             for place, each in enumerate(chosen):
                 rng = stream(scenario.seed, "tracker", each.name)
                 try:
-                    tracker = make_tracker(
-                        each.target, rig, Knowledge.read((), scenario.knowledge, rig), rng, each.options
-                    )
+                    tracker = make_tracker(each.target, rig, Prior.read((), scenario.prior, rig), rng, each.options)
                 except InputError as error:
                     sensors = ", ".join(scenario.sensors)
                     yield f"{path}: trackers.{place}: {each.name!r} cannot work on a placement of {sensors}: {error}"

@@ -163,7 +163,7 @@ def open_store(
     """Open the evaluations in a study's folder, locked against other processes, with workers for more.
 
     study: as its file has it. Raises InputError for a folder with results of an earlier run without `resume`, and of another
-    study or code with it. Evaluations that are made from other things since (scenario, room, trackers, files of knowledge)
+    study or code with it. Evaluations that are made from other things since (scenario, room, trackers, prior files)
     are done again.
     """
     path, head = folder / FILE, {"study": study, "code": whole_code()}

@@ -123,7 +123,7 @@ class TrialRunner:
         self._details = any((each.metric or "").startswith(DETAILED) for each in self.study.objectives)
         self._code = whole_code()
         self._room = room_digest(prepared.scenario.room)  # one in all scenarios
-        self._knowledge: dict[str, str] = {}
+        self._prior: dict[str, str] = {}
         self.evaluations: EvaluationStore | None = None
         self.trials: Mapping[Placement, Trial] = {}
         self._started_s = time.perf_counter()
@@ -134,11 +134,11 @@ class TrialRunner:
     def job(self, name: str, key: str, scenario: Scenario, seed: int) -> Job:
         """Return the evaluation of a scenario with a seed."""
         seeded = scenario.model_copy(update={"seed": seed, "trackers": {}})
-        files = scenario.knowledge.model_dump_json()
-        if files not in self._knowledge:
-            self._knowledge[files] = scenario.knowledge.digest()
+        files = scenario.prior.model_dump_json()
+        if files not in self._prior:
+            self._prior[files] = scenario.prior.digest()
         trackers = [(each.target, each.options) for each in self.prepared.trackers]
-        made = provenance_of(seeded.model_dump_json(), self._room, trackers, self._knowledge[files])
+        made = provenance_of(seeded.model_dump_json(), self._room, trackers, self._prior[files])
         work = EvaluationTask(seeded, self.prepared.trackers, self.cache, self._code, self._details, made)
         return Job(name, key, seed, work, made)
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
-from trackers.knowledge import Knowledge
 from trackers.presets import make_tracker
+from trackers.prior import Prior
 from trackers.tracks import track_frames, unused_sensors
 from twin.evaluate import evaluate_with_details
 from twin.evaluate.summary import Evaluation
@@ -103,7 +103,7 @@ def evaluate_placement(work: EvaluationTask) -> dict[str, Evaluation]:
         if all(each.kind == "laser" for each in scenario.sensors.values()) and not work.details:
             scene = simulation.world.scene
             simulation.world.posed = cached.posed.get(timing) or Posed(scene.person_of_geom)
-        knowledge = Knowledge.read(simulation.background(), scenario.knowledge, simulation.rig)
+        prior = Prior.read(simulation.background(), scenario.prior, simulation.rig)
         observations, rig = list(simulation), simulation.rig
         if simulation.world.posed is not None and len(casts_of(scenario.people)) == 1:
             cached.posed[timing] = (
@@ -116,7 +116,7 @@ def evaluate_placement(work: EvaluationTask) -> dict[str, Evaluation]:
     found = {}
     for each in work.trackers:
         rng = stream(scenario.seed, "tracker", each.name)
-        tracker = make_tracker(each.target, rig, knowledge, rng, each.options)
+        tracker = make_tracker(each.target, rig, prior, rng, each.options)
         tracks = track_table(track_frames(tracker, rig, observations))
         found[each.name] = evaluate_with_details(truth, tracks, situations=pairs, unused=unused_sensors(tracker))
     return found
@@ -125,7 +125,7 @@ def evaluate_placement(work: EvaluationTask) -> dict[str, Evaluation]:
 def _check_files(scenario: Scenario, made: Provenance) -> None:
     for what, now, before in (
         ("the room", room_digest(scenario.room), made.room),
-        ("the files of knowledge", scenario.knowledge.digest(), made.knowledge),
+        ("the prior files", scenario.prior.digest(), made.prior),
     ):
         if now != before:
             raise InputError(f"{what} changed after the study was started; --resume evaluates with what it is now")

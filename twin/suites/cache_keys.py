@@ -1,4 +1,4 @@
-"""Digests of what results are made from: scenarios, rooms, files of knowledge, code, models, versions, the renderer."""
+"""Digests of what results are made from: scenarios, rooms, prior files, code, models, versions, the renderer."""
 
 from __future__ import annotations
 
@@ -60,13 +60,16 @@ class Provenance:
     simulation: str
     room: str
     tracker: str
-    knowledge: str
+    prior: str
 
     @classmethod
     def read(cls, text: str) -> Provenance | None:
         """Read what `write` gave; None for anything else."""
         try:
-            return cls(**json.loads(text))
+            digests = json.loads(text)
+            if "knowledge" in digests:  # the former name, in stores made before
+                digests["prior"] = digests.pop("knowledge")
+            return cls(**digests)
         except (ValueError, TypeError):
             return None
 
@@ -88,17 +91,17 @@ def digest_of(*parts: str | bytes) -> str:
 
 
 def provenance_of(
-    resolved: str, room: str, trackers: Iterable[tuple[str, Mapping[str, Any]]], knowledge: str
+    resolved: str, room: str, trackers: Iterable[tuple[str, Mapping[str, Any]]], prior: str
 ) -> Provenance:
     """Digest all inputs of a case.
 
     resolved: the scenario, its seed included; room: `room_digest` of its room; trackers: what `make_tracker` calls each,
-    and its options; knowledge: the digest of the files that trackers are handed.
+    and its options; prior: the digest of the files that trackers are handed.
     """
     tracking = [
         part for name, options in trackers for part in (name, json.dumps(options, sort_keys=True), plug_in_code(name))
     ]
-    return Provenance(digest_of(resolved), simulation_code()[:16], room, digest_of(*tracking), knowledge)
+    return Provenance(digest_of(resolved), simulation_code()[:16], room, digest_of(*tracking), prior)
 
 
 def room_digest(name: str) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 from pydantic import JsonValue
 
 from trackers.errors import InputError
-from trackers.knowledge_files import NO_FILES, KnowledgeFiles
+from trackers.rig import NO_PRIOR, PriorFiles
 from twin.models import is_kept_room
 from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
 from twin.run.tracker_at_work import file_name
@@ -50,16 +50,14 @@ class Case:
     require: Mapping[str, str]
     resolved: str  # YAML, without trackers and what they may know: what is simulated
     tracker_changes: tuple[str, ...]  # 'trackers.NAME=...' for those that the scenario defines
-    knowledge: KnowledgeFiles
+    prior: PriorFiles
     provenance: Provenance  # by content: a case of other files is another one
     recipe: str  # the key of its recording, but for the renderer
 
     @property
     def tracking_changes(self) -> tuple[str, ...]:
         """Overrides for `twin track` of the recording: the scenario's tracker definitions and the files handed to trackers."""
-        files: Overrides = (
-            {} if self.knowledge == NO_FILES else {"knowledge": self.knowledge.model_dump(exclude_none=True)}
-        )
+        files: Overrides = {} if self.prior == NO_PRIOR else {"prior": self.prior.model_dump(exclude_none=True)}
         return (*self.tracker_changes, *format_overrides(files))
 
     def check_files(self) -> None:
@@ -68,9 +66,9 @@ class Case:
             raise InputError(
                 f"{self.id}: its room changed after the suite was started; --resume records it as it is now"
             )
-        self.knowledge.check(self.id)
-        if self.knowledge.digest() != self.provenance.knowledge:
-            told = ", ".join(map(str, self.knowledge.paths().values()))
+        self.prior.check(self.id)
+        if self.prior.digest() != self.provenance.prior:
+            told = ", ".join(map(str, self.prior.paths().values()))
             raise InputError(
                 f"{self.id}: {told}: changed after the suite was started; --resume tracks with what it is now"
             )
@@ -185,7 +183,7 @@ def _cases_of(suite: Suite, checked: _Checked, path: Path, changes: Sequence[str
             )
             if limits:
                 check_size(of_seed)
-        seeded = of_seed.model_copy(update={"seed": seed, "trackers": {}, "knowledge": NO_FILES})
+        seeded = of_seed.model_copy(update={"seed": seed, "trackers": {}, "prior": NO_PRIOR})
         resolved, people = dump_scenario(seeded), people_key(seeded)
         room, recipe = room_digest(seeded.room), recording_key(resolved, "")
         for tracker in variant.trackers:
@@ -204,7 +202,7 @@ def _cases_of(suite: Suite, checked: _Checked, path: Path, changes: Sequence[str
                 resolved=resolved,
                 size=size_of(of_seed),
                 people=people,
-                knowledge=scenario.knowledge,
+                prior=scenario.prior,
                 provenance=provenance_of(resolved, room, followed, checked.digest),
                 recipe=recipe,
                 tracker_changes=format_overrides(

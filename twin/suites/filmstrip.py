@@ -13,8 +13,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from trackers.knowledge import Knowledge
 from trackers.observations import NS_PER_S
+from trackers.prior import Prior
 from twin.recording.reader import Recording
 from twin.report.preview import PreviewWriter
 from twin.room.outline import room_outline
@@ -73,8 +73,8 @@ def draw_filmstrip(work: FilmstripWork) -> bytes:
             person_names=dict(enumerate(scenario.people, start=1)),
         )
         writer.wanted_s = deque(work.t_s + offset for offset in _OFFSETS_S)
-        knowledge = Knowledge.read(bag.background, case.knowledge, bag.rig)
-        with writer, trackers_at_work(chosen, bag.rig, knowledge, case.seed, folder) as at_work:
+        prior = Prior.read(bag.background, case.prior, bag.rig)
+        with writer, trackers_at_work(chosen, bag.rig, prior, case.seed, folder) as at_work:
             _show(Feed(at_work, preview := Preview(writer, bag.rig)), preview, writer, bag)
         return _side_by_side(writer.stills)
 

@@ -12,11 +12,10 @@ from typing import Any
 
 from trackers.environment import Environment, load_environment
 from trackers.errors import InputError
-from trackers.knowledge import Knowledge
-from trackers.knowledge_files import no_file
 from trackers.observations import Observation
 from trackers.presets import PRESETS, available, make_tracker
-from trackers.rig import Point2, Rig
+from trackers.prior import Prior
+from trackers.rig import Point2, Rig, missing_file
 from trackers.tracks import Tracker
 from twin.run.chosen_trackers import (
     NONE_TRUSTED,
@@ -58,10 +57,10 @@ class TrackerCheck:
     def check(self, variant: Variant, scenario: Scenario, file: Path, title: str) -> str:
         """Check every tracker of a variant: its resolved scenario, the scenario's file, its title in messages.
 
-        Gives the digest of the files that they are handed (see `KnowledgeFiles.digest`).
+        Gives the digest of the files that they are handed (see `PriorFiles.digest`).
         """
         rig = self._rig(scenario)
-        knowledge = self._knowledge(variant, scenario, rig, file)
+        prior = self._prior(variant, scenario, rig, file)
         for name, choice in scenario.trackers.items():
             if name in available() and choice.preset not in (None, name):
                 self._tell(redefined(_place(variant, file, f"trackers.{name}.preset"), name, choice.preset))
@@ -79,17 +78,17 @@ class TrackerCheck:
                 self._tell(not_trusted(where, target, SUITE))
             elif is_untrusted_scheduler(choice, self._trusted):
                 self._tell(not_asked(_place(variant, file, f"trackers.{name}.{SCHEDULER}"), choice, SUITE))
-            elif knowledge is not None and (target in PRESETS or self._plug_ins):
-                for option, message in self._tried(target, rig, scenario, name, knowledge):
+            elif prior is not None and (target in PRESETS or self._plug_ins):
+                for option, message in self._tried(target, rig, scenario, name, prior):
                     if option:
                         self._tell(f"{_place(variant, file, f'trackers.{name}.{option}')}: {message}")
                     else:
                         self._tell(f"{listed}: {name!r} cannot work on ", title, f": {message}")
-        key = scenario.knowledge.model_dump_json()
-        if knowledge is None:
+        key = scenario.prior.model_dump_json()
+        if prior is None:
             return ""
         if key not in self._digests:
-            self._digests[key] = scenario.knowledge.digest()
+            self._digests[key] = scenario.prior.digest()
         return self._digests[key]
 
     def faults(self) -> list[str]:
@@ -104,12 +103,12 @@ class TrackerCheck:
     def _tell(self, start: str, title: str = "", end: str = "") -> None:
         self._faults.setdefault((start, end), {})[title] = None
 
-    def _knowledge(self, variant: Variant, scenario: Scenario, rig: Rig, file: Path) -> Knowledge | None:
+    def _prior(self, variant: Variant, scenario: Scenario, rig: Rig, file: Path) -> Prior | None:
         """Load the prior files of a scenario, without the empty room; None where one of them is invalid."""
-        files = scenario.knowledge
+        files = scenario.prior
         missing = files.missing()
         for field, path in missing.items():
-            self._tell(f"{_place(variant, file, f'knowledge.{field}')}: {no_file(field, path)}")
+            self._tell(f"{_place(variant, file, f'prior.{field}')}: {missing_file(field, path)}")
         if missing:
             return None
         environment = None
@@ -121,19 +120,17 @@ class TrackerCheck:
                 environment = self._environments[path]
                 environment.check(str(path), room=rig.room, area=rig.area)
             except InputError as error:
-                self._tell(f"{_place(variant, file, 'knowledge.environment')}: {error}")
+                self._tell(f"{_place(variant, file, 'prior.environment')}: {error}")
                 return None
         learned = {name: Path(each) for name, each in files.learned.items()}
-        return Knowledge((), environment, learned)
+        return Prior((), environment, learned)
 
-    def _tried(
-        self, target: str, rig: Rig, scenario: Scenario, name: str, knowledge: Knowledge
-    ) -> list[tuple[str, str]]:
+    def _tried(self, target: str, rig: Rig, scenario: Scenario, name: str, prior: Prior) -> list[tuple[str, str]]:
         options = scenario.trackers.get(name, TrackerChoice()).options
-        files = scenario.knowledge.model_dump_json()
+        files = scenario.prior.model_dump_json()
         key = (target, json.dumps(options, sort_keys=True), rig.model_dump_json(), scenario.background, files)
         if key not in self._made:
-            self._made[key] = list(_faults(target, rig, scenario, name, options, knowledge))
+            self._made[key] = list(_faults(target, rig, scenario, name, options, prior))
         return self._made[key]
 
     def _rig(self, scenario: Scenario) -> Rig:
@@ -158,13 +155,13 @@ def _place(variant: Variant, file: Path, field: str) -> str:
 
 
 def _faults(
-    target: str, rig: Rig, scenario: Scenario, name: str, options: Mapping[str, Any], knowledge: Knowledge
+    target: str, rig: Rig, scenario: Scenario, name: str, options: Mapping[str, Any], prior: Prior
 ) -> Iterator[tuple[str, str]]:
     """Yield the faults of making a tracker: the option's path ("" where it is no option's), and the message."""
     background = _EmptyRoom()
     try:
         with _silent():
-            handed = replace(knowledge, background=background)
+            handed = replace(prior, background=background)
             tracker = make_tracker(target, rig, handed, stream(scenario.seed, "tracker", name), options)
     except InputError as error:
         unlike_a_run = background.asked and scenario.background != "none"

@@ -32,7 +32,7 @@ def open_store(
     """Open the results in `folder` for writing, locked as long as the block runs.
 
     A new file holds the cases and `facts`; with `resume` an earlier one is taken up, where there is one; cases that are
-    made from other things since (scenario, room, tracker, files of knowledge) are done again, and `warn` is told. Raises
+    made from other things since (scenario, room, tracker, prior files) are done again, and `warn` is told. Raises
     InputError where another process writes there, where there are results and none were to be taken up, and where those are
     of other cases, or of another suite, other changes or other code.
     """

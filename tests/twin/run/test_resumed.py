@@ -1,7 +1,7 @@
 """A suite and a study that go on after anything they are made from was edited: as if they had been started then.
 
 Every kind of file is edited in turn: the scenario, its room, a file that the room includes, a texture, recorded pedestrians,
-a file of knowledge, a tracker's own source and what that imports. Nothing of before the edit may be left in the results.
+a prior file, a tracker's own source and what that imports. Nothing of before the edit may be left in the results.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ room: room.xml
 seed: 5
 duration_s: 1.5
 background_frames: 3
-knowledge: {learned: {spare: spare.txt}}
+prior: {learned: {spare: spare.txt}}
 pedestrians: {file: walkers.csv}
 sensors: {fisheye: null}
 """
@@ -131,7 +131,7 @@ EDITS: dict[str, tuple[Callable[[Path], object], str]] = {
     "included": (lambda folder: (folder / "part.xml").write_text(part(0.3)), "room"),
     "texture": (repaint, "room"),
     "pedestrians": (edit("walkers.csv", ",1.0\n", ",1.3\n"), "scenario"),
-    "knowledge": (edit("spare.txt", "oval", "round"), "knowledge"),
+    "prior": (edit("spare.txt", "oval", "round"), "prior"),
     "tracker": (edit("mine_of_resumed.py", "+ self.shift_m", "+ self.shift_m + 0.1"), "tracker"),
     "imported": (edit("helping.py", "0.0", "0.2"), "tracker"),
 }
@@ -170,7 +170,7 @@ def test_a_suite_goes_on_as_if_begun_after_the_edit(folder: Path, what: str, mon
     forget(monkeypatch)
     suite_run(folder, "anew")
     assert suite_results(folder, "out") == suite_results(folder, "anew")
-    if what not in ("knowledge", "texture", "room"):  # which no figure depends on here
+    if what not in ("prior", "texture", "room"):  # which no figure depends on here
         assert suite_results(folder, "out") != before
     assert not suite_run(folder, "out", resume=True)  # and then nothing more
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from trackers.knowledge import Knowledge
 from trackers.presets import make_tracker
+from trackers.prior import Prior
 from trackers.tracks import track_frames
 from twin.people.motion import Motion
 from twin.scenario import Scenario, load_scenario
@@ -75,8 +75,8 @@ def test_tracks_are_those_of_a_run(tmp_path: Path) -> None:
     frames = []
     for each in (staged, None):
         with Simulation(scenario, staged=each) as simulation:
-            knowledge = Knowledge(background=simulation.background())
+            prior = Prior(background=simulation.background())
             rng = stream(scenario.seed, "tracker", "laser-fisheye-imm")
-            tracker = make_tracker("laser-fisheye-imm", simulation.rig, knowledge, rng)
+            tracker = make_tracker("laser-fisheye-imm", simulation.rig, prior, rng)
             frames.append(list(track_frames(tracker, simulation.rig, simulation)))
     assert frames[0] == frames[1]

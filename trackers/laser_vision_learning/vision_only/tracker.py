@@ -28,7 +28,6 @@ from trackers.errors import InputError
 from trackers.filters.gating import distances, mahalanobis
 from trackers.filters.particle import Cloud, ParticleFilter
 from trackers.filters.proposal import MixtureProposal
-from trackers.knowledge import Knowledge
 from trackers.laser_vision_learning.vision_only.clothes import Clothes
 from trackers.laser_vision_learning.vision_only.motion import WhiteAcceleration
 from trackers.laser_vision_learning.vision_only.options import VisionOnlyOptions
@@ -36,6 +35,7 @@ from trackers.laser_vision_learning.vision_only.people import People
 from trackers.laser_vision_learning.vision_only.weighing import AtDetections, WithoutDetection
 from trackers.observations import NS_PER_S, DepthImage, Image, Observation
 from trackers.order import LATE
+from trackers.prior import Prior
 from trackers.rig import Rig, placed_camera
 from trackers.tracking.association import Stage, associate, left_over
 from trackers.tracking.lifecycle import clear_of, coasting_within, measured_for_longer, measured_now
@@ -62,7 +62,7 @@ class VisionOnly:
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
     ) -> None:
         self.options = validate(VisionOnlyOptions, options, "tracker laser-vision-learning-vision")
-        known = Knowledge.of(background)
+        known = Prior.of(background)
         self.camera = _camera_of(rig, self.options.camera, {each.sensor for each in known})
         self.unused_sensors = [name for name in rig.sensors if name != self.camera]
         self.losses: Counter[tuple[str, str]] = Counter()  # pictures dropped, by sensor and reason

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from trackers.knowledge import Knowledge
 from trackers.observations import NS_PER_S, FloorFrame
 from trackers.presets import make_tracker
+from trackers.prior import Prior
 from trackers.tracks import TrackFrame
 from twin.evaluate import evaluate_tracks
 from twin.progress import OnProgress
@@ -82,7 +82,7 @@ def choices(cache: RecordingCache, on_progress: OnProgress | None) -> list[Resul
 
 def _judged(where: str, name: str, change: Mapping[str, Any], bag: Recording, truth: TruthTable) -> list[Result]:
     """Errors of body, head and pan, and CPU time per frame."""
-    tracker: Any = make_tracker(OURS, bag.rig, Knowledge.of(bag.background), stream(SEED, "tracker", OURS), change)
+    tracker: Any = make_tracker(OURS, bag.rig, Prior.of(bag.background), stream(SEED, "tracker", OURS), change)
     frames: list[TrackFrame] = []
     spent = 0.0
     for observation in bag.observations():
@@ -105,9 +105,7 @@ def moment_picture(case: Case, cache: RecordingCache, t_s: float) -> bytes:
     """What the tracker saw and held at a moment of a case, a JPEG (`draw_inside`)."""
     with recording_of(case, cache) as entry:
         bag = Recording(entry / RECORDING)
-        tracker: Any = make_tracker(
-            OURS, bag.rig, Knowledge.of(bag.background), stream(case.seed, "tracker", OURS), None
-        )
+        tracker: Any = make_tracker(OURS, bag.rig, Prior.of(bag.background), stream(case.seed, "tracker", OURS), None)
         floors, frames = {}, []
         for observation in bag.observations():
             frames = tracker.update(observation)

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from trackers.environment import Environment
-from trackers.knowledge import Knowledge
 from trackers.observations import Observation
 from trackers.presets import make_tracker
+from trackers.prior import Prior
 from trackers.rgbd_head.tracker import Inside
 from trackers.rig import Rig
 from trackers.tracks import TrackFrame
@@ -63,7 +63,7 @@ class Seen:
 
     def tracker(self, preset: str, seed: int, options: Mapping[str, Any], has_environment: bool = True) -> Any:
         """A tracker as a run of this seed makes it."""
-        known = Knowledge(self.background, self.environment if has_environment else None)
+        known = Prior(self.background, self.environment if has_environment else None)
         return make_tracker(preset, self.rig, known, stream(seed, "tracker", preset), options)
 
     def followed(self, preset: str, seed: int, options: Mapping[str, Any], has_environment: bool = True) -> TrackTable:

@@ -11,10 +11,9 @@ from synthetic_room import empty_room, rig
 
 from trackers.environment import build_environment, save_environment
 from trackers.errors import InputError
-from trackers.knowledge import Knowledge
-from trackers.knowledge_files import NO_FILES, KnowledgeFiles
 from trackers.presets import make_tracker
-from trackers.rig import LaserSensor, Rig
+from trackers.prior import Prior
+from trackers.rig import NO_PRIOR, LaserSensor, PriorFiles, Rig
 
 AREA = ((-1.8, -1.3), (1.8, -1.3), (1.8, 1.3), (-1.8, 1.3))
 EMPTY = empty_room(np.random.default_rng(0), 2)
@@ -41,7 +40,7 @@ def plug_in(tmp_path, monkeypatch) -> str:
 
 
 @pytest.mark.parametrize(
-    "background", [EMPTY, tuple(EMPTY), iter(EMPTY), Knowledge(EMPTY)], ids=lambda each: type(each).__name__
+    "background", [EMPTY, tuple(EMPTY), iter(EMPTY), Prior(EMPTY)], ids=lambda each: type(each).__name__
 )
 def test_a_tracker_can_use_what_it_is_handed_as_the_list_that_it_was(plug_in, background):
     given = make_tracker(plug_in, rig(), background).given
@@ -52,24 +51,24 @@ def test_a_tracker_can_use_what_it_is_handed_as_the_list_that_it_was(plug_in, ba
 
 
 def test_an_environment_and_what_was_learned_stand_beside(plug_in, boxes):
-    knowledge = Knowledge.read(EMPTY, KnowledgeFiles(environment=str(boxes), learned={"heads": "/heads.npz"}), ON)
-    given = make_tracker(plug_in, rig(), knowledge).given
-    assert given is knowledge and given.environment.room == "boxes"
+    prior = Prior.read(EMPTY, PriorFiles(environment=str(boxes), learned={"heads": "/heads.npz"}), ON)
+    given = make_tracker(plug_in, rig(), prior).given
+    assert given is prior and given.environment.room == "boxes"
     assert given.learned == {"heads": Path("/heads.npz")}
 
 
 def test_an_environment_of_another_room_or_damaged_is_refused(boxes, tmp_path):
-    files = KnowledgeFiles(environment=str(boxes))
+    files = PriorFiles(environment=str(boxes))
     with pytest.raises(InputError, match="is of the room 'boxes'; one of 'lab' is expected"):
-        Knowledge.read((), files, ON.model_copy(update={"room": "lab"}))
+        Prior.read((), files, ON.model_copy(update={"room": "lab"}))
     cut = tmp_path / "cut.npz"
     cut.write_bytes(boxes.read_bytes()[:-500])
     with pytest.raises(InputError, match=r"cut\.npz: is not an \.npz, or a damaged one"):
-        Knowledge.read((), KnowledgeFiles(environment=str(cut)), ON)
+        Prior.read((), PriorFiles(environment=str(cut)), ON)
 
 
 def test_files_are_relative_to_who_names_them(tmp_path):
-    files = KnowledgeFiles(environment="a.npz", learned={"x": "sub/b.npz", "y": "/c.npz"}).within(tmp_path)
+    files = PriorFiles(environment="a.npz", learned={"x": "sub/b.npz", "y": "/c.npz"}).within(tmp_path)
     assert files.paths() == {
         "environment": tmp_path / "a.npz",
         "learned.x": tmp_path / "sub/b.npz",
@@ -78,31 +77,40 @@ def test_files_are_relative_to_who_names_them(tmp_path):
     (tmp_path / "a.npz").touch()
     assert list(files.missing()) == ["learned.x", "learned.y"]
     assert files.without(files.missing()).paths() == {"environment": tmp_path / "a.npz"}
-    with pytest.raises(InputError, match=r"who: knowledge\.learned\.x: there is no file .*b\.npz; .* is expected"):
+    with pytest.raises(InputError, match=r"who: prior\.learned\.x: there is no file .*b\.npz; .* is expected"):
         files.check("who")
 
 
 @pytest.mark.parametrize("name", ["a\0b", "n" * 5000, ".", ""])
 def test_a_path_that_no_file_can_have_is_a_file_that_is_not_there(name, tmp_path):
-    assert list(KnowledgeFiles(environment=name).within(tmp_path).missing()) == ["environment"]
+    assert list(PriorFiles(environment=name).within(tmp_path).missing()) == ["environment"]
 
 
 def test_the_digest_follows_the_contents_and_what_they_are_for(tmp_path):
     one, other = tmp_path / "one", tmp_path / "other"
     one.write_bytes(b"1")
     other.write_bytes(b"1")
-    digest = KnowledgeFiles(environment=str(one)).digest()
-    assert digest == KnowledgeFiles(environment=str(other)).digest() != NO_FILES.digest() == ""
-    assert digest != KnowledgeFiles(learned={"x": str(one)}).digest()
+    digest = PriorFiles(environment=str(one)).digest()
+    assert digest == PriorFiles(environment=str(other)).digest() != NO_PRIOR.digest() == ""
+    assert digest != PriorFiles(learned={"x": str(one)}).digest()
     one.write_bytes(b"2")
-    assert digest != KnowledgeFiles(environment=str(one)).digest()
+    assert digest != PriorFiles(environment=str(one)).digest()
 
 
 def test_a_rig_file_names_files_beside_itself_and_one_without_is_written_as_ever(tmp_path):
     path = tmp_path / "rig.yaml"
-    path.write_text("sensors: {low: {kind: laser, topic: /scan}}\nknowledge: {environment: room.npz}\n")
-    assert Rig.load(path).knowledge.environment == str(tmp_path / "room.npz")
-    assert "knowledge" not in ON.dump_yaml()
-    path.write_text("sensors: {low: {kind: laser, topic: /scan}}\nknowledge: {enviroment: room.npz}\n")
-    with pytest.raises(InputError, match=r"knowledge\.enviroment: unknown key; did you mean 'environment'"):
+    path.write_text("sensors: {low: {kind: laser, topic: /scan}}\nprior: {environment: room.npz}\n")
+    assert Rig.load(path).prior.environment == str(tmp_path / "room.npz")
+    assert "prior" not in ON.dump_yaml()
+    path.write_text("sensors: {low: {kind: laser, topic: /scan}}\nprior: {enviroment: room.npz}\n")
+    with pytest.raises(InputError, match=r"prior\.enviroment: unknown key; did you mean 'environment'"):
         Rig.load(path)
+
+
+def test_the_former_key_of_a_rig_is_still_read_and_its_new_name_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "rig.yaml"
+    path.write_text("sensors: {low: {kind: laser, topic: /scan}}\nknowledge: {environment: room.npz}\n")
+    assert Rig.load(path).prior.environment == str(tmp_path / "room.npz")
+    assert "knowledge: is now called 'prior'" in caplog.text

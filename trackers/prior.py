@@ -1,4 +1,4 @@
-"""What a tracker may know of a room before anybody enters it: one value, the same live, from a recording and in a suite."""
+"""Prior: all that a tracker may know of a room before people enter, the same live, from a recording and in a suite."""
 
 from __future__ import annotations
 
@@ -7,21 +7,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
-from trackers.knowledge_files import KnowledgeFiles
 from trackers.observations import Observation
-from trackers.rig import Rig
+from trackers.rig import PriorFiles, Rig
 
 if TYPE_CHECKING:
     from trackers.environment import Environment
 
 
 @dataclass(frozen=True, eq=False)
-class Knowledge(Sequence[Observation]):
-    """What is handed to a tracker as its `background`: the observations of the empty room, in order, and more beside.
+class Prior(Sequence[Observation]):
+    """Observations of the empty room, in order, and what else is known beforehand; handed to a tracker as its `background`.
 
     environment: the room's walls, furniture and free space, in the room frame (None: not known). learned: files that a
-    tracker has learned beforehand, by name; whoever names one may be a stranger, so it is to be read in a format that
-    runs no code (no pickle).
+    tracker has learned beforehand, by name; they come from anywhere, so they are read in a format that runs no code (no pickle).
     """
 
     background: Sequence[Observation] = ()
@@ -39,13 +37,13 @@ class Knowledge(Sequence[Observation]):
         return self.background[index]
 
     @classmethod
-    def of(cls, background: Iterable[Observation]) -> Knowledge:
-        """What is handed over where knowledge may be meant: itself, or the observations of an empty room alone."""
-        return background if isinstance(background, Knowledge) else cls(tuple(background))
+    def of(cls, background: Iterable[Observation]) -> Prior:
+        """Return a prior as it is, and observations of an empty room as a prior of nothing else."""
+        return background if isinstance(background, Prior) else cls(tuple(background))
 
     @classmethod
-    def read(cls, background: Iterable[Observation], files: KnowledgeFiles, rig: Rig) -> Knowledge:
-        """The knowledge in `files`, whose paths are absolute and there, for a rig.
+    def read(cls, background: Iterable[Observation], files: PriorFiles, rig: Rig) -> Prior:
+        """Read the prior in `files`, whose paths are absolute and exist, for a rig.
 
         Raises InputError for an environment that is damaged or of another room than the rig's.
         """

@@ -51,7 +51,7 @@ name: own
 duration_s: 0.3
 background_frames: 2
 sensors: {fisheye: null}
-knowledge: {environment: ../lab.npz, learned: {heads: heads.txt}}
+prior: {environment: ../lab.npz, learned: {heads: heads.txt}}
 """
 SUITE = """
 name: knowing
@@ -113,14 +113,14 @@ def house(tmp_path: Path, lab: Path, monkeypatch: pytest.MonkeyPatch) -> House:
 
 def test_a_run_its_replay_and_a_suite_hand_over_the_same(house: House, monkeypatch: pytest.MonkeyPatch) -> None:
     scenario = load_scenario(house.scenario)
-    assert scenario.knowledge.environment == str(house.folder / "own" / ".." / "lab.npz")
+    assert scenario.prior.environment == str(house.folder / "own" / ".." / "lab.npz")
     result = run_scenario(scenario, trackers=[TRACKER], out=house.folder / "run", video=False)
     assert house.handed() == [house.expected]
     assert "Trackers were handed: environment from" in (house.folder / "run" / "report.html").read_text()
     monkeypatch.chdir("/")  # nothing is relative to where one stands
     house.track(result.files["recording"])
     assert house.handed() == [house.expected]
-    assert load_scenario(result.files["scenario"]).knowledge == scenario.knowledge  # runs again to the same
+    assert load_scenario(result.files["scenario"]).prior == scenario.prior  # runs again to the same
 
     (house.folder / "s.yaml").write_text(SUITE)
     loaded, path = load_suite(house.folder / "s.yaml")
@@ -156,25 +156,25 @@ def test_a_recording_is_kept_under_a_name_that_knows_no_environment(house: House
     (house.folder / "s.yaml").write_text(
         SUITE.replace(
             "{scenario: own/own.yaml}",
-            "{scenario: own/own.yaml, variants: [{knowledge: null}, {knowledge.environment: lab.npz}]}",
+            "{scenario: own/own.yaml, variants: [{prior: null}, {prior.environment: lab.npz}]}",
         )
     )
     without, relative = expand(*load_suite(house.folder / "s.yaml"), trusted=EVERY)
     assert recording_key(without.resolved, "") == recording_key(relative.resolved, "")
-    assert without.provenance.knowledge == "" != relative.provenance.knowledge
-    assert relative.knowledge.environment == str(house.folder / "lab.npz")  # beside the suite
-    assert relative.overrides == ('knowledge.environment="lab.npz"',)  # its name is the same wherever the suite lies
+    assert without.provenance.prior == "" != relative.provenance.prior
+    assert relative.prior.environment == str(house.folder / "lab.npz")  # beside the suite
+    assert relative.overrides == ('prior.environment="lab.npz"',)  # its name is the same wherever the suite lies
 
 
 @pytest.mark.parametrize(
     ("place", "said"),
     [
-        ("set: {knowledge.environment: gone.npz}", "scenarios.0.set.knowledge.environment: "),
-        ("set: {knowledge: {learned: {x: gone}}}", "scenarios.0.set.knowledge.learned.x: "),
-        ("set: {knowledge.environment: lab_of_knowing.py}", "scenarios.0.set.knowledge.environment: "),
+        ("set: {prior.environment: gone.npz}", "scenarios.0.set.prior.environment: "),
+        ("set: {prior: {learned: {x: gone}}}", "scenarios.0.set.prior.learned.x: "),
+        ("set: {prior.environment: lab_of_knowing.py}", "scenarios.0.set.prior.environment: "),
         (
             "set: {room: meeting_room, people.white: null}",
-            "knowledge.environment: .*is of the room 'lab'; one of 'meeting_room'",
+            "prior.environment: .*is of the room 'lab'; one of 'meeting_room'",
         ),
     ],
 )
@@ -201,30 +201,30 @@ def test_what_a_bag_names_and_is_elsewhere_is_a_warning(house: House) -> None:
     result = house.track(bag)
     assert house.handed() == [[4, None, {"heads": "round"}]]
     (warning,) = result.warnings
-    assert "knowledge.environment: there is no file" in warning and "trackers go on without it" in warning
+    assert "prior.environment: there is no file" in warning and "trackers go on without it" in warning
 
 
 def test_what_a_bag_names_is_relative_to_where_the_bag_lies(house: House) -> None:
     loaded = load_scenario(house.scenario)
-    files = loaded.knowledge.model_copy(update={"environment": "../lab.npz", "learned": {}})
-    run_scenario(loaded.model_copy(update={"knowledge": files}), trackers=[], out=house.folder / "bag", video=False)
+    files = loaded.prior.model_copy(update={"environment": "../lab.npz", "learned": {}})
+    run_scenario(loaded.model_copy(update={"prior": files}), trackers=[], out=house.folder / "bag", video=False)
     house.track(house.folder / "bag" / "recording.mcap")
     assert house.handed() == [[4, house.expected[1], {}]]
 
 
 def test_the_users_rig_file_goes_before_the_bag_and_must_be_right(house: House) -> None:
-    bag = house.record("knowledge=null")
+    bag = house.record("prior=null")
     rig = house.folder / "rig.yaml"
     sensors = (
         "sensors: {waist: {kind: laser, topic: /waist/scan, role: waist, room_from_sensor: {xyz: [0, 0, 0.95]}}}\n"
     )
-    rig.write_text(f"{sensors}room: lab\nknowledge: {{environment: lab.npz}}\n")
+    rig.write_text(f"{sensors}room: lab\nprior: {{environment: lab.npz}}\n")
     house.track(bag, rig_path=rig)
     assert house.handed() == [[2, house.expected[1], {}]]
-    rig.write_text(f"{sensors}knowledge: {{environment: gone.npz}}\n")
-    with pytest.raises(InputError, match=r"rig\.yaml: knowledge\.environment: there is no file .*gone\.npz; one that"):
+    rig.write_text(f"{sensors}prior: {{environment: gone.npz}}\n")
+    with pytest.raises(InputError, match=r"rig\.yaml: prior\.environment: there is no file .*gone\.npz; one that"):
         house.track(bag, rig_path=rig)
-    rig.write_text(f"{sensors}room: attic\nknowledge: {{environment: lab.npz}}\n")
+    rig.write_text(f"{sensors}room: attic\nprior: {{environment: lab.npz}}\n")
     with pytest.raises(InputError, match=r"is of the room 'lab'; one of 'attic' is expected"):
         house.track(bag, rig_path=rig)
     assert not house.handed()
@@ -232,28 +232,24 @@ def test_the_users_rig_file_goes_before_the_bag_and_must_be_right(house: House) 
 
 def test_what_is_set_for_a_recording_goes_before_all(house: House) -> None:
     bag = house.record()
-    house.track(bag, changes=["knowledge.environment=null"])
+    house.track(bag, changes=["prior.environment=null"])
     assert house.handed() == [[4, None, {"heads": "round"}]]
-    with pytest.raises(
-        InputError, match=r"^--set knowledge\.learned\.hands: there is no file .*gone; what a tracker has"
-    ):
-        house.track(bag, changes=["knowledge.learned.hands=gone"])
-    with pytest.raises(InputError, match=r"knowledge\.enviroment: unknown key"):
-        house.track(bag, changes=["knowledge.enviroment=x"])
+    with pytest.raises(InputError, match=r"^--set prior\.learned\.hands: there is no file .*gone; what a tracker has"):
+        house.track(bag, changes=["prior.learned.hands=gone"])
+    with pytest.raises(InputError, match=r"prior\.enviroment: unknown key"):
+        house.track(bag, changes=["prior.enviroment=x"])
 
 
 def test_a_scenario_whose_file_is_not_there_records_but_does_not_track(house: House) -> None:
     (house.folder / "lab.npz").unlink()
     assert house.record().exists()
-    with pytest.raises(
-        InputError, match=r"^scenario own: knowledge\.environment: there is no file .*lab\.npz; one that"
-    ):
+    with pytest.raises(InputError, match=r"^scenario own: prior\.environment: there is no file .*lab\.npz; one that"):
         run_scenario(load_scenario(house.scenario), trackers=[TRACKER], out=house.folder / "run", video=False)
     assert not (house.folder / "run").exists() and not house.handed()
 
 
 def test_environment_on_the_command_line(house: House) -> None:
-    scenario = [str(house.scenario), "--set", "knowledge.environment=null", "--tracker", TRACKER, "--no-video"]
+    scenario = [str(house.scenario), "--set", "prior.environment=null", "--tracker", TRACKER, "--no-video"]
     done = house.twin("run", *scenario, "--environment", "lab.npz", "--out", "run")
     assert done.returncode == 0, done.stderr
     assert house.handed() == [house.expected]
@@ -278,4 +274,4 @@ def test_environment_on_the_command_line(house: House) -> None:
 
 
 def test_a_scenario_that_names_no_file_is_written_as_ever() -> None:
-    assert "knowledge" not in dump_scenario(load_scenario("lab-five-people"))
+    assert "prior" not in dump_scenario(load_scenario("lab-five-people"))
