@@ -10,7 +10,8 @@ import mujoco
 import numpy as np
 
 from twin import models
-from twin.sensors.render import OffscreenRenderer, View
+from twin.sensors.render import OffscreenRenderer
+from twin.sensors.render_scene import View
 
 _SIDE_PX = 400
 _FRAMES = 5

@@ -407,21 +407,17 @@ _BY_FILE = {
     "twin/sensors/schedule.py": [
         ("first look a period late", "Schedule._looks", "_A / _B", "(_A + 1) / _B"),
         ("jitter both ways", "Schedule._looks", "timing.jitter_s * late", "timing.jitter_s * (2 * late - 1)"),
+        ("drifts from the start", "MessageFaults.reported_stamp_ns", "_A - _B", "_A"),
     ],
     "twin/sensors/stereo.py": [
         ("depth upside down", "Stereo.observe", "_A[::-1]", "_A"),
         ("noise on depth, not disparity", "Stereo._measured", "_A / _B + _C", "_A / (_B + _C)"),
     ],
-    "twin/sensors/message_faults.py": [
-        ("drifts from the start", "MessageFaultsOf.said_ns", "_A - _B", "_A"),
-    ],
     "twin/sensors/fault_kinds.py": [
         ("a frame too long", "_Fault.holds", "_A < round(_B * _C)", "_A <= round(_B * _C)"),
     ],
-    "twin/sensors/obstruction.py": [
+    "twin/sensors/fault_effects.py": [
         ("axes exchanged", "Blob.cover", "_A[0]", "_A[1]"),
-    ],
-    "twin/sensors/dead_parts.py": [
         ("last beam left out", "BrokenBeams._which", "_A[-1] + 1", "_A[-1]"),
     ],
     "twin/sensors/floor_electronics.py": [
@@ -435,14 +431,10 @@ _BY_FILE = {
     ],
     "twin/truth/situations.py": [
         ("no beam may look past", "_splits", "_A + 1", "_A"),
-    ],
-    "twin/truth/rig_merging.py": [
         ("rotation transposed", "look_of", "_A[:2, :2]", "_A[:2, :2].T"),
     ],
     "twin/truth/visibility.py": [
         ("plane band twice as high", "first_met", "np.abs(_A[..., 2]) <= _B", "np.abs(_A[..., 2]) <= 2 * _B"),
-    ],
-    "twin/truth/boxes.py": [
         (
             "width and height exchanged",
             "person_boxes",

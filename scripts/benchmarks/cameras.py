@@ -21,10 +21,11 @@ from twin.scenario import load_scenario
 from twin.scenario.cameras import PinholeDescription
 from twin.scenario.sensors import SensorDescription, build_sensor
 from twin.sensors.camera_noise import CAMERA_NOISE
+from twin.sensors.layers import Noisy
 from twin.sensors.pinhole import Pinhole
 from twin.sensors.rays import cast
 from twin.sensors.render import OffscreenRenderer, RendererOnDemand
-from twin.sensors.sensor import Noisy, Sensor
+from twin.sensors.sensor import Sensor
 from twin.world.simulation import Simulation
 from twin.world.world import World
 

@@ -12,8 +12,8 @@ from benchmarks.figure import Figure, median_ratio
 from twin.scenario import load_scenario
 from twin.scenario.sensors import build_sensor
 from twin.sensors.fault_kinds import BlockedSector, DeadBeams, Fault, Occlusion
-from twin.sensors.faults import with_faults
 from twin.sensors.laser_noise import LASER_NOISE
+from twin.sensors.layers import with_faults
 from twin.sensors.render import RendererOnDemand
 from twin.world.world import World
 

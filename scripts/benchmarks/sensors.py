@@ -15,8 +15,8 @@ from twin.scenario import load_scenario
 from twin.scenario.sensors import build_sensor
 from twin.sensors.fisheye import Fisheye
 from twin.sensors.laser import Laser
+from twin.sensors.layers import Noisy
 from twin.sensors.render import RendererOnDemand
-from twin.sensors.sensor import Noisy
 from twin.world.world import World
 
 _MOMENT_S = 3.0

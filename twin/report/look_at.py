@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array
 from twin.room.lighting import ENOUGH_LIGHT, MOST_LAMPS, light_of
-from twin.sensors.render import Mark, OffscreenRenderer, View
+from twin.sensors.render import OffscreenRenderer
+from twin.sensors.render_scene import Mark, View
 
 DARK = ", dark: lit for this view"
 """What is said of a picture of a room with less."""

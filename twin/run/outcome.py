@@ -26,7 +26,7 @@ from twin.run.feed import Feed
 from twin.run.tracker_at_work import TrackerAtWork, file_name
 from twin.scenario import Scenario
 from twin.sensors.fault_kinds import Fault
-from twin.sensors.render import GlInfo
+from twin.sensors.gl_context import GlInfo
 
 _SIMPLIFICATIONS = (
     "People are kinematic: the standing foot is planted and the body follows it, but no forces act on it.",

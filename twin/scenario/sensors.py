@@ -169,7 +169,7 @@ def build_sensor(
     Raises InputError for a lens that cannot be rendered.
     """
     from twin.sensors.floor_electronics import BuiltElectronics
-    from twin.sensors.sensor import Noisy
+    from twin.sensors.layers import Noisy
 
     ideal = _build_ideal(name, description, renderer, shapes)
     if isinstance(description, StereoDescription):

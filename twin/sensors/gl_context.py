@@ -1,16 +1,130 @@
-"""OpenGL without a screen: a context on EGL, and what draws in it."""
+"""OpenGL without a screen: EGL contexts, what draws in them, and what becomes of them when the process forks.
+
+A forked child has its parent's memory but only the thread that forked. Software rendering without threads of its own
+(LP_NUM_THREADS=0) is memory alone and goes on. A thread of the rasteriser, or a graphics card's driver, is lost, and waiting
+for it never ends: such a child refuses to draw. No other thread may be within OpenGL while the process forks: the locks that
+it holds there are never released in the child.
+"""
 
 from __future__ import annotations
 
+import atexit
 import ctypes
 import os
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import mujoco
 
 from trackers.errors import InputError
-from twin.sensors.gl_forks import check_process, note_context
+
+_RASTERISER_THREAD = "llvmpipe-"
+"""How Mesa names the threads of its software renderer."""
+
+_state = threading.Condition()  # reentrant: a renderer may be freed by the garbage collector at any line
+_n_drawing = 0
+_n_forking = 0
+_own = threading.local()
+_drawn_in: int | None = None  # the process that made the first context
+_goes_on = True  # in children of that process
+_opencv_threads: list[int] = []  # before the fork that is under way
+
+
+@contextmanager
+def no_fork() -> Iterator[None]:
+    """Hold back every fork of this process while the block runs; blocks of several threads run side by side."""
+    global _n_drawing
+    if getattr(_own, "drawing", False):
+        yield
+        return
+    with _state:
+        _state.wait_for(lambda: not _n_forking)
+        _n_drawing += 1
+    _own.drawing = True
+    try:
+        yield
+    finally:
+        _own.drawing = False
+        with _state:
+            _n_drawing -= 1
+            _state.notify_all()
+
+
+def note_context(renderer: str) -> None:
+    """Note that this process has a context now, drawn by the OpenGL of this name (GL_RENDERER)."""
+    global _drawn_in, _goes_on
+    if _drawn_in is None:
+        _drawn_in = os.getpid()
+        _goes_on = renderer.startswith("llvmpipe") and not _has_rasteriser_threads()
+
+
+def check_process() -> None:
+    """Raise InputError in a process that was forked from one that has drawn, where drawing would hang."""
+    if _drawn_in not in (None, os.getpid()) and not _goes_on:
+        raise InputError(
+            f"cannot render: process {os.getpid()} was forked from {_drawn_in}, which has rendered before, and this OpenGL "
+            "does not survive a fork; start processes with multiprocessing.get_context('spawn') (for an executor: "
+            "mp_context=), or unset LP_NUM_THREADS where the renderer is llvmpipe"
+        )
+
+
+def is_lost(process: int, thread: int) -> bool:
+    """Whether a context that this thread of this process made cannot be freed in the process that asks."""
+    return process != os.getpid() and (thread != threading.get_ident() or not _goes_on)
+
+
+def abandon(*lost: Any) -> None:
+    """Keep what would call OpenGL when it is freed from being freed, to the end of the process."""
+    for each in lost:
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(each))
+
+
+def _has_rasteriser_threads() -> bool:
+    tasks = Path("/proc/self/task")
+    return any(task.read_text().startswith(_RASTERISER_THREAD) for task in tasks.glob("*/comm"))
+
+
+def _before_fork() -> None:
+    global _n_forking
+    _state.acquire()
+    _n_forking += 1
+    _state.wait_for(lambda: _n_drawing == getattr(_own, "drawing", False))
+    # Mesa waits at the end of a child for a thread of the parent's, by an address that a new thread may get: a pool of
+    # OpenCV's never ends, so that the child would not either. It gets none, and the parent's is none while it forks.
+    cv2 = sys.modules.get("cv2")
+    if _drawn_in is not None and cv2 is not None:
+        _opencv_threads.append(cv2.getNumThreads())
+        cv2.setNumThreads(1)
+
+
+def _after_in_parent() -> None:
+    global _n_forking
+    if _opencv_threads:
+        sys.modules["cv2"].setNumThreads(_opencv_threads.pop())
+    _n_forking -= 1
+    _state.notify_all()
+    _state.release()
+
+
+def _after_in_child() -> None:
+    global _n_forking, _n_drawing
+    _n_forking, _n_drawing = 0, int(getattr(_own, "drawing", False))
+    _state.release()
+    egl = sys.modules.get("mujoco.egl")
+    if egl is not None:
+        atexit.unregister(egl._terminate_display)  # would wait for threads that the child does not have
+        if not _goes_on:
+            egl.EGL_DISPLAY = None
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(before=_before_fork, after_in_parent=_after_in_parent, after_in_child=_after_in_child)
+
 
 INSTALL_EGL = "apt-get install libegl1 libgl1-mesa-dri"
 """What brings software rendering to a Debian machine."""

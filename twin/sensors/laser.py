@@ -10,7 +10,7 @@ import numpy as np
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor
 from twin.instant.snapshot import Snapshot
-from twin.sensors.fan import Fan
+from twin.sensors.rays import Fan
 from twin.sensors.sensor import Reading, State
 
 SWEEP_STEP_S = 0.005

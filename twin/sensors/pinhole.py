@@ -1,20 +1,122 @@
-"""The pinhole camera: any focal length and principal point, Brown–Conrady distortion, motion blur."""
+"""The pinhole camera: any focal length and principal point, Brown–Conrady distortion, motion blur.
+
+A view is drawn for the lens; where the lens distorts, a table remaps the drawn view to the picture.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.cameras import PinholeIntrinsics
+from trackers.errors import InputError
 from trackers.observations import Image
-from trackers.rig import PinholeSensor
+from trackers.rig import PinholeSensor, Pose
 from twin.instant.snapshot import Snapshot
-from twin.sensors.pinhole_view import PinholeView, pinhole_view
+from twin.sensors.person_pixels import PersonPixels
 from twin.sensors.render import OffscreenRenderer
+from twin.sensors.render_scene import View
 from twin.sensors.sensor import Reading, State
+
+MARGIN_PX = 2.0
+"""A distorted picture is drawn this much wider than its pixels need, so that bilinear taps stay inside."""
+
+LARGEST_BUFFER_PX = 16_384
+
+
+@dataclass(frozen=True, eq=False)
+class PinholeView:
+    """What to draw for a camera, and how its picture comes of the buffer (height, width), rows from the bottom up.
+
+    `maps`: for each pixel its place in the buffer (fixed point, as `cv2.remap` takes it); None: pixel for pixel.
+    """
+
+    view: View
+    width: int
+    height: int
+    maps: tuple[NDArray, NDArray] | None
+
+    def picture(self, drawn: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """The picture (height, width, 3) RGB in what was drawn (RGBA); a new array."""
+        if self.maps is None:
+            return cv2.flip(cv2.cvtColor(drawn, cv2.COLOR_RGBA2RGB), 0)  # pyright: ignore[reportReturnType]
+        return cv2.cvtColor(cv2.remap(drawn, *self.maps, cv2.INTER_LINEAR), cv2.COLOR_RGBA2RGB)  # pyright: ignore[reportReturnType]
+
+    def people(self, renderer: OffscreenRenderer, snapshot: Snapshot, eye_m: NDArray[np.float64]) -> NDArray[np.int16]:
+        """The id of the person at each of the picture's pixels, 0 for the room, (height, width)."""
+        drawn = np.empty((self.height, self.width, 4), dtype=np.uint8)
+        geom_of_number = renderer.render(snapshot.data, eye_m, (self.view,), None, numbers=drawn)
+        return self._pixels.people(drawn, geom_of_number, snapshot.person_of_geom)
+
+    @cached_property
+    def _pixels(self) -> PersonPixels:
+        return PersonPixels(self.maps)
+
+
+def pinhole_view(lens: PinholeIntrinsics, pose: Pose, eye_offset_m: float = 0.0) -> PinholeView:
+    """The view of a camera with this pose (its optical frame in the room's), `eye_offset_m` to its right.
+
+    A lens without distortion is drawn as it is, its principal point by an off-axis frustum. Another is drawn wider, with
+    at least a pixel for each of the picture's. Raises InputError where that buffer would be too large.
+    """
+    if not lens.is_distorted:
+        left, right = (-0.5 - lens.cx) / lens.fx, (lens.width - 0.5 - lens.cx) / lens.fx
+        top, bottom = (0.5 + lens.cy) / lens.fy, (lens.cy - lens.height + 0.5) / lens.fy
+        view = _view(pose, eye_offset_m, (left, right, bottom, top), (lens.width, lens.height))
+        return PinholeView(view, lens.width, lens.height, None)
+    directions = lens.directions()
+    across, rise = directions[..., 0], -directions[..., 1]
+    if np.isnan(across).any():
+        raise InputError(
+            f"distortion {list(lens.distortion)} (k1, k2, p1, p2, k3) leaves pixels without light; "
+            "one that grows up to the picture's edge is valid"
+        )
+    left, width, density_x = _span(across, np.diff(across, axis=1))
+    bottom, height, density_y = _span(rise, -np.diff(rise, axis=0))
+    if max(width, height) > LARGEST_BUFFER_PX:
+        raise InputError(
+            f"distortion {list(lens.distortion)} (k1, k2, p1, p2, k3) needs a picture of {width} x {height} to be bent "
+            f"from; at most {LARGEST_BUFFER_PX} a side is valid"
+        )
+    column = ((across - left) * density_x - 0.5).astype(np.float32)
+    row = ((rise - bottom) * density_y - 0.5).astype(np.float32)
+    edges = (left, left + width / density_x, bottom, bottom + height / density_y)
+    maps = cv2.convertMaps(column, row, cv2.CV_16SC2)
+    return PinholeView(_view(pose, eye_offset_m, edges, (width, height)), width, height, maps)
+
+
+def _span(tangents: NDArray[np.float64], steps: NDArray[np.float64]) -> tuple[float, int, float]:
+    """Where a buffer begins (tangent), how many pixels it needs, and its pixels per unit of tangent."""
+    finest = steps.min()
+    if finest <= 0:
+        raise InputError(
+            "distortion folds the picture over itself; coefficients under which neighbours stay neighbours are valid"
+        )
+    density = 1.0 / float(finest)
+    pixels = int(np.ceil((tangents.max() - tangents.min()) * density + 2 * MARGIN_PX))
+    middle = (tangents.max() + tangents.min()) / 2
+    return float(middle - pixels / density / 2), pixels, density
+
+
+def _view(pose: Pose, eye_offset_m: float, edges: tuple[float, float, float, float], size: tuple[int, int]) -> View:
+    right, down, ahead = pose.rotation.T
+    offset = eye_offset_m * right
+    left_edge, right_edge, bottom, top = edges
+    return View(
+        forward=(float(ahead[0]), float(ahead[1]), float(ahead[2])),
+        up=(float(-down[0]), float(-down[1]), float(-down[2])),
+        left=left_edge,
+        right=right_edge,
+        bottom=bottom,
+        top=top,
+        viewport=(0, 0, *size),
+        offset_m=(float(offset[0]), float(offset[1]), float(offset[2])),
+    )
 
 
 class Pinhole:

@@ -12,12 +12,17 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.sensors.gl_context import INSTALL_EGL, GlInfo, gl_info, make_context, make_mjr_context
-from twin.sensors.gl_forks import abandon, check_process, is_lost, no_fork
-from twin.sensors.scene_geoms import SceneGeoms, drawing_option, has_open_mesh
-from twin.sensors.view import Mark, View
-
-__all__ = ["INSTALL_EGL", "GlInfo", "Mark", "OffscreenRenderer", "RendererOnDemand", "View"]
+from twin.sensors.gl_context import (
+    GlInfo,
+    abandon,
+    check_process,
+    gl_info,
+    is_lost,
+    make_context,
+    make_mjr_context,
+    no_fork,
+)
+from twin.sensors.render_scene import Mark, SceneGeoms, View, drawing_option, has_open_mesh
 
 _SHADOW_MAP_PX = 1024
 """Side of a lamp's map of shadows: of a room of 5 m it shows 6 mm, and twice the side costs half as much again."""

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
 from pydantic import Field
@@ -13,7 +12,11 @@ from pydantic import Field
 from trackers.configuration import Strict
 from trackers.observations import NS_PER_S
 from twin.instant.snapshot import SnapshotSource
+from twin.sensors.fault_kinds import Clock, Delay, Dropout, Fault
 from twin.sensors.sensor import Reading, Sensor, State
+from twin.streams import stream
+
+_PPM = 1e-6
 
 
 class Timing(Strict):
@@ -42,44 +45,56 @@ class Timing(Strict):
     )
 
 
-class MessageFaults(Protocol):
-    """What goes wrong with a sensor's messages, asked by the true stamp [ns]; draws from streams of its own."""
+class MessageFaults:
+    """Faults of one sensor's messages, by name: lost on the way, late, or stamped by a wrong clock.
 
-    def lost(self, stamp_ns: int) -> bool:
-        """Whether the observation is lost on its way, though it was made."""
-        ...
+    Every method takes the true stamp [ns]. Each draw for a stamp has a stream of its own: no fault changes another's draws,
+    and moving one end of a fault changes nothing in what is left of it.
+    """
 
-    def silent(self, stamp_ns: int) -> bool:
-        """Whether this observation and all after it are lost: they need not be made."""
-        ...
+    def __init__(self, sensor: str, faults: Mapping[str, Fault], seed: int) -> None:
+        self._sensor, self._seed = sensor, seed
+        own = {name: fault for name, fault in faults.items() if sensor in fault.sensor}
+        self._dropouts = {name: fault for name, fault in own.items() if isinstance(fault, Dropout)}
+        self._delays = {name: fault for name, fault in own.items() if isinstance(fault, Delay)}
+        self._clocks = [fault for fault in own.values() if isinstance(fault, Clock)]
+        silences = [fault for fault in self._dropouts.values() if fault.to_s is None and fault.probability == 1]
+        self._silent_from_ns = min((fault.from_ns for fault in silences), default=None)
 
-    def late_ns(self, stamp_ns: int) -> int:
-        """How much later the observation arrives than it would without faults [ns]."""
-        ...
+    def is_lost(self, stamp_ns: int) -> bool:
+        """Draw whether the observation is lost on its way, though it was made."""
+        return any(
+            fault.holds(stamp_ns) and self._generator(name, stamp_ns).random() < fault.probability
+            for name, fault in self._dropouts.items()
+        )
 
-    def said_ns(self, stamp_ns: int) -> int:
-        """What the observation gives as its stamp [ns]."""
-        ...
+    def loses_all(self, stamp_ns: int) -> bool:
+        """Tell whether every observation at this time is lost."""
+        return any(fault.probability == 1 and fault.holds(stamp_ns) for fault in self._dropouts.values())
 
+    def is_silent_from(self, stamp_ns: int) -> bool:
+        """Tell whether this observation and all after it are lost, so that none needs to be made."""
+        return self._silent_from_ns is not None and stamp_ns >= self._silent_from_ns
 
-class NoMessageFaults:
-    """Every message comes in time, rightly stamped."""
+    def extra_delay_ns(self, stamp_ns: int) -> int:
+        """Draw how much later than without faults the observation arrives [ns]."""
+        late_s = 0.0
+        for name, fault in self._delays.items():
+            if fault.holds(stamp_ns):
+                late_s += fault.delay_s + fault.jitter_s * self._generator(name, stamp_ns).random()
+        return round(late_s * NS_PER_S)
 
-    def lost(self, stamp_ns: int) -> bool:
-        """No."""
-        return False
+    def reported_stamp_ns(self, stamp_ns: int) -> int:
+        """Return the stamp in the message [ns]; below 0 for a clock that is behind the start."""
+        reported_ns = stamp_ns
+        for fault in self._clocks:
+            if fault.holds(stamp_ns):
+                gained_ns = fault.drift_ppm * _PPM * (stamp_ns - fault.from_ns)
+                reported_ns += round(fault.offset_s * NS_PER_S + gained_ns)
+        return reported_ns
 
-    def silent(self, stamp_ns: int) -> bool:
-        """No."""
-        return False
-
-    def late_ns(self, stamp_ns: int) -> int:
-        """0."""
-        return 0
-
-    def said_ns(self, stamp_ns: int) -> int:
-        """The true stamp [ns]."""
-        return stamp_ns
+    def _generator(self, fault: str, stamp_ns: int) -> np.random.Generator:
+        return stream(self._seed, "fault", f"{fault}/{self._sensor}/{stamp_ns}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +104,7 @@ class Scheduled:
     sensor: Sensor
     timing: Timing
     rng: np.random.Generator
-    faults: MessageFaults = field(default_factory=NoMessageFaults)
+    faults: MessageFaults = field(default_factory=lambda: MessageFaults("", {}, 0))
 
 
 @dataclass(frozen=True)
@@ -159,9 +174,9 @@ class Schedule:
             reading, states[place] = sensor.observe(event.stamp_ns, snapshots, states[place], noise[place])
             if event.dropped:
                 continue
-            said_ns = self._sensors[place].faults.said_ns(event.stamp_ns)
-            if said_ns != event.stamp_ns:
-                reading = replace(reading, observation=replace(reading.observation, stamp_ns=said_ns))
+            reported_ns = self._sensors[place].faults.reported_stamp_ns(event.stamp_ns)
+            if reported_ns != event.stamp_ns:
+                reading = replace(reading, observation=replace(reading.observation, stamp_ns=reported_ns))
             delivery = Delivery(event.stamp_ns, event.arrival_ns, reading)
             heapq.heappush(waiting, _Waiting(event.arrival_ns, number, delivery))
         while waiting:
@@ -181,10 +196,12 @@ class Schedule:
         while (stamp_ns := round((timing.phase_s + number / timing.rate_hz) * NS_PER_S)) < self._end_ns:
             # Both are drawn whether needed or not, so that jitter does not move drop-outs, nor the other way round.
             late, lost = rng.random(2)
-            arrival_ns = stamp_ns + round((complete_s + timing.jitter_s * late) * NS_PER_S) + faults.late_ns(stamp_ns)
+            arrival_ns = (
+                stamp_ns + round((complete_s + timing.jitter_s * late) * NS_PER_S) + faults.extra_delay_ns(stamp_ns)
+            )
             dropped = bool(lost < timing.dropout)
             # What a fault loses is made all the same, so that noise goes on after it as if there had been none.
-            made = not dropped and not faults.silent(stamp_ns)
-            event = Event(sensor.name, stamp_ns, arrival_ns, dropped or faults.lost(stamp_ns))
+            made = not dropped and not faults.is_silent_from(stamp_ns)
+            event = Event(sensor.name, stamp_ns, arrival_ns, dropped or faults.is_lost(stamp_ns))
             yield stamp_ns, place, event, made
             number += 1

@@ -65,34 +65,3 @@ class Noise(Protocol):
     def corrupt(self, observation: Any, state: State, rng: np.random.Generator) -> tuple[Observation, State]:
         """The noisy observation (the ideal one stays untouched), and the noise's state after it (None at first)."""
         ...
-
-
-@dataclass(frozen=True, eq=False)
-class Noisy:
-    """A sensor with a layer of noise around its ideal readings; the truth stays that of the ideal reading."""
-
-    ideal: Sensor
-    noise: Noise
-
-    @property
-    def name(self) -> str:
-        """Name on the rig."""
-        return self.ideal.name
-
-    @property
-    def instants_s(self) -> tuple[float, ...]:
-        """When the ideal sensor looks, as offsets from the stamp [s]."""
-        return self.ideal.instants_s
-
-    def observe(
-        self, stamp_ns: int, snapshots: Iterable[Snapshot], state: State, rng: np.random.Generator
-    ) -> tuple[Reading, State]:
-        """The ideal reading with noise on its observation; the state is the sensor's and the noise's."""
-        sensor_state, noise_state = state if state is not None else (None, None)
-        reading, sensor_state = self.ideal.observe(stamp_ns, snapshots, sensor_state, rng)
-        observation, noise_state = self.noise.corrupt(reading.observation, noise_state, rng)
-        return Reading(observation, reading.truth), (sensor_state, noise_state)
-
-    def rig_sensor(self) -> RigSensor:
-        """What a tracker is told of the sensor; of its noise it is told nothing."""
-        return self.ideal.rig_sensor()

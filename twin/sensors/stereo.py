@@ -13,8 +13,7 @@ from trackers.observations import DepthImage
 from trackers.rig import StereoSensor
 from twin.instant.snapshot import Snapshot
 from twin.sensors.camera_noise import NoiseBank, StereoNoise
-from twin.sensors.pinhole import checked_renderer
-from twin.sensors.pinhole_view import PinholeView, pinhole_view
+from twin.sensors.pinhole import PinholeView, checked_renderer, pinhole_view
 from twin.sensors.render import OffscreenRenderer
 from twin.sensors.sensor import Reading, State
 from twin.sensors.stereo_matching import Matching, StereoMatcher

@@ -20,8 +20,7 @@ from twin.instant.snapshot import Snapshot
 from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room
 from twin.scenario.sensors import LaserDescription
-from twin.sensors.fan import Fan
-from twin.sensors.rays import cast
+from twin.sensors.rays import Fan, cast
 from twin.studies.spec import Coverage
 from twin.truth.visibility import SensorView, first_met, sensor_view
 from twin.world.staged import Staged

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from trackers.arrays import Array
 from twin.geometry.geom_hull import hull_points
 from twin.instant.snapshot import RAY_GROUPS
-from twin.truth.pairs import every_pair
+from twin.truth.situations import every_pair
 
 _DIRECTIONS = 200
 """Of each part of a body those points are kept that lie outermost in one of so many directions: to 3 mm for a trunk."""

@@ -1,36 +1,44 @@
 """Situations of two people that make tracking hard, from the frame in which one begins to the first after it.
 
 - interaction: the ground points under their pelvises are less than 1.5 m apart. least_m: the least distance [m].
-- correlated: the gap between their outlines, seen from above, is below 0.3 m (`twin.truth.body_outlines` says what an outline
-  is). least_m: the smallest gap [m], 0 where outlines overlap.
-- merged: a scanner cannot separate them, judged by its ideal scan; one event a scanner, whose end is the split. how:
-  `joined` where beams on both belong to one cluster; `hidden` where one of them returns no beam at all since the other
-  stands before, less than 1.5 m away (somebody who is hidden from farther away is only occluded, which
-  visible_<sensor> in truth.csv tells); `both` where an event holds frames of either sort. least_m: as of an interaction.
-- merged_rig: all scanners of the rig together cannot (`twin.truth.rig_merging`), whatever a tracker makes of it. Breaks
-  of up to 0.4 s belong to the event; events shorter than 0.2 s are none. how and least_m: as of merged.
+- correlated: the gap between their outlines, seen from above, is below 0.3 m (outlines: `twin.truth.body_outlines`). least_m:
+  the smallest gap [m], 0 where outlines overlap.
+- merged: one scanner cannot separate the two, judged by its ideal scan. One event per scanner; its end is the split. how:
+  `joined` where beams on both belong to one cluster; `hidden` where one of them returns no beam since the other stands before
+  it, less than 1.5 m away (a person hidden from farther away is only occluded: visible_<sensor> in truth.csv); `both` where an
+  event holds frames of either sort. least_m: as of an interaction.
+- merged_rig: all scanners of the rig together cannot separate the two, whatever a tracker makes of it. Breaks of up to 0.4 s
+  belong to the event; events shorter than 0.2 s are dropped. how and least_m: as of merged.
 
-A cluster of one scanner, as a clusterer without any other knowledge forms it: beams on people that follow one another, at
-most one beam that looks past between them, and whose points lie no farther apart than 0.15 m plus two spacings of the beams
-at the nearer one's range. Clusters do not go on from the last beam of a full turn to the first.
+A cluster of one scanner: consecutive beams on people, with at most one beam between them that misses people, whose points lie
+no farther apart than 0.15 m plus two spacings of the beams at the nearer one's range. Clusters do not continue from the last
+beam of a full turn to the first.
+
+Merged for the rig: the ideal points of all scanners, each scanner's latest, lie in one picture of the floor. Two people are
+merged while single linkage at `LINKAGE_M` puts points of both into one cluster (`joined`), or while one of them, whom some
+scanner has in its plane and field, returns no beam to any scanner, and the other, who does, is less than 1.5 m away (`hidden`).
 
 Frames of interaction and correlation are the stamps of all sensors, frames of merging those of the scanner, or of all
-scanners. Everything holds for people in the room, whether or not in the tracked area.
+scanners. All this holds for people in the room, inside the tracked area or not.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations
 from math import nan
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
-from trackers.observations import NS_PER_S
+from trackers.observations import NS_PER_S, LaserScan
 from twin.truth.frames import Separation, Situation, SituationKind
-from twin.truth.pairs import Pair
+from twin.truth.visibility import SensorView
 
 INTERACTION_M = 1.5
 CORRELATED_M = 0.3
@@ -137,3 +145,89 @@ def _splits(range_m: NDArray[np.floating], beams: NDArray[np.intp], angle_increm
     step = np.hypot(along[1] - along[0], across[1] - across[0])
     spacing = abs(angle_increment_rad) * np.minimum(near[1], near[0])
     return (step > JUMP_M + JUMP_SPACINGS * spacing) | (beams[1] - beams[0] > MAX_GAP_BEAMS + 1)
+
+
+Pair = tuple[int, int]
+
+
+@lru_cache(maxsize=256)
+def every_pair(count: int) -> NDArray[np.intp]:
+    """The pairs of `count` people, (count · (count - 1) / 2, 2) of their places, first < second; not to be written to."""
+    pairs = np.stack(np.triu_indices(count, k=1), axis=1)
+    pairs.flags.writeable = False
+    return pairs
+
+
+def ordered_pairs(first: NDArray[np.integer], second: NDArray[np.integer]) -> list[Pair]:
+    """Pairs of ids (m,), the smaller first."""
+    return list(zip(np.minimum(first, second).tolist(), np.maximum(first, second).tolist(), strict=True))
+
+
+def pairs_within(ids: NDArray[np.integer], place_m: NDArray[np.float64], limit_m: float) -> dict[Pair, float]:
+    """Distance [m] of the pairs of people, by ids (n,) at places (n, 2) [m], that are less than `limit_m` apart."""
+    first, second = every_pair(len(ids)).T
+    apart = np.hypot(*(place_m[first] - place_m[second]).T)
+    near = np.flatnonzero(apart < limit_m)
+    return dict(zip(ordered_pairs(ids[first[near]], ids[second[near]]), apart[near].tolist(), strict=True))
+
+
+LINKAGE_M = 0.4
+_LATEST_S = 0.25
+"""A scan that is older than this says no more where people are [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What one scanner meets of people at a stamp: points (k, 2) [m] on the floor, and on whom each is (k,).
+
+    unmet: whom it has in its plane and field, near somebody, and meets with no beam.
+    """
+
+    stamp_ns: int
+    points: NDArray[np.float64]
+    ids: NDArray[np.int16]
+    unmet: frozenset[int] = frozenset()
+
+
+def look_of(scan: LaserScan, person_of_ray: NDArray[np.int16], view: SensorView, unmet: frozenset[int]) -> Look:
+    """A look from an ideal scan and the ids (n_beam,) of whom its beams meet, 0 for the room."""
+    beams = np.flatnonzero((person_of_ray > 0) & np.isfinite(scan.ranges_m))
+    angle = scan.angle_min_rad + scan.angle_increment_rad * beams
+    ahead = scan.ranges_m[beams].astype(np.float64) * np.stack([np.cos(angle), np.sin(angle)])
+    points = view.room_from_sensor_xyz[:2] + (view.room_from_sensor_rotation[:2, :2] @ ahead).T
+    return Look(scan.stamp_ns, points, person_of_ray[beams], unmet)
+
+
+def merged_pairs(
+    looks: Mapping[str, Look], stamp_ns: int, near: Mapping[Pair, float], place_m: Mapping[int, NDArray[np.float64]]
+) -> dict[Pair, Held]:
+    """The pairs that the scanners cannot separate at a stamp, by the latest look of each.
+
+    near: distance [m] of the pairs that are less than 1.5 m apart; place_m: where everybody is, (2,) [m] by id.
+    """
+    latest = [look for look in looks.values() if stamp_ns - look.stamp_ns <= _LATEST_S * NS_PER_S]
+    ids = np.concatenate([look.ids for look in latest])
+    met = set(ids.tolist())
+    unmet = frozenset().union(*(look.unmet for look in latest)) - met
+    merged = {
+        pair: Held("hidden", apart_m)
+        for pair, apart_m in near.items()
+        if unmet.intersection(pair) and met.intersection(pair)
+    }
+    for first, second in linked_pairs(np.concatenate([look.points for look in latest]), ids):
+        merged[first, second] = Held("joined", float(np.hypot(*(place_m[first] - place_m[second]))))
+    return merged
+
+
+def linked_pairs(points: NDArray[np.float64], ids: NDArray[np.int16]) -> set[Pair]:
+    """Pairs of people (ids (k,) of points (k, 2) [m]) with points in one cluster of single linkage at `LINKAGE_M`."""
+    if not len(points):
+        return set()
+    links = KDTree(points).query_pairs(LINKAGE_M, output_type="ndarray")
+    if (ids[links[:, 0]] == ids[links[:, 1]]).all():
+        return set()
+    graph = coo_array((np.ones(len(links)), links.T), shape=(len(points), len(points)))
+    cluster = connected_components(graph, directed=False)[1]
+    members = np.unique(np.stack([cluster, ids], axis=1), axis=0)  # by cluster, then id
+    crowds = np.split(members[:, 1], np.flatnonzero(np.diff(members[:, 0])) + 1)
+    return {pair for crowd in crowds for pair in combinations(crowd.tolist(), 2)}

@@ -1,11 +1,17 @@
-"""How much of each person each sensor can see, by rays: independent of any renderer."""
+"""Visibility of people: the share of each body that a sensor's rays reach, and boxes in pictures of person ids.
+
+Shares depend on rays alone, not on a renderer.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import find_objects
 
 from trackers.area import Area
 from trackers.cameras import Intrinsics
@@ -15,6 +21,7 @@ from twin.scenario.cameras import PinholeDescription, StereoDescription
 from twin.scenario.floor import FloorDescription
 from twin.scenario.sensors import FisheyeDescription, LaserDescription, SensorDescription
 from twin.sensors.rays import bounding_radius, cast, passes_spheres
+from twin.truth.frames import Box
 
 _PLANE_BAND_M = 0.15
 """A point on the body counts for a scanner when it lies within this of the scan plane [m] (it is moved into it)."""
@@ -177,3 +184,43 @@ def _points(area: NDArray[np.float64]) -> NDArray[np.float64]:
     inside = Area(area).contains(places)
     places = places[inside] if inside.any() else area.mean(axis=0, keepdims=True)
     return np.concatenate([np.column_stack([places, np.full(len(places), height)]) for height in _HEIGHTS_M])
+
+
+OUTSIDE = -1
+"""What an id picture holds where the lens sees nothing."""
+
+
+@runtime_checkable
+class SeesPeople(Protocol):
+    """A camera that can tell which person each of its pixels shows."""
+
+    def person_image(self, snapshot: Snapshot) -> NDArray[np.int16]:
+        """The id of the person at each pixel's centre, 0 for the room, -1 outside the lens's field, (height, width).
+
+        In the pixels of the pictures that it reports, distortion included; sharp and without noise.
+        """
+        ...
+
+
+def person_boxes(people: NDArray[np.int16]) -> tuple[Box, ...]:
+    """The boxes of all people in an id picture (height, width), in the order of their ids."""
+    inside = np.maximum(people, 0)
+    count = np.bincount(inside.ravel())
+    if len(count) < 2:
+        return ()
+    cut = set(np.unique(people[_rim(people)]).tolist())
+    boxes = []
+    for place, slices in enumerate(find_objects(inside), start=1):
+        if slices is not None:
+            rows, columns = slices
+            width, height = columns.stop - columns.start, rows.stop - rows.start
+            boxes.append(Box(place, columns.start, rows.start, width, height, int(count[place]), place in cut))
+    return tuple(boxes)
+
+
+def _rim(people: NDArray[np.int16]) -> NDArray[np.bool_]:
+    """The pixels at the border of the picture and beside the outside of the lens's field, (height, width)."""
+    outside = np.ones((people.shape[0] + 2, people.shape[1] + 2), dtype=np.uint8)
+    outside[1:-1, 1:-1] = people == OUTSIDE
+    beside = cv2.dilate(outside, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)))
+    return beside[1:-1, 1:-1].astype(np.bool_)

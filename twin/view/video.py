@@ -27,7 +27,8 @@ from twin.room.lighting import ENOUGH_LIGHT, light_of
 from twin.room.outline import room_outline
 from twin.run.preview import true_poses
 from twin.scenario import Scenario
-from twin.sensors.render import Mark, RendererOnDemand
+from twin.sensors.render import RendererOnDemand
+from twin.sensors.render_scene import Mark
 from twin.view.occasions import verb
 from twin.view.standpoint import Room, Standpoint, body_parts, fitting, overview, seen_share, standpoint_for
 from twin.view.tags import name_tags

@@ -30,17 +30,15 @@ from twin.scenario.conditions import never_begins
 from twin.scenario.floor import FloorDescription, check_floor
 from twin.scenario.housings import assumed_sensor, in_the_room
 from twin.scenario.sensors import CAMERA_KINDS, build_sensor
-from twin.sensors.faults import with_faults
 from twin.sensors.floor import Floor
-from twin.sensors.message_faults import MessageFaultsOf
-from twin.sensors.render import GlInfo, RendererOnDemand
-from twin.sensors.schedule import Schedule, Scheduled
+from twin.sensors.gl_context import GlInfo
+from twin.sensors.layers import TimedSensor, with_faults
+from twin.sensors.render import RendererOnDemand
+from twin.sensors.schedule import MessageFaults, Schedule, Scheduled
 from twin.sensors.sensor import Reading, Sensor
-from twin.sensors.timed import TimedSensor
 from twin.streams import stream
-from twin.truth.boxes import SeesPeople, person_boxes
 from twin.truth.frames import Box, TruthDetail, TruthFrame
-from twin.truth.visibility import sees_some_of, sensor_view
+from twin.truth.visibility import SeesPeople, person_boxes, sees_some_of, sensor_view
 from twin.world.heap import trim_heap
 from twin.world.scene import foot_shapes
 from twin.world.staged import Staged
@@ -136,7 +134,7 @@ class Simulation:
                 sensor,
                 self._descriptions[name],
                 stream(scenario.seed, "sensor", name),
-                MessageFaultsOf(name, scenario.faults, scenario.seed),
+                MessageFaults(name, scenario.faults, scenario.seed),
             )
             for name, sensor in self._sensors.items()
         ]
@@ -214,7 +212,7 @@ class Simulation:
         looks = {}
         for name, timed in self._sensors.items():
             faults = self.scenario.faults
-            if self._descriptions[name].dropout == 1 or MessageFaultsOf(name, faults, 0).mute(stamp_ns):
+            if self._descriptions[name].dropout == 1 or MessageFaults(name, faults, 0).loses_all(stamp_ns):
                 continue
             rng = stream(self.scenario.seed, "look", name)
             snapshots = (self.world.snapshot(stamp_ns / NS_PER_S + offset) for offset in timed.instants_s)

@@ -14,18 +14,21 @@ from trackers.observations import NS_PER_S, LaserScan
 from twin.instant.snapshot import Snapshot, SnapshotSource
 from twin.sensors.sensor import Reading
 from twin.truth.body_outlines import BodyOutlines
-from twin.truth.boxes import SeesPeople, person_boxes
 from twin.truth.frames import BoxFrame, RayFrame, RayRun, Situation, TruthDetail, TruthFrame
-from twin.truth.pairs import Pair, ordered_pairs, pairs_within
-from twin.truth.rig_merging import Look, look_of, merged_pairs
 from twin.truth.situations import (
     CORRELATED_M,
     INTERACTION_M,
     Held,
+    Look,
     OpenSituations,
+    Pair,
     joined_pairs,
+    look_of,
+    merged_pairs,
+    ordered_pairs,
+    pairs_within,
 )
-from twin.truth.visibility import SensorView, first_met
+from twin.truth.visibility import SeesPeople, SensorView, first_met, person_boxes
 from twin.world.scene import Scene
 
 

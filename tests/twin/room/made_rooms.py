@@ -11,7 +11,8 @@ from twin.report.look_at import axes_towards
 from twin.scenario import load_scenario
 from twin.scenario.model import Scenario
 from twin.sensors.rays import cast
-from twin.sensors.render import OffscreenRenderer, View
+from twin.sensors.render import OffscreenRenderer
+from twin.sensors.render_scene import View
 from twin.world.simulation import Simulation
 
 WALLS = """

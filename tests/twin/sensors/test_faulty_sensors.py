@@ -12,13 +12,12 @@ from pydantic import TypeAdapter
 from trackers.observations import DepthImage, FloorFrame, Image, LaserScan
 from twin.scenario.sensors import SensorDescription, build_sensor
 from twin.sensors.check import check_sensor
-from twin.sensors.dead_parts import BrokenBeams, BrokenCells
+from twin.sensors.fault_effects import Blob, BrokenBeams, BrokenCells
 from twin.sensors.fault_kinds import DeadBeams, DeadCells, Fault, FaultDescription, Occlusion
-from twin.sensors.faults import Faulty, with_faults
-from twin.sensors.message_faults import MessageFaultsOf
-from twin.sensors.obstruction import Blob
+from twin.sensors.layers import Faulty, Noisy, with_faults
 from twin.sensors.render import RendererOnDemand
-from twin.sensors.sensor import Noisy, Sensor
+from twin.sensors.schedule import MessageFaults
+from twin.sensors.sensor import Sensor
 
 LASER = {"kind": "laser", "mount": {"xyz": [0, 0, 0.95], "yaw_deg": 90}, "rate_hz": 10}
 CAMERA_MOUNT = {"mount": {"xyz": [0, 0, 1.3], "yaw_deg": 90}, "rate_hz": 10}
@@ -144,9 +143,9 @@ def test_a_thing_nearer_than_what_blocks_a_sector_stays(world: CapsuleWorld, ren
 
 def test_of_a_clock_stamps_rise_and_drift_begins_with_the_fault() -> None:
     clock = {"a": fault(kind="clock", offset_s=-0.5, drift_ppm=-1000, from_s=10, to_s=110)}
-    faults = MessageFaultsOf("one", clock, 0)
+    faults = MessageFaults("one", clock, 0)
     stamps = [k * 100_000_000 for k in range(1200)]
-    said = np.array([faults.said_ns(stamp) for stamp in stamps])
+    said = np.array([faults.reported_stamp_ns(stamp) for stamp in stamps])
     assert said[100] == 9_500_000_000
     assert said[1099] == stamps[1099] - 500_000_000 - 99_900_000
     np.testing.assert_array_equal(said[:100], stamps[:100])
@@ -157,5 +156,10 @@ def test_of_a_clock_stamps_rise_and_drift_begins_with_the_fault() -> None:
 def test_faults_of_other_sensors_are_none_of_its_own() -> None:
     others = {name: fault(kind=name, **more).model_copy(update={"sensor": ("other",)}) for name, more in
               {"dropout": {}, "delay": {"delay_s": 1}, "clock": {"offset_s": 1}}.items()}  # fmt: skip
-    faults = MessageFaultsOf("one", others, 0)
-    assert (faults.lost(5), faults.silent(5), faults.late_ns(5), faults.said_ns(5)) == (False, False, 0, 5)
+    faults = MessageFaults("one", others, 0)
+    assert (faults.is_lost(5), faults.is_silent_from(5), faults.extra_delay_ns(5), faults.reported_stamp_ns(5)) == (
+        False,
+        False,
+        0,
+        5,
+    )

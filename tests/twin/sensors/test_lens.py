@@ -6,7 +6,7 @@ import pytest
 
 from trackers.cameras import FisheyeIntrinsics
 from trackers.errors import InputError
-from twin.sensors.fisheye_faces import MARGIN_PX, build_face_table
+from twin.sensors.fisheye import MARGIN_PX, build_face_table
 from twin.sensors.lens import LENSES, Lens, check_fisheye
 
 CAMERAS = {

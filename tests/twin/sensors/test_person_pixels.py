@@ -16,7 +16,7 @@ from silhouettes import RING
 from twin.instant.snapshot import RAY_GROUPS
 from twin.scenario.sensors import FisheyeDescription, SensorDescription, build_sensor
 from twin.sensors.render import RendererOnDemand
-from twin.truth.boxes import SeesPeople, person_boxes
+from twin.truth.visibility import SeesPeople, person_boxes
 
 MOUNT = {"xyz": [0, 0.2, 1.0], "yaw_deg": 90}
 CAMERAS = {

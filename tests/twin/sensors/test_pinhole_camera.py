@@ -14,7 +14,7 @@ from pydantic import TypeAdapter
 from trackers.rig import PinholeSensor
 from twin.scenario.cameras import PinholeDescription
 from twin.scenario.sensors import SensorDescription, build_sensor
-from twin.sensors.pinhole_view import pinhole_view
+from twin.sensors.pinhole import pinhole_view
 from twin.sensors.render import OffscreenRenderer, RendererOnDemand
 
 MOUNT = {"xyz": [0.3, 0.2, 1.2], "yaw_deg": 80, "pitch_deg": 5, "roll_deg": 4}

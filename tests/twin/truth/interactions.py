@@ -6,8 +6,7 @@ import numpy as np
 
 from twin.recording.tables import TruthTable
 from twin.truth.frames import Situation
-from twin.truth.pairs import pairs_within
-from twin.truth.situations import INTERACTION_M, Held, OpenSituations
+from twin.truth.situations import INTERACTION_M, Held, OpenSituations, pairs_within
 
 
 def interactions_of(truth: TruthTable) -> list[Situation]:

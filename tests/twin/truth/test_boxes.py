@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from twin.truth.boxes import person_boxes
 from twin.truth.frames import Box
+from twin.truth.visibility import person_boxes
 
 
 def test_a_box_covers_the_pixels_of_one_person():

@@ -17,9 +17,17 @@ from trackers.observations import LaserScan
 from trackers.pose import Pose
 from twin.recording.tables import truth_table
 from twin.truth.frames import PersonTruth, Situation, TruthFrame
-from twin.truth.pairs import pairs_within
-from twin.truth.rig_merging import LINKAGE_M, Look, linked_pairs, look_of, merged_pairs
-from twin.truth.situations import Held, OpenSituations, joined_pairs
+from twin.truth.situations import (
+    LINKAGE_M,
+    Held,
+    Look,
+    OpenSituations,
+    joined_pairs,
+    linked_pairs,
+    look_of,
+    merged_pairs,
+    pairs_within,
+)
 from twin.truth.visibility import SensorView
 
 STEP = np.deg2rad(0.5)

@@ -14,8 +14,8 @@ from trackers.rig import FisheyeSensor
 from twin.recording.situations import situation_table
 from twin.recording.tables import truth_table
 from twin.scenario import Scenario, load_scenario
-from twin.truth.boxes import SeesPeople
 from twin.truth.frames import BoxFrame, RayFrame, Situation, TruthDetail, TruthFrame
+from twin.truth.visibility import SeesPeople
 from twin.world.simulation import Simulation
 
 WAIST = {"kind": "laser", "rate_hz": 10, "noise": "off", "mount": {"xyz": [0, 0, 1.0]}}

@@ -7,8 +7,7 @@ from capsule_room import CapsuleWorld, capsule_model
 
 from trackers.rig import Pose
 from twin.instant.snapshot import Snapshot
-from twin.sensors.fan import Fan
-from twin.sensors.rays import cast
+from twin.sensors.rays import Fan, cast
 
 _BEAMS = 720
 _RANGE_M = 6.0

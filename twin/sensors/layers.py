@@ -1,8 +1,9 @@
-"""Faults of a sensor itself, a layer around it like noise: what lies before it, what in it is dead, and when it is stuck."""
+"""Layers around an ideal sensor: noise, faults of the sensor itself, and the measurement of its cost."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -11,11 +12,41 @@ import numpy as np
 from trackers.observations import Observation
 from trackers.rig import RigSensor
 from twin.instant.snapshot import Snapshot
-from twin.sensors.dead_parts import BrokenBeams, BrokenCells
+from twin.sensors.fault_effects import Blob, BrokenBeams, BrokenCells, Sector
 from twin.sensors.fault_kinds import BlockedSector, DeadBeams, DeadCells, Fault, Freeze, Occlusion
-from twin.sensors.obstruction import Blob, Sector
-from twin.sensors.sensor import Noisy, Reading, Sensor, State
+from twin.sensors.sensor import Noise, Reading, Sensor, State
 from twin.streams import stream
+
+
+@dataclass(frozen=True, eq=False)
+class Noisy:
+    """A sensor with a layer of noise around its ideal readings; the truth stays that of the ideal reading."""
+
+    ideal: Sensor
+    noise: Noise
+
+    @property
+    def name(self) -> str:
+        """Name on the rig."""
+        return self.ideal.name
+
+    @property
+    def instants_s(self) -> tuple[float, ...]:
+        """When the ideal sensor looks, as offsets from the stamp [s]."""
+        return self.ideal.instants_s
+
+    def observe(
+        self, stamp_ns: int, snapshots: Iterable[Snapshot], state: State, rng: np.random.Generator
+    ) -> tuple[Reading, State]:
+        """The ideal reading with noise on its observation; the state is the sensor's and the noise's."""
+        sensor_state, noise_state = state if state is not None else (None, None)
+        reading, sensor_state = self.ideal.observe(stamp_ns, snapshots, sensor_state, rng)
+        observation, noise_state = self.noise.corrupt(reading.observation, noise_state, rng)
+        return Reading(observation, reading.truth), (sensor_state, noise_state)
+
+    def rig_sensor(self) -> RigSensor:
+        """What a tracker is told of the sensor; of its noise it is told nothing."""
+        return self.ideal.rig_sensor()
 
 
 class Effect(Protocol):
@@ -146,3 +177,57 @@ def _spoilt(effects: list[Effect], observation: Observation) -> Observation:
     for effect in effects:
         observation = effect.spoil(observation)
     return observation
+
+
+@dataclass(eq=False)
+class TimedSensor:
+    """A sensor and what its observations cost."""
+
+    sensor: Sensor
+    frames: int = 0
+    spent_s: float = 0.0
+    on_reading: Callable[[str, int, Reading], object] = lambda sensor, stamp_ns, reading: None
+
+    @property
+    def name(self) -> str:
+        """Name on the rig."""
+        return self.sensor.name
+
+    @property
+    def ideal(self) -> Sensor:
+        """The sensor without its noise and faults."""
+        return self.sensor.ideal if isinstance(self.sensor, Noisy | Faulty) else self.sensor
+
+    @property
+    def healthy(self) -> Sensor:
+        """The sensor without its faults."""
+        return self.sensor.healthy if isinstance(self.sensor, Faulty) else self.sensor
+
+    @property
+    def instants_s(self) -> tuple[float, ...]:
+        """When it looks, as offsets from the stamp [s]."""
+        return self.sensor.instants_s
+
+    def observe(
+        self, stamp_ns: int, snapshots: Iterable[Snapshot], state: State, rng: np.random.Generator
+    ) -> tuple[Reading, State]:
+        """The sensor's reading, timed."""
+        start = time.perf_counter()
+        result = self.sensor.observe(stamp_ns, self._without_the_world(snapshots), state, rng)
+        self.spent_s += time.perf_counter() - start
+        self.frames += 1
+        self.on_reading(self.name, stamp_ns, result[0])
+        return result
+
+    def _without_the_world(self, snapshots: Iterable[Snapshot]) -> Iterator[Snapshot]:
+        """The snapshots; what moving the world to them costs is not the sensor's."""
+        start = time.perf_counter()
+        for snapshot in snapshots:
+            self.spent_s -= time.perf_counter() - start
+            yield snapshot
+            start = time.perf_counter()
+        self.spent_s -= time.perf_counter() - start
+
+    def rig_sensor(self) -> RigSensor:
+        """Where the sensor is and how it projects, in truth."""
+        return self.sensor.rig_sensor()
