@@ -446,7 +446,7 @@ _BY_FILE = {
         ("blue for red", "_encode_image", "cv2.cvtColor(_A, cv2.COLOR_RGB2BGR)", "_A"),
         ("sweep a beam too long", "_scan", "max(_A - 1, 0)", "_A"),
     ],
-    "twin/recording/depth_picture.py": [
+    "twin/recording/depth_images.py": [
         ("millimetres cut off", "encode_png", "np.rint", "np.floor"),
     ],
     "twin/recording/reader.py": [

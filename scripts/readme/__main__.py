@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import twin
-from twin.recording.whole_file import whole_path
+from twin.recording.atomic_file import atomic_path
 from twin.view.moment import drawn_view
 
 FOLDER = Path(__file__).parent
@@ -77,7 +77,7 @@ def _cut(video: Path, start_s: float, end_s: float) -> list[tuple[float, NDArray
 
 
 def _write(path: Path, content: NDArray[np.uint8]) -> None:
-    with whole_path(path) as partial:
+    with atomic_path(path) as partial:
         partial.write_bytes(content.tobytes())
     print(f"{path}: {len(content) / 1e3:.0f} kB")
 

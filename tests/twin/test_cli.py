@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import shutil
@@ -14,7 +15,6 @@ from pathlib import Path
 
 import pytest
 
-from twin.recording.people import read_people
 from twin.recording.tables import read_truth
 from twin.scenario import load_scenario
 
@@ -105,7 +105,8 @@ def test_run_leaves_what_the_contract_says(run_folder: Path) -> None:
 
 
 def test_the_ids_of_the_truth_have_names(run_folder: Path) -> None:
-    names = read_people(run_folder / "truth_people.csv")
+    with (run_folder / "truth_people.csv").open(encoding="utf-8", newline="") as stream:
+        names = {int(row["id"]): row["name"] for row in csv.DictReader(stream)}
     assert list(names.values()) == list(load_scenario(run_folder / "scenario.yaml").people)
     assert set(read_truth(run_folder / "truth.csv").id.tolist()) <= set(names)
 

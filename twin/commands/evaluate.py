@@ -26,7 +26,7 @@ def evaluate(
     from trackers.errors import InputError
     from twin.console import print_warnings
     from twin.evaluate import evaluate_with_details
-    from twin.recording.situations import read_situations
+    from twin.recording.situation_table import read_situations
     from twin.recording.tables import MOST_TABLE_BYTES, read_tracks, read_truth
 
     if not 0 < gate < float("inf"):

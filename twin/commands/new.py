@@ -52,7 +52,7 @@ def scenario(
     """Write scenario.yaml into a folder: a commented start, or a drawn scene with its room, as plain files that run."""
     from trackers.errors import InputError
     from twin.console import print_paths
-    from twin.recording.whole_file import whole_file
+    from twin.recording.atomic_file import open_atomic
     from twin.scenario import load_scenario
     from twin.scenario.load import dump_scenario
 
@@ -64,15 +64,15 @@ def scenario(
         if file.exists():
             raise InputError(f"{file}: is there already; another folder (--out) is expected")
     if not drawn:
-        with whole_file(path) as stream:
+        with open_atomic(path) as stream:
             stream.write(_START.format(name=_name(out), file=path))
         print_paths({"scenario": path})
         return
     loaded = load_scenario("drawn", [*(set_ or []), *([] if seed is None else [f"seed={seed}"])])
-    with whole_file(room) as stream:
+    with open_atomic(room) as stream:
         stream.write(Path(loaded.room).read_text(encoding="utf-8"))
     plain = loaded.model_copy(update={"room": room.name, "name": f"drawn-{loaded.seed}"})
-    with whole_file(path) as stream:
+    with open_atomic(path) as stream:
         stream.write(dump_scenario(plain))
     print_paths({"scenario": path, "room": room})
 

@@ -87,8 +87,8 @@ def detections(
     if out is None:
         write(sys.stdout)
         return
-    from twin.recording.whole_file import whole_file
+    from twin.recording.atomic_file import open_atomic
 
-    with whole_file(out) as file:
+    with open_atomic(out) as file:
         write(file)
     print_paths({"detections": out})

@@ -12,7 +12,7 @@ from twin.environment.picture import write_picture
 from twin.environment.scan import HEIGHT_M, PointCloud, TiltingScanner, scan_room
 from twin.environment.stations import chosen_stations, given_stations
 from twin.progress import OnProgress
-from twin.recording.whole_file import whole_path
+from twin.recording.atomic_file import atomic_path
 from twin.scenario import Scenario
 from twin.sensors.laser_noise import LASER_NOISE
 from twin.world.world import World
@@ -73,12 +73,12 @@ def write_environment(
     cloud, world = scan_scenario(scenario, stations, noise=noise, on_progress=on_progress)
     environment = build_environment(cloud, room=scenario.room_name, area=world.scene.area, options=options)
     files = {"environment": out, "picture": out.with_suffix(".png")}
-    with whole_path(out) as partial:
+    with atomic_path(out) as partial:
         save_environment(environment, partial)
-    with whole_path(files["picture"]) as partial:
+    with atomic_path(files["picture"]) as partial:
         write_picture(environment, partial)
     if cloud_path is not None:
         files["cloud"] = cloud_path
-        with whole_path(cloud_path) as partial:
+        with atomic_path(cloud_path) as partial:
             cloud.write_ply(partial)
     return files

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from trackers.observations import NS_PER_S
 from twin.evaluate.accuracy import PersonFrames
-from twin.recording.situations import SituationTable
+from twin.recording.situation_table import SituationTable
 
 AFTER_S = 1.0
 

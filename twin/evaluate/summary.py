@@ -20,7 +20,7 @@ from twin.evaluate.frames import Frame, align, everybody_matched, inside_area, w
 from twin.evaluate.hota import hota
 from twin.evaluate.identity import identity
 from twin.evaluate.set_distance import gospa, ospa
-from twin.recording.situations import SituationTable
+from twin.recording.situation_table import SituationTable
 from twin.recording.tables import TrackTable, TruthTable
 
 DEFAULT_GATE_M = 0.5

@@ -1,4 +1,7 @@
-"""Any ROS bag, message by message: ROS 1 `.bag`, ROS 2 folder, single `.mcap` or `.db3`."""
+"""Any ROS bag, message by message: ROS 1 `.bag`, ROS 2 folder, single `.mcap` or `.db3`.
+
+Messages come by log time, or as they were written: the two differ where the clock of the recorder was set back.
+"""
 
 from __future__ import annotations
 
@@ -13,16 +16,16 @@ from typing import Any, cast
 import apsw  # what rosbags reads sqlite3 bags with; named here for its error only
 from rosbags import rosbag1, rosbag2
 from rosbags.interfaces import Connection, ConnectionExtRosbag2
+from rosbags.rosbag2.storage_mcap import McapReader
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
 from trackers.errors import InputError
 from trackers.rig import normal_topic
-from twin.recording.bag_order import as_written, messages_by_time
-from twin.recording.bag_path import BagPath
-from twin.recording.broken_bag import unreadable, why_broken
+from twin.recording.bag_files import BagPath, unreadable, why_broken
+from twin.recording.bounded_readers import MOST_CHUNK_BYTES, open_reader
 from twin.recording.messages import TYPESTORE
-from twin.recording.unpacking import MOST_CHUNK_BYTES, open_reader
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -221,3 +224,63 @@ def _bag_errors(path: Path) -> Iterator[None]:
 
 def _first_line(error: BaseException) -> str:
     return (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
+
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
+
+Message = tuple[Connection, int, bytes]
+"""Connection, log time [ns], encoded message."""
+
+
+def messages_by_time(reader: rosbag1.Reader | rosbag2.Reader, connections: Sequence[Connection]) -> Iterator[Message]:
+    """The messages of these connections in order of log time."""
+    return reader.messages(connections)
+
+
+def as_written(reader: rosbag1.Reader | rosbag2.Reader, connections: Sequence[Connection]) -> Iterator[Message]:
+    """The messages of these connections in the order in which they stand in the file."""
+    if isinstance(reader, rosbag1.Reader):
+        yield from _ros1(reader, connections)
+        return
+    storage: Any = reader.storage
+    for each in getattr(storage, "storages", [storage]):
+        wanted = {(connection.topic, connection.msgtype): connection for connection in connections}
+        own = {other.id: wanted[key] for other in each.connections if (key := (other.topic, other.msgtype)) in wanted}
+        found = _written_in(each, [other for other in each.connections if other.id in own])
+        yield from ((own[number], log_time_ns, data) for number, log_time_ns, data in found)
+
+
+def _ros1(reader: rosbag1.Reader, connections: Sequence[Connection]) -> Iterator[Message]:
+    """The library merges the sorted indexes of connections; of a single one it keeps the order, whatever that is."""
+    entries = [entry for connection in connections for entry in reader.indexes[connection.id]]
+    kept, first = reader.indexes, connections[0]
+    reader.indexes = kept | {first.id: sorted(entries, key=lambda entry: (entry.chunk_pos, entry.offset))}
+    try:
+        yield from reader.messages([first])
+    finally:
+        reader.indexes = kept
+
+
+def _written_in(storage: Any, connections: Sequence[Connection]) -> Iterator[tuple[int, int, bytes]]:
+    """Number of the connection, log time [ns] and message of one file of a ROS 2 bag."""
+    if storage.are_messages_packed:
+        for number, log_time_ns, data in _stored_in(storage, connections):
+            yield number, log_time_ns, zstd.decompress(data)
+    else:
+        yield from _stored_in(storage, connections)
+
+
+def _stored_in(storage: Any, connections: Sequence[Connection]) -> Iterator[tuple[int, int, bytes]]:
+    """The same as it stands in the file."""
+    if isinstance(storage, McapReader):
+        for connection, log_time_ns, data in storage.messages_scan(connections):
+            yield connection.id, log_time_ns, data
+    if isinstance(storage, Sqlite3Reader):
+        assert storage.dbconn is not None
+        numbers = [connection.id for connection in connections]
+        places = ",".join("?" for _ in numbers)
+        query = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({places}) ORDER BY id"
+        yield from storage.dbconn.execute(query, numbers)

@@ -6,6 +6,7 @@ angles and limits, the decoded JPEG) beside the message's bytes, and `decode` of
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,13 +20,14 @@ from rosbags.typesys.stores.ros2_humble import (
     sensor_msgs__msg__Image as RawImageMessage,
     sensor_msgs__msg__LaserScan as LaserScanMessage,
     std_msgs__msg__Header as Header,
+    std_msgs__msg__String as String,
 )
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
 from twin.recording import topics
-from twin.recording.colour_picture import decode_compressed, decode_raw, raw_pixels
-from twin.recording.depth_picture import PNG_FORMAT, encode_png
+from twin.recording.colour_images import decode_compressed, decode_raw, raw_pixels
+from twin.recording.depth_images import PNG_FORMAT, encode_png
 
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
@@ -88,7 +90,7 @@ def decode(data: bytes | memoryview, msgtype: str, sensor: str, *, kind: str | N
 def from_message(message: Any, sensor: str, *, kind: str | None = None, offset_ns: int = 0) -> Observation:
     """The observation in a ROS 1 or ROS 2 message: LaserScan, CompressedImage, or Image.
 
-    An Image's encoding is one of `twin.recording.colour_picture.CHANNELS`.
+    An Image's encoding is one of `twin.recording.colour_images.CHANNELS`.
 
     `kind` is that of the sensor on the rig: an Image of a 'floor' is a FloorFrame, of anything else a picture. `offset_ns` is
     added to the header's stamp. Ranges at or beyond range_max become +inf, those below range_min or not above 0 become NaN
@@ -128,6 +130,11 @@ def time_message(stamp_ns: int) -> Time:
     """A stamp as ROS writes it: whole seconds, and the nanoseconds since (never negative)."""
     seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
     return Time(seconds, nanoseconds)
+
+
+def string_message(content: object) -> memoryview:
+    """Encode JSON as a `std_msgs/String` (CDR); raises ValueError for a number that is not finite."""
+    return TYPESTORE.serialize_cdr(String(json.dumps(content, allow_nan=False)), STRING)
 
 
 def _scan(

@@ -16,16 +16,14 @@ from trackers.rig import CameraSensor, FloorSensor, Rig, RigSensor, StereoSensor
 from trackers.text_file import AnyPath
 from twin.recording import topics
 from twin.recording.bag import Bag, Topic, decoded, open_bag
-from twin.recording.camera_info import lenses_held_against
-from twin.recording.clocks import SetRight, set_right
-from twin.recording.depth_pairs import DepthPairs, partners, tolerance_ns
-from twin.recording.depth_picture import decode_depth
+from twin.recording.clock_correction import SetRight, set_right
+from twin.recording.depth_images import DepthPairs, decode_depth, partners, tolerance_ns
 from twin.recording.losses import Loss, crowded, missing
-from twin.recording.message_times import MessageTimes, read_times, read_times_as_written
 from twin.recording.messages import STRING, from_message, stamp_of
-from twin.recording.motion import motions
+from twin.recording.rig_checks import lenses_held_against, motions
+from twin.recording.sensor_clock import MessageTimes, read_times, read_times_as_written
 from twin.recording.sensor_topics import MSGTYPES, SensorTopics, absent, guessed_rig, sensor_topics
-from twin.recording.situations import decode_situation
+from twin.recording.situation_table import decode_situation
 from twin.recording.tables import TruthFrame
 from twin.recording.truth_messages import decode_people
 from twin.truth.frames import Situation
@@ -36,14 +34,14 @@ _Told = TypeVar("_Told")
 class Recording:
     """A bag as observations: a twin's `.mcap`, or a robot's ROS 1 `.bag`, ROS 2 folder, `.mcap` or `.db3`.
 
-    A twin's bag keeps its stamps, which count from the start of the run. A robot's are set right where clocks were wrong
-    (`twin.recording.clocks`) and shifted by `start_ns`, the earliest first stamp of its sensors, so that they count from the
-    start too. A sensor's `time_offset_s` is added to its stamps. The file is open only while something is read from it; every
+    A twin's bag keeps its stamps, which count from the start of the run. A robot's are corrected where clocks were wrong
+    (`twin.recording.clock_correction`) and shifted by `start_ns`, the earliest first stamp of its sensors, so that they count
+    from the start too. A sensor's `time_offset_s` is added to its stamps. The file is open only while it is read; every
     iterator starts over.
 
     Attributes: `path`; `rig`; `topics` by name; `scenario_yaml` (None in a robot's bag); `is_twin`; `start_ns`, the
     header stamp [ns] that became 0 (0 in a twin's bag); `duration_s`, first to last message; `ahead_s`, how far each
-    sensor's stamps are ahead of the others' logged at the same time [s]; `jumps_ns`, the stamps at which trackers start anew.
+    sensor's stamps are ahead of the others' logged at the same time [s]; `jumps_ns`, the stamps at which trackers restart.
     """
 
     def __init__(self, path: AnyPath, rig: Rig | AnyPath | None = None) -> None:

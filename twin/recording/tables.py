@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from trackers.observations import NS_PER_S
 from trackers.text_file import AnyPath
 from trackers.tracks import Track, TrackFrame
-from twin.recording.whole_file import whole_file
+from twin.recording.atomic_file import open_atomic
 from twin.tables.columns import MAX_INT64, CsvColumns, StampedRows
 from twin.tables.doubts import doubts
 from twin.tables.people import read_people
@@ -148,7 +148,7 @@ def truth_writer(path: Path, sensors: Sequence[str] = ()) -> Iterator[TruthWrite
 
     Raises InputError where the file cannot be written.
     """
-    with whole_file(path) as stream:
+    with open_atomic(path) as stream:
         yield TruthWriter(stream, sensors)
 
 
@@ -158,7 +158,7 @@ def track_writer(path: Path) -> Iterator[TrackWriter]:
 
     Raises InputError where the file cannot be written.
     """
-    with whole_file(path) as stream:
+    with open_atomic(path) as stream:
         yield TrackWriter(stream)
 
 

@@ -18,7 +18,6 @@ from rosbags.typesys.stores.ros2_humble import (
     sensor_msgs__msg__CompressedImage as CompressedImage,
     std_msgs__msg__ColorRGBA as Color,
     std_msgs__msg__Header as Header,
-    std_msgs__msg__String as String,
     visualization_msgs__msg__Marker as Marker,
     visualization_msgs__msg__MarkerArray as MarkerArray,
     visualization_msgs__msg__MeshFile as MeshFile,
@@ -27,7 +26,7 @@ from rosbags.typesys.stores.ros2_humble import (
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.tracks import Track
-from twin.recording.messages import STRING, TYPESTORE, time_message
+from twin.recording.messages import TYPESTORE, string_message, time_message
 from twin.recording.tables import TRUTH_COLUMNS, PersonTruth, TruthFrame, person_of, person_row, plain
 from twin.recording.topics import ROOM_FRAME
 from twin.tables.columns import MAX_INT64
@@ -59,7 +58,7 @@ def encode_people(frame: TruthFrame) -> memoryview:
     """A `std_msgs/String` (CDR) with a JSON list: one object a person, the columns of truth.csv, null where unknown."""
     t = frame.stamp_ns / NS_PER_S
     people = [{"t": t} | plain(person_row(person, person.visible)) for person in frame.people]
-    return TYPESTORE.serialize_cdr(String(json.dumps(people, allow_nan=False)), STRING)
+    return string_message(people)
 
 
 def decode_people(text: str, stamp_ns: int) -> TruthFrame:

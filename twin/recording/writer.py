@@ -34,8 +34,8 @@ from trackers.cameras import FisheyeIntrinsics, PinholeIntrinsics
 from trackers.observations import NS_PER_S, Observation
 from trackers.rig import CameraSensor, Pose, Rig, StereoSensor
 from twin.recording import topics
-from twin.recording.details import DETAIL_TOPICS, encode_detail
-from twin.recording.feet import encode_feet
+from twin.recording.detail_tables import DETAIL_TOPICS, encode_detail
+from twin.recording.feet_table import encode_feet
 from twin.recording.mcap_file import McapFile
 from twin.recording.messages import (
     COMPRESSED_IMAGE,

@@ -18,8 +18,8 @@ from trackers.observations import NS_PER_S
 from trackers.rig import Rig
 from twin.evaluate.causes import POSTURES
 from twin.evaluate.summary import Evaluation
+from twin.recording.atomic_file import open_atomic
 from twin.recording.tables import TrackTable, TruthTable
-from twin.recording.whole_file import whole_file
 from twin.report.birdseye import Polygon
 from twin.report.clock import origin_ns
 from twin.report.distances import distance_chart
@@ -120,7 +120,7 @@ def write_report(
         stills=[(f"data:image/jpeg;base64,{base64.b64encode(s.jpeg).decode()}", s.caption) for s in stills],
         slots=[hex_colour(colour) for colour in IDENTITY_COLOURS],
     )
-    with whole_file(path) as stream:
+    with open_atomic(path) as stream:
         stream.write(page)
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from trackers.errors import InputError
 from twin.people.body.appearance import Appearance
 from twin.people.body.body import NQ_PERSON, person_spec
-from twin.recording.whole_file import whole_path
+from twin.recording.atomic_file import atomic_path
 from twin.report.lettering import write
 from twin.report.look_at import picture
 from twin.report.palette import RGB
@@ -108,7 +108,7 @@ def check_picture_name(path: Path) -> None:
 def write_png(path: Path, rgb: NDArray[np.uint8]) -> None:
     """Write a picture (height, width, 3), RGB; raises InputError where the file cannot be written."""
     _, png = cv2.imencode(".png", rgb[..., ::-1])
-    with whole_path(path) as partial:
+    with atomic_path(path) as partial:
         partial.write_bytes(png.tobytes())
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from twin.evaluate.continuity import Event
 from twin.evaluate.summary import Evaluation
-from twin.recording.situations import SituationTable
+from twin.recording.situation_table import SituationTable
 from twin.recording.tables import TrackTable, TruthTable
 from twin.report.palette import IDENTITY_COLOURS, IdentityColours, is_light
 from twin.report.spans import Span, spans, usual_period_ns, without

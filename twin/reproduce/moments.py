@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from twin.recording.whole_file import whole_file, whole_path
+from twin.recording.atomic_file import atomic_path, open_atomic
 from twin.reproduce.suite_runs import SUITE_FOLDER, condition_name
 from twin.suites.cache import RecordingCache
 from twin.suites.cache_keys import recording_key
@@ -112,7 +112,7 @@ def write_strips(folder: Path, strips: Sequence[Strip]) -> None:
     """Write the pictures under names that say what they show; raises InputError where they cannot be written."""
     for strip in strips:
         said = f"{strip.condition}-{strip.seed}-{strip.column}-{strip.t_s:.1f}s-{strip.kind}"
-        with whole_path(folder / f"{re.sub('[^A-Za-z0-9.]+', '-', said)}.jpg") as partial:
+        with atomic_path(folder / f"{re.sub('[^A-Za-z0-9.]+', '-', said)}.jpg") as partial:
             partial.write_bytes(strip.picture)
 
 
@@ -121,7 +121,7 @@ def write_moments(path: Path, moments: Iterable[SeenMoment], names: Mapping[str,
 
     names: what trackers are called. Of a case with more than 20 events, switches included, the first 20 are there.
     """
-    with whole_file(path) as stream:
+    with open_atomic(path) as stream:
         rows = csv.writer(stream, lineterminator="\n")
         rows.writerow(("condition", "seed", "column", "t_s", "kind", "what", "report"))
         for each in moments:

@@ -12,7 +12,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from numpy.typing import NDArray
 
-from twin.recording.whole_file import whole_file
+from twin.recording.atomic_file import open_atomic
 from twin.reproduce.results import Result
 
 _DECIMALS = {
@@ -43,7 +43,7 @@ def write_page(path: Path, template_name: str, command: str, drawn: Mapping[str,
     """
     plots = {name: source_of(svg) for name, svg in drawn.items()}
     page = template(template_name).render(command=command, plots=plots, **content)
-    with whole_file(path) as stream:
+    with open_atomic(path) as stream:
         stream.write(page)
 
 
@@ -51,7 +51,7 @@ def write_plots(folder: Path, drawn: Mapping[str, str]) -> dict[str, Path]:
     """Write plots as SVG under their names; their paths. Raises InputError where a file cannot be written."""
     paths = {name: folder / f"{name}.svg" for name in drawn}
     for name, svg in drawn.items():
-        with whole_file(paths[name]) as stream:
+        with open_atomic(paths[name]) as stream:
             stream.write(svg)
     return paths
 

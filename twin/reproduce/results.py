@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from twin.recording.whole_file import whole_file
+from twin.recording.atomic_file import open_atomic
 
 
 @dataclass(frozen=True)
@@ -26,6 +26,6 @@ class Result:
 
 def write_results(path: Path, results: Sequence[Result]) -> None:
     """Write `results.json`: a list of objects with the fields of `Result`. Raises InputError where it cannot be written."""
-    with whole_file(path) as stream_:
+    with open_atomic(path) as stream_:
         json.dump([asdict(result) for result in results], stream_, indent=2)
         stream_.write("\n")

@@ -16,14 +16,13 @@ from trackers.prior import Prior
 from trackers.rig import NO_PRIOR, Rig
 from trackers.text_file import AnyPath
 from twin.progress import OnProgress, OnWarning
-from twin.recording.details import DETAIL_FILES, detail_writer
-from twin.recording.feet import feet_writer
+from twin.recording.atomic_file import open_atomic
+from twin.recording.detail_tables import DETAIL_FILES, detail_writer
+from twin.recording.feet_table import feet_writer, write_names
 from twin.recording.losses import lines
-from twin.recording.people import write_people
-from twin.recording.situations import read_situations
+from twin.recording.situation_table import read_situations
 from twin.recording.tables import read_truth, truth_writer
-from twin.recording.track_messages import TrackTopics
-from twin.recording.whole_file import whole_file
+from twin.recording.track_topics import TrackTopics
 from twin.recording.writer import BagWriter
 from twin.report.page import RunFacts
 from twin.room.outline import room_outline
@@ -180,8 +179,8 @@ def _run(
         **{Path(name).stem: folder / name for name in DETAIL_FILES},
         "scenario": folder / "scenario.yaml",
     }
-    write_people(files["truth_people"], place.person_names or {})
-    with whole_file(files["scenario"]) as stream:
+    write_names(files["truth_people"], place.person_names or {})
+    with open_atomic(files["scenario"]) as stream:
         stream.write(resolved)
     if fed.shown is not None:
         files["preview"] = folder / "preview.mp4"

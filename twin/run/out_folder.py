@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath
 from filelock import FileLock, Timeout
 
 from trackers.errors import InputError
-from twin.recording.whole_file import whole_file
+from twin.recording.atomic_file import open_atomic
 
 LOCK = ".twin.lock"
 MADE = ".made-by-twin.json"
@@ -48,7 +48,7 @@ class OutFolder:
         self._note(names | (self._made & set(kept)))
 
     def _note(self, names: set[str]) -> None:
-        with whole_file(self.path / MADE) as stream:
+        with open_atomic(self.path / MADE) as stream:
             json.dump(sorted(names), stream)
 
 
@@ -143,7 +143,7 @@ def _is_inside(folder: Path, name: str) -> bool:
 
 
 def _clear_leftovers(folder: Path, names: set[str]) -> None:
-    """Remove what `whole_path`, the bag and the video leave of these files when their process is killed."""
+    """Remove what `atomic_path`, the bag and the video leave of these files when their process is killed."""
     for name in names:
         place = (folder / name).parent
         if place.is_symlink() or not place.is_dir():

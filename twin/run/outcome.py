@@ -15,10 +15,10 @@ from trackers.rig import Rig
 from trackers.tracks import background_learned_causally, unused_sensors
 from twin.evaluate import evaluate_with_details
 from twin.evaluate.summary import Evaluation
+from twin.recording.atomic_file import open_atomic
 from twin.recording.losses import Loss, documents
-from twin.recording.situations import SituationTable
+from twin.recording.situation_table import SituationTable
 from twin.recording.tables import TruthTable, read_tracks
-from twin.recording.whole_file import whole_file
 from twin.report.birdseye import Polygon
 from twin.report.page import RunFacts, Still, TrackerResult, write_report
 from twin.report.scan_density import ScanDensity
@@ -112,7 +112,7 @@ def write_results(
     if truth is not None:
         metrics = _metrics_document(facts, results, losses)
         files["metrics"] = folder / "metrics.json"
-        with whole_file(files["metrics"]) as stream:
+        with open_atomic(files["metrics"]) as stream:
             json.dump(metrics, stream, indent=2, allow_nan=False)
             stream.write("\n")
     notes = notes_of_evaluation(results)

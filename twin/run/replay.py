@@ -25,13 +25,13 @@ from trackers.text_file import AnyPath
 from trackers.tracks import TrackFrame
 from twin.limits import are_limits_lifted
 from twin.progress import OnProgress, OnWarning
-from twin.recording.bag_copy import check_copy, copy_with_tracks
-from twin.recording.details import DETAIL_FILES
+from twin.recording.atomic_file import open_atomic
+from twin.recording.detail_tables import DETAIL_FILES
 from twin.recording.losses import documents, lines
 from twin.recording.reader import Recording
-from twin.recording.situations import situation_table
+from twin.recording.situation_table import situation_table
 from twin.recording.tables import truth_table
-from twin.recording.whole_file import whole_file
+from twin.recording.track_topics import check_copy, copy_with_tracks
 from twin.report.birdseye import Polygon
 from twin.report.page import RunFacts
 from twin.report.scan_density import ScanDensity
@@ -209,7 +209,7 @@ def _track(
     )
     results = evaluate_trackers(folder, fed.at_work, truth, situations)
     about = {"recording": str(recording), "start_stamp_ns": bag.start_ns, "losses": documents(losses)}
-    with whole_file(folder / _ABOUT) as stream:
+    with open_atomic(folder / _ABOUT) as stream:
         json.dump(about, stream, indent=2, allow_nan=False)
         stream.write("\n")
     result = write_results(folder, facts, results, fed, truth, place, losses=losses, report=report)

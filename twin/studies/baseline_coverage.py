@@ -11,7 +11,7 @@ from jinja2 import Template
 
 from trackers.errors import InputError
 from twin.console import PlainConsole
-from twin.recording.whole_file import whole_file
+from twin.recording.atomic_file import open_atomic
 from twin.reproduce.page import source_of
 from twin.scenario import Scenario
 from twin.scenario.floor import FloorDescription
@@ -77,11 +77,11 @@ def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: fl
                 (f"{', '.join(mine)}: {label}, empty room; red: fewer than {least[mine[0]]:g}.", source_of(drawn))
             )
     folder.mkdir(parents=True, exist_ok=True)
-    with whole_file(folder / "coverage.json") as stream:
+    with open_atomic(folder / "coverage.json") as stream:
         json.dump(found, stream, indent=2)
         stream.write("\n")
     template: Template = environment().get_template("coverage.html.j2")
-    with whole_file(folder / "coverage.html") as stream:
+    with open_atomic(folder / "coverage.html") as stream:
         stream.write(template.render(found=found, maps=maps, sensors=sensors))
     return found
 

@@ -11,7 +11,7 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 
 from trackers.arrays import Array
 from twin.models import MODELS
-from twin.recording.whole_file import whole_file
+from twin.recording.atomic_file import open_atomic
 from twin.reproduce.page import source_of
 from twin.scenario import Scenario
 from twin.scenario.floor import FloorDescription
@@ -73,7 +73,7 @@ def write_page(path: Path, results: StudyResults) -> None:
         "rejected": _rejections(results),
         "seeds": len(study.held_out.seeds) if study.held_out else 0,
     }
-    with whole_file(path) as stream:
+    with open_atomic(path) as stream:
         stream.write(environment().get_template("page.html.j2").render(**content))
 
 

@@ -16,7 +16,7 @@ from trackers.errors import InputError
 from trackers.plain_data import parse_json
 from trackers.text_file import read_text
 from twin.console import PlainConsole
-from twin.recording.whole_file import whole_file
+from twin.recording.atomic_file import open_atomic
 from twin.scenario import Scenario
 from twin.studies.apply_placement import apply_placement
 from twin.studies.candidate_set import BASELINE, Placement
@@ -155,7 +155,7 @@ def write_table(path: Path, trials: Sequence[Trial], results: StudyResults) -> N
     columns = ["candidate", "places", "price", "coverage", "coverage_worst", "replicates", "rejected"]
     headings = [f"{tracker}: {metric}" for tracker, metric in names]
     wanted = [each.column for each in study.objectives if each.kind == "metric" and each.column not in headings]
-    with whole_file(path) as stream:
+    with open_atomic(path) as stream:
         table = csv.writer(stream, lineterminator="\n")
         table.writerow([*columns, *wanted, *(text for each in headings for text in (each, f"{each} (standard error)"))])
         for trial in trials:

@@ -14,7 +14,7 @@ import numpy as np
 from trackers.errors import InputError
 from trackers.plain_data import dump_yaml
 from twin.models import cache_folder
-from twin.recording.whole_file import whole_file
+from twin.recording.atomic_file import open_atomic
 from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
 from twin.scenario import load_scenario
 from twin.studies.apply_placement import write_scenario
@@ -143,9 +143,9 @@ def write_results(folder: Path, results: StudyResults) -> dict[str, Path]:
         files["recommended"], load_scenario(file), moved, file, f"{moved.name}-recommended",
         f"{moved.name} with its sensors as the study {study.name} recommends.",
     )  # fmt: skip
-    with whole_file(files["study"]) as stream:
+    with open_atomic(files["study"]) as stream:
         stream.write(dump_yaml(study.model_dump(mode="json", exclude_none=True, by_alias=True)))
-    with whole_file(files["summary"]) as stream:
+    with open_atomic(files["summary"]) as stream:
         json.dump(summarize(results), stream, indent=2, ensure_ascii=False)
         stream.write("\n")
     write_page(files["report"], results)

@@ -14,7 +14,7 @@ from pydantic import ConfigDict, FiniteFloat, TypeAdapter, ValidationError
 
 from trackers.configuration import Typed
 from trackers.errors import InputError
-from twin.recording.whole_file import whole_file
+from twin.recording.atomic_file import open_atomic
 from twin.run.out_folder import locked_folder
 from twin.studies.worker import EvaluationTask, evaluate_task
 from twin.suites.cache_keys import Provenance, digest_of, whole_code
@@ -122,7 +122,7 @@ class EvaluationStore:
             )
             good.append(line)
         if cut_off or len(good) < len(lines):
-            with whole_file(self._path) as stream:
+            with open_atomic(self._path) as stream:
                 stream.write("\n".join([head, *good]) + "\n")
 
     def outcomes(self, jobs: Sequence[Job]) -> list[Outcome]:
@@ -190,7 +190,7 @@ def open_store(
             )
         evaluations = EvaluationStore(folder, open_workers(place, stack, watcher), progress, watcher.warned)
         if before is None:
-            with whole_file(path) as stream:
+            with open_atomic(path) as stream:
                 stream.write(with_checksum(head) + "\n")
         else:
             evaluations.read()

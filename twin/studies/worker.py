@@ -15,7 +15,7 @@ from trackers.tracks import track_frames, unused_sensors
 from twin.evaluate import evaluate_with_details
 from twin.evaluate.summary import Evaluation
 from twin.people.casts import casts_of
-from twin.recording.situations import situation_table
+from twin.recording.situation_table import situation_table
 from twin.recording.tables import TruthTable, track_table, truth_table
 from twin.run.chosen_trackers import ChosenTracker
 from twin.scenario import Scenario

@@ -13,7 +13,7 @@ from trackers.configuration import Strict, validate
 from trackers.errors import InputError
 from trackers.plain_data import parse_json
 from trackers.text_file import read_text
-from twin.recording.whole_file import whole_file
+from twin.recording.atomic_file import open_atomic
 from twin.suites.metrics import GATED, GATED_SENSOR_METRICS
 from twin.suites.results import Group, GroupKey, Results
 from twin.suites.store_files import RESULTS_FILE, read_store
@@ -80,7 +80,7 @@ def write_baseline(path: Path, results: Results) -> None:
     text = json.dumps(head, ensure_ascii=False, indent=2)[:-2]
     groups = _lines(results.groups, "tracker", tuple(GATED))
     sensors = _lines(results.sensors, "sensor", tuple(GATED_SENSOR_METRICS))
-    with whole_file(path) as stream:
+    with open_atomic(path) as stream:
         stream.write(f'{text},\n  "groups": [\n{groups}\n  ],\n  "sensors": [\n{sensors}\n  ]\n}}\n')
 
 

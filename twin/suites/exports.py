@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from twin.recording.whole_file import whole_file, whole_path
+from twin.recording.atomic_file import atomic_path, open_atomic
 from twin.suites.comparison import Change, Comparison, describe_change
 from twin.suites.results import GroupKey, RequirementCheck, Results, gated_values
 from twin.suites.store import ResultStore
@@ -70,7 +70,7 @@ def write_junit(
             ((each.key, each.variant, each.sentence() if each.violated else None) for each in requirements),
         )
     ElementTree.indent(root)
-    with whole_path(path) as partial:
+    with atomic_path(path) as partial:
         ElementTree.ElementTree(root).write(partial, encoding="utf-8", xml_declaration=True)
 
 
@@ -165,7 +165,7 @@ def write_summary(
             }
             for each in requirements
         ]
-    with whole_file(path) as stream:
+    with open_atomic(path) as stream:
         json.dump(document, stream, indent=2, ensure_ascii=False, allow_nan=False)
         stream.write("\n")
 

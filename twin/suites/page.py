@@ -14,7 +14,7 @@ from typing import Any
 from jinja2 import Environment, StrictUndefined, Template
 from markupsafe import Markup
 
-from twin.recording.whole_file import whole_file
+from twin.recording.atomic_file import open_atomic
 from twin.report.palette import IDENTITY_COLOURS, hex_colour
 from twin.suites.charts import colour_of, marker, scale_of, small_multiple
 from twin.suites.comparison import Change, Comparison, case_page, incident_link, significance
@@ -153,7 +153,7 @@ def _write(
         n_done=sum(len(group.seeds) for group in results.groups.values()),
         **content,
     )
-    with whole_file(path) as stream:
+    with open_atomic(path) as stream:
         stream.write(page)
 
 

@@ -11,7 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from twin.recording.whole_file import whole_path
+from twin.recording.atomic_file import atomic_path
 from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
 from twin.run.outcome import versions
 from twin.scenario.size import total
@@ -193,7 +193,7 @@ def _draw_filmstrips(
 
 def _write_files(folder: Path, files: Mapping[str, bytes]) -> None:
     for name, content in files.items():
-        with whole_path(folder / name) as partial:
+        with atomic_path(folder / name) as partial:
             partial.write_bytes(content)
 
 

@@ -9,7 +9,7 @@ from test_evaluate import ns, runs, still, tracks_of, truth_of
 
 from twin.evaluate.frames import align, everybody_matched
 from twin.evaluate.summary import evaluate_tracks
-from twin.recording.situations import SituationTable, situation_table
+from twin.recording.situation_table import SituationTable, situation_table
 from twin.recording.tables import TrackTable, TruthTable
 from twin.truth.frames import Situation
 

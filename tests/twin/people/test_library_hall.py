@@ -13,7 +13,7 @@ import pytest
 
 from trackers.observations import NS_PER_S
 from trackers.rig import PinholeSensor
-from twin.recording.situations import situation_table
+from twin.recording.situation_table import situation_table
 from twin.scenario import load_scenario
 from twin.truth.frames import Situation, TruthDetail, TruthFrame
 from twin.truth.situations import INTERACTION_M

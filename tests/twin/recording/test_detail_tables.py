@@ -12,11 +12,16 @@ import numpy as np
 import pytest
 
 from trackers.errors import InputError
-from twin.recording.boxes import read_boxes
-from twin.recording.details import DETAIL_FILES, DETAIL_TOPICS, detail_writer, encode_detail
+from twin.recording.detail_tables import (
+    DETAIL_FILES,
+    DETAIL_TOPICS,
+    detail_writer,
+    encode_detail,
+    read_boxes,
+    read_rays,
+)
 from twin.recording.messages import STRING, TYPESTORE
-from twin.recording.rays import read_rays
-from twin.recording.situations import decode_situation, read_situations, situation_table
+from twin.recording.situation_table import decode_situation, read_situations, situation_table
 from twin.truth.frames import Box, BoxFrame, RayFrame, RayRun, Situation, TruthDetail
 
 BOX_HEADER = "t,camera,id,left,top,width,height,visible_px,truncated"

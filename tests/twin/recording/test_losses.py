@@ -29,10 +29,10 @@ from trackers.errors import InputError
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor, Rig
 from twin.recording.bag import open_bag
-from twin.recording.bag_copy import START
 from twin.recording.losses import Heard, lines, missing
 from twin.recording.messages import LASER_SCAN, TYPESTORE, encode, time_message
 from twin.recording.reader import Recording
+from twin.recording.track_topics import START
 from twin.run.replay import track_recording
 
 STAMPS = [EPOCH_NS + k * 100 * MS for k in range(60)]

@@ -177,10 +177,10 @@ def test_a_scan_without_a_range_of_ranges_is_refused():
 def test_a_picture_that_claims_more_pixels_than_a_picture_has_is_not_decoded(
     ending: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from twin.recording import picture_size
+    from twin.recording.colour_images import picture_size
 
     data = cv2.imencode(ending, np.zeros((7, 9, 3), np.uint8))[1].ravel()
-    assert picture_size.picture_size(bytes(data)) == (9, 7)
+    assert picture_size(bytes(data)) == (9, 7)
     claimed = bytes(data).replace(b"\x00\x07\x00\x09", b"\x4e\x20\x4e\x20", 1)
     if ending == ".png":
         claimed = bytes(data).replace(b"\x00\x00\x00\x09\x00\x00\x00\x07", b"\x00\x00\x4e\x20\x00\x00\x4e\x20", 1)

@@ -3,7 +3,7 @@
 import pytest
 
 from trackers.errors import InputError
-from twin.recording.situations import decode_situation
+from twin.recording.situation_table import decode_situation
 from twin.recording.truth_messages import decode_people
 
 SITUATION = (

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from trackers.errors import InputError
-from twin.recording.whole_file import whole_file
+from twin.recording.atomic_file import open_atomic
 from twin.run import live as twin_run, outcome as twin_results
 from twin.run.live import run_scenario
 from twin.run.out_folder import LOCK, MADE, locked_folder, out_folder
@@ -24,7 +24,7 @@ def write(folder: Path, *names: str) -> None:
     with out_folder(folder, names) as out:
         out.announce()
         for name in names:
-            with whole_file(folder / name) as stream:
+            with open_atomic(folder / name) as stream:
                 stream.write("x")
         out.finish([folder / name for name in names])
 

@@ -11,7 +11,7 @@ from interactions import interactions_of
 from trackers.configuration import validate
 from trackers.observations import NS_PER_S
 from trackers.rig import FisheyeSensor
-from twin.recording.situations import situation_table
+from twin.recording.situation_table import situation_table
 from twin.recording.tables import truth_table
 from twin.scenario import Scenario, load_scenario
 from twin.truth.frames import BoxFrame, RayFrame, Situation, TruthDetail, TruthFrame

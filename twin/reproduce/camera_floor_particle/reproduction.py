@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from trackers.errors import InputError
-from twin.recording.whole_file import whole_path
+from twin.recording.atomic_file import atomic_path
 from twin.reproduce.camera_floor_particle.masks import mask_results
 from twin.reproduce.camera_floor_particle.plots import course_svg, head_errors, heads_svg
 from twin.reproduce.camera_floor_particle.replays import (
@@ -89,7 +89,7 @@ def write_all(folder: Path, runs: SuiteRuns, more: Sequence[Result], command: st
     write_results(paths["results"], results)
     write_plots(folder, drawn)
     for said, jpeg in pictures.items():
-        with whole_path(folder / f"moment-{said.split(',')[0]}.jpg") as partial:
+        with atomic_path(folder / f"moment-{said.split(',')[0]}.jpg") as partial:
             partial.write_bytes(jpeg)
     write_page(
         paths["page"],

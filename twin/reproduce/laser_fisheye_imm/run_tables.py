@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-from twin.recording.whole_file import whole_file
+from twin.recording.atomic_file import open_atomic
 from twin.reproduce.laser_fisheye_imm.conditions import COLUMNS, FULL, LabRuns
 from twin.reproduce.moments import SeenMoment, by_turns
 
@@ -33,7 +33,7 @@ def chosen_moments(lab: LabRuns) -> list[SeenMoment]:
 def write_runs(path: Path, lab: LabRuns) -> None:
     """Write every run as a row: condition, seed, column, people, person_minutes, long_occlusions, and its figures."""
     figures = ("misidentifications", "lost_tracks", "id_switches", "mota", "idf1", "motp_m")
-    with whole_file(path) as stream:
+    with open_atomic(path) as stream:
         rows = csv.writer(stream, lineterminator="\n")
         rows.writerow(("condition", "seed", "column", "people", "person_minutes", "long_occlusions", *figures))
         for condition in lab.conditions:

@@ -14,7 +14,7 @@ import numpy as np
 
 from trackers.arrays import Array
 from twin.evaluate import Evaluation
-from twin.recording.situations import SituationTable
+from twin.recording.situation_table import SituationTable
 from twin.recording.tables import TruthTable
 from twin.suites.expansion import Case
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from twin.recording.whole_file import whole_file
+from twin.recording.atomic_file import open_atomic
 from twin.reproduce.laser_vision_learning.choosing import CHOICE, SEED, choices
 from twin.reproduce.laser_vision_learning.conditions import SYSTEMS, Condition, HallRuns
 from twin.reproduce.laser_vision_learning.merges import merges_of, moments_of
@@ -135,7 +135,7 @@ def _write_runs(path: Path, hall: HallRuns) -> None:
         "disposal.correlated.total", "disposal.correlated.disposed", "disposal.merge_split.total",
         "disposal.merge_split.disposed", "mota", "idf1", "hota", "ms_per_frame.mean", "ms_per_frame.p95",
     )  # fmt: skip
-    with whole_file(path) as stream:
+    with open_atomic(path) as stream:
         rows = csv.writer(stream, lineterminator="\n")
         rows.writerow(("condition", "seed", "tracker", *figures))
         for condition in hall.conditions.values():

@@ -12,7 +12,7 @@ from trackers.arrays import Array
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.evaluate import evaluate_with_details
-from twin.recording.situations import SituationTable, read_situations
+from twin.recording.situation_table import SituationTable, read_situations
 from twin.recording.tables import TruthTable, read_tracks, read_truth
 from twin.reproduce.laser_vision_learning.conditions import (
     BUSY,

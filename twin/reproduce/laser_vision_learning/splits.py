@@ -20,7 +20,7 @@ from trackers.laser_vision_learning.looks import Learner, Looks, LooksOptions
 from trackers.observations import Image
 from trackers.rig import FisheyeSensor, PinholeSensor, placed_camera
 from twin.recording.reader import Recording
-from twin.recording.situations import situation_table
+from twin.recording.situation_table import situation_table
 from twin.recording.tables import truth_table
 from twin.streams import stream
 from twin.truth.frames import SituationKind

@@ -12,8 +12,8 @@ from trackers.arrays import Array
 from trackers.environment import Environment, load_environment
 from trackers.errors import InputError
 from twin.environment.run import write_environment
+from twin.recording.atomic_file import atomic_path
 from twin.recording.tables import TrackTable
-from twin.recording.whole_file import whole_path
 from twin.reproduce.page import grid_of, rows_of, write_page, write_plots
 from twin.reproduce.registry import Asked, Found, OnProgress
 from twin.reproduce.results import Result, write_results
@@ -139,7 +139,7 @@ def _written(
     write_results(paths["results"], results)
     paths |= write_plots(folder, drawn)
     for said, jpeg in pictures.items():
-        with whole_path(folder / f"{said.replace(', ', '-').replace(' ', '-')}.jpg") as partial:
+        with atomic_path(folder / f"{said.replace(', ', '-').replace(' ', '-')}.jpg") as partial:
             partial.write_bytes(jpeg)
     of = {
         where: [each for each in results if each.where == where]

@@ -15,7 +15,7 @@ from twin.recording.bag import open_bag
 from twin.recording.messages import STRING, TYPESTORE
 from twin.recording.reader import Recording
 from twin.recording.tables import TRACK_COLUMNS, read_tracks
-from twin.recording.track_messages import TrackTopics, encode_tracks, track_topics
+from twin.recording.track_topics import TrackTopics, encode_tracks, track_topics
 from twin.recording.truth_messages import MARKER_ARRAY
 from twin.run.live import run_scenario
 from twin.run.replay import track_recording

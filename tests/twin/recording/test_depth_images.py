@@ -24,8 +24,7 @@ from trackers.errors import InputError
 from trackers.observations import DepthImage, Image, LaserScan
 from trackers.rig import LaserSensor, PinholeSensor, Rig, StereoSensor
 from twin.recording.bag import open_bag
-from twin.recording.depth_pairs import DepthPairs, partners
-from twin.recording.depth_picture import decode_depth
+from twin.recording.depth_images import DepthPairs, decode_depth, partners
 from twin.recording.messages import COMPRESSED_IMAGE, RAW_IMAGE, TYPESTORE, decode, encode, time_message
 from twin.recording.reader import Recording
 from twin.recording.writer import BagWriter

@@ -1,9 +1,9 @@
-"""The truth about pairs of people: the table `truth_situations.csv` and the string on `/truth/situations`.
+"""Situations of two people: the table `truth_situations.csv` and the string on `/truth/situations`.
 
-One row a situation, in the order in which they end; what the kinds mean stands in `twin.truth.situations`. `start_t` is the
-first frame in which it holds, `end_t` the first in which it no longer does; where `complete` is 0 the run ended before
-that, and `end_t` is its end. `sensor` is empty but for merged; `how` says in which way a merged pair, of one scanner or of
-the rig, is not separated; `least_m` is the least distance, or gap (correlated), during it.
+One row per situation, in the order in which they end; the kinds are explained in `twin.truth.situations`. `start_t` is the
+first frame in which it holds, `end_t` the first in which it no longer does; where `complete` is 0 the run ended before that,
+and `end_t` is its end. `sensor` is empty but for merged; `how` says in which way a merged pair, of one scanner or of the rig,
+is not separated; `least_m` is the least distance, or gap (correlated), during it.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from twin.recording.detail_rows import json_string
+from twin.recording.atomic_file import open_atomic
+from twin.recording.messages import string_message
 from twin.recording.tables import Row, cell, plain, seconds_cell
-from twin.recording.whole_file import whole_file
 from twin.tables.columns import read_csv_columns
 from twin.truth.frames import Separation, Situation, SituationKind
 
@@ -94,7 +94,7 @@ def situation_writer(path: Path) -> Iterator[SituationWriter]:
 
     Raises InputError where the file cannot be written.
     """
-    with whole_file(path) as stream:
+    with open_atomic(path) as stream:
         yield SituationWriter(stream)
 
 
@@ -144,7 +144,7 @@ def situation_table(situations: Iterable[Situation], source: str = "situations")
 
 def encode_situation(situation: Situation) -> memoryview:
     """A `std_msgs/String` (CDR) with a JSON list of one object, the columns of truth_situations.csv, null where unknown."""
-    return json_string([plain(_row(situation, lambda ns: ns / NS_PER_S))])
+    return string_message([plain(_row(situation, lambda ns: ns / NS_PER_S))])
 
 
 def _row(situation: Situation, time: Callable[[int], float | str]) -> Row:

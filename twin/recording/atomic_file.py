@@ -1,4 +1,4 @@
-"""Files that appear under their final name only when they are whole."""
+"""Files that appear under their final name only when they are complete."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from trackers.errors import InputError
 
 
 @contextmanager
-def whole_path(path: Path) -> Iterator[Path]:
+def atomic_path(path: Path) -> Iterator[Path]:
     """A hidden path beside `path` to write to; it takes the name when the block ends well, and is removed otherwise.
 
     So an exception, Ctrl-C or a kill leaves nothing half-written under the final name and an older file of that name
@@ -45,13 +45,13 @@ def whole_path(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[TextIO]:
-    """Open `path` for writing UTF-8 text that is there under its name when it is whole; see `whole_path`.
+def open_atomic(path: Path) -> Iterator[TextIO]:
+    """Open `path` for writing UTF-8 text that is there under its name when it is whole; see `atomic_path`.
 
     Names of files that Python could not decode, as with LANG=C, are written as the bytes that they are on disk.
     """
     with (
-        whole_path(path) as partial,
+        atomic_path(path) as partial,
         partial.open("w", encoding="utf-8", errors="surrogateescape", newline="") as stream,
     ):
         yield stream

@@ -19,10 +19,10 @@ from rosbags.typesys import Stores, get_typestore
 
 from trackers.errors import InputError
 from twin.limits import NO_LIMITS
-from twin.recording import unpacking
+from twin.recording import bounded_readers
 from twin.recording.bag import open_bag
+from twin.recording.bounded_readers import zstd, zstd_bound
 from twin.recording.messages import STRING, TYPESTORE
-from twin.recording.unpacking import zstd, zstd_bound
 
 LONG = 2**20
 ROS1 = get_typestore(Stores.ROS1_NOETIC)
@@ -94,8 +94,8 @@ def test_what_claims_more_than_the_limits_is_refused_before_it_is_unpacked(tmp_p
     if limit == "MOST_CHUNK_BYTES" and "FILE" in kind:
         pytest.skip("a file is unpacked to disk, piece by piece")
     path = bag(tmp_path, kind, ["x" * LONG])
-    monkeypatch.setattr(unpacking, limit, LONG // 4)
-    monkeypatch.setattr(unpacking, "MOST_GROWTH", 2)
+    monkeypatch.setattr(bounded_readers, limit, LONG // 4)
+    monkeypatch.setattr(bounded_readers, "MOST_GROWTH", 2)
     said = refused(path)
     assert "to 1" in said and "MiB; at most 0.25, or --no-limits, is expected" in said
     monkeypatch.setenv(NO_LIMITS, "1")
@@ -109,7 +109,7 @@ def test_what_holds_more_than_it_claims_is_not_unpacked_further(tmp_path, monkey
     content = file.read_bytes()
     if " " in kind:
         with file.open("rb") as stream:
-            (true,) = unpacking._claimed_on_the_way(stream, len(content))
+            (true,) = bounded_readers._claimed_on_the_way(stream, len(content))
         lie = content.replace(struct.pack("<Q", true), struct.pack("<Q", 1000))
     else:
         at = content.index(b"size=", content.index(b"compression=")) + 5
@@ -130,7 +130,7 @@ def test_chunks_that_overlap_in_time_are_refused_where_they_are_large_together(t
     for folder, times in ((apart, None), (over, [5] * 6)):
         folder.mkdir()
         ros2_bag(folder, "mcap STORAGE", texts, times)
-    monkeypatch.setattr(unpacking, "MOST_HELD_BYTES", 5 * LONG)
+    monkeypatch.setattr(bounded_readers, "MOST_HELD_BYTES", 5 * LONG)
     assert len(texts_in(apart / "packed")) == 6
     assert "chunks that overlap in time, which are held at once, unpack to 12" in refused(over / "packed")
 
@@ -147,9 +147,9 @@ def test_ros_1_chunks_that_overlap_are_not_unpacked_for_every_message(tmp_path, 
                 text = ROS1.types[STRING]("x" * 20_000)
                 writer.write(connection, start + 2 * k, ROS1.serialize_ros1(text, STRING))
     assert len(texts_in(path)) == 120
-    monkeypatch.setattr(unpacking, "MOST_BAG_BYTES", 0)
-    monkeypatch.setattr(unpacking, "_MOST_AGAIN", 5)
-    monkeypatch.setattr(unpacking, "MOST_GROWTH", 10**6)
+    monkeypatch.setattr(bounded_readers, "MOST_BAG_BYTES", 0)
+    monkeypatch.setattr(bounded_readers, "_MOST_AGAIN", 5)
+    monkeypatch.setattr(bounded_readers, "MOST_GROWTH", 10**6)
     assert "chunks overlap in time" in refused(path)
 
 
@@ -173,7 +173,7 @@ def test_an_sqlite_bag_that_works_its_messages_out_is_refused(tmp_path):
 
 def test_a_value_of_an_sqlite_bag_is_no_larger_than_a_message(tmp_path, monkeypatch):
     path = ros2_bag(tmp_path, "db3 NONE", ["x" * LONG])
-    monkeypatch.setattr(unpacking, "MOST_CHUNK_BYTES", LONG // 4)
+    monkeypatch.setattr(bounded_readers, "MOST_CHUNK_BYTES", LONG // 4)
     assert "holds a value that is larger than any message" in refused(path)
     monkeypatch.setenv(NO_LIMITS, "1")
     assert texts_in(path) == ["x" * LONG]

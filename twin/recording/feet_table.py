@@ -1,29 +1,38 @@
-"""The truth about feet: the table `truth_feet.csv` and the string on `/truth/feet`.
+"""Names and feet of people: the tables `truth_people.csv` and `truth_feet.csv`, and the string on `/truth/feet`.
 
-One row a foot and moment, left before right, people in the order of their ids; a moment at which nobody is there is one
-row with only `t`. `cells_<floor>` holds the numbers of the cells a foot loads, parted by blanks, counted row by row from
-0, at stamps of that floor; it is empty at others. Numbers are written as in `truth.csv`.
+`truth_feet.csv` has one row per foot and frame, left before right, people by id; a frame without people is one row with only
+`t`. `cells_<floor>` holds the numbers of the cells that a foot loads, separated by blanks, counted row by row from 0, at stamps
+of that floor; it is empty at others. Numbers are written as in `truth.csv`.
 """
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TextIO
 
-from rosbags.typesys.stores.ros2_humble import std_msgs__msg__String as String
-
 from trackers.observations import NS_PER_S
-from twin.recording.messages import STRING, TYPESTORE
+from twin.recording.atomic_file import open_atomic
+from twin.recording.messages import string_message
 from twin.recording.tables import Row, cell, plain, seconds_cell
-from twin.recording.whole_file import whole_file
 from twin.truth.frames import FootTruth, PersonTruth, TruthFrame
 
 _NUMBERS = ("x", "y", "z", "yaw", "load_n", "pressure_x", "pressure_y")
 FEET_COLUMNS = ("t", "id", "foot", *_NUMBERS, "contact")
+PEOPLE_COLUMNS = ("id", "name")
 _CELLS = "cells_"
+
+
+def write_names(path: Path, names: Mapping[int, str]) -> None:
+    """Write `truth_people.csv`: one row per person of the scenario by id, present in the run or not.
+
+    Raises InputError where the file cannot be written.
+    """
+    with open_atomic(path) as stream:
+        stream.write(",".join(PEOPLE_COLUMNS) + "\n")
+        for number, name in sorted(names.items()):
+            stream.write(f"{number},{name}\n")
 
 
 class FeetWriter:
@@ -50,7 +59,7 @@ def feet_writer(path: Path, floors: Sequence[str] = ()) -> Iterator[FeetWriter]:
 
     Raises InputError where the file cannot be written.
     """
-    with whole_file(path) as stream:
+    with open_atomic(path) as stream:
         yield FeetWriter(stream, floors)
 
 
@@ -58,7 +67,7 @@ def encode_feet(frame: TruthFrame) -> memoryview:
     """A `std_msgs/String` (CDR) with a JSON list: one object a foot, the columns of truth_feet.csv, null where unknown."""
     t = frame.stamp_ns / NS_PER_S
     feet = [{"t": t} | plain(_row(person, foot, foot.cells)) for person in frame.people for foot in person.feet]
-    return TYPESTORE.serialize_cdr(String(json.dumps(feet, allow_nan=False)), STRING)
+    return string_message(feet)
 
 
 def _row(person: PersonTruth, foot: FootTruth, floors: Iterable[str]) -> Row:

@@ -1,6 +1,6 @@
-"""Readers of bags that compare what compressed parts claim to hold with a budget before they unpack them.
+"""Readers of bags with bounded decompression: the claimed sizes of compressed parts are compared with a budget first.
 
-A chunk of some hundred kilobytes can unpack to gigabytes. `rosbags` unpacks whatever comes and has no setting for it: these are
+A chunk of some hundred kilobytes can unpack to gigabytes. `rosbags` unpacks any chunk and has no setting for it: these are
 its readers with the sizes checked first, and decoders that stop where a part holds more than it claims.
 """
 

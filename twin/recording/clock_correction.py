@@ -1,12 +1,12 @@
-"""The clocks that stamped a recording's messages, held against the times at which they were logged, and set right.
+"""Compare the clocks that stamped a recording's messages with the log times, and correct what one sensor alone has wrong.
 
-Of each sensor the age of its messages, log time minus stamp, is looked at. On one clock that runs well it is the delay of the
-sensor and differs little. A clock that is set shows as a step in it, one that drifts as a slope, another clock as another
-level than that of the other sensors. A stamp that is missing (0, or that of another message) is replaced by the log time.
+The age of a message is its log time minus its stamp. On one clock that runs well it is the delay of the sensor and varies
+little. A clock that is set shows as a step in it, one that drifts as a slope, another clock as another level than that of the
+other sensors. A stamp that is missing (0, or that of another message) is replaced by the log time.
 
-Headers are trusted where they can be: stamps that go on regularly are right whatever the log says (a recorder that stalls,
-a bag whose log times were written anew), and a level that all sensors share is nobody's fault (simulated time, a robot that
-has no network). Only what sensors do not share is set right, so that a recording without fault keeps each stamp to the bit.
+Headers are trusted where they can be. Stamps that continue regularly are right whatever the log says (a recorder that stalls,
+a bag whose log times were rewritten). A level that all sensors share needs no correction (simulated time, a robot without a
+network). Only what sensors do not share is corrected, so that a recording without fault keeps each stamp to the bit.
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ import numpy as np
 from trackers.arrays import Array, Index, Mask, Nanoseconds
 from trackers.observations import NS_PER_S
 from twin.recording.losses import Loss
-from twin.recording.message_times import MessageTimes
-from twin.recording.sensor_clock import BLOCKS, REGULAR_GAPS, SIGMAS, SensorClock
+from twin.recording.sensor_clock import BLOCKS, REGULAR_GAPS, SIGMAS, MessageTimes, SensorClock
 
 _OTHER_CLOCK_S = 0.5
 """Sensors whose messages are as much older than those of others are on another clock [s]: if it were a delay, no tracker
