@@ -95,7 +95,8 @@ def read_cells(path: Path, expected: str, most_bytes: int | None) -> Cells:
         header, header_line = rows.pop(0), numbers.pop(0)
     elif comments:
         header = split_line(comments[-1][1], separator if separator in comments[-1][1] else " ")
-        header, header_line = (header, comments[-1][0]) if len(header) == len(rows[0]) else (None, 0)
+        is_prose = any(not cell or cell.endswith((",", ":", ".")) for cell in header)
+        header, header_line = (header, comments[-1][0]) if len(header) == len(rows[0]) and not is_prose else (None, 0)
     if separator in ";\t" and not any("." in cell and _is_number(cell) for row in rows for cell in row):
         rows = [[cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell for cell in row] for row in rows]
     width = len(header if header is not None else rows[0])

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings, strategies as st
 
 from trackers.errors import InputError
 from twin.cli import main
@@ -245,3 +246,75 @@ def test_twin_evaluate_takes_both_tables_in_any_layout(
     metrics = json.loads(told.out)
     assert (metrics["mota"], metrics["judged"]["frames"]) == (1.0, 30)
     assert "has no header; its columns are read as frame, id, x, y" in told.err
+
+
+ORDERS = {
+    "frame id x y": "fixy",
+    "id frame x y": "ifxy",
+    "frame id x z y": "fixzy",
+    "id frame x z y": "ifxzy",
+    "frame id x y z": "fixyz",
+    "id frame x y z": "ifxyz",
+}
+
+
+@given(
+    speeds_m_s=st.lists(st.floats(0.02, 4.0), min_size=1, max_size=4),
+    apart_m=st.floats(0.4, 6.0),
+    heading_rad=st.floats(-np.pi, np.pi),
+    step=st.sampled_from([1, 4, 10]),
+    n_row=st.integers(5, 40),
+    height_m=st.sampled_from([0.0, 0.9, 1.7]),
+    in_cm=st.booleans(),
+    by_person=st.booleans(),
+    seed=st.integers(0, 99),
+)
+@settings(deadline=None, max_examples=150)
+def test_a_table_without_a_header_is_read_as_it_is_or_a_header_is_asked_for(
+    speeds_m_s, apart_m, heading_rad, step, n_row, height_m, in_cm, by_person, seed, tmp_path_factory
+) -> None:
+    rng = np.random.default_rng(seed)
+    along = np.array([np.cos(heading_rad), np.sin(heading_rad)])
+    rows = []
+    for who, speed_m_s in enumerate(speeds_m_s):
+        start = apart_m * (who + rng.uniform(0, 0.3)) * along[::-1] * [-1, 1]
+        for k in range(n_row):
+            x, y = start + speed_m_s * step * k / RATE_HZ * along + rng.normal(0, 0.01, 2)
+            rows.append(dict(zip("fixyz", (k * step, who + 1, x, y, height_m + 0.02 * (who % 3)), strict=True)))
+    rows.sort(key=(lambda row: (row["i"], row["f"])) if by_person else (lambda row: (row["f"], row["i"])))
+    unit = 100 if in_cm else 1
+    path = tmp_path_factory.mktemp("orders") / "table.txt"
+    for columns in ORDERS.values():
+        cells = [[str(row[c]) if c in "fi" else f"{row[c] * unit:.4f}" for c in columns] for row in rows]
+        path.write_text("# x, y in cm\n" * in_cm + "".join(" ".join(each) + "\n" for each in cells))
+        try:
+            found = read_people(path, "a table", None, RATE_HZ)
+        except InputError as error:
+            if "a header with the columns" not in str(error):
+                raise
+            continue
+        places = (found.rows.numbers(c, may_be_empty=False) for c in "xy")
+        read = zip(found.stamps_ns, found.labels, *places, strict=True)
+        expected = sorted((round(row["f"] / RATE_HZ * 1e9), str(row["i"]), row["x"], row["y"]) for row in rows)
+        for own, other in zip(sorted(read), expected, strict=True):
+            assert own[:2] == other[:2] and own[2:] == pytest.approx(other[2:], abs=1e-3), found.notes
+
+
+@pytest.mark.parametrize("columns", ORDERS.values(), ids=ORDERS)
+@pytest.mark.parametrize("speed_m_s", [0.08, 0.125, 1.3, 3.0])
+@pytest.mark.parametrize("n_people", [2, 3, 6])
+def test_people_side_by_side_are_read_in_any_order_of_columns(
+    speed_m_s: float, n_people: int, columns: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "table.txt"
+    rows = [
+        (f, i, speed_m_s * f / RATE_HZ, 1.1 * i + 0.2 * (i % 3), 0)
+        for f in range(0, 200, 4)
+        for i in range(1, n_people + 1)
+    ]
+    named = [dict(zip("fixyz", row, strict=True)) for row in rows]
+    path.write_text("".join(" ".join(str(row[c]) for c in columns) + "\n" for row in named))
+    found = read_people(path, "a table", None, RATE_HZ)
+    np.testing.assert_allclose(found.rows.numbers("y", may_be_empty=False), [row[3] for row in rows])
+    assert found.labels == [str(row[1]) for row in rows]
+    assert bool(doubts(found)) == (speed_m_s != 1.3)
