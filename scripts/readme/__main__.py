@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 import twin
 from twin.recording.atomic_file import atomic_path
-from twin.view.moment import drawn_view
+from twin.view.contact_sheet import drawn_view
 
 FOLDER = Path(__file__).parent
 

@@ -57,8 +57,8 @@ def view(
         path = out or Path("people.png")
         with progress() as report:
             found = write_people(loaded, path, on_progress=report)
-        for occasion in found:
-            typer.echo(str(occasion))
+        for activity in found:
+            typer.echo(str(activity))
         print_paths({"people": path})
     else:
         path = out or Path("view.png")

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from math import exp, isfinite
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trackers.arrays import Array
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, FloorFrame, LaserScan, Observation
 from trackers.rig import FloorSensor, Rig
@@ -29,55 +28,17 @@ from twin.run.preview import true_poses
 from twin.scenario import Scenario
 from twin.sensors.render import RendererOnDemand
 from twin.sensors.render_scene import Mark
-from twin.view.occasions import verb
-from twin.view.standpoint import Room, Standpoint, body_parts, fitting, overview, seen_share, standpoint_for
-from twin.view.tags import name_tags
+from twin.view.activities import verb
+from twin.view.free_camera import (
+    CameraSpace,
+    FollowCamera,
+    Standpoint,
+    name_tags,
+    overview,
+)
 from twin.world.scene import Scene, populate
 from twin.world.simulation import Simulation
 from twin.world.world import World
-
-_ASIDE_DEG = 35.0
-_SEEN_AT_LEAST = 0.4
-_NEAREST_M, _FARTHEST_M = 1.2, 4.5
-_CUTS_APART_S = 2.0
-_TURNS_WITHIN_S = 0.25
-_ZOOMS_WITHIN_S = 0.6
-_WIDER = 1.25
-"""The picture is wider than the body by so much, that there is room to walk into."""
-
-
-class CameraMan:
-    """Follows a person (id); `aspect`: width over height of the picture."""
-
-    def __init__(self, room: Room, person: int, aspect: float) -> None:
-        self._room, self._person, self._aspect = room, person, aspect
-        self._stand: Standpoint | None = None
-        self._cut_at_s = -np.inf
-
-    def at(self, snapshot: Snapshot, facing_rad: float) -> Standpoint:
-        """The camera at the snapshot's time; times rise."""
-        parts, radius = body_parts(snapshot, self._person)
-        middle = 0.5 * (parts.min(axis=0) + parts.max(axis=0))
-        stand = self._stand
-        if stand is None or (
-            snapshot.t - self._cut_at_s > _CUTS_APART_S and self._is_badly_seen(snapshot, stand, middle)
-        ):
-            found = standpoint_for(snapshot, self._room, self._person, facing_rad, self._aspect, _ASIDE_DEG)
-            stand = Standpoint(found.eye, found.target, _WIDER * found.half_height)
-            self._cut_at_s = snapshot.t
-        else:
-            dt = snapshot.t - self._seen_at_s
-            target = stand.target + (1 - exp(-dt / _TURNS_WITHIN_S)) * (middle - stand.target)
-            fits = _WIDER * fitting(stand.eye, target, parts, radius, self._aspect)
-            half_height = stand.half_height + (1 - exp(-dt / _ZOOMS_WITHIN_S)) * (fits - stand.half_height)
-            stand = Standpoint(stand.eye, target, half_height)
-        self._stand, self._seen_at_s = stand, snapshot.t
-        return stand
-
-    def _is_badly_seen(self, snapshot: Snapshot, stand: Standpoint, middle: Array) -> bool:
-        away = float(np.linalg.norm(middle - stand.eye))
-        return not _NEAREST_M < away < _FARTHEST_M or seen_share(snapshot, stand.eye, self._person) < _SEEN_AT_LEAST
-
 
 FPS = 25
 _SIZE_PX = (1280, 720)
@@ -221,10 +182,10 @@ class _Film:
         self._title = scenario.name
         snapshot = self._world.empty_snapshot(0.0)
         aspect = _SIZE_PX[0] / (_SIZE_PX[1] - _STRIP_PX)
-        room = Room(snapshot, scene.floor)
+        room = CameraSpace(snapshot, scene.floor)
         self._stand = overview(snapshot, room, whereabouts, aspect)
         self._follow = follow
-        self._camera_man = None if follow is None else CameraMan(room, scene.ids[follow], aspect)
+        self._follow_camera = None if follow is None else FollowCamera(room, scene.ids[follow], aspect)
         self.followed = False
         self._plan: FloorPanel | None = None
         self._plan_left = follow is None and self._is_fuller_on_the_right(whereabouts)
@@ -247,13 +208,13 @@ class _Film:
         return np.vstack([shown, self._strip(t, light_of(snapshot.model) < ENOUGH_LIGHT)])
 
     def _stand_at(self, snapshot: Snapshot) -> Standpoint:
-        if self._camera_man is None or self._follow is None:
+        if self._follow_camera is None or self._follow is None:
             return self._stand
         place = self._world.population.names.index(self._follow)
         truth = self._world.population.truth(snapshot.t)
         if truth.present[place]:
             self.followed = True
-            self._stand = self._camera_man.at(snapshot, float(truth.yaw[place]))
+            self._stand = self._follow_camera.at(snapshot, float(truth.yaw[place]))
         return self._stand
 
     def _marks(self) -> list[Mark]:

@@ -11,8 +11,7 @@ from trackers.environment import build_environment
 from trackers.errors import InputError
 from trackers.observations import LaserScan
 from twin.environment.run import scan_scenario, scenario_environment
-from twin.environment.scan import TiltingScanner, scan_room
-from twin.environment.stations import chosen_stations, given_stations
+from twin.environment.scan import TiltingScanner, chosen_stations, given_stations, scan_room
 from twin.scenario import Scenario
 from twin.sensors.laser_noise import LASER_NOISE
 from twin.sensors.rays import cast

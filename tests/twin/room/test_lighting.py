@@ -14,7 +14,7 @@ from twin.report.look_at import lit_for_the_eye
 from twin.room.lighting import Lighting, light_of
 from twin.scenario import load_scenario
 from twin.scenario.lights import LightChange
-from twin.view.moment import drawn_view
+from twin.view.contact_sheet import drawn_view
 from twin.world.simulation import Simulation
 
 ROOM = """

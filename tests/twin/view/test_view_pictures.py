@@ -15,8 +15,8 @@ from twin.commands.view import check_choice
 from twin.room.mounts import check_mount
 from twin.scenario import Scenario, load_scenario
 from twin.view import write_people, write_video, write_view
-from twin.view.moment import drawn_view
-from twin.view.standpoint import Room, body_parts, overview, seen_share, standpoint_for
+from twin.view.contact_sheet import drawn_view
+from twin.view.free_camera import CameraSpace, body_parts, overview, seen_share, standpoint_for
 from twin.view.video import FPS
 from twin.world.world import World
 
@@ -62,7 +62,7 @@ def world() -> World:
 
 def test_a_standpoint_is_free_and_sees_the_person(world):
     snapshot = world.snapshot(0.5)
-    room = Room(snapshot, world.scene.floor)
+    room = CameraSpace(snapshot, world.scene.floor)
     stand = standpoint_for(snapshot, room, 1, 0.0, 0.8, 30.0)
     check_mount(snapshot.model, snapshot.data, "eye", stand.eye)
     assert room.is_free(snapshot, stand.eye)
@@ -77,7 +77,7 @@ def test_a_standpoint_is_free_and_sees_the_person(world):
 
 def test_no_camera_stands_in_a_wall_in_furniture_or_outside(world):
     snapshot = world.snapshot(0.5)
-    room = Room(snapshot, world.scene.floor)
+    room = CameraSpace(snapshot, world.scene.floor)
     for eye in ([2.49, 0.0, 1.5], [3.5, 0.0, 1.5], [-1.44, 1.6, 0.3], [0.0, 0.0, 2.59]):
         assert not room.is_free(snapshot, np.array(eye))
     assert room.is_free(snapshot, np.array([0.0, -0.9, 1.5]))
@@ -85,7 +85,7 @@ def test_no_camera_stands_in_a_wall_in_furniture_or_outside(world):
 
 def test_the_overview_sees_where_people_are(world):
     snapshot = world.empty_snapshot(0.0)
-    room = Room(snapshot, world.scene.floor)
+    room = CameraSpace(snapshot, world.scene.floor)
     points = np.array([[x, y, z] for x in (-1.0, 0.0, 1.0) for y in (-0.8, 0.6) for z in (0.2, 1.6)])
     stand = overview(snapshot, room, points, 16 / 9)
     assert room.is_free(snapshot, stand.eye)

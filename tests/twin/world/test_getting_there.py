@@ -10,7 +10,7 @@ import pytest
 from trackers.errors import InputError
 from twin.run.live import run_scenario
 from twin.scenario import Scenario, load_scenario
-from twin.view.occasions import verb
+from twin.view.activities import verb
 from twin.world.world import World
 
 ROOM = """<mujoco model="office">

@@ -7,7 +7,7 @@ import pytest
 
 from trackers.configuration import validate
 from twin.scenario import Scenario, load_scenario
-from twin.view.occasions import BACKWARDS, SIDEWAYS, Occasion, occasions
+from twin.view.activities import BACKWARDS, SIDEWAYS, Activity, activities
 from twin.world.scene import build_scene, populate
 
 pytestmark = pytest.mark.slow
@@ -19,12 +19,12 @@ EVERYTHING = {
 }  # fmt: skip
 
 
-def found(scenario: Scenario) -> list[Occasion]:
-    return occasions(populate(scenario, build_scene(scenario)), scenario.duration_s)
+def found(scenario: Scenario) -> list[Activity]:
+    return activities(populate(scenario, build_scene(scenario)), scenario.duration_s)
 
 
 @pytest.fixture(scope="module")
-def everyday() -> list[Occasion]:
+def everyday() -> list[Activity]:
     return found(load_scenario("everyday"))
 
 
@@ -43,7 +43,7 @@ def test_the_runners_run():
     assert runs == ["gina", "hugo"]
 
 
-def test_occasions_come_by_person_in_order_of_time(everyday):
+def test_activities_come_by_person_in_order_of_time(everyday):
     assert [each.person for each in everyday] == sorted(each.person for each in everyday)
     for name in {each.person for each in everyday}:
         times = [each.t for each in everyday if each.person == name]
@@ -86,7 +86,7 @@ def test_steps_sideways_and_backwards_are_told_apart():
 
 
 def test_a_label_says_who_what_and_when():
-    assert str(Occasion("anna", "sits", 12.34)) == "anna sits, 12.3 s"
+    assert str(Activity("anna", "sits", 12.34)) == "anna sits, 12.3 s"
 
 
 def test_the_shipped_people_do_not_pass_through_anything():

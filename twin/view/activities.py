@@ -1,4 +1,4 @@
-"""When to look at people: for everybody and everything they do in a scenario, the moment that shows it best."""
+"""Activities of people: for each action of each person in a scenario, the time that shows it best."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ SIDEWAYS, BACKWARDS = "walks sideways", "walks backwards"
 
 
 @dataclass(frozen=True)
-class Occasion:
+class Activity:
     """Somebody does something at time t [s]."""
 
     person: str
@@ -55,7 +55,7 @@ def verb(kind: str, under_way: bool = False) -> str:
     return _ATTEMPTS.get(kind, _VERBS[kind]) if under_way else _VERBS[kind]
 
 
-def occasions(population: Population, duration_s: float) -> list[Occasion]:
+def activities(population: Population, duration_s: float) -> list[Activity]:
     """Of everybody and everything that they do within the duration, one moment: by person, in order of time.
 
     The moment is the middle of the longest stretch in which the action shows: of sitting, lying, bending and reaching
@@ -73,9 +73,9 @@ def occasions(population: Population, duration_s: float) -> list[Occasion]:
                     verb, there = _ATTEMPTS[kind], at_it
                 middle = _middle(there, observed.speed[:, place])
                 if middle is not None:
-                    found.append(Occasion(name, verb, float(observed.t[middle])))
+                    found.append(Activity(name, verb, float(observed.t[middle])))
     places = {name: place for place, name in enumerate(population.names)}
-    return sorted(found, key=lambda occasion: (places[occasion.person], occasion.t))
+    return sorted(found, key=lambda activity: (places[activity.person], activity.t))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""A contact sheet of a scenario at one moment: the room, and what every sensor reports of it, with the truth drawn in."""
+"""Contact sheets: the room and every sensor's report at one time, or one scenario under many seeds, with the truth drawn in."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
 from trackers.rig import CameraSensor, RigSensor
 from twin.instant.snapshot import Snapshot
+from twin.progress import OnProgress
 from twin.report.beliefs import beliefs
 from twin.report.lettering import BOLD, Tag, text_width, write, write_tags
 from twin.report.look_at import DARK, picture
@@ -23,11 +24,10 @@ from twin.report.people_sheet import check_picture_name, tiled, write_png
 from twin.room.lighting import ENOUGH_LIGHT, light_of
 from twin.room.outline import room_outline
 from twin.run.preview import true_poses
-from twin.scenario import Scenario
+from twin.scenario import Scenario, load_scenario
 from twin.sensors.render import OffscreenRenderer
 from twin.truth.frames import Box
-from twin.view.standpoint import Room, overview
-from twin.view.tags import name_tags
+from twin.view.free_camera import CameraSpace, name_tags, overview
 from twin.world.simulation import Simulation
 
 _TILE_PX = (520, 390)
@@ -136,7 +136,7 @@ class Sheet:
             points += [
                 np.concatenate([here, np.full((len(here), 1), height)], axis=1) for height in (0.2, 1.0, 1.7)
             ] * 3
-        stand = overview(self._snapshot, Room(self._snapshot, scene.floor), np.concatenate(points), aspect)
+        stand = overview(self._snapshot, CameraSpace(self._snapshot, scene.floor), np.concatenate(points), aspect)
         with OffscreenRenderer(self._snapshot.model) as renderer:
             shown = picture(
                 renderer, self._snapshot.data, stand.eye, stand.target, stand.half_height, self._tile_px, finer=_FINER
@@ -205,3 +205,36 @@ def _fitted(rgb: NDArray[np.uint8], tile_px: tuple[int, int]) -> tuple[NDArray[n
     left, top = (width - size[0]) // 2, (height - size[1]) // 2
     tile[top : top + size[1], left : left + size[0]] = cv2.resize(rgb, size, interpolation=finer)
     return tile, scale, np.array([left, top], dtype=float)
+
+
+_SMALL_TILE_PX = (320, 240)
+_SEED_COLUMNS = 3
+
+
+def write_drawn(
+    scenario: str,
+    changes: Sequence[str],
+    seeds: Sequence[int],
+    t: float,
+    path: Path,
+    *,
+    on_progress: OnProgress = lambda what, done, total: None,
+) -> tuple[str, ...]:
+    """Write a PNG of a scenario at time t [s] under each seed: the room with its people, and the plan with all scans.
+
+    Returns what can be in the scenarios, but is hardly meant, one sentence each. Raises InputError for a bad scenario, a
+    time outside of it, and a file that cannot be written.
+    """
+    check_picture_name(path)
+    tiles, warnings = [], []
+    for number, seed in enumerate(seeds, start=1):
+        loaded = load_scenario(scenario, [*changes, f"seed={seed}"])
+        with Simulation(loaded, images=False) as simulation:
+            looks = simulation.look(round(t * NS_PER_S))
+            sheet = Sheet(simulation, t, _SMALL_TILE_PX)
+            label = f"seed {seed}: {len(loaded.people)} people, {', '.join(loaded.sensors)}"
+            tiles.append(framed(label, np.hstack([sheet.room(), sheet.plan(looks)])))
+            warnings += [f"seed {seed}: {warning}" for warning in simulation.warnings]
+        on_progress("drawing", number, len(seeds))
+    write_png(path, tiled(tiles, min(_SEED_COLUMNS, len(tiles)), BACKDROP))
+    return tuple(warnings)

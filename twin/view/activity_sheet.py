@@ -1,4 +1,4 @@
-"""A sheet of a scenario's people: each from all sides, and below everything that each does."""
+"""A sheet of a scenario's people: each from four sides, and below every activity of each."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from twin.report.people_sheet import Figure, check_picture_name, drawn_sheet, le
 from twin.scenario import Scenario
 from twin.scenario.behaviour import companions
 from twin.sensors.render import RendererOnDemand
-from twin.view.occasions import Occasion, occasions, verb
-from twin.view.standpoint import Room, standpoint_for
+from twin.view.activities import Activity, activities, verb
+from twin.view.free_camera import CameraSpace, standpoint_for
 from twin.world.scene import build_scene, populate
 from twin.world.world import World
 
 _WIDE_PX = 1200
 _COLUMNS = 5
-_OCCASION_PX = (_WIDE_PX // _COLUMNS, 280)
+_ACTIVITY_PX = (_WIDE_PX // _COLUMNS, 280)
 _BESIDE = 2
 _FIGURE_PX = (_WIDE_PX // (4 * _BESIDE), 250)
 _FINER = 2
@@ -34,7 +34,7 @@ _ASIDE_ELSE_DEG = 30.0
 
 def write_people(
     scenario: Scenario, path: Path, on_progress: Callable[[str, float, float], None] | None = None
-) -> list[Occasion]:
+) -> list[Activity]:
     """Write a PNG of everybody from the front, the side, behind and high, and of everything they do; gives what they do.
 
     Raises InputError for a scenario without people, a name that is no picture's, a file that cannot be written.
@@ -45,34 +45,34 @@ def write_people(
     scenario = randomized(scenario)
     scene = build_scene(scenario)
     listed = list(scenario.people)
-    found = occasions(populate(scenario, scene), scenario.duration_s)
-    found.sort(key=lambda occasion: (listed.index(occasion.person), occasion.t))
+    found = activities(populate(scenario, scene), scenario.duration_s)
+    found.sort(key=lambda activity: (listed.index(activity.person), activity.t))
     figures = [Figure(_label(scenario, name), scene.appearances[name]) for name in listed]
     sheet = [drawn_sheet(figures, columns=min(_BESIDE, len(figures)), cell_px=_FIGURE_PX)]
     if found:
         pictures = _pictures(scenario, found, on_progress)
-        panels = [np.vstack([lettered(str(occasion), _OCCASION_PX[0]), pictures[occasion]]) for occasion in found]
+        panels = [np.vstack([lettered(str(activity), _ACTIVITY_PX[0]), pictures[activity]]) for activity in found]
         sheet.append(tiled(panels, _COLUMNS))
     write_png(path, _stacked(sheet))
     return found
 
 
 def _pictures(
-    scenario: Scenario, found: Sequence[Occasion], on_progress: Callable[[str, float, float], None] | None
-) -> dict[Occasion, NDArray[np.uint8]]:
-    """A picture of each occasion, taken in the order of time."""
+    scenario: Scenario, found: Sequence[Activity], on_progress: Callable[[str, float, float], None] | None
+) -> dict[Activity, NDArray[np.uint8]]:
+    """A picture of each activity, taken in the order of time."""
     world = World(scenario)
     names = world.population.names
     pictures = {}
-    aspect = _OCCASION_PX[0] / _OCCASION_PX[1]
+    aspect = _ACTIVITY_PX[0] / _ACTIVITY_PX[1]
     with RendererOnDemand(lambda: world.scene.model) as renderer:
         room = None
-        for done, occasion in enumerate(sorted(found, key=lambda each: each.t), start=1):
-            snapshot = world.snapshot(occasion.t)
-            room = room or Room(snapshot, world.scene.floor)
-            truth = world.population.truth(occasion.t)
-            place = names.index(occasion.person)
-            other = _companion(scenario, occasion)
+        for done, activity in enumerate(sorted(found, key=lambda each: each.t), start=1):
+            snapshot = world.snapshot(activity.t)
+            room = room or CameraSpace(snapshot, world.scene.floor)
+            truth = world.population.truth(activity.t)
+            place = names.index(activity.person)
+            other = _companion(scenario, activity)
             near = None
             if other is not None and truth.present[names.index(other)]:
                 there = names.index(other)
@@ -81,24 +81,24 @@ def _pictures(
             stand = standpoint_for(
                 snapshot,
                 room,
-                world.scene.ids[occasion.person],
+                world.scene.ids[activity.person],
                 float(truth.yaw[place]),
                 aspect,
-                _ASIDE_DEG.get(occasion.verb, _ASIDE_ELSE_DEG),
+                _ASIDE_DEG.get(activity.verb, _ASIDE_ELSE_DEG),
                 near,
             )
-            pictures[occasion] = picture(
-                renderer(), snapshot.data, stand.eye, stand.target, stand.half_height, _OCCASION_PX, finer=_FINER
+            pictures[activity] = picture(
+                renderer(), snapshot.data, stand.eye, stand.target, stand.half_height, _ACTIVITY_PX, finer=_FINER
             )
             if on_progress is not None:
                 on_progress("pictures", done, len(found))
     return pictures
 
 
-def _companion(scenario: Scenario, occasion: Occasion) -> str | None:
+def _companion(scenario: Scenario, activity: Activity) -> str | None:
     """With whom somebody meets, or whom they follow."""
-    for action in scenario.people[occasion.person].script:
-        if action.kind in ("meet", "follow") and verb(action.kind) == occasion.verb:
+    for action in scenario.people[activity.person].script:
+        if action.kind in ("meet", "follow") and verb(action.kind) == activity.verb:
             return companions(action)[0][1]
     return None
 

@@ -1,8 +1,9 @@
-"""Where to look from: a free place in the room from which somebody, or everybody, is seen well."""
+"""Free cameras: a viewpoint from which one person or all are seen well, one that follows a person, names over heads."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import exp
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +12,12 @@ from trackers.area import Area
 from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.instant.snapshot import Snapshot
+from twin.report.lettering import Tag
 from twin.report.look_at import axes_towards
+from twin.report.palette import RGB
 from twin.room.mounts import check_mount
 from twin.sensors.rays import cast
+from twin.world.world import World
 
 _ASIDE_DEG = (30, -30, 60, -60, 80, -80, 0, 100, -100, 130, -130, 160, -160, 180)
 _AWAY_M = (3.2, 2.6, 2.1, 1.7, 1.35)
@@ -38,7 +42,7 @@ class Standpoint:
     half_height: float
 
 
-class Room:
+class CameraSpace:
     """Where a camera can be: on the floor's plan, clear of walls and furniture.
 
     `snapshot`: any of the scene; `floor` (k, 2): the polygon to stay over [m].
@@ -67,7 +71,7 @@ class Room:
 
 def standpoint_for(
     snapshot: Snapshot,
-    room: Room,
+    room: CameraSpace,
     person: int,
     facing_rad: float,
     aspect: float,
@@ -111,7 +115,7 @@ def standpoint_for(
     return best[1]
 
 
-def overview(snapshot: Snapshot, room: Room, points: Array, aspect: float) -> Standpoint:
+def overview(snapshot: Snapshot, room: CameraSpace, points: Array, aspect: float) -> Standpoint:
     """Whence to look at points (k, 3) [m], the places of people over a time: from high up, from as near as shows most."""
     low, high = np.quantile(points, 0.05, axis=0), np.quantile(points, 0.95, axis=0)
     target = 0.5 * (low + high)
@@ -194,3 +198,71 @@ def _met(snapshot: Snapshot, eye: Array, rays: Array) -> tuple[NDArray[np.int32]
     geom, distance = np.empty(len(rays), dtype=np.int32), np.empty(len(rays))
     cast(snapshot, np.ascontiguousarray(eye), np.ascontiguousarray(rays), geom, distance)
     return geom, np.where(distance < 0, np.inf, distance)
+
+
+_FOLLOW_ASIDE_DEG = 35.0
+_SEEN_AT_LEAST = 0.4
+_NEAREST_M, _FARTHEST_M = 1.2, 4.5
+_CUTS_APART_S = 2.0
+_TURNS_WITHIN_S = 0.25
+_ZOOMS_WITHIN_S = 0.6
+_WIDER = 1.25
+"""The picture is wider than the body by so much, that there is room to walk into."""
+
+
+class FollowCamera:
+    """Follows a person (id); `aspect`: width over height of the picture."""
+
+    def __init__(self, room: CameraSpace, person: int, aspect: float) -> None:
+        self._room, self._person, self._aspect = room, person, aspect
+        self._stand: Standpoint | None = None
+        self._cut_at_s = -np.inf
+
+    def at(self, snapshot: Snapshot, facing_rad: float) -> Standpoint:
+        """The camera at the snapshot's time; times rise."""
+        parts, radius = body_parts(snapshot, self._person)
+        middle = 0.5 * (parts.min(axis=0) + parts.max(axis=0))
+        stand = self._stand
+        if stand is None or (
+            snapshot.t - self._cut_at_s > _CUTS_APART_S and self._is_badly_seen(snapshot, stand, middle)
+        ):
+            found = standpoint_for(snapshot, self._room, self._person, facing_rad, self._aspect, _FOLLOW_ASIDE_DEG)
+            stand = Standpoint(found.eye, found.target, _WIDER * found.half_height)
+            self._cut_at_s = snapshot.t
+        else:
+            dt = snapshot.t - self._seen_at_s
+            target = stand.target + (1 - exp(-dt / _TURNS_WITHIN_S)) * (middle - stand.target)
+            fits = _WIDER * fitting(stand.eye, target, parts, radius, self._aspect)
+            half_height = stand.half_height + (1 - exp(-dt / _ZOOMS_WITHIN_S)) * (fits - stand.half_height)
+            stand = Standpoint(stand.eye, target, half_height)
+        self._stand, self._seen_at_s = stand, snapshot.t
+        return stand
+
+    def _is_badly_seen(self, snapshot: Snapshot, stand: Standpoint, middle: Array) -> bool:
+        away = float(np.linalg.norm(middle - stand.eye))
+        return not _NEAREST_M < away < _FARTHEST_M or seen_share(snapshot, stand.eye, self._person) < _SEEN_AT_LEAST
+
+
+_ABOVE_HEAD_M = 0.22
+_NEAREST_M = 0.3
+_INK: RGB = (232, 236, 242)
+_FILL: RGB = (45, 52, 64)
+
+
+def name_tags(world: World, snapshot: Snapshot, stand: Standpoint, size_px: tuple[int, int]) -> list[Tag]:
+    """A tag over everybody whose place is within the picture of this size, hidden or not."""
+    width, height = size_px
+    right, up, forward = axes_towards(stand.eye, stand.target)
+    present = world.population.present(snapshot.t)
+    heads = snapshot.data.site_xpos[world.scene.bodies.head_site] + [0.0, 0.0, _ABOVE_HEAD_M] - stand.eye
+    scale = 0.5 * height / stand.half_height
+    tags = []
+    for place, name in enumerate(world.population.names):
+        depth = float(heads[place] @ forward)
+        if not present[place] or depth < _NEAREST_M:
+            continue
+        x = 0.5 * width + scale * float(heads[place] @ right) / depth
+        y = 0.5 * height - scale * float(heads[place] @ up) / depth
+        if 0 <= x < width and 0 <= y < height:
+            tags.append(Tag(name, x, y, _FILL, _INK))
+    return tags
