@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from pathlib import Path as FilePath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.figure import Figure
 from trackers.configuration import validate
-from twin.people.casts import casts_of
 from twin.people.script.recorded import BODIES_NEED_M
 from twin.scenario import Scenario
-from twin.scenario.behaviour import Path
+from twin.scenario.behaviour import RecordedPath
 from twin.scenario.pedestrians import Pedestrians, people_from
+from twin.world.bodies import casts_of
 from twin.world.penetration import PenetrationCheck
 from twin.world.simulation import Simulation
 from twin.world.world import World
 
-_DATA = FilePath(__file__).parents[3] / "shared" / "data" / "trajectories"
+_DATA = Path(__file__).parents[3] / "shared" / "data" / "trajectories"
 _WARM_UP_S, _MEASURED_S = 2.0, 20.0
 _WALKS_M_S = 0.5
 
@@ -200,7 +200,7 @@ def _kept(scenario: Scenario, file: str) -> Iterator[Figure]:
 
 def _points(scenario: Scenario, name: str) -> tuple[tuple[float, float, float], ...]:
     path = scenario.people[name].script[0]
-    assert isinstance(path, Path)
+    assert isinstance(path, RecordedPath)
     return path.points
 
 

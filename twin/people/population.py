@@ -12,20 +12,18 @@ from twin.people.crowd.crowd import Crowd, planar
 from twin.people.crowd.ground import Ground
 from twin.people.crowd.order import End
 from twin.people.gait.gait import Gait
-from twin.people.motion import Motion
-from twin.people.poses import Poses
+from twin.people.poses import TICK_S, Motion, Poses
 from twin.people.posture.gaze import FreeGaze
 from twin.people.posture.measures import BodyMeasures
-from twin.people.posture.memory import TICK_S
 from twin.people.posture.posture import Part, Postures
+from twin.people.posture.resting import spot_on
 from twin.people.posture.rows import HANDS, LOOK, OFF_FEET, PELVIS_PITCH
-from twin.people.posture.sit import spot_on
 from twin.people.script.actions import perform
 from twin.people.script.actor import Actor, Stage
 from twin.people.script.arrivals import first_heading, start_places
 from twin.people.script.recorded import RecordedPaths
 from twin.room.furniture import Seat
-from twin.scenario.behaviour import Path, Sit, Wander
+from twin.scenario.behaviour import RecordedPath, Sit, Wander
 from twin.scenario.people import Person
 
 _ENTER_APART_M, _THROUGH_S = 0.7, 1.0
@@ -80,7 +78,7 @@ class Population(Poses):
             {
                 number: person.script[0]
                 for number, person in enumerate(described)
-                if person.script and isinstance(person.script[0], Path)
+                if person.script and isinstance(person.script[0], RecordedPath)
             },
             TICK_S,
         )
@@ -249,7 +247,7 @@ def _put_before_seat(person: Person, ground: Ground, measures: BodyMeasures, num
 
 def _kept_in(person: Person, ground: Ground) -> Array | None:
     """The polygon (k, 2) [m] that a person does not leave: wanderers the tracked area, others the walkable one."""
-    if person.script and isinstance(person.script[0], Path):
+    if person.script and isinstance(person.script[0], RecordedPath):
         return None
     only_wanders = all(isinstance(action, Wander) for action in person.script)
     return ground.area if only_wanders and person.script else ground.walkable

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +13,80 @@ from numpy.typing import NDArray
 from trackers.arrays import Array, Mask
 from twin.instant.feet import Feet, on_the_floor
 from twin.people.body.appearance import Appearance
-from twin.people.body.skeleton import Skeleton
+from twin.people.body.proportions import Skeleton
 from twin.people.gait.gait import GRAVITY_M_S2
-from twin.people.gait.pose import HEADING, Moment, foot_loads, joint_coordinates
-from twin.people.posture.lay import apply
+from twin.people.gait.pose import FLOOR_ROWS, HEADING, ROWS, Moment, foot_loads, joint_coordinates
 from twin.people.posture.measures import BodyMeasures
-from twin.people.posture.memory import TICK_S, Memory
-from twin.people.posture.rows import active, faced
-from twin.people.posture.weight import pressure_shift_m, support
+from twin.people.posture.overlay import apply
+from twin.people.posture.rows import POSTURE_ROWS, active, faced, pressure_shift_m, support
+
+TICK_S = 0.025
+"""The people's clock [s]; between ticks poses are interpolated."""
+
+HISTORY_S = 3.0
+"""How far back poses can be asked for [s]."""
+
+
+class Memory:
+    """What was at each of the last ticks, `HISTORY_S` of them, of n people; its size does not grow with time."""
+
+    def __init__(self, count: int) -> None:
+        size = round(HISTORY_S / TICK_S) + 1
+        self.tick = -1
+        self._floor = np.zeros((size, FLOOR_ROWS, count), dtype=complex)
+        self._rows = np.zeros((size, ROWS, count))
+        self._posture = np.zeros((size, POSTURE_ROWS, count))
+        self._present = np.zeros((size, count), dtype=bool)
+
+    def __len__(self) -> int:
+        """How many ticks are kept."""
+        return len(self._rows)
+
+    def remember(self, moment: Moment, posture: Array, present: NDArray[np.bool_]) -> None:
+        """Keep what is at the next tick: who is how, in which posture (POSTURE_ROWS, n), and who is in the room (n,)."""
+        self.tick += 1
+        slot = self.tick % len(self)
+        self._floor[slot], self._rows[slot] = moment.floor, moment.rows
+        self._posture[slot], self._present[slot] = posture, present
+
+    def last(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        """What was remembered at the last tick: floor, rows, posture, present; copies."""
+        slot = self.tick % len(self)
+        return tuple(each[slot].copy() for each in (self._floor, self._rows, self._posture, self._present))  # pyright: ignore[reportReturnType]
+
+    def present(self, t: float) -> NDArray[np.bool_]:
+        """Who was in the room at time t [s], (n,)."""
+        return self._present[self._slots(t)[0]].copy()
+
+    def at(self, t: float) -> tuple[Moment, Array]:
+        """The moment and the posture at time t [s], between the two ticks around it; ValueError for one not kept."""
+        early, late, share = self._slots(t)
+        floor, rows, posture = self._floor, self._rows, self._posture
+        return Moment(
+            floor[early] + share * (floor[late] - floor[early]), rows[early] + share * (rows[late] - rows[early])
+        ), posture[early] + share * (posture[late] - posture[early])
+
+    def ticks_around(self, t: float) -> list[tuple[Moment, Array]]:
+        """Moment and posture at the two ticks around time t [s], the earlier first; nothing before the second tick."""
+        if self.tick == 0:
+            return []
+        late = max(min(int(t / TICK_S + 1e-9) + 1, self.tick), 1)
+        slots = [(late - 1) % len(self), late % len(self)]
+        return [(Moment(self._floor[slot], self._rows[slot]), self._posture[slot]) for slot in slots]
+
+    def _slots(self, t: float) -> tuple[int, int, float]:
+        """The two remembered ticks around time t [s], and the share of the later one."""
+        size = len(self)
+        oldest = max(0, self.tick - size + 1)
+        place = t / TICK_S
+        if not oldest <= place <= self.tick + 1e-6:
+            raise ValueError(
+                f"t = {t} s is not between {oldest * TICK_S:.2f} and {self.tick * TICK_S:.2f} s: advance(t) first, and "
+                f"look back by at most {HISTORY_S} s"
+            )
+        before = min(int(place + 1e-9), self.tick)
+        share = max(place - before, 0.0)  # a time rounded to just before its tick is at it: no load is below 0
+        return before % size, min(before + 1, self.tick) % size, share
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,3 +183,59 @@ class Poses(ABC):
             qpos = self._coordinates(moment, posture)
             ends.append(qpos[:, 0] + 1j * qpos[:, 1] - moment.pelvis)
         return (ends[1] - ends[0]) / TICK_S
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What a population's memory held at each tick t of n people, from the start on: see `posture.memory`."""
+
+    floor: NDArray[np.complex128]  # (t, FLOOR_ROWS, n)
+    rows: NDArray[np.float64]  # (t, ROWS, n)
+    posture: NDArray[np.float64]  # (t, POSTURE_ROWS, n), most of it 0
+    present: NDArray[np.bool_]  # (t, n)
+
+    def save(self, path: Path) -> None:
+        """Write it to a file (.npz); of the postures only what is not 0 to the bit."""
+        bits = self.posture.view(np.int64) != 0
+        np.savez(
+            path, floor=self.floor, rows=self.rows, present=self.present, shape=self.posture.shape,
+            which=np.packbits(bits), posture=self.posture[bits],
+        )  # fmt: skip
+
+    @classmethod
+    def load(cls, path: Path) -> Motion:
+        """The motion in a file that `save` has written, to the bit."""
+        with np.load(path) as held:
+            posture = np.zeros(held["shape"])
+            posture[np.unpackbits(held["which"], count=posture.size).reshape(posture.shape).astype(bool)] = held[
+                "posture"
+            ]
+            return cls(held["floor"], held["rows"], posture, held["present"])
+
+    def same(self, other: Motion) -> bool:
+        """Whether both are the same to the bit."""
+        return all(getattr(self, each.name).tobytes() == getattr(other, each.name).tobytes() for each in fields(self))
+
+
+class MovedBefore(Poses):
+    """People who move as they did before, on the clock of whoever asks.
+
+    Ticks come into the memory one by one as time goes on, as they did when the people were stepped: what lies between the
+    last two ticks is then interpolated alike, whatever sensor asks in which order.
+    """
+
+    def __init__(
+        self, names: Sequence[str], appearances: Mapping[str, Appearance], measures: BodyMeasures, motion: Motion
+    ) -> None:
+        super().__init__(names, appearances, measures)
+        self._motion = motion
+        self._step()
+
+    def _step(self) -> None:
+        tick = self._memory.tick + 1
+        if tick >= len(self._motion.present):
+            raise ValueError(
+                f"the motion ends after {len(self._motion.present)} ticks; no later moment can be asked for"
+            )
+        motion = self._motion
+        self._memory.remember(Moment(motion.floor[tick], motion.rows[tick]), motion.posture[tick], motion.present[tick])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from twin.scenario import Scenario
-from twin.scenario.behaviour import TOP_WALK_M_S, Path, Walk
+from twin.scenario.behaviour import TOP_WALK_M_S, RecordedPath, Walk
 from twin.scenario.people import STEADY, Person, Randomize
 from twin.streams import stream
 
@@ -37,7 +37,7 @@ def _action(action: Any, moved: tuple[float, float], later_s: float, factor: flo
     changes: dict[str, Any] = {}
     if action.at_s is not None:
         changes["at_s"] = max(0.0, action.at_s + later_s)
-    if isinstance(action, Path):
+    if isinstance(action, RecordedPath):
         begun = action.points[0][0]
         changes["points"] = tuple(  # the person stands at first for longer or shorter
             (begun + (t - begun) / factor + (later_s if t > begun else 0.0), x + moved[0], y + moved[1])

@@ -269,7 +269,7 @@ class Meet(_Action):
     for_s: Seconds = Field(default=3.0, description="how long they stand face to face [s]")
 
 
-class Path(_Action):
+class RecordedPath(_Action):
     """Keep a recorded path: rows of t [s], x, y [m]; the person enters with its first row and leaves with its last.
 
     Before t = 0 the person has walked already. Given as `points`, or read from `file` (see `Pedestrians`).
@@ -282,7 +282,7 @@ class Path(_Action):
     )
 
     @model_validator(mode="after")
-    def _walkable(self) -> Path:
+    def _walkable(self) -> RecordedPath:
         for number, ((t, x, y), (t2, x2, y2)) in enumerate(pairwise(self.points), start=1):
             if t2 <= t:
                 raise ValueError(f"point {number} at {t2:g} s does not come after {t:g} s; growing times are expected")
@@ -307,7 +307,7 @@ class Leave(_Action):
 
 
 Action = Annotated[
-    Wander | Stand | Walk | Run | Turn | Sit | Lie | Bend | Reach | Look | Follow | Meet | Path | Leave,
+    Wander | Stand | Walk | Run | Turn | Sit | Lie | Bend | Reach | Look | Follow | Meet | RecordedPath | Leave,
     Field(discriminator="kind"),
 ]
 
@@ -316,7 +316,7 @@ def endless(action: Action) -> bool:
     """Whether nothing after this action would ever be done."""
     if isinstance(action, Wander | Stand | Sit | Lie | Follow):
         return action.for_s is None
-    return isinstance(action, Path | Leave) or (isinstance(action, Walk | Run) and action.repeat)
+    return isinstance(action, RecordedPath | Leave) or (isinstance(action, Walk | Run) and action.repeat)
 
 
 def companions(action: Action) -> list[tuple[str, str]]:

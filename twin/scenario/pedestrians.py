@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from itertools import pairwise
 from math import cos, hypot, radians, sin
-from pathlib import Path as FilePath
+from pathlib import Path
 from statistics import median
 from typing import Any
 
@@ -77,7 +77,7 @@ def people_from(
     Somebody with a single row has no path: they are left out, with a warning. Raises InputError naming file, line and
     value for what is no path: gaps, repeated stamps, jumps, NaN, nobody there.
     """
-    path = FilePath(pedestrians.file)
+    path = Path(pedestrians.file)
     paths, told = _read(path, pedestrians.frame_rate_hz, f"{source}: pedestrians.frame_rate_hz")
     wanted = None if pedestrians.ids is None else list(dict.fromkeys(str(number) for number in pedestrians.ids))
     seen_once = [number for number, rows in paths.items() if len(rows) < 2]
@@ -134,7 +134,7 @@ def people_from(
     return people, [*(f"pedestrians: {note}" for note in told), *_warnings(path, seen_once if wanted is None else [])]
 
 
-def _warnings(path: FilePath, seen_once: list[str]) -> list[str]:
+def _warnings(path: Path, seen_once: list[str]) -> list[str]:
     if not seen_once:
         return []
     who = (
@@ -147,7 +147,7 @@ def _warnings(path: FilePath, seen_once: list[str]) -> list[str]:
     ]
 
 
-def _read(path: FilePath, frame_rate_hz: float | None, rate_field: str) -> tuple[dict[str, list[Row]], list[str]]:
+def _read(path: Path, frame_rate_hz: float | None, rate_field: str) -> tuple[dict[str, list[Row]], list[str]]:
     """The rows of each person in order of time, by label; and what was guessed."""
     found = read_people(path, "a table of paths", MOST_TEXT_BYTES, frame_rate_hz, rate_field)
     x, y = (found.rows.numbers(name, may_be_empty=False) for name in "xy")

@@ -8,7 +8,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, FiniteFloat, model_
 
 from trackers.configuration import Strict
 from trackers.rig import Point2
-from twin.scenario.behaviour import Action, Path, Seconds, Sit, Wander, endless
+from twin.scenario.behaviour import Action, RecordedPath, Seconds, Sit, Wander, endless
 from twin.scenario.wardrobe import Choice, Garment, wardrobe
 
 
@@ -113,7 +113,7 @@ class Person(Strict):
                 f"script.{seated[-1]}.seated: who is seated from the start is so by the first action, and where the seat is; no "
                 "other action before it, no start and no heading_deg are expected"
             )
-        if any(isinstance(action, Path) for action in self.script) and (
+        if any(isinstance(action, RecordedPath) for action in self.script) and (
             self.start is not None or self.heading_deg is not None or self.arrive_s > 0 or len(self.script) > 1
         ):
             raise ValueError(

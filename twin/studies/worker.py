@@ -14,7 +14,6 @@ from trackers.prior import Prior
 from trackers.tracks import track_frames, unused_sensors
 from twin.evaluate import evaluate_with_details
 from twin.evaluate.summary import Evaluation
-from twin.people.casts import casts_of
 from twin.recording.situation_table import situation_table
 from twin.recording.tables import TruthTable, track_table, truth_table
 from twin.run.chosen_trackers import ChosenTracker
@@ -25,6 +24,7 @@ from twin.suites.cache_keys import Provenance, people_key, room_digest, whole_co
 from twin.suites.metrics import flatten_metrics
 from twin.suites.worker import cached_motion
 from twin.truth.frames import Situation, TruthDetail, TruthFrame
+from twin.world.bodies import casts_of
 from twin.world.simulation import Simulation
 from twin.world.staged import Posed, Staged
 

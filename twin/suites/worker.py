@@ -21,7 +21,7 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.plain_data import parse_yaml
 from twin.evaluate.summary import Evaluation
-from twin.people.motion import Motion
+from twin.people.poses import Motion
 from twin.recording.bag import open_bag
 from twin.recording.tables import read_truth
 from twin.recording.topics import SCAN, sensor_topic

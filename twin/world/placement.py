@@ -13,14 +13,14 @@ from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.geometry.polygon import TOLERANCE_M, leaves_at, strictly_inside
 from twin.people.crowd.crowd import planar
-from twin.people.crowd.places import nearest_free, standing_place
+from twin.people.crowd.ground import nearest_free, standing_place
 from twin.people.crowd.routes import CLOSE_M, Routes
 from twin.people.script.arrivals import comes_at, known_start
 from twin.people.script.recorded import curve_through
 from twin.room.furniture import Bed, Seat
 from twin.room.obstacles import KEEP_FROM_FURNITURE_M, Footprints
 from twin.scenario import Scenario
-from twin.scenario.behaviour import Bend, Leave, Look, Path, Reach, Run, Stand, Turn, Walk, Wander
+from twin.scenario.behaviour import Bend, Leave, Look, Reach, RecordedPath, Run, Stand, Turn, Walk, Wander
 from twin.scenario.people import Person
 
 _LOOKS_EVERY_S = 0.05
@@ -124,7 +124,7 @@ def _check_person(person: Person, walkable: Array, routes: Routes, field: str) -
                 here = stops[-1]
             case Leave(to=to):
                 _check_leaving(here, np.array(to), walkable, routes, f"{where}.to")
-            case Path(points=points):
+            case RecordedPath(points=points):
                 _check_path(np.array(points), walkable, routes, f"{where}.points")
             case Stand() | Turn() | Bend() | Reach() | Look():
                 pass
@@ -190,7 +190,7 @@ def _moment(points: Array, t: float, field: str) -> str:
 
 
 def _keeps_path(person: Person) -> bool:
-    return bool(person.script) and isinstance(person.script[0], Path)
+    return bool(person.script) and isinstance(person.script[0], RecordedPath)
 
 
 def _check_point(walkable: Array, place: Array, field: str) -> None:

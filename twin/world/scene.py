@@ -17,11 +17,10 @@ from twin.geometry.geom_hull import check_extent
 from twin.instant.feet import FootShapes
 from twin.limits import check_limit
 from twin.people.body.appearance import Appearance, appearance_of
-from twin.people.casts import casts_of
 from twin.people.crowd.ground import Ground
 from twin.people.crowd.routes import Routes
-from twin.people.motion import Motion, MovedBefore
 from twin.people.population import Population
+from twin.people.poses import Motion, MovedBefore
 from twin.people.posture.measures import BodyMeasures
 from twin.people.script.actor import approaches
 from twin.room.floor import check_floor_under, floor_hull, floor_of
@@ -34,7 +33,7 @@ from twin.scenario.behaviour import Lie, Sit
 from twin.scenario.floor import FloorDescription
 from twin.scenario.housings import in_the_room
 from twin.streams import stream
-from twin.world.bodies import Bodies
+from twin.world.bodies import Bodies, casts_of
 from twin.world.placement import check_approach, check_placement
 
 _MOST_CORNERS = 500
@@ -79,7 +78,7 @@ class Scene:
 
 
 def build_scene(scenario: Scenario) -> Scene:
-    """Compile the scenario's room with the people in it who have bodies at first (`twin.people.casts`).
+    """Compile the scenario's room with the people in it who have bodies at first (`twin.world.bodies`).
 
     Raises InputError where the room reads files outside its folder, does not compile, has no floor or nowhere to walk, or
     the area or a person does not fit into it.

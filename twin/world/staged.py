@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from twin.people.motion import Motion
+from twin.people.poses import Motion
 from twin.people.randomize import randomized
 from twin.scenario import Scenario
 from twin.world.scene import Scene, build_scene, populate

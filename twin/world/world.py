@@ -12,7 +12,6 @@ from trackers.area import Area
 from trackers.observations import NS_PER_S
 from twin.instant.feet import Feet
 from twin.instant.snapshot import Snapshot
-from twin.people.casts import casts_of
 from twin.people.population import Population
 from twin.people.poses import Poses
 from twin.people.randomize import randomized
@@ -20,6 +19,7 @@ from twin.room.lighting import Lighting
 from twin.scenario import Scenario
 from twin.truth.frames import FootTruth, PersonTruth, TruthFrame
 from twin.truth.visibility import SensorView, visible_share
+from twin.world.bodies import casts_of
 from twin.world.scene import as_before, build_scene, populate
 from twin.world.staged import Posed, Staged
 

@@ -8,7 +8,7 @@ from people_cast import AREA, FIVE, make_population
 
 from trackers.errors import InputError
 from twin.people.body.body import NQ_PERSON
-from twin.people.posture.memory import HISTORY_S, TICK_S
+from twin.people.poses import HISTORY_S, TICK_S
 from twin.scenario.behaviour import Stand, Walk
 from twin.scenario.people import Person
 

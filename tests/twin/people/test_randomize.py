@@ -8,7 +8,7 @@ import pytest
 from trackers.errors import InputError
 from twin.people.randomize import randomized
 from twin.scenario import load_scenario
-from twin.scenario.behaviour import Path, Walk
+from twin.scenario.behaviour import RecordedPath, Walk
 from twin.scenario.load import dump_scenario
 from twin.world.world import World
 
@@ -40,7 +40,7 @@ def test_seeds_differ_within_bounds_and_the_same_seed_does_not():
 def test_a_path_is_moved_as_a_whole_and_walked_at_another_pace():
     scenario = load_scenario("straight-course", ["seed=1000"])
     (before,), (after,) = (each.people["anna"].script for each in (scenario, randomized(scenario)))
-    assert isinstance(before, Path) and isinstance(after, Path)
+    assert isinstance(before, RecordedPath) and isinstance(after, RecordedPath)
     moved = np.array(after.points)[:, 1:] - np.array(before.points)[:, 1:]
     np.testing.assert_allclose(moved, np.broadcast_to(moved[0], moved.shape), atol=1e-12)
     pace = np.diff([t for t, _, _ in after.points][1:]) / np.diff([t for t, _, _ in before.points][1:])

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from trackers.errors import InputError
 from twin.people.script.arrivals import too_late
 from twin.scenario import load_scenario
-from twin.scenario.behaviour import Condition, Look, Path, Turn, endless
+from twin.scenario.behaviour import Condition, Look, RecordedPath, Turn, endless
 from twin.scenario.people import Person
 
 
@@ -114,7 +114,7 @@ def test_conditions_say_one_thing() -> None:
 def test_shown_values_are_those_given() -> None:
     assert Look(at="bob").at == "bob"
     assert Turn(towards=(1.0, 2.0)).towards == (1.0, 2.0)
-    assert Path(points=((0, 0, 0), (1, 1, 0))).points[1] == (1, 1, 0)
+    assert RecordedPath(points=((0, 0, 0), (1, 1, 0))).points[1] == (1, 1, 0)
 
 
 def test_what_comes_after_the_end_is_told() -> None:

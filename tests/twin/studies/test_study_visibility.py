@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from twin.instant.snapshot import RAY_GROUPS
-from twin.people.casts import casts_of
 from twin.scenario import load_scenario
 from twin.studies.spec import Coverage
 from twin.studies.visibility import SampledWorld, SensorVisibility, floor_cells
+from twin.world.bodies import casts_of
 from twin.world.staged import Staged, moved
 
 COVERAGE = Coverage(beams=6, px_per_m=60, target="head", heights_m=(1.0, 1.6))

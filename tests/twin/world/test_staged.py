@@ -9,7 +9,7 @@ import pytest
 from trackers.presets import make_tracker
 from trackers.prior import Prior
 from trackers.tracks import track_frames
-from twin.people.motion import Motion
+from twin.people.poses import Motion
 from twin.scenario import Scenario, load_scenario
 from twin.streams import stream
 from twin.truth.frames import TruthFrame

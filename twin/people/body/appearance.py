@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin.people.body.patterns import MOTIFS
+from twin.people.body.clothes import MOTIFS
 from twin.people.body.proportions import CHILD_BELOW_M, Proportions, proportions_of
 from twin.scenario.people import Person
 from twin.scenario.wardrobe import NONE, Choice, Extra, Garment, Wardrobe, wardrobe

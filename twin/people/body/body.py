@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from twin.people.body import clothes, head, limbs
 from twin.people.body.appearance import Appearance
-from twin.people.body.patterns import TILE_M, coat_front, printed, tile
+from twin.people.body.clothes import TILE_M, coat_front, printed, tile
 from twin.people.body.proportions import Proportions
 from twin.people.body.surfaces import Surface
 

@@ -8,13 +8,69 @@ from functools import cached_property
 
 import numpy as np
 
+from trackers.area import Area
 from trackers.arrays import Array
 from trackers.errors import InputError
-from twin.geometry.polygon import inset
-from twin.people.crowd.places import free_places
+from twin.geometry.polygon import inset, nearest_on
+from twin.people.crowd.crowd import planar
 from twin.people.crowd.routes import Routes
 from twin.room.furniture import Bed, Seat
-from twin.room.obstacles import KEEP_FROM_EDGE_M, Obstacle
+from twin.room.obstacles import KEEP_FROM_EDGE_M, KEEP_FROM_FURNITURE_M, Footprints, Obstacle
+
+_ROUNDS = 500
+_ARRIVES_M = 0.04
+"""People who keep from the area's edge arrive at a place that is so much nearer to it [m]."""
+
+
+def free_places(
+    area: Array,
+    obstacles: Sequence[Obstacle],
+    count: int,
+    rng: np.random.Generator,
+    clear_m: float = KEEP_FROM_FURNITURE_M,
+    source: str = "area",
+) -> Array:
+    """Places (count, 2) [m], uniform in the polygon `area` (k, 2) outside of all that is within `clear_m` of an obstacle.
+
+    Raises InputError, naming `source`, where next to nothing of the area is free.
+    """
+    low, high = area.min(axis=0), area.max(axis=0)
+    inside, footprints, found = Area(area), Footprints(obstacles), np.empty((0, 2))
+    for _ in range(_ROUNDS):
+        if len(found) >= count:
+            return found[:count]
+        places = rng.uniform(low, high, (2 * count, 2))
+        places = places[inside.contains(places)]
+        if len(obstacles):
+            places = places[footprints.gaps(planar(places))[1].min(axis=1) >= clear_m]
+        found = np.concatenate([found, places])
+    raise InputError(
+        f"{source}: furniture leaves no place to stand; some floor {clear_m:g} m clear of everything is expected"
+    )
+
+
+def standing_place(place: Array, walkable: Array) -> Array:
+    """Return where somebody stands who is sent to `place` (2,) [m]: there, or at the nearest place off the area's edge.
+
+    walkable (k, 2): the polygon that middles of bodies stay in [m], `KEEP_FROM_EDGE_M` off its edges. Doors are in walls, so
+    what is meant by a door lies on the edge or beyond it.
+    """
+    reached = inset(walkable, KEEP_FROM_EDGE_M - _ARRIVES_M)
+    if reached is None or Area(reached).contains(place[None])[0]:
+        return place
+    kept = inset(walkable, KEEP_FROM_EDGE_M)
+    return place if kept is None else nearest_on(kept, place)
+
+
+def nearest_free(place: Array, area: Array, obstacles: Sequence[Obstacle], clear_m: float) -> Array | None:
+    """A place (2,) near `place` (2,) [m] in the area and `clear_m` off all obstacles, to 5 cm; None within 3 m of none."""
+    steps = 0.05 * np.arange(-60, 61)
+    grid = np.round(place, 2) + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    grid = grid[Area(area).contains(grid)]
+    if len(obstacles) and len(grid):
+        grid = grid[Footprints(obstacles).gaps(planar(grid))[1].min(axis=1) >= clear_m]
+    return grid[np.linalg.norm(grid - place, axis=1).argmin()] if len(grid) else None
+
 
 _MARGIN_M = KEEP_FROM_EDGE_M + 0.1
 

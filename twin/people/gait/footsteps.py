@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array, Mask
-from twin.people.body.skeleton import Skeleton
+from twin.people.body.proportions import Skeleton
 from twin.people.gait.gait_table import GaitStyle
 
 Planar = NDArray[np.complex128]

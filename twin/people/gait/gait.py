@@ -17,7 +17,7 @@ from math import exp
 import numpy as np
 
 from trackers.arrays import Array, Mask
-from twin.people.body.skeleton import Skeleton
+from twin.people.body.proportions import Skeleton
 from twin.people.gait import pose
 from twin.people.gait.footsteps import Bodies, Course, Footsteps
 from twin.people.gait.gait_table import HEIGHT, LOAD, RATE, RUN_PACE, SHARE_BEHIND, GaitStyle, GaitTable

@@ -16,7 +16,7 @@ from scipy.interpolate import PchipInterpolator
 
 from trackers.arrays import Array
 from twin.models import load_yaml
-from twin.people.body.skeleton import Skeleton
+from twin.people.body.proportions import Skeleton
 
 RUN_PACE = 1.0
 """How far running lies behind walking on the scale of pace [m/s]."""

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array
 from twin.people.body.body import JOINT_PLACE, LEG, NQ_PERSON, SIDES
-from twin.people.body.legs import leg_angles
-from twin.people.body.skeleton import Skeleton
+from twin.people.body.kinematics import leg_angles
+from twin.people.body.proportions import Skeleton
 
 Planar = NDArray[np.complex128]
 

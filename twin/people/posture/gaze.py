@@ -1,12 +1,149 @@
-"""Heads that look about freely: now here, now there, a little into turns."""
+"""Looking: turning the head to a point, to a person or by an angle, as fast as heads turn."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from enum import IntEnum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trackers.arrays import Array
+from twin.people.body.kinematics import direction, turned
+from twin.people.posture.minimum_jerk import PEAK_RATE, Course, minimum_jerk
+from twin.people.posture.rows import LOOK, LOOK_TO, SPINE_YAW
+
+NECK_YAW_MOST_RAD = 1.396
+"""Turn of the head on the trunk, to either side (80 degrees)."""
+NECK_PITCH_MOST_RAD = (-0.95, 0.80)
+"""Nod of the head on the trunk, up and down (55 and 45 degrees)."""
+HEAD_RATE_RAD_S = 4.0
+"""Greatest rate of the head's turns."""
+
+_SHORTEST_S = 0.35
+_TRUNK_FROM_RAD = 0.9
+_TRUNK_SHARE = 0.5
+_TRUNK_MOST_RAD = 0.35
+_YAW_MOST_RAD = NECK_YAW_MOST_RAD + _TRUNK_MOST_RAD
+_KEEPS_SIDE_RAD = 2.5
+"""Beyond this a thing behind is looked at over the shoulder over which one looks already."""
+
+
+class _Aim(IntEnum):
+    AHEAD = 0
+    POINT = 1
+    PERSON = 2
+    ANGLE = 3
+
+
+class Looks:
+    """Where n people look on purpose; those who do not have their head where the gait has it."""
+
+    def __init__(self, count: int) -> None:
+        self.share = Course(1, count)
+        self._aim = np.zeros(count, dtype=np.intp)
+        self._point = np.zeros((count, 3))
+        self._whom = np.zeros(count, dtype=np.intp)
+        self._angle = np.zeros((count, 2))
+        self._turned = np.zeros((count, 2))  # yaw and pitch of the gaze in the body's frame [rad]
+        self._from = np.zeros((count, 2))
+        self._progress = np.ones(count)
+        self._duration = np.ones(count)
+        self._behind = np.zeros(count)  # how far the turn is behind what is wished [rad]
+        self._fresh = np.zeros(count, dtype=bool)
+
+    def at_point(self, person: int, point: Array) -> None:
+        """Keep looking at a point (3,) in the room [m]."""
+        self._point[person] = point
+        self._begin(person, _Aim.POINT)
+
+    def at_person(self, person: int, other: int) -> None:
+        """Keep looking at another's head."""
+        self._whom[person] = other
+        self._begin(person, _Aim.PERSON)
+
+    def by_angle(self, person: int, yaw: float, pitch: float) -> None:
+        """Turn the gaze from straight ahead: yaw to the left, pitch down positive [rad]."""
+        self._angle[person] = yaw, pitch
+        self._begin(person, _Aim.ANGLE)
+
+    def ahead(self, person: int) -> None:
+        """Look where the way goes again."""
+        if self._aim[person] != _Aim.AHEAD:
+            self._aim[person] = _Aim.AHEAD
+            self.share.go(person, 0.0, max(_SHORTEST_S, PEAK_RATE * self._size(person) / HEAD_RATE_RAD_S))
+
+    def done(self, person: int) -> bool:
+        """Whether the head is where it was asked to go, or as far as it turns."""
+        turned = self._aim[person] == _Aim.AHEAD or (self._progress[person] >= 1.0 and self._behind[person] < 1e-3)
+        return bool(turned and not self.share.moving[person] and not self._fresh[person])
+
+    def idle(self) -> bool:
+        """Whether nobody looks at anything."""
+        return not (self._aim.any() or self.share.value.any() or self.share.moving.any())
+
+    def step(self, dt: float, head: Array, body: Array, rows: Array) -> None:
+        """Turn the heads by dt [s] and write rows (POSTURE_ROWS, n).
+
+        head (n, 3): centres of the heads [m]; body (n, 3, 3): room_from_body, without what the trunk turns.
+        """
+        who = np.nonzero((self._aim != _Aim.AHEAD) | (self.share.value[0] > 0))[0]
+        aim = self._aim[who]
+        target = np.where((aim == _Aim.PERSON)[:, None], head[self._whom[who]], self._point[who])
+        seen = turned(body[who].transpose(0, 2, 1), target - head[who])
+        yaw = np.arctan2(seen[:, 1], seen[:, 0])
+        pitch = -np.arctan2(seen[:, 2], np.hypot(seen[:, 0], seen[:, 1]))
+        over = (np.abs(yaw) > _KEEPS_SIDE_RAD) & (yaw * self._turned[who, 0] < 0)
+        yaw = np.where(over, -yaw, yaw)
+        wish = np.where((aim == _Aim.ANGLE)[:, None], self._angle[who], np.stack([yaw, pitch], axis=-1))
+        wish = np.where((aim == _Aim.AHEAD)[:, None], self._turned[who], wish)
+        wish[:, 0] = np.minimum(np.maximum(wish[:, 0], -_YAW_MOST_RAD), _YAW_MOST_RAD)
+        fresh = self._fresh[who]
+        if fresh.any():
+            self._start(who[fresh], wish[fresh])
+        self._progress[who] = np.minimum(self._progress[who] + dt / self._duration[who], 1.0)
+        share = minimum_jerk(self._progress[who])[:, None]
+        goal = self._from[who] + share * (wish - self._from[who])
+        most = 1.05 * HEAD_RATE_RAD_S * dt
+        self._turned[who] += np.minimum(np.maximum(goal - self._turned[who], -most), most)
+        self._behind[who] = np.abs(wish - self._turned[who]).max(axis=1)
+        self.share.step(dt)
+        self._write(who, body, rows)
+
+    def _write(self, who: NDArray[np.intp], body: Array, rows: Array) -> None:
+        weight = self.share.value[0, who]
+        yaw, pitch = self._turned[who].T
+        towards = turned(body[who], direction(yaw, pitch))
+        rows[LOOK, who] = weight
+        rows[LOOK_TO, who] = weight * towards.T
+        beyond = _TRUNK_SHARE * np.maximum(np.abs(yaw) - _TRUNK_FROM_RAD, 0.0)
+        rows[SPINE_YAW, who] += weight * np.copysign(np.minimum(beyond, _TRUNK_MOST_RAD), yaw)
+
+    def _begin(self, person: int, aim: _Aim) -> None:
+        self._aim[person] = aim
+        self._fresh[person] = True
+
+    def _start(self, who: NDArray[np.intp], wish: Array) -> None:
+        """Begin turning from where the gaze is; who looked nowhere has no other gaze than the new one to fade in."""
+        for person, angles in zip(who, wish, strict=True):
+            if self.share.value[0, person] == 0.0:
+                self._turned[person] = self._from[person] = angles
+                self._progress[person] = 1.0
+                # the gait's own gaze may be turned the other way
+                self.share.go(person, 1.0, max(_SHORTEST_S, PEAK_RATE * (self._size(person) + 0.5) / HEAD_RATE_RAD_S))
+            else:
+                self._from[person] = self._turned[person]
+                self._progress[person] = 0.0
+                size = float(np.abs(angles - self._turned[person]).max())
+                duration_s = max(_SHORTEST_S, PEAK_RATE * size / HEAD_RATE_RAD_S)
+                self._duration[person] = duration_s
+                if self.share.goal(person)[0] < 1.0:
+                    self.share.go(person, 1.0, duration_s)
+            self._fresh[person] = False
+
+    def _size(self, person: int) -> float:
+        return float(np.abs(self._turned[person]).max())
+
 
 _SPREAD_RAD = 0.3
 _MOST_RAD = 0.8

@@ -13,8 +13,7 @@ from trackers.arrays import Array
 from twin.geometry.geom_hull import hull_points
 from twin.people.body.appearance import Appearance
 from twin.people.body.body import person_spec
-from twin.people.body.proportions import proportions_of
-from twin.people.body.skeleton import REFERENCE_STATURE_M
+from twin.people.body.proportions import REFERENCE_STATURE_M, proportions_of
 
 SEATED_PELVIS_RAD, SEATED_SPINE_RAD = -0.16, 0.10
 """Pitch of the pelvis of one who sits, which rolls back, and of the trunk on it, which comes forward again [rad]."""

@@ -1,7 +1,7 @@
 """Postures laid over the standing and walking body: sitting, lying, bending, reaching, looking, for all people at once.
 
 What has a memory is stepped on the people's clock and kept as rows of numbers that may be interpolated linearly (see
-`twin.people.posture.rows`); `twin.people.posture.lay.apply` lays them over the joint coordinates of the gait. One sits and
+`twin.people.posture.rows`); `twin.people.posture.overlay.apply` lays them over the joint coordinates of the gait. One sits and
 lies without moving, on the back and with the hands on the thighs; nobody crosses their legs or leans back.
 """
 
@@ -13,12 +13,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from twin.people.posture.bed import GET_UP_S, LIE_DOWN_S, SINK_M, lair_in, lay_lying
-from twin.people.posture.course import Course
-from twin.people.posture.look import Looks
+from twin.people.body.kinematics import about_y, about_z, turned
+from twin.people.posture.gaze import Looks
 from twin.people.posture.measures import BodyMeasures
+from twin.people.posture.minimum_jerk import Course
 from twin.people.posture.reach import BACK_PER_BEND_M, BACK_PER_DROP, PELVIS_SHARE, help_of_trunk
-from twin.people.posture.rotations import about_y, about_z, turned
+from twin.people.posture.resting import (
+    GET_UP_S,
+    LIE_DOWN_S,
+    MATTRESS_SINK_M,
+    SIT_DOWN_S,
+    STAND_UP_S,
+    Spot,
+    lair_in,
+    lay_lying,
+    lay_sitting,
+    spot_on,
+)
 from twin.people.posture.rows import (
     ARMS_PITCH,
     BACK,
@@ -35,10 +46,10 @@ from twin.people.posture.rows import (
     SPINE_PITCH,
     SPINE_ROLL,
     SPINE_YAW,
+    CentreOfMass,
     faced,
+    hips_up,
 )
-from twin.people.posture.sit import SIT_DOWN_S, STAND_UP_S, Spot, lay_sitting, spot_on
-from twin.people.posture.weight import CentreOfMass, hips_up
 from twin.room.furniture import Bed, Seat
 
 Planar = NDArray[np.complex128]
@@ -84,7 +95,7 @@ class Postures:
         self._looks = Looks(count)
         self._mass = CentreOfMass(measures)
         self._legs_slope = np.arcsin(
-            np.maximum(measures.behind - SINK_M - 1.1 * measures.ankle_height, 0.0) / measures.leg
+            np.maximum(measures.behind - MATTRESS_SINK_M - 1.1 * measures.ankle_height, 0.0) / measures.leg
         )
 
     def sit(self, person: int, seat: Seat) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from trackers.arrays import Array
-from twin.people.posture.course import minimum_jerk
+from twin.people.body.kinematics import about_x, about_y, about_z, turned
 from twin.people.posture.measures import SEATED_PELVIS_RAD, SEATED_SPINE_RAD, BodyMeasures
-from twin.people.posture.rotations import about_x, about_y, about_z, turned
+from twin.people.posture.minimum_jerk import minimum_jerk
 
 STRAIGHTEST = 0.992
 """Longest distance from shoulder to hand as a share of the arm: the elbow keeps 15 degrees."""

@@ -11,10 +11,9 @@ from trackers.arrays import Array
 from twin.people.crowd.crowd import Crowd
 from twin.people.crowd.ground import Ground
 from twin.people.crowd.order import Order
-from twin.people.posture.bed import lair_in
 from twin.people.posture.measures import BodyMeasures
 from twin.people.posture.posture import Postures
-from twin.people.posture.sit import spot_on
+from twin.people.posture.resting import lair_in, spot_on
 from twin.room.furniture import Bed, Seat
 from twin.scenario.behaviour import Look, Target
 

@@ -10,7 +10,7 @@ import numpy as np
 from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.people.crowd.ground import Ground
-from twin.scenario.behaviour import Path, Run, Walk
+from twin.scenario.behaviour import RecordedPath, Run, Walk
 from twin.scenario.people import Person
 
 Point = tuple[float, float]
@@ -28,7 +28,7 @@ def known_start(person: Person) -> Point | None:
     if person.start is not None or not person.script:
         return person.start
     match person.script[0]:
-        case Path() as path:
+        case RecordedPath() as path:
             return path.points[0][1:]
         case Walk(waypoints=waypoints) | Run(waypoints=waypoints):
             return waypoints[0]
@@ -66,7 +66,7 @@ def start_places(
 
 def comes_at(person: Person) -> float:
     """When a person comes into the room [s]."""
-    if person.script and isinstance(person.script[0], Path):
+    if person.script and isinstance(person.script[0], RecordedPath):
         return max(0.0, person.script[0].points[0][0])
     return person.arrive_s
 
@@ -98,7 +98,7 @@ def first_heading(person: Person, start: Array, rng: np.random.Generator) -> flo
     if person.heading_deg is not None:
         return float(np.deg2rad(person.heading_deg))
     match person.script[0] if person.script else None:
-        case Path(points=points):
+        case RecordedPath(points=points):
             waypoints = [point[1:] for point in points]
         case Walk(waypoints=waypoints) | Run(waypoints=waypoints):
             pass

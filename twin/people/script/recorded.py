@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from trackers.arrays import Array
-from twin.scenario.behaviour import Action, Path
+from twin.scenario.behaviour import Action, RecordedPath
 from twin.scenario.people import Person
 
 Planar = NDArray[np.complex128]
@@ -45,7 +45,7 @@ class RecordedPaths:
         first, last = [], []
         for number in self.numbers:
             path = paths[int(number)]
-            assert isinstance(path, Path)
+            assert isinstance(path, RecordedPath)
             rows = np.array(path.points)
             self._curves.append(curve_through(rows))
             # there from the tick before the first row to the one after the last, and so at both
@@ -101,7 +101,9 @@ def close_calls(
     people: Mapping[str, Person], until_s: float = np.inf, within_m: float = BODIES_NEED_M
 ) -> list[CloseCall]:
     """Where two recorded paths come closer than bodies allow before `until_s`, the closest moment of each pair, by time."""
-    names = sorted(name for name, person in people.items() if person.script and isinstance(person.script[0], Path))
+    names = sorted(
+        name for name, person in people.items() if person.script and isinstance(person.script[0], RecordedPath)
+    )
     paths = RecordedPaths({number: people[name].script[0] for number, name in enumerate(names)}, _LOOKS_EVERY_S)
     found: dict[tuple[int, int], tuple[float, float]] = {}
     last = int(min(paths.last.max(initial=-1), until_s / _LOOKS_EVERY_S))

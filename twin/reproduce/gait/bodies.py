@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from twin.people.body.proportions import proportions_of
-from twin.people.body.skeleton import Skeleton
+from twin.people.body.proportions import Skeleton, proportions_of
 from twin.people.gait.gait import Gait
 from twin.people.gait.pose import Moment, foot_loads
-from twin.people.posture.memory import TICK_S
+from twin.people.poses import TICK_S
 
 Flags = NDArray[np.bool_]
 

@@ -7,20 +7,20 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array
 from twin.people.body.body import ARM, JOINT_PLACE, LEG, SIDES
-from twin.people.body.legs import leg_angles
-from twin.people.posture.look import NECK_PITCH_MOST_RAD, NECK_YAW_MOST_RAD
-from twin.people.posture.measures import BodyMeasures
-from twin.people.posture.reach import arm_angles
-from twin.people.posture.rotations import (
+from twin.people.body.kinematics import (
     about_x,
     about_y,
     about_z,
     hip_angles,
+    leg_angles,
     matrix_of,
     quaternion_about,
     quaternion_product,
     turned,
 )
+from twin.people.posture.gaze import NECK_PITCH_MOST_RAD, NECK_YAW_MOST_RAD
+from twin.people.posture.measures import BodyMeasures
+from twin.people.posture.reach import arm_angles
 from twin.people.posture.rows import (
     ARMS_FLAT,
     ARMS_PITCH,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tracemalloc
-from pathlib import Path as FilePath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,11 +13,11 @@ from trackers.configuration import validate
 from trackers.errors import InputError
 from twin.people.script.recorded import BODIES_NEED_M, RecordedPaths, close_calls, curve_through, warning_of
 from twin.scenario import Scenario
-from twin.scenario.behaviour import Path
+from twin.scenario.behaviour import RecordedPath
 from twin.scenario.pedestrians import Pedestrians, people_from
 from twin.world.world import World
 
-DATA = FilePath(__file__).parents[4] / "shared" / "data" / "trajectories"
+DATA = Path(__file__).parents[5] / "shared" / "data" / "trajectories"
 SCANNER = {"low": {"kind": "laser", "rate_hz": 10, "mount": {"xyz": [0, 0, 0.4]}}}
 
 
@@ -108,8 +108,8 @@ def test_a_path_with_a_long_gap_is_kept_in_no_more_memory_than_a_short_one() -> 
 
 def test_places_do_not_depend_on_which_moments_were_asked_for_before() -> None:
     paths = {
-        0: validate(Path, {"points": [(-3, 0, 0), (4, 1, 2), (30, 5, 5)]}, "test"),
-        1: validate(Path, {"points": [(20, 1, 0), (21, 1, 1), (22.01, 2, 1)]}, "test"),
+        0: validate(RecordedPath, {"points": [(-3, 0, 0), (4, 1, 2), (30, 5, 5)]}, "test"),
+        1: validate(RecordedPath, {"points": [(20, 1, 0), (21, 1, 1), (22.01, 2, 1)]}, "test"),
     }
     recorded = RecordedPaths(paths, 0.025)
     in_order = [recorded.at(tick) for tick in range(1400)]
@@ -155,7 +155,7 @@ def test_a_part_of_a_real_recording_is_walked(file: str, rate_hz: float, start_s
     rows: dict[str, dict[float, tuple[float, float]]] = {}
     for name, person in content.people.items():
         path = person.script[0]
-        assert isinstance(path, Path)
+        assert isinstance(path, RecordedPath)
         rows[name] = {round(t, 6): (x, y) for t, x, y in path.points if 0 <= t < seconds}
     walked, errors = set(), []
     for t in sorted({t for each in rows.values() for t in each}):

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from twin.people.body.proportions import proportions_of
-from twin.people.body.skeleton import Skeleton
+from twin.people.body.proportions import Skeleton, proportions_of
 from twin.people.gait.gait import Gait
 from twin.people.gait.pose import BOB, FootLoads, Moment, foot_loads, heel_and_pelvis, joint_coordinates
 

@@ -9,13 +9,11 @@ from posture_cast import DT, Stage, bed, looks_of, seat, standing
 
 from twin.geometry.geom_hull import hull_points
 from twin.people.body.body import JOINT_PLACE, JOINTS, NQ_PERSON
-from twin.people.posture.bed import lair_in
-from twin.people.posture.lay import apply, hand_places, soles
 from twin.people.posture.measures import BodyMeasures
+from twin.people.posture.overlay import apply, hand_places, soles
 from twin.people.posture.posture import Postures
-from twin.people.posture.rows import POSTURE_ROWS
-from twin.people.posture.sit import FEET_SHARE, spot_on
-from twin.people.posture.weight import pressure_shift_m, support
+from twin.people.posture.resting import FEET_SHARE, lair_in, spot_on
+from twin.people.posture.rows import POSTURE_ROWS, pressure_shift_m, support
 
 MOST_PER_TICK_RAD = 0.25
 G = 9.81

@@ -8,7 +8,7 @@ from hypothesis import given, settings, strategies as st
 
 from twin.people.body.appearance import appearance_of
 from twin.people.body.body import JOINT_PLACE, LEG, person_spec
-from twin.people.body.legs import leg_angles
+from twin.people.body.kinematics import leg_angles
 from twin.scenario.people import Person
 
 LOOKS = appearance_of(Person(height_m=1.8), np.random.default_rng(0))

@@ -18,7 +18,7 @@ from twin.scenario.people import Person
 STATURES = (1.3, 1.55, 1.75, 1.95)
 WALKS = (0.8, 1.0, 1.2, 1.35, 1.5, 1.8)
 RUNS = (2.5, 3.0, 4.0, 5.0)
-MEASURED = Path(__file__).parents[4] / "shared" / "data" / "gait" / "subject01_walk1_grf.mot"
+MEASURED = Path(__file__).parents[5] / "shared" / "data" / "gait" / "subject01_walk1_grf.mot"
 
 
 @pytest.fixture(scope="module", params=WALKS)

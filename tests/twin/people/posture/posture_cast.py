@@ -11,9 +11,9 @@ import numpy as np
 
 from twin.people.body.appearance import appearance_of
 from twin.people.body.body import JOINT_PLACE, LEG, NQ_PERSON, SIDES, person_spec
-from twin.people.body.legs import leg_angles
-from twin.people.posture.lay import apply
+from twin.people.body.kinematics import leg_angles
 from twin.people.posture.measures import BodyMeasures
+from twin.people.posture.overlay import apply
 from twin.people.posture.posture import Postures
 from twin.room.furniture import Bed, Seat
 from twin.scenario.people import Person

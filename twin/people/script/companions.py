@@ -1,16 +1,19 @@
-"""Walking abreast of somebody, and behind them where there is no room."""
+"""Keep company: walk behind or abreast of another person, or walk up to them and stand face to face."""
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from math import cos, inf, sin
 
 import numpy as np
 
-from twin.people.crowd.order import End, Order
+from twin.people.crowd.order import Order
 from twin.people.crowd.social_force import KEEP_APART_M
 from twin.people.script.actor import Actor
-from twin.scenario.behaviour import Follow
+from twin.people.script.walking import HALT_M, LOOKS_AGAIN_S, Orders
+from twin.scenario.behaviour import Follow, Look, Meet
 
+_WALKS_ON_M_S = 0.2
+"""Whoever is slower is about to stand."""
 _ORDERS_EVERY_S = 0.1
 _DRAWS_LEVEL_S = 0.5
 """The way to the place beside the other is made up within about this time [s]."""
@@ -24,7 +27,60 @@ _SWINGS_OUT = 0.6
 """Who draws level passes wide of the other's back: so much farther aside for each metre that they lag."""
 
 
-def walk_beside(actor: Actor, action: Follow) -> Generator[Order, End, None]:
+def follow(actor: Actor, action: Follow) -> Orders:
+    if action.beside is not None:
+        yield from _walk_beside(actor, action)
+        return
+    ends_at = actor.ends_at(action.for_s)
+    while actor.t < ends_at and not actor.is_gone(action.person):
+        until = min(actor.t + 2 * LOOKS_AGAIN_S, ends_at)
+        gap = actor.distance_to(action.person) - action.keeps_m
+        if gap == inf:
+            yield Order(None, until=until)
+            continue
+        # as fast as the gap asks for: it closes within about half a second, and stays closed behind somebody who walks on
+        ahead = actor.speed_of(action.person)
+        walks_on = ahead > _WALKS_ON_M_S
+        if gap < (-ahead if walks_on else 0.1):
+            yield Order(None, until=until, heading=actor.bearing_of(action.person))
+        else:
+            speed = min(action.speed_m_s, max(ahead + 2 * gap, _WALKS_ON_M_S))
+            yield from _one_step_on(actor, action.person, speed, until, 0.0 if walks_on else action.keeps_m)
+
+
+def _one_step_on(actor: Actor, person: str, speed_m_s: float, until: float, distance_m: float) -> Orders:
+    """A moment's walk towards somebody who moves, to end at a distance from them."""
+    there, bearing = actor.target(person), actor.bearing_of(person)
+    before = (float(there[0]) - distance_m * cos(bearing), float(there[1]) - distance_m * sin(bearing))
+    way = actor.way_to(there) or actor.way_to(before)
+    if not way:
+        yield Order(None, until=until)
+        return
+    goal = way[0] if len(way) > 1 else before
+    yield Order(goal, speed_m_s, until, HALT_M, halt=len(way) == 1 and distance_m > 0)
+
+
+def meet(actor: Actor, action: Meet) -> Orders:
+    if not actor.is_gone(action.person):
+        actor.sets_out(actor.target(action.person), action.speed_m_s, action.person)
+    while actor.distance_to(action.person) > action.distance_m + 0.1:
+        if actor.is_gone(action.person):
+            actor.arrives()
+            return
+        if actor.distance_to(action.person) == inf:
+            yield Order(None, until=actor.t + LOOKS_AGAIN_S)
+            continue
+        yield from _one_step_on(actor, action.person, action.speed_m_s, actor.t + 2 * LOOKS_AGAIN_S, action.distance_m)
+    actor.arrives()
+    ends_at = actor.t + action.for_s
+    actor.look(Look(at=action.person))
+    while actor.t < ends_at and not actor.is_gone(action.person):
+        actor.draws_the_eyes_of(action.person)
+        yield Order(None, until=min(actor.t + 2 * LOOKS_AGAIN_S, ends_at), heading=actor.bearing_of(action.person))
+    actor.look(Look())
+
+
+def _walk_beside(actor: Actor, action: Follow) -> Orders:
     """Keep level with somebody who goes their own way, or behind them for a while (see `twin.scenario.behaviour.Follow`)."""
     crowd, other = actor.stage.crowd, actor.stage.number_of(action.person)
     ends_at, behind_until = actor.ends_at(action.for_s), -np.inf

@@ -7,7 +7,7 @@ import pytest
 
 from trackers.area import Area
 from trackers.errors import InputError
-from twin.people.crowd.places import free_places, nearest_free
+from twin.people.crowd.ground import free_places, nearest_free
 from twin.room.obstacles import Footprints, Obstacle
 
 ROOM = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0]])

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from twin.people.gait.pose import FLOOR_ROWS, ROWS, Moment
-from twin.people.posture.course import minimum_jerk
-from twin.people.posture.memory import TICK_S, Memory
-from twin.people.posture.rows import OFF_FEET, POSTURE_ROWS
-from twin.people.posture.weight import support
+from twin.people.poses import TICK_S, Memory
+from twin.people.posture.minimum_jerk import minimum_jerk
+from twin.people.posture.rows import OFF_FEET, POSTURE_ROWS, support
 
 
 def test_who_gets_up_never_weighs_less_than_nothing():

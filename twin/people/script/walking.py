@@ -1,0 +1,136 @@
+"""Walk about: along a way around furniture to a place, through waypoints, or at random with sudden stops and turns."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from trackers.arrays import Array
+from twin.people.crowd.order import End, Order
+from twin.people.script.actor import Actor
+from twin.scenario.behaviour import Run, Walk, Wander
+
+Orders = Generator[Order, End, Any]
+"""The orders of an action, one after another; each is answered with the reason for which it ended."""
+
+LOOKS_AGAIN_S = 0.1
+"""Interval at which a condition, or a person who moves, is looked at again [s]."""
+HALT_M = 0.05
+"""Distance within which a person has arrived at a place to halt at [m]."""
+_PASS_M = 0.2
+_CANDIDATES = 6
+_LEAST_WAY_M = 0.8
+_LOOK_AHEAD_M = 1.0
+_SHUT_IN_S = 0.5
+
+
+def wander(actor: Actor, action: Wander) -> Orders:
+    """Random places one after another (see `twin.scenario.behaviour.Wander`)."""
+    ends_at = actor.ends_at(action.for_s)
+    walking = False
+    rng = actor.rng
+    while actor.t < ends_at:
+        if walking and rng.random() < action.stop_share:
+            walking = False
+            yield Order(None, until=min(actor.t + rng.uniform(*action.stop_s), ends_at))
+            continue
+        walking = True
+        goal = _goal(actor)
+        speed = rng.uniform(*action.speed_m_s)
+        until = min(actor.t + 0.3 + rng.exponential(action.stretch_s), ends_at)
+        way = actor.way_to(goal)
+        if not way:  # too close to furniture to find one: wait, others may push
+            yield Order(None, until=min(actor.t + _SHUT_IN_S, ends_at))
+        for place in way:
+            if (yield Order(place, speed, until)) != "arrived":
+                break
+
+
+def _goal(actor: Actor) -> Array:
+    """Of a few random goals the one whose first metre is freest of others: nobody sets out into somebody's back."""
+    here, others = actor.here, actor.others()
+    goals = actor.free_places(_CANDIDATES)
+    way = goals - here
+    length = np.hypot(way[:, 0], way[:, 1])
+    direction = way / np.maximum(length, 1e-9)[:, None]
+    free = np.minimum(length / _LEAST_WAY_M, 1.0)
+    if len(others):
+        ahead = here + direction * np.minimum(length, _LOOK_AHEAD_M)[:, None]
+        to_others = others - here
+        along = np.clip(direction @ to_others.T, 0.0, _LOOK_AHEAD_M)  # (goals, others)
+        nearest = np.linalg.norm(to_others - along[..., None] * direction[:, None], axis=-1).min(axis=1)
+        crowded = np.linalg.norm(others - ahead[:, None], axis=-1).min(axis=1)
+        free = free + np.minimum(nearest, 0.7) + np.minimum(crowded, 0.7)
+    return goals[int(np.argmax(free))]
+
+
+def walk(actor: Actor, action: Walk | Run) -> Orders:
+    face = action.face if isinstance(action, Walk) else None
+    while True:
+        for place in action.waypoints:
+            halt = place is action.waypoints[-1] and not action.repeat
+            yield from walk_to(actor, place, action.speed_m_s, halt=halt, face=face)
+        if not action.repeat:
+            return
+        if len(action.waypoints) == 1:
+            yield Order(None)
+
+
+def walk_to(
+    actor: Actor,
+    goal: Array | tuple[float, float],
+    speed_m_s: float,
+    *,
+    halt: bool,
+    face: Any = None,
+    exactly: bool = False,
+    what: str = "",
+) -> Orders:
+    """Around furniture to a place, called `what` where it has a name."""
+    actor.sets_out(goal, speed_m_s, what)
+    yield from _by_a_way(actor, goal, speed_m_s, halt=halt, face=face, exactly=exactly)
+    actor.arrives()
+
+
+def _by_a_way(
+    actor: Actor, goal: Array | tuple[float, float], speed_m_s: float, *, halt: bool, face: Any, exactly: bool
+) -> Orders:
+    """Along a way; where others stand in it, wait a moment and look for a way again."""
+    near = actor.stage.ground.routes.near(np.asarray(goal, dtype=float))
+    while True:
+        way = actor.way_to(goal)
+        for place in way:
+            last = place is way[-1]
+            arrive_m = HALT_M if (halt or exactly) and last else _PASS_M
+            end = yield from _towards(actor, Order(place, speed_m_s, inf, arrive_m, halt and last, near=near), face)
+            if last and halt and end == "taken" and not exactly:
+                return
+            if end == "taken":
+                yield Order(None, until=actor.t + actor.rng.uniform(0.3, 1.0))
+            if end in ("blocked", "taken"):
+                break
+        else:
+            if way:
+                return
+            yield Order(None, until=actor.t + actor.rng.uniform(0.3, 1.0))
+
+
+def _towards(actor: Actor, order: Order, face: Any) -> Orders:
+    """One stretch of the way, facing somebody or something meanwhile."""
+    if face is None:
+        return (yield order)
+    while True:
+        end = yield Order(
+            order.goal,
+            order.speed_m_s,
+            actor.t + LOOKS_AGAIN_S,
+            order.arrive_m,
+            order.halt,
+            actor.bearing_of(face),
+            order.near,
+        )
+        if end != "time":
+            return end
