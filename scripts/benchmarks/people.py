@@ -15,7 +15,7 @@ from twin.people.script.recorded import BODIES_NEED_M
 from twin.scenario import Scenario
 from twin.scenario.behaviour import RecordedPath
 from twin.scenario.pedestrians import Pedestrians, people_from
-from twin.world.bodies import casts_of
+from twin.world.bodies import body_pools
 from twin.world.penetration import PenetrationCheck
 from twin.world.simulation import Simulation
 from twin.world.world import World
@@ -118,7 +118,7 @@ def crowd_building() -> Iterator[Figure]:
         each_s[count] = spent_s / count
         yield Figure(f"world of {count} pedestrians, CPU time", spent_s, "s", "<= 15" if count == 480 else "")
     yield Figure("the same for one of them: of 480 over of 61", each_s[480] / each_s[61], "×", "<= 1")
-    bodies = max(len(cast.names) for cast in casts_of(scenario.people))
+    bodies = max(len(pool.names) for pool in body_pools(scenario.people))
     moments = np.arange(0.0, scenario.duration_s, 0.5)
     spans = np.array([(path[0][0], path[-1][0]) for path in paths[:480]])
     at_once = ((spans[:, 0] <= moments[:, None]) & (moments[:, None] <= spans[:, 1])).sum(axis=1).max()

@@ -16,7 +16,7 @@ from twin.people.poses import TICK_S, Motion, Poses
 from twin.people.posture.gaze import FreeGaze
 from twin.people.posture.measures import BodyMeasures
 from twin.people.posture.posture import Part, Postures
-from twin.people.posture.resting import spot_on
+from twin.people.posture.resting import seated_pose
 from twin.people.posture.rows import HANDS, LOOK, OFF_FEET, PELVIS_PITCH
 from twin.people.script.actions import perform
 from twin.people.script.actor import Actor, Stage
@@ -34,8 +34,8 @@ _NEAR_ENOUGH_M, _HALTS_FOR_S = 0.2, 1.5
 class Population(Poses):
     """The people of a scenario, in the order of their names: so the order of listing changes nothing.
 
-    `advance(t)` steps them; `qpos(t)`, `feet(t)` and `truth(t)` may be asked for any t from `memory.HISTORY_S` before the last
-    step up to it. Memory does not grow with time.
+    `advance(t)` steps them; `qpos(t)`, `feet(t)` and `truth(t)` may be asked for any t from `poses.HISTORY_S` before the last
+    step up to it. PoseHistory does not grow with time.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class Population(Poses):
         self._crowd.driven[self._recorded.numbers] = True
         self._tick = 0
         self._enter_and_leave()
-        self._remember()
+        self._record()
 
     @property
     def in_use(self) -> dict[str, str]:
@@ -132,14 +132,14 @@ class Population(Poses):
 
     def motion(self, until_s: float) -> Motion:
         """Step everybody from the start to `until_s` [s]; how they moved, tick by tick. Of a population not stepped yet."""
-        ticks = [self._memory.last()]
-        while self._memory.tick * TICK_S < until_s:
+        ticks = [self._history.last()]
+        while self._history.tick * TICK_S < until_s:
             self._step()
-            ticks.append(self._memory.last())
+            ticks.append(self._history.last())
         return Motion(*(np.stack(each) for each in zip(*ticks, strict=True)))
 
-    def _remember(self) -> None:
-        self._memory.remember(self._gait.moment, self._postures.rows, self._crowd.present)
+    def _record(self) -> None:
+        self._history.append(self._gait.state, self._postures.rows, self._crowd.present)
 
     def _step(self) -> None:
         crowd, stage, postures = self._crowd, self._stage, self._postures
@@ -156,7 +156,7 @@ class Population(Poses):
         self._gait.step(crowd, gaze, TICK_S, still=~postures.may_walk())
         self._tick += 1
         self._enter_and_leave()
-        self._remember()
+        self._record()
 
     def _order(self, t: float) -> None:
         """Give everybody whose order has ended the next one of their script."""
@@ -240,9 +240,9 @@ def _put_before_seat(person: Person, ground: Ground, measures: BodyMeasures, num
     seat = _seat_from_start(person, ground)
     if seat is None:
         return person
-    spot = spot_on(seat, measures, number)
-    start = spot.standing_place.real, spot.standing_place.imag
-    return person.model_copy(update={"start": start, "heading_deg": float(np.degrees(spot.yaw))})
+    seated = seated_pose(seat, measures, number)
+    start = seated.standing_place.real, seated.standing_place.imag
+    return person.model_copy(update={"start": start, "heading_deg": float(np.degrees(seated.yaw))})
 
 
 def _kept_in(person: Person, ground: Ground) -> Array | None:

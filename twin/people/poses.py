@@ -15,9 +15,9 @@ from twin.instant.feet import Feet, on_the_floor
 from twin.people.body.appearance import Appearance
 from twin.people.body.proportions import Skeleton
 from twin.people.gait.gait import GRAVITY_M_S2
-from twin.people.gait.pose import FLOOR_ROWS, HEADING, ROWS, Moment, foot_loads, joint_coordinates
+from twin.people.gait.pose import FLOOR_ROWS, HEADING, ROWS, GaitState, foot_loads, joint_coordinates
 from twin.people.posture.measures import BodyMeasures
-from twin.people.posture.overlay import apply
+from twin.people.posture.overlay import overlay_postures
 from twin.people.posture.rows import POSTURE_ROWS, active, faced, pressure_shift_m, support
 
 TICK_S = 0.025
@@ -27,7 +27,7 @@ HISTORY_S = 3.0
 """How far back poses can be asked for [s]."""
 
 
-class Memory:
+class PoseHistory:
     """What was at each of the last ticks, `HISTORY_S` of them, of n people; its size does not grow with time."""
 
     def __init__(self, count: int) -> None:
@@ -42,11 +42,11 @@ class Memory:
         """How many ticks are kept."""
         return len(self._rows)
 
-    def remember(self, moment: Moment, posture: Array, present: NDArray[np.bool_]) -> None:
+    def append(self, state: GaitState, posture: Array, present: NDArray[np.bool_]) -> None:
         """Keep what is at the next tick: who is how, in which posture (POSTURE_ROWS, n), and who is in the room (n,)."""
         self.tick += 1
         slot = self.tick % len(self)
-        self._floor[slot], self._rows[slot] = moment.floor, moment.rows
+        self._floor[slot], self._rows[slot] = state.floor, state.rows
         self._posture[slot], self._present[slot] = posture, present
 
     def last(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
@@ -58,21 +58,21 @@ class Memory:
         """Who was in the room at time t [s], (n,)."""
         return self._present[self._slots(t)[0]].copy()
 
-    def at(self, t: float) -> tuple[Moment, Array]:
+    def at(self, t: float) -> tuple[GaitState, Array]:
         """The moment and the posture at time t [s], between the two ticks around it; ValueError for one not kept."""
         early, late, share = self._slots(t)
         floor, rows, posture = self._floor, self._rows, self._posture
-        return Moment(
+        return GaitState(
             floor[early] + share * (floor[late] - floor[early]), rows[early] + share * (rows[late] - rows[early])
         ), posture[early] + share * (posture[late] - posture[early])
 
-    def ticks_around(self, t: float) -> list[tuple[Moment, Array]]:
-        """Moment and posture at the two ticks around time t [s], the earlier first; nothing before the second tick."""
+    def ticks_around(self, t: float) -> list[tuple[GaitState, Array]]:
+        """GaitState and posture at the two ticks around time t [s], the earlier first; nothing before the second tick."""
         if self.tick == 0:
             return []
         late = max(min(int(t / TICK_S + 1e-9) + 1, self.tick), 1)
         slots = [(late - 1) % len(self), late % len(self)]
-        return [(Moment(self._floor[slot], self._rows[slot]), self._posture[slot]) for slot in slots]
+        return [(GaitState(self._floor[slot], self._rows[slot]), self._posture[slot]) for slot in slots]
 
     def _slots(self, t: float) -> tuple[int, int, float]:
         """The two remembered ticks around time t [s], and the share of the later one."""
@@ -116,7 +116,7 @@ class Poses(ABC):
         self._skeleton = Skeleton([appearances[name].proportions for name in self.names])
         self._weight_n = GRAVITY_M_S2 * np.array([appearances[name].mass_kg for name in self.names], dtype=float)
         self._measures = measures
-        self._memory = Memory(len(self.names))
+        self._history = PoseHistory(len(self.names))
         self._asked: tuple[float, int, Array] | None = None  # time, tick and coordinates last asked for
 
     def __len__(self) -> int:
@@ -124,7 +124,7 @@ class Poses(ABC):
 
     def advance(self, t: float) -> None:
         """Step until the clock has reached time t [s] since the start; does nothing where it has already."""
-        while self._memory.tick * TICK_S < t:
+        while self._history.tick * TICK_S < t:
             self._step()
 
     @abstractmethod
@@ -133,22 +133,22 @@ class Poses(ABC):
 
     def present(self, t: float) -> Mask:
         """Who is in the room at time t [s], (n,)."""
-        return self._memory.present(t)
+        return self._history.present(t)
 
     def qpos(self, t: float) -> Array:
         """Joint coordinates (n, NQ_PERSON) at time t [s], laid out as `twin.people.body.body.JOINTS` says.
 
         Those who are not present have the coordinates of when they were, or will be.
         """
-        if self._asked is None or self._asked[:2] != (t, self._memory.tick):
-            self._asked = t, self._memory.tick, self._coordinates(*self._memory.at(t))
+        if self._asked is None or self._asked[:2] != (t, self._history.tick):
+            self._asked = t, self._history.tick, self._coordinates(*self._history.at(t))
         return self._asked[2].copy()
 
     def feet(self, t: float) -> Feet:
         """Everybody's soles and the weight on them at time t [s]."""
-        moment, posture = self._memory.at(t)
+        state, posture = self._history.at(t)
         present = self.present(t)
-        feet = foot_loads(moment, self._skeleton)
+        feet = foot_loads(state, self._skeleton)
         on_feet, acceleration = support(posture)
         load = on_the_floor(feet.load, feet.height)
         load_n = load * (on_feet * np.maximum(1.0 + acceleration / GRAVITY_M_S2, 0.0) * self._weight_n)
@@ -163,25 +163,25 @@ class Poses(ABC):
 
     def truth(self, t: float) -> PopulationTruth:
         """Where everybody is at time t [s]."""
-        moment, posture = self._memory.at(t)
+        state, posture = self._history.at(t)
         qpos = self.qpos(t)
-        velocity = moment.pelvis_velocity + self._posture_velocity(t)
-        yaw = (faced(moment.rows[HEADING], posture) + np.pi) % (2 * np.pi) - np.pi
+        velocity = state.pelvis_velocity + self._posture_velocity(t)
+        yaw = (faced(state.rows[HEADING], posture) + np.pi) % (2 * np.pi) - np.pi
         x, y, z = qpos[:, :3].T.copy()
         return PopulationTruth(self.present(t), x, y, z, yaw, velocity.real, velocity.imag)
 
-    def _coordinates(self, moment: Moment, posture: Array) -> Array:
-        return apply(joint_coordinates(moment, self._skeleton), posture, self._measures)
+    def _coordinates(self, state: GaitState, posture: Array) -> Array:
+        return overlay_postures(joint_coordinates(state, self._skeleton), posture, self._measures)
 
     def _posture_velocity(self, t: float) -> NDArray[np.complex128]:
         """What sitting down, bending and the like add to the velocity of the ground point under the pelvis, (n,) [m/s]."""
-        around = self._memory.ticks_around(t)
+        around = self._history.ticks_around(t)
         if not any(len(active(posture)) for _, posture in around):
             return np.zeros(len(self), dtype=complex)
         ends = []
-        for moment, posture in around:
-            qpos = self._coordinates(moment, posture)
-            ends.append(qpos[:, 0] + 1j * qpos[:, 1] - moment.pelvis)
+        for state, posture in around:
+            qpos = self._coordinates(state, posture)
+            ends.append(qpos[:, 0] + 1j * qpos[:, 1] - state.pelvis)
         return (ends[1] - ends[0]) / TICK_S
 
 
@@ -217,7 +217,7 @@ class Motion:
         return all(getattr(self, each.name).tobytes() == getattr(other, each.name).tobytes() for each in fields(self))
 
 
-class MovedBefore(Poses):
+class PrecomputedPoses(Poses):
     """People who move as they did before, on the clock of whoever asks.
 
     Ticks come into the memory one by one as time goes on, as they did when the people were stepped: what lies between the
@@ -232,10 +232,12 @@ class MovedBefore(Poses):
         self._step()
 
     def _step(self) -> None:
-        tick = self._memory.tick + 1
+        tick = self._history.tick + 1
         if tick >= len(self._motion.present):
             raise ValueError(
                 f"the motion ends after {len(self._motion.present)} ticks; no later moment can be asked for"
             )
         motion = self._motion
-        self._memory.remember(Moment(motion.floor[tick], motion.rows[tick]), motion.posture[tick], motion.present[tick])
+        self._history.append(
+            GaitState(motion.floor[tick], motion.rows[tick]), motion.posture[tick], motion.present[tick]
+        )

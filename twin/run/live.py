@@ -48,8 +48,8 @@ from twin.scenario.load import dump_scenario
 from twin.streams import stream
 from twin.truth.frames import TruthDetail, TruthFrame
 from twin.world.heap import heap_trimmed
+from twin.world.precomputed import PrecomputedScene
 from twin.world.simulation import Simulation
-from twin.world.staged import Staged
 
 DEFAULT_TRACKER = "laser-fisheye-imm"
 
@@ -63,7 +63,7 @@ def run_scenario(
     images: bool = True,
     trusted: TrustedClasses = NONE_TRUSTED,
     source: str | None = None,
-    staged: Staged | None = None,
+    precomputed: PrecomputedScene | None = None,
     on_progress: OnProgress = lambda what, done, total: None,
     on_warning: OnWarning = lambda warning: None,
 ) -> RunResult:
@@ -71,7 +71,7 @@ def run_scenario(
 
     `trackers`: names; None: those the scenario defines, else the default where the rig has what it needs (a warning says
     where it has not); empty: none, and so no metrics and no report. `trusted`: classes that the scenario may name.
-    `staged`: its people, moved before. `source`: what errors about its trackers call it, its file; default: by its name.
+    `precomputed`: its people, moved before. `source`: what errors about its trackers call it, its file; default: by its name.
     Every file appears under its name when it is whole. Raises InputError for bad input, before anything is written, and
     PlugInError when every tracker has failed; where others are left, the result says which did.
     """
@@ -83,7 +83,7 @@ def run_scenario(
         scenario.prior.check(source)
     is_default = trackers is None and not scenario.trackers
     with heap_trimmed(), out_folder(folder, _names(names, video)) as out_:
-        return _run(scenario, chosen, is_default, out_, video, images, staged, on_progress, on_warning)
+        return _run(scenario, chosen, is_default, out_, video, images, precomputed, on_progress, on_warning)
 
 
 def _run(
@@ -93,7 +93,7 @@ def _run(
     out: OutFolder,
     video: bool,
     images: bool,
-    staged: Staged | None,
+    precomputed: PrecomputedScene | None,
     on_progress: OnProgress,
     on_warning: OnWarning,
 ) -> RunResult:
@@ -111,7 +111,7 @@ def _run(
 
     with ExitStack() as stack:
         simulation = stack.enter_context(
-            Simulation(scenario, images=images, on_truth=tell, on_detail=tell_detail, staged=staged)
+            Simulation(scenario, images=images, on_truth=tell, on_detail=tell_detail, precomputed=precomputed)
         )
         scene, rig, warnings = simulation.world.scene, simulation.rig, simulation.warnings
         background = list(simulation.background_messages())

@@ -21,7 +21,7 @@ from twin.studies.page import environment
 from twin.studies.plots import heat_map, is_scanner, plan_sensors
 from twin.studies.spec import Coverage
 from twin.studies.visibility import SampledWorld, SensorVisibility, floor_cells, packed
-from twin.world.staged import Staged, moved
+from twin.world.precomputed import PrecomputedScene, precompute_motion
 
 _CELLS = 10_000
 
@@ -34,13 +34,13 @@ def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: fl
             f"scenario {scenario.name!r}: sensors: none is a scanner or a camera; one that looks is expected"
         )
     asked = Coverage(beams=beams, px_per_m=px_per_m, samples=samples)
-    staged = Staged.of(scenario, moved(scenario))
+    precomputed = PrecomputedScene.of(scenario, precompute_motion(scenario))
     times = ((np.arange(samples) + 0.5) / samples * scenario.duration_s).tolist()
-    sampled = SampledWorld(scenario, staged, times)
+    sampled = SampledWorld(scenario, precomputed, times)
     area = sampled.area
     cell_m = max(0.05, float(np.sqrt(np.prod(np.ptp(area, axis=0)) / _CELLS)))
     cells = floor_cells(area, cell_m)
-    building = building_of(staged.scene)
+    building = building_of(precomputed.scene)
     visibilities = {name: SensorVisibility(scenario, name, asked) for name in names}
     visible = {name: visibility.people(sampled) for name, visibility in visibilities.items()}
     sharp = {name: visibility.resolution(sampled.empty(), cells) for name, visibility in visibilities.items()}

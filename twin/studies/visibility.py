@@ -23,7 +23,7 @@ from twin.scenario.sensors import LaserDescription
 from twin.sensors.rays import Fan, cast
 from twin.studies.spec import Coverage
 from twin.truth.visibility import SensorView, first_met, sensor_view
-from twin.world.staged import Staged
+from twin.world.precomputed import PrecomputedScene
 from twin.world.world import World
 
 _TRUNK_M, _LEGS_M, _TRUNK_FROM_M = 0.35, 0.2, 0.7
@@ -48,10 +48,10 @@ class WorldSample:
 class SampledWorld:
     """Time samples of a scenario's people, and the empty room, for any sensor to look at."""
 
-    def __init__(self, scenario: Scenario, staged: Staged | None, times_s: Sequence[float]) -> None:
+    def __init__(self, scenario: Scenario, precomputed: PrecomputedScene | None, times_s: Sequence[float]) -> None:
         """Sample the world at ascending `times_s`; without any, the empty room alone."""
         self.scenario = scenario
-        world = World(scenario, staged)
+        world = World(scenario, precomputed)
         self.area = world.scene.area
         area, ids = Area(self.area), np.array([world.scene.ids[name] for name in world.scene.names], dtype=np.int16)
         self.samples: list[WorldSample] = []

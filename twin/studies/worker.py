@@ -24,9 +24,9 @@ from twin.suites.cache_keys import Provenance, people_key, room_digest, whole_co
 from twin.suites.metrics import flatten_metrics
 from twin.suites.worker import cached_motion
 from twin.truth.frames import Situation, TruthDetail, TruthFrame
-from twin.world.bodies import casts_of
+from twin.world.bodies import body_pools
+from twin.world.precomputed import PoseCache, PrecomputedScene
 from twin.world.simulation import Simulation
-from twin.world.staged import Posed, Staged
 
 DETAILED = ("disposal.", "errors.")
 """Metrics that need more of the truth than people's positions."""
@@ -59,9 +59,9 @@ class EvaluationTask:
 class _CachedScene:
     """A compiled scene with its motion; by sensor timing its truth and, for scanners alone, its poses: of any placement."""
 
-    staged: Staged
+    precomputed: PrecomputedScene
     truth: dict[str, TruthTable] = field(default_factory=dict)
-    posed: dict[str, Posed] = field(default_factory=dict)
+    pose_caches: dict[str, PoseCache] = field(default_factory=dict)
 
 
 _scenes: OrderedDict[str, _CachedScene] = OrderedDict()
@@ -97,17 +97,17 @@ def evaluate_placement(work: EvaluationTask) -> dict[str, Evaluation]:
         scenario,
         on_truth=None if known else frames.append,
         on_detail=tell if work.details else None,
-        staged=cached.staged,
+        precomputed=cached.precomputed,
         shares=work.details,
     ) as simulation:
         if all(each.kind == "laser" for each in scenario.sensors.values()) and not work.details:
             scene = simulation.world.scene
-            simulation.world.posed = cached.posed.get(timing) or Posed(scene.person_of_geom)
+            simulation.world.pose_cache = cached.pose_caches.get(timing) or PoseCache(scene.person_of_geom)
         prior = Prior.read(simulation.background(), scenario.prior, simulation.rig)
         observations, rig = list(simulation), simulation.rig
-        if simulation.world.posed is not None and len(casts_of(scenario.people)) == 1:
-            cached.posed[timing] = (
-                simulation.world.posed
+        if simulation.world.pose_cache is not None and len(body_pools(scenario.people)) == 1:
+            cached.pose_caches[timing] = (
+                simulation.world.pose_cache
             )  # whole: what is half kept would be asked for in another order
     truth = cached.truth[timing] if known else truth_table(frames)
     if not work.details:  # visibility is of this placement alone

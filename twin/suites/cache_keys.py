@@ -28,7 +28,7 @@ _PACKAGES = {"twin": Path(twin.__file__).parent, "trackers": Path(trackers.__fil
 _SIMULATING = ("twin.world.simulation", "twin.recording.writer")
 """What makes a recording; `twin.run.live` only passes on what the first gives to the second."""
 
-_MOVING = ("twin.world.staged",)
+_MOVING = ("twin.world.precomputed",)
 """What moves people, whatever sensors look at them."""
 
 _LIBRARIES = ("mujoco", "numpy", "scipy", "opencv-python-headless", "rosbags")

@@ -34,7 +34,7 @@ from twin.sensors.render import OffscreenRenderer
 from twin.suites.cache import RecordingCache, digests_of
 from twin.suites.cache_keys import people_key, recording_key, whole_code
 from twin.suites.expansion import NO_CAMERA, Case
-from twin.world.staged import Staged, moved
+from twin.world.precomputed import PrecomputedScene, precompute_motion
 
 RECORDING, TRUTH = "recording.mcap", "truth.csv"
 
@@ -172,9 +172,9 @@ def _renderer() -> str:
     return f"{info.renderer}, OpenGL {info.version}"
 
 
-def record(scenario: Scenario, folder: Path, staged: Staged | None = None) -> None:
-    """Simulate a scenario into a folder: its recording, and the truth as a table. `staged`: precomputed motion, if any."""
-    run_scenario(scenario, trackers=[], out=folder, video=False, staged=staged)
+def record(scenario: Scenario, folder: Path, precomputed: PrecomputedScene | None = None) -> None:
+    """Simulate a scenario into a folder: its recording, and the truth as a table. `precomputed`: precomputed motion, if any."""
+    run_scenario(scenario, trackers=[], out=folder, video=False, precomputed=precomputed)
 
 
 def _incidents(evaluation: Evaluation, scenario: Scenario) -> list[Incident]:
@@ -202,14 +202,14 @@ def _incidents(evaluation: Evaluation, scenario: Scenario) -> list[Incident]:
 _FILE = "motion.npz"
 
 
-def cached_motion(cache: RecordingCache, scenario: Scenario) -> Staged:
+def cached_motion(cache: RecordingCache, scenario: Scenario) -> PrecomputedScene:
     """Load the scenario's motion from the cache, or compute it. Raises InputError as a simulation does."""
 
     def make(folder: Path) -> None:
-        moved(scenario).save(folder / _FILE)
+        precompute_motion(scenario).save(folder / _FILE)
 
     with cache.recording(people_key(scenario), make) as (entry, _):
-        return Staged.of(scenario, Motion.load(entry / _FILE))
+        return PrecomputedScene.of(scenario, Motion.load(entry / _FILE))
 
 
 _PLACE_M = 1e-4

@@ -20,7 +20,7 @@ from twin.people.body.appearance import Appearance, appearance_of
 from twin.people.crowd.ground import Ground
 from twin.people.crowd.routes import Routes
 from twin.people.population import Population
-from twin.people.poses import Motion, MovedBefore
+from twin.people.poses import Motion, PrecomputedPoses
 from twin.people.posture.measures import BodyMeasures
 from twin.people.script.actor import approaches
 from twin.room.floor import check_floor_under, floor_hull, floor_of
@@ -33,7 +33,7 @@ from twin.scenario.behaviour import Lie, Sit
 from twin.scenario.floor import FloorDescription
 from twin.scenario.housings import in_the_room
 from twin.streams import stream
-from twin.world.bodies import Bodies, casts_of
+from twin.world.bodies import Bodies, body_pools
 from twin.world.placement import check_approach, check_placement
 
 _MOST_CORNERS = 500
@@ -103,7 +103,7 @@ def build_scene(scenario: Scenario) -> Scene:
     names = tuple(sorted(scenario.people))
     appearances = {name: appearance_of(scenario.people[name], stream(scenario.seed, "looks", name)) for name in names}
     ids = {name: number for number, name in enumerate(scenario.people, start=1)}
-    looks = {name: appearances[name] for name in casts_of(scenario.people)[0].names}
+    looks = {name: appearances[name] for name in body_pools(scenario.people)[0].names}
     return Scene(
         room=spec,
         room_file=path,
@@ -131,10 +131,10 @@ def walkable_in(scenario: Scenario) -> NDArray[np.float64]:
     return _where_one_walks(spec, room, data, path)[1]
 
 
-def as_before(scene: Scene, motion: Motion) -> MovedBefore:
+def precomputed_poses(scene: Scene, motion: Motion) -> PrecomputedPoses:
     """The scene's people as they moved in a run before, with the same bodies."""
     measures = BodyMeasures.in_room(scene.model, scene.appearances, scene.bodies.names)
-    return MovedBefore(scene.names, scene.appearances, measures, motion)
+    return PrecomputedPoses(scene.names, scene.appearances, measures, motion)
 
 
 def populate(scenario: Scenario, scene: Scene) -> Population:

@@ -40,8 +40,8 @@ from twin.streams import stream
 from twin.truth.frames import Box, TruthDetail, TruthFrame
 from twin.truth.visibility import SeesPeople, person_boxes, sees_some_of, sensor_view
 from twin.world.heap import trim_heap
+from twin.world.precomputed import PrecomputedScene
 from twin.world.scene import foot_shapes
-from twin.world.staged import Staged
 from twin.world.truth_details import TruthDetails
 from twin.world.world import World
 
@@ -72,7 +72,7 @@ class Simulation:
     comes. `on_detail` is called with what goes with pictures, scans and situations (`twin.world.truth_details`) as they are
     measured; without it none of that is found out. With `images=False` the cameras are left out, and nothing is rendered.
 
-    `staged`: its people as they have moved before, with their bodies, whatever sensors looked then: nothing of them is done
+    `precomputed`: its people as they have moved before, with their bodies, whatever sensors looked then: nothing of them is done
     again, and every bit is the same. Without `shares` the truth does not say how much of whom a sensor sees.
 
     `warnings`: what can be, but is hardly meant, one sentence each.
@@ -88,11 +88,11 @@ class Simulation:
         images: bool = True,
         on_truth: Callable[[TruthFrame], object] | None = None,
         on_detail: Callable[[TruthDetail], object] | None = None,
-        staged: Staged | None = None,
+        precomputed: PrecomputedScene | None = None,
         shares: bool = True,
     ) -> None:
         self.scenario = scenario = randomized(scenario)
-        self.world = world = World(scenario, staged)
+        self.world = world = World(scenario, precomputed)
         self._renderer = RendererOnDemand(
             lambda: world.scene.model, shadows=scenario.rendering.shadows, samples=scenario.rendering.samples
         )

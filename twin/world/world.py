@@ -19,9 +19,9 @@ from twin.room.lighting import Lighting
 from twin.scenario import Scenario
 from twin.truth.frames import FootTruth, PersonTruth, TruthFrame
 from twin.truth.visibility import SensorView, visible_share
-from twin.world.bodies import casts_of
-from twin.world.scene import as_before, build_scene, populate
-from twin.world.staged import Posed, Staged
+from twin.world.bodies import body_pools
+from twin.world.precomputed import PoseCache, PrecomputedScene
+from twin.world.scene import build_scene, populate, precomputed_poses
 
 _OUT_OF_THE_ROOM_M = -100.0
 _SIDES: tuple[Literal["left"], Literal["right"]] = ("left", "right")
@@ -33,36 +33,38 @@ CellsOfFeet = Callable[[Feet], Sequence[tuple[tuple[int, ...], tuple[int, ...]]]
 class World:
     """A scene stepped on a clock: snapshots go forward in time and back by at most the people's short history."""
 
-    def __init__(self, scenario: Scenario, staged: Staged | None = None) -> None:
-        """`staged`: the scenario's people with their bodies, as they move; None: they are made and stepped here."""
+    def __init__(self, scenario: Scenario, precomputed: PrecomputedScene | None = None) -> None:
+        """`precomputed`: the scenario's people with their bodies, as they move; None: they are made and stepped here."""
         self._scenario = scenario = randomized(scenario)
-        self.scene = staged.scene_for(scenario) if staged is not None else build_scene(scenario)
+        self.scene = precomputed.scene_for(scenario) if precomputed is not None else build_scene(scenario)
         """The scene with the bodies of those who are there or were just now; another one once others come."""
-        self._casts = casts_of(scenario.people)
-        self._cast = self._casts[0]
+        self._pools = body_pools(scenario.people)
+        self._pool = self._pools[0]
         self._area = Area(self.scene.area)
         self.people: Poses = (
-            as_before(self.scene, staged.motion) if staged is not None else populate(scenario, self.scene)
+            precomputed_poses(self.scene, precomputed.motion)
+            if precomputed is not None
+            else populate(scenario, self.scene)
         )
         self.data = mujoco.MjData(self.scene.model)
         self._lighting = self._lit()
         self._ids = np.array([self.scene.ids[name] for name in self.scene.names], dtype=np.int16)
         self._posed_at: float | None = None
-        self.posed: Posed | None = None
+        self.pose_cache: PoseCache | None = None
         """Poses for rays that are kept, and taken from there: for worlds at which nothing but scanners look."""
         self._feet: Feet | None = None
 
     @property
     def population(self) -> Population:
-        """The people who are stepped here; there are none in a world that was staged before."""
+        """The people who are stepped here; there are none in a world that was precomputed before."""
         assert isinstance(self.people, Population), "people who move as before have no scripts"
         return self.people
 
     def snapshot(self, t: float) -> Snapshot:
         """The world at time t [s] since the start; valid until the next snapshot is taken."""
         self._embody(t)
-        if t != self._posed_at and self.posed is not None and t in self.posed.places:
-            self.posed.lay(t, self.data)
+        if t != self._posed_at and self.pose_cache is not None and t in self.pose_cache.places:
+            self.pose_cache.restore(t, self.data)
             self._posed_at, self._feet = t, None
         if t != self._posed_at:
             self.people.advance(t)
@@ -74,8 +76,8 @@ class World:
             self._lighting.apply(t)
             self._posed_at = t
             self._feet = self.people.feet(t)
-            if self.posed is not None:
-                self.posed.keep(t, self.data)
+            if self.pose_cache is not None:
+                self.pose_cache.store(t, self.data)
         return Snapshot(t, self.scene.model, self.data, self.scene.person_of_geom, self._feet)
 
     def empty_snapshot(self, t: float) -> Snapshot:
@@ -92,10 +94,10 @@ class World:
 
     def _embody(self, t: float) -> None:
         """Give bodies to those who are in the room at time t [s], in a model of their own where some have none."""
-        if self._cast.serves(t):
+        if self._pool.covers(t):
             return
-        self._cast = next(cast for cast in self._casts if t < cast.until_s)
-        self.scene = self.scene.with_bodies(self._cast.names)
+        self._pool = next(pool for pool in self._pools if t < pool.until_s)
+        self.scene = self.scene.with_bodies(self._pool.names)
         self.data = mujoco.MjData(self.scene.model)
         self._lighting = self._lit()
         self._posed_at = None

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from twin.people.gait.pose import FLOOR_ROWS, ROWS, Moment
-from twin.people.poses import TICK_S, Memory
+from twin.people.gait.pose import FLOOR_ROWS, ROWS, GaitState
+from twin.people.poses import TICK_S, PoseHistory
 from twin.people.posture.minimum_jerk import minimum_jerk
 from twin.people.posture.rows import OFF_FEET, POSTURE_ROWS, support
 
 
 def test_who_gets_up_never_weighs_less_than_nothing():
-    memory = Memory(1)
+    memory = PoseHistory(1)
     for tick in range(41):
         posture = np.zeros((POSTURE_ROWS, 1))
         posture[OFF_FEET] = 1.0 if tick % 4 == 0 else 0.5  # about to put the feet down at every fourth tick
-        moment = Moment(np.zeros((FLOOR_ROWS, 1), dtype=complex), np.zeros((ROWS, 1)))
-        memory.remember(moment, posture, np.ones(1, dtype=bool))
+        state = GaitState(np.zeros((FLOOR_ROWS, 1), dtype=complex), np.zeros((ROWS, 1)))
+        memory.append(state, posture, np.ones(1, dtype=bool))
     rounded_down = np.array([0.3, 0.6, 0.7])
     assert (rounded_down / TICK_S % 1 > 0.5).all()  # 0.3 / 0.025 is 11.999999999999998
     assert [support(memory.at(t)[1])[0].item() for t in rounded_down] == [0.0, 0.0, 0.0]

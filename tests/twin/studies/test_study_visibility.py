@@ -12,8 +12,8 @@ from twin.instant.snapshot import RAY_GROUPS
 from twin.scenario import load_scenario
 from twin.studies.spec import Coverage
 from twin.studies.visibility import SampledWorld, SensorVisibility, floor_cells
-from twin.world.bodies import casts_of
-from twin.world.staged import Staged, moved
+from twin.world.bodies import body_pools
+from twin.world.precomputed import PrecomputedScene, precompute_motion
 
 COVERAGE = Coverage(beams=6, px_per_m=60, target="head", heights_m=(1.0, 1.6))
 
@@ -21,7 +21,7 @@ COVERAGE = Coverage(beams=6, px_per_m=60, target="head", heights_m=(1.0, 1.6))
 @pytest.fixture(scope="module")
 def sampled() -> SampledWorld:
     scenario = load_scenario("lab-five-people", ["duration_s=2"])
-    return SampledWorld(scenario, Staged.of(scenario, moved(scenario)), [0.3, 1.1, 1.9])
+    return SampledWorld(scenario, PrecomputedScene.of(scenario, precompute_motion(scenario)), [0.3, 1.1, 1.9])
 
 
 def test_a_scanner_sees_whom_enough_beams_meet(sampled: SampledWorld) -> None:
@@ -48,13 +48,13 @@ def test_whoever_comes_and_goes_by_a_file_is_seen_at_every_moment(tmp_path: Path
     (tmp_path / "paths.csv").write_text("\n".join(["t,id,x,y", *rows]))
     paths = f"pedestrians={{file: {tmp_path / 'paths.csv'}}}"
     scenario = load_scenario("lab-five-people", ["people=null", paths, "duration_s=42", "sensors.fisheye=null"])
-    staged = Staged.of(scenario, moved(scenario))
+    precomputed = PrecomputedScene.of(scenario, precompute_motion(scenario))
     times = [1.0, 2.5, 20.2, 20.7, 35.0, 41.0]
-    together = SampledWorld(scenario, staged, times)
+    together = SampledWorld(scenario, precomputed, times)
     visibility = SensorVisibility(scenario, "knee", COVERAGE)
-    alone = [SampledWorld(scenario, staged, [t]) for t in times]
+    alone = [SampledWorld(scenario, precomputed, [t]) for t in times]
     seen = visibility.people(together)
-    assert len(casts_of(scenario.people)) > 1 and together.n_person_frame == len(seen) > 15 and seen.sum() > 0
+    assert len(body_pools(scenario.people)) > 1 and together.n_person_frame == len(seen) > 15 and seen.sum() > 0
     assert seen.tolist() == np.concatenate([visibility.people(each) for each in alone]).tolist()
     cells = floor_cells(together.area, 0.3)
     assert (

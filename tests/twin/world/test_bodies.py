@@ -12,7 +12,7 @@ from twin.people.poses import HISTORY_S
 from twin.people.posture.measures import BodyMeasures
 from twin.scenario import Scenario, load_scenario
 from twin.world import bodies
-from twin.world.bodies import casts_of
+from twin.world.bodies import body_pools
 from twin.world.scene import build_scene
 from twin.world.simulation import Simulation
 from twin.world.world import World
@@ -57,27 +57,27 @@ def one_after_another(count: int, sensors: tuple[str, ...] = ("low",), **others:
 
 
 def test_as_many_bodies_as_people_at_once_not_as_ever_come() -> None:
-    few, many = (casts_of(one_after_another(count).people) for count in (20, 400))
+    few, many = (body_pools(one_after_another(count).people) for count in (20, 400))
     assert len(few) == 1
-    assert max(len(cast.names) for cast in many) <= 32
-    assert sum(len(cast.names) for cast in many) < 2 * 400
+    assert max(len(pool.names) for pool in many) <= 32
+    assert sum(len(pool.names) for pool in many) < 2 * 400
 
 
 def test_whoever_is_in_the_room_or_was_just_now_has_a_body(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bodies, "_LEAST", 2)
     scenario = one_after_another(20, zoe={"start": [3, -3], "arrive_s": 7.0})
     world = World(scenario)
-    series = casts_of(scenario.people)
+    series = body_pools(scenario.people)
     assert len(series) > 2
     for t in np.arange(0.0, scenario.duration_s, 0.25).tolist():
         world.population.advance(t)
         present = {name for name, there in zip(world.scene.names, world.population.present(t), strict=True) if there}
-        serving = [set(cast.names) for cast in series if cast.serves(t)]
-        assert serving
-        assert all(present <= names for names in serving)
-    assert all("zoe" in cast.names for cast in series)
+        covering = [set(pool.names) for pool in series if pool.covers(t)]
+        assert covering
+        assert all(present <= names for names in covering)
+    assert all("zoe" in pool.names for pool in series)
     first, second = series[:2]
-    assert not second.serves(second.from_s - 1.01 * HISTORY_S)
+    assert not second.covers(second.from_s - 1.01 * HISTORY_S)
     assert first.until_s == second.from_s
 
 

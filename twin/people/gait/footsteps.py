@@ -59,7 +59,7 @@ _NEVER = 9.0
 _BUMP = 1.0 / ((3 / 7) ** 1.5 * (4 / 7) ** 2)
 
 
-class Bodies(Protocol):
+class MovingBodies(Protocol):
     """What the feet must know of n bodies on the floor; a `Crowd` offers it."""
 
     place: Planar
@@ -70,7 +70,7 @@ class Bodies(Protocol):
     turn_rate: Array
 
 
-class Course(NamedTuple):
+class BodyMotion(NamedTuple):
     """How n bodies go, as they see it, (n,) each.
 
     velocity: complex, ahead + left i [m/s]; speed [m/s]; ahead, aside: cosine with where they face and size of the sine,
@@ -89,7 +89,7 @@ class Course(NamedTuple):
 class Footsteps:
     """The feet of n people whose bodies are told where to go.
 
-    `spots` (2, 2, n) complex: of each foot the sole's point under the ankle as if the foot were flat [m], and its yaw
+    `soles` (2, 2, n) complex: of each foot the sole's point under the ankle as if the foot were flat [m], and its yaw
     [rad]; `height` (2, n) of the ball (of the heel while the toes are up) above the floor [m]; `pitch` (2, n) [rad],
     heel up positive; `in_air` (2, n); `progress` (n,) 0 to 1 through the step, `rate` (n,) of it [1/s]; `stepping` (n,);
     `lands` (2, n): the foot that lands at the end of this step; `seen` (2, n) complex: the feet as the body saw them at
@@ -101,7 +101,7 @@ class Footsteps:
         self._scale = skeleton.scale
         self._apart = FEET_APART_M * skeleton.scale
         self._per_leg = 1.0 / skeleton.leg
-        self.spots = np.zeros((2, 2, count), dtype=complex)
+        self.soles = np.zeros((2, 2, count), dtype=complex)
         self.seen = np.zeros((2, count), dtype=complex)
         self.height = np.zeros((2, count))
         self.pitch = np.zeros((2, count))
@@ -115,35 +115,35 @@ class Footsteps:
         self.own = np.zeros((2, count))  # progress towards the foot's own next landing, -1 to 1
         self._lifted_at = np.zeros((2, count))  # `own` when the foot left the floor
         self._pitch_at_lift = np.zeros((2, count))
-        self._start = np.zeros((2, 2, count), dtype=complex)  # the spots that the feet in the air have left
+        self._start = np.zeros((2, 2, count), dtype=complex)  # the soles as the feet in the air have left
         self._target = np.zeros((2, 2, count), dtype=complex)
 
     @property
     def place(self) -> Planar:
         """Where the feet are, (2, n) [m]."""
-        return self.spots[_PLACE]
+        return self.soles[_PLACE]
 
     @property
     def yaw(self) -> Array:
         """Where they point, (2, n) [rad]."""
-        return self.spots[_YAW].real
+        return self.soles[_YAW].real
 
-    def stand(self, who: Mask, bodies: Bodies, style: GaitStyle) -> None:
+    def stand(self, who: Mask, bodies: MovingBodies, style: GaitStyle) -> None:
         """Put the feet of `who` (n,) flat under their bodies, side by side, whatever they did before."""
         home = bodies.place + 0.5j * style.step_width * bodies.facing * _SIDE
         self.place[:, who] = home[:, who]
-        self.spots[_YAW][:, who] = (bodies.heading + _OUT)[:, who]
+        self.soles[_YAW][:, who] = (bodies.heading + _OUT)[:, who]
         for feet in (self.height, self.pitch, self._pitch_at_lift, self.in_air, self._lifted_at, self.own):
             feet[:, who] = 0
-        self._start[..., who] = self._target[..., who] = self.spots[..., who]
+        self._start[..., who] = self._target[..., who] = self.soles[..., who]
         self.progress[who] = 0.0
         self.stepping[who] = False
         self.rate[who] = 1.0 / style.step_time[who]
 
-    def walk(self, who: Mask, bodies: Bodies, course: Course, style: GaitStyle) -> None:
+    def walk(self, who: Mask, bodies: MovingBodies, motion: BodyMotion, style: GaitStyle) -> None:
         """Put the feet of `who` (n,) where somebody's are who came walking or running: one stands, one swings."""
         self.stand(who, bodies, style)
-        self._hurry(bodies, course, 0.0, style, who)
+        self._hurry(bodies, motion, 0.0, style, who)
         progress = 0.5 * (1.0 + np.minimum(style.double_support, 0.0))
         step = bodies.velocity / self.rate
         # the left foot stands as far before or behind the body as it is through its stance; the right one swings past
@@ -155,23 +155,25 @@ class Footsteps:
         self.lift_at[who] = style.double_support[who]
         self.in_air[1, who] = True
         self._lifted_at[1, who] = style.double_support[who]
-        self._pitch_at_lift[1, who] = (style.heel_rise * course.forward)[who]
+        self._pitch_at_lift[1, who] = (style.heel_rise * motion.forward)[who]
         self.own = self.progress - ~self.lands
         others = ~who
-        spots, height, pitch = self.spots, self.height, self.pitch
-        self._swing(bodies, course, style)
-        self.spots = np.where(others, spots, self.spots)
+        soles, height, pitch = self.soles, self.height, self.pitch
+        self._swing(bodies, motion, style)
+        self.soles = np.where(others, soles, self.soles)
         self.height, self.pitch = np.where(others, height, self.height), np.where(others, pitch, self.pitch)
 
-    def _hurry(self, bodies: Bodies, course: Course, strain: Array | float, style: GaitStyle, who: Mask | bool) -> None:
-        quicker = 1.0 + HURRY * strain + TURNING * np.abs(bodies.turn_rate) + SIDEWAYS * course.aside
-        quicker += BACKWARDS * (course.forward - course.ahead)
+    def _hurry(
+        self, bodies: MovingBodies, motion: BodyMotion, strain: Array | float, style: GaitStyle, who: Mask | bool
+    ) -> None:
+        quicker = 1.0 + HURRY * strain + TURNING * np.abs(bodies.turn_rate) + SIDEWAYS * motion.aside
+        quicker += BACKWARDS * (motion.forward - motion.ahead)
         quicker /= style.step_time
         self.rate = quicker if who is True else np.where(who, quicker, self.rate)
 
-    def time(self, bodies: Bodies, course: Course, style: GaitStyle, still: Mask | None, dt: float) -> None:
+    def time(self, bodies: MovingBodies, motion: BodyMotion, style: GaitStyle, still: Mask | None, dt: float) -> None:
         """Advance, end and begin steps; those who are `still` (n,) begin none."""
-        self.seen = (self.place - bodies.place) * course.seen_from
+        self.seen = (self.place - bodies.place) * motion.seen_from
         twist = self.yaw - (bodies.heading + _OUT)
         # a heel comes up for a body that has gone ahead, but not for one that has gone back
         far = np.maximum(np.abs(self.seen), BEFORE_COUNTS * self.seen.real)
@@ -179,7 +181,7 @@ class Footsteps:
         strain *= ~self.in_air
         worst = np.minimum(np.maximum(np.maximum(strain[0], strain[1]) - 1.0, 0.0), 1.0)
         before = self.rate
-        self._hurry(bodies, course, worst, style, True)
+        self._hurry(bodies, motion, worst, style, True)
         self.rate = np.maximum(self.rate, before - dt * CALMS_S2)
         self.progress += self.stepping * (dt * self.rate)
         if worst.any():
@@ -190,13 +192,13 @@ class Footsteps:
         if landed.any():
             self._land(landed)
         if not self.stepping.all():
-            self._begin(landed, twist, bodies, course, style, still)
+            self._begin(landed, twist, bodies, motion, style, still)
         self.own = self.progress - ~self.lands
 
     def _land(self, landed: Mask) -> None:
         """Feet come down; whose other foot is in the air goes straight on to the next step."""
         lands = landed & self.lands
-        self.spots = np.where(lands, self._target, self.spots)
+        self.soles = np.where(lands, self._target, self.soles)
         self.in_air &= ~lands
         goes_on = self.in_air.any(axis=0)
         self.stepping &= ~landed | goes_on
@@ -208,8 +210,8 @@ class Footsteps:
         self,
         landed: Mask,
         twist: Array,
-        bodies: Bodies,
-        course: Course,
+        bodies: MovingBodies,
+        motion: BodyMotion,
         style: GaitStyle,
         still: Mask | None,
     ) -> None:
@@ -217,15 +219,15 @@ class Footsteps:
         home = (0.5 * style.step_width) * _SIDE
         misplaced = np.maximum(np.abs(self.seen - 1j * home) / self._scale, 0.3 * np.abs(twist))
         # who has just landed goes on more readily than who stands
-        moves = (misplaced.max(axis=0) > np.where(landed, 0.03, 0.06)) | (course.speed > np.where(landed, 0.08, 0.12))
+        moves = (misplaced.max(axis=0) > np.where(landed, 0.03, 0.06)) | (motion.speed > np.where(landed, 0.08, 0.12))
         begins = ~self.stepping & moves
         if still is not None:
             begins &= ~still
         if begins.any():
             # the first step goes with the foot on the side of the motion or turn, else with the one farther off
-            outward = np.where(course.speed > 0.1, course.velocity.imag, 0.0) + 0.1 * bodies.turn_rate
+            outward = np.where(motion.speed > 0.1, motion.velocity.imag, 0.0) + 0.1 * bodies.turn_rate
             worse = misplaced[0] <= misplaced[1] + 0.01
-            right = np.where(np.abs(outward) > np.maximum(0.1, 0.5 * course.speed), outward <= 0, worse)
+            right = np.where(np.abs(outward) > np.maximum(0.1, 0.5 * motion.speed), outward <= 0, worse)
             right = np.where(landed, self.lands[0], right)
             self.lands = np.where(begins, right == (_FEET == 1), self.lands)
             self.lift_at = np.where(begins, style.double_support, self.lift_at)
@@ -248,30 +250,30 @@ class Footsteps:
             # it left between this tick and the last
             self._lifted_at = np.where(lifts, np.maximum(due, self.own - dt * self.rate), self._lifted_at)
             self._pitch_at_lift = np.where(lifts, np.maximum(self.pitch, drawn()), self._pitch_at_lift)
-            self._start = np.where(lifts, self.spots, self._start)
+            self._start = np.where(lifts, self.soles, self._start)
 
-    def move(self, bodies: Bodies, course: Course, style: GaitStyle, stance: Array, dt: float) -> None:
+    def move(self, bodies: MovingBodies, motion: BodyMotion, style: GaitStyle, stance: Array, dt: float) -> None:
         """Move the feet: those in the air to where the bodies will need them, the heels of the others up or down.
 
         stance (2, n): share of a foot's stance that is over.
         """
         rise = _smooth(np.maximum(stance - style.heel_off, 0.0) / (1.0 - style.heel_off))
-        wanted = (style.heel_rise * course.forward) * rise
+        wanted = (style.heel_rise * motion.forward) * rise
         pitch = self.pitch
         quick = dt * np.where(pitch < 0, TOES_DOWN_RAD_S, HEEL_RAD_S)
         self.pitch = np.minimum(np.maximum(wanted, pitch - dt * HEEL_RAD_S), pitch + quick)
         if self.in_air.any():
-            self._swing(bodies, course, style)
+            self._swing(bodies, motion, style)
         else:
             self.height = np.zeros_like(pitch)
 
-    def _swing(self, bodies: Bodies, course: Course, style: GaitStyle) -> None:
+    def _swing(self, bodies: MovingBodies, motion: BodyMotion, style: GaitStyle) -> None:
         """Feet in the air go from where they left to their target, with the bump and pitch of a swing."""
         step_time = 1.0 / self.rate
         remaining = np.maximum(1.0 - self.own, 0.0) * step_time
         turn = np.minimum(np.maximum(bodies.turn_rate * (remaining + 0.4 * step_time), -0.7), 0.7)
         left = (1j * bodies.facing) * np.exp(1j * turn)
-        lands = style.lands_ahead + LANDS_FARTHER * (1.0 - course.forward)
+        lands = style.lands_ahead + LANDS_FARTHER * (1.0 - motion.forward)
         wanted = bodies.place + bodies.velocity * (remaining + lands * step_time)
         width = 0.5 * style.step_width
         # no track across the other foot's
@@ -283,12 +285,12 @@ class Footsteps:
         np.copyto(self._target[_YAW], (bodies.heading + _OUT) + turn, where=open_yet)
         square = share * share
         gone = square * (3.0 - ARRIVES_AT - (2.0 - ARRIVES_AT) * share)
-        self.spots = np.where(self.in_air, self._start + gone * (self._target - self._start), self.spots)
+        self.soles = np.where(self.in_air, self._start + gone * (self._target - self._start), self.soles)
         rest = 1.0 - share
         bump = (_BUMP * self.in_air) * (share * np.sqrt(share)) * (rest * rest)
         self.height = style.clearance * bump
-        pitch = self._pitch_at_lift * (1.0 - _smooth(share * (1 / 0.85))) + (style.kick * course.forward) * bump
-        pitch -= (style.toe_up * course.forward) * _smooth(np.maximum(2.5 * share - 1.5, 0.0))
+        pitch = self._pitch_at_lift * (1.0 - _smooth(share * (1 / 0.85))) + (style.kick * motion.forward) * bump
+        pitch -= (style.toe_up * motion.forward) * _smooth(np.maximum(2.5 * share - 1.5, 0.0))
         self.pitch = np.where(self.in_air, pitch, self.pitch)
 
 

@@ -1,7 +1,7 @@
 """Gait: bodies carried over their footsteps, walking and running, with the load that this puts on each foot.
 
 Split by cost: what has a memory (footsteps, loads, pelvis, habits of trunk and head) is stepped on the people's clock and
-kept as a `Moment` of numbers that may be interpolated; what follows from it alone (heel lift, all joints) is computed by
+kept as a `GaitState` of numbers that may be interpolated; what follows from it alone (heel lift, all joints) is computed by
 `twin.people.gait.pose` only for the times that are asked for.
 
 The vertical motion and the load are one: the table gives the load of a regular step, and the height of the pelvis is
@@ -19,9 +19,9 @@ import numpy as np
 from trackers.arrays import Array, Mask
 from twin.people.body.proportions import Skeleton
 from twin.people.gait import pose
-from twin.people.gait.footsteps import Bodies, Course, Footsteps
+from twin.people.gait.footsteps import BodyMotion, Footsteps, MovingBodies
 from twin.people.gait.gait_table import HEIGHT, LOAD, RATE, RUN_PACE, SHARE_BEHIND, GaitStyle, GaitTable
-from twin.people.gait.pose import FLOOR_ROWS, ROWS, STRAIGHTEST, Moment, heel_and_pelvis
+from twin.people.gait.pose import FLOOR_ROWS, ROWS, STRAIGHTEST, GaitState, heel_and_pelvis
 
 GRAVITY_M_S2 = 9.81
 
@@ -56,7 +56,7 @@ _ASIDE_DROP, _BACK_DROP = 3.0, 2.0
 """How much more the pelvis is lowered by steps to the side, whose legs are spread, and backwards, as shares."""
 
 _HABITS = (pose.TRUNK_PITCH, pose.TRUNK_ROLL, pose.GAZE, pose.ELBOW, pose.ARM_SWING)
-"""What follows slowly, by its rows of `Moment.rows`."""
+"""What follows slowly, by its rows of `GaitState.rows`."""
 _BOB, _BOB_RATE = 0, 1
 
 _SWAYS_HZ = np.array([[0.11], [0.29], [0.17], [0.37]])
@@ -67,7 +67,7 @@ _SWAYS_AHEAD_M = 0.0025
 class Gait:
     """The feet, pelvis, trunk and loads of n people as they follow a crowd's motion; `moment` is how they are now."""
 
-    def __init__(self, skeleton: Skeleton, crowd: Bodies) -> None:
+    def __init__(self, skeleton: Skeleton, crowd: MovingBodies) -> None:
         """Everybody is where the crowd has them, standing, or in their stride if they move."""
         count = len(crowd.place)
         self._skeleton = skeleton
@@ -87,32 +87,32 @@ class Gait:
         self._ahead = np.zeros((2, count))  # of the ankle: point of the load [m]
         self._habits = np.zeros((len(_HABITS), count))
         self._wanted = np.zeros((len(_HABITS), count))
-        self.moment = Moment(np.zeros((FLOOR_ROWS, count), dtype=complex), np.zeros((ROWS, count)))
+        self.state = GaitState(np.zeros((FLOOR_ROWS, count), dtype=complex), np.zeros((ROWS, count)))
         self.place_anew(np.ones(count, dtype=bool), crowd)
 
-    def place_anew(self, who: Mask, crowd: Bodies) -> None:
+    def place_anew(self, who: Mask, crowd: MovingBodies) -> None:
         """Put the feet of `who` (n,) under their bodies, as if they had always moved as the crowd has them move now.
 
         For people who enter, or whose place was set anew: they stand, or are in the middle of a step at their speed, and
         nothing is left of what they did before.
         """
-        course = _course(crowd)
-        similar = self._table.similar(course.speed)
+        motion = _body_motion(crowd)
+        similar = self._table.similar(motion.speed)
         middle = 0.5 * (self._table.runs_above + self._table.walks_below)
         self._runs = np.where(who, similar > middle, self._runs)
         self._run = np.where(who, self._runs, self._run)
         style = self._table.at(similar + RUN_PACE * self._run)
         feet = self._feet
-        moves = who & (course.speed > 0.3)
+        moves = who & (motion.speed > 0.3)
         if (who & ~moves).any():
             feet.stand(who & ~moves, crowd, style)
         if moves.any():
-            feet.walk(moves, crowd, course, style)
+            feet.walk(moves, crowd, motion, style)
         self._sway[:, who] = 0.0
-        self._want(crowd, course, 0.0, style)
+        self._want(crowd, motion, 0.0, style)
         self._habits[:, who] = self._wanted[:, who]
-        cycle, left, point, _ = self._carry(course, style)
-        height, rate = self._reference(cycle, course, style)
+        cycle, left, point, _ = self._carry(motion, style)
+        height, rate = self._reference(cycle, motion, style)
         load = np.where(feet.stepping, cycle[:, LOAD], 1.0) * ~feet.in_air.all(axis=0)
         self._bob[_BOB, who] = height[who]
         self._bob[_BOB_RATE, who] = (rate - 0.5 * _TICK_S * GRAVITY_M_S2 * (load - 1.0))[who]
@@ -122,14 +122,14 @@ class Gait:
         self._load[:, who] = (np.stack([left, 1.0 - left]) * load)[:, who]
         self._record(crowd)
 
-    def step(self, crowd: Bodies, gaze: Array, dt: float, still: Mask | None = None) -> None:
+    def step(self, crowd: MovingBodies, gaze: Array, dt: float, still: Mask | None = None) -> None:
         """Follow the crowd to where it is now, `dt` [s] after the last call; gaze (n,): turn of the head [rad].
 
         Those who are `still` (n,) sit or lie: they begin no steps, and their feet stay where they are.
         """
         feet = self._feet
-        course = _course(crowd)
-        similar = self._table.similar(course.speed)
+        motion = _body_motion(crowd)
+        similar = self._table.similar(motion.speed)
         pace = similar
         if self._run.any() or (similar > self._table.runs_above).any():
             self._runs = similar > np.where(self._runs, self._table.walks_below, self._table.runs_above)
@@ -137,19 +137,19 @@ class Gait:
             self._run = np.minimum(np.maximum(self._runs, self._run - change), self._run + change)
             pace = similar + RUN_PACE * self._run
         style = self._table.at(pace)
-        feet.time(crowd, course, style, still, dt)
+        feet.time(crowd, motion, style, still, dt)
         self._clock += dt
-        cycle, left, point, stance = self._carry(course, style)
+        cycle, left, point, stance = self._carry(motion, style)
         self._bob[_BOB] += dt * self._bob[_BOB_RATE]
-        self._bear(cycle, left, course, style, dt)
+        self._bear(cycle, left, motion, style, dt)
         most = dt * _PRESSURE_M_S
         self._ahead = np.minimum(np.maximum(point, self._ahead - most), self._ahead + most)
-        feet.lift(self._load, style, dt, lambda: heel_and_pelvis(self.moment, self._skeleton)[0])
-        feet.move(crowd, course, style, stance, dt)
-        self._lean(crowd, course, gaze, style, dt)
+        feet.lift(self._load, style, dt, lambda: heel_and_pelvis(self.state, self._skeleton)[0])
+        feet.move(crowd, motion, style, stance, dt)
+        self._lean(crowd, motion, gaze, style, dt)
         self._record(crowd)
 
-    def _carry(self, course: Course, style: GaitStyle) -> tuple[Array, Array, Array, Array]:
+    def _carry(self, motion: BodyMotion, style: GaitStyle) -> tuple[Array, Array, Array, Array]:
         """The regular cycle at this time (n, 4); what is wanted: share on the left foot (n,), points of load (2, n).
 
         And the share of its stance that is over for each foot (2, n), 0 for who does not step.
@@ -159,7 +159,7 @@ class Gait:
         behind = cycle[:, SHARE_BEHIND] * (feet.progress < feet.lift_at)
         left = np.where(feet.lands[0], behind, 1.0 - behind)
         stance = np.minimum((feet.own + 1.0) / (1.0 + style.double_support), 1.0) * (stepping & ~feet.in_air)
-        share = (self._table.roll(stance, self._run) - _STANDS_AT) * (course.ahead * stepping)
+        share = (self._table.roll(stance, self._run) - _STANDS_AT) * (motion.ahead * stepping)
         point = np.maximum(share + _STANDS_AT, _HINDMOST) * self._skeleton.shoe - self._skeleton.heel
         self._idle = 0.0
         if not stepping.all():
@@ -169,18 +169,18 @@ class Gait:
             point += (_SWAYS_AHEAD_M * ~stepping) * (sways[2] + sways[3])
         return cycle, left, point, stance
 
-    def _reference(self, cycle: Array, course: Course, style: GaitStyle) -> tuple[Array, Array]:
+    def _reference(self, cycle: Array, motion: BodyMotion, style: GaitStyle) -> tuple[Array, Array]:
         """Height of the pelvis [m] about its standing height and its rate [m/s] in a regular gait."""
         step_time = self._feet.stepping / self._feet.rate
         unit = GRAVITY_M_S2 * step_time
-        drop = style.pelvis_drop * (1.0 + _ASIDE_DROP * course.aside + _BACK_DROP * (course.forward - course.ahead))
+        drop = style.pelvis_drop * (1.0 + _ASIDE_DROP * motion.aside + _BACK_DROP * (motion.forward - motion.ahead))
         return cycle[:, HEIGHT] * (unit * step_time) - drop, cycle[:, RATE] * unit
 
-    def _bear(self, cycle: Array, left: Array, course: Course, style: GaitStyle, dt: float) -> None:
+    def _bear(self, cycle: Array, left: Array, motion: BodyMotion, style: GaitStyle, dt: float) -> None:
         """The load of this tick, shared between the feet, and the pelvis's rate after it."""
         feet, bob = self._feet, self._bob
         regular = np.where(feet.stepping, cycle[:, LOAD], 1.0)
-        height, rate = self._reference(cycle, course, style)
+        height, rate = self._reference(cycle, motion, style)
         height = np.minimum(height, self._reach())
         now = bob[_BOB_RATE] + (0.5 * dt * GRAVITY_M_S2) * (regular - 1.0)
         pull = (_PULL * _PULL / GRAVITY_M_S2) * (height - bob[_BOB]) + (2.0 * _PULL / GRAVITY_M_S2) * (rate - now)
@@ -205,7 +205,7 @@ class Gait:
         down *= self._load > _BEARS
         return -np.maximum(down[0], down[1])
 
-    def _lean(self, crowd: Bodies, course: Course, gaze: Array, style: GaitStyle, dt: float) -> None:
+    def _lean(self, crowd: MovingBodies, motion: BodyMotion, gaze: Array, style: GaitStyle, dt: float) -> None:
         """The pelvis goes over the foot that carries, on a critically damped spring; habits follow slowly."""
         across = self._feet.seen.imag
         goal = (2.0 * _SWAY_SHARE) * (across[1] + self._left * (across[0] - across[1]))
@@ -216,21 +216,21 @@ class Gait:
         decay = exp(-_SWAY_RATE * dt)
         rate[:] = (rate - _SWAY_RATE * drive) * decay
         sway[:] = goal + (gap + drive) * decay
-        self._want(crowd, course, gaze, style)
+        self._want(crowd, motion, gaze, style)
         self._habits += min(1.0, _HABIT_RATE * dt) * (self._wanted - self._habits)
 
-    def _want(self, crowd: Bodies, course: Course, gaze: Array | float, style: GaitStyle) -> None:
-        push = crowd.acceleration * course.seen_from
+    def _want(self, crowd: MovingBodies, motion: BodyMotion, gaze: Array | float, style: GaitStyle) -> None:
+        push = crowd.acceleration * motion.seen_from
         pitch, roll, gazed, elbow, swing = self._wanted
         pitch[:] = np.minimum(np.maximum(_PITCH * push.real, -_LEAN_MOST_RAD), _LEAN_MOST_RAD)
-        pitch += style.trunk_lean * course.ahead
+        pitch += style.trunk_lean * motion.ahead
         roll[:] = np.minimum(np.maximum(_ROLL * push.imag, -_LEAN_MOST_RAD), _LEAN_MOST_RAD)
         gazed[:] = gaze
         elbow[:] = style.elbow
         swing[:] = style.arm_swing
 
-    def _record(self, crowd: Bodies) -> None:
-        floor, rows, feet = self.moment.floor, self.moment.rows, self._feet
+    def _record(self, crowd: MovingBodies) -> None:
+        floor, rows, feet = self.state.floor, self.state.rows, self._feet
         floor[pose.PLACE] = crowd.place
         floor[pose.VELOCITY] = crowd.velocity
         floor[pose.FEET] = feet.place
@@ -246,9 +246,9 @@ class Gait:
         rows[pose.FEET_PRESSURE] = self._ahead
 
 
-def _course(crowd: Bodies) -> Course:
+def _body_motion(crowd: MovingBodies) -> BodyMotion:
     seen_from = crowd.facing.conj()
     velocity = crowd.velocity * seen_from
     speed = np.abs(velocity)
     seen = velocity / np.maximum(speed, _HEADS_FROM_M_S)
-    return Course(velocity, speed, seen.real, np.abs(seen.imag), np.maximum(seen.real, 0.0), seen_from)
+    return BodyMotion(velocity, speed, seen.real, np.abs(seen.imag), np.maximum(seen.real, 0.0), seen_from)

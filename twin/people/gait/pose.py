@@ -16,13 +16,13 @@ from twin.people.body.proportions import Skeleton
 Planar = NDArray[np.complex128]
 
 PLACE, VELOCITY = 0, 1
-"""Rows of `Moment.floor`, complex x + iy: ground point of the body [m], its velocity [m/s]."""
+"""Rows of `GaitState.floor`, complex x + iy: ground point of the body [m], its velocity [m/s]."""
 FEET = slice(2, 4)
 """Left foot and right foot [m]."""
 FLOOR_ROWS = 4
 
 HEADING, TURN_RATE = 0, 1
-"""Rows of `Moment.rows`: where the body faces [rad], and how fast that turns [rad/s]."""
+"""Rows of `GaitState.rows`: where the body faces [rad], and how fast that turns [rad/s]."""
 BOB = 2
 """Height of the pelvis about its standing height [m]."""
 SWAY, SWAY_RATE = 3, 4
@@ -66,7 +66,7 @@ _ARMS = tuple(
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
+class GaitState:
     """How n people move at one time, in numbers that may be interpolated linearly (angles are unwrapped).
 
     floor (FLOOR_ROWS, n), rows (ROWS, n): the constants of this module name their rows.
@@ -87,23 +87,23 @@ class Moment:
         return self.floor[VELOCITY] + turning * np.exp(1j * self.rows[HEADING])
 
 
-def heel_and_pelvis(moment: Moment, skeleton: Skeleton) -> tuple[Array, Array, Array]:
+def heel_and_pelvis(state: GaitState, skeleton: Skeleton) -> tuple[Array, Array, Array]:
     """Pitch of the feet (2, n) [rad], yaw (n,) [rad] and height (n,) [m] of the pelvis.
 
     Heels come up as far as the legs need to reach the hips; where that is not enough the pelvis comes down (it does not
     in a regular gait, so there its height is that of the loads' motion).
     """
-    yaw = moment.rows[HEADING] - _TWIST_PER_STRIDE * _stride(moment) / skeleton.scale
-    hips = moment.pelvis + 1j * skeleton.hip_offset * np.exp(1j * yaw)
-    height = _STANDS_AT * skeleton.leg + skeleton.ankle_height + moment.rows[BOB]
-    pitch = moment.rows[FEET_PITCH]
-    needed = _heel_needed(moment, hips, height, skeleton)
+    yaw = state.rows[HEADING] - _TWIST_PER_STRIDE * _stride(state) / skeleton.scale
+    hips = state.pelvis + 1j * skeleton.hip_offset * np.exp(1j * yaw)
+    height = _STANDS_AT * skeleton.leg + skeleton.ankle_height + state.rows[BOB]
+    pitch = state.rows[FEET_PITCH]
+    needed = _heel_needed(state, hips, height, skeleton)
     pitch = np.where(pitch < 0, pitch + needed, np.maximum(pitch, needed))
-    ankle, ankle_height = _ankles(moment, pitch, skeleton)
+    ankle, ankle_height = _ankles(state, pitch, skeleton)
     reach = (STRAIGHTEST * skeleton.leg) ** 2 - np.abs(hips - ankle) ** 2
     # a foot in the air, or about to be, does not hold the pelvis down
-    free = _LETS_GO * np.sqrt(np.maximum(moment.rows[FEET_HEIGHT], 0.0)) + _UNLOADED_M * np.maximum(
-        1.0 - 2.0 * moment.rows[FEET_LOAD], 0.0
+    free = _LETS_GO * np.sqrt(np.maximum(state.rows[FEET_HEIGHT], 0.0)) + _UNLOADED_M * np.maximum(
+        1.0 - 2.0 * state.rows[FEET_LOAD], 0.0
     )
     allowed = ankle_height + np.sqrt(np.maximum(reach, 0.0)) + free
     return pitch, yaw, np.minimum(height, np.minimum(allowed[0], allowed[1]))
@@ -124,28 +124,28 @@ class FootLoads(NamedTuple):
     yaw: Array
 
 
-def foot_loads(moment: Moment, skeleton: Skeleton) -> FootLoads:
+def foot_loads(state: GaitState, skeleton: Skeleton) -> FootLoads:
     """What each foot carries, and where it is."""
-    rows = moment.rows
+    rows = state.rows
     # straight toes of a foot that points down are its lowest
-    toes = skeleton.toes * np.sin(np.maximum(rows[FEET_PITCH], 0.0) * _free(moment, skeleton))
+    toes = skeleton.toes * np.sin(np.maximum(rows[FEET_PITCH], 0.0) * _free(state, skeleton))
     height = np.maximum(rows[FEET_HEIGHT] - toes, 0.0)
-    return FootLoads(rows[FEET_LOAD], rows[FEET_PRESSURE], height, moment.floor[FEET], rows[FEET_YAW])
+    return FootLoads(rows[FEET_LOAD], rows[FEET_PRESSURE], height, state.floor[FEET], rows[FEET_YAW])
 
 
-def joint_coordinates(moment: Moment, skeleton: Skeleton) -> Array:
+def joint_coordinates(state: GaitState, skeleton: Skeleton) -> Array:
     """`qpos` (n, NQ_PERSON) of each person, laid out as `twin.people.body.body.JOINTS` says."""
-    pitch, yaw, height = heel_and_pelvis(moment, skeleton)
-    pelvis, rows = moment.pelvis, moment.rows
+    pitch, yaw, height = heel_and_pelvis(state, skeleton)
+    pelvis, rows = state.pelvis, state.rows
     facing = np.exp(1j * yaw)
     hips = pelvis + 1j * skeleton.hip_offset * facing
-    ankle, ankle_height = _ankles(moment, pitch, skeleton)
+    ankle, ankle_height = _ankles(state, pitch, skeleton)
     feet_yaw = rows[FEET_YAW]
     # a leg that is too short for where its foot swings has the foot nearer
     over, up = hips - ankle, height - ankle_height
     nearer = np.minimum(STRAIGHTEST * skeleton.leg / np.sqrt(over.real**2 + over.imag**2 + up * up), 1.0)
     legs = leg_angles(over * nearer, up * nearer, yaw, feet_yaw, pitch, skeleton.thigh, skeleton.shank)
-    stride = _stride(moment)
+    stride = _stride(state)
     twist, arms = -_TWIST_PER_STRIDE * stride / skeleton.scale, rows[ARM_SWING] * stride
     inward = _HANDS_INWARD * np.maximum(rows[ELBOW] - 0.6, 0.0)
     out = np.zeros((NQ_PERSON, len(yaw)))
@@ -163,22 +163,22 @@ def joint_coordinates(moment: Moment, skeleton: Skeleton) -> Array:
     for place in range(6):
         out[_LEGS[:, place]] = legs[place]
     # the toes stay level while the heel is up, and straighten in the air
-    out[_LEGS[:, 6]] = np.maximum(pitch, 0.0) * (_free(moment, skeleton) - 1.0)
+    out[_LEGS[:, 6]] = np.maximum(pitch, 0.0) * (_free(state, skeleton) - 1.0)
     return out.T
 
 
-def _free(moment: Moment, skeleton: Skeleton) -> Array:
+def _free(state: GaitState, skeleton: Skeleton) -> Array:
     """How much the toes of each foot are straight, 0 on the floor to 1 in the air, (2, n)."""
-    return np.minimum(moment.rows[FEET_HEIGHT] / (_TOES_FREE_M * skeleton.scale), 1.0)
+    return np.minimum(state.rows[FEET_HEIGHT] / (_TOES_FREE_M * skeleton.scale), 1.0)
 
 
-def _stride(moment: Moment) -> Array:
+def _stride(state: GaitState) -> Array:
     """How far the left foot is before the right one, along the heading, (n,) [m]."""
-    left, right = moment.floor[FEET]
-    return ((left - right) * np.exp(-1j * moment.rows[HEADING])).real
+    left, right = state.floor[FEET]
+    return ((left - right) * np.exp(-1j * state.rows[HEADING])).real
 
 
-def _ankles(moment: Moment, pitch: Array, skeleton: Skeleton) -> tuple[Planar, Array]:
+def _ankles(state: GaitState, pitch: Array, skeleton: Skeleton) -> tuple[Planar, Array]:
     """Ankle joints: places (2, n) complex and heights (2, n) [m].
 
     A foot with its heel up (pitch > 0) turns about the ball, one with its toes up about the heel, so that the pivot of
@@ -187,19 +187,19 @@ def _ankles(moment: Moment, pitch: Array, skeleton: Skeleton) -> tuple[Planar, A
     pivot = np.where(pitch > 0, skeleton.ball, -skeleton.heel)
     cosine, sine = np.cos(pitch), np.sin(pitch)
     ahead = pivot * (1 - cosine) + skeleton.ankle_height * sine
-    place = moment.floor[FEET] + ahead * np.exp(1j * moment.rows[FEET_YAW])
-    return place, moment.rows[FEET_HEIGHT] + pivot * sine + skeleton.ankle_height * cosine
+    place = state.floor[FEET] + ahead * np.exp(1j * state.rows[FEET_YAW])
+    return place, state.rows[FEET_HEIGHT] + pivot * sine + skeleton.ankle_height * cosine
 
 
-def _heel_needed(moment: Moment, hips: Planar, height: Array, skeleton: Skeleton) -> Array:
+def _heel_needed(state: GaitState, hips: Planar, height: Array, skeleton: Skeleton) -> Array:
     """Pitch (2, n) [rad] by which a foot must turn about its ball for the leg to reach it, 0 where it need not.
 
     In the plane of the foot: the ankle lies on a circle about the ball, and must come within the leg's length of the
     hip; law of cosines.
     """
-    gap = (hips - moment.floor[FEET]) * np.exp(-1j * moment.rows[FEET_YAW])
+    gap = (hips - state.floor[FEET]) * np.exp(-1j * state.rows[FEET_YAW])
     ahead, aside = gap.real - skeleton.ball, gap.imag
-    up = height - moment.rows[FEET_HEIGHT]
+    up = height - state.rows[FEET_HEIGHT]
     radius = np.hypot(skeleton.ball, skeleton.ankle_height)
     rest = np.arctan2(skeleton.ankle_height, -skeleton.ball)
     far = ahead**2 + up**2
@@ -210,4 +210,4 @@ def _heel_needed(moment: Moment, hips: Planar, height: Array, skeleton: Skeleton
     # a foot before the body is reached by a lower pelvis, not on tiptoe
     behind = np.minimum(np.maximum(0.5 + gap.real * (1 / _TIPTOE_FROM_M), 0.0), 1.0)
     # a foot in the air soon turns as its swing has it
-    return needed * behind * np.maximum(1.0 - moment.rows[FEET_HEIGHT] / (_SWINGS_FROM_M * skeleton.scale), 0.0)
+    return needed * behind * np.maximum(1.0 - state.rows[FEET_HEIGHT] / (_SWINGS_FROM_M * skeleton.scale), 0.0)

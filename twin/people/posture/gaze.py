@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array
 from twin.people.body.kinematics import direction, turned
-from twin.people.posture.minimum_jerk import PEAK_RATE, Course, minimum_jerk
+from twin.people.posture.minimum_jerk import PEAK_RATE, MinimumJerkProfile, minimum_jerk
 from twin.people.posture.rows import LOOK, LOOK_TO, SPINE_YAW
 
 NECK_YAW_MOST_RAD = 1.396
@@ -36,11 +36,11 @@ class _Aim(IntEnum):
     ANGLE = 3
 
 
-class Looks:
+class GazeControl:
     """Where n people look on purpose; those who do not have their head where the gait has it."""
 
     def __init__(self, count: int) -> None:
-        self.share = Course(1, count)
+        self.share = MinimumJerkProfile(1, count)
         self._aim = np.zeros(count, dtype=np.intp)
         self._point = np.zeros((count, 3))
         self._whom = np.zeros(count, dtype=np.intp)

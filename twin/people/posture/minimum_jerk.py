@@ -21,7 +21,7 @@ def minimum_jerk(progress: ArrayLike, begin: float | Array = 0.0, end: float | A
     return np.minimum(p * p * p * (10.0 + p * (6.0 * p - 15.0)), 1.0)  # rounding ends up to 7e-16 beyond
 
 
-class Course:
+class MinimumJerkProfile:
     """Values (k, n) of n people that go to new goals along minimum-jerk curves."""
 
     def __init__(self, size: int, count: int) -> None:

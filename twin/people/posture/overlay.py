@@ -55,7 +55,7 @@ _HAND_ON_THIGH = 0.66
 _HAND_OVER_M = 0.015
 
 
-def apply(qpos: Array, rows: Array, measures: BodyMeasures) -> Array:
+def overlay_postures(qpos: Array, rows: Array, measures: BodyMeasures) -> Array:
     """Joint coordinates with the postures laid over them, (n, NQ_PERSON).
 
     qpos (n, NQ_PERSON): standing or walking; rows (POSTURE_ROWS, n), see `twin.people.posture.rows`. Feet on the floor
@@ -65,39 +65,11 @@ def apply(qpos: Array, rows: Array, measures: BodyMeasures) -> Array:
     if not len(who):
         return qpos
     out = qpos.copy()
-    out[who] = _laid(qpos[who], rows[:, who], measures.of_people(who))
+    out[who] = _overlaid(qpos[who], rows[:, who], measures.of_people(who))
     return out
 
 
-def hand_places(qpos: Array, measures: BodyMeasures) -> Array:
-    """The middles of the hands in the room, (n, 2, 3) [m], left first."""
-    pelvis = matrix_of(qpos[:, 3:7])
-    trunk, waist = _trunk(qpos, pelvis, measures)
-    out = np.empty((len(qpos), 2, 3))
-    for number, side in enumerate(_SIDES):
-        pitch, roll, yaw, elbow = qpos[:, _ARM[number]].T
-        upper = trunk @ about_y(pitch) @ about_x(roll) @ about_z(yaw)
-        shoulder = waist + turned(trunk, _shoulder(side, measures))
-        out[:, number] = shoulder + turned(upper, _down(measures.upper_arm))
-        out[:, number] += turned(upper @ about_y(elbow), _down(measures.grip))
-    return out
-
-
-def soles(qpos: Array, measures: BodyMeasures) -> tuple[Array, Array, Array]:
-    """Soles' points under the ankles x, y, z (n, 2, 3) [m], and yaw and pitch of the feet (n, 2) [rad], left first.
-
-    As the body has them, with the feet's own slant; a foot on the floor with its heel up is better described by the gait.
-    """
-    pelvis = matrix_of(qpos[:, 3:7])
-    place, angles = np.empty((len(qpos), 2, 3)), np.empty((2, len(qpos), 2))
-    for number in range(2):
-        ankle, foot = _foot(qpos, pelvis, number, measures)
-        place[:, number] = ankle + turned(foot, _down(measures.ankle_height))
-        angles[0, :, number], angles[1, :, number] = _yaw_pitch(foot)
-    return place, angles[0], angles[1]
-
-
-def _laid(standing: Array, rows: Array, measures: BodyMeasures) -> Array:
+def _overlaid(standing: Array, rows: Array, measures: BodyMeasures) -> Array:
     q = standing.copy()
     stands = matrix_of(standing[:, 3:7])
     pelvis, thighs = stands, None
@@ -105,11 +77,11 @@ def _laid(standing: Array, rows: Array, measures: BodyMeasures) -> Array:
         feet = [_foot(standing, stands, number, measures) for number in range(2)]
         _move_pelvis(q, stands, feet, rows)
         pelvis = matrix_of(q[:, 3:7])
-        thighs = [_lay_leg(q, pelvis, feet[number], number, rows, measures) for number in range(2)]
+        thighs = [_place_leg(q, pelvis, feet[number], number, rows, measures) for number in range(2)]
     q[:, _SPINE] += rows[SPINE].T
     trunk, waist = _trunk(q, pelvis, measures)
     for number in range(2):
-        _lay_arm(q, trunk, waist, None if thighs is None else thighs[number], number, rows, measures)
+        _place_arm(q, trunk, waist, None if thighs is None else thighs[number], number, rows, measures)
     q[:, _NECK[1]] += rows[NECK_PITCH]
     _turn_head(q, trunk, rows)
     return q
@@ -145,7 +117,7 @@ def _windings(yaw: Array, rows: Array, faces: Array) -> Array:
     return np.round((yaw - held) / (2 * np.pi))
 
 
-def _lay_leg(
+def _place_leg(
     q: Array, pelvis: Array, foot: tuple[Array, Array], number: int, rows: Array, measures: BodyMeasures
 ) -> tuple[Array, Array]:
     """Write one leg's angles; returns hip joint (m, 3) and room_from_thigh (m, 3, 3)."""
@@ -169,7 +141,7 @@ def _lay_leg(
     return hip, thigh
 
 
-def _lay_arm(
+def _place_arm(
     q: Array,
     trunk: Array,
     waist: Array,

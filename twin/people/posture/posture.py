@@ -1,7 +1,7 @@
 """Postures laid over the standing and walking body: sitting, lying, bending, reaching, looking, for all people at once.
 
 What has a memory is stepped on the people's clock and kept as rows of numbers that may be interpolated linearly (see
-`twin.people.posture.rows`); `twin.people.posture.overlay.apply` lays them over the joint coordinates of the gait. One sits and
+`twin.people.posture.rows`); `twin.people.posture.overlay` lays them over the joint coordinates of the gait. One sits and
 lies without moving, on the back and with the hands on the thighs; nobody crosses their legs or leans back.
 """
 
@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array
 from twin.people.body.kinematics import about_y, about_z, turned
-from twin.people.posture.gaze import Looks
+from twin.people.posture.gaze import GazeControl
 from twin.people.posture.measures import BodyMeasures
-from twin.people.posture.minimum_jerk import Course
+from twin.people.posture.minimum_jerk import MinimumJerkProfile
 from twin.people.posture.reach import BACK_PER_BEND_M, BACK_PER_DROP, PELVIS_SHARE, help_of_trunk
 from twin.people.posture.resting import (
     GET_UP_S,
@@ -24,11 +24,11 @@ from twin.people.posture.resting import (
     MATTRESS_SINK_M,
     SIT_DOWN_S,
     STAND_UP_S,
-    Spot,
-    lair_in,
-    lay_lying,
-    lay_sitting,
-    spot_on,
+    SeatedPose,
+    add_lying,
+    add_sitting,
+    lying_pose,
+    seated_pose,
 )
 from twin.people.posture.rows import (
     ARMS_PITCH,
@@ -83,31 +83,29 @@ class Postures:
         self._aim = np.zeros(count, dtype=np.intp)
         self._sitting = np.zeros(count)  # progress of sitting down
         self._lying = np.zeros(count)  # progress of lying down from there
-        self._spot = np.zeros((4, count))
+        self._seated = np.zeros((4, count))
         self._hang = np.zeros(count)
-        self._lair = np.zeros((4, count))
+        self._lying_pose = np.zeros((4, count))
         self._turns_left = np.zeros(count)
-        self._in_bed = np.zeros(count, dtype=bool)
-        self._bend = Course(1, count)
-        self._hands = Course(2, count)
-        self._points = Course(6, count)
-        self._help = Course(4, count)  # of the trunk to the hands: turn, bend, lean [rad], drop [m]
-        self._looks = Looks(count)
+        self._bend = MinimumJerkProfile(1, count)
+        self._hands = MinimumJerkProfile(2, count)
+        self._points = MinimumJerkProfile(6, count)
+        self._help = MinimumJerkProfile(4, count)  # of the trunk to the hands: turn, bend, lean [rad], drop [m]
+        self._gaze = GazeControl(count)
         self._mass = CentreOfMass(measures)
         self._legs_slope = np.arcsin(
             np.maximum(measures.behind - MATTRESS_SINK_M - 1.1 * measures.ankle_height, 0.0) / measures.leg
         )
 
     def sit(self, person: int, seat: Seat) -> None:
-        """Sit down on a seat; the person stands before it, see `Spot.standing_place`."""
+        """Sit down on a seat; the person stands before it, see `SeatedPose.standing_place`."""
         self._must(person, self._aim[person] == _STANDS and self._sitting[person] == 0, "sit down", "stands")
-        spot = spot_on(seat, self.measures, person)
-        self._take(person, spot)
-        self._in_bed[person] = False
+        seated = seated_pose(seat, self.measures, person)
+        self._take(person, seated)
         self._aim[person] = _SITS
 
     def begin_seated(self, person: int, seat: Seat) -> None:
-        """Sit on a seat from the start on; the person was put before it, see `Spot.standing_place`."""
+        """Sit on a seat from the start on; the person was put before it, see `SeatedPose.standing_place`."""
         self.sit(person, seat)
         self._sitting[person] = 1.0
         rows = np.zeros_like(self.rows)
@@ -116,23 +114,13 @@ class Postures:
         self.rows = rows
 
     def lie(self, person: int, bed: Bed) -> None:
-        """Lie down on a bed; the person stands beside it, before the edge of their `Lair`, or sits on that."""
-        if self._in_bed[person] and self._aim[person] == _SITS and self.done(person, "body"):
-            self._aim[person] = _LIES
-            self._idle = False
-            return
+        """Lie down on a bed; the person stands beside it, before the edge of their `LyingPose`."""
         self._must(person, self._aim[person] == _STANDS and self._sitting[person] == 0, "lie down", "stands")
-        lair = lair_in(bed, self.measures, person, complex(self._place[person]))
-        self._take(person, lair.edge)
-        self._lair[:, person] = *lair.hips, lair.yaw + self._spot[3, person] - lair.edge.yaw
-        self._turns_left[person] = float(lair.turns_left)
-        self._in_bed[person] = True
+        lying = lying_pose(bed, self.measures, person, complex(self._place[person]))
+        self._take(person, lying.edge)
+        self._lying_pose[:, person] = *lying.hips, lying.yaw + self._seated[3, person] - lying.edge.yaw
+        self._turns_left[person] = float(lying.turns_left)
         self._aim[person] = _LIES
-
-    def sit_up(self, person: int) -> None:
-        """Sit up on the edge of the bed that one lies in."""
-        self._must(person, self._aim[person] == _LIES and self.done(person, "body"), "sit up", "lies")
-        self._aim[person] = _SITS
 
     def rise(self, person: int) -> None:
         """Stand up from a seat, or get up from a bed by way of its edge."""
@@ -195,24 +183,24 @@ class Postures:
         """Turn the head to a point (3,) in the room [m] and keep it there, walking or not, as far as the neck turns."""
         point = np.asarray(point, dtype=float)
         self._must(person, point.shape == (3,) and bool(np.isfinite(point).all()), f"look at {point}", "sees x, y, z")
-        self._looks.at_point(person, point)
+        self._gaze.at_point(person, point)
 
     def look_at_person(self, person: int, other: int) -> None:
         """Turn the head to another's head and keep it there."""
         self._must(person, person != other, "look at themselves", "looks at somebody else")
-        self._looks.at_person(person, other)
+        self._gaze.at_person(person, other)
 
     def turn_head(self, person: int, yaw_rad: float, pitch_rad: float = 0.0) -> None:
         """Turn the head from straight ahead: yaw to the left, pitch down positive [rad]."""
         self._must(
             person, abs(yaw_rad) <= np.pi and abs(pitch_rad) <= 0.5 * np.pi, "turn the head so far", "turns less"
         )
-        self._looks.by_angle(person, yaw_rad, pitch_rad)
+        self._gaze.by_angle(person, yaw_rad, pitch_rad)
 
     def look_ahead(self, person: int) -> None:
         """Look where the way goes again."""
         self._idle = False
-        self._looks.ahead(person)
+        self._gaze.ahead(person)
 
     def done(self, person: int, part: Part | None = None) -> bool:
         """Whether what was last asked for is reached: of one part, or (None) of everything."""
@@ -221,7 +209,7 @@ class Postures:
             and self._lying[person] == (self._aim[person] == _LIES),
             "bend": not self._bend.moving[person],
             "reach": not (self._hands.moving[person] or self._points.moving[person] or self._help.moving[person]),
-            "look": self._looks.done(person),
+            "look": self._gaze.done(person),
         }
         return bool(all(done.values()) if part is None else done[part])
 
@@ -239,19 +227,19 @@ class Postures:
         moves = (self._sitting != (self._aim >= _SITS)) | (self._lying != (self._aim == _LIES))
         if moves.any():
             self._move(dt)
-        for course in (self._bend, self._hands, self._points, self._help):
-            course.step(dt)
+        for profile in (self._bend, self._hands, self._points, self._help):
+            profile.step(dt)
         weights = (self._sitting, self._bend.value, self._hands.value, self._help.value)
         rows = np.zeros_like(self.rows)
         if any(weight.any() for weight in weights):
             self._write(rows)
         self._mass.step(rows, dt)
-        if not self._looks.idle():
+        if not self._gaze.idle():
             head, body = self._heads(rows)
-            self._looks.step(dt, head, body, rows)
+            self._gaze.step(dt, head, body, rows)
         self.rows = rows
-        moving = any(course.moving.any() for course in (self._bend, self._hands, self._points, self._help))
-        self._idle = not (moving or self._aim.any() or rows.any() or self._mass.moves or not self._looks.idle())
+        moving = any(profile.moving.any() for profile in (self._bend, self._hands, self._points, self._help))
+        self._idle = not (moving or self._aim.any() or rows.any() or self._mass.moves or not self._gaze.idle())
 
     def _move(self, dt: float) -> None:
         down = self._aim >= _SITS
@@ -269,13 +257,13 @@ class Postures:
         who = np.nonzero(self._sitting > 0)[0]
         if len(who):
             some = rows[:, who]
-            lay_sitting(some, self._sitting[who], self._spot[:, who], self._hang[who], stature[who])
+            add_sitting(some, self._sitting[who], self._seated[:, who], self._hang[who], stature[who])
             flat = np.nonzero(self._lying[who] > 0)[0]
             if len(flat):
                 lies = who[flat]
                 deep = some[:, flat]
-                lay_lying(
-                    deep, self._lying[lies], self._spot[:, lies], self._lair[:, lies], self._turns_left[lies],
+                add_lying(
+                    deep, self._lying[lies], self._seated[:, lies], self._lying_pose[:, lies], self._turns_left[lies],
                     self._legs_slope[lies],
                 )  # fmt: skip
                 some[:, flat] = deep
@@ -325,19 +313,19 @@ class Postures:
         if self._aim[person] == _STANDS:
             height = float(self.measures.leg[person] * 0.9945 + self.measures.ankle_height[person])
             return np.array([place.real, place.imag, height]), yaw
-        goal = self._lair if self._aim[person] == _LIES else self._spot
+        goal = self._lying_pose if self._aim[person] == _LIES else self._seated
         return goal[:3, person].copy(), float(goal[3, person])
 
-    def _take(self, person: int, spot: Spot) -> None:
+    def _take(self, person: int, seated: SeatedPose) -> None:
         here, faces = complex(self._place[person]), float(self._heading[person])
-        turn = (spot.yaw - faces + np.pi) % (2 * np.pi) - np.pi
-        near = abs(here - spot.standing_place) <= _NEAR_M and abs(turn) <= _NEAR_RAD
+        turn = (seated.yaw - faces + np.pi) % (2 * np.pi) - np.pi
+        near = abs(here - seated.standing_place) <= _NEAR_M and abs(turn) <= _NEAR_RAD
         self._must(
             person, near, f"sit down from {here:.2f} m facing {faces:.2f} rad",
-            f"stands near {spot.standing_place:.2f} m facing {spot.yaw:.2f} rad",
+            f"stands near {seated.standing_place:.2f} m facing {seated.yaw:.2f} rad",
         )  # fmt: skip
-        self._spot[:, person] = *spot.hips, faces + turn
-        self._hang[person] = float(spot.feet_hang)
+        self._seated[:, person] = *seated.hips, faces + turn
+        self._hang[person] = float(seated.feet_hang)
 
     def _must(self, person: int, holds: bool, what: str, who: str) -> None:
         """Refuse a command that makes no sense; with one that does there is something to do."""

@@ -55,7 +55,7 @@ _KNEE_HANGING_RAD = 1.22
 
 
 @dataclass(frozen=True)
-class Spot:
+class SeatedPose:
     """Where one person sits: hips x, y, z [m], yaw [rad]; feet_ahead_m: ankles before the hips; feet_hang: off the floor."""
 
     hips: tuple[float, float, float]
@@ -69,7 +69,7 @@ class Spot:
         return complex(self.hips[0], self.hips[1]) + self.feet_ahead_m * complex(np.cos(self.yaw), np.sin(self.yaw))
 
 
-def spot_on(seat: Seat, measures: BodyMeasures, person: int) -> Spot:
+def seated_pose(seat: Seat, measures: BodyMeasures, person: int) -> SeatedPose:
     """Where this person sits on this seat, of which as much is taken to lie behind its middle as before it.
 
     As far back as the seat, a bag on the back, or the thighs allow; nearer to the front edge where the seat is
@@ -92,11 +92,11 @@ def spot_on(seat: Seat, measures: BodyMeasures, person: int) -> Spot:
     behind_front = max(behind_front, least)
     hips = complex(seat.place[0], seat.place[1]) + (seat.to_front_m - behind_front) * np.exp(1j * seat.yaw)
     ahead = max(thigh - _ANKLES_BACK_M * scale, behind_front + shank_radius + 0.03)
-    return Spot((float(hips.real), float(hips.imag), top + over), float(seat.yaw), ahead, bool(hang))
+    return SeatedPose((float(hips.real), float(hips.imag), top + over), float(seat.yaw), ahead, bool(hang))
 
 
-def lay_sitting(rows: Array, progress: Array, spot: Array, hang: Array, stature: Array) -> None:
-    """Add sitting to rows (POSTURE_ROWS, m); progress (m,): 0 standing, 1 seated; spot (4, m): hips x, y, z, yaw.
+def add_sitting(rows: Array, progress: Array, pose: Array, hang: Array, stature: Array) -> None:
+    """Add sitting to rows (POSTURE_ROWS, m); progress (m,): 0 standing, 1 seated; pose (4, m): hips x, y, z, yaw.
 
     The trunk leans until the seat is met and comes up again; the hips go back and down; the hands come to lie on the
     thighs. The feet stay where they stand, except where they hang (1) in the end.
@@ -105,9 +105,9 @@ def lay_sitting(rows: Array, progress: Array, spot: Array, hang: Array, stature:
         [minimum_jerk(progress, 0.10, 0.74), minimum_jerk(progress, 0.0, 0.70), minimum_jerk(progress, 0.1, 0.8)]
     )
     rows[HELD] += weights
-    rows[PLACE_XY] += weights[0] * spot[:2]
-    rows[PLACE_Z] += weights[1] * spot[2]
-    rows[PLACE_YAW] += weights[2] * spot[3]
+    rows[PLACE_XY] += weights[0] * pose[:2]
+    rows[PLACE_Z] += weights[1] * pose[2]
+    rows[PLACE_YAW] += weights[2] * pose[3]
     bump = minimum_jerk(progress, 0.0, 0.62) * (1.0 - minimum_jerk(progress, 0.62, 1.0))
     lean, seated = LEAN_RAD * bump, minimum_jerk(progress, 0.6, 1.0)
     rows[PELVIS_PITCH] += 0.55 * lean + SEATED_PELVIS_RAD * seated
@@ -140,17 +140,17 @@ _TOWARDS_HEAD_M = 0.04
 
 
 @dataclass(frozen=True)
-class Lair:
+class LyingPose:
     """Where one person lies: hips x, y, z [m], yaw towards the feet end [rad], unwrapped from the edge's; the edge: where
     they sit before and after; turns_left: whether they turn left to lie down."""
 
     hips: tuple[float, float, float]
     yaw: float
-    edge: Spot
+    edge: SeatedPose
     turns_left: bool
 
 
-def lair_in(bed: Bed, measures: BodyMeasures, person: int, beside: complex) -> Lair:
+def lying_pose(bed: Bed, measures: BodyMeasures, person: int, beside: complex) -> LyingPose:
     """Where this person lies in this bed, who comes from the place `beside` x + iy [m]: on the long side nearest to it.
 
     On the back, the middle of the body in the middle of the bed; in a bed too short the feet hang over its end.
@@ -168,21 +168,21 @@ def lair_in(bed: Bed, measures: BodyMeasures, person: int, beside: complex) -> L
     yaw = float(np.angle(outwards))
     top = float(bed.place[2])
     place = np.array([seat.real, seat.imag, top])
-    edge = spot_on(Seat(bed.name, place, yaw, bed.furniture, bed.geoms, 0.5 * _EDGE_DEPTH_M), measures, person)
+    edge = seated_pose(Seat(bed.name, place, yaw, bed.furniture, bed.geoms, 0.5 * _EDGE_DEPTH_M), measures, person)
     # facing outwards from the bed's left side, the feet end is to the left
     turn = 0.5 * np.pi if left else -0.5 * np.pi
     height = top + float(max(measures.behind[person], measures.back[person])) - MATTRESS_SINK_M
-    return Lair((where.real, where.imag, height), yaw + turn, edge, left)
+    return LyingPose((where.real, where.imag, height), yaw + turn, edge, left)
 
 
-def lay_lying(rows: Array, progress: Array, spot: Array, lair: Array, turns_left: Array, drop: Array) -> None:
+def add_lying(rows: Array, progress: Array, seated: Array, lying: Array, turns_left: Array, drop: Array) -> None:
     """Lay lying down over sitting; rows (POSTURE_ROWS, m) hold sitting on the edge.
 
-    progress (m,): 0 seated, 1 on the back; spot, lair (4, m): hips x, y, z, yaw there and here; turns_left (m,): 1 or 0;
+    progress (m,): 0 seated, 1 on the back; seated, lying (4, m): hips x, y, z, yaw there and here; turns_left (m,): 1 or 0;
     drop (m,): slope of the legs from the hips down to heels on the mattress [rad]. The legs leave the floor, the one
     towards the feet end first, and swing up while the trunk turns and goes down; the arms prop it from behind.
     """
-    way = lair - spot
+    way = lying - seated
     rows[PLACE_XY] += minimum_jerk(progress, 0.15, 0.9) * way[:2]
     rows[PLACE_Z] += minimum_jerk(progress, 0.15, 0.9) * way[2]
     rows[PLACE_YAW] += minimum_jerk(progress, 0.06, 0.78) * way[3]

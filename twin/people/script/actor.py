@@ -13,7 +13,7 @@ from twin.people.crowd.ground import Ground
 from twin.people.crowd.order import Order
 from twin.people.posture.measures import BodyMeasures
 from twin.people.posture.posture import Postures
-from twin.people.posture.resting import lair_in, spot_on
+from twin.people.posture.resting import lying_pose, seated_pose
 from twin.room.furniture import Bed, Seat
 from twin.scenario.behaviour import Look, Target
 
@@ -44,18 +44,18 @@ def approaches(
     beside: x + iy [m]; the side of a bed that is nearest to it comes first.
     """
     if isinstance(furniture, Seat):
-        spots = [spot_on(furniture, measures, person)]
+        poses = [seated_pose(furniture, measures, person)]
     else:
         sides = [complex(x, y) for x, y in furniture.beside(0.0)]
         if beside is not None:
             sides.sort(key=lambda side: abs(side - beside))
             sides[0] = beside
-        spots = [lair_in(furniture, measures, person, side).edge for side in sides]
+        poses = [lying_pose(furniture, measures, person, side).edge for side in sides]
     found = []
-    for spot in spots:
-        stands_at = (spot.standing_place.real, spot.standing_place.imag)
-        turns_at = np.array([stands_at[0] + _BEFORE_M * cos(spot.yaw), stands_at[1] + _BEFORE_M * sin(spot.yaw)])
-        found.append(Approach(turns_at, stands_at, spot.yaw))
+    for pose in poses:
+        stands_at = (pose.standing_place.real, pose.standing_place.imag)
+        turns_at = np.array([stands_at[0] + _BEFORE_M * cos(pose.yaw), stands_at[1] + _BEFORE_M * sin(pose.yaw)])
+        found.append(Approach(turns_at, stands_at, pose.yaw))
     return found
 
 

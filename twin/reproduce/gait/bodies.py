@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from trackers.arrays import Array
 from twin.people.body.proportions import Skeleton, proportions_of
 from twin.people.gait.gait import Gait
-from twin.people.gait.pose import Moment, foot_loads
+from twin.people.gait.pose import GaitState, foot_loads
 from twin.people.poses import TICK_S
 
 Flags = NDArray[np.bool_]
@@ -71,7 +71,7 @@ def steady(speed_m_s: float, statures_m: Sequence[float], seconds: float = 12.0)
         led.go(min(speed_m_s, _ACCELERATION_M_S2 * now))
         gait.step(led, np.zeros(count), TICK_S)
         if now > _SPEEDS_UP_S:
-            feet = foot_loads(Moment(gait.moment.floor.copy(), gait.moment.rows.copy()), skeleton)
+            feet = foot_loads(GaitState(gait.state.floor.copy(), gait.state.rows.copy()), skeleton)
             t.append(now)
             load.append(feet.load.copy())
             place.append(feet.place.copy())

@@ -9,7 +9,7 @@ import numpy as np
 
 from twin.people.body.proportions import Skeleton, proportions_of
 from twin.people.gait.gait import Gait
-from twin.people.gait.pose import BOB, FootLoads, Moment, foot_loads, heel_and_pelvis, joint_coordinates
+from twin.people.gait.pose import BOB, FootLoads, GaitState, foot_loads, heel_and_pelvis, joint_coordinates
 
 TICK_S = 0.025
 
@@ -60,13 +60,13 @@ class Course:
     lowered: list = field(default_factory=list)
 
     def record(self, t: float) -> None:
-        moment = Moment(self.gait.moment.floor.copy(), self.gait.moment.rows.copy())
-        feet: FootLoads = foot_loads(moment, self.skeleton)
+        state = GaitState(self.gait.state.floor.copy(), self.gait.state.rows.copy())
+        feet: FootLoads = foot_loads(state, self.skeleton)
         self.t.append(t)
-        self.coordinates.append(joint_coordinates(moment, self.skeleton))
-        self.rows.append(moment.rows)
+        self.coordinates.append(joint_coordinates(state, self.skeleton))
+        self.rows.append(state.rows)
         standing = 0.9945 * self.skeleton.leg + self.skeleton.ankle_height
-        self.lowered.append(standing + moment.rows[BOB] - heel_and_pelvis(moment, self.skeleton)[2])
+        self.lowered.append(standing + state.rows[BOB] - heel_and_pelvis(state, self.skeleton)[2])
         for name in ("load", "height", "place"):
             getattr(self, name).append(getattr(feet, name).copy())
         self.ahead.append(feet.pressure_ahead.copy())

@@ -268,7 +268,7 @@ def test_moments_between_ticks_keep_the_sum():
     assert course.rows.shape[1] == ROWS
     between = 0.5 * (course.load[1:] + course.load[:-1])
     assert between.sum(axis=1).mean() == pytest.approx(1.0, abs=0.02)
-    loads = foot_loads(course.gait.moment, course.skeleton)
+    loads = foot_loads(course.gait.state, course.skeleton)
     np.testing.assert_array_equal(loads.load[:, 0], course.load[-1, :, 0])
     assert loads.yaw.shape == loads.place.shape == (2, 1)
 

@@ -13,7 +13,7 @@ from twin.people.body.appearance import appearance_of
 from twin.people.body.body import JOINT_PLACE, LEG, NQ_PERSON, SIDES, person_spec
 from twin.people.body.kinematics import leg_angles
 from twin.people.posture.measures import BodyMeasures
-from twin.people.posture.overlay import apply
+from twin.people.posture.overlay import overlay_postures
 from twin.people.posture.posture import Postures
 from twin.room.furniture import Bed, Seat
 from twin.scenario.people import Person
@@ -73,7 +73,7 @@ class Stage:
         return self.qpos()
 
     def qpos(self):
-        return apply(self.standing, self.postures.rows, self.measures)
+        return overlay_postures(self.standing, self.postures.rows, self.measures)
 
     def run(self, part=None, most_s=12.0):
         """Tick until done; returns joint coordinates (k, NQ_PERSON) and rows (k, POSTURE_ROWS)."""

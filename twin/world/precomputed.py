@@ -19,7 +19,7 @@ LONGEST_LOOK_S = 1.0
 """A motion goes on for so long after the scenario's end: a sweep or an exposure begun before takes less [s]."""
 
 
-class Posed:
+class PoseCache:
     """Where the geoms of people are at the moments at which scanners have looked, for scanners that look at the same moments.
 
     A ray asks for nothing else: neither joints nor soles, cameras or lights are kept.
@@ -29,24 +29,24 @@ class Posed:
         self._geoms = np.flatnonzero(person_of_geom > 0)
         self.places: dict[float, tuple[Array, Array]] = {}
 
-    def keep(self, t: float, data: mujoco.MjData) -> None:
+    def store(self, t: float, data: mujoco.MjData) -> None:
         """Keep the poses that are those of time t [s]."""
         self.places[t] = data.geom_xpos[self._geoms].copy(), data.geom_xmat[self._geoms].copy()
 
-    def lay(self, t: float, data: mujoco.MjData) -> None:
+    def restore(self, t: float, data: mujoco.MjData) -> None:
         """Put the geoms where they are at time t [s]."""
         data.geom_xpos[self._geoms], data.geom_xmat[self._geoms] = self.places[t]
 
 
 @dataclass(frozen=True, eq=False)
-class Staged:
+class PrecomputedScene:
     """The compiled scene of a scenario as it begins, and its people's motion; for scenarios with the same people."""
 
     scene: Scene
     motion: Motion
 
     @classmethod
-    def of(cls, scenario: Scenario, motion: Motion) -> Staged:
+    def of(cls, scenario: Scenario, motion: Motion) -> PrecomputedScene:
         """The scenario's people in its room. Raises InputError as `build_scene` does."""
         return cls(build_scene(randomized(scenario)), motion)
 
@@ -57,7 +57,7 @@ class Staged:
         return replace(self.scene, bodies=replace(self.scene.bodies, model=copy.copy(self.scene.model)))
 
 
-def moved(scenario: Scenario) -> Motion:
+def precompute_motion(scenario: Scenario) -> Motion:
     """The motion of a scenario's people, stepped to its end. Raises InputError as `build_scene` does."""
     scenario = randomized(scenario)
     return populate(scenario, build_scene(scenario)).motion(scenario.duration_s + LONGEST_LOOK_S)

@@ -13,17 +13,17 @@ from twin.people.poses import Motion
 from twin.scenario import Scenario, load_scenario
 from twin.streams import stream
 from twin.truth.frames import TruthFrame
+from twin.world.precomputed import PrecomputedScene, precompute_motion
 from twin.world.simulation import Simulation
-from twin.world.staged import Staged, moved
 
 pytestmark = pytest.mark.slow
 
 _SWEEP = ["sensors.waist.sweep_time_s=0.08", "sensors.knee.rate_hz=7.3", "sensors.knee.jitter_s=0.2"]
 
 
-def told(scenario: Scenario, staged: Staged | None) -> tuple[list[bytes], list[TruthFrame]]:
+def told(scenario: Scenario, precomputed: PrecomputedScene | None) -> tuple[list[bytes], list[TruthFrame]]:
     truth: list[TruthFrame] = []
-    with Simulation(scenario, on_truth=truth.append, staged=staged) as simulation:
+    with Simulation(scenario, on_truth=truth.append, precomputed=precomputed) as simulation:
         background = [bytes(each.data) for each in simulation.background_messages()]
         return [*background, *(bytes(each.encoded.data) for each in simulation.deliveries())], truth
 
@@ -42,15 +42,15 @@ def test_every_sensor_reports_the_same_bits_of_people_who_moved_before(
     name: str, changes: list[str], tmp_path: Path
 ) -> None:
     scenario = load_scenario(name, ["background_frames=2", *changes])
-    moved(scenario).save(tmp_path / "motion.npz")
-    staged = Staged.of(scenario, Motion.load(tmp_path / "motion.npz"))
+    precompute_motion(scenario).save(tmp_path / "motion.npz")
+    precomputed = PrecomputedScene.of(scenario, Motion.load(tmp_path / "motion.npz"))
 
-    assert told(scenario, staged) == told(scenario, None)
-    assert told(scenario, staged)[0] == told(scenario, None)[0]  # and again: one look leaves nothing behind
+    assert told(scenario, precomputed) == told(scenario, None)
+    assert told(scenario, precomputed)[0] == told(scenario, None)[0]  # and again: one look leaves nothing behind
 
 
 def test_a_motion_keeps_the_sign_of_zero(tmp_path: Path) -> None:
-    motion = moved(load_scenario("lab-five-people", ["duration_s=0.2"]))
+    motion = precompute_motion(load_scenario("lab-five-people", ["duration_s=0.2"]))
     motion.posture[0, 0, 0] = -0.0
     motion.save(tmp_path / "motion.npz")
     assert Motion.load(tmp_path / "motion.npz").same(motion)
@@ -59,22 +59,25 @@ def test_a_motion_keeps_the_sign_of_zero(tmp_path: Path) -> None:
 def test_sensors_elsewhere_change_no_motion() -> None:
     scenario = load_scenario("lab-five-people", ["duration_s=1"])
     elsewhere = load_scenario("lab-five-people", ["duration_s=1", "sensors.waist.mount.xyz=[1, 0.1, 0.9]"])
-    assert moved(scenario).same(moved(elsewhere))
+    assert precompute_motion(scenario).same(precompute_motion(elsewhere))
 
 
 def test_a_moment_after_the_motion_is_refused() -> None:
     scenario = load_scenario("lab-five-people", ["duration_s=0.2"])
-    staged = Staged.of(scenario, moved(scenario))
-    with Simulation(scenario, images=False, staged=staged) as simulation, pytest.raises(ValueError, match="ends after"):
+    precomputed = PrecomputedScene.of(scenario, precompute_motion(scenario))
+    with (
+        Simulation(scenario, images=False, precomputed=precomputed) as simulation,
+        pytest.raises(ValueError, match="ends after"),
+    ):
         simulation.world.snapshot(5.0)
 
 
 def test_tracks_are_those_of_a_run(tmp_path: Path) -> None:
     scenario = load_scenario("lab-five-people", ["duration_s=1.5"])
-    staged = Staged.of(scenario, moved(scenario))
+    precomputed = PrecomputedScene.of(scenario, precompute_motion(scenario))
     frames = []
-    for each in (staged, None):
-        with Simulation(scenario, staged=each) as simulation:
+    for each in (precomputed, None):
+        with Simulation(scenario, precomputed=each) as simulation:
             prior = Prior(background=simulation.background())
             rng = stream(scenario.seed, "tracker", "laser-fisheye-imm")
             tracker = make_tracker("laser-fisheye-imm", simulation.rig, prior, rng)
