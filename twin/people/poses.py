@@ -187,7 +187,7 @@ class Poses(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What a population's memory held at each tick t of n people, from the start on: see `posture.memory`."""
+    """What a population's memory held at each tick t of n people, from the start on: see `PoseHistory`."""
 
     floor: NDArray[np.complex128]  # (t, FLOOR_ROWS, n)
     rows: NDArray[np.float64]  # (t, ROWS, n)
