@@ -12,8 +12,7 @@ import numpy as np
 
 from trackers.arrays import Array
 from twin.drawn.distributions import DrawnRoom
-from twin.drawn.floor_plan import DOOR_M, PARTITION_M, FloorPlan, Wall
-from twin.drawn.free_space import FreeSpace
+from twin.drawn.floor_plan import DOOR_M, PARTITION_M, FloorPlan, FreeSpace, Wall
 
 _TRIES = 30
 _OFF_WALL_M = 0.02

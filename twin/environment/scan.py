@@ -21,7 +21,7 @@ from trackers.observations import LaserScan
 from twin.instant.snapshot import Snapshot
 from twin.people.crowd.crowd import planar
 from twin.progress import OnProgress
-from twin.room.mounts import check_mount
+from twin.room.building import check_mount
 from twin.room.obstacles import Footprints
 from twin.sensors.laser_noise import LaserNoise
 from twin.sensors.rays import cast

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array, Mask
-from twin.instant.feet import Feet, on_the_floor
+from twin.instant.snapshot import Feet, on_the_floor
 from twin.people.body.appearance import Appearance
 from twin.people.body.proportions import Skeleton
 from twin.people.gait.gait import GRAVITY_M_S2

@@ -9,13 +9,13 @@ import cv2
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import Delaunay
+from scipy.spatial import ConvexHull, Delaunay
 
 from trackers.area import Area
 from trackers.arrays import Array, Mask
+from trackers.errors import InputError
 from twin.geometry.geom_hull import hull_points
 from twin.instant.snapshot import RAY_GROUPS
-from twin.room.mounts import inside_geom
 from twin.room.obstacles import OBSTACLE_REACH_M, Footprints
 from twin.room.walkable import ENCLOSED_M2, Plan, common_direction, outdoors_of, standing_footprints
 
@@ -170,3 +170,57 @@ class Building:
                     (exact_m if abs(exact_m - gap[edge]) < _DRAWN_M else float(gap[edge]), foot[edge], unit[edge])
                 )
         return found[:2]
+
+
+def check_mount(model: mujoco.MjModel, data: mujoco.MjData, field: str, xyz: NDArray[np.float64]) -> None:
+    """Raise InputError naming the field and the geom if the point (3,) [m] lies inside a static geom of the room."""
+    for geom in range(model.ngeom):
+        if model.body_weldid[model.geom_bodyid[geom]] != 0 or model.geom_rgba[geom, 3] == 0:
+            continue
+        local = (xyz - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
+        if inside_geom(model.geom_type[geom], model.geom_size[geom], local[None]).any():
+            thing = model.geom(geom).name or f"geom {geom}"
+            where = f"[{xyz[0]:g}, {xyz[1]:g}, {xyz[2]:g}]"
+            raise InputError(f"{field}: {where} is inside {thing!r} of the room; a point in free space is expected")
+
+
+def inside_geom(kind: int, size: NDArray[np.float64], local: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which points (n, 3) in the geom's frame lie inside it, (n,); meshes and height fields are taken as empty."""
+    match kind:
+        case mujoco.mjtGeom.mjGEOM_PLANE:
+            # One-sided: behind it is inside the wall. A size of 0 means endless.
+            return (local[:, 2] < 0) & ((np.abs(local[:, :2]) <= size[:2]) | (size[:2] == 0)).all(axis=1)
+        case mujoco.mjtGeom.mjGEOM_BOX:
+            return (np.abs(local) - size).max(axis=1) <= 0
+        case mujoco.mjtGeom.mjGEOM_SPHERE:
+            return (local * local).sum(axis=1) <= size[0] ** 2
+        case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+            return ((local / size) ** 2).sum(axis=1) <= 1
+        case mujoco.mjtGeom.mjGEOM_CYLINDER:
+            return (np.hypot(local[:, 0], local[:, 1]) <= size[0]) & (np.abs(local[:, 2]) <= size[1])
+        case mujoco.mjtGeom.mjGEOM_CAPSULE:
+            beyond = local[:, 2] - np.clip(local[:, 2], -size[1], size[1])
+            return local[:, 0] ** 2 + local[:, 1] ** 2 + beyond**2 <= size[0] ** 2
+        case _:
+            return np.zeros(len(local), dtype=bool)
+
+
+_LOW_M, _HIGH_M = 0.1, 1.8
+"""A thing shows on the plan when part of it is between these heights [m]: neither floor marks nor lamps do."""
+
+
+def room_outline(model: mujoco.MjModel, data: mujoco.MjData) -> list[NDArray[np.float64]]:
+    """Convex outlines (k, 2) [m] of the static geoms that stand in the room; `data` needs kinematics."""
+    outlines = []
+    for geom in range(model.ngeom):
+        if model.body_weldid[model.geom_bodyid[geom]] != 0 or model.geom_rgba[geom, 3] == 0:
+            continue
+        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE and not model.geom_size[geom, :2].all():
+            continue
+        corners = hull_points(model, data, geom)
+        if corners is None or corners[:, 2].max() < _LOW_M or corners[:, 2].min() > _HIGH_M:
+            continue
+        flat = corners[:, :2]
+        if np.ptp(flat, axis=0).min() > 1e-6:
+            outlines.append(flat[ConvexHull(flat).vertices])
+    return outlines

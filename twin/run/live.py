@@ -25,7 +25,7 @@ from twin.recording.tables import read_truth, truth_writer
 from twin.recording.track_topics import TrackTopics
 from twin.recording.writer import BagWriter
 from twin.report.page import RunFacts
-from twin.room.outline import room_outline
+from twin.room.building import room_outline
 from twin.run.chosen_trackers import NONE_TRUSTED, ChosenTracker, TrustedClasses, choose
 from twin.run.feed import feed
 from twin.run.out_folder import OutFolder, out_folder
@@ -43,8 +43,8 @@ from twin.run.outcome import (
 from twin.run.prior import notes_of
 from twin.run.tracker_at_work import file_name
 from twin.scenario import Scenario
-from twin.scenario.conditions import conditions_of
 from twin.scenario.load import dump_scenario
+from twin.scenario.model import conditions_of
 from twin.streams import stream
 from twin.truth.frames import TruthDetail, TruthFrame
 from twin.world.heap import heap_trimmed

@@ -35,7 +35,7 @@ from twin.recording.track_topics import check_copy, copy_with_tracks
 from twin.report.birdseye import Polygon
 from twin.report.page import RunFacts
 from twin.report.scan_density import ScanDensity
-from twin.room.outline import room_outline
+from twin.room.building import room_outline
 from twin.run.chosen_trackers import (
     TRACK,
     ChosenTracker,

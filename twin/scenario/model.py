@@ -6,17 +6,59 @@ from collections.abc import Callable
 from pathlib import PurePath
 from typing import ClassVar, Literal
 
-from pydantic import ConfigDict, Field, JsonValue, model_serializer, model_validator
+from pydantic import ConfigDict, Field, FiniteFloat, JsonValue, field_validator, model_serializer, model_validator
 
 from trackers.area import Polygon
 from trackers.configuration import Strict, Typed
 from trackers.rig import NO_PRIOR, Name, PriorFiles
 from twin.scenario.behaviour import companions
 from twin.scenario.housings import Housing, check_calibration_error, check_on_housing, check_place, check_told
-from twin.scenario.lights import LightChange
 from twin.scenario.people import STEADY, Person, Randomize
 from twin.scenario.sensors import SensorDescription
 from twin.sensors.fault_kinds import FaultDescription, check_fault
+
+EVERY_LIGHT = "all"
+"""The name that speaks of all lights of the room at once."""
+
+
+class Flicker(Strict):
+    """Brightness that swings `hz` times a second between 1 − `depth` and 1 of what it would be, as a cosine.
+
+    A lamp on 50 Hz mains flickers at 100 Hz: what a camera makes of it is a slow beat, as its pictures are instants.
+    """
+
+    hz: float = Field(gt=0, le=1000, description="swings of the brightness a second [Hz]")
+    depth: float = Field(gt=0, le=1, description="share of the brightness that is missing where it is least, 0 to 1")
+
+
+class LightChange(Strict):
+    """From `at_s` on, a light's brightness goes to `brightness` times the room's own, over `over_s` (0: at once).
+
+    `name`: a light of the room's MJCF, or 'all'. It starts from what the light has at that moment. `flicker` lasts until
+    the light's next change. A lamp going off: brightness 0; a cloud: a smaller one of the daylight over some seconds,
+    and back; both of what the room's lights add, emission (a lit screen, a lamp's own glow) stays as it is.
+    """
+
+    at_s: FiniteFloat = Field(description="time since the start at which the light begins to change [s]")
+    name: str = Field(
+        default=EVERY_LIGHT,
+        min_length=1,
+        description="name of a light of the room's MJCF file; 'all': every light of the room",
+    )
+    brightness: float = Field(
+        default=1.0, ge=0, le=10, description="what the light's brightness goes to, times the room's own; 0: off"
+    )
+    over_s: float = Field(default=0.0, ge=0, le=86_400, description="how long the change takes [s]; 0: at once")
+    flicker: Flicker | None = Field(
+        default=None, description="how the light flickers from then on, until its next change; none: it does not"
+    )
+
+    @field_validator("at_s")
+    @classmethod
+    def _after_the_start(cls, at_s: float) -> float:
+        if at_s < 0:
+            raise ValueError(f"{at_s:g} s is before the start of the scenario; 0 or later is valid")
+        return at_s
 
 
 class Rendering(Strict):
@@ -178,3 +220,48 @@ def _under(path: str, check: Callable[[], None]) -> None:
         check()
     except ValueError as error:
         raise ValueError(f"{path}{error}") from error
+
+
+def conditions_of(scenario: Scenario) -> list[str]:
+    """One sentence each on faults, lights, rendering, and what trackers are made to believe; none where nothing is."""
+    told = []
+    if scenario.faults:
+        faults = (
+            f"{fault.kind.replace('_', ' ')} of {_listed(fault.sensor)} {_span(fault.from_s, fault.to_s)}"
+            for fault in scenario.faults.values()
+        )
+        told.append(f"Faults: {'; '.join(faults)}.")
+    if scenario.lights:
+        changes = (f"{change.name} to {change.brightness:g} from {change.at_s:g} s" for change in scenario.lights)
+        told.append(f"Light: {'; '.join(changes)}.")
+    if str(scenario.rendering):
+        told.append(f"Pictures are drawn with {scenario.rendering}.")
+    misled = [name for name, sensor in scenario.sensors.items() if sensor.calibration_error is not None]
+    if misled:
+        told.append(f"Trackers believe another pose, lens or clock than the true one of: {', '.join(misled)}.")
+    return told
+
+
+def never_begins(scenario: Scenario) -> list[str]:
+    """One sentence each on faults, changes of the light and sensors whose time is not before the end of the run."""
+    end_s = scenario.duration_s
+    times = [
+        *((f"sensors.{name}.phase_s", sensor.phase_s, "never looks") for name, sensor in scenario.sensors.items()),
+        *((f"faults.{name}.from_s", fault.from_s, "never begins") for name, fault in scenario.faults.items()),
+        *((f"lights.{n}.at_s", change.at_s, "never comes") for n, change in enumerate(scenario.lights)),
+    ]
+    return [
+        f"{field}: {at_s:g} s is not before the end at {end_s:g} s: {never}"
+        for field, at_s, never in times
+        if at_s >= end_s
+    ]
+
+
+def _listed(sensors: str | tuple[str, ...]) -> str:
+    return sensors if isinstance(sensors, str) else " and ".join(sensors)
+
+
+def _span(from_s: float, to_s: float | None) -> str:
+    if to_s is None:
+        return f"from {from_s:g} s on" if from_s else "throughout"
+    return f"from {from_s:g} to {to_s:g} s"

@@ -21,7 +21,7 @@ from twin.sensors.laser_noise import LASER_NOISE, LaserNoise
 from twin.sensors.lens import LENSES, Lens
 
 if TYPE_CHECKING:
-    from twin.instant.feet import FootShapes
+    from twin.instant.snapshot import FootShapes
     from twin.sensors.render import OffscreenRenderer
     from twin.sensors.sensor import Sensor
 

@@ -9,8 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from trackers.rig import FloorSensor
-from twin.instant.feet import Feet, FootShapes
-from twin.instant.snapshot import Snapshot
+from twin.instant.snapshot import Feet, FootShapes, Snapshot
 from twin.sensors.floor_electronics import LoadFrame
 from twin.sensors.floor_plate import FloorPlate, Pressed
 from twin.sensors.sensor import Reading, State

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from twin.instant.feet import Feet, FootShapes
+from twin.instant.snapshot import Feet, FootShapes
 from twin.sensors.floor_soles import first_sink_m, sheet_cells, sheet_start, sole_points, soles_model
 
 _STEPS = 8

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from twin.instant.feet import FootShapes
+from twin.instant.snapshot import FootShapes
 
 TIMESTEP_S = 0.005
 _TIME_CONSTANT_S = 0.01

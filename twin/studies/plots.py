@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array
 from twin.reproduce.drawing import INK, QUIET, SHADE, look, svg_of
-from twin.room.building import Building
-from twin.room.outline import room_outline
+from twin.room.building import Building, room_outline
 from twin.scenario import Scenario
 from twin.scenario.floor import FloorDescription
 from twin.scenario.housings import in_the_room

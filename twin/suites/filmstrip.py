@@ -17,7 +17,7 @@ from trackers.observations import NS_PER_S
 from trackers.prior import Prior
 from twin.recording.reader import Recording
 from twin.report.preview import PreviewWriter
-from twin.room.outline import room_outline
+from twin.room.building import room_outline
 from twin.run.chosen_trackers import TrustedClasses, choose
 from twin.run.feed import Feed
 from twin.run.preview import Preview

@@ -21,8 +21,8 @@ from twin.report.look_at import DARK, picture
 from twin.report.palette import IDENTITY_COLOURS, LAYER_COLOURS, RGB, IdentityColours
 from twin.report.panels import BACKDROP, INK, FloorPanel, TruePoses
 from twin.report.people_sheet import check_picture_name, tiled, write_png
+from twin.room.building import room_outline
 from twin.room.lighting import ENOUGH_LIGHT, light_of
-from twin.room.outline import room_outline
 from twin.run.preview import true_poses
 from twin.scenario import Scenario, load_scenario
 from twin.sensors.render import OffscreenRenderer

@@ -15,7 +15,7 @@ from twin.instant.snapshot import Snapshot
 from twin.report.lettering import Tag
 from twin.report.look_at import axes_towards
 from twin.report.palette import RGB
-from twin.room.mounts import check_mount
+from twin.room.building import check_mount
 from twin.sensors.rays import cast
 from twin.world.world import World
 

@@ -22,8 +22,8 @@ from twin.report.panels import FloorPanel
 from twin.report.pressure import PRESSED
 from twin.report.silence import Silence
 from twin.report.video import TIME_BASE, VideoFile
+from twin.room.building import room_outline
 from twin.room.lighting import ENOUGH_LIGHT, light_of
-from twin.room.outline import room_outline
 from twin.run.preview import true_poses
 from twin.scenario import Scenario
 from twin.sensors.render import RendererOnDemand

@@ -14,7 +14,7 @@ from trackers.area import check_polygon
 from trackers.errors import InputError
 from twin import models
 from twin.geometry.geom_hull import check_extent
-from twin.instant.feet import FootShapes
+from twin.instant.snapshot import FootShapes
 from twin.limits import check_limit
 from twin.people.body.appearance import Appearance, appearance_of
 from twin.people.crowd.ground import Ground

@@ -16,19 +16,18 @@ from numpy.typing import NDArray
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, Observation
 from trackers.rig import Rig, StereoSensor
-from twin.instant.feet import FootShapes
-from twin.instant.snapshot import Snapshot
+from twin.instant.snapshot import FootShapes, Snapshot
 from twin.people.population import Population
 from twin.people.randomize import randomized
 from twin.people.script.arrivals import too_late
 from twin.people.script.recorded import close_calls, warning_of
 from twin.recording.messages import Encoded, encode
+from twin.room.building import check_mount
 from twin.room.lighting import DARK_LIGHT, light_of
-from twin.room.mounts import check_mount
 from twin.scenario import Scenario
-from twin.scenario.conditions import never_begins
 from twin.scenario.floor import FloorDescription, check_floor
 from twin.scenario.housings import assumed_sensor, in_the_room
+from twin.scenario.model import never_begins
 from twin.scenario.sensors import CAMERA_KINDS, build_sensor
 from twin.sensors.floor import Floor
 from twin.sensors.gl_context import GlInfo

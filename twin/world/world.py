@@ -10,8 +10,7 @@ import numpy as np
 
 from trackers.area import Area
 from trackers.observations import NS_PER_S
-from twin.instant.feet import Feet
-from twin.instant.snapshot import Snapshot
+from twin.instant.snapshot import Feet, Snapshot
 from twin.people.population import Population
 from twin.people.poses import Poses
 from twin.people.randomize import randomized

@@ -16,8 +16,8 @@ from scipy import ndimage
 from trackers.area import Area, meets_itself_at
 from twin.geometry.geom_hull import hull_points
 from twin.models import MODELS
+from twin.room.building import check_mount
 from twin.room.furniture import furniture_of
-from twin.room.mounts import check_mount
 from twin.room.obstacles import Footprints, obstacles_of
 
 ROOMS = ("meeting_room", "library_hall")

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field, replace
 import mujoco
 import numpy as np
 
-from twin.instant.feet import Feet, FootShapes
-from twin.instant.snapshot import Snapshot
+from twin.instant.snapshot import Feet, FootShapes, Snapshot
 
 
 def soles(people: int, stature_m: float = 1.75) -> FootShapes:

@@ -11,8 +11,7 @@ from pydantic import TypeAdapter
 
 from trackers.observations import FloorFrame, LaserScan
 from trackers.rig import FloorSensor
-from twin.instant.feet import Feet
-from twin.instant.snapshot import Snapshot
+from twin.instant.snapshot import Feet, Snapshot
 from twin.scenario.sensors import SensorDescription, build_sensor
 from twin.sensors.check import check_sensor
 from twin.sensors.floor_electronics import LoadFrame

@@ -10,7 +10,7 @@ import pytest
 from footfalls import soles, somewhere, standing, walking
 from hypothesis import given, settings, strategies as st
 
-from twin.instant.feet import Feet, FootShapes
+from twin.instant.snapshot import Feet, FootShapes
 from twin.sensors.floor_plate import FloorPlate, Pressed
 from twin.sensors.floor_soles import sheet_cells, sole_points, soles_model
 

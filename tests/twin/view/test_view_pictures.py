@@ -12,7 +12,7 @@ import pytest
 from trackers.configuration import validate
 from trackers.errors import InputError
 from twin.commands.view import check_choice
-from twin.room.mounts import check_mount
+from twin.room.building import check_mount
 from twin.scenario import Scenario, load_scenario
 from twin.view import write_people, write_video, write_view
 from twin.view.contact_sheet import drawn_view

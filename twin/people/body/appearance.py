@@ -8,8 +8,7 @@ import numpy as np
 
 from twin.people.body.clothes import MOTIFS
 from twin.people.body.proportions import CHILD_BELOW_M, Proportions, proportions_of
-from twin.scenario.people import Person
-from twin.scenario.wardrobe import NONE, Choice, Extra, Garment, Wardrobe, wardrobe
+from twin.scenario.people import NONE, Choice, Extra, Garment, Person, Wardrobe, wardrobe
 
 Rgb = tuple[float, float, float]
 

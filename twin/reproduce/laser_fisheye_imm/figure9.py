@@ -9,7 +9,7 @@ import numpy as np
 from twin.report.spans import unbroken, usual_period_ns
 from twin.reproduce.drawing import INK, QUIET, look, svg_of
 from twin.reproduce.laser_fisheye_imm.conditions import OneRun
-from twin.scenario.wardrobe import wardrobe
+from twin.scenario.people import wardrobe
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
