@@ -62,7 +62,7 @@ class Logged:
 
 @dataclass
 class Content:
-    """What is to be written, and what is spoiled of the file afterwards."""
+    """Contents of a bag, and the damage done to the file afterwards."""
 
     messages: list[Logged]
     suffix: str
@@ -82,7 +82,7 @@ class Clean:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a mutant was handled; fault: '' where as it should be."""
+    """Outcome for a mutant; fault: '' where it was handled as it should be."""
 
     what: str
     score: float

@@ -1,4 +1,4 @@
-"""What a moment costs `camera-floor-particle` against people, particles and the stride of windows, pictures decoded."""
+"""Cost per frame of `camera-floor-particle` against people, particles and the stride of windows, pictures decoded."""
 
 from __future__ import annotations
 

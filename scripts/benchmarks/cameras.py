@@ -1,4 +1,4 @@
-"""What pictures cost beside the bare call to OpenGL, what the renderer's switches cost, and how true depth is."""
+"""Cost of pictures over the bare call to OpenGL, cost of the renderer's switches, and error of depth."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class Bare:
 
 
 def switches() -> Iterator[Figure]:
-    """What a picture costs with each of the renderer's switches turned, in times of what it costs as it is."""
+    """Measure the cost of a picture with each of the renderer's switches turned, over the cost as shipped."""
     snapshot, description = _home()
     quiet = description.model_copy(update={"noise": CAMERA_NOISE["off"]})
     model = snapshot.model
@@ -152,7 +152,7 @@ def depth() -> Iterator[Figure]:
 
 
 def _depths(content: dict, renderer: RendererOnDemand, snapshot: Snapshot) -> tuple[np.ndarray, np.ndarray]:
-    """What a stereo camera says, and what rays through its pixels' centres meet, as depth [m]."""
+    """Return depth [m] of a stereo camera, and that of rays through its pixels' centres."""
     description = _DESCRIBE.validate_python(content)
     sensor = build_sensor("stereo", description, renderer)
     reading, _ = sensor.observe(0, [snapshot], None, np.random.default_rng(0))

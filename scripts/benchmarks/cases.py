@@ -30,13 +30,13 @@ _CLEAN = {"sort": 0.940, "laser-imm": 0.910}
 """MOTA of the clean bag, the background learned."""
 _NEARLY = 0.03
 _ANEW = 0.1
-"""What starting anew may cost of MOTA: of 12 s about one, in which five people are confirmed and the background is learned."""
+"""Allowed loss of MOTA by a restart: about 1 s of 12, in which five people are confirmed and the background is learned."""
 _LIMIT_S = 300
 
 
 @dataclass(frozen=True)
 class Said:
-    """What a command left: exit code, stdout, stderr, and the folder of its results."""
+    """Result of a command: exit code, stdout, stderr, and its output folder."""
 
     code: int
     out: str

@@ -1,4 +1,4 @@
-"""How near the noise of a scanner is to a real one's, and what faults cost."""
+"""Noise of a scanner against a real one's, and cost of faults."""
 
 from __future__ import annotations
 

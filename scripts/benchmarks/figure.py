@@ -20,7 +20,7 @@ class Figure:
 
     @property
     def holds(self) -> bool | None:
-        """Whether the target is met; None where there is none."""
+        """True where the target is met; None without a target."""
         if not self.target:
             return None
         relation, bound = self.target.split()

@@ -38,12 +38,12 @@ _CONTROL = Bug("none", "twin/__init__.py", "", "")
 
 
 def measure() -> Iterator[Figure]:
-    """What unit tests, golden run and smoke notice of all bugs."""
+    """Bugs noticed by unit tests, golden run and smoke."""
     return _figures(STAGES[:-1], ">= 0.9")
 
 
 def with_regression() -> Iterator[Figure]:
-    """What they notice together with the suite `regression`."""
+    """Bugs noticed by those and the suite `regression`."""
     return _figures(STAGES, ">= 0.97")
 
 
@@ -88,7 +88,7 @@ def _copy(tree: Path) -> None:
 
 
 def _notices(stage: str, file: str, tree: Path, environment: dict[str, str]) -> bool:
-    """Whether one of a stage's commands fails."""
+    """Return True where one of a stage's commands fails."""
     for command in _commands(stage, file, tree):
         try:
             done = subprocess.run(

@@ -1,4 +1,4 @@
-"""What looks that are learned on-line cost: boosting, patches, score maps with their particles."""
+"""Cost of appearance learned on-line: boosting, patches, score maps with their particles."""
 
 from __future__ import annotations
 

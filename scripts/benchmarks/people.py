@@ -56,7 +56,7 @@ def floor_real_time() -> Iterator[Figure]:
 
 
 def floor_truth() -> Iterator[Figure]:
-    """Where the weight of people who stand still is felt, over the whole grid, and how much of it."""
+    """Compute where the weight of people who stand still acts, over the whole grid, and how much of it."""
     rng = np.random.default_rng(1000)
     worst_m, worst_share = 0.0, 0.0
     cells_m: list[float] = []
@@ -95,7 +95,7 @@ def floor_truth() -> Iterator[Figure]:
 
 
 def crowd_building() -> Iterator[Figure]:
-    """What the world of the first 61, and of 480, of the ETH and UCY pedestrians costs before anybody moves."""
+    """Measure the cost of a world of the first 61, and of 480, ETH and UCY pedestrians before the first step."""
     if not _DATA.is_dir():
         return
     paths, first_s = [], 0.0

@@ -37,7 +37,7 @@ _SOFTWARE = ("llvmpipe", "softpipe", "swrast")
 
 @dataclass(frozen=True)
 class _Outcome:
-    """What one process came to: frames a second, or why there are none."""
+    """Result of one process: frames per second, or the reason for none."""
 
     renderer: str
     fps: float
@@ -73,7 +73,7 @@ def measure() -> Iterator[Figure]:
 
 
 def together(name: str, n_process: int, seconds: float) -> list[_Outcome]:
-    """What so many processes come to that draw one camera at the same time; each is over when this returns, or killed."""
+    """Run n processes that draw one camera at the same time; each has ended, or was killed, when this returns."""
     command = [sys.executable, "-m", "benchmarks.drawing", name, str(seconds)]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[1]), *sys.path])}
     processes = [
@@ -112,7 +112,7 @@ def _answers(processes: Sequence[subprocess.Popen], until: float) -> list[dict[s
 
 
 def _end(process: subprocess.Popen) -> bool:
-    """Whether the process had to be killed. One that does not even die, stuck in a driver, is left behind."""
+    """Return True where the process had to be killed. One stuck in a driver is left behind."""
     try:
         process.wait(timeout=1.0 if process.poll() is None else 0)
         killed = False

@@ -1,4 +1,4 @@
-"""How well each tracker follows people at other rates than those it was made at: MOTA over that at 10 Hz.
+"""MOTA of each tracker at other sensor rates, over that at 10 Hz.
 
 Scans and pictures come at 4 to 40 Hz with 2 ms of jitter, with a tenth of them lost, and from sensors of unlike rates. Seeds
 from 3000 on; nothing is chosen by them.

@@ -30,7 +30,7 @@ class Scene:
     observations: Sequence[Observation]
 
     def frames(self, tracker: str, seed: int = 0) -> list[TrackFrame]:
-        """What a preset makes of it."""
+        """Track the recording with a preset."""
         made = make_tracker(tracker, self.rig, list(self.background), np.random.default_rng(seed))
         return list(track_frames(made, self.rig, self.observations))
 

@@ -1,4 +1,4 @@
-"""What a picture and a moment cost `rgbd-head`, and what the points looked at in each ellipse are worth."""
+"""Cost of a picture and a frame in `rgbd-head`, and the worth of the points sampled per ellipse."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def measure() -> Iterator[Figure]:
 
 
 def _on_workers(rig: Rig, known: Prior, seen: Sequence[Observation]) -> Iterator[Figure]:
-    """What a moment of three people takes with each camera on a Dask worker, and from how many hypotheses on it takes less."""
+    """Measure a frame of three people with each camera on a Dask worker, and from how many hypotheses on it takes less."""
     with LocalCluster(n_workers=4, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50) as cluster:
         here, there = (
             np.array([_moment_ms(rig, known, seen, {"heads": heads, "scheduler": address}) for heads in _HEADS])

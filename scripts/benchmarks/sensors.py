@@ -1,4 +1,4 @@
-"""What a scan and a picture cost beside the bare call to MuJoCo, and how true the picture is."""
+"""Cost of a scan and a picture over the bare call to MuJoCo, and error of the picture."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def fisheye() -> Iterator[Figure]:
 
 
 def silhouettes() -> Iterator[Figure]:
-    """How far the outlines of people lie from where rays find them, over the full 185°."""
+    """Measure the distance of people's outlines from those of rays, over the full 185°."""
     sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "twin" / "sensors"))
     from silhouettes import description, silhouette_displacements
 

@@ -1,4 +1,4 @@
-"""Who is who at a split, by classifiers alone: the figure on seeds that nothing was chosen by, and the choice itself."""
+"""Identities after a split by classifiers alone: the result on held-out seeds, and the choice itself."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def figure() -> Iterator[Figure]:
 
 
 def choice() -> Iterator[Figure]:
-    """What each other choice makes of near-identical clothes; the margin is what tells choices apart that are all right."""
+    """Evaluate each other choice on near-identical clothes; the margin separates choices that are all right."""
     for name, decisions in _decided("near-identical", _DEVELOPMENT, VARIANTS, _KINDS[:1])[_KINDS[0]].items():
         margin = np.array([each.margin for each in decisions])
         yield Figure(f"choice: {name}, identities right of {len(margin)}", float((margin > 0).mean()), "", "")

@@ -1,4 +1,4 @@
-"""How far the figures of a suite move when nothing but the noise of the image changes: what tolerances are held against.
+"""Spread of a suite's metrics when nothing but image noise changes: the yardstick for tolerances.
 
 Figures are measured on _N_SEED seeds of the lab, each with _N_NOISE draws of the camera's noise. Two draws of a seed are a
 harmless change; three seeds with a pair each are what `smoke` would see of it. What a figure is allowed

@@ -60,7 +60,7 @@ def speed_up() -> Iterator[Figure]:
 
 
 def cost() -> Iterator[Figure]:
-    """What the engine, the results and their files cost a case that does nothing, and what the process keeps of it."""
+    """Measure time and retained memory of the engine, results and files for a case that does nothing."""
     suite, path = _made_up(_MANY)
     marks: list[tuple[float, float]] = []
     process = psutil.Process()

@@ -1,4 +1,4 @@
-"""What the calls of one function cost within a larger run."""
+"""Cost of the calls of one function within a larger run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the truth costs: its parts as shares of a run that simulates, renders and encodes, without tracker and recording."""
+"""Cost of truth: its parts as shares of a run that simulates, renders and encodes, without tracker and recording."""
 
 from __future__ import annotations
 

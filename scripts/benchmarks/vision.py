@@ -1,4 +1,4 @@
-"""What camera trackers ask most often: points of depth, windows of colour, masks, ellipses, clusters of a floor."""
+"""Cost of the commonest calls of camera trackers: points of depth, windows of colour, masks, ellipses, floor clusters."""
 
 from __future__ import annotations
 

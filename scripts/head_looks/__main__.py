@@ -1,4 +1,4 @@
-"""What trackers know of heads beforehand: recorded by the twin, counted, written as plain arrays.
+"""Learn the appearance of heads: recorded by the twin, counted, written as plain arrays.
 
     scripts/learn-heads [--recordings FOLDER] [--out FILE] [--real FILE] [--picture FILE]
 
@@ -90,7 +90,7 @@ def _counted(seen: list[Head], which: str, what, size: int) -> NDArray[np.float6
 
 
 def _colours(seen: list[Head], which: str) -> NDArray[np.float64]:
-    """How often each colour is what, smoothed, with a little of everything: no colour is impossible."""
+    """Estimate the smoothed frequency of each part per colour; no colour is impossible."""
     counts = ndimage.gaussian_filter(
         _counted(seen, which, lambda head: head.colour, COLOURS).reshape(STEPS), (1.5, 0.7, 0.7)
     )

@@ -34,7 +34,7 @@ SUBSET = (
     "tests/trackers/test_sort.py",
     "tests/trackers/test_environment.py",
 )
-"""What depends most on what is installed: shapes, the golden run, files, metrics, numerics."""
+"""Tests that depend most on installed versions: shapes, the golden run, files, metrics, numerics."""
 _DEMO = ("-m", "twin", "run", "lab-five-people", "--tracker", "laser-fisheye-imm", "--duration", "4")
 
 

@@ -1,4 +1,4 @@
-"""What trackers know of people's silhouettes: recorded by the twin, learned by scikit-learn, written as plain arrays.
+"""Learn people's silhouettes: recorded by the twin, learned by scikit-learn, written as plain arrays.
 
     scripts/train-person-detector [--recordings FOLDER] [--out FILE]
 
@@ -36,7 +36,7 @@ LEARNED = (
     *(("over", seed, "library-hall", 25, _FROM_ABOVE) for seed in range(1110, 1113)),
     *(("home", seed, "home-cameras", 12, _HOME) for seed in range(1200, 1202)),
 )
-"""What each recording is called, seed, scenario, seconds and changes; seeds from 1000 to 1999 are there to be learned from."""
+"""Name, seed, scenario, duration [s] and overrides of each recording; seeds 1000 to 1999 are for learning."""
 HELD_OUT = (("hall", 1107, "library-hall", 40, _HALL), ("over", 1113, "library-hall", 25, _FROM_ABOVE))
 _HEAT_M = 0.15
 _NEAR_M = 0.4

@@ -1,4 +1,4 @@
-"""How well a model finds the people of a recorded scene."""
+"""Recall and precision of a model on a recorded scene."""
 
 from __future__ import annotations
 

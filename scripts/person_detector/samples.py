@@ -40,14 +40,14 @@ class Moment:
     in_area: Mask  # (n,)
 
     def in_plain_sight(self, camera: PlacedCamera) -> Mask:
-        """Who is owed a detection, (n,)."""
+        """People owed a detection, (n,)."""
         feet, waists = (np.insert(self.position_m, 2, height_m, axis=1) for height_m in (0.0, 0.9))
         return self.in_area & (self.visible >= _PLAIN) & camera.project(feet)[1] & camera.project(waists)[1]
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What one camera of a recording saw."""
+    """Frames of one camera of a recording."""
 
     name: str
     camera: PlacedCamera

@@ -139,69 +139,66 @@ def _left_out(results: StudyResults, placement: tuple[int, ...]) -> str:
 
 def _maps(results: StudyResults, scenario: Any, sensors: list[PlanSensor]) -> list[tuple[str, str]]:
     """Draw beams on a body, pixels per metre, and the mean error by place, each with its caption."""
-    prepared, study = results.prepared, results.prepared.study
-    area, building = prepared.scene.area, prepared.candidate_set.building
-    cell_m = max(0.05, float(np.sqrt(np.prod(np.ptp(area, axis=0)) / _HEAT_CELLS)))
-    cells = floor_cells(area, cell_m)
-    sampled = results.coverage.targets.sampled_worlds[0]
-    found = []
+    found = [
+        _resolution_map(results, scenario, sensors, scanners=True),
+        _resolution_map(results, scenario, sensors, scanners=False),
+        _error_map(results, scenario, sensors),
+    ]
+    return [(caption, source_of(svg)) for caption, svg in filter(None, found)]
+
+
+def _resolution_map(
+    results: StudyResults, scenario: Any, sensors: list[PlanSensor], scanners: bool
+) -> tuple[str, str] | None:
+    """Draw the best scanner's beams on a body, or the best camera's pixels per metre, by place; None without such sensors."""
+    prepared, coverage = results.prepared, results.prepared.study.coverage
     names = [name for name, each in scenario.sensors.items() if not isinstance(each, FloorDescription)]
-    for scanners, label, least, what in (
-        (
-            True,
-            "beams on a body",
-            float(study.coverage.beams),
-            "Beams that meet a body, of the best scanner for each place",
-        ),
-        (
-            False,
-            "px/m",
-            study.coverage.px_per_m,
-            "Pixels a metre at the greatest of the heights looked for, of the best camera",
-        ),
-    ):
-        mine = [name for name in names if is_scanner(scenario, name) == scanners]
-        if mine:
-            sharp = np.max(
-                [
-                    SensorVisibility(scenario, name, study.coverage).resolution(sampled.empty(), cells)[-1]
-                    for name in mine
-                ],
-                axis=0,
-            )
-            blind = 100 * float((sharp < least).mean())
-            caption = f"{what}, empty room; red: fewer than {least:g}, {blind:.1f} % of the area."
-            found.append((caption, heat_map(cells, sharp, cell_m, sensors, building, area, label=label, least=least)))
-    tracker = study.validated[0].tracker if study.validated else None
-    if tracker is not None:
-        seeds = (study.held_out.seeds if study.held_out is not None else study.seeds)[:_MOST_ERROR_SEEDS]
-        cache = results.cache
-        work = [
-            EvaluationTask(
-                scenario.model_copy(update={"seed": seed, "trackers": {}}), prepared.trackers, cache, whole_code()
-            )
-            for seed in seeds
-        ]
-        rows = np.concatenate([matched_errors(each, tracker) for each in work])
-        low = area.min(axis=0)
-        cell = np.floor((rows[:, :2] - low) / _ERROR_CELL_M).astype(int)
-        places, group, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
-        mean = np.bincount(group.ravel(), rows[:, 2]) / count
-        often = count >= _FEWEST
-        caption = f"Mean distance of {tracker}'s tracks from people, by place, over {len(seeds)} seeds."
-        middles = low + (places[often] + 0.5) * _ERROR_CELL_M
-        drawn = heat_map(
-            middles,
-            mean[often],
-            _ERROR_CELL_M,
-            sensors,
-            building,
-            area,
-            label="m",
-            most=float(np.quantile(mean[often], 0.98)),
+    mine = [name for name in names if is_scanner(scenario, name) == scanners]
+    if not mine:
+        return None
+    if scanners:
+        label, least = "beams on a body", float(coverage.beams)
+        what = "Beams that meet a body, of the best scanner for each place"
+    else:
+        label, least = "px/m", coverage.px_per_m
+        what = "Pixels per metre at the greatest of the heights looked for, of the best camera"
+    area = prepared.scene.area
+    cell_m = max(0.05, float(np.sqrt(np.prod(np.ptp(area, axis=0)) / _HEAT_CELLS)))
+    cells, empty_room = floor_cells(area, cell_m), results.coverage.targets.sampled_worlds[0].empty()
+    seen = [SensorVisibility(scenario, name, coverage).resolution(empty_room, cells)[-1] for name in mine]
+    sharp = np.max(seen, axis=0)
+    blind = 100 * float((sharp < least).mean())
+    caption = f"{what}, empty room; red: fewer than {least:g}, {blind:.1f} % of the area."
+    building = prepared.candidate_set.building
+    return caption, heat_map(cells, sharp, cell_m, sensors, building, area, label=label, least=least)
+
+
+def _error_map(results: StudyResults, scenario: Any, sensors: list[PlanSensor]) -> tuple[str, str] | None:
+    """Draw the mean distance of tracks from people by place, of the validated tracker; None where none was validated."""
+    prepared, study = results.prepared, results.prepared.study
+    tracker, area = study.validated[0].tracker if study.validated else None, prepared.scene.area
+    if tracker is None:
+        return None
+    seeds = (study.held_out.seeds if study.held_out is not None else study.seeds)[:_MOST_ERROR_SEEDS]
+    code = whole_code()
+    work = [
+        EvaluationTask(
+            scenario.model_copy(update={"seed": seed, "trackers": {}}), prepared.trackers, results.cache, code
         )
-        found.append((caption, drawn))
-    return [(caption, source_of(svg)) for caption, svg in found]
+        for seed in seeds
+    ]
+    rows = np.concatenate([matched_errors(each, tracker) for each in work])
+    low = area.min(axis=0)
+    cell = np.floor((rows[:, :2] - low) / _ERROR_CELL_M).astype(int)
+    places, group, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
+    mean = np.bincount(group.ravel(), rows[:, 2]) / count
+    often = count >= _FEWEST
+    caption = f"Mean distance of {tracker}'s tracks from people, by place, over {len(seeds)} seeds."
+    middles = low + (places[often] + 0.5) * _ERROR_CELL_M
+    most = float(np.quantile(mean[often], 0.98))
+    building = prepared.candidate_set.building
+    drawn = heat_map(middles, mean[often], _ERROR_CELL_M, sensors, building, area, label="m", most=most)
+    return caption, drawn
 
 
 def _trial_map(results: StudyResults, sensors: list[PlanSensor]) -> tuple[str, str] | None:

@@ -1,8 +1,8 @@
 """Visibility of people and of the floor from each sensor: resolution on a target.
 
 A scanner sees a body that enough of its beams meet; a camera sees a point that lies in its picture, in its line of sight, at
-enough pixels a metre (EN 62676-4). Rows are person-moments, of people in the tracked area with the others in the way, or cells of
-the floor at heights, in the empty room or once a moment.
+enough pixels per metre (EN 62676-4). Rows are samples of people in the tracked area with the others in the way, or cells of the
+floor at heights, in the empty room or once per sample.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _TRUNK_M, _LEGS_M, _TRUNK_FROM_M = 0.35, 0.2, 0.7
 """Width of a standing body where a scan meets it: of the trunk, and of two legs below that height, in place of a body [m]."""
 _NUDGE_M = 0.01
 _SIGHTS = np.array([-2 / 3, 0.0, 2 / 3])
-"""Where across a body beams are asked whether they come so far, as shares of its half width."""
+"""Offsets across a body at which beams are tested, as shares of its half width."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,7 +35,7 @@ _MOST_STAGED = 6
 
 
 _TIMING = {"rate_hz", "phase_s", "delay_s", "jitter_s", "dropout", "sweep_time_s", "motion_blur"}
-"""What decides when people are looked at, and so between which ticks they are interpolated."""
+"""Settings that decide at which stamps people are sampled, and so between which ticks they are interpolated."""
 
 
 @dataclass(frozen=True)

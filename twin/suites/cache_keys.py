@@ -26,10 +26,10 @@ from twin.scenario import Scenario
 _PACKAGES = {"twin": Path(twin.__file__).parent, "trackers": Path(trackers.__file__).parent}
 
 _SIMULATING = ("twin.world.simulation", "twin.recording.writer")
-"""What makes a recording; `twin.run.live` only passes on what the first gives to the second."""
+"""Code that makes a recording; `twin.run.live` only passes on what the first gives to the second."""
 
 _MOVING = ("twin.world.precomputed",)
-"""What moves people, whatever sensors look at them."""
+"""Code that moves people, independent of sensors."""
 
 _LIBRARIES = ("mujoco", "numpy", "scipy", "opencv-python-headless", "rosbags")
 

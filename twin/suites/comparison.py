@@ -242,9 +242,9 @@ def incident_link(change: Change, results: Results, store: ResultStore, folder: 
     case_id = group.cases.get(change.worst_seed) if group is not None and change.worst_seed is not None else None
     if case_id is None:
         return None
-    moments = store.moments(case_id)
+    incidents = store.incidents(case_id)
     kind = _KIND_OF.get(change.metric)
-    chosen = next((moment for moment in moments if moment.kind == kind), moments[0] if moments else None)
+    chosen = next((each for each in incidents if each.kind == kind), incidents[0] if incidents else None)
     if chosen is None:
         return None
     return IncidentLink(case_page(folder, case_id), chosen.t_s, chosen.what)

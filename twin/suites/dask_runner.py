@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from distributed import Future
 
 _GRACE_S = 10.0
-"""How much later than the watchdog in the worker's own process ours steps in."""
+"""Delay of this watchdog after that of the worker's own process."""
 
 _RESTART_S = 60.0
 

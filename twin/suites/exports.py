@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 
 from twin.recording.atomic_file import atomic_path, open_atomic
 from twin.suites.comparison import Change, Comparison, describe_change
-from twin.suites.results import GroupKey, RequirementCheck, Results, gated_values
+from twin.suites.results import Group, GroupKey, RequirementCheck, Results, gated_values
 from twin.suites.store import ResultStore
 from twin.suites.store_schema import DONE, FAILED, StoredCase
 
@@ -122,52 +122,68 @@ def write_summary(
         "seconds": facts["seconds"],
         "versions": dict(results.versions),
         "renderers": list(results.renderers),
-        "doubts": dict(results.tracker_warnings),
-        "groups": [
-            {
-                "scenario": key.scenario,
-                "variant": group.variant,
-                "overrides": json.loads(key.overrides),
-                "tracker": key.tracker,
-                "seeds": sorted(group.seeds),
-                "figures": {metric: asdict(mean) for metric, mean in gated_values(group)},
-            }
-            for key, group in results.groups.items()
-        ],
+        "tracker_warnings": dict(results.tracker_warnings),
+        "groups": [_group_row(key, group) for key, group in results.groups.items()],
         "failed": [{"case_id": case.id, "attempts": case.attempts, "error": case.error} for case in results.failed],
     }
     if comparison is not None:
-        document["comparison"] = {
-            "worse": [_row(change) for change in comparison.worse],
-            "better": [_row(change) for change in comparison.better],
-            "warnings": list(comparison.warnings),
-            "identical": comparison.identical,
-            "smallest_loss_noticed": {
-                each.metric: {
-                    "everywhere": each.everywhere,
-                    "of_tracker": dict(each.of_tracker),
-                    "in_scenario": each.in_scenario,
-                    "in_case": each.in_case,
-                }
-                for each in comparison.detectable
-            },
-        }
+        document["comparison"] = _comparison_row(comparison)
     if requirements:
-        document["promises"] = [
-            {
-                "scenario": each.key.scenario,
-                "variant": each.variant,
-                "tracker": each.key.tracker,
-                "metric": each.metric,
-                "bound": each.bound,
-                "mean": each.mean,
-                "kept": not each.violated,
-            }
-            for each in requirements
-        ]
+        document["requirements"] = [_requirement_row(each) for each in requirements]
+    _add_former_names(document)
     with open_atomic(path) as stream:
         json.dump(document, stream, indent=2, ensure_ascii=False, allow_nan=False)
         stream.write("\n")
+
+
+def _add_former_names(document: dict[str, Any]) -> None:
+    """Repeat what was renamed under its name of release 0.1; goes with release 0.3."""
+    document["doubts"] = document["tracker_warnings"]
+    for group in document["groups"]:
+        group["figures"] = group["metrics"]
+    if "requirements" in document:
+        document["promises"] = [{**each, "kept": each["met"]} for each in document["requirements"]]
+
+
+def _group_row(key: GroupKey, group: Group) -> dict[str, Any]:
+    return {
+        "scenario": key.scenario,
+        "variant": group.variant,
+        "overrides": json.loads(key.overrides),
+        "tracker": key.tracker,
+        "seeds": sorted(group.seeds),
+        "metrics": {metric: asdict(mean) for metric, mean in gated_values(group)},
+    }
+
+
+def _comparison_row(comparison: Comparison) -> dict[str, Any]:
+    return {
+        "worse": [_row(change) for change in comparison.worse],
+        "better": [_row(change) for change in comparison.better],
+        "warnings": list(comparison.warnings),
+        "identical": comparison.identical,
+        "smallest_loss_noticed": {
+            each.metric: {
+                "everywhere": each.everywhere,
+                "of_tracker": dict(each.of_tracker),
+                "in_scenario": each.in_scenario,
+                "in_case": each.in_case,
+            }
+            for each in comparison.detectable
+        },
+    }
+
+
+def _requirement_row(each: RequirementCheck) -> dict[str, Any]:
+    return {
+        "scenario": each.key.scenario,
+        "variant": each.variant,
+        "tracker": each.key.tracker,
+        "metric": each.metric,
+        "bound": each.bound,
+        "mean": each.mean,
+        "met": not each.violated,
+    }
 
 
 def _row(change: Change) -> dict[str, Any]:

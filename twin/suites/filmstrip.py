@@ -80,7 +80,7 @@ def draw_filmstrip(work: FilmstripWork) -> bytes:
 
 
 class _FilmstripWriter(PreviewWriter):
-    """A preview of the wanted moments alone: frames long before them and after the last are not drawn."""
+    """A preview of the wanted frames alone: frames long before them and after the last are not drawn."""
 
     wanted_s: deque[float]
 

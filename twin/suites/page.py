@@ -84,7 +84,7 @@ def write_comparison_page(
     title: str,
     run: tuple[ResultStore, Path] | None = None,
 ) -> None:
-    """Write a page of two runs, linked to the moments of `run` (results and folder); raises InputError as a file does."""
+    """Write a page of two runs, linked to the incidents of `run` (results and folder); raises InputError as a file does."""
     sections = [section | {"filmstrip": None, "cases": []} for section in _sections(now, before)]
     _write(
         path,
@@ -209,7 +209,7 @@ def _filmstrip(
                     "source": "data:image/jpeg;base64," + base64.b64encode(picture.read_bytes()).decode(),
                     "case": case_id,
                     "caption": f"{tracker}, seed {seed}, at {filmstrips[case_id]:.1f} s: "
-                    f"{store.moments(case_id)[0].what}, the worst of this scenario",
+                    f"{store.incidents(case_id)[0].what}, the worst of this scenario",
                 }
     return None
 

@@ -28,7 +28,7 @@ from twin.suites.metrics import GATED, GATED_SENSOR_METRICS, worsening
 from twin.suites.results import Group, GroupKey, Results
 
 Relation = Literal["same bits", "same origin", "same people", "unrelated"]
-"""What the recordings of a group are to those before, the closest first."""
+"""Relations of a group's recordings to those of the baseline, closest first."""
 
 Unit = tuple[int | str, ...]
 """A seed, and what tells its recordings from those of the same seed that are another draw."""

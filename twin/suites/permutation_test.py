@@ -69,7 +69,7 @@ def _signs(count: int) -> Array:
 
 
 OF_ALL = ("motp_m", "misidentifications", "lost_tracks", "id_switches", "misses")
-"""What is judged over all trackers and cases together too: places, and events too rare to tell anything of one."""
+"""Metrics tested over all trackers and cases together too: positions, and events too rare for a single tracker."""
 
 
 def over_scenarios(pairs: Sequence[Pair]) -> Iterator[list[Pair]]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.stats import bootstrap
 
 from trackers.errors import InputError
 from twin.streams import stream
@@ -65,8 +66,8 @@ class Group:
 class Results:
     """Results of a run or a baseline.
 
-    renderers: of all recordings with images; doubts: cases by what a tracker warns of; sensors: what the scanners report, a
-    group a scenario, variant and scanner, whose key names it in the tracker's place.
+    renderers: of all recordings with images; tracker_warnings: cases by the warning of a tracker; sensors: ranges of the
+    scanners, a group per scenario, variant and scanner, whose key names it in the tracker's place.
     """
 
     suite: str
@@ -141,9 +142,15 @@ def mean_over_seeds(values: list[float]) -> MeanOverSeeds | None:
     mean = float(np.mean(values))
     if n == 1:
         return MeanOverSeeds(mean, None, None, 1)
-    drawn = stream(n, "suite", "means").multinomial(n, np.full(n, 1 / n), size=_N_REPLICATE)
-    tail = (1 - _CONFIDENCE) / 2
-    low, high = np.quantile(drawn @ np.array(values) / n, [tail, 1 - tail])
+    drawn = bootstrap(
+        (np.array(values),),
+        np.mean,
+        n_resamples=_N_REPLICATE,
+        confidence_level=_CONFIDENCE,
+        method="percentile",
+        rng=stream(n, "suite", "means"),
+    )
+    low, high = drawn.confidence_interval
     return MeanOverSeeds(mean, float(low), float(high), n)
 
 

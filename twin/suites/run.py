@@ -63,32 +63,12 @@ def run_suite(
     cases = expand(suite, path, changes, plug_ins=workers.scheduler is None, trusted=trusted, limits=limits)
     recordings = {case.resolved: case.size for case in cases}
     progress.planned(f"{len(recordings)} recordings: {total(recordings.values())}")
-    facts = {
-        "suite": suite.name,
-        "description": suite.description,
-        "reference": suite.reference,
-        "code": whole_code(),
-        "versions": {name: value for name, value in versions(None).items() if not name.startswith("gl_")},
-        "changes": list(changes),
-        "tolerances": {name: each.model_dump() for name, each in suite.tolerances.items()},
-        "requirements": [
-            asdict(each)
-            for each in dict.fromkeys(
-                Requirement(case.scenario, json.dumps(case.overrides, ensure_ascii=False), case.tracker, metric, bound)
-                for case in cases
-                for metric, bound in case.require.items()
-            )
-        ],
-        "seconds": 0.0,
-        "renderers": [],
-        "tracker_warnings": {},
-    }
     if workers.scheduler is None:  # workers elsewhere have caches of their own
         cache.check()
     with ExitStack() as stack:
         # Processes of ours always start, a scheduler may not answer: then the folder is not ours either.
         elsewhere = open_workers(workers, stack, progress) if workers.scheduler is not None else None
-        store = stack.enter_context(open_store(folder, cases, facts, resume, progress.warned))
+        store = stack.enter_context(open_store(folder, cases, _facts(suite, cases, changes), resume, progress.warned))
         start, before_s = time.perf_counter(), store.facts()["seconds"]
         run_tasks = elsewhere or open_workers(workers, stack, progress)
         logs = folder / "logs"
@@ -96,6 +76,28 @@ def run_suite(
         _run_cases(store, folder, cases, cache, run_tasks, progress, logs, function or run_case)
         _draw_filmstrips(store, folder, cases, cache, run_tasks, progress)
         store.note(seconds=before_s + time.perf_counter() - start)
+
+
+def _facts(suite: Suite, cases: Sequence[Case], changes: Sequence[str]) -> dict[str, Any]:
+    """Collect the facts of a run that its results carry: description, code, versions, overrides, requirements."""
+    requirements = dict.fromkeys(
+        Requirement(case.scenario, json.dumps(case.overrides, ensure_ascii=False), case.tracker, metric, bound)
+        for case in cases
+        for metric, bound in case.require.items()
+    )
+    return {
+        "suite": suite.name,
+        "description": suite.description,
+        "reference": suite.reference,
+        "code": whole_code(),
+        "versions": {name: value for name, value in versions(None).items() if not name.startswith("gl_")},
+        "changes": list(changes),
+        "tolerances": {name: each.model_dump() for name, each in suite.tolerances.items()},
+        "requirements": [asdict(each) for each in requirements],
+        "seconds": 0.0,
+        "renderers": [],
+        "tracker_warnings": {},
+    }
 
 
 def _run_cases(
@@ -131,7 +133,7 @@ def _run_cases(
             store.note(tracker_warnings=tracker_warnings)
         _write_files(folder / "cases" / case.id, result.files)
         recorded = RecordingInfo(result.recording, result.people, result.scatter_m)
-        store.finished(case, end.attempts, end.seconds, flatten_metrics(result.metrics), result.moments, recorded)
+        store.finished(case, end.attempts, end.seconds, flatten_metrics(result.metrics), result.incidents, recorded)
         if result.renderer not in renderers:
             renderers.add(result.renderer)
             store.note(renderers=sorted(renderers))
@@ -169,10 +171,10 @@ def _draw_filmstrips(
     by_id = {case.id: case for case in cases}
     for each in store.cases():
         case = by_id[each.id]
-        for moment in store.moments(each.id)[:1]:
+        for incident in store.incidents(each.id)[:1]:
             row = (case.scenario, case.variant)
-            if moment.kind == WORST and (row not in worst or moment.severity > worst[row][0]):
-                worst[row] = (moment.severity, moment.t_s, case)
+            if incident.kind == WORST and (row not in worst or incident.severity > worst[row][0]):
+                worst[row] = (incident.severity, incident.t_s, case)
     chosen = sorted(worst.values(), key=lambda each: each[0], reverse=True)[:_MAX_FILMSTRIPS]
     tasks = [
         Task(f"{case.id}-strip", FilmstripWork(case, cache, t_s), case.limit_s, case.recipe) for _, t_s, case in chosen

@@ -256,7 +256,7 @@ class Suite(Strict):
     limit_s: Limit = Field(default=600.0, description="how long a case may take, recording and tracking [s]")
     reports: bool = Field(
         default=True,
-        description="whether each case gets a page of its own, 1 to 3 s of its time; figures, tracks and moments are the "
+        description="whether each case gets a page of its own, 1 to 3 s of its time; metrics, tracks and incidents are the "
         "same without",
     )
     require: Requirements = Field(

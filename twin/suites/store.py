@@ -61,7 +61,7 @@ _FAULT_OF_FILE = {
     sqlite3.SQLITE_FULL: "cannot be written; a disk with free space is expected",
     sqlite3.SQLITE_IOERR: "cannot be read or written; a sound disk with free space is expected",
 }
-"""What is wrong where the file may well be one of results, by the primary code of sqlite's error."""
+"""Causes by sqlite's primary error code, for files that may well be results."""
 
 
 def fault_of_file(error: sqlite3.OperationalError) -> str | None:
@@ -141,7 +141,7 @@ class ResultStore:
         attempts: int,
         seconds: float,
         metrics: Mapping[str, float | None],
-        moments: Sequence[Incident],
+        incidents: Sequence[Incident],
         recorded: RecordingInfo | None = None,
     ) -> None:
         """Write a case's metrics and the digests of its recording, in one transaction."""
@@ -157,7 +157,7 @@ class ResultStore:
             )
             self._connection.executemany(
                 "INSERT INTO moments VALUES (?, ?, ?, ?, ?)",
-                [(case.id, moment.t_s, moment.kind, moment.what, moment.severity) for moment in moments],
+                [(case.id, each.t_s, each.kind, each.what, each.severity) for each in incidents],
             )
             self._connection.execute(
                 "INSERT OR REPLACE INTO recordings VALUES (?, ?, ?)", (case.id, recorded.digest, recorded.people)
@@ -229,7 +229,7 @@ class ResultStore:
         }
         return checked(RECORDINGS, found, f"{self.path}: recordings")
 
-    def moments(self, case_id: str) -> list[Incident]:
+    def incidents(self, case_id: str) -> list[Incident]:
         """Read the incidents of a case, the worst second first, then in order of time."""
         rows = self._connection.execute(
             "SELECT t_s, kind, what, severity FROM moments WHERE case_id = ? ORDER BY kind != 'worst', t_s", (case_id,)

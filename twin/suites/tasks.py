@@ -122,7 +122,7 @@ def _watched(deadline_s: float | None, descriptor: int) -> Iterator[None]:
 
 
 MAX_RETRIES = 2
-"""How often a task is tried again whose worker died or hung."""
+"""Retries of a task whose worker died or hung."""
 
 
 @dataclass(frozen=True)

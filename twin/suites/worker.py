@@ -42,7 +42,7 @@ NO_RENDERER = "none"
 """Written instead of a renderer's name for recordings without images."""
 
 WORST = "worst"
-"""The kind of moment that every case has: its worst second."""
+"""The kind of incident that every case has: its worst second."""
 
 _WINDOW_S = 1.0
 
@@ -63,7 +63,7 @@ class CaseWork:
     cache: RecordingCache
     code: str
     same_people: bool = False
-    """Whether other recordings of the suite have the same people before other sensors: their motion is kept then."""
+    """True where other recordings of the suite have the same people before other sensors; their motion is cached then."""
 
 
 @dataclass(frozen=True)
@@ -81,11 +81,11 @@ class CaseResult:
     """Result of a case: the tracker's entry of `metrics.json`, incidents, the files of its folder, provenance.
 
     recording: a digest of what was recorded, bit by bit; people: one of their ways; scatter_m: of each scanner's ranges, by
-    where it is; doubts: what the tracker warns of.
+    where it is; tracker_warnings: warnings of the tracker.
     """
 
     metrics: dict[str, Any]
-    moments: tuple[Incident, ...]
+    incidents: tuple[Incident, ...]
     files: dict[str, bytes]
     renderer: str
     recorded: bool  # False: the recording was in the cache
@@ -137,7 +137,7 @@ def run_case(work: CaseWork) -> CaseResult:
             names = [*(["report.html"] if case.report else []), "metrics.json", table]
             return CaseResult(
                 metrics=result.metrics["trackers"][case.tracker],
-                moments=tuple(_incidents(result.evaluations[case.tracker], scenario)),
+                incidents=tuple(_incidents(result.evaluations[case.tracker], scenario)),
                 files={name: (folder / name).read_bytes() for name in names},
                 renderer=renderer,
                 recorded=not found,
@@ -180,7 +180,7 @@ def record(scenario: Scenario, folder: Path, precomputed: PrecomputedScene | Non
 def _incidents(evaluation: Evaluation, scenario: Scenario) -> list[Incident]:
     """List the worst second, then the events; stamps of a twin's recording count from its start."""
     names = dict(enumerate(scenario.people, start=1))
-    moments = []
+    incidents = []
     if evaluation.stamps_ns.size:
         t = evaluation.stamps_ns / NS_PER_S
         # Mean OSPA of the frames of each second, by the differences of its running sum.
@@ -191,12 +191,12 @@ def _incidents(evaluation: Evaluation, scenario: Scenario) -> list[Incident]:
         begun = t >= t[0] + _START_S
         worst = int(np.argmax(np.where(begun, mean, -1.0))) if begun.any() else int(np.argmax(mean))
         middle_s = float(t[worst : last[worst]].mean())
-        moments.append(Incident(middle_s, WORST, f"OSPA {mean[worst]:.3f} m over a second", float(mean[worst])))
-    moments += [
+        incidents.append(Incident(middle_s, WORST, f"OSPA {mean[worst]:.3f} m over a second", float(mean[worst])))
+    incidents += [
         Incident(event.stamp_ns / NS_PER_S, event.kind, describe(event, names), 1.0)
         for event in evaluation.events[:_MOST_EVENTS]
     ]
-    return moments
+    return incidents
 
 
 _FILE = "motion.npz"

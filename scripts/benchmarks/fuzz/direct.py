@@ -1,4 +1,4 @@
-"""What is tried through the Python interface: observations straight into trackers, environments as trackers load them.
+"""Mutants through the Python interface: observations straight into trackers, environments as trackers load them.
 
 And what a suite's worker says of a case where results are needed, whichever they are.
 """

@@ -1,4 +1,4 @@
-"""What is expected of the twin with any mutant, and the child process it is asked in.
+"""Expectations for any mutant, and the child process that is tested.
 
 A mutant is handled well if the twin ends within 10 s with exit code 0, 1 or 2, prints no traceback, takes no more than 2 GiB
 and writes nothing outside the folder it was given. The 10 s are of the process's own time, so that a busy machine makes no
@@ -30,7 +30,7 @@ _EXIT_CODES = (0, 1, 2)
 
 @dataclass(frozen=True)
 class Mutant:
-    """What the child is to do: a command, in which folder, with which environment, and where it may write."""
+    """Task of the child: a command, its folder, its environment, and the folders it may write to."""
 
     command: list[str]
     folder: Path
@@ -40,7 +40,7 @@ class Mutant:
 
 @dataclass(frozen=True)
 class Verdict:
-    """How the twin handled a mutant; `fault` is '' where it did as it should."""
+    """Outcome for a mutant; `fault` is '' where the twin did as it should."""
 
     fault: str
     exit_code: int | None
@@ -50,7 +50,7 @@ class Verdict:
 
     @property
     def refused(self) -> bool:
-        """Whether the twin said that the input was bad."""
+        """True where the twin called the input bad."""
         return self.exit_code == 2
 
 
@@ -73,7 +73,7 @@ class Judge:
         self._home.cleanup()
 
     def judge(self, mutant: Mutant) -> Verdict:
-        """What the twin makes of it."""
+        """Run the task and return its outcome."""
         child = self._started()
         assert child.stdin is not None
         assert child.stdout is not None

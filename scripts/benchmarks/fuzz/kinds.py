@@ -96,7 +96,7 @@ def rooms(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
 
 
 def settings(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
-    """What is typed on the command line: --set, --seed, --duration, names."""
+    """Command line arguments: --set, --seed, --duration, names."""
     (folder / "scenario.yaml").write_text(SMALL, encoding="utf-8")
     tree = yaml.safe_load(SMALL)
     path, value = rng.choice(list(_leaves(tree)))
@@ -263,7 +263,7 @@ def messages(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
 
 
 def stores(inputs: Inputs, rng: Random, folder: Path) -> Mutant:
-    """What the twin itself left and finds again: results, the list of what it made, recordings in the cache."""
+    """Files that the twin wrote and reads again: results, manifests, recordings in the cache."""
     how = rng.choice(("results", "results", "results", "made", "cache"))
     (folder / "small.yaml").write_text(SMALL, encoding="utf-8")
     (folder / "victim.txt").write_text("not to be touched", encoding="utf-8")

@@ -20,12 +20,12 @@ from benchmarks.fuzz.kinds import KINDS
 
 MUTANTS = 300
 KEPT = Path("out/fuzz")
-"""Where mutants that were badly handled are left, each in a folder of its own."""
+"""Folder of badly handled mutants, each in a folder of its own."""
 
 
 @dataclass
 class Tally:
-    """What became of the mutants of one kind; faults: by seed."""
+    """Outcome for the mutants of one kind; faults: by seed."""
 
     faults: dict[int, Verdict] = field(default_factory=dict)
     refused: int = 0

@@ -125,7 +125,7 @@ YAML_TRAPS = (
     "[&a [x,x,x,x,x,x,x,x], &b [*a,*a,*a,*a,*a,*a,*a,*a], &c [*b,*b,*b,*b,*b,*b,*b,*b], &d [*c,*c,*c,*c,*c,*c,*c,*c], "
     "&e [*d,*d,*d,*d,*d,*d,*d,*d], &f [*e,*e,*e,*e,*e,*e,*e,*e], &g [*f,*f,*f,*f,*f,*f,*f,*f], [*g,*g,*g,*g,*g,*g,*g]]",
 )
-"""What YAML alone has: anchors, tags, keys of any type, traps of its scalars."""
+"""Values that YAML alone has: anchors, tags, keys of any type, traps of its scalars."""
 
 
 def spoiled_text(text: str, rng: Random, traps: Sequence[str] = YAML_TRAPS) -> bytes:

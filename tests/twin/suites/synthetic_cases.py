@@ -74,7 +74,7 @@ def result_of(work: CaseWork) -> CaseResult:
             "at_1m": {"mota": 0.95},
             "ms_per_frame": {"mean": 2.0, "p95": 3.0},
         },
-        moments=(Incident(3.0 + case.seed, "misidentification", "blue → white", 1.0),),
+        incidents=(Incident(3.0 + case.seed, "misidentification", "blue → white", 1.0),),
         files={"metrics.json": b"{}"} | ({"report.html": b"<p>a report</p>"} if case.report else {}),
         renderer="none",
         recorded=True,

@@ -203,10 +203,10 @@ def test_what_trackers_doubt_is_told_once_and_kept(
 ) -> None:
     folder = tmp_path / "out"
     _, told, _ = command(monkeypatch, "run", str(suite), "--jobs", "1", "--out", str(folder))
-    doubts = json.loads((folder / "summary.json").read_text())["doubts"]
-    assert sum(doubts.values()) == N_CASE and "laser-kalman: doubts everything" in doubts
+    warned = json.loads((folder / "summary.json").read_text())["tracker_warnings"]
+    assert sum(warned.values()) == N_CASE and "laser-kalman: doubts everything" in warned
     page = (folder / "report.html").read_text()
-    for doubt, n_case in doubts.items():
+    for doubt, n_case in warned.items():
         assert told.count(doubt) == 1 and f"{doubt} ({n_case} case" in page
 
 
@@ -306,7 +306,7 @@ def test_requirements_are_met_or_the_run_falls_short_whatever_the_baseline_says(
     junit = ElementTree.parse(tmp_path / "a" / "junit.xml").getroot()
     assert [(each.get("tests"), each.get("failures")) for each in junit][1:] == [("3", "3")]
     summary = json.loads((tmp_path / "a" / "summary.json").read_text())
-    assert [row["kept"] for row in summary["promises"]].count(False) == 3
+    assert [row["met"] for row in summary["requirements"]].count(False) == 3
     code, text, _ = command(monkeypatch, "show", str(tmp_path / "a"))
     assert "6 of 9 requirements met" in text
     connection = sqlite3.connect(tmp_path / "a" / "results.sqlite")

@@ -64,9 +64,9 @@ def test_a_case_has_the_figures_of_a_run_and_the_second_tracker_renders_nothing(
     for case, result in zip(cases, (first, second), strict=True):
         assert without_cost(result.metrics) == without_cost(document["trackers"][case.tracker])
         assert set(result.files) == {"report.html", "metrics.json", f"tracks/{case.tracker}.csv"}
-        assert result.moments[0].kind == "worst" and 1.0 <= result.moments[0].t_s <= 3.0
+        assert result.incidents[0].kind == "worst" and 1.0 <= result.incidents[0].t_s <= 3.0
     short = run_case(CaseWork(replace(cases[1], report=False), cache, whole_code()))
-    assert without_cost(short.metrics) == without_cost(second.metrics) and short.moments == second.moments
+    assert without_cost(short.metrics) == without_cost(second.metrics) and short.incidents == second.incidents
     tracks = f"tracks/{cases[1].tracker}.csv"
     assert set(short.files) == {"metrics.json", tracks} and short.files[tracks] == second.files[tracks]
 
