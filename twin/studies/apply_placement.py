@@ -58,10 +58,10 @@ def apply_placement(study: Study, scenario: Scenario, poses: Sequence[CandidateP
         }
     )
     for fault_name, fault in faults.items():
-        gone = [each for each in fault.sensor if each not in sensors]
-        if gone:
+        removed = [each for each in fault.sensor if each not in sensors]
+        if removed:
             raise InputError(
-                f"faults.{fault_name}: {gone[0]!r} is not there; a fault of a sensor that stays is expected"
+                f"faults.{fault_name}: {removed[0]!r} is not there; a fault of a sensor that stays is expected"
             )
     for name in sensors:
         try:

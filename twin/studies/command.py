@@ -70,10 +70,12 @@ def coverage(
     ] = None,
     beams: Annotated[int, typer.Option(min=1, help="A scanner sees a body that so many beams meet.")] = 6,
     px_per_m: Annotated[
-        float, typer.Option(min=1, help="A camera sees at so many pixels a metre (EN 62676-4).")
+        float, typer.Option(min=1, help="A camera sees at so many pixels per metre (EN 62676-4).")
     ] = 125.0,
     samples: Annotated[int, typer.Option(min=1, help="Time samples of the run.")] = 100,
-    moments: Annotated[int | None, typer.Option(min=1, hidden=True, help="Former name of --samples.")] = None,
+    former_samples: Annotated[
+        int | None, typer.Option("--moments", min=1, hidden=True, help="Former name of --samples.")
+    ] = None,
     room_root: RoomRoot = None,
     no_limits: NoLimits = False,
     out: Out = None,
@@ -84,9 +86,9 @@ def coverage(
     from twin.scenario import load_scenario
     from twin.studies.baseline_coverage import print_coverage, write_coverage
 
-    if moments is not None:
+    if former_samples is not None:
         warn_of_former_name("", "--moments", "--samples")
-        samples = moments
+        samples = former_samples
     loaded = load_scenario(scenario, overrides(set_, seed))
     folder = out or Path("out") / f"coverage-{loaded.name}"
     found = write_coverage(loaded, folder, beams=beams, px_per_m=px_per_m, samples=samples)

@@ -132,9 +132,9 @@ def _rejections(results: StudyResults) -> list[tuple[str, int, dict[str, int]]]:
 
 
 def _left_out(results: StudyResults, placement: tuple[int, ...]) -> str:
-    gone = next(each for each in results.best.placement if each not in placement)
-    x, y, z = results.prepared.candidate_set.poses[gone].mounts[0].xyz
-    return f"{results.prepared.candidate_set.poses[gone].device} at ({x:g}, {y:g}, {z:g})"
+    removed = next(each for each in results.best.placement if each not in placement)
+    x, y, z = results.prepared.candidate_set.poses[removed].mounts[0].xyz
+    return f"{results.prepared.candidate_set.poses[removed].device} at ({x:g}, {y:g}, {z:g})"
 
 
 def _maps(results: StudyResults, scenario: Any, sensors: list[PlanSensor]) -> list[tuple[str, str]]:

@@ -64,8 +64,8 @@ def run_study(
     run.trials = searcher.result.trials
     first = None if resume and (folder / FILE).exists() else run.check_metrics()
     facts = study.model_dump(mode="json", by_alias=True)
-    watcher = ProgressListener(warned=_warn)
-    with open_store(folder, facts, place, resume, watcher, run.progress) as evaluations:
+    listener = ProgressListener(warned=_warn)
+    with open_store(folder, facts, place, resume, listener, run.progress) as evaluations:
         run.evaluations = evaluations
         if first is not None:
             evaluations.record(*first)

@@ -157,7 +157,7 @@ def open_store(
     study: Mapping[str, Any],
     place: Workers,
     resume: bool,
-    watcher: ProgressListener,
+    listener: ProgressListener,
     progress: Callable[[int, State], object],
 ) -> Iterator[EvaluationStore]:
     """Open the evaluations in a study's folder, locked against other processes, with workers for more.
@@ -188,7 +188,7 @@ def open_store(
                 f"--resume: {path}: was made of another study ({', '.join(changed) or 'some fields are gone'} changed); the same "
                 "study, or another folder, is expected"
             )
-        evaluations = EvaluationStore(folder, open_workers(place, stack, watcher), progress, watcher.warned)
+        evaluations = EvaluationStore(folder, open_workers(place, stack, listener), progress, listener.warned)
         if before is None:
             with open_atomic(path) as stream:
                 stream.write(with_checksum(head) + "\n")

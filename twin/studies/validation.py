@@ -104,7 +104,7 @@ def rank_correlations(
 
 def leave_one_out(candidate_set: CandidateSet, placement: Placement) -> list[Placement]:
     """Return the placement without each of its devices in turn, where it has more than one."""
-    return [tuple(each for each in placement if each != gone) for gone in placement] if len(placement) > 1 else []
+    return [tuple(each for each in placement if each != removed) for removed in placement] if len(placement) > 1 else []
 
 
 def displace_sensors(

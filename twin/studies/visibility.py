@@ -75,13 +75,13 @@ class SampledWorld:
 
     def empty(self) -> Snapshot:
         """Return the room without people."""
-        return self._posed(-1, *self._room)
+        return self._snapshot(-1, *self._room)
 
     def at(self, sample: WorldSample) -> Snapshot:
         """Return the world at a sample, for rays alone."""
-        return self._posed(sample.scene, sample.geom_xpos, sample.geom_xmat)
+        return self._snapshot(sample.scene, sample.geom_xpos, sample.geom_xmat)
 
-    def _posed(self, scene: int, xpos: Array, xmat: Array) -> Snapshot:
+    def _snapshot(self, scene: int, xpos: Array, xmat: Array) -> Snapshot:
         snapshot = self._scenes[scene]
         snapshot.data.geom_xpos[:], snapshot.data.geom_xmat[:] = xpos, xmat
         return snapshot

@@ -153,13 +153,13 @@ class RecordingCache:
 
     def empty(self) -> tuple[int, int]:
         """Remove all recordings but those in use, and what killed processes left; how many recordings went, and bytes."""
-        gone = self.shrink(0)
+        freed = self.shrink(0)
         for partial in self._entries.glob(f"{_MAKING}*"):
             key = partial.name.removeprefix(_MAKING).partition(".")[0]
             with self._alone(key) as alone:
                 if alone:
                     shutil.rmtree(partial, ignore_errors=True)
-        return gone
+        return freed
 
     def _all(self) -> list[tuple[float, Path, int]]:
         """List the time of last use, folder and bytes of each entry; one that another process removes meanwhile is left out."""

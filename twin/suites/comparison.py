@@ -6,7 +6,7 @@ The twin is deterministic: where recordings and figures have the same bits, noth
   of all trackers together, for places and rare events; and of what each scanner reports. More than it may: than its
   tolerance, a mean over G groups than one of them by √G. By more than chance: `twin.suites.permutation_test`.
 - Did one case fall beyond any noise? By ten times what the mean may and four standard deviations between the seeds before.
-- Is a figure gone that was measured before?
+- Is a figure missing that was measured before?
 
 Where recordings are others than before, `twin.suites.pairing` says what runs of a seed are to each other, and may differ by.
 A scanner's noise that doubled shows in what the scanner reports: what it costs trackers is less than one more draw of it.
@@ -46,7 +46,7 @@ class Change:
     A group is of a tracker in a scenario, or of a scanner there, which the key then names in the tracker's place.
 
     p: how likely chance makes any figure of the suite change so much for the worse; p_better: for the better. allowed: how
-    much worse it may be. worst_seed: where it got worst (of now's; None: over several groups, or gone). fallen: a seed whose
+    much worse it may be. worst_seed: where it got worst (of now's; None: over several groups, or missing). fallen: a seed whose
     case fell beyond any noise.
     """
 
@@ -109,14 +109,14 @@ def compare(
     shares, allowances = contributions(tests)
     p, p_better = family_wise_p(shares), family_wise_p(-shares)
     changes = [_change(*each) for each in zip(tests, p, p_better, allowances, strict=True)]
-    gone = list(_gone(before, now))
+    missing = list(_missing_groups(before, now))
     identical = (
         bool(pairs)
-        and not gone
+        and not missing
         and all(each.relation == "same bits" and (each.before == each.now).all() for each in pairs)
     )
     warnings = tuple(notes_on(before, now, before_name, pairs))
-    return Comparison((*gone, *changes), warnings, tuple(minimum_detectable_changes(pairs)), identical)
+    return Comparison((*missing, *changes), warnings, tuple(minimum_detectable_changes(pairs)), identical)
 
 
 def _change(pairs: Sequence[Pair], p: float, p_better: float, allowed: float) -> Change:
@@ -146,7 +146,7 @@ def _change(pairs: Sequence[Pair], p: float, p_better: float, allowed: float) ->
     return Change(key, "", first.metric, before, now, float(p), float(p_better), n_seed, allowed)
 
 
-def _gone(before: Results, now: Results) -> Iterator[Change]:
+def _missing_groups(before: Results, now: Results) -> Iterator[Change]:
     """Yield metrics that applied to a group before and apply to none of its seeds now, though it was run."""
     for key, was in before.groups.items():
         group = now.groups.get(key)
@@ -271,7 +271,7 @@ def describe_change(change: Change) -> str:
 def significance(change: Change) -> str:
     """Describe the significance of a change: its p, and the seed of a case that collapsed."""
     if change.now is None:
-        return "gone"
+        return "missing"
     p = min(change.p, change.p_better)
-    told = [f"seed {change.fallen} fell"] if change.fallen is not None else []
-    return ", ".join([*told, *([f"p {p:.3f}"] if p <= ALPHA or not told else [])])
+    parts = [f"seed {change.fallen} fell"] if change.fallen is not None else []
+    return ", ".join([*parts, *([f"p {p:.3f}"] if p <= ALPHA or not parts else [])])

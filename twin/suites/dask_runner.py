@@ -82,7 +82,7 @@ class _Run:
         self._workers = dict.fromkeys(cluster.workers() or {}, True)  # by address, whether it takes work
         self._known_since_s = dict.fromkeys(self._workers, float("-inf"))
         self._all_there_s = time.monotonic()
-        self._set_aside: set[str] = set()
+        self._excluded: set[str] = set()
         self._restarts: list[threading.Thread] = []
         self._polled_s = -_POLL_S
         self._worker_seen_s = time.monotonic()
@@ -130,13 +130,13 @@ class _Run:
             )
         for address in set(self._running) - set(self._workers):
             self._lost(address)
-        self._set_aside &= set(self._workers)
+        self._excluded &= set(self._workers)
 
     def _start_what_may(self) -> None:
         for address, ready in self._workers.items():
             if len(self._running) >= (self._cluster.n_worker or float("inf")):
                 return
-            if not ready or address in self._running or address in self._set_aside:
+            if not ready or address in self._running or address in self._excluded:
                 continue
             next_one = self._todo.take()
             if next_one is None:
@@ -207,7 +207,7 @@ class _Run:
         for address, one in self._running.items():
             if not one.ended_by_us and one.spent_s() > one.task.limit_s + _GRACE_S:
                 one.ended_by_us = True
-                self._set_aside.add(address)
+                self._excluded.add(address)
                 self._restarts.append(threading.Thread(target=self._restart, args=[address], daemon=True))
                 self._restarts[-1].start()
 

@@ -68,9 +68,9 @@ class Case:
             )
         self.prior.check(self.id)
         if self.prior.digest() != self.provenance.prior:
-            told = ", ".join(map(str, self.prior.paths().values()))
+            described = ", ".join(map(str, self.prior.paths().values()))
             raise InputError(
-                f"{self.id}: {told}: changed after the suite was started; --resume tracks with what it is now"
+                f"{self.id}: {described}: changed after the suite was started; --resume tracks with what it is now"
             )
 
     size: RunSize  # of its recording
@@ -174,7 +174,11 @@ def _check_entry(
 
 def _cases_of(suite: Suite, checked: _Checked, path: Path, changes: Sequence[str], *, limits: bool) -> Iterator[Case]:
     entry, variant, scenario = suite.scenarios[checked.number], checked.variant, checked.scenario
-    overrides, label, told = format_overrides(variant.overrides), entry.name or scenario.name, _own_settings(variant)
+    overrides, label, described = (
+        format_overrides(variant.overrides),
+        entry.name or scenario.name,
+        _own_settings(variant),
+    )
     for seed in entry.seeds or suite.seeds:
         of_seed = scenario
         if is_kept_room(scenario.room):  # each seed draws a scene of its own
@@ -192,7 +196,7 @@ def _cases_of(suite: Suite, checked: _Checked, path: Path, changes: Sequence[str
             yield Case(
                 id=_case_id(label, overrides, seed, tracker),
                 scenario=label,
-                variant=told,
+                variant=described,
                 overrides=overrides,
                 seed=seed,
                 tracker=tracker,

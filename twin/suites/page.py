@@ -216,16 +216,16 @@ def _filmstrip(
 
 def _change(change: Change, links: Mapping[int, tuple[str, str]]) -> dict[str, Any]:
     metric = change.metric
-    gone = change.now is None
+    missing = change.now is None
     return {
         "scenario": change.key.scenario,
         "variant": change.variant,
         "tracker": change.key.tracker,
         "metric": metric_named(metric).name,
         "before": format_metric(metric, change.before),
-        "now": "gone" if gone else format_metric(metric, change.now),
-        "change": "" if gone else format_metric(metric, change.change, sign=True),
-        "allowed": "" if gone else format_metric(metric, change.allowed),
+        "now": "missing" if missing else format_metric(metric, change.now),
+        "change": "" if missing else format_metric(metric, change.change, sign=True),
+        "allowed": "" if missing else format_metric(metric, change.allowed),
         "significance": significance(change),
         "look": links.get(id(change)),
     }

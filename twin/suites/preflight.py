@@ -93,12 +93,12 @@ class TrackerCheck:
 
     def faults(self) -> list[str]:
         """Format one sentence per fault: the suite's file, the field as written by the user, what is valid."""
-        told = []
+        parts = []
         for (start, end), titles in self._faults.items():
             first, *more = titles
             on = f"{first} and {len(more)} more like it" if more else first
-            told.append(f"{self._suite}: {start}{on}{end}")
-        return told
+            parts.append(f"{self._suite}: {start}{on}{end}")
+        return parts
 
     def _tell(self, start: str, title: str = "", end: str = "") -> None:
         self._faults.setdefault((start, end), {})[title] = None

@@ -159,15 +159,15 @@ def _changes_table(changes: Sequence[Change]) -> Table:
     for change in changes:
         metric = change.metric
         name = f"{change.key.scenario} ({change.variant})" if change.variant else change.key.scenario
-        gone = change.now is None
+        missing = change.now is None
         table.add_row(
             name,
             change.key.tracker,
             metric_named(metric).name,
             format_metric(metric, change.before),
-            "gone" if gone else format_metric(metric, change.now),
-            "" if gone else format_metric(metric, change.change, sign=True),
-            "" if gone else format_metric(metric, change.allowed),
+            "missing" if missing else format_metric(metric, change.now),
+            "" if missing else format_metric(metric, change.change, sign=True),
+            "" if missing else format_metric(metric, change.allowed),
             significance(change),
             str(change.n_seed),
         )
@@ -203,24 +203,24 @@ def markdown_table(results: Results) -> str:
 def markdown_comparison(comparison: Comparison) -> str:
     """Format what got worse and better, one row per metric, and the notes; one line where nothing got worse."""
     heads = ["", "scenario", "tracker", "metric", "before", "now", "change", "allowed", "p", "seeds"]
-    told = [("worse", each) for each in comparison.worse] + [("better", each) for each in comparison.better]
+    changes = [("worse", each) for each in comparison.worse] + [("better", each) for each in comparison.better]
     lines = [
         f"{len(comparison.changes)} metrics compared: {len(comparison.worse)} worse, {len(comparison.better)} better."
     ]
-    if told:
+    if changes:
         lines += ["", _line(heads), _line(["---"] * 4 + ["--:"] * 6)]
-    for word, change in told:
+    for word, change in changes:
         name = f"{change.key.scenario} ({change.variant})" if change.variant else change.key.scenario
-        gone = change.now is None
+        missing = change.now is None
         cells = [
             f"**{word}**" if word == "worse" else word,
             name,
             f"`{change.key.tracker}`",
             metric_named(change.metric).name,
             format_metric(change.metric, change.before),
-            "gone" if gone else format_metric(change.metric, change.now),
-            "" if gone else format_metric(change.metric, change.change, sign=True),
-            "" if gone else format_metric(change.metric, change.allowed),
+            "missing" if missing else format_metric(change.metric, change.now),
+            "" if missing else format_metric(change.metric, change.change, sign=True),
+            "" if missing else format_metric(change.metric, change.allowed),
             significance(change),
             str(change.n_seed),
         ]

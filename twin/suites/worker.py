@@ -188,8 +188,8 @@ def _incidents(evaluation: Evaluation, scenario: Scenario) -> list[Incident]:
         first = np.arange(t.size)
         last = np.searchsorted(t, t + _WINDOW_S, side="left")
         mean = (total[last] - total[first]) / (last - first)
-        begun = t >= t[0] + _START_S
-        worst = int(np.argmax(np.where(begun, mean, -1.0))) if begun.any() else int(np.argmax(mean))
+        started = t >= t[0] + _START_S
+        worst = int(np.argmax(np.where(started, mean, -1.0))) if started.any() else int(np.argmax(mean))
         middle_s = float(t[worst : last[worst]].mean())
         incidents.append(Incident(middle_s, WORST, f"OSPA {mean[worst]:.3f} m over a second", float(mean[worst])))
     incidents += [
