@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import difflib
-import logging
 import re
 import types
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
 from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin
 
 import numpy as np
@@ -16,11 +14,9 @@ from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationErro
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from trackers.errors import InputError
+from trackers.former_options import moved, warn_of_former_name, without_fixed
 
 Model = TypeVar("Model", bound=BaseModel)
-
-logger = logging.getLogger(__name__)
-
 
 _SHAPES = {"tuple_type": "a list", "list_type": "a list"} | dict.fromkeys(
     ("model_type", "model_attributes_type", "dict_type"), "a mapping"
@@ -87,11 +83,13 @@ class Strict(Typed):
     nested value leaves its siblings as the owner has them. A field with a validator of its own, a preset's name say, takes
     the mapping as it stands.
 
-    former_names: the current name of each field that was renamed, by its former name. A former name is accepted for one
-    release, with a warning; see `with_current_names`.
+    former_names: the current name of each field that was renamed, by its former name; with dots the path of one that has moved
+    between nested models. A former name is accepted for one release, with a warning; see `with_current_names`.
+    fixed_values: what a former option, by its path, always is today. It is accepted for one release with that very value.
     """
 
     former_names: ClassVar[Mapping[str, str]] = {}
+    fixed_values: ClassVar[Mapping[str, Any]] = {}
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -114,6 +112,11 @@ def _nested(model: type[BaseModel], given: dict[Any, Any], owner: Mapping[str, A
             held = dict(default)
             whole[name] = held | change | _nested(type(default), change, held)
     return whole
+
+
+def described(model: type[BaseModel], field: str) -> str:
+    """Return the description of a model's field, for a subclass with a default of its own."""
+    return model.model_fields[field].description or ""
 
 
 def with_current_names(model: type[BaseModel], content: Any, source: str = "") -> Any:
@@ -156,6 +159,9 @@ def _current(kinds: Sequence[Any], content: Any, source: str, at: tuple[str, ...
     former: dict[Any, str] = {}
     for kind in _of_kind(kinds, content.get("kind")):
         former |= getattr(kind, "former_names", {})
+        content = without_fixed(content, getattr(kind, "fixed_values", {}), source, at)
+    if any("." in each for each in former):
+        content, former = moved(content, former, source, at), {}
     result = {}
     for key, value in content.items():
         name = former[key] if key in former else key  # noqa: SIM401 – .get loses the type
@@ -168,13 +174,6 @@ def _current(kinds: Sequence[Any], content: Any, source: str, at: tuple[str, ...
         inner = [member for kind in kinds for member in _inner(kind, name)]
         result[name] = _current(inner, value, source, (*at, str(key)))
     return result
-
-
-@cache
-def warn_of_former_name(source: str, path: str, name: str) -> None:
-    """Warn, once, that the field or option at this path of a source is now called `name`."""
-    where = ": ".join(part for part in (source, path) if part)
-    logger.warning("%s: is now called %r; the former name is accepted in this release only", where, name)
 
 
 def validate(model: type[Model], content: Any, source: str) -> Model:

@@ -193,7 +193,8 @@ def make_tracker(
         raise InputError(
             f"tracker {name!r} is unknown; {hint}valid ones are {', '.join(known)}, or a class of yours as module:Class"
         )
-    maker, given = _load(preset.target, name), deep_merge(preset.options, options or {})
+    maker = _load(preset.target, name)
+    given = deep_merge(preset.options, _with_current_names(maker, options or {}, name))
     try:
         return maker(rig, Prior.of(background), rng, **given)
     except InputError as error:  # a class calls itself by one name, whatever it was asked for by
@@ -202,6 +203,14 @@ def make_tracker(
         if error.__traceback__ is None or error.__traceback__.tb_next is not None:
             raise  # from within the class
         raise InputError("\n".join(_unfit_call(maker, name, given, error))) from error
+
+
+def _with_current_names(maker: Any, options: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """Return options with the current names of those that were renamed, where the class says by `Options` which it takes."""
+    from trackers.configuration import checked_current_names
+
+    model = getattr(maker, "Options", None)
+    return options if model is None else checked_current_names(model, dict(options), f"tracker {name}")
 
 
 def _unfit_call(maker: Any, name: str, options: Mapping[str, Any], error: TypeError) -> Iterator[str]:

@@ -1,99 +1,161 @@
 """Simple online and realtime tracking (Bewley et al., 2016) on the ground plane: the baseline beside every other tracker."""
 
-from math import hypot
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 from filterpy.kalman import KalmanFilter
+from jaxtyping import Float
+from numpy.typing import NDArray
 from pydantic import Field
 
-from trackers.area import Area
+from trackers.arrays import Array
 from trackers.configuration import Strict, validate
+from trackers.detections import Detection
 from trackers.filters.gating import distances, mahalanobis
+from trackers.filters.rows import Rows
 from trackers.laser.group import people_seen, scanner_groups
-from trackers.observations import NS_PER_S
+from trackers.observations import NS_PER_S, Observation
+from trackers.rig import Rig
 from trackers.tracking.association import Stage, associate
-from trackers.tracking.synced_frames import SyncPolicy
+from trackers.tracking.roster import Roster
+from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synced_tracker import SynchronizedTracker
-from trackers.tracks import Track
+from trackers.tracking.track_manager import TrackManagementOptions, TrackManager, measured_now
+from trackers.tracks import Track, TrackFrame
 
 
 class SortOptions(Strict):
+    """Options of the baseline: its filter, its gates, and those of every tracker."""
+
+    former_names: ClassVar = {
+        "hits": "track_management.confirm_hits",
+        "show_s": "track_management.report_s",
+        "coast_s": "track_management.coast_s",
+        "apart_m": "track_management.start_apart_m",
+    }
+
     acceleration_m_s2: float = Field(default=3.0, gt=0, description="standard deviation of the acceleration [m/s²]")
     measurement_m: float = Field(default=0.1, gt=0, description="standard deviation of a measured position [m]")
     gate: float = Field(default=4.0, gt=0, description="largest Mahalanobis distance of a pair")
     radius_m: float = Field(default=1.0, gt=0, description="and its largest distance [m]")
-    legs_m: float = Field(default=0.7, gt=0, description="how far legs may be from whom they belong to [m]")
-    apart_m: float = Field(default=0.6, ge=0, description="no track starts nearer than this to another [m]")
+    legs_m: float = Field(default=0.7, gt=0, description="how far legs may be from the track they belong to [m]")
     slowdown_s: float = Field(
         default=0.5, gt=0, description="time constant at which a coasting track's speed fades [s]"
     )
-    hits: int = Field(default=3, ge=1, description="measurements that confirm a track")
-    show_s: float = Field(default=0.4, ge=0, description="how long a coasting track is reported [s]")
-    coast_s: float = Field(default=2.0, ge=0, description="and when it ends; a tentative one at its first miss [s]")
+    track_management: TrackManagementOptions = Field(
+        default=TrackManagementOptions(confirm_hits=3, report_s=0.4, start_apart_m=0.6),
+        description="when tracks are initiated, confirmed, reported and deleted",
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class KalmanTracks(Rows):
+    """n Kalman filters over (x, vx, y, vy) [m, m/s], one per track; a filter changes in place."""
+
+    filters: NDArray[np.object_]
+
+    @classmethod
+    def started(cls, places: Float[Array, "n 2"], measurement_m: float) -> KalmanTracks:
+        """Return filters of people who stand at `places` [m]."""
+        filters = np.empty(len(places), object)
+        for k, place in enumerate(places):
+            filters[k] = one = KalmanFilter(dim_x=4, dim_z=2)
+            one.x, one.H, one.R = np.array([place[0], 0, place[1], 0]), np.eye(4)[::2], np.eye(2) * measurement_m**2
+            one.P = np.diag([0.01, 1.0] * 2)
+        return cls(filters)
+
+    @property
+    def positions(self) -> Float[Array, "n 2"]:
+        """The expected positions [m]."""
+        return np.array([one.x[::2] for one in self.filters]).reshape(-1, 2)
+
+    @property
+    def innovation_covariances(self) -> Float[Array, "n 1 2 2"]:
+        """H P Hᵀ + R of each [m²]."""
+        return np.array([one.P[::2, ::2] + one.R for one in self.filters]).reshape(-1, 1, 2, 2)
 
 
 class Sort(SynchronizedTracker):
-    """Trunks, else legs, of all scanners; a Kalman filter a person. Raises InputError for a rig without a scanner."""
+    """Trunks, else legs, of all scanners; a Kalman filter per person. Raises InputError for a rig without a scanner."""
 
-    def __init__(self, rig, background=(), rng=None, **options):
+    Options = SortOptions
+
+    def __init__(
+        self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
+    ) -> None:
         self.options = validate(SortOptions, options, "tracker sort")
-        self.groups, self.area = scanner_groups(rig, list(background)), Area(rig.area, 0.3) if rig.area else None
+        self.groups = scanner_groups(rig, list(background))
+        self.manager = TrackManager(self.options.track_management, rig.area)
         used = tuple(name for group in self.groups.values() for name in group.names)
         self.unused_sensors = [name for name in rig.sensors if name not in used]
         super().__init__(SyncPolicy(used, main=rig.main_sensor if rig.main_sensor in used else None))
-        self.people, self.ns, self.last_id, self.seen = [], 0, 0, []
-
-    def _work_all(self, moments):
+        self.roster = Roster.started(KalmanTracks.started(np.empty((0, 2)), self.options.measurement_m), 0)
+        self.ns = 0
         self.seen = []
-        return super()._work_all(moments)
 
-    def detections(self):
+    def detections(self) -> list[Detection]:
+        """Return what the last frames showed, trunks first."""
         return [
             each for ns, seen in self.seen for role in seen for each in self.groups[role].told(seen[role], role, ns)
         ]
 
-    def tracks(self):
-        shown = [p for p in self.people if p.id and self.ns - p.ns <= self.options.show_s * NS_PER_S]
+    def tracks(self) -> list[Track]:
+        """Return the tracks to report as of the last frame, in the order of their starts."""
+        roster = self.roster
+        shown = self.manager.reported(roster, self.ns).nonzero()[0]
+        measured = measured_now(roster, self.ns)
         return [
-            Track(p.id, *p.x[[0, 2, 1, 3]].tolist(), status="confirmed" if p.ns == self.ns else "coasting")
-            for p in shown
+            Track(
+                int(roster.id[k]),
+                *roster.state.filters[k].x[[0, 2, 1, 3]].tolist(),
+                status="confirmed" if measured[k] else "coasting",
+            )
+            for k in shown
         ]
 
-    def _work(self, moment):
-        options, last, dt, self.ns = self.options, self.ns, (moment.ns - self.ns) / NS_PER_S, moment.ns
-        # x, vx, y, vy; whoever was missed is likelier to stop than to walk on
-        F = [of_both_axes([[1, dt], [0, keep]]) for keep in (np.exp(-dt / options.slowdown_s), 1)]
-        Q = of_both_axes(np.outer([dt**2 / 2, dt], [dt**2 / 2, dt])) * options.acceleration_m_s2**2
-        for p in self.people:
-            p.F, p.Q = F[p.ns == last], Q
-            p.predict()
-        self.seen.append((moment.ns, {role: group.detect(moment.observations) for role, group in self.groups.items()}))
-        expected = np.array([p.x[::2] for p in self.people]).reshape(-1, 2)
-        body, whole = people_seen(self.seen[-1][1], expected, self.area, options.legs_m)
-        S = np.array([p.P[::2, ::2] + p.R for p in self.people]).reshape(-1, 1, 2, 2)
-        deviations = mahalanobis(expected[:, None], S, body)
+    def _work_all(self, moments: list[SyncedFrame]) -> list[TrackFrame]:
+        self.seen = []
+        return super()._work_all(moments)
+
+    def _work(self, moment: SyncedFrame) -> None:
+        options, manager, last_ns, self.ns = self.options, self.manager, self.ns, moment.ns
+        self._predict(last_ns)
+        self.seen.append((self.ns, {role: group.detect(moment.observations) for role, group in self.groups.items()}))
+        roster, state = self.roster, self.roster.state
+        expected = state.positions
+        body, whole = people_seen(self.seen[-1][1], expected, manager.area, options.legs_m)
+        deviations = mahalanobis(expected[:, None], state.innovation_covariances, body)
         out = (deviations > options.gate) | (distances(expected, body) > options.radius_m)
-        known = np.array([p.id > 0 for p in self.people], bool)
+        known = roster.confirmed
         rows, columns = associate([Stage(known, [deviations], [out]), Stage(~known, [deviations], [out])])
-        for p, column in zip([self.people[row] for row in rows], columns, strict=True):
-            p.update(body[column])
-            p.ns, p.hits = moment.ns, p.hits + 1
-            if not p.id and p.hits >= options.hits:
-                self.last_id = p.id = self.last_id + 1
-        self.people = [p for p in self.people if self.ns - p.ns <= (options.coast_s * NS_PER_S if p.id else 0)]
+        for one, column in zip(state.filters[rows], columns, strict=True):
+            one.update(body[column])
+        roster = roster.measured(rows, self.ns, state)
+        roster = manager.confirm(roster, manager.to_confirm(roster, self.ns, self.ns - last_ns))
+        roster = roster.select(manager.lasting(roster, self.ns))
         whole[columns] = False
-        for place in body[whole]:
-            if all(hypot(*(p.x[::2] - place)) > options.apart_m for p in self.people):
-                self.people.append(self.started(place))
+        for place in body[whole]:  # each keeps the next ones away
+            if manager.may_start(place[None], roster.state.positions)[0]:
+                new = KalmanTracks.started(place[None], options.measurement_m)
+                roster = roster.joined(Roster.started(new, self.ns))
+        self.roster = roster
 
-    def started(self, place):
-        p = KalmanFilter(dim_x=4, dim_z=2)
-        p.x, p.id, p.ns, p.hits = np.array([place[0], 0, place[1], 0]), 0, self.ns, 1
-        p.H, p.R, p.P = np.eye(4)[::2], np.eye(2) * self.options.measurement_m**2, np.diag([0.01, 1.0] * 2)
-        return p
+    def _predict(self, last_ns: int) -> None:
+        """Predict all filters to the frame's stamp; a track that was missed last is likelier to stop than to walk on."""
+        dt = (self.ns - last_ns) / NS_PER_S
+        F = [of_both_axes(np.array([[1, dt], [0, keep]])) for keep in (np.exp(-dt / self.options.slowdown_s), 1)]
+        Q = of_both_axes(np.outer([dt**2 / 2, dt], [dt**2 / 2, dt])) * self.options.acceleration_m_s2**2
+        for one, in_sight in zip(self.roster.state.filters, measured_now(self.roster, last_ns), strict=True):
+            one.F, one.Q = F[int(in_sight)], Q
+            one.predict()
 
 
-def of_both_axes(block):
+def of_both_axes(block: Float[Array, "2 2"]) -> Float[Array, "4 4"]:
+    """Return the block-diagonal matrix of the same block for x and for y."""
     both = np.zeros((4, 4))
     both[:2, :2] = both[2:, 2:] = block
     return both

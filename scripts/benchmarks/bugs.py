@@ -72,8 +72,8 @@ _BY_FILE = {
         ("whom nothing fits is paired first", "associate", "_A[:, None] - _B", "_A[:, None] + _B"),
         ("measurement paired twice", "associate", "_A[_B] = _A[:, _C] = False", "_A[_B] = False"),
     ],
-    "trackers/tracking/lifecycle.py": [
-        ("confirmed a frame late", "measured_for_longer", "_A - _B + nanoseconds(_C)", "_A - _B"),
+    "trackers/tracking/track_manager.py": [
+        ("confirmed a frame late", "TrackManager.to_confirm", "_A - _B + frame_ns", "_A - _B"),
         ("clear of anybody, not of everybody", "clear_of", "distances(_A, _B).min", "distances(_A, _B).max"),
     ],
     "trackers/tracking/synced_frames.py": [
@@ -225,9 +225,14 @@ _BY_FILE = {
         ),
     ],
     "trackers/laser_fisheye_imm/track_manager.py": [
-        ("bodies three times as far apart", "TrackManager.unseen.not_shown", "rules.apart_m", "3 * rules.apart_m"),
-        ("negative evidence left out", "TrackManager.unseen", "people.state.replaced(unseen, state)", "people.state"),
-        ("a long gap ends nobody", "TrackManager._goes_on", "_A - _B <= nanoseconds(_C)", "True"),
+        ("bodies three times as far apart", "ImmTrackManager.unseen.not_shown", "rules.apart_m", "3 * rules.apart_m"),
+        (
+            "negative evidence left out",
+            "ImmTrackManager.unseen",
+            "people.state.replaced(unseen, state)",
+            "people.state",
+        ),
+        ("a long gap ends nobody", "ImmTrackManager._kept", "_A - _B <= nanoseconds(_C)", "True"),
     ],
     "trackers/tracking/stale_frames.py": [
         ("a hung sensor is believed", "StaleFrameDetector.repeats", "_A == 0", "False"),

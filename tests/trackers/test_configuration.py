@@ -180,3 +180,36 @@ def test_former_names_are_read_where_a_model_is_made_without_a_file() -> None:
 def test_a_field_with_both_its_names_is_refused(content: dict[str, Any]) -> None:
     with pytest.raises(InputError, match=r"^cart\.yaml: .*is the former name of .*give one of them"):
         validate(Cart, content, "cart.yaml")
+
+
+class _Gate(Strict):
+    gate_m: float = 1.0
+
+
+class _Tracker(Strict):
+    former_names: ClassVar = {"life.radius_m": "gate.gate_m", "life.hits": "track.hits", "life": "track"}
+    fixed_values: ClassVar = {"gate.shape": "circle", "reach": (1.0, 2.0)}
+
+    gate: _Gate = _Gate()
+    track: dict[str, int] = Field(default_factory=dict)
+
+
+def test_options_that_moved_between_groups_are_read_at_their_former_paths(caplog: pytest.LogCaptureFixture) -> None:
+    given = {"life": {"radius_m": 2.0, "hits": 3, "coast": 4}, "gate": {"shape": "circle"}, "reach": [1.0, 2.0]}
+    made = validate(_Tracker, given, "moved.yaml")
+    assert (made.gate.gate_m, made.track) == (2.0, {"hits": 3, "coast": 4})
+    said = [record.getMessage() for record in caplog.records]
+    assert any("moved.yaml: life.radius_m" in each and "'gate.gate_m'" in each for each in said)
+    assert any("moved.yaml: gate.shape: is no option any more" in each for each in said)
+    assert given["life"] == {"radius_m": 2.0, "hits": 3, "coast": 4}
+
+
+def test_a_moved_option_given_twice_and_a_fixed_one_of_another_value_are_refused() -> None:
+    for content, words in (
+        ({"life": {"radius_m": 2.0}, "gate": {"gate_m": 1.0}}, ["life.radius_m", "gate.gate_m", "one of them"]),
+        ({"gate": {"shape": "square"}}, ["gate.shape", "'circle'", "'square'"]),
+        ({"reach": None}, ["reach", "None"]),
+    ):
+        with pytest.raises(InputError) as raised:
+            validate(_Tracker, content, "x.yaml")
+        assert all(word in str(raised.value) for word in [*words, "x.yaml"])

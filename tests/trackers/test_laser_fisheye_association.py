@@ -75,7 +75,7 @@ def test_a_bag_beside_the_legs_of_a_trunk_is_not_somebody_hidden_near_by():
     found = matched(detections((0.0, 1.5)), detections(*LEGS_OF_THE_FIRST, bag))
     assert found.track.tolist() == [0]
     assert len(found.new_position) == 0
-    mistaken = matched(detections((0.0, 1.5)), detections(*LEGS_OF_THE_FIRST, bag), management={"apart_m": 0.0})
+    mistaken = matched(detections((0.0, 1.5)), detections(*LEGS_OF_THE_FIRST, bag), track_management={"apart_m": 0.0})
     assert sorted(mistaken.track.tolist()) == [0, 1]
 
 
@@ -265,7 +265,7 @@ def test_what_is_measured_where_it_is_expected_makes_surer_that_somebody_is_ther
     near, far = (of_one(detections((x, 2.0)), 0.01, existence=0.1).existence for x in (0.0, 0.7))
     assert near > 0.95
     assert 0.05 < far < 0.9
-    assert of_one(detections((0.7, 2.0)), 0.01, 0.1, management={"survival_s": None}).existence == 1
+    assert of_one(detections((0.7, 2.0)), 0.01, 0.1, track_management={"survival_s": None}).existence == 1
 
 
 def test_who_is_likely_gone_is_not_re_identified():

@@ -71,7 +71,7 @@ def test_who_is_gone_in_plain_view_is_not_reported_for_long(management, n_more):
         for k in range(40)
         for height in ("waist", "knee")
     ]
-    frames, _ = tracked(there, name="laser-imm", observations=given, management=management)
+    frames, _ = tracked(there, name="laser-imm", observations=given, track_management=management)
     assert max(k for k, frame in enumerate(frames) if frame.tracks) == 19 + n_more  # `coast_s` at most
 
 
@@ -222,7 +222,9 @@ def test_with_a_learned_background_nobody_is_a_person_before_they_moved():
     arriving = [replace(o, stamp_ns=o.stamp_ns + 3 * NS_PER_S) for o in observe(standing, 5, False)]
     given = [*observe(straight_walk(np.empty((0, 2)), np.empty((0, 2)), 30), 4, False), *arriving]
     assert not any(frame.tracks for frame in tracked(standing, "laser-imm", background=[], observations=given)[0])
-    at_once = tracked(standing, "laser-imm", background=[], observations=given, management={"confirm_moved_m": 0})[0]
+    at_once = tracked(
+        standing, "laser-imm", background=[], observations=given, track_management={"confirm_moved_m": 0}
+    )[0]
     assert at_once[-1].tracks
     assert tracked(standing, "laser-imm", observations=given)[0][-1].tracks  # the empty room is known
 
@@ -427,7 +429,7 @@ def test_a_hidden_track_is_reported_while_its_person_is_probably_within_the_radi
     walk = replace(walk, position=position)
 
     def n_coasting(within_m: float | None) -> int:
-        frames, _ = tracked(walk, layers=("waist",), management={"within_m": within_m})
+        frames, _ = tracked(walk, layers=("waist",), track_management={"within_m": within_m})
         return sum(track.status == "coasting" for frame in frames for track in frame.tracks if track.y > 1.7)
 
     counts = [n_coasting(within_m) for within_m in (0.1, 0.3, 0.5, None)]
@@ -443,7 +445,7 @@ def test_whoever_is_hidden_for_longer_than_tracks_coast_is_known_again():
     walk = replace(walk, position=position)
 
     def ids(**management):
-        frames, _ = tracked(walk, layers=("waist",), management=management)
+        frames, _ = tracked(walk, layers=("waist",), track_management=management)
         return {track.id for frame in frames for track in frame.tracks if track.y > 1.7}
 
     assert len(ids()) == 1

@@ -94,15 +94,19 @@ def textbook(detections: list[tuple[float, np.ndarray]], options: SortOptions) -
             for each, k in pairs:
                 each.filter.update(places[k])
                 each.t, each.hits = t, each.hits + 1
-                if not each.id and each.hits == options.hits:
+                if not each.id and each.hits == options.track_management.confirm_hits:
                     n_id += 1
                     each.id = n_id
             free = [k for k in free if k not in {taken for _, taken in pairs}]
-        people = [each for each in people if t - each.t <= (options.coast_s + 1e-6 if each.id else 0.0)]
+        people = [
+            each for each in people if t - each.t <= (options.track_management.coast_s + 1e-6 if each.id else 0.0)
+        ]
         for k in free:
-            if all(np.hypot(*(each.filter.x[::2] - places[k])) > options.apart_m for each in people):
+            if all(
+                np.hypot(*(each.filter.x[::2] - places[k])) > options.track_management.start_apart_m for each in people
+            ):
                 people.append(Person(places[k], t, options))
-        shown = [each for each in people if each.id and t - each.t <= options.show_s + 1e-6]
+        shown = [each for each in people if each.id and t - each.t <= options.track_management.report_s + 1e-6]
         told.append(
             [(each.id, *each.filter.x[[0, 2, 1, 3]], "confirmed" if each.t == t else "coasting") for each in shown]
         )
@@ -115,9 +119,9 @@ def textbook(detections: list[tuple[float, np.ndarray]], options: SortOptions) -
     [
         (2, 1, 0.1, {}),
         (4, 2, 0.1, {}),
-        (4, 3, 0.13, {"hits": 2, "coast_s": 0.6, "show_s": 0.3}),
+        (4, 3, 0.13, {"track_management": {"confirm_hits": 2, "coast_s": 0.6, "report_s": 0.3}}),
         (4, 4, 0.07, {"acceleration_m_s2": 8.0, "measurement_m": 0.04, "gate": 2.0, "radius_m": 0.3}),
-        (3, 5, 0.1, {"apart_m": 0.1, "slowdown_s": 2.0}),
+        (3, 5, 0.1, {"track_management": {"start_apart_m": 0.1}, "slowdown_s": 2.0}),
     ],
 )
 def test_tracks_are_those_of_filterpys_filters_and_the_best_of_all_assignments(n_person, seed, every_s, options):
@@ -147,7 +151,7 @@ def test_the_best_assignment_is_not_the_greedy_one():
     places = np.array([(0.0, 1.5), (0.45, 1.5)])
     walk = straight_walk(places, [(0.0, 0.0)] * 2, 12)
     walk.position[6:] += (0.25, 0.0)
-    frames = frames_of(scans(walk), radius_m=0.3, apart_m=0.3)
+    frames = frames_of(scans(walk), radius_m=0.3, track_management={"start_apart_m": 0.3})
     for frame in frames[3:]:
         assert [track.status for track in frame.tracks] == ["confirmed"] * 2
     ends = {track.id: track.x for track in frames[-1].tracks}
@@ -160,7 +164,9 @@ def test_who_is_confirmed_chooses_before_who_is_not():
     walk = straight_walk([(0.0, 1.5), (0.45, 1.5), (0.3, 1.5)], [(0.0, 0.0)] * 3, 9)
     k = np.arange(9)
     shown = np.stack([k < 8, (k >= 6) & (k < 8), k == 8], axis=1)
-    (last,) = frames_of(scans(walk, shown), apart_m=0.3, radius_m=0.5, hits=4)[-1].tracks
+    (last,) = frames_of(scans(walk, shown), radius_m=0.5, track_management={"start_apart_m": 0.3, "confirm_hits": 4})[
+        -1
+    ].tracks
     assert (last.id, last.status) == (1, "confirmed") and last.x > 0.05
 
 
@@ -181,10 +187,17 @@ def told_of(shown: np.ndarray, **options) -> list[list[tuple[int, str]]]:
 
 @pytest.mark.parametrize("hits", [1, 2, 3, 5])
 def test_so_many_measurements_in_a_row_confirm(hits):
-    told = told_of(seen_at(8, (0, 8)), hits=hits)
+    told = told_of(seen_at(8, (0, 8)), track_management={"confirm_hits": hits})
     # the first scan can only begin somebody
     assert [len(each) for each in told] == [int(k + 1 >= max(hits, 2)) for k in range(8)]
-    assert not any(told_of(seen_at(20, *((k, k + hits - 1) for k in range(0, 20, hits))), hits=hits)) or hits == 1
+    assert (
+        not any(
+            told_of(
+                seen_at(20, *((k, k + hits - 1) for k in range(0, 20, hits))), track_management={"confirm_hits": hits}
+            )
+        )
+        or hits == 1
+    )
 
 
 def test_who_is_missed_coasts_in_sight_then_out_of_it_then_ends():

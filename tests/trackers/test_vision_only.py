@@ -149,8 +149,8 @@ def test_what_the_rig_cannot_give_is_bad_input():
         InputError, match=r"image of 'camera' has shape \(10, 10, 3\); the rig's intrinsics say \(240, 320, 3\)"
     ):
         VisionOnly(on).update(Image("camera", 0, np.zeros((10, 10, 3), np.uint8)))
-    with pytest.raises(InputError, match="life.coast_s"):
-        VisionOnly(on, life={"coast_s": -1})
+    with pytest.raises(InputError, match="track_management.coast_s"):
+        VisionOnly(on, track_management={"coast_s": -1})
 
 
 def test_another_model_of_people_may_be_among_what_is_learned(tmp_path):

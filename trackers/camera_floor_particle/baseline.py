@@ -20,9 +20,9 @@ from trackers.floor.clusters import FloorClusterOptions, floor_clusters
 from trackers.observations import NS_PER_S, FloorFrame, Observation
 from trackers.rig import Rig
 from trackers.tracking.association import Stage, associate
-from trackers.tracking.lifecycle import lasted_s
 from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synced_tracker import SynchronizedTracker
+from trackers.tracking.track_manager import lasted_s
 from trackers.tracks import Track
 from trackers.vision.histogram import bhattacharyya_distance, normalised
 

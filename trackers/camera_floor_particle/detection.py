@@ -18,7 +18,7 @@ from trackers.camera_floor_particle.pan import GRID, around, unit
 from trackers.camera_floor_particle.people import PAN_BINS, People
 from trackers.camera_floor_particle.views import Views
 from trackers.filters.particle import Cloud
-from trackers.tracking.lifecycle import lasted_s
+from trackers.tracking.track_manager import lasted_s
 
 _ASIDE_M = np.arange(-0.28, 0.29, 0.07)
 _LAYER_M = 0.04

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from pydantic import Field, PositiveInt
 
 from trackers.arrays import Array, Mask
-from trackers.configuration import Strict
+from trackers.configuration import Strict, described
 from trackers.laser.background import BackgroundOptions, KnownBackground, LearnedBackground, returns
 from trackers.laser.bearings import beams_of_turn, counter_clockwise
 from trackers.laser.clusters import ClusterOptions, Clusters, directions, find_clusters, pushed_back, with_beside
@@ -87,21 +87,23 @@ class LayerOptions(Strict):
     )
 
 
-def _told(field: str) -> str | None:
-    """What a field of every layer means, for layers with a default of their own."""
-    return LayerOptions.model_fields[field].description
+def _of_layer(field: str) -> str:
+    """Return the description of a field of every layer, for layers with a default of their own."""
+    return described(LayerOptions, field)
 
 
 class WaistOptions(LayerOptions):
     """The scanner at waist height: one trunk a person, arms beside it."""
 
-    cluster: ClusterOptions = Field(default=ClusterOptions(jump_m=0.08, min_width_m=0.06), description=_told("cluster"))
-    radius_m: float = Field(default=1.0, gt=0, description=_told("radius_m"))
-    half_depth_m: float = Field(default=0.11, ge=0, description=_told("half_depth_m"))
-    side_half_depth_m: float | None = Field(default=0.168, ge=0, description=_told("side_half_depth_m"))
-    body_width_m: float | None = Field(default=0.3, gt=0, description=_told("body_width_m"))
-    hidden_variance_m2: float = Field(default=0.003, ge=0, description=_told("hidden_variance_m2"))
-    satellite_width_m: float | None = Field(default=0.16, gt=0, description=_told("satellite_width_m"))
+    cluster: ClusterOptions = Field(
+        default=ClusterOptions(jump_m=0.08, min_width_m=0.06), description=_of_layer("cluster")
+    )
+    radius_m: float = Field(default=1.0, gt=0, description=_of_layer("radius_m"))
+    half_depth_m: float = Field(default=0.11, ge=0, description=_of_layer("half_depth_m"))
+    side_half_depth_m: float | None = Field(default=0.168, ge=0, description=_of_layer("side_half_depth_m"))
+    body_width_m: float | None = Field(default=0.3, gt=0, description=_of_layer("body_width_m"))
+    hidden_variance_m2: float = Field(default=0.003, ge=0, description=_of_layer("hidden_variance_m2"))
+    satellite_width_m: float | None = Field(default=0.16, gt=0, description=_of_layer("satellite_width_m"))
 
 
 class KneeOptions(LayerOptions):
@@ -109,15 +111,16 @@ class KneeOptions(LayerOptions):
 
     cluster: ClusterOptions = Field(
         default=ClusterOptions(jump_m=0.08, jump_spacings=1.0, min_samples=2, min_width_m=0.03),
-        description=_told("cluster"),
+        description=_of_layer("cluster"),
     )
     free_space: DetectionOptions = Field(
-        default=DetectionOptions(width_m=0.08, half_width_m=0.25, hidden_up_to=0.5), description=_told("free_space")
+        default=DetectionOptions(width_m=0.08, half_width_m=0.25, hidden_up_to=0.5),
+        description=_of_layer("free_space"),
     )
-    weak_samples: PositiveInt | None = Field(default=1, description=_told("weak_samples"))
-    radius_m: float = Field(default=0.5, gt=0, description=_told("radius_m"))
-    half_depth_m: float = Field(default=0.04, ge=0, description=_told("half_depth_m"))
-    fuse_m: float = Field(default=0.2, ge=0, description=_told("fuse_m"))
+    weak_samples: PositiveInt | None = Field(default=1, description=_of_layer("weak_samples"))
+    radius_m: float = Field(default=0.5, gt=0, description=_of_layer("radius_m"))
+    half_depth_m: float = Field(default=0.04, ge=0, description=_of_layer("half_depth_m"))
+    fuse_m: float = Field(default=0.2, ge=0, description=_of_layer("fuse_m"))
     radius_alone_m: float = Field(
         default=0.8,
         gt=0,

@@ -8,16 +8,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from trackers.arrays import Array, Index, Mask
-from trackers.filters.gating import distances
 from trackers.filters.rows import written
 from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.legs import find_walkers
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.pairing import Costs, costs, existence_paired, unpaired
 from trackers.laser_fisheye_imm.people import People
-from trackers.observations import NS_PER_S
 from trackers.tracking.association import Stage, associate, left_over
-from trackers.tracking.lifecycle import nanoseconds
+from trackers.tracking.track_manager import nanoseconds, reachable
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +106,8 @@ class Association:
     ) -> Stage:
         """Pairs of the occluded, with what no prediction explains, but for what is but a `part` of a person."""
         people, options = self.people, self.options
-        hidden = people.confirmed & self._hidden() & (options.reach_m_s is not None)
-        existing = hidden & people.exist(options.management.exists_above)
+        hidden = people.confirmed & self._hidden() & (options.track_management.reid_speed_m_s is not None)
+        existing = hidden & people.exist(options.track_management.exists_above)
         explained = ((options.expected_below >= cost.deviations) & ~hidden[:, None]).any(axis=0)
         cannot_be = ~self._recognised(existing, position, colour) | part | explained
         return Stage(hidden, [cost.pair, self._by_colour(colour)], [cannot_be])
@@ -131,9 +129,8 @@ class Association:
         Its prediction says little after a while: what it can have walked since it was measured is asked instead, and what
         shirt it wears; where no shirt is seen nothing tells but that only one of the hidden can be there.
         """
-        unseen_s = (self.ns - self.people.roster.measured_ns) / NS_PER_S
-        reach_m = (self.options.reach_m_s or 0.0) * unseen_s
-        can_be = (distances(self.people.measured_at, position) <= reach_m[:, None]) & hidden[:, None]
+        unseen_ns, rules = self.ns - self.people.roster.measured_ns, self.options.track_management
+        can_be = reachable(self.people.measured_at, unseen_ns, position, rules) & hidden[:, None]
         alone = can_be & (np.count_nonzero(can_be, axis=0) == 1)
         return np.where(np.isnan(colour), alone, can_be & (colour <= self.options.recognised_below))
 

@@ -13,7 +13,7 @@ from trackers.laser.grouping import pair_off, take_legs
 from trackers.laser_fisheye_imm.detection import Seen
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
-from trackers.tracking.lifecycle import nanoseconds
+from trackers.tracking.track_manager import nanoseconds
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ def find_walkers(
     n_trunk, shown = len(trunks), trunk_of >= 0
     under = trunks.copy()
     under[trunk_of[shown]] += people.posture.knees[shown]
-    at_trunks = distances(under, legs).min(axis=0, initial=np.inf) <= options.management.apart_m
+    at_trunks = distances(under, legs).min(axis=0, initial=np.inf) <= options.track_management.apart_m
 
     hidden = people.select(~shown)
     seated = hidden.posture.seated(hidden.measured_at, options.posture)

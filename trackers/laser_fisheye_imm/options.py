@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from trackers.configuration import Strict
+from trackers.configuration import Strict, described
 from trackers.filters.motion import (
     IMM_MODELS,
     KALMAN_MODELS,
@@ -17,6 +17,7 @@ from trackers.filters.velocity_motion import VelocityMotion
 from trackers.laser.layer import KneeOptions, WaistOptions
 from trackers.laser.roles import Role
 from trackers.laser_fisheye_imm.posture import PostureOptions
+from trackers.tracking.track_manager import ReidentificationOptions, TrackManagementOptions
 from trackers.vision.histogram import HistogramOptions
 from trackers.vision.torso import TorsoOptions
 
@@ -24,32 +25,31 @@ Share = Annotated[float, Field(ge=0, le=1)]
 Variance = Annotated[float, Field(ge=0)]
 
 
-class ManagementOptions(Strict):
-    """When a tentative track is confirmed, how long a track coasts, and where a new one may start."""
+class ImmTrackManagementOptions(TrackManagementOptions, ReidentificationOptions):
+    """Those of every tracker, and rules for a background that is learned, for existence, and for what is reported."""
 
-    confirm_after_s: float = Field(
+    confirm_s: float = Field(
         default=0.15,
         ge=0,
-        description="a tentative track measured for longer than this is confirmed, each scan standing for its period [s]; "
-        "used where the background is known (ours; the paper: 0.5 s)",
+        description=described(TrackManagementOptions, "confirm_s")
+        + "; where the background is known (ours; the paper: 0.5 s)",
     )
-    confirm_learned_after_s: float = Field(
+    confirm_learned_s: float = Field(
         default=0.5,
         ge=0,
-        description="the time to confirm a tentative track where the background is learned from the scans [s] (the "
-        "paper's)",
+        description="a tentative track is confirmed once it was measured for longer than this, where the "
+        "background is learned from the scans [s] (the paper's)",
     )
     confirm_moved_m: float = Field(
         default=0.15,
         ge=0,
-        description="where the background is learned, a tentative track is confirmed only this far from where it started,"
-        " "
+        description="where the background is learned, a tentative track is confirmed only this far from where it started, "
         "since a standing person looks like furniture [m]; 0: anywhere (ours)",
     )
     coast_s: float = Field(
         default=1.5,
         ge=0,
-        description="a confirmed track not measured for longer ends [s], but for one that still exists",
+        description="a confirmed track not measured for longer is deleted [s], but for one that still exists",
     )
     survival_s: float | None = Field(
         default=30.0,
@@ -78,20 +78,24 @@ class ManagementOptions(Strict):
         "leg so near a trunk's is a bag of theirs, and a measurement so near a prediction is never gated off [m]; 0: there may "
         "be (ours)",
     )
-    body_radius_m: float = Field(
+    start_apart_m: float = Field(
         default=0.6,
         ge=0,
-        description="no track starts nearer than this to a track or a measurement of one [m]; 0: anywhere (ours)",
-    )
-    area_margin_m: float = Field(
-        default=0.3, ge=0, description="how far outside the rig's area people are still tracked [m]"
+        description="no track is initiated nearer than this to a track or a measurement of one [m]; 0: anywhere (ours)",
     )
 
 
 class LaserFisheyeImmOptions(Strict):
     """Every constant of the paper, and what we added to it; `trackers.laser_fisheye_imm.rules` switches ours off."""
 
-    former_names: ClassVar[Mapping[str, str]] = {"period_s": "step_s"}
+    former_names: ClassVar[Mapping[str, str]] = {
+        "period_s": "step_s",
+        "management.confirm_after_s": "track_management.confirm_s",
+        "management.confirm_learned_after_s": "track_management.confirm_learned_s",
+        "management.body_radius_m": "track_management.start_apart_m",
+        "reach_m_s": "track_management.reid_speed_m_s",
+        "management": "track_management",
+    }
 
     filter: Literal["imm", "kalman"] = Field(
         default="imm",
@@ -180,8 +184,8 @@ class LaserFisheyeImmOptions(Strict):
     max_deviations: float | None = Field(
         default=6.0,
         gt=0,
-        description="gate on N, the Mahalanobis distance, beyond `management.apart_m`; null: the validation region alone gates "
-        "(ours)",
+        description="gate on N, the Mahalanobis distance, beyond `track_management.apart_m`; null: the validation region alone "
+        "gates (ours)",
     )
     recognised_below: float = Field(
         default=0.3,
@@ -193,12 +197,6 @@ class LaserFisheyeImmOptions(Strict):
         ge=0,
         description="N up to which a track in sight explains a measurement, so that no occluded track is re-identified in "
         "it (ours)",
-    )
-    reach_m_s: float | None = Field(
-        default=1.5,
-        ge=0,
-        description="speed at which an occluded person may have walked while unseen, beyond which there is no "
-        "re-identification [m/s]; null: no re-identification (ours)",
     )
     step_s: float = Field(
         default=0.1,
@@ -226,6 +224,6 @@ class LaserFisheyeImmOptions(Strict):
     histogram: HistogramOptions = Field(
         default=HistogramOptions(grey_bins=0, smoothing_deg=0.0), description="colour histograms of torsos"
     )
-    management: ManagementOptions = Field(
-        default=ManagementOptions(), description="when tracks are confirmed, coast, end and start"
+    track_management: ImmTrackManagementOptions = Field(
+        default=ImmTrackManagementOptions(), description="when tracks are initiated, confirmed, reported and deleted"
     )

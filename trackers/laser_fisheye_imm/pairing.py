@@ -60,7 +60,7 @@ def costs(
     out_of_gate = ~validation_region(modes, position, radius_m)
     if options.max_deviations is not None:
         # so near there is nobody else: whoever stood starts to walk
-        theirs = validation_region(modes, position, options.management.apart_m)
+        theirs = validation_region(modes, position, options.track_management.apart_m)
         out_of_gate |= (options.max_deviations < N) & ~theirs
     if options.new_density_m2 is None:
         return Costs(N, N, out_of_gate)
@@ -83,6 +83,6 @@ def existence_paired(
     existence: Float[Array, "p"], cost: Float[Array, "p"], options: LaserFisheyeImmOptions
 ) -> Float[Array, "p"]:
     """How probably tracks still exist, with a measurement at that cost; 1 by the paper."""
-    if options.new_density_m2 is None or options.management.survival_s is None:
+    if options.new_density_m2 is None or options.track_management.survival_s is None:
         return np.ones_like(existence)
     return existence_after_detection(np.maximum(existence, _LEAST_EXISTENCE), np.exp(-0.5 * cost))

@@ -44,7 +44,7 @@ class PostureOptions(Strict):
         default=600.0,
         gt=0,
         description="how long a sitting or lying person whom nothing shows stays on average [s], in place of "
-        "`management.survival_s` (ours)",
+        "`track_management.survival_s` (ours)",
     )
     place_m: float = Field(
         default=0.35,

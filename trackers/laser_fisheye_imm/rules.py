@@ -32,15 +32,15 @@ RULES: Mapping[str, Mapping[str, Any]] = {
     "detection-by-beams": {"knee": {"free_space": {"width_m": None}}},
     "clear-looks": {"torso": {"learn_width_m": 0.0, "max_overlap": 1.0}},
     "deviation-gate": {"max_deviations": None},
-    "re-identification": {"reach_m_s": None},
+    "re-identification": {"track_management": {"reid_speed_m_s": None}},
     "no-start-by-a-leg": {"start_by_single_legs": True},
-    "early-confirmation": {"management": {"confirm_after_s": 0.5}},
-    "moved-confirmation": {"management": {"confirm_moved_m": 0.0}},
-    "existence": {"management": {"survival_s": None}},
-    "stated-radius": {"management": {"within_m": None}},
+    "early-confirmation": {"track_management": {"confirm_s": 0.5}},
+    "moved-confirmation": {"track_management": {"confirm_moved_m": 0.0}},
+    "existence": {"track_management": {"survival_s": None}},
+    "stated-radius": {"track_management": {"within_m": None}},
     "postures": {"posture": {"seated_m": None}},
-    "bodies-apart": {"management": {"apart_m": 0.0}},
-    "body-spacing": {"management": {"body_radius_m": 0.0}},
+    "bodies-apart": {"track_management": {"apart_m": 0.0}},
+    "body-spacing": {"track_management": {"start_apart_m": 0.0}},
 }
 """Rule → the options without it."""
 

@@ -28,7 +28,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.configuration import validate
 from trackers.detections import Detection
@@ -39,13 +38,13 @@ from trackers.laser_fisheye_imm.detection import Detector, Seen
 from trackers.laser_fisheye_imm.filter import filter_of
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.people import People
-from trackers.laser_fisheye_imm.track_manager import TrackManager
+from trackers.laser_fisheye_imm.track_manager import ImmTrackManager
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.rig import Rig
 from trackers.tracking.fixed_lag_smoother import FixedLagSmoother, Held, told
-from trackers.tracking.lifecycle import clear_of, measured_now
 from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synced_tracker import SynchronizedTracker
+from trackers.tracking.track_manager import clear_of, measured_now
 from trackers.tracks import Track, TrackFrame
 
 logger = logging.getLogger(__name__)
@@ -63,15 +62,16 @@ class LaserFisheyeImm(SynchronizedTracker):
     Raises InputError for an unknown or wrong option, and for a rig without a laser scanner to use.
     """
 
+    Options = LaserFisheyeImmOptions
+
     def __init__(
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
     ) -> None:
         self.options = validate(LaserFisheyeImmOptions, options, "tracker laser-fisheye-imm")
         self._rig = rig
-        area = None if rig.area is None else Area(rig.area, self.options.management.area_margin_m)
-        self._detector = Detector(rig, list(background), self.options, area)
         self._imm = filter_of(self.options)
-        self._track_manager = TrackManager(self.options, area, self._imm)
+        self._track_manager = ImmTrackManager(self.options, rig.area, self._imm)
+        self._detector = Detector(rig, list(background), self.options, self._track_manager.area)
         knee, used = self.options.knee, self._detector.sensors
         self._knee_radius_m = knee.radius_m if self._detector.sees_waists else knee.radius_alone_m
         scanners = tuple(name for name in used if name in rig.lasers())
@@ -126,7 +126,7 @@ class LaserFisheyeImm(SynchronizedTracker):
         if self._ns is None:
             return []
         roster = people.roster
-        measured, shown = measured_now(roster, self._ns), self._track_manager.reported(people, self._ns).nonzero()[0]
+        measured, shown = measured_now(roster, self._ns), self._track_manager.to_report(people, self._ns).nonzero()[0]
         shown = shown[roster.id[shown].argsort()]
         mean = self._imm.average(people.state)[:, shown]
         columns = roster.id[shown], *mean[:2], *self._imm.motion.velocity(mean), measured[shown]
@@ -230,12 +230,12 @@ class LaserFisheyeImm(SynchronizedTracker):
         if len(matches.new_position) == 0:
             return
         people, sitting = self._people, self.options.posture
-        exist = people.exist(self.options.management.exists_above)
+        exist = people.exist(self.options.track_management.exists_above)
         bodies = np.concatenate([people.positions[exist], matches.position])
         # a lone leg, or knees without a trunk where waists are scanned, within a stride of somebody are likelier theirs
         maybe_theirs = matches.new_lone | (self._detector.sees_waists & (matches.new_trunk < 0))
         stride_m = np.where(maybe_theirs, self.options.knee.stride_m, 0.0)
-        free = clear_of(matches.new_position, bodies, np.maximum(self.options.management.body_radius_m, stride_m))
+        free = clear_of(matches.new_position, bodies, np.maximum(self.options.track_management.start_apart_m, stride_m))
         seats = people.posture.seat[people.posture.seated(people.measured_at, sitting)]
         free &= clear_of(matches.new_position, seats, sitting.length_m)  # trunk and legs of who lies or gets up
         if self._detector.sees_waists and not self.options.start_by_single_legs:

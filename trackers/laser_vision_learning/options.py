@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 from pydantic import Field
 
 from trackers.configuration import Strict
@@ -13,54 +16,54 @@ from trackers.laser_vision_learning.points import PointOptions
 from trackers.laser_vision_learning.reidentification import RecognitionOptions
 from trackers.laser_vision_learning.situations import SituationOptions
 from trackers.laser_vision_learning.walking import WalkingOptions
+from trackers.tracking.track_manager import ReidentificationOptions, TrackManagementOptions
 
 
-class LifeOptions(Strict):
-    """When somebody is seen, confirmed, out of sight, gone or new."""
+class PointTrackManagementOptions(TrackManagementOptions, ReidentificationOptions):
+    """Those of every tracker, and how points measure a track, and how long it may be missing where no scan would show it."""
 
-    seen_legs: float = Field(
-        default=0.25, gt=0, description="least legs' widths of points by which a person counts as measured (ours)"
+    detect_legs: float = Field(
+        default=0.25, gt=0, description="least legs' widths of points by which a track is measured (ours)"
     )
-    new_legs: float = Field(default=0.4, gt=0, description="least legs' widths of points that make somebody new (ours)")
-    confirm_hits: int = Field(default=6, ge=1, description="measurements that confirm a track (ours)")
-    confirm_least_hits: int = Field(
-        default=3, ge=1, description="fewer measurements that confirm one measured for longer than `confirm_s` (ours)"
+    start_legs: float = Field(
+        default=0.4, gt=0, description="least legs' widths of unexplained points that initiate a track (ours)"
     )
-    confirm_s: float = Field(
-        default=0.49, ge=0, description="how long a track of fewer measurements must have been measured [s] (ours)"
+    confirm_early_hits: int = Field(
+        default=6, ge=1, description="so many measurements confirm a track before `confirm_s` (ours)"
     )
-    tentative_s: float = Field(
-        default=0.15, ge=0, description="how long a tentative track goes unmeasured [s], one look at least (ours)"
-    )
-    coast_s: float = Field(default=1.0, ge=0, description="how long a track may be missing in plain view [s] (ours)")
     coast_hidden_s: float = Field(
-        default=3.0, ge=0, description="how long where no scan would show it, behind others and pillars [s] (ours)"
+        default=3.0,
+        gt=0,
+        description="what `coast_s` becomes where no scan would show the track, behind others and pillars [s] (ours)",
     )
-    found: float = Field(
-        default=0.5, gt=0, description="how much of that time a second of being seen makes good (ours)"
-    )
-    again_m: float = Field(
-        default=0.6, ge=0, description="how near to somebody out of sight whoever appears is them again [m] (ours)"
-    )
-    again_m_s: float = Field(
-        default=1.0, ge=0, description="and how much farther for every second out of sight [m/s] (ours)"
-    )
-    show_s: float = Field(default=0.6, ge=0, description="up to which of that time a track is reported [s] (ours)")
-    apart_m: float = Field(
+    regained: float = Field(
         default=0.5,
-        ge=0,
-        description="no track starts nearer than this to another, nor goes on unconfirmed within half of it [m] (ours)",
+        gt=0,
+        description="how much of the time that it was missing a second of being measured makes good (ours)",
     )
-    area_margin_m: float = Field(
-        default=0.3, ge=0, description="how far outside the area people are reported [m] (ours)"
-    )
-    before_m: float = Field(
-        default=1.5, ge=0, description="how far outside the area people are followed already [m] (ours)"
+    report_margin_m: float = Field(
+        default=0.3, ge=0, description="how far outside the area tracks are reported [m] (ours)"
     )
 
 
 class LaserVisionLearningOptions(Strict):
     """Every option, by part."""
+
+    former_names: ClassVar[Mapping[str, str]] = {
+        "life.seen_legs": "track_management.detect_legs",
+        "life.new_legs": "track_management.start_legs",
+        "life.confirm_hits": "track_management.confirm_early_hits",
+        "life.confirm_least_hits": "track_management.confirm_hits",
+        "life.tentative_s": "track_management.tentative_coast_s",
+        "life.found": "track_management.regained",
+        "life.again_m": "track_management.reid_m",
+        "life.again_m_s": "track_management.reid_speed_m_s",
+        "life.show_s": "track_management.report_s",
+        "life.apart_m": "track_management.start_apart_m",
+        "life.area_margin_m": "track_management.report_margin_m",
+        "life.before_m": "track_management.area_margin_m",
+        "life": "track_management",
+    }
 
     particles: int = Field(default=500, ge=1, description="particles a person (not given in the paper)")
     resampling: str = Field(
@@ -85,4 +88,16 @@ class LaserVisionLearningOptions(Strict):
         default=IdentityOptions(margin=0.3), description="when a split is decided, and by what"
     )
     situations: SituationOptions = Field(default=SituationOptions(), description="who interacts, is correlated, merges")
-    life: LifeOptions = Field(default=LifeOptions(), description="arrival, leaving, and what lies between")
+    track_management: PointTrackManagementOptions = Field(
+        default=PointTrackManagementOptions(
+            confirm_s=0.49,
+            confirm_hits=3,
+            coast_s=1.0,
+            tentative_coast_s=0.15,
+            report_s=0.6,
+            area_margin_m=1.5,
+            reid_m=0.6,
+            reid_speed_m_s=1.0,
+        ),
+        description="when tracks are initiated, confirmed, reported and deleted",
+    )

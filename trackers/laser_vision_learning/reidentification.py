@@ -31,7 +31,7 @@ from trackers.laser_vision_learning.score_maps import ScoreMaps, in_levels
 from trackers.laser_vision_learning.situations import Situations
 from trackers.observations import NS_PER_S, DepthImage, Image
 from trackers.rig import CameraSensor, placed_camera
-from trackers.tracking.lifecycle import measured_now, nanoseconds
+from trackers.tracking.track_manager import measured_now, nanoseconds
 from trackers.vision.foreground import Foreground
 
 

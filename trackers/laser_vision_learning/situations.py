@@ -21,7 +21,7 @@ from trackers.arrays import Array, Index, Mask
 from trackers.configuration import Strict
 from trackers.filters.gating import distances, linked
 from trackers.laser.group import Points
-from trackers.tracking.lifecycle import nanoseconds
+from trackers.tracking.track_manager import nanoseconds
 
 Situation = Literal["apart", "interacting", "correlated", "merged", "split"]
 

@@ -19,9 +19,9 @@ from trackers.laser_vision_learning.situations import Situation, told
 from trackers.laser_vision_learning.walkers import Walkers
 from trackers.observations import DepthImage, Image, Observation
 from trackers.rig import Rig
-from trackers.tracking.lifecycle import measured_now
 from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synced_tracker import SynchronizedTracker
+from trackers.tracking.track_manager import measured_now
 from trackers.tracks import ScoreMap, Track, TrackFrame
 
 
@@ -32,17 +32,18 @@ class LaserVisionLearning(SynchronizedTracker):
     `LaserVisionLearningOptions`. Raises InputError for a wrong option, and for a rig without a knee scanner.
     """
 
+    Options = LaserVisionLearningOptions
+
     def __init__(
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
     ) -> None:
         background = list(background)
         self.options = validate(LaserVisionLearningOptions, options, "tracker laser-vision-learning")
         lasers, names = rig.lasers(), scanners_by_role(rig, ("knee",))["knee"]
-        life = self.options.life
         self._scanners = ScannerGroup({name: lasers[name] for name in names}, background, self.options.scanner)
-        self._area = None if rig.area is None else Area(rig.area, life.area_margin_m)
-        followed = None if rig.area is None else Area(rig.area, life.before_m)
-        self._walkers = Walkers(self._scanners, followed, self.options, rng or np.random.default_rng(0))
+        margin_m = self.options.track_management.report_margin_m
+        self._area = None if rig.area is None else Area(rig.area, margin_m)
+        self._walkers = Walkers(self._scanners, rig.area, self.options, rng or np.random.default_rng(0))
         self._camera = self._chosen_camera(rig, background) if self.options.camera else None
         self._recognition = None
         if self._camera is not None:
@@ -81,7 +82,7 @@ class LaserVisionLearning(SynchronizedTracker):
         """Everyone confirmed in the area, as of the last frame, by id."""
         people, roster = self._walkers.people, self._walkers.people.roster
         places, velocities = people.places, people.velocities
-        shown = roster.confirmed & (people.missing_s <= self.options.life.show_s)
+        shown = roster.confirmed & self._walkers.recently_measured
         if self._area is not None:
             shown &= self._area.contains(places)
         shown = shown.nonzero()[0]

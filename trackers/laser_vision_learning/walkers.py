@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
+from numpy.typing import ArrayLike
 
-from trackers.area import Area
-from trackers.arrays import Array
+from trackers.arrays import Array, Mask
 from trackers.filters.gating import distances, global_nearest_neighbour
 from trackers.filters.negative_information import update_missed_particles
 from trackers.filters.particle import Cloud, ParticleFilter
@@ -19,45 +19,56 @@ from trackers.laser_vision_learning.points import log_likelihood, newcomers, sha
 from trackers.laser_vision_learning.situations import Situations, assessed
 from trackers.laser_vision_learning.walking import STATE_SIZE, WalkingModel
 from trackers.observations import NS_PER_S, Observation
-from trackers.tracking.lifecycle import clear_of, measured_for_longer, measured_now, measured_often
+from trackers.tracking.track_manager import TrackManager, measured_now, measured_often, reachable
 
 
 class Walkers:
     """The people that the scanners of a role follow; `step` is called with moments in order.
 
-    area: where they are followed (None: everywhere).
+    corners: (c, 2) of the area by which they are followed [m] (None: everywhere).
     """
 
     def __init__(
-        self, scanners: ScannerGroup, area: Area | None, options: LaserVisionLearningOptions, rng: np.random.Generator
+        self,
+        scanners: ScannerGroup,
+        corners: ArrayLike | None,
+        options: LaserVisionLearningOptions,
+        rng: np.random.Generator,
     ) -> None:
-        self.options, self.rng, self._scanners, self._area = options, rng, scanners, area
+        self.options, self.rng, self._scanners = options, rng, scanners
+        self._manager = TrackManager(options.track_management, corners)
         self._model = WalkingModel(options.walking)
         self._filter = ParticleFilter(options.resampling, options.resample_below)
         self.people = People.started(Cloud.of(np.empty((STATE_SIZE, 0, options.particles))), 0, 0)
         self.situations = Situations.none(self.people.serial)
-        self._next_id, self._next_serial, self.ns = 1, 0, 0
+        self._next_serial, self.ns = 0, 0
         self._looked_ns = 0  # when a scanner looked last
+
+    @property
+    def recently_measured(self) -> Bool[Mask, "n"]:
+        """Which tracks were missing for no longer than they are reported."""
+        limit_s = self.options.track_management.report_s
+        return self.people.missing_s <= (np.inf if limit_s is None else limit_s)
 
     def step(self, observations: Mapping[str, Observation], ns: int) -> None:
         """Take everybody on to a moment [ns], and weigh them by its scans; without any they only walk on."""
-        options, life, last_look_ns = self.options, self.options.life, self._looked_ns
+        options, rules, last_look_ns = self.options, self.options.track_management, self._looked_ns
         step_s, elapsed_s, self.ns = (ns - self.ns) / NS_PER_S, (ns - last_look_ns) / NS_PER_S, ns
         if not observations.keys() & self._scanners.names:
             self._walk_on(step_s)
             return
         self._looked_ns = ns
         points = self._scanners.points(observations)
-        if self._area is not None:
-            points = points.select(self._area.contains(points.place))
-        if elapsed_s > life.coast_hidden_s:
+        if self._manager.area is not None:
+            points = points.select(self._manager.area.contains(points.place))
+        if elapsed_s > rules.coast_hidden_s:
             self.people = self.people.select(np.zeros(len(self.people), bool))
         cloud = self._moved(self._filter.resampled(self.people.cloud, self.rng), step_s, last_look_ns)
         legs = self._model.legs(cloud.state)
         # a track that nobody was seen by for a while is no surer than one that was seen all along
         surest = np.where(self.people.roster.confirmed, self.people.missing_s, np.inf).argsort(kind="stable")
         whose = shares(points, cloud.expectation(legs), options.points, surest)
-        seen = whose.legs >= life.seen_legs
+        seen = whose.legs >= rules.detect_legs
         weights = cloud.weights.updated(log_likelihood(points, whose, legs, options.points))
         roster = self.people.roster.measured(np.flatnonzero(seen), ns, Cloud(cloud.state, weights))
         self.people = self._missed(self.people.changed(roster=roster), observations, elapsed_s)
@@ -88,9 +99,9 @@ class Walkers:
 
     def _missed(self, people: People, observations: Mapping[str, Observation], elapsed_s: float) -> People:
         """Whoever was not seen is likelier where nothing would show them, and missing the more, the likelier it would have."""
-        life, seen = self.options.life, measured_now(people.roster, self.ns)
+        rules, seen = self.options.track_management, measured_now(people.roster, self.ns)
         missing_s = np.where(
-            seen, np.maximum(people.missing_s - life.found * elapsed_s, 0), people.missing_s + elapsed_s
+            seen, np.maximum(people.missing_s - rules.regained * elapsed_s, 0), people.missing_s + elapsed_s
         )
         missed = (people.roster.confirmed & ~seen).nonzero()[0]
         if missed.size == 0:
@@ -98,47 +109,43 @@ class Walkers:
         cloud, hidden = update_missed_particles(
             people.cloud.select(missed), lambda places: self._scanners.missed(observations, places)
         )
-        missing_s[missed] -= elapsed_s * hidden * (1 - life.coast_s / life.coast_hidden_s)
+        missing_s[missed] -= elapsed_s * hidden * (1 - rules.coast_s / rules.coast_hidden_s)
         roster = people.roster.changed(state=people.cloud.replaced(missed, cloud))
         return people.changed(roster=roster, missing_s=missing_s)
 
     def _confirm(self) -> None:
-        """Who was measured often enough is somebody new, or somebody known who was out of sight near by."""
-        people, roster, life = self.people, self.people.roster, self.options.life
-        often = measured_often(roster, self.ns, life.confirm_hits)
-        often |= measured_often(roster, self.ns, life.confirm_least_hits) & measured_for_longer(
-            roster, self.ns, life.confirm_s, 0.0
-        )
+        """Confirm tracks measured often enough: new ones, or those of people who were out of sight near by."""
+        people, roster, rules = self.people, self.people.roster, self.options.track_management
+        often = measured_often(roster, self.ns, rules.confirm_early_hits)
+        often |= self._manager.to_confirm(roster, self.ns, 0)
         new = np.flatnonzero(often)
         if new.size == 0:
             return
         gone = np.flatnonzero(roster.confirmed & ~measured_now(roster, self.ns))
-        apart_m = distances(people.places[gone], people.places[new])
-        reach_m = life.again_m + life.again_m_s * (self.ns - roster.measured_ns[gone]) / NS_PER_S
-        known, again = global_nearest_neighbour(apart_m, apart_m <= reach_m[:, None])
+        places, gone_ns = people.places, self.ns - roster.measured_ns[gone]
+        allowed = reachable(places[gone], gone_ns, places[new], rules)
+        known, again = global_nearest_neighbour(distances(places[gone], places[new]), allowed)
         people = people.gone_on_as(gone[known], new[again])
-        unknown = np.delete(new, again)
-        people = people.changed(roster=people.roster.confirm(unknown, self._next_id))
-        self._next_id += unknown.size
+        is_new = often.copy()
+        is_new[new[again]] = False
+        people = people.changed(roster=self._manager.confirm(people.roster, is_new))
         self.people = people.select(np.delete(np.arange(len(people)), new[again]))
 
     def _end(self, elapsed_s: float) -> None:
-        life, people, places = self.options.life, self.people, self.people.places
+        rules, people, places = self.options.track_management, self.people, self.people.places
         sure = people.roster.confirmed
-        kept = people.missing_s <= np.where(sure, life.coast_s, max(life.tentative_s, elapsed_s))
+        kept = people.missing_s <= np.where(sure, rules.coast_s, max(rules.tentative_coast_s, elapsed_s))
         if not sure.all():
             # the younger of two who are where one is has never been anybody
-            kept &= sure | ~np.tril(distances(places, places) < life.apart_m, -1).any(axis=1)
-        if self._area is not None:
-            kept &= self._area.contains(places)
+            kept &= sure | ~np.tril(distances(places, places) < rules.start_apart_m, -1).any(axis=1)
+        kept &= self._manager.inside(places)
         if not kept.all():
             self.people = people.select(kept)
 
     def _start(self, place: Float[Array, "m 2"], legs: Float[Array, "m"]) -> None:
-        life = self.options.life
-        new = legs >= life.new_legs
+        new = legs >= self.options.track_management.start_legs
         if new.any():
-            new &= clear_of(place, self.people.places, life.apart_m)
+            new &= self._manager.may_start(place, self.people.places)
         if new.any():
             state = Cloud.of(self._model.start(place[new], self.options.particles, self.rng))
             self.people = self.people.joined(People.started(state, self.ns, self._next_serial))

@@ -13,7 +13,7 @@ from trackers.observations import NS_PER_S
 from trackers.rgbd_head.options import RgbdHeadOptions
 from trackers.rgbd_head.outline import ASPECTS
 from trackers.rgbd_head.people import People, around
-from trackers.tracking.lifecycle import coasting_within, lasted_s, measured_often
+from trackers.tracking.track_manager import coasting_within, lasted_s, measured_often
 
 _FAR_M_S = 1.5
 """Who is not shown is looked for within the way at this speed."""

@@ -1,1 +1,1 @@
-"""Following targets over time, whatever they are measured by: moments, roster, lifecycle, association, appearance."""
+"""Targets over time, whatever they are measured by: synchronized frames, roster, track management, association, appearance."""

@@ -8,7 +8,7 @@ from hypothesis import given, strategies as st
 
 from trackers.filters.imm import Imm
 from trackers.filters.particle import Cloud, LogWeights
-from trackers.tracking import lifecycle
+from trackers.tracking import track_manager
 from trackers.tracking.roster import Roster
 
 NS = 1_000_000_000
@@ -55,32 +55,21 @@ def test_ids_are_given_at_confirmation_and_never_twice():
     assert roster.id.tolist() == [0, 0, 0]
 
 
-def test_a_track_is_confirmed_by_time_only_while_it_is_measured():
-    roster = Roster.started(imm_states(np.arange(2.0)), 0).measured(
-        np.array([0]), 3 * NS // 10, imm_states(np.arange(2.0))
-    )
-    ns = 3 * NS // 10
-    assert lifecycle.measured_for_longer(roster, ns, 0.3, 0.1).tolist() == [True, False]
-    assert lifecycle.measured_for_longer(roster, ns, 0.4, 0.1).tolist() == [False, False]  # longer, not as long
-    assert lifecycle.measured_for_longer(roster, ns, np.array([0.3999999, 0.0]), 0.1).tolist() == [True, False]
-    assert lifecycle.measured_often(roster, ns, 2).tolist() == [True, False]
-
-
 @given(st.integers(1, 400))
 def test_a_decimal_period_is_as_long_as_it_says(k):
     """In floating point 0.1 k - 0.1 (k - 3) is not 0.3 for most k, which used to need a tolerance."""
     roster = Roster.started(imm_states(np.arange(1.0)), k * NS // 10).confirm(np.array([0]), 1)
-    assert lifecycle.coasting_within(roster, (k + 3) * NS // 10, 0.3, 0.0).all()
-    assert not lifecycle.coasting_within(roster, (k + 3) * NS // 10 + 1, 0.3, 0.0).any()
+    assert track_manager.coasting_within(roster, (k + 3) * NS // 10, 0.3, 0.0).all()
+    assert not track_manager.coasting_within(roster, (k + 3) * NS // 10 + 1, 0.3, 0.0).any()
 
 
 def test_tentative_tracks_coast_less():
     roster = Roster.started(imm_states(np.arange(2.0)), 0).confirm(np.array([0]), 1)
-    assert lifecycle.coasting_within(roster, NS, 1.5, 0.15).tolist() == [True, False]
+    assert track_manager.coasting_within(roster, NS, 1.5, 0.15).tolist() == [True, False]
 
 
 def test_nobody_starts_on_somebody():
     places, bodies = np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([[9.0, 0.0], [0.3, 0.0]])
-    assert lifecycle.clear_of(places, bodies, 0.45).tolist() == [False, True]
-    assert lifecycle.clear_of(places, bodies, np.array([0.2, 0.8])).tolist() == [True, False]
-    assert lifecycle.clear_of(places, np.empty((0, 2)), 0.45).tolist() == [True, True]
+    assert track_manager.clear_of(places, bodies, 0.45).tolist() == [False, True]
+    assert track_manager.clear_of(places, bodies, np.array([0.2, 0.8])).tolist() == [True, False]
+    assert track_manager.clear_of(places, np.empty((0, 2)), 0.45).tolist() == [True, True]

@@ -10,7 +10,7 @@ from twin.run.live import run_scenario
 from twin.run.replay import track_recording
 from twin.scenario import load_scenario
 
-NEVER = "trackers.laser-imm.management.confirm_after_s=1000"
+NEVER = "trackers.laser-imm.track_management.confirm_s=1000"
 
 
 @pytest.mark.parametrize("people", ["{ann: {}, ben: {}}", "{}"])

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import ClassVar
+
 from pydantic import Field, PositiveInt
 
 from trackers.configuration import Strict
+from trackers.tracking.track_manager import TrackManagementOptions
 from trackers.vision.foreground import ForegroundOptions
 from trackers.vision.histogram import HistogramOptions
 from trackers.vision.person_detector import SILHOUETTES, DetectorOptions
@@ -40,8 +44,8 @@ class ParticleOptions(Strict):
     )
 
 
-class LifeOptions(Strict):
-    """Which detection is whose, and when a track starts, is confirmed and ends."""
+class AssociationOptions(Strict):
+    """Which detection belongs to which track."""
 
     gate: float = Field(default=4.0, gt=0, description="largest Mahalanobis distance of a track and a detection")
     radius_m: float = Field(default=1.2, gt=0, description="and their largest distance [m]")
@@ -54,26 +58,11 @@ class LifeOptions(Strict):
     foreign_above: float = Field(
         default=0.8, ge=0, le=1, description="E above which a track and a detection never belong together"
     )
-    start_score: float = Field(default=0.4, ge=0, le=1, description="score from which a detection starts a track")
-    start_covered: float = Field(
-        default=0.6,
-        ge=0,
-        le=1,
-        description="share of a detection's window that another's may cover when it starts a track: what is left of somebody in "
-        "front looks like another behind",
-    )
-    apart_m: float = Field(default=0.5, ge=0, description="no track starts nearer than this to another [m]")
-    confirm_after_s: float = Field(
-        default=0.2, ge=0, description="a tentative track detected for longer than this is confirmed [s]"
-    )
-    tentative_coast_s: float = Field(
-        default=0.1, ge=0, description="a tentative track not detected for longer ends [s]"
-    )
-    show_s: float = Field(default=0.4, ge=0, description="how long a person who is not detected is reported [s]")
-    coast_s: float = Field(default=2.0, ge=0, description="and how long they are looked for [s]")
-    margin_m: float = Field(
-        default=0.3, ge=0, description="how far outside the rig's area people are still followed [m]"
-    )
+
+
+class AppearanceOptions(Strict):
+    """When the colours of a track are learned."""
+
     learn_covered: float = Field(
         default=0.25,
         ge=0,
@@ -85,8 +74,31 @@ class LifeOptions(Strict):
     )
 
 
+class DetectionTrackManagementOptions(TrackManagementOptions):
+    """Those of every tracker, and which detections initiate a track."""
+
+    start_score: float = Field(default=0.4, ge=0, le=1, description="score from which a detection initiates a track")
+    start_covered: float = Field(
+        default=0.6,
+        ge=0,
+        le=1,
+        description="share of a detection's window that another's may cover when it initiates a track: what is left of a person "
+        "in front looks like another behind",
+    )
+
+
 class VisionOnlyOptions(Strict):
     """Every constant of the baseline by the camera alone."""
+
+    former_names: ClassVar[Mapping[str, str]] = {
+        **{f"life.{name}": f"association.{name}" for name in AssociationOptions.model_fields},
+        **{f"life.{name}": f"appearance.{name}" for name in AppearanceOptions.model_fields},
+        "life.apart_m": "track_management.start_apart_m",
+        "life.confirm_after_s": "track_management.confirm_s",
+        "life.show_s": "track_management.report_s",
+        "life.margin_m": "track_management.area_margin_m",
+        "life": "track_management",
+    }
 
     camera: str | None = Field(
         default=None,
@@ -105,4 +117,11 @@ class VisionOnlyOptions(Strict):
         description="colour histograms, one of the upper and one of the lower half of a person",
     )
     filter: ParticleOptions = Field(default=ParticleOptions(), description="the particle filter")
-    life: LifeOptions = Field(default=LifeOptions(), description="association, and the life of a track")
+    association: AssociationOptions = Field(
+        default=AssociationOptions(), description="which detection belongs to which track"
+    )
+    appearance: AppearanceOptions = Field(default=AppearanceOptions(), description="when colours are learned")
+    track_management: DetectionTrackManagementOptions = Field(
+        default=DetectionTrackManagementOptions(confirm_s=0.2, tentative_coast_s=0.1, report_s=0.4),
+        description="when tracks are initiated, confirmed, reported and deleted",
+    )

@@ -20,7 +20,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from trackers.area import Area
 from trackers.arrays import Array, Index, Mask
 from trackers.configuration import validate
 from trackers.detections import Detection
@@ -38,7 +37,7 @@ from trackers.order import LATE
 from trackers.prior import Prior
 from trackers.rig import Rig, placed_camera
 from trackers.tracking.association import Stage, associate, left_over
-from trackers.tracking.lifecycle import clear_of, coasting_within, measured_for_longer, measured_now
+from trackers.tracking.track_manager import TrackManager, coasting_within, measured_now
 from trackers.tracks import Track, TrackFrame
 from trackers.vision.foreground import Foreground
 from trackers.vision.person_detector import PeopleSeen, PersonDetector
@@ -58,6 +57,8 @@ class VisionOnly:
     Raises InputError for a wrong option, for a rig without a camera, and for a picture of another size than the rig says.
     """
 
+    Options = VisionOnlyOptions
+
     def __init__(
         self, rig: Rig, background: Iterable[Observation] = (), rng: np.random.Generator | None = None, **options: Any
     ) -> None:
@@ -72,11 +73,11 @@ class VisionOnly:
         self.background_learned_causally = self._foreground.learns_background
         camera, model = placed_camera(sensor), PersonModel.load(known.learned.get(LEARNED, SHIPPED))
         self._detector = PersonDetector(camera, rig.area, self.options.detector, model)
-        self._area = None if rig.area is None else Area(rig.area, self.options.life.margin_m)
+        self._manager = TrackManager(self.options.track_management, rig.area)
         self._clothes = Clothes(camera, self.options.histogram)
         self._filter, self._rng = ParticleFilter(), rng or np.random.default_rng(0)
         self._people = People.nobody(self.options.filter.particles, self._clothes.size)
-        self._next_id, self._ns = 1, -1
+        self._ns = -1
         self._told: list[Detection] = []
 
     @property
@@ -101,9 +102,7 @@ class VisionOnly:
     def tracks(self) -> list[Track]:
         """Everyone confirmed, by id: who is detected, and for a while who is not."""
         roster = self._people.roster
-        shown = roster.confirmed & coasting_within(roster, self._ns, self.options.life.show_s, 0)
-        if self._area is not None:
-            shown &= self._area.contains(self._people.positions)
+        shown = self._manager.reported(roster, self._ns) & self._manager.inside(self._people.positions)
         rows = shown.nonzero()[0][roster.id[shown].argsort()]
         means = roster.state.expectation(roster.state.state)[:, rows].T.tolist()
         measured = measured_now(roster, self._ns)[rows].tolist()
@@ -117,14 +116,15 @@ class VisionOnly:
         return self._told
 
     def _work(self, picture: Image | DepthImage) -> None:
-        ns, life = picture.stamp_ns, self.options.life
+        ns, appearance = picture.stamp_ns, self.options.appearance
         elapsed_s = (ns - self._ns) / NS_PER_S if self._ns >= 0 else 0.0
         mask = self._foreground.mask(picture)
         if mask.mean() > self.options.most_foreground:
             mask = np.zeros_like(mask)
         self._ns = ns
         # after a gap in the pictures nobody is where they were
-        self._people = self._people.select(coasting_within(self._people.roster, ns, life.coast_s, life.coast_s))
+        coast_s = self.options.track_management.coast_s
+        self._people = self._people.select(coasting_within(self._people.roster, ns, coast_s, coast_s))
         seen = self._detector.detect(mask)
         self._told = [
             Detection(ns, (self.camera,), "person", *position, variance_m2=trace / 2)
@@ -136,29 +136,29 @@ class VisionOnly:
             unlike = np.full((len(self._people), len(seen)), np.nan)
         track, found = self._matches(seen, unlike, elapsed_s)
         self._filter_on(picture, mask, seen, track, found, elapsed_s)
-        clear = known & (covered <= life.learn_covered)
+        clear = known & (covered <= appearance.learn_covered)
         of_clear = clear[found]
         self._people = self._people.learned(
-            track[of_clear], looks[found[of_clear]], unlike[:, found[of_clear]], life.memory
+            track[of_clear], looks[found[of_clear]], unlike[:, found[of_clear]], appearance.memory
         )
         self._confirm()
         self._end()
         free = left_over(len(seen), found)
-        self._start(seen, free[covered[free] <= life.start_covered], looks, clear)
+        self._start(seen, free[covered[free] <= self.options.track_management.start_covered], looks, clear)
 
     def _matches(
         self, seen: PeopleSeen, unlike: Float[Array, "n k"], elapsed_s: float
     ) -> tuple[Int[Index, "p"], Int[Index, "p"]]:
         """Which tracks are which detections: confirmed ones first, by where they would be by now and what they wear."""
-        life = self.options.life
+        rules = self.options.association
         mean, covariance = self._people.expected(elapsed_s)
         noise = seen.covariance.mean(axis=0) if len(seen) else np.eye(2)
         deviations = mahalanobis(mean[:, None], covariance[:, None] + noise, seen.position)
-        terms = [deviations, life.colour_weight * np.nan_to_num(unlike, nan=life.unknown_colour)]
+        terms = [deviations, rules.colour_weight * np.nan_to_num(unlike, nan=rules.unknown_colour)]
         vetoes = [
-            deviations > life.gate,
-            distances(mean, seen.position) > life.radius_m,
-            np.nan_to_num(unlike, nan=0.0) > life.foreign_above,
+            deviations > rules.gate,
+            distances(mean, seen.position) > rules.radius_m,
+            np.nan_to_num(unlike, nan=0.0) > rules.foreign_above,
         ]
         confirmed = self._people.roster.confirmed
         return associate([Stage(confirmed, terms, vetoes), Stage(~confirmed, terms, vetoes)])
@@ -198,28 +198,23 @@ class VisionOnly:
 
     def _confirm(self) -> None:
         roster = self._people.roster
-        new = measured_for_longer(roster, self._ns, self.options.life.confirm_after_s, 0)
-        self._people = self._people.changed(roster=roster.confirm(new, self._next_id))
-        self._next_id += int(new.sum())
+        new = self._manager.to_confirm(roster, self._ns, 0)
+        self._people = self._people.changed(roster=self._manager.confirm(roster, new))
 
     def _end(self) -> None:
-        """Let go of whoever was not detected for too long, or is gone from the area or the picture."""
-        life, roster, positions = self.options.life, self._people.roster, self._people.positions
-        kept = coasting_within(roster, self._ns, life.coast_s, life.tentative_coast_s)
+        """Delete tracks that were not detected for too long, or are outside the area or the picture."""
+        roster, positions = self._people.roster, self._people.positions
+        kept = self._manager.lasting(roster, self._ns) & self._manager.inside(positions)
         kept &= self._detector.places.shows(positions) | measured_now(roster, self._ns)
-        if self._area is not None:
-            kept &= self._area.contains(positions)
         self._people = self._people.select(kept)
 
     def _start(
         self, seen: PeopleSeen, free: Int[Index, "f"], looks: Float[Array, "k bins"], clear: Bool[Mask, "k"]
     ) -> None:
         """Start tracks at good detections that are nobody's, clear of everybody."""
-        life, options = self.options.life, self.options.filter
-        free = free[seen.score[free] >= life.start_score]
-        free = free[clear_of(seen.position[free], self._people.positions, life.apart_m)]
-        if self._area is not None:
-            free = free[self._area.contains(seen.position[free])]
+        options = self.options.filter
+        free = free[seen.score[free] >= self.options.track_management.start_score]
+        free = free[self._manager.may_start(seen.position[free], self._people.positions)]
         if free.size == 0:
             return
         position, at_rest = seen.position[free], np.zeros((free.size, 2))

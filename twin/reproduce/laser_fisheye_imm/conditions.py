@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from trackers.laser_fisheye_imm.options import ManagementOptions
+from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from twin.evaluate import Evaluation
 from twin.recording.tables import TrackTable, TruthTable
 from twin.reproduce.moments import SeenMoment
 
-COAST_S = ManagementOptions().coast_s
+COAST_S = LaserFisheyeImmOptions().track_management.coast_s
 """How long a track of these trackers goes on unmeasured [s]."""
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from trackers.laser_fisheye_imm.options import ManagementOptions
+from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from twin.reproduce.intervals import Interval
 from twin.reproduce.laser_fisheye_imm.claims import claims
 from twin.reproduce.laser_fisheye_imm.conditions import (
@@ -67,7 +67,7 @@ def lab_content(lab: LabRuns, strips: Sequence[Strip]) -> dict[str, Any]:
 
 def _ceiling(lab: LabRuns) -> dict[str, Any]:
     """The MOTA and IDF1 of a tracker without a fault that believes nobody before they are confirmed."""
-    confirm_s = ManagementOptions().confirm_after_s
+    confirm_s = LaserFisheyeImmOptions().track_management.confirm_s
     missed = round(confirm_s * lab.scan_rate_hz)
     return {
         "confirm_s": confirm_s,

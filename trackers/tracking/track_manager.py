@@ -1,0 +1,164 @@
+"""Track management: initiation, confirmation, deletion and re-identification by one set of options for every tracker.
+
+Times are integer nanoseconds, as stamps are, so that a rule holds or does not whatever floating-point arithmetic does.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field, PositiveInt
+
+from trackers.area import Area
+from trackers.arrays import Array, Mask
+from trackers.configuration import Strict
+from trackers.filters.gating import distances
+from trackers.observations import NS_PER_S
+from trackers.tracking.roster import Roster, State
+
+
+class TrackManagementOptions(Strict):
+    """Options that every tracker takes as `track_management`; systems have values, and rules, of their own."""
+
+    confirm_s: float = Field(
+        default=0.0,
+        ge=0,
+        description="a tentative track is confirmed once it was measured for longer than this, each frame standing for a "
+        "period [s]",
+    )
+    confirm_hits: PositiveInt = Field(default=1, description="and in at least so many frames")
+    coast_s: float = Field(
+        default=2.0, ge=0, description="a confirmed track that was not measured for longer is deleted [s]"
+    )
+    tentative_coast_s: float = Field(
+        default=0.0, ge=0, description="a tentative track that was not measured for longer is deleted [s]"
+    )
+    report_s: float | None = Field(
+        default=None, ge=0, description="a coasting track is reported for so long [s]; null: until it is deleted"
+    )
+    start_apart_m: float = Field(
+        default=0.5, ge=0, description="no track is initiated nearer than this to another [m]; 0: anywhere"
+    )
+    area_margin_m: float = Field(
+        default=0.3,
+        ge=0,
+        description="how far outside the rig's area tracks are kept [m]; a rig without one has no limit",
+    )
+
+
+class ReidentificationOptions(Strict):
+    """Options of trackers that take a measurement for a track out of sight, as far as its person may have walked."""
+
+    reid_m: float = Field(default=0.0, ge=0, description="distance of re-identification at once [m]")
+    reid_speed_m_s: float | None = Field(
+        default=1.5,
+        ge=0,
+        description="what that distance grows by per second out of sight [m/s]; null: no re-identification",
+    )
+
+
+class TrackManager:
+    """The rules by which tracks of a roster are confirmed, reported and deleted, and the ids given so far.
+
+    options: a system's own; corners: (c, 2) of the rig's area [m], None: tracks are kept everywhere.
+    """
+
+    def __init__(self, options: TrackManagementOptions, corners: ArrayLike | None) -> None:
+        self._limits = options
+        self.area = None if corners is None else Area(corners, options.area_margin_m)
+        self._next_id = 1
+
+    def to_confirm(
+        self, roster: Roster[State], ns: int, frame_ns: int, confirm_s: float | None = None
+    ) -> Bool[Mask, "n"]:
+        """Select the tentative tracks, measured at stamp ns, that were measured long and often enough.
+
+        frame_ns: the time that each frame stands for, so that a track first measured at this stamp was measured for so long;
+        confirm_s: in place of the option's.
+        """
+        confirm_s = self._limits.confirm_s if confirm_s is None else confirm_s
+        often = measured_often(roster, ns, self._limits.confirm_hits)
+        return often & (ns - roster.born_ns + frame_ns > nanoseconds(confirm_s))
+
+    def confirm(self, roster: Roster[State], new: Bool[Mask, "n"]) -> Roster[State]:
+        """Confirm the tracks that a mask marks, with the next ids in the order of the roster."""
+        if not new.any():
+            return roster
+        first, self._next_id = self._next_id, self._next_id + int(new.sum())
+        return roster.confirm(new, first)
+
+    def lasting(self, roster: Roster[State], ns: int) -> Bool[Mask, "n"]:
+        """Select the tracks that were measured recently enough to be kept at stamp ns."""
+        return coasting_within(roster, ns, self._limits.coast_s, self._limits.tentative_coast_s)
+
+    def reported(self, roster: Roster[State], ns: int) -> Bool[Mask, "n"]:
+        """Select the confirmed tracks that were measured recently enough to be reported at stamp ns."""
+        limit_s = self._limits.report_s
+        if limit_s is None:
+            return roster.confirmed
+        return roster.confirmed & coasting_within(roster, ns, limit_s, 0.0)
+
+    def inside(self, positions: Float[Array, "n 2"]) -> Bool[Mask, "n"]:
+        """Select the positions [m] in the rig's area or its margin; all of them without an area."""
+        if self.area is None or len(positions) == 0:
+            return np.ones(len(positions), np.bool_)
+        return self.area.contains(positions)
+
+    def may_start(self, positions: Float[Array, "k 2"], tracks: Float[Array, "n 2"]) -> Bool[Mask, "k"]:
+        """Select the positions [m] far enough from every track, and in the area, for a track to be initiated there."""
+        return clear_of(positions, tracks, self._limits.start_apart_m) & self.inside(positions)
+
+
+def reachable(
+    last_seen: Float[Array, "n 2"],
+    unseen_ns: NDArray[np.int64],
+    positions: Float[Array, "k 2"],
+    options: ReidentificationOptions,
+) -> Bool[Mask, "n k"]:
+    """Select the pairs of a track, not measured for `unseen_ns` (n,), and a position [m] that its person may have reached."""
+    if options.reid_speed_m_s is None:
+        return np.zeros((len(last_seen), len(positions)), np.bool_)
+    reach_m = options.reid_m + options.reid_speed_m_s * (unseen_ns / NS_PER_S)
+    return distances(last_seen, positions) <= reach_m[:, None]
+
+
+def nanoseconds(seconds: Array | float) -> NDArray[np.int64] | np.int64:
+    """Return seconds as whole nanoseconds, of the same shape."""
+    return np.rint(np.asarray(seconds) * NS_PER_S).astype(np.int64)
+
+
+def measured_now(roster: Roster[State], ns: int) -> Bool[Mask, "n"]:
+    """Select the tracks measured at stamp ns; confirmed ones that were not are coasting."""
+    return roster.measured_ns == ns
+
+
+def lasted_s(since_ns: int, ns: int, before_ns: int) -> float:
+    """Return the time [s] for which a thing first seen at `since_ns` has been seen at `ns`; 0 at first sight.
+
+    Each frame stands for the time since the frame before it (`before_ns`), so that a rule by this time asks for twice as many
+    frames of a sensor twice as fast, and jitter of a few milliseconds does not shift it by a whole frame.
+    """
+    return 0.0 if ns <= since_ns else (ns - since_ns + ns - before_ns) / NS_PER_S
+
+
+def measured_often(roster: Roster[State], ns: int, at_least: int) -> Bool[Mask, "n"]:
+    """Select the tentative tracks measured at ns, and `at_least` times in all."""
+    return ~roster.confirmed & measured_now(roster, ns) & (roster.n_measured >= at_least)
+
+
+def coasting_within(
+    roster: Roster[State], ns: int, confirmed_s: Array | float, tentative_s: Array | float
+) -> Bool[Mask, "n"]:
+    """Select the tracks last measured no longer ago than `confirmed_s`, tentative ones than `tentative_s` [s]."""
+    allowed_s = np.where(roster.confirmed, confirmed_s, tentative_s)
+    return ns - roster.measured_ns <= nanoseconds(allowed_s)
+
+
+def clear_of(
+    position: Float[Array, "k 2"], bodies: Float[Array, "p 2"], clearance_m: Float[Array, "k"] | float
+) -> Bool[Mask, "k"]:
+    """Select the positions farther than `clearance_m` from every body [m]."""
+    if len(bodies) == 0:
+        return np.ones(len(position), np.bool_)
+    return distances(position, bodies).min(axis=1) > clearance_m
