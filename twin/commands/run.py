@@ -43,8 +43,8 @@ def run(
     """Simulate, record, track, evaluate and report."""
     from twin.console import print_metrics, print_paths, print_warning, progress
     from twin.run.chosen_trackers import TrustedClasses, import_from_here, typed_classes, typed_schedulers
+    from twin.run.inputs import environment_change
     from twin.run.live import run_scenario
-    from twin.run.prior import environment_change
     from twin.scenario import load_scenario
 
     loaded = load_scenario(scenario, [*overrides(set_, seed, duration), *environment_change(environment)])

@@ -31,7 +31,7 @@ def track(
     """Track a recording: the twin's or a robot's."""
     from twin.console import print_metrics, print_paths, print_warning, progress
     from twin.run.chosen_trackers import import_from_here, typed_classes
-    from twin.run.prior import environment_change
+    from twin.run.inputs import environment_change
     from twin.run.replay import track_recording
 
     import_from_here([*typed_classes(set_ or []), *(tracker or [])])
@@ -72,7 +72,7 @@ def detections(
     from twin.console import print_paths, print_warning
     from twin.run.chosen_trackers import import_from_here, typed_classes
     from twin.run.detections import write_detections
-    from twin.run.prior import environment_change
+    from twin.run.inputs import environment_change
 
     import_from_here([*typed_classes(set_ or []), tracker])
     write = partial(

@@ -23,10 +23,8 @@ from twin.recording.losses import dropped_by, lines
 from twin.recording.reader import Recording
 from twin.recording.tables import number_cell, seconds_cell
 from twin.run.chosen_trackers import ChosenTracker
-from twin.run.plug_in_faults import plug_in_fault
-from twin.run.prior import files_for
-from twin.run.replay import chosen_trackers, scenario_of
-from twin.run.tracker_at_work import TrackerAtWork
+from twin.run.inputs import chosen_trackers, files_for, scenario_of
+from twin.run.tracker_runner import TrackerRunner, plug_in_fault
 
 COLUMNS = ("t", "sensors", "role", "x", "y", "variance", "width")
 
@@ -53,7 +51,7 @@ def write_detections(
     warned = [*missing, *lines(bag.losses), *bag.moving]
     for warning in warned:
         on_warning(warning)
-    made = TrackerAtWork(chosen, bag.rig)
+    made = TrackerRunner(chosen, bag.rig)
     made.make(Prior.read(bag.background, files, bag.rig), seed, bag.jumps_ns)
     if made.failure:
         raise PlugInError(made.failure)

@@ -1,20 +1,140 @@
-"""Observations on their way to trackers and preview, live or from a recording: the part both have in common."""
+"""Feed observations, live or from a recording, to the trackers and to the preview video.
+
+The preview joins a tracker's frame with the newest observations and the truth of its stamp.
+"""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from trackers.observations import Observation
+import numpy as np
+
+from trackers.observations import DepthImage, FloorFrame, Image, LaserScan, Observation
 from trackers.prior import Prior
 from trackers.rig import Rig
 from trackers.tracks import TrackFrame
 from twin.recording.losses import Heard, Loss, dropped_by
 from twin.report.birdseye import Polygon
+from twin.report.preview import PreviewWriter, TruePoses
+from twin.report.silence import Silence
 from twin.run.chosen_trackers import ChosenTracker
-from twin.run.preview import Preview, preview
-from twin.run.tracker_at_work import TrackerAtWork, check_somebody_tracks, trackers_at_work
+from twin.run.tracker_runner import TrackerRunner, check_some_left, tracker_runners
+from twin.truth.frames import TruthFrame
+
+_HELD_OBSERVATIONS = 32
+_HELD_TRUTHS = 256
+_NEAR_NS = 50_000_000
+"""A truth this near a stamp [ns] shows where people are."""
+_STILL_EVERY_S = 5.0
+_MOST_STILLS = 6
+
+
+class Preview:
+    """Holds the last observations until a tracker has worked them, and draws each of its frames."""
+
+    def __init__(self, writer: PreviewWriter, rig: Rig) -> None:
+        self._writer = writer
+        self._main = rig.main_sensor
+        self._observations: dict[str, deque[Observation]] = {}
+        self._silence = Silence(rig.sensors)
+        self._truths: dict[int, TruthFrame] = {}
+        self._waiting: deque[TrackFrame] = deque()
+        self._next_still_s = 1.0
+        self._last_ns = -1
+        self.stills: list[tuple[float, bytes]] = []
+        """A few pictures for the report, each with its time [s]."""
+
+    def observe(self, observation: Observation) -> None:
+        """Keep an observation for the frames to come; those of earlier moments are drawn first."""
+        while self._waiting and self._waiting[0].stamp_ns < observation.stamp_ns:
+            self._draw(self._waiting.popleft())
+        self._silence.hear(observation)
+        held = self._observations.setdefault(observation.sensor, deque(maxlen=_HELD_OBSERVATIONS))
+        held.append(observation)
+
+    def tell(self, truth: TruthFrame) -> None:
+        """Keep the truth of a stamp for the frames to come."""
+        self._truths[truth.stamp_ns] = truth
+        while len(self._truths) > _HELD_TRUTHS:
+            del self._truths[next(iter(self._truths))]
+
+    def draw(self, frame: TrackFrame) -> None:
+        """Draw a tracker's frame as soon as every sensor has had its say of that moment."""
+        self._waiting.append(frame)
+
+    def finish(self) -> None:
+        """Draw the frames still waiting."""
+        while self._waiting:
+            self._draw(self._waiting.popleft())
+
+    def _draw(self, frame: TrackFrame) -> None:
+        if frame.stamp_ns <= self._last_ns:
+            return
+        self._last_ns = frame.stamp_ns
+        silent = self._silence.silent()
+        newest = {
+            name: max(
+                (each for each in held if each.stamp_ns <= frame.stamp_ns), key=lambda each: each.stamp_ns, default=None
+            )
+            for name, held in self._observations.items()
+            if name not in silent
+        }
+        images = {name: each for name, each in newest.items() if isinstance(each, Image | DepthImage)}
+        scans = {name: each for name, each in newest.items() if isinstance(each, LaserScan)}
+        floors = {name: each for name, each in newest.items() if isinstance(each, FloorFrame)}
+        truth = true_poses(self._truth_at(frame.stamp_ns))
+        self._writer.frame(frame.stamp_ns, images, scans, frame.tracks, truth, floors, silent, frame.maps)
+        t = frame.stamp_ns / 1e9
+        if t >= self._next_still_s and len(self.stills) < _MOST_STILLS:
+            self.stills.append((t, self._writer.still()))
+            self._next_still_s = t + _STILL_EVERY_S
+
+    def _truth_at(self, stamp_ns: int) -> TruthFrame | None:
+        """The truth of a stamp; the nearest one of a stamp by a clock that is off; None where none is near."""
+        if stamp_ns in self._truths or not self._truths:
+            return self._truths.get(stamp_ns)
+        nearest = min(self._truths, key=lambda held: abs(held - stamp_ns))
+        return self._truths[nearest] if abs(nearest - stamp_ns) <= _NEAR_NS else None
+
+    def draw_untracked(self, observation: Observation) -> None:
+        """Draw a moment that no tracker looks at, when the main sensor has reported it."""
+        if observation.sensor == self._main:
+            self.draw(TrackFrame(observation.stamp_ns, ()))
+
+
+def true_poses(truth: TruthFrame | None) -> TruePoses | None:
+    """The truth of a stamp as it is drawn; None where it is not known."""
+    if truth is None:
+        return None
+    people = truth.people
+    return TruePoses(
+        ids=np.array([person.id for person in people], dtype=np.int64),
+        xy_m=np.array([(person.x, person.y) for person in people]).reshape(-1, 2),
+        yaw_rad=np.array([person.yaw for person in people]),
+    )
+
+
+@contextmanager
+def preview(
+    path: Path,
+    rig: Rig,
+    *,
+    fps: float,
+    tracker: str,
+    title: str,
+    outline: Sequence[Polygon] = (),
+    person_names: Mapping[int, str] | None = None,
+    true_rig: Rig | None = None,
+) -> Iterator[Preview]:
+    """A preview video that is there under its name when the block ends well; see `PreviewWriter`."""
+    with PreviewWriter(
+        path, rig, fps=fps, tracker=tracker, title=title, outline=outline, person_names=person_names, true_rig=true_rig
+    ) as writer:
+        yield Preview(writer, rig)
+
 
 _SLOWEST_HZ, _FASTEST_HZ = 1.0, 60.0
 """What a video is declared as; each picture is shown at its own stamp all the same."""
@@ -23,8 +143,8 @@ _SLOWEST_HZ, _FASTEST_HZ = 1.0, 60.0
 class Feed:
     """Hands each observation to every tracker, and the first tracker's frames to the preview."""
 
-    def __init__(self, at_work: Sequence[TrackerAtWork], shown: Preview | None) -> None:
-        self.at_work = at_work
+    def __init__(self, runners: Sequence[TrackerRunner], shown: Preview | None) -> None:
+        self.runners = runners
         self.shown = shown
         self.on_frame: Callable[[str, TrackFrame], object] | None = None
         """Called with each tracker's name and frame, if set."""
@@ -35,30 +155,30 @@ class Feed:
         self.heard.add(observation)
         if self.shown is not None:
             self.shown.observe(observation)
-            if not self.at_work or self.at_work[0].failure:
+            if not self.runners or self.runners[0].failure:
                 self.shown.draw_untracked(observation)
-        for place, each in enumerate(self.at_work):
+        for place, each in enumerate(self.runners):
             self._show(place, each.update(observation))
-        check_somebody_tracks(self.at_work)
+        check_some_left(self.runners)
 
     def finish(self) -> None:
         """Let the trackers work off what they hold back."""
-        for place, each in enumerate(self.at_work):
+        for place, each in enumerate(self.runners):
             self._show(place, each.finish())
-        check_somebody_tracks(self.at_work)
+        check_some_left(self.runners)
         if self.shown is not None:
             self.shown.finish()
 
     def losses(self, ahead_s: Mapping[str, float] | None = None) -> list[Loss]:
         """What scanners did not see, and what each tracker has dropped; `ahead_s` as in `twin.recording.losses.dropped_by`."""
         counts = self.heard.counts
-        dropped = [dropped_by(each.name, each.losses, counts, ahead_s) for each in self.at_work if not each.failure]
+        dropped = [dropped_by(each.name, each.losses, counts, ahead_s) for each in self.runners if not each.failure]
         return [*self.heard.blind(), *(loss for losses in dropped for loss in losses)]
 
     def _show(self, place: int, frames: list[TrackFrame]) -> None:
         if self.on_frame is not None:
             for frame in frames:
-                self.on_frame(self.at_work[place].name, frame)
+                self.on_frame(self.runners[place].name, frame)
         if place == 0 and self.shown is not None:
             for frame in frames:
                 self.shown.draw(frame)
@@ -88,7 +208,7 @@ def feed(
     InputError for an unknown tracker or option.
     """
     with ExitStack() as stack:
-        at_work = stack.enter_context(trackers_at_work(chosen, rig, prior, seed, folder / "tracks", jumps_ns))
+        runners = stack.enter_context(tracker_runners(chosen, rig, prior, seed, folder / "tracks", jumps_ns))
         shown = None
         if video_hz is not None:
             shown = stack.enter_context(
@@ -103,4 +223,4 @@ def feed(
                     true_rig=true_rig,
                 )
             )
-        yield Feed(at_work, shown)
+        yield Feed(runners, shown)

@@ -1,12 +1,12 @@
-"""`twin run` and `twin render`: a scenario from its first scan to its report."""
+"""Run a scenario from its first scan to its report: `twin run` and `twin render`."""
 
 from __future__ import annotations
 
 import shlex
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from trackers.errors import InputError
@@ -27,7 +27,7 @@ from twin.recording.writer import BagWriter
 from twin.report.page import RunFacts
 from twin.room.building import room_outline
 from twin.run.chosen_trackers import NONE_TRUSTED, ChosenTracker, TrustedClasses, choose
-from twin.run.feed import feed
+from twin.run.feed import Feed, feed
 from twin.run.out_folder import OutFolder, out_folder
 from twin.run.outcome import (
     Place,
@@ -35,13 +35,13 @@ from twin.run.outcome import (
     doubts_of,
     evaluate_trackers,
     left_alone,
+    notes_of,
     simplifications,
     tracker_notes,
     versions,
     write_results,
 )
-from twin.run.prior import notes_of
-from twin.run.tracker_at_work import file_name
+from twin.run.tracker_runner import file_name
 from twin.scenario import Scenario
 from twin.scenario.load import dump_scenario
 from twin.scenario.model import conditions_of
@@ -82,137 +82,183 @@ def run_scenario(
     if chosen:
         scenario.prior.check(source)
     is_default = trackers is None and not scenario.trackers
+    request = _Request(scenario, chosen, is_default, video, images, precomputed, on_progress, on_warning)
     with heap_trimmed(), out_folder(folder, _names(names, video)) as out_:
-        return _run(scenario, chosen, is_default, out_, video, images, precomputed, on_progress, on_warning)
+        with ExitStack() as stack:
+            run = _LiveRun(request, out_, stack)
+            run.record()
+            out_.announce()
+        return run.finish()
 
 
-def _run(
-    scenario: Scenario,
-    chosen: Sequence[ChosenTracker],
-    is_default: bool,
-    out: OutFolder,
-    video: bool,
-    images: bool,
-    precomputed: PrecomputedScene | None,
-    on_progress: OnProgress,
-    on_warning: OnWarning,
-) -> RunResult:
-    folder, resolved = out.path, dump_scenario(scenario)
-    listeners: list[Callable[[TruthFrame], object]] = []
-    detail_listeners: list[Callable[[TruthDetail], object]] = []
+@dataclass(frozen=True, eq=False)
+class _Request:
+    """Arguments of `run_scenario`, resolved; is_default: no tracker was asked for, so that the default may be left out."""
 
-    def tell(frame: TruthFrame) -> None:
-        for listen in listeners:
-            listen(frame)
+    scenario: Scenario
+    chosen: Sequence[ChosenTracker]
+    is_default: bool
+    video: bool
+    images: bool
+    precomputed: PrecomputedScene | None
+    on_progress: OnProgress
+    on_warning: OnWarning
 
-    def tell_detail(detail: TruthDetail) -> None:
-        for listen in detail_listeners:
-            listen(detail)
 
-    with ExitStack() as stack:
-        simulation = stack.enter_context(
-            Simulation(scenario, images=images, on_truth=tell, on_detail=tell_detail, precomputed=precomputed)
-        )
-        scene, rig, warnings = simulation.world.scene, simulation.rig, simulation.warnings
-        background = list(simulation.background_messages())
-        handed = scenario.prior if chosen else NO_PRIOR
-        prior = Prior.read(map(simulation.as_read, background), handed, rig)
-        if is_default and (reason := _unfit(rig, prior, scenario.seed)):
-            chosen, warnings = [], (*warnings, reason)
-        place = Place(
-            rig,
-            room_outline(scene.model, simulation.world.data),
-            {number: name for name, number in scene.ids.items()},
-            true_rig=simulation.true_rig,
-        )
-        fed = stack.enter_context(
-            feed(
-                folder,
-                rig,
-                prior,
-                chosen,
-                scenario.seed,
-                video_hz=scenario.sensors[rig.main_sensor].rate_hz if video else None,
-                title=f"{scenario.name}, seed {scenario.seed}",
-                outline=place.outline,
-                person_names=place.person_names,
-                true_rig=place.true_rig,
+class _LiveRun:
+    """One run of a scenario: simulation, trackers, bag and tables, which are open as long as `stack` is."""
+
+    def __init__(self, request: _Request, out: OutFolder, stack: ExitStack) -> None:
+        self._request, self._out = request, out
+        self._on_truth: list[Callable[[TruthFrame], object]] = []
+        self._on_detail: list[Callable[[TruthDetail], object]] = []
+        self._resolved = dump_scenario(request.scenario)
+        self._simulation = stack.enter_context(
+            Simulation(
+                request.scenario,
+                images=request.images,
+                on_truth=self._pass_truth,
+                on_detail=self._pass_detail,
+                precomputed=request.precomputed,
             )
         )
-        told = (*warnings, *left_alone(fed.at_work, scenario.faults))
-        for warning in told:
-            on_warning(warning)
-        bag = stack.enter_context(
-            BagWriter(folder / "recording.mcap", rig, scenario_yaml=resolved, names=place.person_names)
-        )
-        fed.on_frame = TrackTopics(bag, [each.name for each in chosen]).write
-        table = stack.enter_context(truth_writer(folder / "truth.csv", list(simulation.views)))
-        feet = stack.enter_context(feet_writer(folder / "truth_feet.csv", list(rig.floors())))
-        listeners += [table.write, feet.write, bag.truth]
-        detail_listeners += [stack.enter_context(detail_writer(folder)), bag.detail]
-        if fed.shown is not None:
-            listeners.append(fed.shown.tell)
+        self._chosen, self._warnings = request.chosen, self._simulation.warnings
+        background = list(self._simulation.background_messages())
+        self._prior_files = request.scenario.prior if request.chosen else NO_PRIOR
+        prior = Prior.read(map(self._simulation.as_read, background), self._prior_files, self._simulation.rig)
+        if request.is_default and (reason := _unfit(self._simulation.rig, prior, request.scenario.seed)):
+            self._chosen, self._warnings = [], (*self._warnings, reason)
+        self._place = self._described_place()
+        self._feed = self._opened_feed(stack, prior)
+        self._early = (*self._warnings, *left_alone(self._feed.runners, request.scenario.faults))
+        for warning in self._early:
+            request.on_warning(warning)
+        self._bag = self._opened_bag(stack)
         for encoded in background:
-            bag.background(encoded)
-        gl = simulation.gl_info()
+            self._bag.background(encoded)
+        self._gl = self._simulation.gl_info()
 
+    def record(self) -> None:
+        """Simulate to the end, write the bag and the truth, feed the trackers; note what is lost and what is warned of."""
+        request = self._request
         start = time.perf_counter()
-        for delivered in simulation.deliveries():
-            bag.observation(delivered.encoded, delivered.arrival_ns)
-            fed.observe(delivered.observation)
-            on_progress("simulating and tracking", delivered.arrival_ns / NS_PER_S, scenario.duration_s)
-        fed.finish()
-        doubts = doubts_of(fed.at_work)
-        losses = [*fed.heard.missing(), *fed.losses()]
-        late = simulation.late()
-        new = [each for each in (*late, *lines(losses), *doubts) if each not in told]  # that came on the way
-        for each in new:
-            on_warning(each)
-        spent_s = time.perf_counter() - start
-        out.announce()
+        for delivered in self._simulation.deliveries():
+            self._bag.observation(delivered.encoded, delivered.arrival_ns)
+            self._feed.observe(delivered.observation)
+            now_s = delivered.arrival_ns / NS_PER_S
+            request.on_progress("simulating and tracking", now_s, request.scenario.duration_s)
+        self._feed.finish()
+        self._doubts = doubts_of(self._feed.runners)
+        self._losses = [*self._feed.heard.missing(), *self._feed.losses()]
+        self._late = self._simulation.late()
+        found = (*self._late, *lines(self._losses), *self._doubts)
+        self._new = [each for each in found if each not in self._early]
+        for each in self._new:
+            request.on_warning(each)
+        self._spent_s = time.perf_counter() - start
 
-    files = {
-        "recording": folder / "recording.mcap",
-        "truth": folder / "truth.csv",
-        "truth_people": folder / "truth_people.csv",
-        "truth_feet": folder / "truth_feet.csv",
-        **{Path(name).stem: folder / name for name in DETAIL_FILES},
-        "scenario": folder / "scenario.yaml",
-    }
-    write_names(files["truth_people"], place.person_names or {})
-    with open_atomic(files["scenario"]) as stream:
-        stream.write(resolved)
-    if fed.shown is not None:
-        files["preview"] = folder / "preview.mp4"
-    result = RunResult(None, {})
-    if chosen:
-        on_progress("evaluating and reporting", 0, 1)
+    def finish(self) -> RunResult:
+        """Write what needs the closed tables: names, scenario, metrics and report; return what the run leaves."""
+        folder = self._out.path
+        files = {
+            "recording": folder / "recording.mcap",
+            "truth": folder / "truth.csv",
+            "truth_people": folder / "truth_people.csv",
+            "truth_feet": folder / "truth_feet.csv",
+            **{Path(name).stem: folder / name for name in DETAIL_FILES},
+            "scenario": folder / "scenario.yaml",
+        }
+        write_names(files["truth_people"], self._place.person_names or {})
+        with open_atomic(files["scenario"]) as stream:
+            stream.write(self._resolved)
+        if self._feed.shown is not None:
+            files["preview"] = folder / "preview.mp4"
+        result = self._evaluated(files) if self._chosen else RunResult(None, {})
+        files |= result.files
+        self._out.finish(list(files.values()))
+        warnings = (*self._early, *self._new, *result.warnings)
+        return replace(result, files=files, warnings=warnings, doubts=tuple(self._doubts))
+
+    def _evaluated(self, files: Mapping[str, Path]) -> RunResult:
+        """Evaluate the trackers and write metrics and report."""
+        request, folder = self._request, self._out.path
+        request.on_progress("evaluating and reporting", 0, 1)
         truth, situations = read_truth(files["truth"]), read_situations(files["truth_situations"])
-        facts = RunFacts(
+        results = evaluate_trackers(folder, self._feed.runners, truth, situations)
+        facts = self._facts()
+        result = write_results(folder, facts, results, self._feed, truth, self._place, losses=self._losses)
+        for note in result.warnings:
+            request.on_warning(note)
+        request.on_progress("evaluating and reporting", 1, 1)
+        return result
+
+    def _facts(self) -> RunFacts:
+        scenario = self._request.scenario
+        return RunFacts(
             title=scenario.name,
             description=scenario.description,
             seed=scenario.seed,
             duration_s=scenario.duration_s,
-            realtime_factor=scenario.duration_s / spent_s,
-            versions=versions(gl),
-            sensors=simulation.sensor_costs(),
-            command=_command(folder, chosen, images),
+            realtime_factor=scenario.duration_s / self._spent_s,
+            versions=versions(self._gl),
+            sensors=self._simulation.sensor_costs(),
+            command=_command(self._out.path, self._chosen, self._request.images),
             notes=(
                 *conditions_of(scenario),
-                *(f"{each}." for each in (*warnings, *late, *lines(losses))),
-                *notes_of(handed),
-                *tracker_notes(fed.at_work, scenario.faults),
+                *(f"{each}." for each in (*self._warnings, *self._late, *lines(self._losses))),
+                *notes_of(self._prior_files),
+                *tracker_notes(self._feed.runners, scenario.faults),
                 *simplifications(scenario),
             ),
         )
-        results = evaluate_trackers(folder, fed.at_work, truth, situations)
-        result = write_results(folder, facts, results, fed, truth, place, losses=losses)
-        for note in result.warnings:
-            on_warning(note)
-        on_progress("evaluating and reporting", 1, 1)
-    files |= result.files
-    out.finish(list(files.values()))
-    return replace(result, files=files, warnings=(*told, *new, *result.warnings), doubts=tuple(doubts))
+
+    def _described_place(self) -> Place:
+        scene = self._simulation.world.scene
+        return Place(
+            self._simulation.rig,
+            room_outline(scene.model, self._simulation.world.data),
+            {number: name for name, number in scene.ids.items()},
+            true_rig=self._simulation.true_rig,
+        )
+
+    def _opened_feed(self, stack: ExitStack, prior: Prior) -> Feed:
+        scenario, rig = self._request.scenario, self._simulation.rig
+        return stack.enter_context(
+            feed(
+                self._out.path,
+                rig,
+                prior,
+                self._chosen,
+                scenario.seed,
+                video_hz=scenario.sensors[rig.main_sensor].rate_hz if self._request.video else None,
+                title=f"{scenario.name}, seed {scenario.seed}",
+                outline=self._place.outline,
+                person_names=self._place.person_names,
+                true_rig=self._place.true_rig,
+            )
+        )
+
+    def _opened_bag(self, stack: ExitStack) -> BagWriter:
+        """Open the bag and the tables of the truth, and pass tracks and truth on to them."""
+        folder, rig = self._out.path, self._simulation.rig
+        writer = BagWriter(folder / "recording.mcap", rig, scenario_yaml=self._resolved, names=self._place.person_names)
+        bag = stack.enter_context(writer)
+        self._feed.on_frame = TrackTopics(bag, [each.name for each in self._chosen]).write
+        table = stack.enter_context(truth_writer(folder / "truth.csv", list(self._simulation.views)))
+        feet = stack.enter_context(feet_writer(folder / "truth_feet.csv", list(rig.floors())))
+        self._on_truth += [table.write, feet.write, bag.truth]
+        self._on_detail += [stack.enter_context(detail_writer(folder)), bag.detail]
+        if self._feed.shown is not None:
+            self._on_truth.append(self._feed.shown.tell)
+        return bag
+
+    def _pass_truth(self, frame: TruthFrame) -> None:
+        for listen in self._on_truth:
+            listen(frame)
+
+    def _pass_detail(self, detail: TruthDetail) -> None:
+        for listen in self._on_detail:
+            listen(detail)
 
 
 def _unfit(rig: Rig, prior: Prior, seed: int) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from trackers.rig import Rig
+from trackers.rig import PriorFiles, Rig
 from trackers.tracks import background_learned_causally, unused_sensors
 from twin.evaluate import evaluate_with_details
 from twin.evaluate.summary import Evaluation
@@ -23,7 +23,7 @@ from twin.report.birdseye import Polygon
 from twin.report.page import RunFacts, Still, TrackerResult, write_report
 from twin.report.scan_density import ScanDensity
 from twin.run.feed import Feed
-from twin.run.tracker_at_work import TrackerAtWork, file_name
+from twin.run.tracker_runner import TrackerRunner, file_name
 from twin.scenario import Scenario
 from twin.sensors.fault_kinds import Fault
 from twin.sensors.gl_context import GlInfo
@@ -69,11 +69,11 @@ class Place:
 
 
 def evaluate_trackers(
-    folder: Path, at_work: Sequence[TrackerAtWork], truth: TruthTable | None, situations: SituationTable
+    folder: Path, runners: Sequence[TrackerRunner], truth: TruthTable | None, situations: SituationTable
 ) -> list[TrackerResult]:
     """The table of each tracker that has not failed, from `folder/tracks`, with its figures where there is truth."""
     results = []
-    for each in at_work:
+    for each in runners:
         if each.failure:
             continue
         tracks = read_tracks(folder / "tracks" / f"{file_name(each.name)}.csv")
@@ -130,26 +130,32 @@ def write_results(
             scans=place.scans,
             person_names=place.person_names,
             silent=[name for name in place.rig.sensors if name not in feed.heard.counts],
-            stills=[Still(jpeg, f"{feed.at_work[0].name} at {t:.1f} s") for t, jpeg in stills],
+            stills=[Still(jpeg, f"{feed.runners[0].name} at {t:.1f} s") for t, jpeg in stills],
         )
     return RunResult(
         metrics,
         files,
         notes,
-        failures=tuple(each.failure for each in feed.at_work if each.failure),
+        failures=tuple(each.failure for each in feed.runners if each.failure),
         evaluations={each.name: each.evaluation for each in results if each.evaluation is not None},
     )
 
 
-def doubts_of(at_work: Sequence[TrackerAtWork]) -> list[str]:
+def notes_of(files: PriorFiles) -> list[str]:
+    """What a reader must know of the files that trackers were handed."""
+    told = ", ".join(f"{field} from {path}" for field, path in files.paths().items())
+    return [f"Trackers were handed: {told}."] if told else []
+
+
+def doubts_of(runners: Sequence[TrackerRunner]) -> list[str]:
     """What each tracker warns of until now."""
-    return [f"{each.name}: {warning}" for each in at_work for warning in each.warnings]
+    return [f"{each.name}: {warning}" for each in runners for warning in each.warnings]
 
 
-def left_alone(at_work: Sequence[TrackerAtWork], faults: Mapping[str, Fault]) -> list[str]:
+def left_alone(runners: Sequence[TrackerRunner], faults: Mapping[str, Fault]) -> list[str]:
     """What each tracker warns of, and which sensors it makes no use of: a fault of one of them shows in no track."""
-    told = doubts_of(at_work)
-    for each in at_work:
+    told = doubts_of(runners)
+    for each in runners:
         unused = unused_sensors(each.tracker)
         if not unused:
             continue
@@ -160,10 +166,10 @@ def left_alone(at_work: Sequence[TrackerAtWork], faults: Mapping[str, Fault]) ->
     return told
 
 
-def tracker_notes(at_work: Sequence[TrackerAtWork], faults: Mapping[str, Fault]) -> list[str]:
+def tracker_notes(runners: Sequence[TrackerRunner], faults: Mapping[str, Fault]) -> list[str]:
     """What a reader must know of how the trackers worked: what they left alone or dropped, a background learned on the way."""
-    notes = [f"{told}." for told in left_alone(at_work, faults)]
-    for each in at_work:
+    notes = [f"{told}." for told in left_alone(runners, faults)]
+    for each in runners:
         if each.failure:
             notes.append(f"A tracker failed and has no results: {each.failure}.")
             continue

@@ -1,4 +1,4 @@
-"""`twin track`: any recording through any tracker, the twin's or a robot's."""
+"""Feed any recording, the twin's or a robot's, to any tracker: `twin track`."""
 
 from __future__ import annotations
 
@@ -6,24 +6,20 @@ import json
 import shlex
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
 from itertools import islice, pairwise
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
-from pydantic import Field
 
-from trackers.configuration import Strict, validate
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, LaserScan, Observation
-from trackers.plain_data import parse_yaml
 from trackers.prior import Prior
 from trackers.rig import PriorFiles
 from trackers.text_file import AnyPath
 from trackers.tracks import TrackFrame
-from twin.limits import are_limits_lifted
 from twin.progress import OnProgress, OnWarning
 from twin.recording.atomic_file import open_atomic
 from twin.recording.detail_tables import DETAIL_FILES
@@ -37,15 +33,10 @@ from twin.report.page import RunFacts
 from twin.report.scan_density import ScanDensity
 from twin.room.building import room_outline
 from twin.run.chosen_trackers import (
-    TRACK,
     ChosenTracker,
-    TrustedClasses,
-    changed_trackers,
-    choose,
-    typed_classes,
-    typed_schedulers,
 )
-from twin.run.feed import feed
+from twin.run.feed import Feed, feed
+from twin.run.inputs import chosen_trackers, files_for, scenario_of
 from twin.run.out_folder import OutFolder, out_folder
 from twin.run.outcome import (
     Place,
@@ -53,22 +44,22 @@ from twin.run.outcome import (
     doubts_of,
     evaluate_trackers,
     left_alone,
+    notes_of,
     simplifications,
     tracker_notes,
     versions,
     write_results,
 )
-from twin.run.prior import files_for, notes_of
-from twin.run.tracker_at_work import file_name
-from twin.scenario import Scenario, TrackerChoice
-from twin.scenario.load import apply_overrides
-from twin.scenario.size import check_size
+from twin.run.tracker_runner import file_name
+from twin.scenario import Scenario
 from twin.world.heap import heap_trimmed
 from twin.world.world import World
 
 _RATE_PROBE = 20
 _ABOUT = "recording.json"
 """Says of a recording what the tables of tracks do not: the stamp of t = 0, and what of it was lost."""
+_OF_THE_RUN = ("recording.mcap", "truth.csv", "truth_people.csv", "truth_feet.csv", *DETAIL_FILES, "scenario.yaml")
+"""Files that a run left in the folder, which a replay into it keeps."""
 _BESIDES = ("metrics.json", "preview.mp4", _ABOUT)
 
 
@@ -105,127 +96,157 @@ def track_recording(
         check_copy(recording, bag_copy)
     seed = seed if seed is not None else scenario.seed if scenario is not None else 0
     folder = out if out is not None else _default_folder(recording, bag)
-    command = _command(recording, names, rig_path, changes, seed)
+    request = _Request(
+        bag=bag,
+        scenario=scenario,
+        chosen=chosen,
+        prior_files=files,
+        missing=missing,
+        seed=seed,
+        video=video,
+        report=report,
+        bag_copy=bag_copy,
+        command=_command(recording, names, rig_path, changes, seed),
+        on_progress=on_progress,
+        on_warning=on_warning,
+    )
     files_made = [*(f"tracks/{file_name(name)}.csv" for name in names), "report.html", *_BESIDES]
-    with heap_trimmed(), out_folder(folder, files_made) as place:
-        return _track(
-            bag,
-            scenario,
-            chosen,
-            files,
-            missing,
-            seed,
-            place,
-            video,
-            report,
-            bag_copy,
-            command,
-            on_progress,
-            on_warning,
-        )
+    with heap_trimmed(), out_folder(folder, files_made) as out_:
+        replay = _Replay(request, out_)
+        with replay.opened_feed() as fed:
+            replay.track(fed)
+            out_.announce()
+        return replay.finish(fed)
 
 
 def _path(given: AnyPath | None) -> Path | None:
     return None if given is None else Path(given)
 
 
-def _track(
-    bag: Recording,
-    scenario: Scenario | None,
-    chosen: Sequence[ChosenTracker],
-    files: PriorFiles,
-    missing: Sequence[str],
-    seed: int,
-    out: OutFolder,
-    video: bool,
-    report: bool,
-    bag_copy: Path | None,
-    command: str,
-    on_progress: OnProgress,
-    on_warning: OnWarning,
-) -> RunResult:
-    folder, recording = out.path, bag.path
-    title = scenario.name if scenario is not None else recording.stem
-    truth_frames = list(bag.truth())
-    truth = truth_table(truth_frames, str(recording)) if truth_frames else None
-    situations = situation_table(bag.situations(), str(recording))
-    person_names = {number: name for number, name in enumerate(scenario.people, start=1)} if scenario else None
-    outline = _outline(scenario) if report or video else []
-    faults = scenario.faults if scenario is not None else {}
-    place = Place(bag.rig, outline, person_names, None if outline or not report else ScanDensity(bag.rig))
+@dataclass(frozen=True, eq=False)
+class _Request:
+    """Arguments of `track_recording`, resolved; missing: warnings about files that the bag alone names."""
 
-    with feed(
-        folder,
-        bag.rig,
-        Prior.read(bag.background, files, bag.rig),
-        chosen,
-        seed,
-        video_hz=_rate_hz(bag) if video else None,
-        title=title,
-        outline=outline,
-        person_names=person_names,
-        jumps_ns=bag.jumps_ns,
-    ) as fed:
-        frames: list[tuple[str, TrackFrame]] = []
-        if bag_copy is not None:
-            fed.on_frame = lambda name, frame: frames.append((name, frame))
-        warnings = [*missing, *lines(bag.losses), *bag.moving, *left_alone(fed.at_work, faults)]
-        for warning in warnings:
-            on_warning(warning)
-        untold = deque(truth_frames)
+    bag: Recording
+    scenario: Scenario | None
+    chosen: Sequence[ChosenTracker]
+    prior_files: PriorFiles
+    missing: Sequence[str]
+    seed: int
+    video: bool
+    report: bool
+    bag_copy: Path | None
+    command: str
+    on_progress: OnProgress
+    on_warning: OnWarning
+
+
+class _Replay:
+    """One replay of a recording: its truth, and the results as they come."""
+
+    def __init__(self, request: _Request, out: OutFolder) -> None:
+        self._request, self._out = request, out
+        bag, scenario = request.bag, request.scenario
+        self._title = scenario.name if scenario is not None else bag.path.stem
+        self._faults = scenario.faults if scenario is not None else {}
+        self._truth_frames = list(bag.truth())
+        self._truth = truth_table(self._truth_frames, str(bag.path)) if self._truth_frames else None
+        self._situations = situation_table(bag.situations(), str(bag.path))
+        names = {number: name for number, name in enumerate(scenario.people, start=1)} if scenario else None
+        outline = _outline(scenario) if request.report or request.video else []
+        scans = None if outline or not request.report else ScanDensity(bag.rig)
+        self._place = Place(bag.rig, outline, names, scans)
+        self._frames: list[tuple[str, TrackFrame]] = []
+
+    def opened_feed(self) -> AbstractContextManager[Feed]:
+        """Make the trackers and the preview; see `twin.run.feed.feed`."""
+        request, bag = self._request, self._request.bag
+        return feed(
+            self._out.path,
+            bag.rig,
+            Prior.read(bag.background, request.prior_files, bag.rig),
+            request.chosen,
+            request.seed,
+            video_hz=_rate_hz(bag) if request.video else None,
+            title=self._title,
+            outline=self._place.outline,
+            person_names=self._place.person_names,
+            jumps_ns=bag.jumps_ns,
+        )
+
+    def track(self, fed: Feed) -> None:
+        """Feed all observations, and the truth up to each; note what is lost and what is warned of."""
+        request, bag, scans = self._request, self._request.bag, self._place.scans
+        if request.bag_copy is not None:
+            fed.on_frame = lambda name, frame: self._frames.append((name, frame))
+        self._early = [*request.missing, *lines(bag.losses), *bag.moving, *left_alone(fed.runners, self._faults)]
+        for warning in self._early:
+            request.on_warning(warning)
+        waiting = deque(self._truth_frames)
         start = time.perf_counter()
-        for observation in _counted(bag.observations(), bag.observation_count, on_progress):
-            if isinstance(observation, LaserScan) and place.scans is not None:
-                place.scans.add(observation)
-            while fed.shown is not None and untold and untold[0].stamp_ns <= observation.stamp_ns:
-                fed.shown.tell(untold.popleft())
+        for observation in _counted(bag.observations(), bag.observation_count, request.on_progress):
+            if isinstance(observation, LaserScan) and scans is not None:
+                scans.add(observation)
+            while fed.shown is not None and waiting and waiting[0].stamp_ns <= observation.stamp_ns:
+                fed.shown.tell(waiting.popleft())
             fed.observe(observation)
         fed.finish()
-        doubts = doubts_of(fed.at_work)
-        losses = [*bag.losses, *fed.losses(bag.ahead_s)]
-        new = [each for each in (*lines(losses), *doubts) if each not in warnings]  # that came on the way
-        for each in new:
-            on_warning(each)
-        spent_s = time.perf_counter() - start
-        out.announce()
+        self._doubts = doubts_of(fed.runners)
+        self._losses = [*bag.losses, *fed.losses(bag.ahead_s)]
+        self._new = [each for each in (*lines(self._losses), *self._doubts) if each not in self._early]
+        for each in self._new:
+            request.on_warning(each)
+        self._spent_s = time.perf_counter() - start
 
-    duration_s = scenario.duration_s if scenario is not None else bag.duration_s
-    facts = RunFacts(
-        title=title,
-        description=f"recorded in {recording.name}"
-        + ("" if bag.is_twin else f"; t = 0 is the stamp {bag.start_ns} ns"),
-        seed=seed,
-        duration_s=duration_s,
-        realtime_factor=duration_s / spent_s,
-        versions=versions(None),
-        command=command,
-        start_stamp_ns=bag.start_ns,
-        notes=(
-            *notes_of(files),
-            *(f"{each}." for each in (*lines(losses), *bag.moving)),
-            *tracker_notes(fed.at_work, faults),
-            *(simplifications(scenario) if bag.is_twin else ()),
-        ),
-    )
-    results = evaluate_trackers(folder, fed.at_work, truth, situations)
-    about = {"recording": str(recording), "start_stamp_ns": bag.start_ns, "losses": documents(losses)}
-    with open_atomic(folder / _ABOUT) as stream:
-        json.dump(about, stream, indent=2, allow_nan=False)
-        stream.write("\n")
-    result = write_results(folder, facts, results, fed, truth, place, losses=losses, report=report)
-    for note in result.warnings:
-        on_warning(note)
-    left = result.files | {"about": folder / _ABOUT}
-    out.finish(
-        list(left.values()),
-        kept=("recording.mcap", "truth.csv", "truth_people.csv", "truth_feet.csv", *DETAIL_FILES, "scenario.yaml"),
-    )
-    if bag_copy is not None:
-        names = [each.name for each in fed.at_work if not each.failure]
-        frames = [(name, frame) for name, frame in frames if name in names]
-        copy_with_tracks(bag, bag_copy, names, frames, on_warning)
-        left = left | {"bag": bag_copy}
-    return replace(result, files=left, warnings=(*warnings, *new, *result.warnings), doubts=tuple(doubts))
+    def finish(self, fed: Feed) -> RunResult:
+        """Evaluate and write metrics, report and the bag's copy; return what the replay leaves."""
+        request, folder = self._request, self._out.path
+        facts = self._facts(fed)
+        results = evaluate_trackers(folder, fed.runners, self._truth, self._situations)
+        self._write_about(folder / _ABOUT)
+        result = write_results(
+            folder, facts, results, fed, self._truth, self._place, losses=self._losses, report=request.report
+        )
+        for note in result.warnings:
+            request.on_warning(note)
+        left = result.files | {"about": folder / _ABOUT}
+        self._out.finish(list(left.values()), kept=_OF_THE_RUN)
+        if request.bag_copy is not None:
+            names = [each.name for each in fed.runners if not each.failure]
+            frames = [(name, frame) for name, frame in self._frames if name in names]
+            copy_with_tracks(request.bag, request.bag_copy, names, frames, request.on_warning)
+            left = left | {"bag": request.bag_copy}
+        warnings = (*self._early, *self._new, *result.warnings)
+        return replace(result, files=left, warnings=warnings, doubts=tuple(self._doubts))
+
+    def _facts(self, fed: Feed) -> RunFacts:
+        request, bag, scenario = self._request, self._request.bag, self._request.scenario
+        duration_s = scenario.duration_s if scenario is not None else bag.duration_s
+        start = "" if bag.is_twin else f"; t = 0 is the stamp {bag.start_ns} ns"
+        return RunFacts(
+            title=self._title,
+            description=f"recorded in {bag.path.name}{start}",
+            seed=request.seed,
+            duration_s=duration_s,
+            realtime_factor=duration_s / self._spent_s,
+            versions=versions(None),
+            command=request.command,
+            start_stamp_ns=bag.start_ns,
+            notes=(
+                *notes_of(request.prior_files),
+                *(f"{each}." for each in (*lines(self._losses), *bag.moving)),
+                *tracker_notes(fed.runners, self._faults),
+                *(simplifications(scenario) if bag.is_twin else ()),
+            ),
+        )
+
+    def _write_about(self, path: Path) -> None:
+        """Write `recording.json`."""
+        bag = self._request.bag
+        about = {"recording": str(bag.path), "start_stamp_ns": bag.start_ns, "losses": documents(self._losses)}
+        with open_atomic(path) as stream:
+            json.dump(about, stream, indent=2, allow_nan=False)
+            stream.write("\n")
 
 
 def _default_folder(recording: Path, bag: Recording) -> Path:
@@ -243,48 +264,6 @@ def _outline(scenario: Scenario | None) -> list[Polygon]:
     except InputError:
         return []
     return room_outline(world.scene.model, world.empty_snapshot(0.0).data)
-
-
-def scenario_of(bag: Recording) -> Scenario | None:
-    """The scenario carried in a twin's bag; raises InputError for one that is none, or larger than the limits."""
-    if bag.scenario_yaml is None:
-        return None
-    source = f"{bag.path}, topic /scenario"
-    scenario = validate(Scenario, parse_yaml(bag.scenario_yaml, source, "a resolved scenario"), source)
-    if not are_limits_lifted():
-        check_size(scenario, source=source)
-    return scenario
-
-
-def chosen_trackers(
-    bag: Recording, scenario: Scenario | None, names: Sequence[str], changes: Sequence[str]
-) -> list[ChosenTracker]:
-    """The trackers called `names`, as the bag's scenario defines them, with the overrides applied; InputError for bad ones."""
-    source = "--set" if scenario is None else f"{bag.path}, topic /scenario"
-    trusted = TrustedClasses(typed_classes(changes) | typed_schedulers(changes))
-    return choose(names, _defined(scenario, names, changes), source, trusted, TRACK)
-
-
-def _defined(scenario: Scenario | None, names: Sequence[str], changes: Sequence[str]) -> dict[str, TrackerChoice]:
-    """The trackers that the bag's scenario defines, with the overrides applied; of those that nobody asks for, none."""
-    asked = {*names, *changed_trackers(changes)}
-    content = {
-        "trackers": {
-            name: choice.model_dump(exclude_none=True) for name, choice in scenario.trackers.items() if name in asked
-        }
-        if scenario is not None
-        else {}
-    }
-    return validate(_Changeable, apply_overrides(content, changes), "--set").trackers
-
-
-class _Changeable(Strict):
-    """What `--set` may change of a recording: only the trackers, and what they are handed (see `twin.run.prior`)."""
-
-    former_names: ClassVar[Mapping[str, str]] = {"knowledge": "prior"}
-
-    trackers: dict[str, TrackerChoice] = Field(default_factory=dict)
-    prior: PriorFiles | None = None
 
 
 def _rate_hz(bag: Recording) -> float:

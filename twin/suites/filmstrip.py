@@ -19,9 +19,8 @@ from twin.recording.reader import Recording
 from twin.report.preview import PreviewWriter
 from twin.room.building import room_outline
 from twin.run.chosen_trackers import TrustedClasses, choose
-from twin.run.feed import Feed
-from twin.run.preview import Preview
-from twin.run.tracker_at_work import trackers_at_work
+from twin.run.feed import Feed, Preview
+from twin.run.tracker_runner import tracker_runners
 from twin.scenario.model import TrackerChoice
 from twin.suites.cache import RecordingCache
 from twin.suites.cache_keys import recording_key
@@ -74,8 +73,8 @@ def draw_filmstrip(work: FilmstripWork) -> bytes:
         )
         writer.wanted_s = deque(work.t_s + offset for offset in _OFFSETS_S)
         prior = Prior.read(bag.background, case.prior, bag.rig)
-        with writer, trackers_at_work(chosen, bag.rig, prior, case.seed, folder) as at_work:
-            _show(Feed(at_work, preview := Preview(writer, bag.rig)), preview, writer, bag)
+        with writer, tracker_runners(chosen, bag.rig, prior, case.seed, folder) as runners:
+            _show(Feed(runners, preview := Preview(writer, bag.rig)), preview, writer, bag)
         return _side_by_side(writer.stills)
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from trackers.errors import InputError, PlugInError
-from twin.run.plug_in_faults import first_line
+from twin.run.tracker_runner import first_line
 
 CallStatus = Literal["done", "bad input", "no space", "raised"]
 

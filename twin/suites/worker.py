@@ -28,7 +28,7 @@ from twin.recording.topics import SCAN, sensor_topic
 from twin.report.timeline import describe
 from twin.run.live import run_scenario
 from twin.run.replay import track_recording
-from twin.run.tracker_at_work import file_name
+from twin.run.tracker_runner import file_name
 from twin.scenario import Scenario
 from twin.sensors.render import OffscreenRenderer
 from twin.suites.cache import RecordingCache, digests_of

@@ -23,7 +23,7 @@ from twin.report.panels import BACKDROP, INK, FloorPanel, TruePoses
 from twin.report.people_sheet import check_picture_name, tiled, write_png
 from twin.room.building import room_outline
 from twin.room.lighting import ENOUGH_LIGHT, light_of
-from twin.run.preview import true_poses
+from twin.run.feed import true_poses
 from twin.scenario import Scenario, load_scenario
 from twin.sensors.render import OffscreenRenderer
 from twin.truth.frames import Box

@@ -24,7 +24,7 @@ from twin.report.silence import Silence
 from twin.report.video import TIME_BASE, VideoFile
 from twin.room.building import room_outline
 from twin.room.lighting import ENOUGH_LIGHT, light_of
-from twin.run.preview import true_poses
+from twin.run.feed import true_poses
 from twin.scenario import Scenario
 from twin.sensors.render import RendererOnDemand
 from twin.sensors.render_scene import Mark

@@ -13,8 +13,8 @@ from trackers.observations import NS_PER_S, LaserScan
 from twin.report.panels import SILENT_FILL
 from twin.report.preview import PreviewWriter
 from twin.report.silence import Silence
+from twin.run.feed import Preview
 from twin.run.live import run_scenario
-from twin.run.preview import Preview
 from twin.scenario import load_scenario
 from twin.view import write_view
 from twin.world.simulation import Simulation

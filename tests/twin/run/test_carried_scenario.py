@@ -10,7 +10,7 @@ import yaml
 
 from trackers.errors import InputError
 from twin.limits import NO_LIMITS
-from twin.run.replay import scenario_of
+from twin.run.inputs import scenario_of
 from twin.scenario import load_scenario
 
 

@@ -12,7 +12,7 @@ from trackers.observations import NS_PER_S, FloorFrame, Image, LaserScan, Observ
 from trackers.presets import make_tracker
 from trackers.tracks import track_frames
 from twin.report.preview import PreviewWriter, TruePoses
-from twin.run.preview import Preview
+from twin.run.feed import Preview
 from twin.scenario import Scenario, load_scenario
 from twin.truth.frames import TruthFrame
 from twin.world.simulation import Delivered, Simulation

@@ -1,13 +1,15 @@
-"""One tracker at work: fed with observations, timed, its frames written down as they come."""
+"""Run one tracker: feed it, time it, write its frames as they come, and report the faults of a plug-in to its author."""
 
 from __future__ import annotations
 
 import sys
 import time
+import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from itertools import count
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -21,14 +23,13 @@ from trackers.rig import Rig
 from trackers.tracks import FedTracker, Tracker, TrackFrame, detections_of, misreported, warnings
 from twin.recording.tables import TrackWriter, track_writer
 from twin.run.chosen_trackers import ChosenTracker
-from twin.run.plug_in_faults import plug_in_fault
 from twin.streams import stream
 
 _ENOUGH_FRAMES, _OFTEN = 20, 0.2
 """A tracker that detects something in so large a share of so many frames, and reports nobody, is said to."""
 
 
-class TrackerAtWork:
+class TrackerRunner:
     """A tracker, the file its frames go to, and what a frame costs.
 
     A plug-in that raises is out from then on: `failure` says what happened, its file does not appear, and the others go on.
@@ -166,29 +167,77 @@ def file_name(tracker: str) -> str:
 
 
 @contextmanager
-def trackers_at_work(
+def tracker_runners(
     chosen: Sequence[ChosenTracker],
     rig: Rig,
     prior: Prior,
     seed: int,
     folder: Path,
     jumps_ns: Sequence[int] = (),
-) -> Iterator[list[TrackerAtWork]]:
-    """The chosen trackers, each writing `folder/<name>.csv` as the block runs; `jumps_ns` as for `TrackerAtWork.make`.
+) -> Iterator[list[TrackerRunner]]:
+    """The chosen trackers, each writing `folder/<name>.csv` as the block runs; `jumps_ns` as for `TrackerRunner.make`.
 
     Raises InputError for an unknown tracker or option, PlugInError where none can be made, before anything is written.
     """
-    at_work = [TrackerAtWork(each, rig) for each in chosen]
-    for each in at_work:
+    runners = [TrackerRunner(each, rig) for each in chosen]
+    for each in runners:
         each.make(prior, seed, jumps_ns)
-    check_somebody_tracks(at_work)
+    check_some_left(runners)
     with ExitStack() as stack:
-        for each in at_work:
+        for each in runners:
             stack.enter_context(each.writing(folder / f"{file_name(each.name)}.csv"))
-        yield at_work
+        yield runners
 
 
-def check_somebody_tracks(at_work: Sequence[TrackerAtWork]) -> None:
+def check_some_left(runners: Sequence[TrackerRunner]) -> None:
     """Raise PlugInError where there were trackers and every one has failed."""
-    if at_work and all(each.failure for each in at_work):
-        raise PlugInError("\n".join(each.failure for each in at_work))
+    if runners and all(each.failure for each in runners):
+        raise PlugInError("\n".join(each.failure for each in runners))
+
+
+def plug_in_fault(chosen: ChosenTracker, tracker: Any, error: BaseException, when: str = "") -> str:
+    """Class, method, error, the last line of theirs that ran, and the observation that the tracker was given.
+
+    tracker: None while it is made; when: in place of the observation, where there is none.
+    """
+    steps = list(traceback.walk_tb(error.__traceback__))
+    module = chosen.target.partition(":")[0] if tracker is None else type(tracker).__module__
+    called = chosen.target if tracker is None else f"{module}:{type(tracker).__qualname__}"
+    theirs = [step for step in steps if _module(step[0]) == module]
+    what = f"{type(error).__name__}: {first_line(str(error))}".rstrip(": ")
+    where = "".join(f" ({Path(frame.f_code.co_filename).name}, line {line})" for frame, line in theirs[-1:])
+    name = "" if chosen.name == called else f"tracker {chosen.name}: "
+    return f"{name}{called}: {_method(steps, tracker, module)} raised {what}{where} {when or _given(steps)}"
+
+
+def first_line(text: str) -> str:
+    """The first line that says something."""
+    return next((line.strip() for line in text.splitlines() if line.strip()), "")
+
+
+def _method(steps: list[tuple[FrameType, int]], tracker: Any, module: str) -> str:
+    """The method of the tracker's that was called; what it returned, where that is at fault."""
+    for frame, _ in steps:
+        if tracker is None and _module(frame) == module:
+            return "the import" if frame.f_code.co_name == "<module>" else f"{frame.f_code.co_name}()"
+        if tracker is not None and any(each is tracker for each in frame.f_locals.values()) and _is_theirs(frame):
+            return f"{frame.f_code.co_name}()"
+    return "the constructor" if tracker is None else "what it gave"
+
+
+def _is_theirs(frame: FrameType) -> bool:
+    return _module(frame) not in ("trackers.tracks", "twin.run.tracker_runner", "twin.run.detections")
+
+
+def _module(frame: FrameType) -> str:
+    return frame.f_globals.get("__name__", "")
+
+
+def _given(steps: list[tuple[FrameType, int]]) -> str:
+    """The observation that was handed to the tracker, which need not be the one that arrived last."""
+    for frame, _ in reversed(steps):
+        observation = frame.f_locals.get("observation")
+        if observation is not None and not _is_theirs(frame):
+            kind = type(observation).__name__
+            return f"at the {kind} of {observation.sensor} stamped {observation.stamp_ns / NS_PER_S:.3f} s"
+    return "after the last observation"

@@ -1,4 +1,4 @@
-"""Which files hold what trackers are handed beside observations: as scenario, rig or bag name them, changed by the user."""
+"""Inputs of a replay besides its observations: the bag's scenario, the trackers, their prior files, with overrides applied."""
 
 from __future__ import annotations
 
@@ -11,11 +11,23 @@ from pydantic import Field
 
 from trackers.configuration import Strict, validate
 from trackers.errors import InputError
+from trackers.plain_data import parse_yaml
 from trackers.rig import NO_PRIOR, PriorFiles, files_within, missing_file
 from trackers.text_file import AnyPath, is_file
+from twin.limits import are_limits_lifted
 from twin.recording.reader import Recording
-from twin.scenario import Scenario
+from twin.run.chosen_trackers import (
+    TRACK,
+    ChosenTracker,
+    TrustedClasses,
+    changed_trackers,
+    choose,
+    typed_classes,
+    typed_schedulers,
+)
+from twin.scenario import Scenario, TrackerChoice
 from twin.scenario.load import apply_overrides, without_null
+from twin.scenario.size import check_size
 
 
 def environment_change(path: Path | None) -> list[str]:
@@ -25,6 +37,17 @@ def environment_change(path: Path | None) -> list[str]:
     if not is_file(path):
         raise InputError(f"--environment {path}: there is no such file; one that `twin environment` wrote is expected")
     return [f"prior.environment={json.dumps(str(path), ensure_ascii=False)}"]
+
+
+def scenario_of(bag: Recording) -> Scenario | None:
+    """The scenario carried in a twin's bag; raises InputError for one that is none, or larger than the limits."""
+    if bag.scenario_yaml is None:
+        return None
+    source = f"{bag.path}, topic /scenario"
+    scenario = validate(Scenario, parse_yaml(bag.scenario_yaml, source, "a resolved scenario"), source)
+    if not are_limits_lifted():
+        check_size(scenario, source=source)
+    return scenario
 
 
 def files_for(
@@ -52,12 +75,6 @@ def files_for(
     return files.without(missing), warnings
 
 
-def notes_of(files: PriorFiles) -> list[str]:
-    """What a reader must know of the files that trackers were handed."""
-    told = ", ".join(f"{field} from {path}" for field, path in files.paths().items())
-    return [f"Trackers were handed: {told}."] if told else []
-
-
 def _carried(bag: Recording, scenario: Scenario | None) -> PriorFiles:
     """What the bag itself names."""
     return scenario.prior if scenario is not None and bag.rig.prior == NO_PRIOR else bag.rig.prior
@@ -66,10 +83,35 @@ def _carried(bag: Recording, scenario: Scenario | None) -> PriorFiles:
 def _changed(named: PriorFiles, changes: Sequence[str]) -> PriorFiles:
     held: dict[str, Any] = {"prior": named.model_dump(exclude_none=True)}
     content = apply_overrides(held, [change for change in changes if change.strip().startswith(("prior", "knowledge"))])
-    return validate(_Changed, files_within(without_null(content), Path()), "--set").prior
+    return validate(_Changeable, files_within(without_null(content), Path()), "--set").prior or NO_PRIOR
 
 
-class _Changed(Strict):
+def chosen_trackers(
+    bag: Recording, scenario: Scenario | None, names: Sequence[str], changes: Sequence[str]
+) -> list[ChosenTracker]:
+    """The trackers called `names`, as the bag's scenario defines them, with the overrides applied; InputError for bad ones."""
+    source = "--set" if scenario is None else f"{bag.path}, topic /scenario"
+    trusted = TrustedClasses(typed_classes(changes) | typed_schedulers(changes))
+    return choose(names, _defined(scenario, names, changes), source, trusted, TRACK)
+
+
+def _defined(scenario: Scenario | None, names: Sequence[str], changes: Sequence[str]) -> dict[str, TrackerChoice]:
+    """The trackers that the bag's scenario defines, with the overrides applied; of those that nobody asks for, none."""
+    asked = {*names, *changed_trackers(changes)}
+    content = {
+        "trackers": {
+            name: choice.model_dump(exclude_none=True) for name, choice in scenario.trackers.items() if name in asked
+        }
+        if scenario is not None
+        else {}
+    }
+    return validate(_Changeable, apply_overrides(content, changes), "--set").trackers
+
+
+class _Changeable(Strict):
+    """What `--set` may change of a recording: only the trackers, and what they are handed ."""
+
     former_names: ClassVar[Mapping[str, str]] = {"knowledge": "prior"}
 
-    prior: PriorFiles = Field(default=NO_PRIOR)
+    trackers: dict[str, TrackerChoice] = Field(default_factory=dict)
+    prior: PriorFiles | None = None
