@@ -14,10 +14,10 @@ from trackers.errors import InputError
 
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
-    """A hidden path beside `path` to write to; it takes the name when the block ends well, and is removed otherwise.
+    """Yield a hidden path in the same folder to write to; it takes the name `path` when the block ends well.
 
-    So an exception, Ctrl-C or a kill leaves nothing half-written under the final name and an older file of that name
-    untouched. Folders on the way are made. Raises InputError where the place cannot be written or the disk is full.
+    Otherwise it is removed: an exception, Ctrl-C or a kill leaves nothing half-written under the final name and an older file
+    of that name untouched. Missing folders are made. Raises InputError where the path cannot be written or the disk is full.
     """
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:

@@ -66,13 +66,13 @@ class Topic:
     others: Mapping[str, int] = field(default_factory=dict)
 
     def count_of(self, msgtype: str) -> int:
-        """How many messages there are of a type, as the bag's index says."""
+        """Return the number of messages of a type, as the bag's index says."""
         if msgtype != self.msgtype:
             return self.others.get(msgtype, 0)
         return self.message_count - sum(self.others.values())
 
     def type_among(self, msgtypes: Collection[str]) -> str | None:
-        """The type with most messages among these, which the topic has; None where it has none of them."""
+        """Return the one of these types with most messages on the topic; None where it has none of them."""
         have = [each for each in (self.msgtype, *self.others) if each in msgtypes]
         return max(have, key=self.count_of, default=None)
 
@@ -112,7 +112,7 @@ class Bag:
     def encoded_messages(
         self, topics: Mapping[str, str], *, in_file_order: bool = False
     ) -> Iterator[tuple[str, int, bytes, bool]]:
-        """Topic, log time [ns], encoded message and whether it is encoded as ROS 1 does, in order of log time.
+        """Yield topic, log time [ns], encoded message and is_ros1 (encoded as ROS 1 does), in order of log time.
 
         `topics`: the type of the messages wanted of each topic. Messages of one log time come as they were written.
         `in_file_order`: all as they were written, for a recorder whose clock was set back. Raises InputError where the bag is
@@ -132,9 +132,9 @@ class Bag:
                 yield normal_topic(connection.topic), log_time_ns, data, is_ros1[connection.id]
 
     def messages(self, topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
-        """Topic, log time [ns] and message, in order of log time, read as they are asked for.
+        """Yield topic, log time [ns] and message, in order of log time, read one at a time.
 
-        Of a topic of several types, those of the first. Raises InputError where the bag is damaged, or a message.
+        Of a topic of several types, only messages of the first are read. Raises InputError for a damaged bag or message.
         """
         types = {name: topic.msgtype for name, topic in self.topics.items() if name in topics}
         for topic, log_time_ns, data, is_ros1 in self.encoded_messages(types):
@@ -144,11 +144,11 @@ class Bag:
 
     @property
     def connections(self) -> list[Connection]:
-        """What the bag holds messages of: topics with their types, one entry for each publisher."""
+        """Topics with their types, one entry per publisher."""
         return list(self._reader.connections)
 
     def raw_messages(self, connections: Sequence[Connection]) -> Iterator[tuple[Connection, int, bytes]]:
-        """Connection, log time [ns] and message as it stands in the bag, in order of log time.
+        """Yield connection, log time [ns] and encoded message, in order of log time.
 
         Raises InputError where the bag is damaged.
         """
@@ -157,12 +157,12 @@ class Bag:
                 yield from self._reader.messages(connections)
 
     def is_ros1_encoded(self, connection: Connection) -> bool:
-        """Whether messages are encoded as in ROS 1, in a ROS 1 bag or an MCAP file."""
+        """Return True for messages encoded as in ROS 1, in a ROS 1 bag or an MCAP file."""
         extra = connection.ext
         return not isinstance(extra, ConnectionExtRosbag2) or extra.serialization_format == "ros1"
 
     def _type(self, connection: Connection) -> str:
-        """The type in ROS 2 notation; of messages that are encoded in a way that cannot be read, that way too."""
+        """Return the type in ROS 2 notation; for an encoding that cannot be read, with the encoding's name."""
         msgtype = normal_type(connection.msgtype)
         extra = connection.ext
         if isinstance(extra, ConnectionExtRosbag2) and extra.serialization_format not in ("cdr", "ros1"):
@@ -186,7 +186,7 @@ def open_bag(path: Path) -> Iterator[Bag]:
 
 
 def decode(data: bytes, msgtype: str, is_ros1: bool) -> Any:
-    """A message of a standard type from its bytes; raises what `rosbags` does where they are none.
+    """Decode a message of a standard type; raises what `rosbags` does for other bytes.
 
     The definitions in the bag are not parsed: only standard messages are used, and nothing can be broken there.
     """
@@ -194,7 +194,7 @@ def decode(data: bytes, msgtype: str, is_ros1: bool) -> Any:
 
 
 def decoded(data: bytes, msgtype: str, is_ros1: bool) -> Any:
-    """`decode`, raising InputError for bytes that are no such message."""
+    """Decode as `decode` does; raises InputError for bytes that are no such message."""
     try:
         return decode(data, msgtype, is_ros1)
     except _BROKEN_BAG as error:
@@ -202,7 +202,7 @@ def decoded(data: bytes, msgtype: str, is_ros1: bool) -> Any:
 
 
 def normal_type(name: str) -> str:
-    """A type in ROS 2 notation, as ROS 1 may not write it: `sensor_msgs/msg/LaserScan`."""
+    """Return a type in ROS 2 notation (`sensor_msgs/msg/LaserScan`); ROS 1 may leave out `msg`."""
     package, _, own = name.partition("/")
     return name if "/" in own or not own else f"{package}/msg/{own}"
 
@@ -236,12 +236,12 @@ Message = tuple[Connection, int, bytes]
 
 
 def messages_by_time(reader: rosbag1.Reader | rosbag2.Reader, connections: Sequence[Connection]) -> Iterator[Message]:
-    """The messages of these connections in order of log time."""
+    """Yield the messages of these connections in order of log time."""
     return reader.messages(connections)
 
 
 def as_written(reader: rosbag1.Reader | rosbag2.Reader, connections: Sequence[Connection]) -> Iterator[Message]:
-    """The messages of these connections in the order in which they stand in the file."""
+    """Yield the messages of these connections in the order of the file."""
     if isinstance(reader, rosbag1.Reader):
         yield from _ros1(reader, connections)
         return
@@ -254,7 +254,7 @@ def as_written(reader: rosbag1.Reader | rosbag2.Reader, connections: Sequence[Co
 
 
 def _ros1(reader: rosbag1.Reader, connections: Sequence[Connection]) -> Iterator[Message]:
-    """The library merges the sorted indexes of connections; of a single one it keeps the order, whatever that is."""
+    """Read a ROS 1 bag in the order of the file: of a single connection's index the library keeps the order."""
     entries = [entry for connection in connections for entry in reader.indexes[connection.id]]
     kept, first = reader.indexes, connections[0]
     reader.indexes = kept | {first.id: sorted(entries, key=lambda entry: (entry.chunk_pos, entry.offset))}
@@ -265,7 +265,7 @@ def _ros1(reader: rosbag1.Reader, connections: Sequence[Connection]) -> Iterator
 
 
 def _written_in(storage: Any, connections: Sequence[Connection]) -> Iterator[tuple[int, int, bytes]]:
-    """Number of the connection, log time [ns] and message of one file of a ROS 2 bag."""
+    """Yield connection number, log time [ns] and message of one file of a ROS 2 bag."""
     if storage.are_messages_packed:
         for number, log_time_ns, data in _stored_in(storage, connections):
             yield number, log_time_ns, zstd.decompress(data)
@@ -274,7 +274,7 @@ def _written_in(storage: Any, connections: Sequence[Connection]) -> Iterator[tup
 
 
 def _stored_in(storage: Any, connections: Sequence[Connection]) -> Iterator[tuple[int, int, bytes]]:
-    """The same as it stands in the file."""
+    """Yield the same with messages as they are stored, compressed or not."""
     if isinstance(storage, McapReader):
         for connection, log_time_ns, data in storage.messages_scan(connections):
             yield connection.id, log_time_ns, data

@@ -56,7 +56,7 @@ class _McapShown(io.BufferedReader):
         return data
 
     def _exchanged(self) -> list[tuple[int, bytes]]:
-        """What to show instead, by place in the file; nothing of a file that is none or not whole."""
+        """Return the bytes to show instead, by offset in the file; none for a file that is no MCAP file or incomplete."""
         self._patches = []
         if self.read(8) != _MAGIC:
             return []
@@ -90,7 +90,7 @@ class _McapShown(io.BufferedReader):
 
 
 def _schema_shown(content: bytes) -> bytes | None:
-    """A schema of an encoding that the library does not know, as long, without encoding and text; None for others."""
+    """Return a schema of an unknown encoding with the same length, without encoding and text; None for known ones."""
     try:
         (name_bytes,) = struct.unpack_from("<I", content, 2)
         (encoding_bytes,) = struct.unpack_from("<I", content, 6 + name_bytes)
@@ -114,7 +114,7 @@ _HEAD_BYTES = 4096
 
 
 def unreadable(path: Path) -> str:
-    """What keeps a bag that is there from being opened, as a clause; empty where nothing is seen from outside."""
+    """Describe, as a clause, why an existing bag cannot be opened; empty where nothing is found from outside."""
     if path.is_dir():
         return _unreadable_folder(path)
     if path.suffix not in (".bag", *_STORAGES):
@@ -138,7 +138,7 @@ def unreadable(path: Path) -> str:
 
 
 def _unfinished(path: Path, head: bytes) -> str:
-    """Of a file that begins as it should: whether its recorder did not come to the end."""
+    """Describe, as a clause, why a file with the right beginning is incomplete; empty where it is complete."""
     size = path.stat().st_size
     if path.suffix == ".mcap":
         with path.open("rb") as stream:
@@ -193,7 +193,7 @@ def _other_file(path: Path) -> str:
 
 
 def why_broken(path: Path, reason: str) -> str:
-    """What is wrong with a bag in which the reading failed with `reason`, as a clause with the tool that helps."""
+    """Describe, as a clause with the tool that helps, the damage of a bag in which reading failed with `reason`."""
     missing = "Some database files are missing"
     if reason.startswith(missing):
         names = reason.removeprefix(missing).strip(": ")

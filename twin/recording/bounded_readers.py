@@ -58,7 +58,7 @@ Messages = Generator[tuple[Connection, int, bytes], None, None]
 
 
 def open_reader(path: Path) -> rosbag1.Reader | rosbag2.Reader:
-    """The opened reader of a bag; raises what `rosbags` does, and InputError for parts larger than the limits."""
+    """Open a bag's reader; raises what `rosbags` does, and InputError for parts larger than the limits."""
     is_ros1 = path.suffix == ".bag" and path.is_file()
     reader = _Ros1Reader(path) if is_ros1 else _Ros2Reader(path)
     reader.open()
@@ -219,9 +219,9 @@ class _Ros2Reader(rosbag2.Reader):
 
 
 def zstd_bound(stream: BinaryIO) -> int:
-    """The most bytes that zstd frames can hold, by the heads of their blocks; nothing is decoded (RFC 8878, 3.1).
+    """Return an upper bound of the bytes in zstd frames, by the heads of their blocks; nothing is decoded (RFC 8878, 3.1).
 
-    What follows the last whole block is left to the decoder to complain of.
+    Errors after the last whole block are left to the decoder.
     """
     total = 0
     while len(head := stream.read(4)) == 4:
@@ -251,7 +251,7 @@ def zstd_bound(stream: BinaryIO) -> int:
 
 
 def _claimed_on_the_way(stream: BinaryIO, end: int) -> Iterator[int]:
-    """What the compressed chunks of an MCAP file claim to hold, found by going from record to record up to `end`."""
+    """Yield the claimed sizes [bytes] of the compressed chunks of an MCAP file, going from record to record up to `end`."""
     stream.seek(_MCAP_MAGIC_BYTES)
     while stream.tell() < end and len(head := stream.read(9)) == 9:
         op, size = head[0], struct.unpack("<Q", head[1:])[0]
@@ -278,7 +278,7 @@ def _check_bag(path: RPath, n_bytes: int, file_bytes: int) -> None:
 
 
 def _checked(storage: _McapReader | _SqliteReader, messages: Messages) -> Messages:
-    """The messages of a storage, each refused before it is unpacked where it would be larger than the limits."""
+    """Yield the messages of a storage; raises InputError for a packed one larger than the limits, before it is unpacked."""
     for message in messages:
         if storage.are_messages_packed:
             most = zstd_bound(io.BytesIO(message[2])) / _MIB

@@ -30,10 +30,10 @@ _LINEAR = 0.2
 
 @dataclass(frozen=True, eq=False)
 class SetRight:
-    """The stamps of each sensor's messages as they are to be used [ns], in the bag's order, and what was wrong with them.
+    """Corrected stamps of each sensor's messages [ns], in the bag's order, and what was wrong with them.
 
-    ahead_s: how far each sensor's stamps, as they are used, are ahead of the others' logged at the same time [s]. jumps_ns: the
-    stamps, as they are used, from which on the clock of all sensors was another: what was tracked before cannot be coasted over.
+    ahead_s: how far each sensor's corrected stamps are ahead of the others' logged at the same time [s]. jumps_ns: corrected
+    stamps from which on the clock of all sensors was another; tracks cannot be coasted over them.
     """
 
     stamps_ns: dict[str, Nanoseconds]
@@ -45,10 +45,10 @@ class SetRight:
 def set_right(
     times: Mapping[str, MessageTimes], offsets_ns: Mapping[str, int], *, keeps_stamps: bool = False
 ) -> SetRight:
-    """The stamps of several sensors on one clock; `offsets_ns` are added first, as the rig says.
+    """Bring the stamps of several sensors onto one clock; `offsets_ns` of the rig are added first.
 
-    keeps_stamps: only stamps that are missing are replaced, and all else is told (a twin's recording, where a scenario may have
-    asked for clocks that are wrong). A sensor whose offset the rig states is not moved to the clock of the others.
+    keeps_stamps: only missing stamps are replaced, and all else is reported (a twin's recording, whose scenario may have asked
+    for wrong clocks). A sensor whose offset the rig states is not moved to the clock of the others.
     """
     clocks = {name: SensorClock(name, each, offsets_ns.get(name, 0)) for name, each in times.items() if len(each)}
     telling = [clock for clock in clocks.values() if clock.tells]
@@ -108,7 +108,7 @@ def _common_jumps(clocks: Mapping[str, SensorClock], stamps: Mapping[str, Nanose
 
 
 def _common_slope(clocks: list[SensorClock]) -> float:
-    """How much older messages get in a second, of the sensor of which they do least; each clock's slope is set."""
+    """Set each clock's slope of age over log time, and return the one of least magnitude."""
     for clock in clocks:
         rows = clock.main
         if rows.size >= 4 * BLOCKS:
@@ -118,7 +118,7 @@ def _common_slope(clocks: list[SensorClock]) -> float:
 
 
 def _blocks(log: Nanoseconds, age: Array) -> tuple[Array, Array]:
-    """Medians of log times and ages over blocks of messages."""
+    """Return medians of log times and ages over blocks of messages."""
     medians = [
         (np.median(a), np.median(b))
         for a, b in zip(np.array_split(log, BLOCKS), np.array_split(age, BLOCKS), strict=True)
@@ -128,7 +128,7 @@ def _blocks(log: Nanoseconds, age: Array) -> tuple[Array, Array]:
 
 
 def _drift(clock: SensorClock, slope: float) -> Loss | None:
-    """The drift of a clock against the one that others share; None where it stays within a scan."""
+    """Return the drift of a clock against the common one as a loss; None where it stays within a scan."""
     excess, rows = clock.slope - slope, clock.main
     if not excess:
         return None
@@ -149,7 +149,7 @@ def _noise(clock: SensorClock, rows: Index) -> float:
 
 
 def _common_level(clocks: list[SensorClock], slope: float, since_ns: int) -> tuple[float, list[str]]:
-    """The age [ns] that most messages have, and whose they are; of two with as many, the smaller age."""
+    """Return the age [ns] that most messages have, and the sensors that have it; of two as frequent, the smaller age."""
     levels = []
     for clock in clocks:
         age = clock.age(slope, since_ns)
@@ -171,7 +171,7 @@ def _common_level(clocks: list[SensorClock], slope: float, since_ns: int) -> tup
 def _levelled(
     clock: SensorClock, slope: float, since_ns: int, common: float, names: list[str], *, moves: bool
 ) -> tuple[list[Loss], Nanoseconds]:
-    """What is told of a clock, and its stamps with each part brought to the level of the recording."""
+    """Return the losses of a clock, and its stamps with each part brought to the level of the recording."""
     n, stamp, age = clock.log.size, clock.stamp.copy(), clock.age(slope, since_ns)
     told: list[Loss] = []
     parts = [np.flatnonzero(clock.part == number) for number in range(clock.part.max() + 1)] if clock.tells else []

@@ -146,7 +146,7 @@ def check_size(width: int, height: int, said: str) -> None:
 
 
 def picture_size(data: bytes) -> tuple[int, int] | None:
-    """Width and height that the header of a JPEG or PNG claims [px], the largest of several; None where there is none."""
+    """Return width and height in the header of a JPEG or PNG [px], the largest of several; None where there is none."""
     if data.startswith(_PNG) and len(data) >= 24:
         return struct.unpack(">II", data[16:24])
     if not data.startswith(_JPEG):

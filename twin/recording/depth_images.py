@@ -36,7 +36,7 @@ _RAW_ENCODINGS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 
 
 def encode_png(depth_m: NDArray[np.float32]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """Depth (height, width) [m], 0 or not finite for none, as the bytes of a PNG, and as whoever decodes them gets it.
+    """Encode depth (height, width) [m], 0 or not finite for none, as PNG bytes; return them and the depth they decode to.
 
     Raises ValueError for depth below 0 or beyond what 16 bits of millimetres hold.
     """
@@ -52,7 +52,7 @@ def encode_png(depth_m: NDArray[np.float32]) -> tuple[NDArray[np.uint8], NDArray
 
 
 def decode_depth(message: Any, sensor: str) -> NDArray[np.float32]:
-    """The depth (height, width) [m] in a CompressedImage (PNG; `compressedDepth` as PNG or RVL) or a raw Image; 0: none.
+    """Decode depth (height, width) [m], 0 for none, of a CompressedImage (PNG, RVL) or a raw Image.
 
     Raises InputError for a message that cannot be used.
     """
@@ -123,7 +123,7 @@ def _rvl(data: bytes, said: str) -> NDArray[np.uint16]:
 
 
 def _metres(pixels: NDArray[Any]) -> NDArray[np.float32]:
-    """Whole millimetres as metres, 65535 being none as 0 is; metres as they are, 0 for those that are none (REP 118)."""
+    """Convert whole millimetres (0 and 65535: none) or metres to metres, 0 for none (REP 118)."""
     if pixels.dtype.kind == "f":
         depth_m = pixels.astype(np.float32)
         return np.where(np.isfinite(depth_m) & (depth_m > 0), depth_m, np.float32(0))
@@ -176,16 +176,16 @@ _HELD = 30
 
 
 def tolerance_ns(colour_ns: Nanoseconds, depth_ns: Nanoseconds) -> int:
-    """How far apart the stamps of a pair may be [ns]: half a period of the slower of the two, by their stamps."""
+    """Return the largest gap between the stamps of a pair [ns]: half a period of the slower stream."""
     gaps = [np.diff(np.unique(each)) for each in (colour_ns, depth_ns)]
     usual = [float(np.median(each)) for each in gaps if each.size]
     return round((max(usual) if usual else _UNKNOWN_GAP_NS) / 2)
 
 
 def partners(colour_ns: Nanoseconds, depth_ns: Nanoseconds) -> Index:
-    """The depth picture that belongs to each colour picture, by their stamps in any order; -1 for none.
+    """Match each colour image with a depth image, by their stamps in any order; -1 for none.
 
-    They belong together that are nearest to each other, both ways, within `tolerance_ns`. Many devices stamp the two apart.
+    A pair is mutually nearest and within `tolerance_ns`. Many devices stamp the two apart.
     """
     found = np.full(colour_ns.size, -1, np.intp)
     if not colour_ns.size or not depth_ns.size:
@@ -199,7 +199,7 @@ def partners(colour_ns: Nanoseconds, depth_ns: Nanoseconds) -> Index:
 
 
 def _nearest(of_ns: Nanoseconds, among_ns: Nanoseconds) -> Index:
-    """The place of the nearest among the others for each stamp, the earlier of two as near."""
+    """Return the index of the nearest among the others for each stamp, the earlier of two as near."""
     order = np.argsort(among_ns, kind="stable")
     ordered = among_ns[order]
     right = (

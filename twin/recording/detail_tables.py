@@ -38,7 +38,7 @@ class _TableWriter(Generic[Frame]):
         stream.write(",".join(columns) + "\n")
 
     def write(self, frame: Frame) -> None:
-        """Write the lines of one frame; one without anybody is one line of which all but t and sensor is empty."""
+        """Write the lines of one frame; a frame without people is one line with t and sensor alone."""
         stamp_ns, sensor, rows = self._rows_of(frame)
         head = f"{seconds_cell(stamp_ns)},{sensor}"
         lines = [",".join([head, *map(str, row.values())]) + "\n" for row in rows]
@@ -49,7 +49,7 @@ class _TableWriter(Generic[Frame]):
 def _table_writer(
     path: Path, columns: Sequence[str], rows_of: Callable[[Frame], FrameRows]
 ) -> Iterator[_TableWriter[Frame]]:
-    """A writer of such a table; the file is there when the block has ended well.
+    """Open a writer of such a table; the file appears when the block ends well.
 
     Raises InputError where the file cannot be written.
     """
@@ -58,7 +58,7 @@ def _table_writer(
 
 
 def frame_json(frame: FrameRows, columns: Sequence[str]) -> memoryview:
-    """The same as a `std_msgs/String` (CDR) with a JSON list of objects, null for an empty cell."""
+    """Encode a frame as a `std_msgs/String` (CDR) with a JSON list of objects, null for an empty cell."""
     stamp_ns, sensor, rows = frame
     head = {columns[0]: stamp_ns / NS_PER_S, columns[1]: sensor}
     nobody = dict.fromkeys(columns[2:])
@@ -68,10 +68,10 @@ def frame_json(frame: FrameRows, columns: Sequence[str]) -> memoryview:
 def split_frames(
     columns: CsvColumns, name: str, rest: Sequence[str]
 ) -> tuple[NDArray[np.int64], NDArray[np.str_], NDArray[np.intp]]:
-    """Stamps [ns] and sensors of all rows, (n,), and the places of those that are about somebody.
+    """Return stamps [ns] and sensors of all rows, (n,), and the indices of the rows with a person.
 
-    `name` is the column of the sensor's name, `rest` those that are empty in a frame without anybody. Raises InputError
-    for a row without a sensor, and for a frame without anybody that has other rows.
+    `name` is the column of the sensor's name, `rest` the columns that are empty in a frame without people. Raises InputError
+    for a row without a sensor, and for a frame without people that has other rows.
     """
     stamps = columns.stamps_ns("t")
     sensors = columns.cells[name]
@@ -91,7 +91,7 @@ def split_frames(
 
 
 def frames_once(stamps_ns: NDArray[np.int64], sensors: NDArray[np.str_]) -> tuple[NDArray[np.int64], NDArray[np.str_]]:
-    """Every frame once, in the order of the rows: its stamp [ns] and its sensor, (n_frame,) each."""
+    """Return each frame once, in the order of the rows: its stamp [ns] and its sensor, (n_frame,) each."""
     first = list(dict.fromkeys(zip(stamps_ns.tolist(), sensors.tolist(), strict=True)))
     return np.array([stamp for stamp, _ in first], dtype=np.int64), np.array([name for _, name in first], dtype=np.str_)
 
@@ -137,7 +137,7 @@ class BoxTable(StampedRows):
 
 
 def box_writer(path: Path) -> AbstractContextManager[_TableWriter[BoxFrame]]:
-    """A writer of `truth_boxes.csv`, see `_table_writer`."""
+    """Open a writer of `truth_boxes.csv`, see `_table_writer`."""
     return _table_writer(path, BOX_COLUMNS, _box_rows)
 
 
@@ -162,7 +162,7 @@ def read_boxes(path: Path) -> BoxTable:
 
 
 def encode_boxes(frame: BoxFrame) -> memoryview:
-    """A `std_msgs/String` (CDR) with a JSON list: one object a box, the columns of truth_boxes.csv."""
+    """Encode a frame as a `std_msgs/String` (CDR): a JSON list with one object per box, the columns of truth_boxes.csv."""
     return frame_json(_box_rows(frame), BOX_COLUMNS)
 
 
@@ -194,7 +194,7 @@ class RayTable(StampedRows):
     last_beam: NDArray[np.int64]
 
     def person_of_ray(self, sensor: str, stamp_ns: int, n_beam: int) -> NDArray[np.int16]:
-        """The id of the person whom each beam of a scan meets, 0 for nobody, (n_beam,).
+        """Return the id of the person that each beam of a scan meets, 0 for none, (n_beam,).
 
         Raises KeyError where the table does not hold that scan.
         """
@@ -207,7 +207,7 @@ class RayTable(StampedRows):
 
 
 def ray_writer(path: Path) -> AbstractContextManager[_TableWriter[RayFrame]]:
-    """A writer of `truth_rays.csv`, see `_table_writer`."""
+    """Open a writer of `truth_rays.csv`, see `_table_writer`."""
     return _table_writer(path, RAY_COLUMNS, _ray_rows)
 
 
@@ -245,7 +245,7 @@ def _check_apart(rows: CsvColumns, table: RayTable) -> None:
 
 
 def encode_rays(frame: RayFrame) -> memoryview:
-    """A `std_msgs/String` (CDR) with a JSON list: one object a run, the columns of truth_rays.csv."""
+    """Encode a frame as a `std_msgs/String` (CDR): a JSON list with one object per run, the columns of truth_rays.csv."""
     return frame_json(_ray_rows(frame), RAY_COLUMNS)
 
 
@@ -260,9 +260,9 @@ DETAIL_TOPICS = (topics.TRUTH_BOXES, topics.TRUTH_RAYS, topics.TRUTH_SITUATIONS)
 
 @contextmanager
 def detail_writer(folder: Path) -> Iterator[Callable[[TruthDetail], None]]:
-    """A function that takes details and writes each into its table; the files are there when the block has ended well.
+    """Open the three detail tables and yield a function that writes a detail into its table.
 
-    Raises InputError where a file cannot be written.
+    The files appear when the block ends well. Raises InputError where a file cannot be written.
     """
     with ExitStack() as stack:
         box_file, ray_file, situation_file = (folder / name for name in DETAIL_FILES)
@@ -283,7 +283,7 @@ def detail_writer(folder: Path) -> Iterator[Callable[[TruthDetail], None]]:
 
 
 def encode_detail(detail: TruthDetail) -> tuple[str, int, memoryview]:
-    """Where a detail goes in a bag: its topic, its log time [ns] (a situation's is its end), its message (CDR)."""
+    """Return topic, log time [ns] (of a situation its end) and message (CDR) of a detail."""
     match detail:
         case BoxFrame():
             return topics.TRUTH_BOXES, detail.stamp_ns, encode_boxes(detail)

@@ -55,7 +55,7 @@ class FeetWriter:
 
 @contextmanager
 def feet_writer(path: Path, floors: Sequence[str] = ()) -> Iterator[FeetWriter]:
-    """A writer of `truth_feet.csv` with a column cells_<floor> each; the file is there when the block has ended well.
+    """Open a writer of `truth_feet.csv` with a column cells_<floor> per floor; the file appears when the block ends well.
 
     Raises InputError where the file cannot be written.
     """
@@ -64,14 +64,14 @@ def feet_writer(path: Path, floors: Sequence[str] = ()) -> Iterator[FeetWriter]:
 
 
 def encode_feet(frame: TruthFrame) -> memoryview:
-    """A `std_msgs/String` (CDR) with a JSON list: one object a foot, the columns of truth_feet.csv, null where unknown."""
+    """Encode a frame as a `std_msgs/String` (CDR): a JSON list with one object per foot, null where unknown."""
     t = frame.stamp_ns / NS_PER_S
     feet = [{"t": t} | plain(_row(person, foot, foot.cells)) for person in frame.people for foot in person.feet]
     return string_message(feet)
 
 
 def _row(person: PersonTruth, foot: FootTruth, floors: Iterable[str]) -> Row:
-    """A foot's row after t, with a column cells_<floor> each."""
+    """Return a foot's row after t, with a column cells_<floor> per floor."""
     numbers = {name: float(getattr(foot, name)) for name in _NUMBERS}
     loaded = {_CELLS + floor: foot.cells.get(floor, ()) for floor in floors}
     return {"id": person.id, "foot": foot.side, **numbers, "contact": int(foot.contact), **loaded}

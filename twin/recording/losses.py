@@ -1,8 +1,8 @@
-"""What of a recording or a run does not reach the tracks: counted by sensor and reason, told where it is more than a trifle.
+"""Losses of a recording or a run: messages that do not reach the tracks, by sensor and reason, reported above a threshold.
 
-There is one list of losses a run, from whatever counts them: the reader of a bag (malformed messages, clocks, a topic without
-messages), the schedule (messages that are missing), the trackers (observations that they drop). What is told goes to stderr,
-to the report and to `metrics.json`.
+A run has one list of losses, from all that count them: the reader of a bag (malformed messages, clocks, a topic without
+messages), the schedule (missing messages), the trackers (observations that they drop). What is reported goes to stderr, to the
+report and to `metrics.json`.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ _DENSE = 1.3
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """Messages of a sensor that are lost or were set right, of how many, and why, as a clause that follows 'messages'.
+    """Messages of a sensor that were lost or corrected, of how many, and why, as a clause that follows 'messages'.
 
-    remedy: what to do, or to type. always: told however few there are. A total of 0 stands for what cannot be counted.
+    remedy: what to do, or to type. always: reported however few there are. A total of 0 stands for what cannot be counted.
     """
 
     sensor: str
@@ -48,7 +48,7 @@ class Loss:
 
     @property
     def is_told(self) -> bool:
-        """Whether the loss is more than a trifle."""
+        """True where the loss is above the threshold, or reported always."""
         return self.always or self.count > TOLD_ABOVE * self.total
 
     @property
@@ -71,14 +71,14 @@ class Loss:
 
 
 def lines(losses: Iterable[Loss]) -> list[str]:
-    """The warnings: a line for each loss that is more than a trifle."""
+    """Format the warnings: one line per reported loss."""
     return [loss.line for loss in losses if loss.is_told]
 
 
 def missing(sensor: str, stamps_ns: Nanoseconds, from_ns: int, to_ns: int) -> Loss | None:
     """Estimate how many messages of a sensor are missing between two times, from the gaps between its stamps [ns].
 
-    A sensor's usual gap is the median. None where nothing is missing, or too few came to tell.
+    A sensor's usual gap is the median. Returns None where none is missing, or too few messages came.
     """
     ordered = np.unique(stamps_ns)
     gaps = np.diff(ordered)
@@ -100,9 +100,9 @@ def missing(sensor: str, stamps_ns: Nanoseconds, from_ns: int, to_ns: int) -> Lo
 
 
 def _rhythm(gaps: Nanoseconds) -> tuple[float, float]:
-    """The gap (of n) that a sensor keeps, and the least that holds messages that are missing [ns].
+    """Return the usual gap, and the least gap (of n gaps [ns]) that holds missing messages [ns].
 
-    Where most gaps are whole numbers of the short ones, these are its period, however many messages are missing.
+    Where most gaps are multiples of the short ones, these are the period, however many messages are missing.
     """
     short = gaps[gaps < _GAP * np.quantile(gaps, 0.1)]
     period = float(np.median(short))
@@ -114,10 +114,10 @@ def _rhythm(gaps: Nanoseconds) -> tuple[float, float]:
 
 
 def crowded(sensor: str, stamps_ns: Nanoseconds, usual: float = 0.5) -> Loss | None:
-    """Messages that lie between others twice as dense as the sensor reports elsewhere; None where there are none.
+    """Count messages that lie twice as dense as the sensor's others; None where there are none.
 
-    Two streams lie over one another there: the recorder's clock was set back, or two drivers write on one topic. `usual`:
-    quantile of the gaps that is taken for the sensor's period.
+    Two streams overlap there: the recorder's clock was set back, or two drivers write on one topic. `usual`: quantile of the
+    gaps that is taken for the sensor's period.
     """
     ordered = np.sort(stamps_ns)
     if ordered.size < 4 * _CROWD:
@@ -136,7 +136,7 @@ def crowded(sensor: str, stamps_ns: Nanoseconds, usual: float = 0.5) -> Loss | N
 
 
 class Heard:
-    """What each sensor has reported so far: when, and in how many of its beams something was in range."""
+    """Log of the observations so far: the stamps of each sensor, and the number of beams with a return per scan."""
 
     def __init__(self) -> None:
         self._stamps_ns: dict[str, array[int]] = {}
@@ -152,11 +152,11 @@ class Heard:
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many observations came of each sensor."""
+        """Number of observations of each sensor."""
         return {name: len(stamps) for name, stamps in self._stamps_ns.items()}
 
     def missing(self) -> list[Loss]:
-        """The messages that are missing by each sensor's own rhythm, from the first stamp of all to the last."""
+        """Estimate the missing messages by each sensor's own rhythm, from the first stamp of all to the last."""
         stamps = {name: np.array(each, dtype=np.int64) for name, each in self._stamps_ns.items()}
         if not stamps:
             return []
@@ -168,7 +168,7 @@ class Heard:
         return [loss for loss in found if loss is not None]
 
     def blind(self) -> list[Loss]:
-        """The scans with returns in less than half as many beams as the scanner usually has: it, or its view, is spoiled."""
+        """Count the scans with returns in less than half as many beams as the scanner usually has."""
         losses = []
         for name, each in self._readings.items():
             valid = np.array(each)
@@ -198,9 +198,10 @@ def dropped_by(
     totals: Mapping[str, int],
     ahead_s: Mapping[str, float] | None = None,
 ) -> list[Loss]:
-    """What a tracker dropped, by sensor and reason (`trackers.tracks.Reporting.losses`), of how many that it was handed.
+    """Convert a tracker's dropped observations, by sensor and reason (`trackers.tracks.Reporting.losses`), to losses.
 
-    ahead_s: how far a sensor's stamps are from those of the others logged at the same time [s]; a remedy for lateness.
+    totals: observations fed, by sensor. ahead_s: how far a sensor's stamps are from those of the others logged at the same
+    time [s]; a remedy for lateness.
     """
     found = []
     for (sensor, reason), count in losses.items():
@@ -219,5 +220,5 @@ _LEAST_OFFSET_S = 0.05
 
 
 def documents(losses: Sequence[Loss]) -> list[dict[str, Any]]:
-    """All losses, trifles too, as `losses` of metrics.json."""
+    """Return all losses, below the threshold too, as `losses` of metrics.json."""
     return [loss.document for loss in losses]

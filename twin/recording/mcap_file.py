@@ -24,9 +24,9 @@ _NO_HASH = "RIHS00_" + 64 * "0"
 class McapFile:
     """A context manager that writes messages to `path` (a `.mcap`) as they come.
 
-    The bag grows in a hidden folder beside `path` and takes its name when the block ends well; an exception, Ctrl-C
-    included, removes it and leaves an older file of that name untouched. Raises ValueError for a path without `.mcap`, and
-    InputError where the disk is full or cannot be written.
+    The bag grows in a hidden folder next to `path` and takes its name when the block ends well; an exception, Ctrl-C included,
+    removes it and leaves an older file of that name untouched. Raises ValueError for a path without `.mcap`, and InputError
+    where the disk is full or cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -123,5 +123,5 @@ class McapFile:
 
 
 def _type_hash(msgtype: str) -> str:
-    """The hash of a standard type's definition; an MCAP file does not keep it."""
+    """Return the hash of a standard type's definition; an MCAP file does not keep it."""
     return TYPESTORE.hash_rihs01(msgtype) if msgtype in TYPESTORE.types else _NO_HASH

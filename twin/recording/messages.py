@@ -1,7 +1,7 @@
 """Observations as ROS 2 messages and back.
 
-A tracker gets, live, what a replay would give it: `encode` returns the observation as its message carries it (float32
-angles and limits, the decoded JPEG) beside the message's bytes, and `decode` of those bytes gives the same to the bit.
+A tracker gets, live, what a replay would give it: `encode` returns the observation as its message carries it (float32 angles
+and limits, the decoded JPEG) with the message's bytes, and `decode` of those bytes gives the same to the bit.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ class Part:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Encoded:
-    """An observation's message (CDR), and the observation as whoever replays the message will see it.
+    """An observation's message (CDR), and the observation as a replay of the message gives it.
 
-    `more`: the messages that go with it, at once and after it: a DepthImage's depth, its colour being the first.
+    `more`: further messages of the same observation: a DepthImage's depth, its colour being the first.
     """
 
     observation: Observation
@@ -65,11 +65,11 @@ class Encoded:
 
 
 def encode(observation: Observation, *, jpeg_quality: int = 90) -> Encoded:
-    """The observation as a message; give trackers `.observation` of the result, never the observation that went in.
+    """Encode an observation as a message; give trackers `.observation` of the result, never the one that went in.
 
-    Ranges are brought to REP 117 (`LaserScan`); images go through JPEG of this quality (1–100); a floor's frame is an Image
-    in mono8, one pixel an element, the first row first; a depth image is a colour
-    JPEG and a 16-bit PNG of millimetres. The frame_id is the sensor's name, the header's stamp the observation's.
+    Ranges are brought to REP 117 (`LaserScan`); images go through JPEG of this quality (1–100); a floor's frame is an Image in
+    mono8, one pixel per element, the first row first; a depth image is a colour JPEG and a 16-bit PNG of millimetres. The
+    frame_id is the sensor's name, the header's stamp the observation's. Raises ValueError for arrays of another type or shape.
     """
     match observation:
         case LaserScan():
@@ -83,18 +83,18 @@ def encode(observation: Observation, *, jpeg_quality: int = 90) -> Encoded:
 
 
 def decode(data: bytes | memoryview, msgtype: str, sensor: str, *, kind: str | None = None) -> Observation:
-    """The observation in a serialized ROS 2 message (CDR), as `from_message` has it."""
+    """Decode the observation in a serialized ROS 2 message (CDR); see `from_message`."""
     return from_message(TYPESTORE.deserialize_cdr(data, msgtype), sensor, kind=kind)
 
 
 def from_message(message: Any, sensor: str, *, kind: str | None = None, offset_ns: int = 0) -> Observation:
-    """The observation in a ROS 1 or ROS 2 message: LaserScan, CompressedImage, or Image.
+    """Convert a ROS 1 or ROS 2 message to an observation: LaserScan, CompressedImage, or Image.
 
     An Image's encoding is one of `twin.recording.colour_images.CHANNELS`.
 
-    `kind` is that of the sensor on the rig: an Image of a 'floor' is a FloorFrame, of anything else a picture. `offset_ns` is
-    added to the header's stamp. Ranges at or beyond range_max become +inf, those below range_min or not above 0 become NaN
-    (REP 117). Raises InputError for a message that cannot be used.
+    `kind` is that of the sensor on the rig: an Image of a 'floor' is a FloorFrame, of any other an Image. `offset_ns` is added
+    to the header's stamp. Ranges at or beyond range_max become +inf, those below range_min or not above 0 become NaN (REP
+    117). Raises InputError for a message that cannot be used.
     """
     stamp_ns = stamp_of(message) + offset_ns
     if kind == "floor":
@@ -121,13 +121,13 @@ def from_message(message: Any, sensor: str, *, kind: str | None = None, offset_n
 
 
 def stamp_of(message: Any) -> int:
-    """The stamp in a message's header [ns]."""
+    """Return the stamp in a message's header [ns]."""
     stamp = message.header.stamp
     return stamp.sec * NS_PER_S + stamp.nanosec
 
 
 def time_message(stamp_ns: int) -> Time:
-    """A stamp as ROS writes it: whole seconds, and the nanoseconds since (never negative)."""
+    """Convert a stamp to ROS's Time: whole seconds, and nanoseconds (never negative)."""
     seconds, nanoseconds = divmod(stamp_ns, NS_PER_S)
     return Time(seconds, nanoseconds)
 

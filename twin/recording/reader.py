@@ -45,11 +45,11 @@ class Recording:
     """
 
     def __init__(self, path: AnyPath, rig: Rig | AnyPath | None = None) -> None:
-        """`rig` (a `rig.yaml` or its content) says what the bag's topics are; it goes before a rig in the bag.
+        """Open and check a bag; `rig` (a `rig.yaml` or its content) maps topics to sensors and overrides a rig in the bag.
 
-        Without either, a bag with one LaserScan topic is taken as one scanner at the origin, named after the topic.
-        Raises InputError, in one sentence, for a file that is missing, no bag or damaged, and where the bag lacks what
-        the rig says or has nothing that can be used.
+        Without either, a bag with one LaserScan topic is taken as one scanner at the origin, named after the topic. Raises
+        InputError for a file that is missing, no bag or damaged, and for a bag that lacks what the rig says or has nothing
+        that can be used.
         """
         self.path = path = Path(path)
         with open_bag(path) as bag:
@@ -96,17 +96,17 @@ class Recording:
 
     @property
     def observation_count(self) -> int:
-        """How many observations there are, all sensors together."""
+        """Number of observations, all sensors together."""
         return sum(len(self._times[topic]) for topic in self._topics.sensors)
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many messages of each sensor there are."""
+        """Number of messages of each sensor."""
         return {name: len(self._times[topic]) for topic, name in self._topics.sensors.items()}
 
     @property
     def losses(self) -> list[Loss]:
-        """What of the recording does not reach a tracker, or was set right; whole when `observations` has come to its end."""
+        """Losses of the recording, corrected stamps included; complete when `observations` has come to its end."""
         return [*self._found, *self._reading.losses(self._topics, self._times)]
 
     @cached_property
@@ -131,7 +131,7 @@ class Recording:
         return list(self._decoded(SensorTopics(sensors, depths, types), stamps, _Reading(), as_written=False))
 
     def observations(self) -> Iterator[Observation]:
-        """The observations in order of arrival (log time), read as they are asked for.
+        """Yield the observations in order of arrival (log time), read one at a time.
 
         Messages that cannot be used are left out and counted (`losses`). Raises InputError where the bag is damaged, or most
         of a sensor's messages cannot be used.
@@ -140,7 +140,7 @@ class Recording:
         return self._decoded(self._topics, self._stamps, self._reading, as_written=self._is_as_written)
 
     def truth(self) -> Iterator[TruthFrame]:
-        """The truth in order of time; nothing in a robot's bag. Raises InputError where it is something else."""
+        """Yield the truth in order of time; nothing in a robot's bag. Raises InputError where the topic holds something else."""
         last_text, last_ns = "", None
         told = self._told(topics.TRUTH_PEOPLE, lambda text, stamp_ns: (text, decode_people(text, stamp_ns)))
         for text, frame in told:
@@ -154,11 +154,11 @@ class Recording:
             last_text, last_ns = text, frame.stamp_ns
 
     def situations(self) -> Iterator[Situation]:
-        """The situations of two people, in the order in which they end; nothing in a robot's bag. Raises as `truth`."""
+        """Yield the situations of two people, in the order in which they end; nothing in a robot's bag. Raises as `truth`."""
         return self._told(topics.TRUTH_SITUATIONS, lambda text, _: decode_situation(text))
 
     def _told(self, topic: str, decode: Callable[[str, int], _Told]) -> Iterator[_Told]:
-        """What the strings on a topic and their log times say; nothing where the bag has none."""
+        """Decode the strings on a topic with their log times [ns]; yield nothing where the bag has none."""
         if topic not in self.topics:
             return
         self._require_string(topic)
@@ -272,7 +272,7 @@ class Recording:
         return min(int(stamps[0]) for stamps in firsts if stamps.size)
 
     def _logged_after_ns(self) -> int:
-        """How much later than their stamps messages are logged, where that is no delay but another clock [ns]; else 0."""
+        """Return the lag of log times after stamps [ns] where that is another clock and no delay; else 0."""
         ages = [
             self._times[topic].log_ns - stamps - self.start_ns for topic, stamps in self._stamps.items() if stamps.size
         ]
@@ -285,7 +285,7 @@ class Recording:
         return {name: set(self._times[topic].frames) for topic, name in self._topics.sensors.items()}
 
     def _not_there(self, times: Mapping[str, MessageTimes], bag: Bag) -> Iterator[Loss]:
-        """What the bag says that it holds and does not, and what is missing by the sensors' own rhythm."""
+        """Yield losses of messages that the bag's index counts or the sensors' own rhythm expects."""
         stamps = [stamps for stamps in self._stamps.values() if stamps.size]
         if not stamps:
             return
@@ -311,7 +311,7 @@ class Recording:
 
 
 class _Reading:
-    """What was left out while observations were read, by topic."""
+    """Messages left out while observations are read, by topic."""
 
     def __init__(self) -> None:
         self.left_out: dict[str, int] = {}
@@ -325,7 +325,7 @@ class _Reading:
         self.first.setdefault(topic, (stamp_ns, why))
 
     def losses(self, found: SensorTopics, times: Mapping[str, MessageTimes]) -> list[Loss]:
-        """What was left out, as losses."""
+        """Return what was left out, as losses."""
         losses = []
         for topic, count in self.left_out.items():
             stamp_ns, why = self.first[topic]

@@ -57,7 +57,7 @@ def lenses_held_against(bag: Bag, rig: Rig, sensors: Mapping[str, str]) -> list[
 
 
 def _beside(topic: str) -> str:
-    """Return the CameraInfo topic of a topic of pictures: beside it, whatever transport the pictures take."""
+    """Return the CameraInfo topic of a topic of images: in the same namespace, whatever transport the images take."""
     parts = topic.split("/")
     if parts[-1] in _TRANSPORTS:
         parts.pop()
@@ -142,7 +142,7 @@ _MOST_STEPS = 100  # from a frame to the root: a tree with a circle in it has no
 
 @dataclass
 class _Motion:
-    """How far something has come from its first pose at most."""
+    """Largest translation and rotation from a first pose."""
 
     first: tuple[Any, Any] | None = None
     moved_m: float = 0.0
@@ -166,10 +166,10 @@ class _Motion:
 
 
 def motions(bag: Bag, frames: Mapping[str, Iterable[str]]) -> list[str]:
-    """A warning for the sensors that something in the bag says to move; `frames`: the frame_ids of each sensor's messages.
+    """Return one warning per cause that moves sensors; `frames`: the frame_ids of each sensor's messages.
 
     A transform moves a sensor if it lies between the sensor's frame and the root of the tree. A robot's odometry, or pose,
-    moves those sensors that stand on it, and all where no transform says what stands where.
+    moves those sensors that stand on it, and all where no transform tells what stands on what.
     """
     poses, edges, parents = _read(bag)
     chains = {name: _ancestors(own, parents) for name, own in frames.items()}
@@ -198,7 +198,7 @@ def _said(what: str, motion: _Motion) -> str:
 def _read(
     bag: Bag,
 ) -> tuple[dict[str, tuple[str, _Motion]], dict[tuple[str, str, str], _Motion], dict[str, str]]:
-    """Motion by topic of poses with the frame that moves, motion by transform, and the parent of each frame."""
+    """Return motion by topic of poses with the moving frame, motion by transform, and the parent of each frame."""
     poses: dict[str, tuple[str, _Motion]] = {}
     edges: dict[tuple[str, str, str], _Motion] = {}
     parents: dict[str, str] = {}
@@ -224,7 +224,7 @@ def _read(
 
 
 def first_transforms(bag: Bag) -> dict[str, tuple[str, NDArray[np.float64]]]:
-    """The parent of each frame, and the transform (4, 4) of its points to the parent's, as it is said first."""
+    """Return the parent of each frame, and the transform (4, 4) of its points to the parent's, by its first message."""
     types = {name: kind for name, topic in bag.topics.items() if (kind := topic.type_among(_TRANSFORMS)) is not None}
     found: dict[str, tuple[str, NDArray[np.float64]]] = {}
     for topic, _, data, is_ros1 in bag.encoded_messages(types):
@@ -245,7 +245,7 @@ def first_transforms(bag: Bag) -> dict[str, tuple[str, NDArray[np.float64]]]:
 
 
 def _ancestors(frames: Iterable[str], parents: Mapping[str, str]) -> set[str]:
-    """The frames and all that they stand on."""
+    """Return the frames and all their ancestors."""
     found: set[str] = set()
     for frame in frames:
         here: str | None = frame.strip("/")

@@ -39,7 +39,7 @@ class MessageTimes:
 
     @property
     def falls_back(self) -> bool:
-        """Whether stamps fall back again and again in the order of the log times: of two times that lie over one another."""
+        """True where stamps fall back again and again in the order of the log times: two overlapping streams."""
         return int(np.count_nonzero(np.diff(self.stamp_ns) < -MAX_WAIT_S * NS_PER_S)) > _FEW
 
 
@@ -90,7 +90,7 @@ class _Unwound:
 
 
 def read_times_as_written(bag: Bag, topics: Mapping[str, str]) -> tuple[dict[str, MessageTimes], list[int]]:
-    """The same in the order of the file, log times made to go on, and by how much the recorder's clock was set back [ns]."""
+    """Read times in the order of the file; return them, log times continued, and each step back of the recorder's clock [ns]."""
     read, unwound = {topic: _TopicTimes() for topic in topics}, _Unwound()
     for topic, log_ns, data, is_ros1 in bag.encoded_messages(topics, in_file_order=True):
         read[topic].add(unwound(topic, log_ns), header_of(data, is_ros1), data)
@@ -98,7 +98,7 @@ def read_times_as_written(bag: Bag, topics: Mapping[str, str]) -> tuple[dict[str
 
 
 def read_times(bag: Bag, topics: Mapping[str, str]) -> dict[str, MessageTimes]:
-    """The times of all messages of these topics, by type, which begin with a header; one message is held at a time.
+    """Read the times of all messages of these topics, by type, which begin with a header; one message is held at a time.
 
     Raises InputError where the bag is damaged.
     """
@@ -109,7 +109,7 @@ def read_times(bag: Bag, topics: Mapping[str, str]) -> dict[str, MessageTimes]:
 
 
 def header_of(data: bytes, is_ros1: bool) -> tuple[int, str] | None:
-    """Stamp [ns] and frame_id of an encoded message that begins with a header; None where they cannot be read."""
+    """Read stamp [ns] and frame_id of an encoded message that begins with a header; None where they cannot be read."""
     try:
         if is_ros1:
             _, seconds, nanoseconds, length = struct.unpack_from("<IIII", data, 0)
@@ -165,7 +165,7 @@ class SensorClock:
         self.slope = 0.0
 
     def age(self, slope: float = 0.0, since_ns: int = 0) -> Array:
-        """Log time minus stamp [ns], less what a common slope makes of it."""
+        """Return log time minus stamp [ns], less a common slope."""
         return (self.log - self.stamp).astype(np.float64) - np.float64(slope) * (self.log - since_ns)
 
     @property
@@ -175,7 +175,7 @@ class SensorClock:
         return np.flatnonzero(self.part == np.bincount(numbers).argmax()) if numbers.size else np.empty(0, np.intp)
 
     def _log_goes_along(self) -> bool:
-        """Whether log times pass about as fast as stamps: else they were written at another time."""
+        """Return True where log times pass about as fast as stamps; else they were written at another time."""
         log, stamp = self.log[self.set], self.stamp[self.set]
         if log.size < 3:
             return True
@@ -204,7 +204,7 @@ class SensorClock:
         return np.interp(np.arange(self.log.size), self.set, goes_on - goes_on[0]).astype(np.int64) + goes_on[0]
 
     def _parts(self) -> Index:
-        """The part of each message that has a stamp, -1 for a stamp that is far from those about it."""
+        """Return the part of each message that has a stamp, -1 for a stamp far from its neighbours."""
         stamp = self.stamp[self.set]
         age = (self.log[self.set] - stamp).astype(float)
         steps = np.diff(age)
@@ -215,7 +215,7 @@ class SensorClock:
         return self._split(stamp, age)
 
     def _is_late_only(self, stamp: Nanoseconds) -> bool:
-        """Whether the stamps in order are those of a clock that runs on: messages were held up, no clock was set."""
+        """Return True where the sorted stamps are those of a clock that runs on: messages were late, no clock was set."""
         log = self.log[self.set]
         once = np.concatenate([[True], np.diff(stamp) != 0])  # a message that came twice says nothing of the clock
         gaps = np.diff(np.sort(stamp[once]))

@@ -37,15 +37,15 @@ class SensorTopics:
     losses: list[Loss] = field(default_factory=list)
 
     def label(self, topic: str) -> str:
-        """What warnings call the topic: by its sensor."""
+        """Return the topic's name in warnings: its sensor."""
         return self.sensors[topic] if topic in self.sensors else f"{self.depths[topic]} (depth)"
 
 
 def sensor_topics(path: Path, topics: Mapping[str, Topic], rig: Rig, source: str) -> SensorTopics:
-    """The topics of the rig's sensors; raises InputError for one that is missing or of another type.
+    """Find the topics of the rig's sensors; raises InputError for one that is missing or of another type.
 
-    `source` names the rig in errors. A sensor whose topic is missing is left out, and told, where no topic that it could be
-    is without a sensor: it was not recorded. Else its name is taken for a slip.
+    `source` names the rig in errors. A sensor whose topic is missing is left out, and reported, where every topic that fits it
+    belongs to another sensor: it was not recorded. Else its name is taken for a typing error.
     """
     found = SensorTopics()
     wanted = [(name, "topic", sensor.topic, MSGTYPES[sensor.kind]) for name, sensor in rig.sensors.items()]
@@ -78,15 +78,15 @@ def sensor_topics(path: Path, topics: Mapping[str, Topic], rig: Rig, source: str
 
 
 def absent(sensor: str, topic: str, why: str) -> Loss:
-    """The loss of a sensor that says nothing at all."""
+    """Return the loss of a sensor without any message."""
     remedy = "see whether its driver ran and its topic was recorded, or take it from rig.yaml"
     return Loss(sensor, 0, 0, f"no message on {topic} ({why}): tracked without it", remedy, always=True)
 
 
 def guessed_rig(path: Path, topics: Mapping[str, Topic]) -> tuple[Rig, list[Loss]]:
-    """The one scanner of a bag at the origin, named after its topic, and scanners without a message, told as losses.
+    """Return a rig of the bag's one scanner at the origin, named after its topic, and scanners without a message as losses.
 
-    Raises InputError for a bag with another number of scanners that say something.
+    Raises InputError for a bag with another number of scanners that have messages.
     """
     scans, images = topics_of(topics, LASER_SCAN), topics_of(topics, *_PICTURES)
     said = [topic for topic in scans if topics[topic].count_of(LASER_SCAN)]
@@ -115,7 +115,7 @@ def _name_of(topic: str) -> str:
 
 
 def topics_of(topics: Mapping[str, Topic], *msgtypes: str) -> list[str]:
-    """The topics of these types, those of empty rooms left out."""
+    """Return the topics of these types, those of empty rooms left out."""
     return sorted(name for name, topic in topics.items() if topic.type_among(msgtypes) and _BACKGROUND not in name)
 
 

@@ -53,23 +53,23 @@ class SituationTable:
         return self.kind.size
 
     def select(self, kind: SituationKind, sensor: str | None = None) -> SituationTable:
-        """The situations of one kind, and of one sensor."""
+        """Return the situations of one kind, and of one sensor."""
         rows = self.kind == kind if sensor is None else (self.kind == kind) & (self.sensor == sensor)
         columns = {field.name: getattr(self, field.name)[rows] for field in fields(self)[1:]}
         return SituationTable(self.source, **columns)
 
     def frames(self, stamps_ns: NDArray[np.int64], after_s: float = 0.0) -> NDArray[np.bool_]:
-        """Which of these frames (k,) lie in each situation, (n, k): from its start up to, not at, its end.
+        """Return which of these frames (k,) lie in each situation, (n, k): from its start up to, not at, its end.
 
-        With `after_s` the time after the end counts too: of a situation that is disposed of, a tracker makes no mistake
-        about either person during it and in the second after it.
+        With `after_s` the time after the end counts too: a situation that is disposed of is one without a tracking error on
+        either person during it and in the second after it.
         """
         stamps_ns = np.asarray(stamps_ns)
         late_ns = self.end_ns[:, None] + round(after_s * NS_PER_S)
         return (stamps_ns >= self.start_ns[:, None]) & (stamps_ns < late_ns)
 
     def pair_frames(self, stamps_ns: NDArray[np.int64]) -> int:
-        """How often a pair of people is in such a situation in one of these frames, as correlated pairs are counted.
+        """Count the pairs of people in such a situation over these frames, as correlated pairs are counted.
 
         For situations of one kind and sensor, which do not overlap.
         """
@@ -90,7 +90,7 @@ class SituationWriter:
 
 @contextmanager
 def situation_writer(path: Path) -> Iterator[SituationWriter]:
-    """A writer of `truth_situations.csv`; the file is there when the block has ended well.
+    """Open a writer of `truth_situations.csv`; the file appears when the block ends well.
 
     Raises InputError where the file cannot be written.
     """
@@ -126,7 +126,7 @@ def read_situations(path: Path) -> SituationTable:
 
 
 def situation_table(situations: Iterable[Situation], source: str = "situations") -> SituationTable:
-    """Situations as the table that reading their file would give."""
+    """Convert situations to the table that reading their file would give."""
     rows = list(situations)
     return SituationTable(
         source,
@@ -143,12 +143,12 @@ def situation_table(situations: Iterable[Situation], source: str = "situations")
 
 
 def encode_situation(situation: Situation) -> memoryview:
-    """A `std_msgs/String` (CDR) with a JSON list of one object, the columns of truth_situations.csv, null where unknown."""
+    """Encode a `std_msgs/String` (CDR): a JSON list of one object, the columns of truth_situations.csv, null where unknown."""
     return string_message([plain(_row(situation, lambda ns: ns / NS_PER_S))])
 
 
 def _row(situation: Situation, time: Callable[[int], float | str]) -> Row:
-    """Its row, stamps [ns] written by `time`."""
+    """Return the situation's row, stamps [ns] written by `time`."""
     return {
         "kind": situation.kind,
         "first_id": situation.first_id,
@@ -163,7 +163,7 @@ def _row(situation: Situation, time: Callable[[int], float | str]) -> Row:
 
 
 def decode_situation(text: str) -> Situation:
-    """The situation in such a string; raises InputError for a text that is something else."""
+    """Decode the situation in such a string; raises InputError for another text."""
     try:
         (row,) = json.loads(text)
         return Situation(

@@ -1,9 +1,8 @@
 """The tables `truth.csv` and `tracks/<tracker>.csv`: written row by row, read whole and checked.
 
-Both have one row a person (or track) and moment. A moment at which nobody is there (nobody is tracked) is one row with
-only `t` filled: it says that the moment was looked at. `t` is in seconds with nine decimals, so that the nanosecond
-stamps survive; all other numbers are the shortest decimals that read back to the same float. Room frame, metres,
-radians, metres per second.
+Both have one row per person (or track) and frame. A frame without people (without tracks) is one row with only `t` filled: it
+says that the frame was evaluated. `t` is in seconds with nine decimals, so that the nanosecond stamps survive; all other
+numbers are the shortest decimals that read back to the same float. Room frame, metres, radians, metres per second.
 """
 
 from __future__ import annotations
@@ -42,7 +41,7 @@ _VISIBLE = "visible_"
 
 @dataclass(frozen=True, eq=False)
 class TruthTable(StampedRows):
-    """Truth as columns, one element a person and moment, ordered by stamp, then id; units as in `PersonTruth`."""
+    """Truth as columns, one element per person and frame, ordered by stamp, then id; units as in `PersonTruth`."""
 
     source: str
     frame_stamps_ns: NDArray[np.int64]  # (n_frame,) every moment once, those without people too, ascending
@@ -65,7 +64,7 @@ class TruthTable(StampedRows):
 
 @dataclass(frozen=True, eq=False)
 class TrackTable(StampedRows):
-    """Tracks as columns, one element a track and moment, ordered by stamp, then id; units as in `Track`."""
+    """Tracks as columns, one element per track and frame, ordered by stamp, then id; units as in `Track`."""
 
     source: str
     frame_stamps_ns: NDArray[np.int64]  # (n_frame,) every moment once, those without tracks too, ascending
@@ -117,19 +116,19 @@ class TrackWriter:
 
 
 def person_row(person: PersonTruth, sensors: Iterable[str]) -> Row:
-    """A person's row of `truth.csv` after t, with a column visible_<sensor> each."""
+    """Return a person's row of `truth.csv` after t, with a column visible_<sensor> per sensor."""
     numbers = {name: float(getattr(person, name)) for name in _TRUTH_NUMBERS}
     visible = {_VISIBLE + sensor: person.visible.get(sensor, nan) for sensor in sensors}
     return {"id": person.id, **numbers, "in_area": int(person.in_area), **visible}
 
 
 def track_row(track: Track) -> Row:
-    """A track's row of `tracks/<tracker>.csv` after t."""
+    """Return a track's row of `tracks/<tracker>.csv` after t."""
     return {"id": track.id, **{name: float(getattr(track, name)) for name in _TRACK_NUMBERS}, "status": track.status}
 
 
 def person_of(row: Mapping[str, Any]) -> PersonTruth:
-    """The person of such a row as JSON holds it, null for a number that is not known; raises as a mapping or number does."""
+    """Convert such a row in JSON, null for an unknown number, to a person; raises as a mapping or number does."""
 
     def number(name: str) -> float:
         return nan if row[name] is None else float(row[name])
@@ -144,7 +143,7 @@ def person_of(row: Mapping[str, Any]) -> PersonTruth:
 
 @contextmanager
 def truth_writer(path: Path, sensors: Sequence[str] = ()) -> Iterator[TruthWriter]:
-    """A writer of `truth.csv` with a column visible_<sensor> each; the file is there when the block has ended well.
+    """Open a writer of `truth.csv` with a column visible_<sensor> per sensor; the file appears when the block ends well.
 
     Raises InputError where the file cannot be written.
     """
@@ -154,7 +153,7 @@ def truth_writer(path: Path, sensors: Sequence[str] = ()) -> Iterator[TruthWrite
 
 @contextmanager
 def track_writer(path: Path) -> Iterator[TrackWriter]:
-    """A writer of `tracks/<tracker>.csv`; the file is there when the block has ended well.
+    """Open a writer of `tracks/<tracker>.csv`; the file appears when the block ends well.
 
     Raises InputError where the file cannot be written.
     """
@@ -167,10 +166,10 @@ def read_truth(
 ) -> TruthTable:
     """Read a `truth.csv` of no more than `most_bytes` (None: any size).
 
-    t (or frame, with `frame_rate_hz`, which `rate_field` says), id, x and y suffice; see `read_people` for the layouts.
-    Ids that are not all whole numbers from 1 on are counted from 1. Without in_area everybody is inside. Columns
-    visible_<sensor> are kept by sensor, others that the contract does not name are passed over. Raises InputError
-    naming file, line, column and value.
+    t (or frame, with `frame_rate_hz`, which `rate_field` says), id, x and y suffice; see `read_people` for the layouts. Ids
+    that are not all whole numbers from 1 on are counted from 1. Without in_area all people are inside. Columns
+    visible_<sensor> are kept by sensor, others that the contract does not name are ignored. Raises InputError naming file,
+    line, column and value.
     """
     found = read_people(Path(path), "a truth table", most_bytes, frame_rate_hz, rate_field)
     rows = found.rows
@@ -219,7 +218,7 @@ def read_tracks(
 
 
 def truth_table(frames: Iterable[TruthFrame], source: str = "truth") -> TruthTable:
-    """Truth frames as the table that reading their file would give; raises ValueError for a repeated (stamp, id)."""
+    """Convert truth frames to the table that reading their file would give; raises ValueError for a repeated (stamp, id)."""
     frames = list(frames)
     people = [(frame.stamp_ns, person) for frame in frames for person in frame.people]
     frame_stamps, stamps, ids, order = _memory_index([f.stamp_ns for f in frames], [(s, p.id) for s, p in people])
@@ -249,7 +248,7 @@ def track_table(frames: Iterable[TrackFrame], source: str = "tracks") -> TrackTa
 
 
 class _RowWriter:
-    """The part that both writers share: the header, the order of time, the rows without anybody."""
+    """The shared part of both writers: the header, the order of time, the frames without rows."""
 
     def __init__(self, stream: TextIO, columns: Sequence[str]) -> None:
         self._stream = stream
@@ -282,7 +281,7 @@ def _id(stamp_ns: int, value: object) -> int:
 
 
 def seconds_cell(stamp_ns: int) -> str:
-    """A stamp as these tables write it: seconds with nine decimals."""
+    """Format a stamp [ns] as seconds with nine decimals."""
     whole, rest = divmod(abs(int(stamp_ns)), NS_PER_S)
     return f"{'-' if stamp_ns < 0 else ''}{whole}.{rest:09d}"
 
@@ -293,7 +292,7 @@ Row = dict[str, Value]
 
 
 def cell(value: Value) -> str:
-    """A value as these tables write it: empty for None and NaN, whole numbers parted by blanks."""
+    """Format a value: empty for None and NaN, whole numbers separated by blanks."""
     if isinstance(value, float):
         return number_cell(value)
     if value is None or isinstance(value, str):
@@ -302,12 +301,12 @@ def cell(value: Value) -> str:
 
 
 def plain(row: Mapping[str, Value]) -> Row:
-    """A row as JSON holds it: null for NaN."""
+    """Return a row as JSON holds it: null for NaN."""
     return {name: None if isinstance(value, float) and isnan(value) else value for name, value in row.items()}
 
 
 def number_cell(value: float) -> str:
-    """A number as these tables write it: empty for NaN; raises ValueError for an infinite one."""
+    """Format a number: empty for NaN; raises ValueError for an infinite one."""
     if isfinite(value):
         return repr(float(value))
     if isnan(value):
@@ -316,7 +315,7 @@ def number_cell(value: float) -> str:
 
 
 def _numbers(rows: CsvColumns, name: str) -> NDArray[np.float64]:
-    """A column's numbers; NaN where the table has no such column."""
+    """Return a column's numbers; NaN where the table has no such column."""
     if name not in rows.cells:
         return np.full(len(rows), nan)
     return rows.numbers(name, may_be_empty=name not in ("x", "y"))

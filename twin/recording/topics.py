@@ -25,10 +25,10 @@ ROOM_FRAME = "room"
 
 
 def sensor_topic(sensor: str, suffix: str) -> str:
-    """Where a sensor's messages go: `/waist/scan`."""
+    """Return the topic of a sensor's messages: `/waist/scan`."""
     return f"/{sensor}/{suffix}"
 
 
 def background_topic(sensor: str, suffix: str) -> str:
-    """Where a sensor's view of the empty room goes: `/waist/background/scan`."""
+    """Return the topic of a sensor's observations of the empty room: `/waist/background/scan`."""
     return f"/{sensor}/background/{suffix}"

@@ -35,7 +35,7 @@ _STYLE = MarkerStyle("tracks", "ids", width_m=0.3, opacity=0.8, id_prefix="#")  
 
 
 def track_topics(trackers: Sequence[str]) -> dict[str, str]:
-    """The topic of each tracker's tracks: `/tracks/laser_imm` (ROS allows letters, digits and underscores); markers below."""
+    """Name the topic of each tracker's tracks: `/tracks/laser_imm` (ROS allows letters, digits, underscores); markers below."""
     found: dict[str, str] = {}
     for name in trackers:
         topic = "/tracks/" + re.sub(r"\W|^(?=\d)", "_", name, flags=re.ASCII)
@@ -46,12 +46,12 @@ def track_topics(trackers: Sequence[str]) -> dict[str, str]:
 
 
 def markers_topic(topic: str) -> str:
-    """Where the markers of a topic of tracks go."""
+    """Return the topic of the markers of a topic of tracks."""
     return f"{topic}/markers"
 
 
 def encode_tracks(frame: TrackFrame) -> memoryview:
-    """A `std_msgs/String` (CDR) with a JSON list: one object a track, the columns of the table, null where not estimated."""
+    """Encode a `std_msgs/String` (CDR): a JSON list with one object per track, the table's columns, null where not estimated."""
     t = frame.stamp_ns / NS_PER_S
     rows = [{"t": t} | plain(track_row(track)) for track in frame.tracks]
     return string_message(rows)
@@ -61,7 +61,7 @@ class TrackTopics:
     """Writes the tracks of several trackers into an open bag, each frame logged at its stamp."""
 
     def __init__(self, bag: McapFile, trackers: Sequence[str], start_ns: int = 0, logged_after_ns: int = 0) -> None:
-        """`start_ns` is added to stamps, for a bag whose clock does not start at 0, and both to log times."""
+        """Connect the topics; `start_ns` is added to stamps, for a clock that does not start at 0, and both to log times."""
         self._bag = bag
         self._logged_after_ns = logged_after_ns
         self._start_ns = start_ns
@@ -139,7 +139,7 @@ def check_copy(source: Path, target: Path) -> None:
 
 
 def _store_for(connection: Connection) -> Typestore | None:
-    """The types of a ROS 1 connection's messages, with ROS 2's header; None where neither it nor ROS 1 defines them."""
+    """Return the types of a ROS 1 connection's messages, with ROS 2's header; None where neither it nor ROS 1 defines them."""
     msgtype, store = normal_type(connection.msgtype), get_typestore(Stores.EMPTY)
     header = {_HEADER: TYPESTORE.fielddefs[_HEADER]}
     try:
@@ -163,7 +163,7 @@ def _as_ros2(bag: McapFile, connection: Connection, store: Typestore) -> tuple[C
 
 
 def _write_start(bag: McapFile, recording: Recording) -> None:
-    """The stamp of t = 0, and where the sensors' frames are in the room."""
+    """Write the stamp of t = 0, and the transforms of the sensors' frames to the room's."""
     log_ns = max(recording.start_ns + recording.logged_after_ns, 0)
     bag.connect(START, STRING, latched(depth=1))
     start = {"start_stamp_ns": recording.start_ns}
@@ -185,7 +185,7 @@ def _write_start(bag: McapFile, recording: Recording) -> None:
 
 
 def _to_root(frame: str, parents: dict[str, tuple[str, np.ndarray]]) -> tuple[str, np.ndarray]:
-    """The frame that nothing holds below which this one is, and the transform (4, 4) of its points to this one."""
+    """Return the root frame above this one, and the transform (4, 4) of its points to this one."""
     root, frame_from_root, seen = frame, np.eye(4), {frame}
     while root in parents and parents[root][0] not in seen:
         parent, parent_from_root = parents[root]

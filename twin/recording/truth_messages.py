@@ -42,7 +42,7 @@ _COLORS = ((0.12, 0.47, 0.71), (1.0, 0.5, 0.05), (0.17, 0.63, 0.17), (0.84, 0.15
 
 @dataclass(frozen=True)
 class MarkerStyle:
-    """How people are drawn: the namespaces of cylinders and labels, the cylinder's width [m], what stands before an id."""
+    """Style of people's markers: namespaces of cylinders and labels, the cylinder's width [m], the prefix of an id."""
 
     bodies: str
     labels: str
@@ -55,14 +55,14 @@ TRUTH_STYLE = MarkerStyle("people", "names", width_m=0.45, opacity=0.4)
 
 
 def encode_people(frame: TruthFrame) -> memoryview:
-    """A `std_msgs/String` (CDR) with a JSON list: one object a person, the columns of truth.csv, null where unknown."""
+    """Encode a `std_msgs/String` (CDR): a JSON list with one object per person, the columns of truth.csv, null where unknown."""
     t = frame.stamp_ns / NS_PER_S
     people = [{"t": t} | plain(person_row(person, person.visible)) for person in frame.people]
     return string_message(people)
 
 
 def decode_people(text: str, stamp_ns: int) -> TruthFrame:
-    """The truth in such a string; raises InputError for a text that is something else."""
+    """Decode the truth in such a string; raises InputError for another text."""
     try:
         people = tuple(person_of(row) for row in json.loads(text))
         ids = [person.id for person in people]
@@ -96,7 +96,7 @@ class PeopleMarkers:
         self._seconds_at = self._doubles_at = np.zeros(0, dtype=np.intp)
 
     def encode(self, stamp_ns: int, people: Sequence[PersonTruth | Track], faint: Collection[int] = ()) -> bytes:
-        """The markers (CDR) at a stamp; people drawn before and not among these are taken away.
+        """Encode the markers (CDR) at a stamp; people drawn before and not among these are deleted.
 
         `faint`: the ids to draw with half the opacity.
         """
@@ -124,7 +124,7 @@ class PeopleMarkers:
         return person.x, person.y, height / 2, height, name_x, name_y, height + _NAME_ABOVE_M
 
     def _layout(self, ids: tuple[int, ...], gone: list[int]) -> bytes:
-        """The message with marks where numbers go; notes where they stand."""
+        """Serialize the message with marks in place of numbers, and note their positions."""
         markers = []
         for id_ in ids:
             markers += [self._cylinder(id_), self._name(id_)]
@@ -158,7 +158,7 @@ _MARK = 1.2345678e200
 
 
 def _words_and_doubles(message: NDArray[np.uint8]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """Views of a message's aligned 4-byte integers and 8-byte floats; CDR aligns to the end of its four-byte head."""
+    """View a message as aligned 4-byte integers and 8-byte floats; CDR aligns to the end of its four-byte head."""
     payload = message[4:]
     return payload[: payload.size // 4 * 4].view("<i4"), payload[: payload.size // 8 * 8].view("<f8")
 

@@ -81,10 +81,10 @@ class BagWriter(McapFile):
         scenario_yaml: str | None = None,
         names: Mapping[int, str] | None = None,
     ) -> None:
-        """`scenario_yaml` is the resolved scenario's text; `names`, by id, are written over the people's heads.
+        """Prepare the bag; `scenario_yaml` is the resolved scenario's text, `names`, by id, label the people's markers.
 
-        Messages are written with their own stamps: a reader adds the rig's time offsets. Raises ValueError for a path
-        without `.mcap`.
+        Messages are written with their own stamps: a reader adds the rig's time offsets. Raises ValueError for a path without
+        `.mcap`.
         """
         super().__init__(path)
         self._rig = rig
@@ -167,7 +167,7 @@ class BagWriter(McapFile):
         self.write(topics.TF_STATIC, 0, TYPESTORE.serialize_cdr(TFMessage(transforms), TF_MESSAGE))
 
     def _topic(self, sensor: str, suffix: str) -> str:
-        """Where a further message of an observation goes."""
+        """Return the topic of a further message of an observation."""
         on_rig = self._rig.sensors[sensor]
         is_depth = isinstance(on_rig, StereoSensor) and suffix == topics.DEPTH
         return on_rig.depth_topic if is_depth else topics.sensor_topic(sensor, suffix)
@@ -180,7 +180,7 @@ class BagWriter(McapFile):
 
 
 def latched(depth: int) -> tuple[Qos, ...]:
-    """Quality of service under which a late subscriber still gets the last `depth` messages."""
+    """Return the quality of service under which a late subscriber still gets the last `depth` messages."""
     return (
         Qos(
             QosHistory.KEEP_LAST,
@@ -201,7 +201,7 @@ def _transform(sensor: str, room_from_sensor: Pose) -> TransformStamped:
 
 
 def transform_message(child: str, room_from_child: NDArray[np.float64]) -> TransformStamped:
-    """The place of a frame in the room's, for `/tf_static`; room_from_child: (4, 4)."""
+    """Return a frame's pose in the room as a transform for `/tf_static`; room_from_child: (4, 4)."""
     x, y, z = room_from_child[:3, 3].tolist()
     return _stamped(child, room_from_child[:3, :3], (x, y, z))
 
