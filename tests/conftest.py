@@ -16,3 +16,11 @@ shape_checks.install()
 def pytest_runtest_setup() -> None:
     """Check each function's first calls anew in each test."""
     shape_checks.begin_test()
+
+
+@pytest.fixture(autouse=True)
+def limits_hold_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A command that lifts the limits in this process lifts them for its own test alone."""
+    from trackers.limits import NO_LIMITS
+
+    monkeypatch.setenv(NO_LIMITS, "")

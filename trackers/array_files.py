@@ -19,6 +19,7 @@ import numpy as np
 
 from trackers.arrays import AnyArray
 from trackers.errors import InputError
+from trackers.limits import check_limit
 from trackers.text_file import AnyPath
 
 _WORDS = {"U": "text is", "iu": "whole numbers are", "u": "bytes are", "f": "numbers are", "b": "booleans are"}
@@ -141,8 +142,7 @@ def _check_headers(headers: Mapping[str, _Header], specs: Mapping[str, ArraySpec
             raise InputError(f"{path}: {name} has shape {header.shape}; ({written}) is expected")
         sizes |= {size: have for size, have in zip(spec.shape, header.shape, strict=True) if isinstance(size, str)}
         n_value = math.prod(header.shape)
-        if n_value > spec.most:
-            raise InputError(f"{path}: {name} has {n_value} values; at most {spec.most:.0f} are expected")
+        check_limit(n_value, spec.most, f"{path}: {name} has", "values")
         if header.dtype.kind == "U" and header.dtype.itemsize > 4 * _LONGEST_TEXT:
             raise InputError(
                 f"{path}: {name} is a text of {header.dtype.itemsize // 4} characters; at most {_LONGEST_TEXT} are expected"

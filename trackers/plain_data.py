@@ -28,6 +28,7 @@ from yaml.resolver import BaseResolver, Resolver
 from yaml.scanner import Scanner
 
 from trackers.errors import InputError
+from trackers.limits import are_limits_lifted
 
 try:
     from yaml.cyaml import CParser as _Events, CSafeDumper as _SafeDumper
@@ -141,10 +142,9 @@ class _Loader(Composer, SafeConstructor, _PlainResolver, _Events):  # pyright: i
 
     def _count(self, n: int, event: Any) -> None:
         self._n_value += n
-        if self._n_value > MOST_VALUES:
-            raise ComposerError(
-                None, None, f"more than {MOST_VALUES} values, those that aliases repeat included", event.start_mark
-            )
+        if self._n_value > MOST_VALUES and not are_limits_lifted():
+            what = f"more than {MOST_VALUES} values, those that aliases repeat included, without --no-limits"
+            raise ComposerError(None, None, what, event.start_mark)
 
     def construct_object(self, node: Node, deep: bool = False) -> Any:
         """The plain value of a node."""

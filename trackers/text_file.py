@@ -8,6 +8,7 @@ import stat
 from pathlib import Path
 
 from trackers.errors import InputError
+from trackers.limits import are_limits_lifted, refuse_unless_lifted
 
 AnyPath = str | os.PathLike[str]
 """A path as callers may have it."""
@@ -19,7 +20,8 @@ MOST_TEXT_BYTES = 64 * 1024 * 1024
 def read_text(source: AnyPath, expected: str, most_bytes: int | None = MOST_TEXT_BYTES) -> str:
     """The text of a file in UTF-8; raises InputError naming the file and what is `expected` of it.
 
-    No more than `most_bytes` are ever held (None: all of it). A device, which may never end, is refused.
+    No more than `most_bytes` are ever held (None: all of it) unless the limits are lifted. A device, which may never
+    end, is refused.
     """
     source = Path(source)
     try:
@@ -27,7 +29,7 @@ def read_text(source: AnyPath, expected: str, most_bytes: int | None = MOST_TEXT
         if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
             raise InputError(f"{source}: is a device, not a file; {expected} is expected")
         with source.open("rb") as stream:
-            content = stream.read() if most_bytes is None else stream.read(most_bytes + 1)
+            content = stream.read() if most_bytes is None or are_limits_lifted() else stream.read(most_bytes + 1)
     except InputError:
         raise
     except OSError as error:
@@ -35,7 +37,7 @@ def read_text(source: AnyPath, expected: str, most_bytes: int | None = MOST_TEXT
     except ValueError as error:  # a NUL in the path
         raise InputError(f"{str(source)!r}: is no path of a file ({error}); {expected} is expected") from error
     if most_bytes is not None and len(content) > most_bytes:
-        raise InputError(f"{source}: holds more than {most_bytes / 2**20:g} MiB; {expected} is expected")
+        refuse_unless_lifted(f"{source}: holds more than {most_bytes / 2**20:g} MiB", f"{expected} of no more")
     try:
         return io.TextIOWrapper(io.BytesIO(content), encoding="utf-8").read()
     except UnicodeDecodeError as error:

@@ -10,7 +10,7 @@ import typer
 
 def _lift_limits(is_asked: bool) -> bool:
     """Lift the limits of this process and its workers where --no-limits is there."""
-    from twin.limits import lift_limits
+    from trackers.limits import lift_limits
 
     if is_asked:
         lift_limits()

@@ -7,7 +7,7 @@ import random
 import tracemalloc
 import zipfile
 from collections.abc import Callable, Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,15 @@ import numpy as np
 import pytest
 from box_room import box_room_cloud
 
-from trackers.environment import EnvironmentOptions, build_environment, load_environment, save_environment
+from trackers.environment import (
+    EnvironmentOptions,
+    build_environment,
+    file as environment_file,
+    load_environment,
+    save_environment,
+)
 from trackers.errors import InputError
+from trackers.limits import NO_LIMITS
 from trackers.rgbd_head.learned import SHIPPED as HEADS, load_learned
 from trackers.vision.person_model import SHIPPED as PEOPLE, PersonModel
 
@@ -200,7 +207,11 @@ def test_a_text_that_is_none_is_refused(environment: Path, tmp_path: Path) -> No
         assert "room is no text" in refused("environment", path)
 
 
-def test_a_grid_of_too_many_voxels_is_refused_unless_asked_for(environment: Path) -> None:
-    with pytest.raises(InputError, match=r"state has \d+ values; at most 1000 are expected"):
-        load_environment(environment, most_voxels=1000)
-    assert load_environment(environment, most_voxels=float("inf")).room == "boxes"
+def test_a_grid_of_too_many_voxels_is_refused_unless_the_limits_are_lifted(
+    environment: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(environment_file._ARRAYS, "state", replace(environment_file._ARRAYS["state"], most=1000))
+    with pytest.raises(InputError, match=r"state has \d+ values; at most 1000, or --no-limits, is expected"):
+        load_environment(environment)
+    monkeypatch.setenv(NO_LIMITS, "1")
+    assert load_environment(environment).room == "boxes"

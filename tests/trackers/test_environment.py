@@ -15,6 +15,7 @@ from trackers.environment import (
     build_environment,
 )
 from trackers.errors import InputError
+from trackers.limits import NO_LIMITS
 
 VOXEL_M = 0.05
 
@@ -281,13 +282,19 @@ def test_stations_that_are_not_in_the_room_are_refused():
         build_environment(PointCloud(cloud.points_m, cloud.station, cloud.origins_m - [0, 0, 2]))
 
 
-def test_too_many_voxels_are_refused():
+def test_too_many_voxels_are_refused_unless_the_limits_are_lifted(monkeypatch: pytest.MonkeyPatch):
     cloud = box_room_cloud()
-    with pytest.raises(InputError, match="voxel_m: 0.01 m divides .* into too many voxels; .* or more is expected"):
+    said = "voxel_m: 0.01 m divides .* into too many voxels; .* or more, or --no-limits, is expected"
+    with pytest.raises(InputError, match=said):
         build_environment(
             PointCloud(cloud.points_m * [20, 20, 1], cloud.station, cloud.origins_m * [20, 20, 1]),
             options=EnvironmentOptions(voxel_m=0.01),
         )
+    monkeypatch.setattr("trackers.environment.build.MOST_VOXELS", 1000)
+    with pytest.raises(InputError, match="too many voxels"):
+        build_environment(cloud, options=EnvironmentOptions(voxel_m=0.1))
+    monkeypatch.setenv(NO_LIMITS, "1")
+    assert build_environment(cloud, options=EnvironmentOptions(voxel_m=0.1)).grid.size > 1000
 
 
 @pytest.mark.parametrize(

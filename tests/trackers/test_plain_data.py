@@ -30,7 +30,10 @@ BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (BOMB, "line 7: not valid YAML (more than 1000000 values, those that aliases repeat included)"),
+        (
+            BOMB,
+            "line 7: not valid YAML (more than 1000000 values, those that aliases repeat included, without --no-limits)",
+        ),
         ("a: &a {b: *a}", "*a stands within what it names"),
         ("a: &a [*a]", "*a stands within what it names"),
         ("one: 1\n[1]: 2", "line 2: not valid YAML (a key is a list or mapping, not a word)"),
@@ -118,7 +121,9 @@ def test_a_device_and_a_text_without_end_are_refused(tmp_path: Path) -> None:
 
     writer = threading.Thread(target=fill)
     writer.start()
-    with pytest.raises(InputError, match=r"pipe: holds more than 1 MiB; a rig\.yaml is expected$"):
+    with pytest.raises(
+        InputError, match=r"pipe: holds more than 1 MiB; a rig\.yaml of no more, or --no-limits, is expected$"
+    ):
         read_text(endless, "a rig.yaml", 2**20)
     writer.join()
 

@@ -24,6 +24,7 @@ from trackers.environment.grid import (
 from trackers.environment.model import Environment
 from trackers.environment.planes import find_ceiling, find_floor, find_walls
 from trackers.errors import InputError
+from trackers.limits import refuse_unless_lifted
 
 _FEWEST_POINTS = 1000
 _STRAY = 0.0005
@@ -119,9 +120,9 @@ def _grid(cloud: PointCloud, floor_m: float, ceiling_m: float, options: Environm
     extent = np.array([*(high - low), top - bottom])
     shape = np.ceil(extent / voxel - 1e-9).astype(int)
     if shape.astype(float).prod() > MOST_VOXELS:
-        raise InputError(
-            f"voxel_m: {voxel:g} m divides {extent[0]:.0f} x {extent[1]:.0f} x {extent[2]:.0f} m into too many voxels; "
-            f"{(extent.prod() / MOST_VOXELS) ** (1 / 3):.3f} m or more is expected"
+        refuse_unless_lifted(
+            f"voxel_m: {voxel:g} m divides {extent[0]:.0f} x {extent[1]:.0f} x {extent[2]:.0f} m into too many voxels",
+            f"{(extent.prod() / MOST_VOXELS) ** (1 / 3):.3f} m or more",
         )
     return Grid(np.array([*low, bottom]), voxel, (int(shape[0]), int(shape[1]), int(shape[2])))
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import zipfile
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,9 +31,9 @@ _ARRAYS = _HEAD | {
     "stations_m": ArraySpec("f", (None, 3), -_FARTHEST_M, _FARTHEST_M),
     "origin_m": ArraySpec("f", (3,), -_FARTHEST_M, _FARTHEST_M),
     "voxel_m": ArraySpec("f", (), SMALLEST_VOXEL_M, LARGEST_VOXEL_M),
-    "state": ArraySpec("u", ("nx", "ny", "nz"), 0, OCCUPIED),
-    "surface_m": ArraySpec("f", (None, 3), -_FARTHEST_M, _FARTHEST_M),
-    "top_m": ArraySpec("f", ("nx", "ny"), -_FARTHEST_M, _FARTHEST_M, may_be_nan=True),
+    "state": ArraySpec("u", ("nx", "ny", "nz"), 0, OCCUPIED, most=MOST_VOXELS),
+    "surface_m": ArraySpec("f", (None, 3), -_FARTHEST_M, _FARTHEST_M, most=3 * MOST_VOXELS),
+    "top_m": ArraySpec("f", ("nx", "ny"), -_FARTHEST_M, _FARTHEST_M, may_be_nan=True, most=MOST_VOXELS),
     "floor_m": ArraySpec("f", (), -_FARTHEST_M, _FARTHEST_M),
     "ceiling_m": ArraySpec("f", (), -_FARTHEST_M, _FARTHEST_M, may_be_nan=True),
     "walls_m": ArraySpec("f", (None, 2, 2), -_FARTHEST_M, _FARTHEST_M),
@@ -57,11 +56,11 @@ def save_environment(environment: Environment, path: AnyPath) -> str:
     return str(arrays["fingerprint"])
 
 
-def load_environment(path: AnyPath, rig: Rig | None = None, *, most_voxels: float = MOST_VOXELS) -> Environment:
+def load_environment(path: AnyPath, rig: Rig | None = None) -> Environment:
     """The environment in a file; with a rig, checked to be of the room that the rig is in (see `Environment.check`).
 
     Raises InputError for a file that is none, of another version, damaged or incomplete, for a grid of more than
-    `most_voxels`, before it is decoded, and for the environment of another room.
+    `MOST_VOXELS`, before it is decoded, and for the environment of another room.
     """
     path = Path(path)
     head = read_arrays(path, _HEAD, _EXPECTED)
@@ -71,9 +70,7 @@ def load_environment(path: AnyPath, rig: Rig | None = None, *, most_voxels: floa
         raise InputError(
             f"{path}: version: {head['version']} is not known here; {VERSION} is expected: scan the room again"
         )
-    of_voxels = {name: replace(_ARRAYS[name], most=most_voxels) for name in ("state", "top_m")}
-    of_voxels["surface_m"] = replace(_ARRAYS["surface_m"], most=3 * most_voxels)
-    arrays = read_arrays(path, _ARRAYS | of_voxels, _EXPECTED)
+    arrays = read_arrays(path, _ARRAYS, _EXPECTED)
     if str(arrays["fingerprint"]) != _fingerprint(arrays):
         raise InputError(
             f"{path}: fingerprint: the contents are not those that were written ({arrays['fingerprint']}); "

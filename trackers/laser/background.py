@@ -27,6 +27,7 @@ from trackers.arrays import Array, Index, Mask
 from trackers.configuration import Strict
 from trackers.errors import InputError
 from trackers.laser.bearings import BearingGrid
+from trackers.limits import refuse_unless_lifted
 from trackers.observations import NS_PER_S, LaserScan
 
 logger = logging.getLogger(__name__)
@@ -301,8 +302,8 @@ def _around(table: Float[Array, "n_row columns"], row: Int[Index, "k"], column: 
 
 def _check_size(scan: LaserScan, n_row: int, n_bin: int) -> None:
     if n_row * n_bin > _MOST_CELLS:
-        raise InputError(
-            f"scan of {scan.sensor!r}: {n_row} beams of {n_bin} range bins are more than the "
-            f"{_MOST_CELLS} cells a background is learned in; fewer beams, wider bins (background.bin_m) or a nearer "
-            "background.farthest_m are expected"
+        refuse_unless_lifted(
+            f"scan of {scan.sensor!r}: {n_row} beams of {n_bin} range bins are more than the {_MOST_CELLS} cells that a "
+            "background is learned in",
+            "fewer beams, wider bins (background.bin_m), a nearer background.farthest_m",
         )

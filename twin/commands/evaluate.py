@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from twin.options import NoLimits
+
 
 def evaluate(
     truth: Annotated[Path, typer.Argument(help="truth.csv")],
@@ -18,7 +20,7 @@ def evaluate(
     frame_rate: Annotated[
         float | None, typer.Option(metavar="HZ", help="Frames a second, for tables that count frames [Hz].")
     ] = None,
-    no_limits: Annotated[bool, typer.Option("--no-limits", help="Read tables of more than 256 MiB too.")] = False,
+    no_limits: NoLimits = False,
 ) -> None:
     """Metrics from two tables, as JSON."""
     import json
@@ -31,8 +33,7 @@ def evaluate(
 
     if not 0 < gate < float("inf"):
         raise InputError(f"--gate {gate}: is not a distance; a number of metres above 0 is expected")
-    most_bytes = None if no_limits else MOST_TABLE_BYTES
-    how = most_bytes, frame_rate, "--frame-rate"
+    how = MOST_TABLE_BYTES, frame_rate, "--frame-rate"
     tables = read_truth(truth, *how), read_tracks(tracks, *how)
     pairs = read_situations(situations) if situations is not None else None
     evaluation = evaluate_with_details(*tables, gate_m=gate, situations=pairs)

@@ -48,7 +48,7 @@ def run(
     from twin.scenario import load_scenario
 
     loaded = load_scenario(scenario, [*overrides(set_, seed, duration), *environment_change(environment)])
-    _tell_size(loaded, images=not no_images, limits=not no_limits)
+    _tell_size(loaded, images=not no_images)
     typed = typed_classes(set_ or [])
     import_from_here([*typed, *(tracker or [])], files_trusted=allow_plugins)
     with progress() as report:
@@ -86,7 +86,7 @@ def render(
     from twin.scenario import load_scenario
 
     loaded = load_scenario(scenario, overrides(set_, seed, duration))
-    _tell_size(loaded, images=not no_images, limits=not no_limits)
+    _tell_size(loaded, images=not no_images)
     with progress() as report:
         result = run_scenario(
             loaded,
@@ -100,10 +100,9 @@ def render(
     print_paths(result.files)
 
 
-def _tell_size(scenario: Scenario, *, images: bool, limits: bool) -> None:
+def _tell_size(scenario: Scenario, *, images: bool) -> None:
     """Say on stderr what a run will make; raise InputError where that is more than the limits, if they hold."""
     from twin.scenario.size import check_size, size_of
 
-    if limits:
-        check_size(scenario, images=images)
+    check_size(scenario, images=images)
     sys.stderr.write(f"twin: to make: {size_of(scenario, images=images)}\n")

@@ -47,8 +47,7 @@ def view(
         return
     check_choice(at=at, people=people, video=video, start_s=from_, end_s=to, follow=follow, out=out)
     loaded = load_scenario(scenario, overrides(set_, seed))
-    if not no_limits:
-        check_size(loaded)
+    check_size(loaded)
     if video is not None:
         with progress() as report:
             write_video(loaded, video, start_s=from_, end_s=to, follow=follow, on_progress=report)

@@ -22,6 +22,7 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
 from trackers.errors import InputError
+from trackers.limits import refuse_unless_lifted
 from trackers.rig import normal_topic
 from twin.recording.bag_files import BagPath, unreadable, why_broken
 from twin.recording.bounded_readers import MOST_CHUNK_BYTES, open_reader
@@ -215,8 +216,9 @@ def _bag_errors(path: Path) -> Iterator[None]:
         raise
     except _BROKEN_BAG as error:
         if isinstance(error, apsw.TooBigError) or isinstance(error.__cause__, apsw.TooBigError):
-            most = f"at most {MOST_CHUNK_BYTES >> 20} MiB, or --no-limits, is expected"
-            raise InputError(f"{path}: holds a value that is larger than any message; {most}") from error
+            refuse_unless_lifted(
+                f"{path}: holds a value that is larger than any message", f"at most {MOST_CHUNK_BYTES >> 20} MiB"
+            )
         raise InputError(f"{path}: {why_broken(path, _first_line(error))}; {_EXPECTED}") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}); {_EXPECTED}") from error

@@ -29,7 +29,7 @@ from rosbags.rosbag2.reader import DirectoryReader
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from trackers.errors import InputError
-from twin.limits import are_limits_lifted, check_limit
+from trackers.limits import are_limits_lifted, check_limit, refuse_unless_lifted
 
 if sys.version_info >= (3, 14):
     from compression import zstd
@@ -114,10 +114,10 @@ class _Ros1Reader(rosbag1.Reader):
 
     def _unpack(self, make: Callable[[], Any], n_bytes: int, data: bytes) -> bytes:
         self._unpacked += n_bytes
-        if self._unpacked > MOST_BAG_BYTES + _MOST_AGAIN * sum(self._claimed) and not are_limits_lifted():
-            raise InputError(
-                f"{self.path!s}: its chunks overlap in time, so that each would be unpacked for every message; messages in "
-                "order of time, or --no-limits, is expected"
+        if self._unpacked > MOST_BAG_BYTES + _MOST_AGAIN * sum(self._claimed):
+            refuse_unless_lifted(
+                f"{self.path!s}: its chunks overlap in time, so that each would be unpacked for every message",
+                "messages in order of time",
             )
         return unpack(make, data, n_bytes)
 

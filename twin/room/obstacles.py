@@ -17,9 +17,9 @@ from scipy.spatial import ConvexHull
 from trackers.area import Area
 from trackers.arrays import Array, Mask
 from trackers.errors import InputError
+from trackers.limits import check_limit
 from twin.geometry.geom_hull import hull_points
 from twin.geometry.polygon import TOLERANCE_M, gap_between, polygon_area
-from twin.limits import check_limit
 
 Planar = NDArray[np.complex128]
 

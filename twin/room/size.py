@@ -13,7 +13,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from trackers.errors import InputError
-from twin.limits import check_limit
+from trackers.limits import check_limit
 
 MOST_DEEP = 100
 """Elements within elements: MuJoCo takes fewer than 500, and walks them by recursion."""

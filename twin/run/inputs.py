@@ -14,7 +14,6 @@ from trackers.errors import InputError
 from trackers.plain_data import parse_yaml
 from trackers.rig import NO_PRIOR, PriorFiles, files_within, missing_file
 from trackers.text_file import AnyPath, is_file
-from twin.limits import are_limits_lifted
 from twin.recording.reader import Recording
 from twin.run.chosen_trackers import (
     TRACK,
@@ -45,8 +44,7 @@ def scenario_of(bag: Recording) -> Scenario | None:
         return None
     source = f"{bag.path}, topic /scenario"
     scenario = validate(Scenario, parse_yaml(bag.scenario_yaml, source, "a resolved scenario"), source)
-    if not are_limits_lifted():
-        check_size(scenario, source=source)
+    check_size(scenario, source=source)
     return scenario
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import ceil
 from typing import TYPE_CHECKING
 
-from trackers.errors import InputError
+from trackers.limits import refuse_unless_lifted
 from twin.scenario.cameras import PinholeDescription, StereoDescription
 from twin.scenario.floor import FloorDescription
 from twin.scenario.sensors import AnyDescription, FisheyeDescription
@@ -98,7 +98,7 @@ def check_size(scenario: Scenario, *, images: bool = True, source: str | None = 
 
 def _refuser(source: str) -> Callable[[str, str, str], None]:
     def refuse(field: str, what: str, valid: str) -> None:
-        raise InputError(f"{source}: {field}: {what}; {valid}, or --no-limits, is expected")
+        refuse_unless_lifted(f"{source}: {field}: {what}", valid)
 
     return refuse
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from trackers.errors import InputError
+from trackers.limits import refuse_unless_lifted
 from twin.studies.candidate_set import BASELINE, CandidateSet, Placement
 from twin.studies.coverage import PoseCoverage
 from twin.studies.set_cover import Cover, CoverProblem, exact, greedy
@@ -56,15 +56,15 @@ class Searcher:
             prod(comb(len(numbers), count) for numbers, count in each) for each in product(*self._counts_by_device())
         ]
         if method == "exhaustive" and sum(ways) > MOST_CANDIDATES:
-            raise InputError(
-                f"{source}: search.method: 'exhaustive' would try {sum(ways)} placements; at most {MOST_CANDIDATES}, or another "
-                "method, is expected"
+            refuse_unless_lifted(
+                f"{source}: search.method: 'exhaustive' would try {sum(ways)} placements",
+                f"at most {MOST_CANDIDATES}, or another method",
             )
         number = len(self.candidate_set.poses)
         if method in ("greedy", "exact") and number > _MOST_EXACT_OPTIONS:
-            raise InputError(
-                f"{source}: search.method: {method!r} keeps the bits of every candidate pose, and there are {number}; at most "
-                f"{_MOST_EXACT_OPTIONS}, by larger steps, are expected"
+            refuse_unless_lifted(
+                f"{source}: search.method: {method!r} keeps the bits of every candidate pose, and there are {number}",
+                f"at most {_MOST_EXACT_OPTIONS}, by larger steps",
             )
 
     def run(self) -> Result:

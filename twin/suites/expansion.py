@@ -12,6 +12,7 @@ from pathlib import Path
 from pydantic import JsonValue
 
 from trackers.errors import InputError
+from trackers.limits import refuse_unless_lifted
 from trackers.rig import NO_PRIOR, PriorFiles
 from twin.models import is_kept_room
 from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
@@ -81,9 +82,8 @@ class Case:
 def check_case_count(suite: Suite, path: Path) -> None:
     """Raise InputError for a suite of more than MOST_CASES cases; they are counted, not made."""
     if suite.n_case > MOST_CASES:
-        raise InputError(
-            f"{path}: has {suite.n_case} cases (seeds × grid × variants × trackers); at most {MOST_CASES}, or --no-limits, "
-            "is expected"
+        refuse_unless_lifted(
+            f"{path}: has {suite.n_case} cases (seeds × grid × variants × trackers)", f"at most {MOST_CASES}"
         )
 
 

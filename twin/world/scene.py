@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from trackers.area import check_polygon
 from trackers.errors import InputError
+from trackers.limits import check_limit
 from twin import models
 from twin.geometry.geom_hull import check_extent
 from twin.instant.snapshot import FootShapes
-from twin.limits import check_limit
 from twin.people.body.appearance import Appearance, appearance_of
 from twin.people.crowd.ground import Ground
 from twin.people.crowd.routes import Routes

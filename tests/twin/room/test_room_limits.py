@@ -14,7 +14,7 @@ import pytest
 from made_rooms import room_of, scenario_in
 
 from trackers.errors import InputError
-from twin.limits import NO_LIMITS
+from trackers.limits import NO_LIMITS
 from twin.room.files import ROOM_ROOT, room_files
 from twin.world.scene import build_scene
 

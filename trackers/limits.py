@@ -1,6 +1,7 @@
 """Limits that catch mistakes and attacks: a size is read and compared before anything of that size is made.
 
-`--no-limits` lifts them for the process and for those that it starts. Nothing in a scenario, a room or a bag can.
+`--no-limits` lifts them for the process and for those that it starts. Nothing in a scenario, a room or a bag can. Every
+size that memory, disk or time bounds is refused here; what a format or OpenGL bounds is no limit of this kind.
 """
 
 from __future__ import annotations
@@ -23,11 +24,20 @@ def are_limits_lifted() -> bool:
     return bool(os.environ.get(NO_LIMITS))
 
 
+def refuse_unless_lifted(said: str, valid: str) -> None:
+    """Raise InputError for what is larger than a limit, if the limits hold.
+
+    `said` opens the sentence: file, field and what it makes; `valid` is what would be valid.
+    """
+    if not are_limits_lifted():
+        raise InputError(f"{said}; {valid}, or --no-limits, is expected")
+
+
 def check_limit(asked: float, most: float, said: str, unit: str = "") -> None:
     """Raise InputError where `asked` is more than `most` and the limits hold.
 
     `said` opens the sentence: file, field and what it makes; `unit` follows the numbers.
     """
-    if asked > most and not are_limits_lifted():
+    if asked > most:
         what = f" {unit}" if unit else ""
-        raise InputError(f"{said} {asked:.6g}{what}; at most {most:.6g}, or --no-limits, is expected")
+        refuse_unless_lifted(f"{said} {asked:.6g}{what}", f"at most {most:.6g}")

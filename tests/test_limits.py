@@ -1,0 +1,93 @@
+"""Every budget of memory, disk or time is refused by one rule, which `--no-limits` lifts."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from trackers import limits
+from trackers.errors import InputError
+from trackers.plain_data import parse_yaml
+from trackers.text_file import read_text
+
+ROOT = Path(__file__).parents[1]
+MODULES = sorted([*(ROOT / "trackers").rglob("*.py"), *(ROOT / "twin").rglob("*.py")])
+RULES = ("check_limit", "refuse_unless_lifted", "are_limits_lifted")
+BUDGET = re.compile(r"_?(MOST|LARGEST|LONGEST|BIGGEST|MAX)_\w+")
+NO_BUDGETS = {
+    "MOST_DEEP": "elements nested deeper overflow the stacks of the XML library and of MuJoCo",
+    "MOST_LAMPS": "OpenGL's pipeline has eight lights",
+    "LARGEST_BUFFER_PX": "MuJoCo has no larger buffer",
+    "LARGEST_SIDE_PX": "the range of a field",
+    "MOST_TILT_DEG": "the range of a field",
+    "MOST_CELLS": "the range of a field",
+    "_MOST_SEEDS": "the range of a field",
+    "_MAX_STAMP_S": "64 bits of nanoseconds hold no more",
+    "MAX_INT64": "64 bits hold no more",
+    "_MOST_GROUPS": "a number of 32 bits has no more groups of three",
+    "MAX_TANGENT": "a ray beyond it is seen by no lens",
+    "MAX_FIELD_OF_VIEW_DEG": "the range of a field",
+    "LONGEST_NUMBER": "no number that somebody wrote is longer",
+    "_MOST_MM": "a millimetre more does not fit 16 bits",
+    "_MOST_OFF_M": "the range of a field",
+    "_LONGEST_LIST_BYTES": "a longer list is none of ours",
+    "_LONGEST_TEXT": "names of rooms and formats; nothing is made of them",
+}
+"""Bounds that no memory lifts, each with what it comes from."""
+
+
+def budgets_refused() -> Iterator[tuple[Path, str, bool]]:
+    """Module, constant, and whether the rule is asked, of each `if` over a bound whose block raises or asks the rule."""
+    for path in MODULES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(node, ast.If):
+                continue
+            bounds = {
+                each.id for each in ast.walk(node.test) if isinstance(each, ast.Name) and BUDGET.fullmatch(each.id)
+            }
+            inside = [each for part in (node.test, *node.body) for each in ast.walk(part)]
+            asked = any(isinstance(each, ast.Name) and each.id in (*RULES, "refuse") for each in inside)
+            if asked or any(isinstance(each, ast.Raise) for each in node.body):
+                yield from ((path, bound, asked) for bound in bounds)
+
+
+def test_every_budget_is_refused_by_the_rule() -> None:
+    found = list(budgets_refused())
+    assert len([asked for *_, asked in found if asked]) >= 8  # the walk finds them
+    wrong = [
+        f"{path.relative_to(ROOT)}: {bound}" for path, bound, asked in found if not asked and bound not in NO_BUDGETS
+    ]
+    assert not wrong, f"refused without trackers.limits: {wrong}"
+    unused = set(NO_BUDGETS) - {bound for _, bound, asked in found if not asked}
+    assert not unused, f"named here, found nowhere: {unused}"
+
+
+def test_only_the_rule_says_how_limits_are_lifted() -> None:
+    said = {path.relative_to(ROOT).as_posix() for path in MODULES if "--no-limits" in path.read_text(encoding="utf-8")}
+    assert said == {"trackers/limits.py", "trackers/plain_data.py", "twin/options.py"}
+
+
+def test_the_rule_is_lifted_by_the_variable_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    limits.check_limit(3, 3, "it holds")
+    with pytest.raises(InputError, match="^it holds 4 things; at most 3, or --no-limits, is expected$"):
+        limits.check_limit(4, 3, "it holds", "things")
+    monkeypatch.setenv(limits.NO_LIMITS, "1")
+    limits.check_limit(4, 3, "it holds", "things")
+    limits.refuse_unless_lifted("it is large", "less")
+
+
+def test_texts_are_lifted_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "long.txt"
+    path.write_text("x" * 2000)
+    monkeypatch.setattr("trackers.plain_data.MOST_VALUES", 5)
+    many = "a: [1, 2, 3, 4, 5, 6]"
+    for read in (lambda: read_text(path, "a text", 1000), lambda: parse_yaml(many, "a.yaml", "numbers")):
+        with pytest.raises(InputError, match="--no-limits"):
+            read()
+    monkeypatch.setenv(limits.NO_LIMITS, "1")
+    assert len(read_text(path, "a text", 1000)) == 2000
+    assert parse_yaml(many, "a.yaml", "numbers") == {"a": [1, 2, 3, 4, 5, 6]}
