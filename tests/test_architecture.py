@@ -59,3 +59,8 @@ def test_what_editors_see_of_the_twin_is_what_it_loads() -> None:
         assert module is not None and getattr(twin, name) is getattr(importlib.import_module(module), name)
     with pytest.raises(AttributeError, match=r"has no attribute 'simulate'; it has .*load_scenario"):
         twin.simulate  # noqa: B018
+
+
+def test_test_modules_have_names_of_their_own() -> None:
+    names = [path.name for path in (ROOT / "tests").rglob("test_*.py")]
+    assert not {name for name in names if names.count(name) > 1}

@@ -20,16 +20,16 @@ from twin.suites.charts import colour_of, marker, scale_of, small_multiple
 from twin.suites.comparison import Change, Comparison, case_page, incident_link, significance
 from twin.suites.metrics import GATED, HEADLINE_METRICS, METRICS, format_metric, metric_named
 from twin.suites.permutation_test import ALPHA
-from twin.suites.results import (
+from twin.suites.reference import (
+    BEHIND_HOTA,
     REFERENCE_METRICS,
-    Group,
-    GroupKey,
+    PairedCase,
     ReferenceDifference,
-    RequirementCheck,
-    Results,
+    differences_by_scenario,
     differences_from,
-    mean_over_seeds,
+    worst_cases,
 )
+from twin.suites.results import Group, GroupKey, RequirementCheck, Results, mean_over_seeds
 from twin.suites.store import ResultStore
 
 
@@ -53,6 +53,10 @@ def write_page(
         comparison=comparison,
         requirements=requirements,
         links=_links(comparison, results, store, folder, path.parent),
+        worst=[
+            _worst(case, facts.get("worst_filmstrips", {}), folder)
+            for case in (worst_cases(results, facts["reference"]) if facts.get("reference") else [])
+        ],
         sections=[
             section | {"filmstrip": _filmstrip(section["cases"], facts.get("filmstrips", {}), store, folder)}
             for section in _sections(results, before)
@@ -96,6 +100,7 @@ def write_comparison_page(
         requirements=(),
         links=_links(comparison, now, *run, path.parent) if run is not None else {},
         sections=sections,
+        worst=[],
         seconds=None,
         reference=None,
         link=None,
@@ -114,6 +119,7 @@ def _write(
 ) -> None:
     trackers = [(name, colour_of(slot), Markup(marker(slot, 11, 7))) for name, slot in _slots(results).items()]
     rows = [] if reference is None else differences_from(results, reference)
+    strata = {} if reference is None else differences_by_scenario(results, reference)
     detectable = comparison.detectable if comparison is not None else ()
     page = _template().render(
         results=results,
@@ -149,7 +155,9 @@ def _write(
         better=[_change(each, links) for each in comparison.better] if comparison is not None else [],
         reference=reference,
         reference_metrics=[METRICS[metric] for metric in REFERENCE_METRICS],
-        reference_rows=[(row.tracker, row.n_case, _differences(row)) for row in rows],
+        behind_hota=BEHIND_HOTA,
+        reference_rows=[_reference_row(row) for row in rows],
+        strata=[(*place, [_reference_row(row) for row in found]) for place, found in strata.items()],
         n_done=sum(len(group.seeds) for group in results.groups.values()),
         **content,
     )
@@ -192,6 +200,28 @@ def _sections(results: Results, before: Results | None) -> list[dict[str, Any]]:
     return sections
 
 
+def _worst(case: PairedCase, filmstrips: Mapping[str, float], folder: Path) -> dict[str, Any]:
+    """Collect a case far behind the reference: its HOTA beside the reference's, its page and film strip."""
+    picture = (
+        folder / "cases" / case.case_id / "worst.jpg"
+        if case.case_id is not None and case.case_id in filmstrips
+        else None
+    )
+    return {
+        "name": f"{case.variant or case.key.scenario}, seed {case.seed}",
+        "tracker": case.key.tracker,
+        "hota": format_metric("hota", case.metrics["hota"]),
+        "reference": format_metric("hota", case.reference["hota"]),
+        "case": case.case_id,
+        "filmstrip": _picture_source(picture) if picture is not None and picture.is_file() else None,
+        "t_s": filmstrips.get(case.case_id or ""),
+    }
+
+
+def _picture_source(picture: Path) -> str:
+    return "data:image/jpeg;base64," + base64.b64encode(picture.read_bytes()).decode()
+
+
 def _filmstrip(
     cases: list[tuple[str, list[tuple[int, str | None]]]],
     filmstrips: Mapping[str, float],
@@ -206,7 +236,7 @@ def _filmstrip(
             picture = folder / "cases" / case_id / "worst.jpg"
             if picture.is_file():
                 return {
-                    "source": "data:image/jpeg;base64," + base64.b64encode(picture.read_bytes()).decode(),
+                    "source": _picture_source(picture),
                     "case": case_id,
                     "caption": f"{tracker}, seed {seed}, at {filmstrips[case_id]:.1f} s: "
                     f"{store.incidents(case_id)[0].what}, the worst of this scenario",
@@ -229,6 +259,10 @@ def _change(change: Change, links: Mapping[int, tuple[str, str]]) -> dict[str, A
         "significance": significance(change),
         "look": links.get(id(change)),
     }
+
+
+def _reference_row(row: ReferenceDifference) -> tuple[str, int, list[tuple[str, str, str]], str]:
+    return row.tracker, row.n_case, _differences(row), "–" if row.behind is None else f"{row.behind:.1%}"
 
 
 def _differences(row: ReferenceDifference) -> list[tuple[str, str, str]]:

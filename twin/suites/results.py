@@ -21,6 +21,9 @@ _N_REPLICATE = 2000
 
 _CONFIDENCE = 0.95
 
+_MOST_DRAWN = 10**7
+"""Values drawn at a time: 80 MB."""
+
 
 @dataclass(frozen=True)
 class GroupKey:
@@ -146,6 +149,7 @@ def mean_over_seeds(values: list[float]) -> MeanOverSeeds | None:
         (np.array(values),),
         np.mean,
         n_resamples=_N_REPLICATE,
+        batch=max(1, _MOST_DRAWN // n),
         confidence_level=_CONFIDENCE,
         method="percentile",
         rng=stream(n, "suite", "means"),
@@ -200,50 +204,3 @@ def _of(promised: Iterable[Mapping[str, str]], results: Results) -> Iterator[Req
             values = group.values(each["metric"])
             mean = float(np.mean(values)) if values else None
             yield RequirementCheck(key, group.variant, each["metric"], each["bound"], mean)
-
-
-REFERENCE_METRICS = (
-    "mota",
-    "idf1",
-    "hota",
-    "motp_m",
-    "id_switches",
-    "misidentifications",
-    "lost_tracks",
-    "false_positives",
-)
-
-
-@dataclass(frozen=True)
-class ReferenceDifference:
-    """Mean differences between a tracker and the reference, over cases that both have done."""
-
-    tracker: str
-    n_case: int
-    differences: Mapping[str, MeanOverSeeds | None]  # by figure
-
-    def verdict(self, metric: str) -> str:
-        """Return 'better' or 'worse' where the 95 % interval leaves out 0, else ''."""
-        found = self.differences[metric]
-        if found is None or found.low is None or found.high is None or found.low <= 0 <= found.high:
-            return ""
-        return "better" if (found.mean > 0) == (METRICS[metric].better == "more") else "worse"
-
-
-def differences_from(results: Results, reference: str) -> list[ReferenceDifference]:
-    """Compare every other tracker with `reference`, over all scenarios, paired by scenario, variant and seed."""
-    others = dict.fromkeys(key.tracker for key in results.groups if key.tracker != reference)
-    return [_difference(results, reference, tracker) for tracker in others]
-
-
-def _difference(results: Results, reference: str, tracker: str) -> ReferenceDifference:
-    pairs = []
-    for key, group in results.groups.items():
-        own = results.groups.get(GroupKey(key.scenario, key.overrides, reference))
-        if key.tracker == tracker and own is not None:
-            pairs += [(figures, own.seeds[seed]) for seed, figures in group.seeds.items() if seed in own.seeds]
-    differences = {}
-    for metric in REFERENCE_METRICS:
-        values = [(one.get(metric), other.get(metric)) for one, other in pairs]
-        differences[metric] = mean_over_seeds([a - b for a, b in values if a is not None and b is not None])
-    return ReferenceDifference(tracker, len(pairs), differences)

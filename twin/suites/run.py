@@ -23,12 +23,14 @@ from twin.suites.expansion import Case, check_case_count, expand
 from twin.suites.filmstrip import FilmstripWork, draw_filmstrip
 from twin.suites.metrics import allowed_by_default, flatten_metrics
 from twin.suites.progress import ProgressListener
+from twin.suites.reference import worst_cases
+from twin.suites.results import collect_results
 from twin.suites.spec import Suite, Tolerance
 from twin.suites.store import ResultStore
 from twin.suites.store_files import open_store
 from twin.suites.store_schema import DONE, FAILED, RecordingInfo, Requirement
 from twin.suites.tasks import State, Task, TaskListener, TaskResult
-from twin.suites.worker import WORST, CaseResult, CaseWork, run_case
+from twin.suites.worker import WORST, CaseResult, CaseWork, Incident, run_case
 
 _MAX_FILMSTRIPS = 24
 
@@ -166,18 +168,35 @@ def _draw_filmstrips(
     run_tasks: RunTasks,
     progress: ProgressListener,
 ) -> None:
-    """Draw the worst second of each scenario and variant, the worst first; one that cannot be drawn is left out."""
+    """Draw the worst second of each scenario and variant, and of the cases furthest behind the reference tracker.
+
+    The worst of the scenarios come first, `_MAX_FILMSTRIPS` at most; one that cannot be drawn is left out.
+    """
     worst: dict[tuple[str, str], tuple[float, float, Case]] = {}
     by_id = {case.id: case for case in cases}
+    worst_second: dict[str, Incident] = {}
     for each in store.cases():
         case = by_id[each.id]
         for incident in store.incidents(each.id)[:1]:
             row = (case.scenario, case.variant)
-            if incident.kind == WORST and (row not in worst or incident.severity > worst[row][0]):
-                worst[row] = (incident.severity, incident.t_s, case)
-    chosen = sorted(worst.values(), key=lambda each: each[0], reverse=True)[:_MAX_FILMSTRIPS]
+            if incident.kind == WORST:
+                worst_second[each.id] = incident
+                if row not in worst or incident.severity > worst[row][0]:
+                    worst[row] = (incident.severity, incident.t_s, case)
+    ranked = sorted(worst.values(), key=lambda each: each[0], reverse=True)[:_MAX_FILMSTRIPS]
+    chosen = {case.id: t_s for _, t_s, case in ranked}
+    reference = store.facts().get("reference")
+    behind = worst_cases(collect_results(store), reference) if reference is not None else []
+    of_reference = {
+        case.case_id: worst_second[case.case_id].t_s
+        for case in behind
+        if case.case_id is not None and case.case_id in worst_second
+    }
     tasks = [
-        Task(f"{case.id}-strip", FilmstripWork(case, cache, t_s), case.limit_s, case.recipe) for _, t_s, case in chosen
+        Task(
+            f"{case_id}-strip", FilmstripWork(by_id[case_id], cache, t_s), by_id[case_id].limit_s, by_id[case_id].recipe
+        )
+        for case_id, t_s in (chosen | of_reference).items()
     ]
     drawn = {}
 
@@ -190,7 +209,10 @@ def _draw_filmstrips(
         drawn[case.id] = end.task.work.t_s
 
     run_tasks(tasks, draw_filmstrip, TaskListener(ended=ended), None)
-    store.note(filmstrips=drawn)
+    store.note(
+        filmstrips={case_id: t_s for case_id, t_s in drawn.items() if case_id in chosen},
+        worst_filmstrips={case_id: t_s for case_id, t_s in drawn.items() if case_id in of_reference},
+    )
 
 
 def _write_files(folder: Path, files: Mapping[str, bytes]) -> None:

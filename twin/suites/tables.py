@@ -12,14 +12,19 @@ from twin.console import PlainConsole
 from twin.shown import shown
 from twin.suites.comparison import Change, Comparison, incident_link, significance
 from twin.suites.metrics import HEADLINE_METRICS, METRICS, format_metric, metric_named
-from twin.suites.results import (
+from twin.suites.reference import (
+    BEHIND_HOTA,
     REFERENCE_METRICS,
+    ReferenceDifference,
+    differences_by_scenario,
+    differences_from,
+)
+from twin.suites.results import (
     Group,
     GroupKey,
     MeanOverSeeds,
     RequirementCheck,
     Results,
-    differences_from,
     mean_over_seeds,
 )
 from twin.suites.store import ResultStore
@@ -64,21 +69,34 @@ def _heading(metric: str) -> str:
 
 
 def _reference_table(results: Results, reference: str) -> Table:
-    """Tabulate the mean differences of every other tracker from the reference, over all scenarios."""
+    """Tabulate the mean differences of every other tracker from the reference: over all scenarios, and in each."""
     table = Table()
+    strata = differences_by_scenario(results, reference)
+    if len(strata) > 1:
+        table.add_column("scenario")
     table.add_column("tracker", no_wrap=True)
     table.add_column("cases", justify="right", no_wrap=True)
     for metric in REFERENCE_METRICS:
         table.add_column(_heading(metric), justify="right")
+    table.add_column(f"behind by > {BEHIND_HOTA:g} HOTA", justify="right")
     for row in differences_from(results, reference):
-        cells = [
-            "–"
-            if found is None
-            else format_metric(metric, found.mean, True).split()[0] + ("*" if row.verdict(metric) else "")
-            for metric, found in row.differences.items()
-        ]
-        table.add_row(row.tracker, str(row.n_case), *cells)
+        table.add_row(*(["all"] if len(strata) > 1 else []), *_reference_cells(row))
+    if len(strata) > 1:
+        for (scenario, variant), rows in strata.items():
+            table.add_section()
+            for row in rows:
+                table.add_row(f"{scenario} ({variant})" if variant else scenario, *_reference_cells(row))
     return table
+
+
+def _reference_cells(row: ReferenceDifference) -> list[str]:
+    cells = [
+        "–"
+        if found is None
+        else format_metric(metric, found.mean, True).split()[0] + ("*" if row.verdict(metric) else "")
+        for metric, found in row.differences.items()
+    ]
+    return [row.tracker, str(row.n_case), *cells, "–" if row.behind is None else f"{row.behind:.1%}"]
 
 
 def print_comparison(

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from trackers.errors import InputError
-from twin.suites.results import Group, GroupKey, Results, differences_from
+from twin.suites.reference import differences_by_scenario, differences_from, worst_cases
+from twin.suites.results import Group, GroupKey, Results
 from twin.suites.spec import Suite, load_suite
 
 
@@ -49,6 +50,32 @@ def test_only_cases_that_both_have_done_count():
 def test_no_difference_is_no_verdict():
     (row,) = differences_from(results(ours=[0.5, 0.6, 0.7], other=[0.6, 0.5, 0.7]), "ours")
     assert row.verdict("mota") == ""
+
+
+def hota_results(**by_scenario: dict[str, list[float]]) -> Results:
+    """HOTA by scenario and tracker, one value per seed."""
+    groups = {
+        GroupKey(scenario, "[]", tracker): Group("", {seed: {"hota": value} for seed, value in enumerate(values)})
+        for scenario, by_tracker in by_scenario.items()
+        for tracker, values in by_tracker.items()
+    }
+    return Results("drawn", {}, (), groups)
+
+
+def test_strata_add_up_and_the_cases_behind_are_counted_and_ranked():
+    found = hota_results(
+        one={"sort": [0.8, 0.8], "mine": [0.9, 0.7]},
+        two={"sort": [0.5, 0.5, 0.5], "mine": [0.495, 0.2, 0.6]},
+    )
+    (whole,) = differences_from(found, "sort")
+    strata = differences_by_scenario(found, "sort")
+    assert whole.behind == pytest.approx(2 / 5)  # by .005 is not behind
+    assert [rows[0].behind for rows in strata.values()] == pytest.approx([1 / 2, 1 / 3])
+    total = sum(rows[0].n_case * rows[0].differences["hota"].mean for rows in strata.values())
+    assert total == pytest.approx(whole.n_case * whole.differences["hota"].mean)
+    worst = worst_cases(found, "sort")
+    assert [(case.key.scenario, case.seed) for case in worst] == [("two", 1), ("one", 1), ("two", 0)]
+    assert worst_cases(found, "sort", 1) == worst[:1]
 
 
 def test_a_suite_names_one_of_its_trackers(tmp_path):
