@@ -20,7 +20,7 @@ def lift_limits() -> None:
 
 
 def are_limits_lifted() -> bool:
-    """Whether `--no-limits` was given."""
+    """Tell whether `--no-limits` was given."""
     return bool(os.environ.get(NO_LIMITS))
 
 

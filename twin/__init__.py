@@ -1,4 +1,4 @@
-"""The digital twin of a room with people and sensors: observations, truth, and scores of any tracker.
+"""Digital twin of a room with people and sensors: observations, truth, and the evaluation of any tracker.
 
     scenario = twin.load_scenario("lab-five-people")
     with twin.Simulation(scenario) as simulation: ...

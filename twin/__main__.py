@@ -1,4 +1,4 @@
-"""`python -m twin` is the command `twin`."""
+"""Run the command `twin` by `python -m twin`."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""The command `twin`: its subcommands in their order, and how it ends."""
+"""The command `twin`: its subcommands in their order, and its exit codes."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
+from twin.commands.environment import environment
 from twin.commands.evaluate import evaluate
 from twin.commands.exit_codes import (
     EXIT_BAD_INPUT,
@@ -20,17 +21,16 @@ from twin.commands.exit_codes import (
     EXIT_FELL_SHORT,
     EXIT_INTERRUPTED,
     EXIT_OUR_FAULT,
+    raise_on_signals,
 )
 from twin.commands.info import check, list_, schema
-from twin.commands.memory import check_memory, code_of_child, lack_of_memory
+from twin.commands.memory import check_memory, describe_lack_of_memory, run_in_child
 from twin.commands.new import app as new
+from twin.commands.reproduce import reproduce
 from twin.commands.run import render, run
 from twin.commands.track import detections, track
 from twin.commands.view import view
-from twin.environment.command import environment
-from twin.interruption import heed_interrupts
-from twin.reproduce.command import reproduce
-from twin.shown import shown
+from twin.messages import printable
 from twin.studies.command import app as studies
 from twin.suites.command import app as suites
 
@@ -81,7 +81,7 @@ app.command(
 
 def main() -> None:
     """Run the command line; every way out has its exit code (see the README)."""
-    if (code := code_of_child()) is not None:
+    if (code := run_in_child()) is not None:
         sys.exit(code)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a terminal of another encoding shows what it lacks as escapes
@@ -104,7 +104,7 @@ def _code_of_run() -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Pictures are drawn through EGL here, whatever other programs of the user's draw with.
     os.environ.pop("MUJOCO_GL", None)
-    heed_interrupts()
+    raise_on_signals()
     try:
         check_memory()
         _check_none_is_empty(sys.argv[1:])
@@ -113,9 +113,9 @@ def _code_of_run() -> int:
             sys.stderr.write("twin: interrupted; no file was left half-written under its final name\n")
         return code if isinstance(code, int) else EXIT_DONE
     except InputError as error:
-        return _told(lack_of_memory(error) or str(error))
+        return _end_with(describe_lack_of_memory(error) or str(error))
     except PlugInError as error:
-        return _told(str(error), EXIT_FELL_SHORT)
+        return _end_with(str(error), EXIT_FELL_SHORT)
     except BrokenPipeError:
         raise
     except SystemExit as error:
@@ -123,25 +123,25 @@ def _code_of_run() -> int:
             raise error.__context__ from None
         raise
     except Exception as error:
-        if (lack := lack_of_memory(error)) is not None:
-            return _told(lack)
-        if isinstance(error, OSError) and (fault := _fault_of_path(error)):
-            return _told(fault)
+        if (lack := describe_lack_of_memory(error)) is not None:
+            return _end_with(lack)
+        if isinstance(error, OSError) and (fault := _describe_path_error(error)):
+            return _end_with(fault)
         if hasattr(error, "format_message") and hasattr(error, "exit_code"):  # a usage error of click's
-            return _told(_usage_fault(error))
-        return _our_fault()
+            return _end_with(_describe_usage_error(error))
+        return _report_internal_error()
 
 
-def _usage_fault(error: Any) -> str:
-    """The sentence for a usage error of click's; of an unknown command it does not say which there are."""
-    said = error.format_message()
-    if not said.startswith("No such command"):
-        return said
-    return f"{said} Valid are {', '.join(error.ctx.command.list_commands(error.ctx))}"
+def _describe_usage_error(error: Any) -> str:
+    """Describe a usage error of click's; for an unknown command, name the valid ones."""
+    text = error.format_message()
+    if not text.startswith("No such command"):
+        return text
+    return f"{text} Valid are {', '.join(error.ctx.command.list_commands(error.ctx))}"
 
 
-def _fault_of_path(error: OSError) -> str | None:
-    """The sentence for a path that cannot be, or cannot be written; None for any other error of the system."""
+def _describe_path_error(error: OSError) -> str | None:
+    """Describe an error of a path that cannot exist or be written; None for any other error of the system."""
     if error.errno in (errno.ENAMETOOLONG, errno.ELOOP):
         return f"{error.filename}: {error.strerror}; the path of a file or folder is expected"
     if error.errno not in (errno.ENOSPC, errno.EACCES, errno.EROFS, errno.EDQUOT, errno.ENOTDIR, errno.EISDIR):
@@ -159,12 +159,12 @@ def _check_none_is_empty(arguments: Sequence[str]) -> None:
             raise InputError(f"{named}: an argument is empty; a name, path or value is expected")
 
 
-def _told(message: str, code: int = EXIT_BAD_INPUT) -> int:
-    sys.stderr.write(f"twin: {shown(message)}\n")
+def _end_with(message: str, code: int = EXIT_BAD_INPUT) -> int:
+    sys.stderr.write(f"twin: {printable(message)}\n")
     return code
 
 
-def _our_fault() -> int:
+def _report_internal_error() -> int:
     import traceback
 
     traceback.print_exc()

@@ -1,4 +1,4 @@
-"""Where the declarative models are (rooms, scenarios), in a checkout and in an installed wheel, and how they are named."""
+"""Declarative models (rooms, scenarios, suites, studies): their folder, names and files, in a checkout and in a wheel."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _ONE = {"studies": "study"}
 
 
 def names(folder: str) -> list[str]:
-    """The shipped models in 'rooms', 'scenarios', 'suites' or 'studies', by name, sorted."""
+    """List the shipped models in 'rooms', 'scenarios', 'suites' or 'studies', by name, sorted."""
     return sorted(path.stem for path in (MODELS / folder).glob(f"*{_SUFFIX[folder]}"))
 
 
 def find(folder: str, name: str, relative_to: Path | None = None, asked_by: str = "") -> Path:
-    """The file of a shipped model by its name, or of the user's own by its path (relative to `relative_to`).
+    """Find the file of a shipped model by its name, or of a user's own by its path (relative to `relative_to`).
 
     `asked_by` opens the error's sentence (a file and field, say). Raises InputError listing what is shipped.
     """
@@ -46,7 +46,7 @@ def find(folder: str, name: str, relative_to: Path | None = None, asked_by: str 
 
 
 def cache_folder() -> Path:
-    """$ROOMTWIN_CACHE, else roomtwin in $XDG_CACHE_HOME, else ~/.cache/roomtwin."""
+    """Return $ROOMTWIN_CACHE, else roomtwin in $XDG_CACHE_HOME, else ~/.cache/roomtwin."""
     named = os.environ.get("ROOMTWIN_CACHE")
     if named:
         return Path(named)
@@ -109,6 +109,6 @@ def load_yaml(name: str) -> dict[str, Any]:
 
 
 def first_description(folder: str, name: str) -> str:
-    """The description of a shipped scenario, suite or study, one line."""
+    """Read the description of a shipped scenario, suite or study, in one line."""
     content = load_yaml(f"{folder}/{name}{_SUFFIX[folder]}")
     return " ".join(str(content.get("description", "")).split())

@@ -1,4 +1,4 @@
-"""What several commands take: their arguments and options as typer wants them."""
+"""Arguments and options that several commands take, as typer declares them."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ AllowPlugins = Annotated[
 ]
 Rig = Annotated[Path | None, typer.Option(help="rig.yaml: which topic is which sensor, and where it is.")]
 Environment = Annotated[
-    Path | None, typer.Option(metavar="FILE.npz", help="What trackers may know of the room, by `twin environment`.")
+    Path | None, typer.Option(metavar="FILE.npz", help="Prior of the room for trackers, made by `twin environment`.")
 ]
 NoVideo = Annotated[bool, typer.Option("--no-video", help="Write no preview.mp4.")]
 NoLimits = Annotated[
@@ -72,7 +72,7 @@ NoImages = Annotated[bool, typer.Option("--no-images", help="Leave the cameras o
 
 
 def overrides(changes: list[str] | None, seed: int | None, duration_s: float | None = None) -> list[str]:
-    """The changes of a scenario as `--set`, `--seed` and `--duration` ask for them, 'path=value' texts."""
+    """Collect `--set`, `--seed` and `--duration` as changes of a scenario, 'path=value' texts."""
     extra = [] if seed is None else [f"seed={seed}"]
     if duration_s is not None:
         extra.append(f"duration_s={duration_s}")

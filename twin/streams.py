@@ -1,4 +1,4 @@
-"""One random stream for each person, sensor and tracker, all from the scenario's seed."""
+"""Random streams: one per person, sensor and tracker, all from the scenario's seed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 
 def stream(seed: int, kind: str, name: str) -> np.random.Generator:
-    """The generator of this thing in a run with this seed.
+    """Make the generator of this thing in a run with this seed.
 
     Its key is a stable hash of kind and name, so that adding a sensor or a person changes no other stream.
     """

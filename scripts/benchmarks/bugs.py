@@ -469,7 +469,7 @@ _BY_FILE = {
     "twin/evaluate/continuity.py": [
         ("coasting counts", "continuity", "if not _A:\n    continue", ""),
     ],
-    "twin/evaluate/occlusion.py": [
+    "twin/evaluate/causes.py": [
         ("hidden from any sensor", "long_occlusions", "_A &= _B[_C] == 0", "_A |= _B[_C] == 0"),
     ],
 }

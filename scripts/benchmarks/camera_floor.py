@@ -17,7 +17,7 @@ from trackers.presets import make_tracker
 from trackers.prior import Prior
 from trackers.rig import Rig
 from twin import Simulation
-from twin.reproduce.camera_floor_particle.replays import standing
+from twin.reproduce.camera_floor_particle.replays import standing_people
 
 _S = 4
 _MINUTES = 10
@@ -50,7 +50,7 @@ def measure() -> Iterator[Figure]:
 
 
 def _recorded(n_person: int) -> _Recorded:
-    with Simulation(standing(n_person, _S)) as simulation:
+    with Simulation(standing_people(n_person, _S)) as simulation:
         background = Prior.of(simulation.background())
         return simulation.rig, background, list(simulation), n_person
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from benchmarks.figure import Figure
 from trackers.laser_vision_learning.looks import LooksOptions
-from twin.reproduce.laser_vision_learning.choice import VARIANTS
-from twin.reproduce.laser_vision_learning.splits import Decision, decide, near_identical_clothes
+from twin.reproduce.laser_vision_learning.splits import VARIANTS, Decision, decide, near_identical_clothes
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 from twin.truth.frames import SituationKind

@@ -19,8 +19,8 @@ from trackers.laser_fisheye_imm.filter import filter_of
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.laser_fisheye_imm.tracker import LaserFisheyeImm
 from trackers.presets import PRESETS, available, make_tracker
-from twin.reproduce.laser_fisheye_imm.conditions import COLUMNS
-from twin.reproduce.laser_vision_learning.conditions import SYSTEMS
+from twin.reproduce.laser_fisheye_imm.runs import COLUMNS
+from twin.reproduce.laser_vision_learning.runs import SYSTEMS
 
 
 def rig_of(name):

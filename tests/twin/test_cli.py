@@ -230,9 +230,9 @@ def test_a_stop_within_an_import_or_an_exec_ends_the_command_with_its_exit_code(
     stop = f"import os, time\nos.kill(os.getpid(), {number:d})\ntime.sleep(0.01)\n"
     (tmp_path / "module_with_a_stop.py").write_text(f"{stop}print('imported to its end', flush=True)\n")
     code = (
-        f"import time, twin.check\nstop = {stop!r}\n"
+        f"import time, twin.commands.info\nstop = {stop!r}\n"
         f"def check_machine():\n    {where}\n    time.sleep(30)\n"
-        "twin.check.check_machine = check_machine\nfrom twin.cli import main\nmain()"
+        "twin.commands.info.check_machine = check_machine\nfrom twin.cli import main\nmain()"
     )
     (tmp_path / "as_a_module.py").write_text(code)  # where `-m` runs it, Python looks at what passed through an `exec`
     done = subprocess.run(
@@ -264,7 +264,9 @@ def test_a_full_disk_is_said_in_one_sentence(tmp_path: Path) -> None:
 
 
 def test_a_fault_of_ours_is_loud(tmp_path: Path) -> None:
-    code = "import twin.check\ntwin.check.check_machine = lambda: 1 / 0\nfrom twin.cli import main\nmain()"
+    code = (
+        "import twin.commands.info\ntwin.commands.info.check_machine = lambda: 1 / 0\nfrom twin.cli import main\nmain()"
+    )
     done = subprocess.run([sys.executable, "-c", code, "check"], capture_output=True, text=True, check=False)
     assert done.returncode == 70
     assert "ZeroDivisionError" in done.stderr

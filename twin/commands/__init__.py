@@ -1,1 +1,1 @@
-"""The subcommands of `twin` that are no room's own: what each does lives elsewhere and is imported when it is asked for."""
+"""Subcommands of `twin`: arguments and help; the work is imported when a command runs."""

@@ -22,7 +22,7 @@ def evaluate(
     ] = None,
     no_limits: NoLimits = False,
 ) -> None:
-    """Metrics from two tables, as JSON."""
+    """Compute metrics from two tables, as JSON."""
     import json
 
     from trackers.errors import InputError

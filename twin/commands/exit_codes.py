@@ -1,20 +1,63 @@
-"""How `twin` ends: each way out has its exit code (see the README)."""
+"""Ends of `twin`: exit codes (see the README), plug-ins that failed, Ctrl-C and kill."""
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
+import threading
+import time
 from collections.abc import Sequence
+from types import FrameType
 
 import typer
 
-from twin.shown import shown
+from twin.messages import printable
 
+_AGAIN_S = 0.05
+_LONGEST_IMPORT_S = 10.0
 EXIT_DONE, EXIT_FELL_SHORT, EXIT_BAD_INPUT, EXIT_OUR_FAULT, EXIT_INTERRUPTED, EXIT_CLOSED_PIPE = 0, 1, 2, 70, 130, 141
 
 
-def tell_failures(failures: Sequence[str]) -> None:
-    """What plug-ins did wrong beside trackers that have results: the exit code is that of a check that fell short."""
+def exit_with_failures(failures: Sequence[str]) -> None:
+    """Print the failures of plug-ins; with any, exit as a check that fell short does."""
     for failure in failures:
-        sys.stderr.write(f"twin: {shown(failure)}\n")
+        sys.stderr.write(f"twin: {printable(failure)}\n")
     if failures:
         raise typer.Exit(EXIT_FELL_SHORT)
+
+
+class Interrupted(KeyboardInterrupt):
+    """Request to end, by Ctrl-C or a kill.
+
+    Not a plain KeyboardInterrupt: where one of those has passed through an `exec`, as in the making of a dataclass, Python
+    ends by the signal itself instead of the exit code that it is given.
+    """
+
+
+def raise_on_signals() -> None:
+    """Make SIGTERM, and SIGINT unless it is ignored, raise Interrupted in the main thread.
+
+    Not within an import: compiled modules may crash there, and a class half made turns it into another error. The signal
+    comes again after `_AGAIN_S`, for up to 10 s, so that a module of the user's that never ends can be stopped too.
+    """
+    first_s: list[float] = []
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        first_s.append(time.monotonic())
+        if _importing(frame) and first_s[-1] - first_s[0] < _LONGEST_IMPORT_S:
+            threading.Timer(_AGAIN_S, os.kill, [os.getpid(), number]).start()
+            return
+        raise Interrupted
+
+    signal.signal(signal.SIGTERM, stop)
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        signal.signal(signal.SIGINT, stop)
+
+
+def _importing(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_code.co_filename == "<frozen importlib._bootstrap>":
+            return True
+        frame = frame.f_back
+    return False

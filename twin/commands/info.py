@@ -1,24 +1,28 @@
-"""`twin list`, `twin schema` and `twin check`: what there is, how it is described, and whether this machine can draw it."""
+"""`twin list`, `twin schema` and `twin check`: contents, JSON schemas, and a check of this machine."""
 
 from __future__ import annotations
 
 import shutil
 import sys
 import textwrap
+import time
 from collections.abc import Iterator, Mapping
+from importlib.metadata import version
 from typing import Annotated
 
 import typer
 
-from twin.shown import shown
+from twin.messages import printable
 
 _DESCRIBED = "scenarios", "suites", "studies"
+_SIDE_PX = 400
+_FRAMES = 5
 _LEAST_COLUMN = 30
 """A column of text that is narrower is hard to read."""
 
 
 def list_() -> None:
-    """What there is: scenarios, rooms, trackers, sensors, faults."""
+    """List scenarios, rooms, trackers, sensors, suites, studies and faults."""
     from trackers.presets import available
     from twin import models
 
@@ -36,32 +40,33 @@ def list_() -> None:
     }
     for title, entries in parts.items():
         typer.echo(title)
-        for line in _lines(entries, shutil.get_terminal_size().columns if sys.stdout.isatty() else None):
+        for line in _columns(entries, shutil.get_terminal_size().columns if sys.stdout.isatty() else None):
             typer.echo(line)
 
 
-def _lines(entries: Mapping[str, str], width: int | None) -> Iterator[str]:
-    """Names and descriptions in two columns, within `width` characters a line (None: a line an entry, whatever its length).
+def _columns(entries: Mapping[str, str], width: int | None) -> Iterator[str]:
+    """Format names and descriptions in two columns, within `width` characters (None: one line per entry, of any
+    length).
 
     Where a terminal has no room for two columns, a description stands under its name.
     """
     column = max(map(len, entries)) + 4
     for name, description in entries.items():
         if width is None:
-            yield shown(f"  {name:{column - 2}}{description}".rstrip())
+            yield printable(f"  {name:{column - 2}}{description}".rstrip())
         elif width - column >= _LEAST_COLUMN:
-            first, *rest = textwrap.wrap(shown(description), width - column) or [""]
-            yield shown(f"  {name:{column - 2}}{first}".rstrip())
+            first, *rest = textwrap.wrap(printable(description), width - column) or [""]
+            yield printable(f"  {name:{column - 2}}{first}".rstrip())
             yield from (" " * column + line for line in rest)
         else:
-            yield shown(f"  {name}")
-            yield from textwrap.wrap(shown(description), width, initial_indent="    ", subsequent_indent="    ")
+            yield printable(f"  {name}")
+            yield from textwrap.wrap(printable(description), width, initial_indent="    ", subsequent_indent="    ")
 
 
 def schema(
     kind: Annotated[str, typer.Argument(help="'scenario', 'suite', 'study' or 'rig'.")] = "scenario",
 ) -> None:
-    """The JSON schema of a scenario, a suite, a study or a rig, for editors."""
+    """Print the JSON schema of a scenario, a suite, a study or a rig, for editors."""
     import json
 
     from trackers.errors import InputError
@@ -80,8 +85,37 @@ def schema(
 
 
 def check() -> None:
-    """Can this machine render: renderer, versions, frame time; and what to do if not."""
-    from twin.check import check_machine
-
+    """Check that this machine can render: renderer, versions, frame time; and what to do if not."""
     for line in check_machine():
         typer.echo(line)
+
+
+def check_machine() -> Iterator[str]:
+    """Yield one line per thing checked; raise InputError, with what to do, where the machine cannot render."""
+    import mujoco
+    import numpy as np
+
+    from twin import models
+    from twin.sensors.render import OffscreenRenderer
+    from twin.sensors.render_scene import View
+
+    yield f"roomtwin    {version('roomtwin')}"
+    yield f"mujoco      {mujoco.__version__}"
+    model = mujoco.MjModel.from_xml_path(str(models.find("rooms", "lab")))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_camlight(model, data)
+    with OffscreenRenderer(model) as renderer:
+        info = renderer.gl_info()
+        yield f"renderer    {info.renderer}"
+        yield f"OpenGL      {info.version}"
+        pixels = np.zeros((_SIDE_PX, _SIDE_PX, 4), dtype=np.uint8)
+        ahead = View((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), -1.0, 1.0, -1.0, 1.0, (0, 0, _SIDE_PX, _SIDE_PX))
+        eye_m = np.array([0.0, 0.0, 1.05])
+        spent_ms = []
+        for _ in range(_FRAMES):
+            start = time.perf_counter()
+            renderer.render(data, eye_m, [ahead], pixels)
+            spent_ms.append(1e3 * (time.perf_counter() - start))
+    yield f"frame time  {np.median(spent_ms):.1f} ms for {_SIDE_PX} × {_SIDE_PX} of the lab"
+    yield "this machine can render"

@@ -1,4 +1,4 @@
-"""What is said where this process may not take the memory that it needs: a limit of the shell's, or a full machine."""
+"""Lack of memory, by a limit of the shell's or a full machine, as one sentence instead of a crash."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from twin.commands.exit_codes import EXIT_BAD_INPUT
 _LEAST_MB = 200
 """Under this OpenBLAS ends the process by itself, before Python can say anything."""
 
-_SAID_OF_MEMORY = ("failed to map segment", "allocate memory", "can't start new thread", "insufficient memory")
-_SAID_BY_THE_PARSER = re.compile(r"field '\w+' is required for \w+")
+_MEMORY_TEXTS = ("failed to map segment", "allocate memory", "can't start new thread", "insufficient memory")
+_PARSER_TEXT = re.compile(r"field '\w+' is required for \w+")
 """What Python says of a syntax tree that it had no memory for, as it imports a module."""
 _FOREIGN = ("av", "cv2", "mujoco", "OpenGL", "apsw", "sqlite3", "zstandard")
 """Libraries whose errors do not say that memory was what they lacked."""
@@ -25,8 +25,8 @@ _FATAL = (signal.SIGABRT, signal.SIGSEGV, signal.SIGBUS, signal.SIGILL, signal.S
 """How compiled libraries end a process."""
 
 
-def code_of_child() -> int | None:
-    """Do the rest in a child of this process where memory is limited; return its exit code, and None in the child itself.
+def run_in_child() -> int | None:
+    """Continue in a child of this process where memory is limited; return its exit code, and None in the child itself.
 
     Libraries for pictures end the process that may have no more memory, before Python can say anything: the parent can.
     """
@@ -57,22 +57,22 @@ def check_memory() -> None:
         raise InputError(_sentence(limit))
 
 
-def lack_of_memory(error: BaseException) -> str | None:
-    """The sentence for an error that lack of memory has brought about; None for any other."""
+def describe_lack_of_memory(error: BaseException) -> str | None:
+    """Describe an error that lack of memory has brought about; None for any other."""
     limit = _limit_mb()
-    is_told = isinstance(error, InputError)  # already in words, which are wrong only where memory is spoken of
+    is_described = isinstance(error, InputError)  # its sentence is wrong only where it speaks of memory
     for each in _chain(error):
         is_errno = isinstance(each, OSError) and each.errno == errno.ENOMEM
-        said = isinstance(each, ImportError | OSError | RuntimeError | ValueError) or _is_foreign(each)
+        may_lack = isinstance(each, ImportError | OSError | RuntimeError | ValueError) or _is_foreign(each)
         if (
             isinstance(each, MemoryError)
             or is_errno
-            or (said and any(word in str(each).lower() for word in _SAID_OF_MEMORY))
+            or (may_lack and any(word in str(each).lower() for word in _MEMORY_TEXTS))
         ):
             return _sentence(limit)
-        is_of_parser = isinstance(each, ValueError) and _SAID_BY_THE_PARSER.fullmatch(str(each)) is not None
+        is_of_parser = isinstance(each, ValueError) and _PARSER_TEXT.fullmatch(str(each)) is not None
         is_graphics = "gives no OpenGL context" in str(each)
-        if limit is not None and ((_is_foreign(each) and not is_told) or is_graphics or is_of_parser):
+        if limit is not None and ((_is_foreign(each) and not is_described) or is_graphics or is_of_parser):
             return _sentence(limit)
     return None
 

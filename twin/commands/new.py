@@ -1,4 +1,4 @@
-"""`twin new`: a start to write on from, or a scene drawn at random as plain files."""
+"""`twin new`: write a commented start, or a scene drawn at random as plain files."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def scenario(
 
 
 def _name(folder: Path) -> str:
-    """A name made of the folder's: letters, digits, '-' and '_', a letter first."""
+    """Make a scenario's name from the folder's: letters, digits, '-' and '_', a letter first."""
     name = "".join(
         each if each.isascii() and (each.isalnum() or each in "-_") else "-" for each in folder.resolve().name
     )

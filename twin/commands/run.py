@@ -1,11 +1,11 @@
-"""`twin run` and `twin render`: a scenario simulated, with trackers on it or recorded only."""
+"""`twin run` and `twin render`: simulate a scenario, with trackers on it or recorded only."""
 
 from __future__ import annotations
 
 import sys
 from typing import TYPE_CHECKING
 
-from twin.commands.exit_codes import tell_failures
+from twin.commands.exit_codes import exit_with_failures
 from twin.options import (
     AllowPlugins,
     Duration,
@@ -48,7 +48,7 @@ def run(
     from twin.scenario import load_scenario
 
     loaded = load_scenario(scenario, [*overrides(set_, seed, duration), *environment_change(environment)])
-    _tell_size(loaded, images=not no_images)
+    _print_size(loaded, images=not no_images)
     typed = typed_classes(set_ or [])
     import_from_here([*typed, *(tracker or [])], files_trusted=allow_plugins)
     with progress() as report:
@@ -66,7 +66,7 @@ def run(
     if result.metrics is not None:
         print_metrics(result.metrics)
     print_paths(result.files)
-    tell_failures(result.failures)
+    exit_with_failures(result.failures)
 
 
 def render(
@@ -86,7 +86,7 @@ def render(
     from twin.scenario import load_scenario
 
     loaded = load_scenario(scenario, overrides(set_, seed, duration))
-    _tell_size(loaded, images=not no_images)
+    _print_size(loaded, images=not no_images)
     with progress() as report:
         result = run_scenario(
             loaded,
@@ -100,8 +100,8 @@ def render(
     print_paths(result.files)
 
 
-def _tell_size(scenario: Scenario, *, images: bool) -> None:
-    """Say on stderr what a run will make; raise InputError where that is more than the limits, if they hold."""
+def _print_size(scenario: Scenario, *, images: bool) -> None:
+    """Print on stderr what a run will make; raise InputError where that is above the limits, if they hold."""
     from twin.scenario.size import check_size, size_of
 
     check_size(scenario, images=images)

@@ -1,4 +1,4 @@
-"""`twin track` and `twin detections`: what trackers, or their detectors, make of a recording."""
+"""`twin track` and `twin detections`: run trackers, or their detectors, on a recording."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from twin.commands.exit_codes import tell_failures
+from twin.commands.exit_codes import exit_with_failures
 from twin.options import Environment, NoLimits, NoVideo, Rig, Seed, Set, Trackers
 
 
@@ -51,13 +51,16 @@ def track(
     if result.metrics is not None:
         print_metrics(result.metrics)
     print_paths(result.files)
-    tell_failures(result.failures)
+    exit_with_failures(result.failures)
 
 
 def detections(
     recording: Annotated[Path, typer.Argument(help="A bag: the twin's recording.mcap, or a robot's.")],
     tracker: Annotated[
-        str, typer.Option(metavar="NAME", help="Whose detector: a preset, one the scenario defines, or module:Class.")
+        str,
+        typer.Option(
+            metavar="NAME", help="Tracker whose detector runs: a preset, one the scenario defines, or module:Class."
+        ),
     ] = "sort",
     rig: Rig = None,
     set_: Set = None,
@@ -66,7 +69,7 @@ def detections(
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="Table to write; default: stdout.")] = None,
     no_limits: NoLimits = False,
 ) -> None:
-    """What a tracker's detector saw, as a CSV table: t,sensors,role,x,y,variance,width in the room frame [s, m, m²]."""
+    """Write the detections of a tracker as CSV: t,sensors,role,x,y,variance,width in the room frame [s, m, m²]."""
     from functools import partial
 
     from twin.console import print_paths, print_warning

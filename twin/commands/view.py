@@ -1,4 +1,4 @@
-"""`twin view`: a scenario, its people and its sensors' views, as pictures and videos."""
+"""`twin view`: pictures and videos of a scenario, its people and its sensors' views."""
 
 from __future__ import annotations
 
@@ -13,14 +13,16 @@ from twin.options import NoLimits, RoomRoot, ScenarioName, Seed, Set, overrides
 
 def view(
     scenario: ScenarioName,
-    at: Annotated[float, typer.Option(metavar="S", help="The moment to look at [s].")] = 0.0,
-    people: Annotated[bool, typer.Option("--people", help="Everybody from all sides, and everything they do.")] = False,
+    at: Annotated[float, typer.Option(metavar="S", help="Time to show [s].")] = 0.0,
+    people: Annotated[
+        bool, typer.Option("--people", help="Each person from all sides, and each of their actions.")
+    ] = False,
     video: Annotated[Path | None, typer.Option(metavar="FILE.mp4", help="Write a video by a free camera.")] = None,
-    from_: Annotated[float, typer.Option("--from", metavar="S", help="Where the video begins [s].")] = 0.0,
+    from_: Annotated[float, typer.Option("--from", metavar="S", help="Start of the video [s].")] = 0.0,
     to: Annotated[
-        float | None, typer.Option(metavar="S", help="Where it ends [s]; default: with the scenario.")
+        float | None, typer.Option(metavar="S", help="End of the video [s]; default: of the scenario.")
     ] = None,
-    follow: Annotated[str | None, typer.Option(metavar="NAME", help="Whom the video's camera follows.")] = None,
+    follow: Annotated[str | None, typer.Option(metavar="NAME", help="Person that the video's camera follows.")] = None,
     room_root: RoomRoot = None,
     no_limits: NoLimits = False,
     drawn: Annotated[
@@ -30,7 +32,7 @@ def view(
     seed: Seed = None,
     out: Annotated[Path | None, typer.Option(help="The picture to write; default: view.png or people.png.")] = None,
 ) -> None:
-    """A look inside: the room and every sensor's view at one moment; its people (--people); a video of them (--video)."""
+    """Draw the room and every sensor's view at one time, its people (--people), or a video of them (--video)."""
     from twin.console import print_paths, print_warnings, progress
     from twin.scenario import load_scenario
     from twin.scenario.size import check_size
@@ -41,11 +43,11 @@ def view(
             raise InputError(f"--drawn {drawn}: is a picture of its own beside --people and --video; one is expected")
         path, first = out or Path("drawn.png"), 0 if seed is None else seed
         with progress() as report:
-            told = write_drawn(scenario, set_ or [], range(first, first + drawn), at, path, on_progress=report)
-        print_warnings(told)
+            warnings = write_drawn(scenario, set_ or [], range(first, first + drawn), at, path, on_progress=report)
+        print_warnings(warnings)
         print_paths({"drawn": path})
         return
-    check_choice(at=at, people=people, video=video, start_s=from_, end_s=to, follow=follow, out=out)
+    check_options(at=at, people=people, video=video, start_s=from_, end_s=to, follow=follow, out=out)
     loaded = load_scenario(scenario, overrides(set_, seed))
     check_size(loaded)
     if video is not None:
@@ -65,7 +67,7 @@ def view(
         print_paths({"view": path})
 
 
-def check_choice(
+def check_options(
     *,
     at: float,
     people: bool,
@@ -75,7 +77,7 @@ def check_choice(
     follow: str | None,
     out: Path | None,
 ) -> None:
-    """Raise InputError for options of `twin view` that say nothing about the picture that is asked for."""
+    """Raise InputError for options of `twin view` without effect on the picture that is asked for."""
     if people and video is not None:
         raise InputError("--people: is a picture of its own beside --video; one of the two is expected")
     if people and at:

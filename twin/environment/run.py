@@ -10,7 +10,7 @@ from trackers.environment.model import Environment
 from trackers.errors import InputError
 from twin.environment.picture import write_picture
 from twin.environment.scan import HEIGHT_M, PointCloud, TiltingScanner, chosen_stations, given_stations, scan_room
-from twin.progress import OnProgress
+from twin.messages import OnProgress
 from twin.recording.atomic_file import atomic_path
 from twin.scenario import Scenario
 from twin.sensors.laser_noise import LASER_NOISE

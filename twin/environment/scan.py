@@ -19,8 +19,8 @@ from trackers.environment import PointCloud
 from trackers.errors import InputError
 from trackers.observations import LaserScan
 from twin.instant.snapshot import Snapshot
+from twin.messages import OnProgress
 from twin.people.crowd.crowd import planar
-from twin.progress import OnProgress
 from twin.room.building import check_mount
 from twin.room.obstacles import Footprints
 from twin.sensors.laser_noise import LaserNoise

@@ -22,16 +22,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.observations import NS_PER_S
 from twin.evaluate.clear import FrameMatches
 from twin.evaluate.frames import Frame
+from twin.recording.situation_table import SituationTable
 
-NOBODY = -1
+NO_ID = -1
 """Instead of an id: in places of an array that stand for nobody, and of a track that belongs to nobody."""
 
 
 @dataclass(frozen=True, eq=False)
 class PersonFrames:
-    """What became of each of p people in each of f judged frames."""
+    """Judgement of each of p people in each of f judged frames."""
 
     person_ids: NDArray[np.int64]  # (p,) ascending
     judged: NDArray[np.bool_]  # (p, f) there, and inside the area
@@ -42,7 +44,7 @@ class PersonFrames:
 
     @property
     def right(self) -> NDArray[np.bool_]:
-        """Whether nothing failed of a person, (p, f)."""
+        """Person-frames in which nothing failed, (p, f)."""
         return self.judged & ~(self.missed | self.wrong | self.astray)
 
     @property
@@ -50,8 +52,8 @@ class PersonFrames:
         """Failures of all kinds in each frame, (f,)."""
         return (self.missed | self.wrong).sum(axis=0) + self.false_locations
 
-    def figures(self) -> dict[str, Any]:
-        """`accuracy` and `failures` of `metrics.json`; accuracy is None where nobody was there."""
+    def metrics(self) -> dict[str, Any]:
+        """Compute `accuracy` and `failures` of `metrics.json`; accuracy is None without a person-frame."""
         count = int(self.judged.sum())
         return {
             "accuracy": 1.0 - int(self.failures.sum()) / count if count else None,
@@ -65,23 +67,25 @@ class PersonFrames:
 
 
 def person_frames(frames: Sequence[Frame], matches: Sequence[FrameMatches], gate_m: float) -> PersonFrames:
-    """Judge frames that hold everybody; `matches`: their correspondence at the same gate."""
-    person_id, there = _laid_out([frame.person_ids for frame in frames], NOBODY)  # (f, n): n places a frame
-    track_id, _ = _laid_out([frame.track_ids for frame in frames], NOBODY)  # (f, m)
-    person_xy, _ = _laid_out([frame.person_xy for frame in frames], np.nan)
-    track_xy, _ = _laid_out([frame.track_xy for frame in frames], np.nan)
-    inside, _ = _laid_out([frame.in_area for frame in frames], False)
+    """Judge every person in every frame. `frames` hold people inside the area and outside; `matches`: their
+    correspondence at the same gate.
+    """
+    person_id, there = _padded([frame.person_ids for frame in frames], NO_ID)  # (f, n): n places a frame
+    track_id, _ = _padded([frame.track_ids for frame in frames], NO_ID)  # (f, m)
+    person_xy, _ = _padded([frame.person_xy for frame in frames], np.nan)
+    track_xy, _ = _padded([frame.track_xy for frame in frames], np.nan)
+    inside, _ = _padded([frame.in_area for frame in frames], False)
     gap = person_xy[:, :, None] - track_xy[:, None]
     distance = np.hypot(gap[..., 0], gap[..., 1])  # (f, n, m)
     near = distance <= gate_m  # NaN is near nobody
     owner = _owners(frames, matches, track_id)  # (f, m)
     followed = near.any(axis=2)
     nearest = np.where(near, distance, np.inf).argmin(axis=2) if near.size else np.zeros(person_id.shape, dtype=int)
-    track, of = (np.where(followed, _taken(each, nearest), NOBODY) for each in (track_id, owner))
+    track, of = (np.where(followed, _pick(each, nearest), NO_ID) for each in (track_id, owner))
     own = of == person_id
-    wrong = followed & ~own & (of != NOBODY)
+    wrong = followed & ~own & (of != NO_ID)
     wrong |= _switches(person_id, track, followed & own)
-    nowhere = (track_id != NOBODY) & ~near.any(axis=1)
+    nowhere = (track_id != NO_ID) & ~near.any(axis=1)
     theirs = (owner[:, None] == person_id[..., None]) & nowhere[:, None]
     astray = ~followed & theirs.any(axis=2)
     ids = np.unique(person_id[there])
@@ -102,8 +106,10 @@ def person_frames(frames: Sequence[Frame], matches: Sequence[FrameMatches], gate
     )
 
 
-def _laid_out(rows: Sequence[NDArray[Any]], fill: float) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """Rows (n_i, ...) as one array (f, n, ...) of the longest one's length, and what of it is theirs (f, n)."""
+def _padded(rows: Sequence[NDArray[Any]], fill: float) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """Pad f rows (n_i, ...) to one array (f, n, ...) of the longest one's length; return it and its filled places (f,
+    n).
+    """
     count = np.array([len(row) for row in rows], dtype=np.intp)
     theirs = np.arange(count.max(initial=0)) < count[:, None]
     whole = np.full((*theirs.shape, *rows[0].shape[1:]), fill, dtype=rows[0].dtype)
@@ -111,15 +117,15 @@ def _laid_out(rows: Sequence[NDArray[Any]], fill: float) -> tuple[NDArray[Any], 
     return whole, theirs
 
 
-def _taken(of_track: NDArray[np.int64], which: NDArray[np.intp]) -> NDArray[np.int64]:
-    """Of each person's track `which` (f, n) its entry in (f, m)."""
+def _pick(of_track: NDArray[np.int64], which: NDArray[np.intp]) -> NDArray[np.int64]:
+    """Pick from `of_track` (f, m) each person's track `which` (f, n)."""
     if not of_track.size:
-        return np.full(which.shape, NOBODY, dtype=np.int64)
+        return np.full(which.shape, NO_ID, dtype=np.int64)
     return np.take_along_axis(of_track, which, axis=1)
 
 
 def _owners(frames: Sequence[Frame], matches: Sequence[FrameMatches], track_id: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Whom each track (f, m) belongs to, NOBODY for those that were never matched while confirmed."""
+    """Find the person each track (f, m) belongs to; NO_ID for tracks never matched while confirmed."""
     pairs = [
         np.stack([frame.track_ids[found.columns], frame.person_ids[found.rows]])[:, frame.confirmed[found.columns]]
         for frame, found in zip(frames, matches, strict=True)
@@ -127,13 +133,13 @@ def _owners(frames: Sequence[Frame], matches: Sequence[FrameMatches], track_id: 
     tracks, persons = np.concatenate(pairs, axis=1)
     known, first = np.unique(tracks, return_index=True)
     if not known.size:
-        return np.full(track_id.shape, NOBODY, dtype=np.int64)
+        return np.full(track_id.shape, NO_ID, dtype=np.int64)
     place = np.minimum(np.searchsorted(known, track_id), known.size - 1)
-    return np.where(known[place] == track_id, persons[first][place], NOBODY)
+    return np.where(known[place] == track_id, persons[first][place], NO_ID)
 
 
 def _switches(person_id: NDArray[np.int64], track_id: NDArray[np.int64], own: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The places (f, n) of the first frame of each own track of a person but their first; `track_id`: their nearest."""
+    """Mark (f, n) the first frame of each own track of a person but their first; `track_id`: their nearest."""
     switched = np.zeros(own.shape, dtype=np.bool_)
     places = np.flatnonzero(own)  # in order of time
     pairs = np.stack([person_id.ravel()[places], track_id.ravel()[places]])
@@ -142,3 +148,47 @@ def _switches(person_id: NDArray[np.int64], track_id: NDArray[np.int64], own: ND
     _, earliest = np.unique(pairs[0, first], return_index=True)
     switched.ravel()[places[np.delete(first, earliest)]] = True
     return switched
+
+
+AFTER_S = 1.0
+
+
+def disposal(people: PersonFrames, stamps_ns: NDArray[np.int64], situations: SituationTable) -> dict[str, Any]:
+    """Compute `disposal` of `metrics.json`: per kind of challenging situation its count and the share disposed of (None
+    without any).
+
+    After Song et al., table I. Correlated: counted per pair and frame, disposed of where both people are right in that
+    frame. Merge/split: counted per merge for the rig whose end, and the second after it, the run has seen; disposed of
+    where both people are right from its start to `AFTER_S` after its end. Frames in which one of the two is outside the
+    tracked area are not counted; a merge counts where both are inside in at least one of its frames.
+
+    stamps_ns (f,): of the judged frames, in order.
+    """
+    correlated = situations.select("correlated")
+    both, right = _of_pairs(people, correlated)
+    holding = correlated.frames(stamps_ns) & both
+    merged = situations.select("merged_rig")
+    both, right_too = _of_pairs(people, merged)
+    during, until_after = merged.frames(stamps_ns) & both, merged.frames(stamps_ns, AFTER_S) & both
+    last_ns = stamps_ns[-1] if stamps_ns.size else 0
+    seen = merged.complete & (merged.end_ns + round(AFTER_S * NS_PER_S) <= last_ns) & during.any(axis=1)
+    return {
+        "correlated": _share(holding.sum(), (holding & right).sum()),
+        "merge_split": _share(seen.sum(), (seen & ~(until_after & ~right_too).any(axis=1)).sum()),
+    }
+
+
+def _of_pairs(people: PersonFrames, situations: SituationTable) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Judge the pair of each of n situations in each of f judged frames: both people judged, both right, (n, f) each."""
+    known = np.isin(situations.first_id, people.person_ids) & np.isin(situations.second_id, people.person_ids)
+    judged, right = (np.zeros((len(situations), people.judged.shape[1]), dtype=np.bool_) for _ in range(2))
+    first, second = (
+        np.searchsorted(people.person_ids, ids[known]) for ids in (situations.first_id, situations.second_id)
+    )
+    judged[known] = people.judged[first] & people.judged[second]
+    right[known] = people.right[first] & people.right[second]
+    return judged, right
+
+
+def _share(total: np.integer, disposed: np.integer) -> dict[str, Any]:
+    return {"total": int(total), "disposed": int(disposed), "share": float(disposed / total) if total else None}

@@ -1,4 +1,4 @@
-"""Errors by cause: why somebody was missed, and what a track was that stood near nobody.
+"""Errors by cause: misses, false positives, and occlusions that last.
 
 A miss is a person inside the area, in a judged frame, matched with no track (CLEAR correspondence). By cause, the first
 that holds: `unseen`, no sensor's ray reaches the body (every `visible_<sensor>` is 0), so that no tracker can know;
@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.observations import NS_PER_S
 from twin.evaluate.clear import FrameMatches
 from twin.evaluate.frames import Frame
 from twin.recording.tables import TruthTable
@@ -40,8 +41,8 @@ class Errors:
     cause: NDArray[np.str_]  # (e,) one of MISSES or FALSE_POSITIVES
     posture: NDArray[np.str_]  # (e,) of the missed person, one of POSTURES; "" for a track
 
-    def figures(self, *, sight: bool = True, status: bool = True) -> dict[str, Any]:
-        """`errors` of `metrics.json`: how many frames of each kind and cause.
+    def counts(self, *, sight: bool = True, status: bool = True) -> dict[str, Any]:
+        """Count frames per kind and cause: `errors` of `metrics.json`.
 
         Without `sight` the truth does not say which sensors see whom, without `status` the tracks do not say which of them
         coast: the causes that need it are None.
@@ -64,7 +65,9 @@ def errors_by_cause(
     gate_m: float,
     unused: Collection[str] = (),
 ) -> Errors:
-    """Every error in frames inside the area, given their correspondence; `unused`: sensors the tracker leaves alone."""
+    """Find the cause of every error in frames inside the area, given their correspondence. `unused`: sensors the
+    tracker leaves alone.
+    """
     rows = _TruthRows(truth, unused)
     found: list[tuple[int, NDArray[np.float64], str, str]] = []
     followed: set[int] = set()  # matched since they came into the area
@@ -99,7 +102,7 @@ def errors_by_cause(
 
 
 class _TruthRows:
-    """Who is seen by whom, and in what posture, at any stamp: as in the person's row nearest in time."""
+    """Visibility and posture of each person at any stamp, from the person's row nearest in time."""
 
     def __init__(self, truth: TruthTable, unused: Collection[str]) -> None:
         self._truth = truth
@@ -113,7 +116,7 @@ class _TruthRows:
         )
 
     def at(self, person: int, stamp_ns: int) -> tuple[str, str]:
-        """`seen`, `unused` or `unseen`, and the posture; a person who is not there any more is unseen."""
+        """Look up visibility (`seen`, `unused` or `unseen`) and posture; a person whose truth has ended is unseen."""
         rows = self._rows[person]
         stamps = self._truth.stamps_ns[rows]
         after = min(int(np.searchsorted(stamps, stamp_ns)), rows.size - 1)
@@ -124,3 +127,39 @@ class _TruthRows:
         if head_z - z < _LYING_M:
             return sight, "lying"
         return sight, "low" if z < _LOW_SHARE * self._highest_m[person] else "upright"
+
+
+@dataclass(frozen=True)
+class Occlusion:
+    """A stretch of time in which no ray of the sensors reaches a person in the area [s]."""
+
+    person_id: int
+    start_s: float
+    end_s: float
+
+    @property
+    def duration_s(self) -> float:
+        """Duration [s]."""
+        return self.end_s - self.start_s
+
+
+def long_occlusions(truth: TruthTable, sensors: Sequence[str], longer_than_s: float) -> tuple[Occlusion, ...]:
+    """Find occlusions from all of these sensors at once that last longer than this, by start, then person: no tracker
+    that coasts for less can bridge them.
+
+    Hidden: the share of the body that `visible_<sensor>` gives is 0 for every one of them. Moments at which a person is
+    outside the area, or not there, end an occlusion. Raises KeyError for a sensor that the truth says nothing of.
+    """
+    hidden = truth.in_area.copy()
+    for sensor in sensors:
+        hidden &= truth.visible[sensor] == 0
+    frame = np.searchsorted(truth.frame_stamps_ns, truth.stamps_ns)
+    found = []
+    for person in np.unique(truth.id).tolist():
+        frames = frame[hidden & (truth.id == person)]
+        for run in np.split(frames, np.flatnonzero(np.diff(frames) > 1) + 1):
+            if run.size:
+                start_s, end_s = (truth.frame_stamps_ns[run[[0, -1]]] / NS_PER_S).tolist()
+                if end_s - start_s > longer_than_s:
+                    found.append(Occlusion(person, start_s, end_s))
+    return tuple(sorted(found, key=lambda each: (each.start_s, each.person_id)))

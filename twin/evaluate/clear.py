@@ -1,4 +1,4 @@
-"""CLEAR MOT: who is matched with whom, frame by frame, and MOTA, MOTP and their counts.
+"""CLEAR MOT and identity scores: correspondence frame by frame, MOTA, MOTP, IDF1 and their counts.
 
 Bernardin and Stiefelhagen, "Evaluating multiple object tracking performance: the CLEAR MOT metrics", 2008, in the
 reading of py-motmetrics 1.4: a person and the track last matched with them are matched again as long as they are
@@ -48,7 +48,7 @@ class FrameMatches:
 
 @dataclass(frozen=True)
 class IdSwitch:
-    """From this frame on a person is matched with another track than the last time they were matched."""
+    """A frame from which on a person is matched with another track than the last time they were matched."""
 
     frame: int
     person_id: int
@@ -99,7 +99,7 @@ class ClearScores:
 
 
 def match_frames(frames: Sequence[PairMatrix], gate: float) -> list[FrameMatches]:
-    """The CLEAR correspondence of a run: pairs at most `gate` apart, earlier pairs kept.
+    """Match people and tracks of a run by the CLEAR correspondence: pairs at most `gate` apart, earlier pairs kept.
 
     Where two persons were last matched with the same track, the one matched with it last has the first claim: the
     result does not depend on the order of the persons (py-motmetrics lets the first in the list have it).
@@ -127,7 +127,7 @@ def match_frames(frames: Sequence[PairMatrix], gate: float) -> list[FrameMatches
 
 
 def assign(costs: NDArray[np.float64], allowed: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows and columns of as many allowed pairs as possible, and among those of the smallest summed cost (n, m)."""
+    """Assign as many allowed pairs as possible, of these the smallest summed cost (n, m); return rows and columns."""
     if not allowed.any():
         empty = np.zeros(0, dtype=np.intp)
         return empty, empty
@@ -139,7 +139,9 @@ def assign(costs: NDArray[np.float64], allowed: NDArray[np.bool_]) -> tuple[NDAr
 
 
 def find_switches(frames: Sequence[PairMatrix], matches: Sequence[FrameMatches]) -> list[IdSwitch]:
-    """Every identity switch, in order of time, then person; a gap in between, however long, does not undo a switch."""
+    """Find every identity switch, in order of time, then person; a gap in between, however long, does not undo a
+    switch.
+    """
     partner: dict[int, int] = {}
     switches = []
     for index, (frame, pairs) in enumerate(zip(frames, matches, strict=True)):
@@ -153,7 +155,7 @@ def find_switches(frames: Sequence[PairMatrix], matches: Sequence[FrameMatches])
 
 
 def clear(frames: Sequence[PairMatrix], gate: float, matches: Sequence[FrameMatches] | None = None) -> ClearScores:
-    """CLEAR scores of one run; `matches` spares the matching where `match_frames` has been called already."""
+    """Compute the CLEAR scores of one run; `matches`: the result of `match_frames`, where it is at hand."""
     if matches is None:
         matches = match_frames(frames, gate)
     matched: dict[int, list[bool]] = {}
@@ -201,10 +203,68 @@ def _kept_pairs(
 
 
 def _fragmentations(history: NDArray[np.bool_]) -> int:
-    """How often a matched person goes unmatched and is matched again later."""
+    """Count how often a matched person goes unmatched and is matched again later."""
     where = np.flatnonzero(history)
     return int(np.count_nonzero(np.diff(where) > 1))
 
 
 def _fields(scores: ClearScores) -> tuple:
     return tuple(getattr(scores, name) for name in scores.__dataclass_fields__)
+
+
+@dataclass(frozen=True)
+class IdentityScores:
+    """Identity counts of one run, or of several added together."""
+
+    true_positives: int
+    misses: int
+    false_positives: int
+
+    def __add__(self, other: IdentityScores) -> IdentityScores:
+        return IdentityScores(
+            self.true_positives + other.true_positives,
+            self.misses + other.misses,
+            self.false_positives + other.false_positives,
+        )
+
+    @property
+    def idf1(self) -> float | None:
+        """Harmonic mean of identity precision and recall; None without people and tracks."""
+        total = 2 * self.true_positives + self.misses + self.false_positives
+        return 2 * self.true_positives / total if total else None
+
+    @property
+    def precision(self) -> float | None:
+        """Share of reported positions with the right identity (IDP)."""
+        reported = self.true_positives + self.false_positives
+        return self.true_positives / reported if reported else None
+
+    @property
+    def recall(self) -> float | None:
+        """Share of true positions with the right identity (IDR)."""
+        persons = self.true_positives + self.misses
+        return self.true_positives / persons if persons else None
+
+
+def identity(frames: Sequence[PairMatrix], gate: float) -> IdentityScores:
+    """Compute the identity scores of one run; a position counts for a pair where person and track are at most `gate`
+    apart.
+
+    Ristani et al., "Performance measures and a data set for multi-target, multi-camera tracking", 2016.
+    """
+    n_person, n_track = (sum(ids.size for ids in all_ids) for all_ids in _ids(frames))
+    persons, tracks = (np.unique(np.concatenate(all_ids)) if all_ids else np.zeros(0) for all_ids in _ids(frames))
+    together = np.zeros((persons.size, tracks.size))
+    for frame in frames:
+        rows, columns = np.nonzero(frame.values <= gate)
+        # Ids do not repeat within a frame, so that plain indexing adds each pair.
+        together[
+            np.searchsorted(persons, frame.person_ids[rows]), np.searchsorted(tracks, frame.track_ids[columns])
+        ] += 1
+    # Fewest misses and false positives = most positions in pairs; a pair never together adds nothing.
+    true_positives = int(together[linear_sum_assignment(together, maximize=True)].sum())
+    return IdentityScores(true_positives, n_person - true_positives, n_track - true_positives)
+
+
+def _ids(frames: Sequence[PairMatrix]) -> tuple[list, list]:
+    return [frame.person_ids for frame in frames], [frame.track_ids for frame in frames]

@@ -1,4 +1,4 @@
-"""Misidentified and lost: does a track stay with its person for as long as the person is there?
+"""Continuity of tracks: misidentifications, lost tracks and identity switches as events.
 
 Counted as in the tables of the laser-and-fisheye paper: "a track carries on with another person", "a track ends while
 its person is inside".
@@ -34,7 +34,7 @@ class Event:
 
 
 def switch_events(frames: Sequence[Frame], switches: Sequence[IdSwitch]) -> list[Event]:
-    """The identity switches of CLEAR as events."""
+    """Convert the identity switches of CLEAR to events."""
     return [
         Event("switch", frames[s.frame].stamp_ns, s.person_id, s.track_id, previous_track_id=s.previous_track_id)
         for s in switches
@@ -44,7 +44,7 @@ def switch_events(frames: Sequence[Frame], switches: Sequence[IdSwitch]) -> list
 def continuity(
     frames: Sequence[Frame], judged: Sequence[Frame], matches: Sequence[FrameMatches]
 ) -> tuple[list[Event], list[Event]]:
-    """Misidentifications and lost tracks, each in order of time.
+    """Find misidentifications and lost tracks, each in order of time.
 
     `frames` hold everybody, `judged` the same frames without what is outside the area, `matches` their correspondence.
 
@@ -84,7 +84,8 @@ def continuity(
 
 
 def right_at_end(judged: Sequence[Frame], matches: Sequence[FrameMatches]) -> float | None:
-    """The share of the people inside the area in the last frame who have their own track there; None: nobody is.
+    """Compute the share of the people inside the area in the last frame who have their own track there; None without
+    people.
 
     One's own is the track that one was matched with first, if that had been nobody else's before.
     """
@@ -103,7 +104,7 @@ def right_at_end(judged: Sequence[Frame], matches: Sequence[FrameMatches]) -> fl
 
 
 def _stays(frames: Sequence[Frame], index: int, person: int) -> bool:
-    """Whether a person is inside the area in this frame and until the grace is over."""
+    """Tell whether a person is inside the area in this frame and until the grace is over."""
     until_ns = frames[index].stamp_ns + LEAVING_GRACE_NS
     for later in range(index, len(frames)):
         frame = frames[later]

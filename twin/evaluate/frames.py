@@ -1,4 +1,4 @@
-"""Truth and tracks brought to the same moments: which moments are judged, and where everybody is in each."""
+"""Judged frames: truth and tracks brought to the same stamps."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from numpy.typing import NDArray
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from twin.evaluate.clear import FrameMatches, PairMatrix, match_frames
-from twin.evaluate.silence import report_clock, silent_stamps, with_moments_between
+from twin.evaluate.report_clock import report_clock, silent_stamps, with_stamps_between
 from twin.recording.tables import TrackTable, TruthTable
 
 MAX_TRUTH_GAP_NS = NS_PER_S // 4
 GAP_PERIODS = 2.5  # of a person's usual time between rows: one row may be lost on the way, not two
-TOLD_SHARE = 0.02  # frames that are not judged: more than these are told
-MOST_BETWEEN = 64  # moments put between two rows of sparse truth: work goes with the rows
-LEAST_SHARE = 0.5  # judged frames: with less than these, figures say little
+NOTED_SHARE = 0.02  # frames that are not judged: more than these are told
+MOST_BETWEEN = 64  # stamps put between two rows of sparse truth: work goes with the rows
+LEAST_SHARE = 0.5  # judged frames: below it, metrics say little
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Everybody at one judged moment: n people as they are, m tracks as reported; room frame, metres, radians."""
+    """One judged frame: n people as they are, m tracks as reported; room frame, metres, radians."""
 
     stamp_ns: int
     person_ids: NDArray[np.int64]  # (n,)
@@ -43,40 +43,40 @@ class Frame:
         return np.hypot(gap[..., 0], gap[..., 1])
 
     def pair_matrix(self) -> PairMatrix:
-        """The distances [m] with their ids."""
+        """Return the distances [m] with their ids."""
         return PairMatrix(self.person_ids, self.track_ids, self.distances_m)
 
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """The judged frames in order of time, of how many frames they are, and what a reader must know of that."""
+    """The judged frames in order of time, out of how many, and notes for the reader."""
 
     frames: list[Frame]
     n_total: int  # frames that the tracks hold, and those in which they are silent
     notes: tuple[str, ...]
 
-    def figures(self) -> dict[str, Any]:
-        """The frames in `judged` of `metrics.json`: how many were judged, of how many, and the share."""
+    def counts(self) -> dict[str, Any]:
+        """Count frames for `judged` of `metrics.json`: judged, total, and the share."""
         n_frame = len(self.frames)
         return {"frames": n_frame, "frames_total": self.n_total, "share": n_frame / self.n_total}
 
 
 def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) -> Alignment:
-    """Find the judged frames, and who is where in each.
+    """Find the judged frames, and the people and tracks in each.
 
     Judged is every stamp of the tracks at which the truth is known: one of the truth's own stamps, or one between two of
     them no further apart than 0.25 s or 2.5 of the usual intervals between a person's rows. Where the tracker was silent
-    (see `report_clock`), a moment each period of that silence is judged too, with no track in it: the nearest of the
+    (see `report_clock`), a stamp each period of that silence is judged too, with no track in it: the nearest of the
     truth's stamps, or one between two of them where the truth's rows come more rarely than the tracker's frames. A stamp
     of the truth that stands alone, too far from all others, is not judged. Without any frame of tracks, every stamp of
     the truth is judged. A person is where their row says at that stamp, else linearly between the person's own
     neighbouring rows no further apart than that (inside the area as in the nearer row), else not there. Without
     `interpolate` a person is only where a row says so: for tables that count frames.
 
-    Raises InputError where the truth holds no moment at all, or the tracks none at which the truth is known.
+    Raises InputError where the truth holds no row at all, or the tracks no stamp at which the truth is known.
     """
     if truth.frame_stamps_ns.size == 0:
-        raise InputError(f"{truth.source}: holds no rows; at least one moment of truth is expected")
+        raise InputError(f"{truth.source}: holds no rows; at least one row of truth is expected")
     usual_ns = _usual_interval_ns(truth)
     gap_ns = max(MAX_TRUTH_GAP_NS, int(GAP_PERIODS * usual_ns)) if interpolate else 0
     reported = tracks.frame_stamps_ns[_is_covered(truth.frame_stamps_ns, tracks.frame_stamps_ns, gap_ns)]
@@ -87,7 +87,7 @@ def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) ->
     if interpolate and clock is not None:
         # Truth that comes as often as the tracker's frames has holes where a sensor failed: nothing was owed there.
         longest_ns = gap_ns if clock.silence_ns < usual_ns else min(gap_ns, clock.silence_ns)
-        near = with_moments_between(near, longest_ns, max(clock.period_ns, usual_ns / MOST_BETWEEN))
+        near = with_stamps_between(near, longest_ns, max(clock.period_ns, usual_ns / MOST_BETWEEN))
     silent = silent_stamps(near, tracks.frame_stamps_ns, clock)
     stamps = np.union1d(reported, silent)
     frames = _frames_at(truth, tracks, stamps, gap_ns)
@@ -98,17 +98,17 @@ def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) ->
             f"{truth.source}: a person's rows come every {usual_ns / NS_PER_S:.3g} s; between rows at most "
             f"{gap_ns / NS_PER_S:.3g} s apart people are taken to walk straight on"
         )
-    if clock is not None and silent.size > TOLD_SHARE * n_total:
+    if clock is not None and silent.size > NOTED_SHARE * n_total:
         notes.append(
             f"{tracks.source}: reports nothing in {silent.size} of {n_total} frames, the first of them at "
             f"{silent[0] / NS_PER_S:.3f} s, though it reports every {clock.period_ns / NS_PER_S:.3g} s otherwise; everybody "
             "there counts as missed; a row with t alone says that a frame has no tracks"
         )
-    if len(frames) < (1 - TOLD_SHARE) * n_total:
+    if len(frames) < (1 - NOTED_SHARE) * n_total:
         unknown = np.setdiff1d(tracks.frame_stamps_ns, reported)
         remedy = "truth around the stamps of all tracks is needed"
         if len(frames) < LEAST_SHARE * n_total:
-            remedy = f"figures of less than half of the frames say little; {remedy}"
+            remedy = f"metrics of less than half of the frames say little; {remedy}"
         notes.append(
             f"{tracks.source}: evaluated in {len(frames)} of {n_total} frames ({len(frames) / n_total:.1%}); at the others, "
             f"the first of them at {unknown[0] / NS_PER_S:.3f} s, {truth.source} does not say where people are; {remedy}"
@@ -117,7 +117,7 @@ def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) ->
 
 
 def _frames_at(truth: TruthTable, tracks: TrackTable, stamps: NDArray[np.int64], gap_ns: int) -> list[Frame]:
-    """Everybody at each of these stamps (f,)."""
+    """Collect the people and tracks at each of these stamps (f,)."""
     persons, xy, head, in_area, bounds = _people_at(truth, stamps, gap_ns)
     track_numbers = np.column_stack([tracks.head_x, tracks.head_y, tracks.head_z, tracks.head_yaw, tracks.z])
     track_xy = np.column_stack([tracks.x, tracks.y])
@@ -144,15 +144,15 @@ def _frames_at(truth: TruthTable, tracks: TrackTable, stamps: NDArray[np.int64],
     return frames
 
 
-def everybody_matched(frames: Sequence[Frame], gate_m: float) -> list[FrameMatches]:
-    """The tracks of each frame matched with all people, inside the area and outside (CLEAR correspondence)."""
+def match_everybody(frames: Sequence[Frame], gate_m: float) -> list[FrameMatches]:
+    """Match the tracks of each frame with all people, inside the area and outside (CLEAR correspondence)."""
     return match_frames([frame.pair_matrix() for frame in frames], gate_m)
 
 
 def inside_area(frames: Sequence[Frame], matches: Sequence[FrameMatches]) -> list[Frame]:
-    """The frames without the people outside the tracked area and without the tracks that follow them.
+    """Leave out the people outside the tracked area and the tracks that follow them.
 
-    `matches`: of everybody (see `everybody_matched`); a track whose match is outside is left out there, neither owed nor
+    `matches`: of everybody (see `match_everybody`); a track whose match is outside is left out there, neither owed nor
     punished.
     """
     kept = []
@@ -176,7 +176,9 @@ def inside_area(frames: Sequence[Frame], matches: Sequence[FrameMatches]) -> lis
 
 
 def _usual_interval_ns(truth: TruthTable) -> float:
-    """The median time from one row of a person to their next [ns]; from one frame to the next where nobody has two rows."""
+    """Compute the median time from one row of a person to their next [ns]; from one frame to the next where no person
+    has two rows.
+    """
     order = np.lexsort((truth.stamps_ns, truth.id))
     same = np.diff(truth.id[order]) == 0
     own = np.diff(truth.stamps_ns[order])[same]
@@ -185,7 +187,7 @@ def _usual_interval_ns(truth: TruthTable) -> float:
 
 
 def _without_lone_stamps(stamps: NDArray[np.int64], gap_ns: int) -> NDArray[np.int64]:
-    """The stamps (n,) that have another within `gap_ns`; all of them where none has."""
+    """Keep the stamps (n,) that have another within `gap_ns`; all of them where none has."""
     if stamps.size < 2:
         return stamps
     near = np.diff(stamps) <= gap_ns
@@ -194,7 +196,7 @@ def _without_lone_stamps(stamps: NDArray[np.int64], gap_ns: int) -> NDArray[np.i
 
 
 def _nothing_shared(truth: TruthTable, tracks: TrackTable, gap_ns: int) -> InputError:
-    """Why no frame can be judged: two clocks, or a truth that has nothing where the tracks report."""
+    """Explain why no frame can be judged: two clocks, or a truth that has nothing where the tracks report."""
     theirs, ours = tracks.frame_stamps_ns, truth.frame_stamps_ns
     apart = theirs[-1] < ours[0] or theirs[0] > ours[-1]
     where = f"{tracks.source}: no stamp from {_span(theirs)} is covered by {truth.source} from {_span(ours)}"
@@ -207,7 +209,7 @@ def _nothing_shared(truth: TruthTable, tracks: TrackTable, gap_ns: int) -> Input
 
 
 def _is_covered(truth_stamps: NDArray[np.int64], stamps: NDArray[np.int64], gap_ns: int) -> NDArray[np.bool_]:
-    """Whether the truth is known at each stamp, (n,)."""
+    """Tell at which stamps (n,) the truth is known, (n,)."""
     if not truth_stamps.size:
         return np.zeros(stamps.size, dtype=np.bool_)
     before = np.searchsorted(truth_stamps, stamps, side="right") - 1
@@ -220,7 +222,7 @@ def _is_covered(truth_stamps: NDArray[np.int64], stamps: NDArray[np.int64], gap_
 def _people_at(
     truth: TruthTable, stamps: NDArray[np.int64], gap_ns: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_], NDArray[np.intp]]:
-    """Who is there at each stamp (f,), by stamp, then id, k in all.
+    """Find the people at each stamp (f,), by stamp, then id, k in all.
 
     Ids (k,), ground points (k, 2) [m], poses (k, 5), in the area (k,), and where each stamp's people begin (f + 1,).
     """
@@ -248,7 +250,7 @@ def _people_at(
 
 
 def wrap_angle(angle_rad: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The same angles in [−π, π) [rad]."""
+    """Wrap angles to [−π, π) [rad]."""
     return (angle_rad + np.pi) % (2 * np.pi) - np.pi
 
 

@@ -35,7 +35,7 @@ class HotaScores:
 
     @property
     def applies(self) -> bool:
-        """Whether anybody was there or tracked at all."""
+        """False without any person and any track."""
         return bool((self.true_positives + self.misses + self.false_positives).any())
 
     @property
@@ -80,7 +80,7 @@ class HotaScores:
 
 
 def hota(frames: Sequence[PairMatrix]) -> HotaScores:
-    """HOTA of one run; the values of a frame are similarities from 0 to 1."""
+    """Compute HOTA of one run; the values of a frame are similarities from 0 to 1."""
     persons, person_counts = _count([frame.person_ids for frame in frames])
     tracks, track_counts = _count([frame.track_ids for frame in frames])
     indices = [(np.searchsorted(persons, f.person_ids), np.searchsorted(tracks, f.track_ids)) for f in frames]
@@ -124,6 +124,6 @@ def _count(ids: list[NDArray[np.int64]]) -> tuple[NDArray[np.int64], NDArray[np.
 
 
 def _shared_similarity(similarity: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Each pair's similarity as a share of all that its person and its track have in this frame, (n, m)."""
+    """Compute each pair's similarity as a share of all that its person and its track have in this frame, (n, m)."""
     total = similarity.sum(axis=0) + similarity.sum(axis=1)[:, None] - similarity
     return np.divide(similarity, total, out=np.zeros_like(similarity), where=total > _EPS)

@@ -1,4 +1,4 @@
-"""OSPA and GOSPA: how far a set of tracks is from a set of people at one moment.
+"""OSPA and GOSPA: distances between the set of people and the set of tracks of one frame.
 
 OSPA: Schuhmacher, Vo and Vo, "A consistent metric for performance evaluation of multi-object filters", 2008.
 GOSPA: Rahmathullah, García-Fernández and Svensson, "Generalized optimal sub-pattern assignment metric", 2017.
@@ -24,8 +24,11 @@ class Gospa:
 
 
 def ospa(distances: NDArray[np.float64], cutoff: float, order: float) -> float:
-    """OSPA [m] of distances (n, m) [m] between people and tracks: each worth `cutoff` at most, each person or track too
-    many `cutoff`, averaged over the larger of the two sets; 0 for two empty sets."""
+    """Compute OSPA [m] of distances (n, m) [m] between people and tracks; 0 for two empty sets.
+
+    Each distance counts `cutoff` at most, each person or track too many `cutoff`; averaged over the larger of the two
+    sets.
+    """
     n, m = distances.shape
     if max(n, m) == 0:
         return 0.0
@@ -35,8 +38,11 @@ def ospa(distances: NDArray[np.float64], cutoff: float, order: float) -> float:
 
 
 def gospa(distances: NDArray[np.float64], cutoff: float, order: float) -> Gospa:
-    """GOSPA with α = 2 of distances (n, m) [m]: pairs nearer than `cutoff` cost their distance, every person and track
-    without such a pair half a cut-off (to the power of `order`); not averaged."""
+    """Compute GOSPA with α = 2 of distances (n, m) [m]; not averaged.
+
+    Pairs nearer than `cutoff` cost their distance, every person and track without such a pair half a cut-off, to the
+    power of `order`.
+    """
     n, m = distances.shape
     costs = np.minimum(distances, cutoff) ** order
     rows, columns = linear_sum_assignment(costs)

@@ -1,4 +1,4 @@
-"""From a table of truth and a table of tracks to the figures of `metrics.json`, and to what a report draws."""
+"""Evaluation of one tracker: the metrics of `metrics.json`, and the frames, pairs and events that a report draws."""
 
 from __future__ import annotations
 
@@ -11,14 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
-from twin.evaluate.accuracy import PersonFrames, person_frames
+from twin.evaluate.accuracy import PersonFrames, disposal, person_frames
 from twin.evaluate.causes import Errors, errors_by_cause
-from twin.evaluate.clear import FrameMatches, PairMatrix, clear, find_switches, match_frames
+from twin.evaluate.clear import FrameMatches, PairMatrix, clear, find_switches, identity, match_frames
 from twin.evaluate.continuity import Event, continuity, right_at_end, switch_events
-from twin.evaluate.disposal import disposal
-from twin.evaluate.frames import Frame, align, everybody_matched, inside_area, wrap_angle
+from twin.evaluate.frames import Frame, align, inside_area, match_everybody, wrap_angle
 from twin.evaluate.hota import hota
-from twin.evaluate.identity import identity
 from twin.evaluate.set_distance import gospa, ospa
 from twin.recording.situation_table import SituationTable
 from twin.recording.tables import TrackTable, TruthTable
@@ -32,7 +30,7 @@ GOSPA_ORDER = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Everything known about one tracker's run: the figures, and the frames, pairs and events behind them.
+    """Evaluation of one tracker's run: the metrics, and the frames, pairs and events behind them.
 
     f frames, k pairs in all frames together; people outside the area and the tracks that follow them are left out.
     """
@@ -57,9 +55,10 @@ class Evaluation:
 def evaluate_tracks(
     truth: TruthTable, tracks: TrackTable, gate_m: float = DEFAULT_GATE_M, situations: SituationTable | None = None
 ) -> dict[str, Any]:
-    """The figures of one tracker as `metrics.json` holds them (without ms_per_frame); None where one does not apply.
+    """Compute the metrics of one tracker as `metrics.json` holds them (without ms_per_frame); None where one does not
+    apply.
 
-    Raises InputError for a gate that is not positive and for tables that share no moment (see `frames.align`).
+    Raises InputError for a gate that is not positive and for tables that share no stamp (see `frames.align`).
     """
     return evaluate_with_details(truth, tracks, gate_m, situations).metrics
 
@@ -73,62 +72,52 @@ def evaluate_with_details(
     *,
     interpolate: bool = True,
 ) -> Evaluation:
-    """The figures of one tracker, and what stands behind them; raises as `evaluate_tracks`.
+    """Evaluate one tracker; return its metrics and what stands behind them. Raises as `evaluate_tracks`.
 
-    Errors of heads and of the pelvis's height are mean absolute differences over the matches in which truth and track both
-    have a value, yaw the shorter way round, and its median too. Disposal (`twin.evaluate.disposal`) needs the
-    `situations` of the run and is None without. `unused`: sensors that the tracker leaves alone, by which misses are told
-    apart (`twin.evaluate.causes`). `interpolate`: see `frames.align`. OSPA (c = 1 m, p = 1) and GOSPA (c = 1 m, p = 2,
-    α = 2) are means over the frames. `judged` holds the n of the figures: frames, of how many, people in them, pairs, heads.
+    `situations` of the run: disposal (`twin.evaluate.accuracy`) is None without. `unused`: sensors that the tracker leaves
+    alone, by which misses are told apart (`twin.evaluate.causes`). `interpolate`: see `frames.align`. Errors of heads and
+    of the pelvis's height are means of absolute differences over the matches in which truth and track both have a value.
+    OSPA (c = 1 m, p = 1) and GOSPA (c = 1 m, p = 2, α = 2) are means over frames. `judged` holds the n of the metrics.
     """
     if not (isfinite(gate_m) and gate_m > 0):
         raise InputError(f"gate is {gate_m} m; a positive number of metres is expected")
     aligned = align(truth, tracks, interpolate=interpolate)
     frames = aligned.frames
-    everybody = everybody_matched(frames, gate_m)
+    everybody = match_everybody(frames, gate_m)
     judged = inside_area(frames, everybody)
     pair_matrices = [frame.pair_matrix() for frame in judged]
     matches = match_frames(pair_matrices, gate_m)
     switches = switch_events(judged, find_switches(pair_matrices, matches))
     misidentifications, lost = continuity(frames, judged, matches)
-    ospa_m = np.array([ospa(pairs.values, CUTOFF_M, OSPA_ORDER) for pairs in pair_matrices])
-    gospa_m = np.array([gospa(pairs.values, CUTOFF_M, GOSPA_ORDER).distance for pairs in pair_matrices])
+    ospa_m, gospa_m = _set_distances(pair_matrices)
     scores = clear(pair_matrices, gate_m, matches)
-    wide = inside_area(frames, everybody_matched(frames, WIDE_GATE_M))
-    at_1m = _matrix_figures([frame.pair_matrix() for frame in wide], WIDE_GATE_M)
     stamps = np.array([frame.stamp_ns for frame in judged], dtype=np.int64)
     people = person_frames(frames, everybody, gate_m)
     errors = errors_by_cause(truth, judged, matches, gate_m, unused)
     pose_errors, n_head = _pose_errors(judged, matches)
     metrics: dict[str, Any] = {
-        **_matrix_figures(pair_matrices, gate_m, matches),
+        **_matrix_metrics(pair_matrices, gate_m, matches),
         "gospa_m": float(gospa_m.mean()),
         "ospa_m": float(ospa_m.mean()),
         "false_positives": scores.false_positives,
         "misses": scores.misses,
         "misidentifications": len(misidentifications),
         "lost_tracks": len(lost),
-        "errors": errors.figures(sight=bool(truth.visible), status=not (tracks.status == "").any()),
-        **people.figures(),
+        "errors": errors.counts(sight=bool(truth.visible), status=not (tracks.status == "").any()),
+        **people.metrics(),
         "disposal": disposal(people, stamps, situations) if situations is not None else None,
         **pose_errors,
         "right_at_end": right_at_end(judged, matches),
         "gate_m": float(gate_m),
-        "at_1m": {name: at_1m[name] for name in ("mota", "motp_m", "idf1", "hota", "id_switches")},
-        "judged": {**aligned.figures(), "person_frames": scores.persons, "matches": scores.matches, "heads": n_head},
+        "at_1m": _wide_metrics(frames),
+        "judged": {**aligned.counts(), "person_frames": scores.persons, "matches": scores.matches, "heads": n_head},
     }
-    n_matches = np.array([pairs.rows.size for pairs in matches])
     return Evaluation(
         metrics=metrics,
         stamps_ns=stamps,
-        misses=np.array([frame.person_ids.size for frame in judged]) - n_matches,
-        false_positives=np.array([frame.track_ids.size for frame in judged]) - n_matches,
         ospa_m=ospa_m,
         gospa_m=gospa_m,
-        match_stamps_ns=np.repeat(stamps, n_matches),
-        match_person_ids=np.concatenate([f.person_ids[p.rows] for f, p in zip(judged, matches, strict=True)]),
-        match_track_ids=np.concatenate([f.track_ids[p.columns] for f, p in zip(judged, matches, strict=True)]),
-        match_distances_m=np.concatenate([pairs.distances for pairs in matches]),
+        **_matched_pairs(judged, matches),
         events=tuple(sorted([*switches, *misidentifications, *lost], key=lambda event: event.stamp_ns)),
         people=people,
         situations=situations,
@@ -137,10 +126,36 @@ def evaluate_with_details(
     )
 
 
-def _matrix_figures(
+def _matched_pairs(judged: Sequence[Frame], matches: Sequence[FrameMatches]) -> dict[str, NDArray[Any]]:
+    """Collect the k pairs of all frames, and count what is in no pair in each of the f frames."""
+    frames = list(zip(judged, matches, strict=True))
+    return {
+        "misses": np.array([f.person_ids.size - p.rows.size for f, p in frames]),
+        "false_positives": np.array([f.track_ids.size - p.rows.size for f, p in frames]),
+        "match_stamps_ns": np.concatenate([np.full(p.rows.size, f.stamp_ns, dtype=np.int64) for f, p in frames]),
+        "match_person_ids": np.concatenate([f.person_ids[p.rows] for f, p in frames]),
+        "match_track_ids": np.concatenate([f.track_ids[p.columns] for f, p in frames]),
+        "match_distances_m": np.concatenate([p.distances for _, p in frames]),
+    }
+
+
+def _set_distances(pair_matrices: Sequence[PairMatrix]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Compute OSPA and GOSPA [m] of each frame, (f,) each."""
+    ospa_m = np.array([ospa(pairs.values, CUTOFF_M, OSPA_ORDER) for pairs in pair_matrices])
+    return ospa_m, np.array([gospa(pairs.values, CUTOFF_M, GOSPA_ORDER).distance for pairs in pair_matrices])
+
+
+def _wide_metrics(frames: Sequence[Frame]) -> dict[str, Any]:
+    """Compute `at_1m` of `metrics.json`."""
+    inside = inside_area(frames, match_everybody(frames, WIDE_GATE_M))
+    found = _matrix_metrics([frame.pair_matrix() for frame in inside], WIDE_GATE_M)
+    return {name: found[name] for name in ("mota", "motp_m", "idf1", "hota", "id_switches")}
+
+
+def _matrix_metrics(
     pair_matrices: Sequence[PairMatrix], gate_m: float, matches: Sequence[FrameMatches] | None = None
 ) -> dict[str, Any]:
-    """The figures that need nothing but the distances."""
+    """Compute the metrics that need nothing but the distances."""
     scores = clear(pair_matrices, gate_m, matches)
     similarities = [
         PairMatrix(pairs.person_ids, pairs.track_ids, np.maximum(0.0, 1.0 - pairs.values / (2 * gate_m)))
@@ -160,7 +175,8 @@ def _matrix_figures(
 
 
 def _pose_errors(judged: Sequence[Frame], matches: Sequence[FrameMatches]) -> tuple[dict[str, Any], int]:
-    """Absolute errors of the head per axis [m] and in yaw [rad], and of the pelvis's height [m]; None: not estimated.
+    """Compute absolute errors of the head per axis [m] and in yaw [rad], and of the pelvis's height [m]; None: not
+    estimated.
 
     And in how many matches both truth and track have the head's place.
     """

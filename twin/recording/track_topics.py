@@ -20,7 +20,7 @@ from rosbags.typesys.stores.ros2_humble import (
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.tracks import TrackFrame
-from twin.progress import OnWarning
+from twin.messages import OnWarning
 from twin.recording import topics
 from twin.recording.bag import normal_type, open_bag
 from twin.recording.mcap_file import McapFile

@@ -1,4 +1,4 @@
-"""The room from above: how the floor maps to a picture, and the room, tracked area and sensors drawn on it.
+"""Bird's-eye view: the map from floor to picture, and the room, tracked area and sensors drawn on it.
 
 Used by the preview video (pixels, OpenCV) and by the report (SVG), so that both show the same room the same way.
 """
@@ -42,7 +42,7 @@ class FloorView:
 
     @classmethod
     def fit(cls, extent: Polygon, width_px: int, height_px: int | None = None, margin_m: float = 0.4) -> FloorView:
-        """The view that shows the bounding box of `extent` (k, 2) [m] centred in a picture of this size.
+        """Fit a view to the bounding box of `extent` (k, 2) [m], centred in a picture of this size.
 
         Without a height the picture is as high as the box asks for, between a third and four fifths of the width.
         """
@@ -61,21 +61,21 @@ class FloorView:
         )
 
     def pixels(self, xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Picture coordinates (..., 2) [px], x right and y down, of floor points (..., 2) [m]."""
+        """Convert floor points (..., 2) [m] to picture coordinates (..., 2) [px], x right and y down."""
         return (xy_m - np.array([self.x_min_m, self.y_max_m])) * np.array([self.scale, -self.scale])
 
     @property
     def drawable_m(self) -> float:
-        """How far from anywhere in the picture a line may end that `fixed_point` leaves as it is [m]."""
+        """Distance from anywhere in the picture at which `fixed_point` still keeps the end of a line [m]."""
         return (_FARTHEST_PX - max(self.width_px, self.height_px)) / self.scale
 
     def inside(self, pixels: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether picture coordinates (..., 2) lie in the picture, (...,)."""
+        """Tell which picture coordinates (..., 2) lie in the picture, (...,)."""
         x, y = pixels[..., 0], pixels[..., 1]
         return (x >= 0) & (x < self.width_px) & (y >= 0) & (y < self.height_px)
 
     def metre_lines(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Where whole metres (every 1, 2, 5, 10 ... m, at least 36 px apart) cross the x and the y axis [m]."""
+        """Find the whole metres (every 1, 2, 5, 10 ... m, at least 36 px apart) across the x and the y axis [m]."""
         power = 10 ** max(0, floor(log10(36 / self.scale)))
         step = next(s * power for s in (1, 2, 5, 10, 20) if s * power * self.scale >= 36)
         x_max, y_min = self.x_min_m + self.width_px / self.scale, self.y_max_m - self.height_px / self.scale
@@ -86,7 +86,7 @@ class FloorView:
 
 
 def floor_extent(rig: Rig, outline: Sequence[Polygon], *seen: Polygon) -> Polygon:
-    """The floor points (k, 2) [m] that a drawing must show: the room, the tracked area and the sensors.
+    """Collect the floor points (k, 2) [m] that a drawing must show: the room, the tracked area and the sensors.
 
     Where neither room nor area is known, sets of points (n, 2) [m] (what scans reach, paths) stand in for them: of each
     the middle 96 % on either axis, so that one stray return down a corridor does not shrink the rest.
@@ -104,20 +104,20 @@ def floor_extent(rig: Rig, outline: Sequence[Polygon], *seen: Polygon) -> Polygo
 
 
 class ScannerOnFloor:
-    """Takes the beams of a scanner at this pose in the room down to the floor."""
+    """Projection of a scanner's beams, from its pose in the room down to the floor."""
 
     def __init__(self, room_from_sensor: Pose) -> None:
         self._rotation = room_from_sensor.rotation[:2, :2]
         self._origin = room_from_sensor.translation[:2]
 
     def points(self, scan: LaserScan) -> Polygon:
-        """The returns of a scan, (n, 2) [m] in the room frame; beams without a valid return are left out."""
+        """Project the returns of a scan, (n, 2) [m] in the room frame; beams without a valid return are left out."""
         ranges = scan.ranges_m.astype(float)
         valid = np.isfinite(ranges) & (ranges >= scan.range_min_m) & (ranges <= scan.range_max_m)
         return self._ends(ranges[valid], scan.angles_rad[valid])
 
     def free_space(self, scan: LaserScan, within_m: float) -> Polygon:
-        """The polygon (n + 1, 2) [m] of floor that a scan saw through, from the scanner to each return.
+        """Build the polygon (n + 1, 2) [m] of floor that a scan saw through, from the scanner to each return.
 
         A beam without return reaches to the scanner's range limit; an invalid one (NaN) sees nothing. All are cut at
         `within_m`, along the beam: cut on each axis in the picture they would point elsewhere (`FloorView.drawable_m`).
@@ -127,7 +127,7 @@ class ScannerOnFloor:
         return np.concatenate([self._origin[None], self._ends(ranges, scan.angles_rad)])
 
     def reach(self, scan: LaserScan) -> Polygon:
-        """About as far as the scanner sees, (k, 2) [m]: its returns, and their median range all round its view.
+        """Estimate the reach of a scanner, (k, 2) [m]: its returns, and their median range all round its view.
 
         The second because a person may walk where nothing stands that returns a beam. Empty without returns.
         """
@@ -158,7 +158,7 @@ class FloorColours:
 
 
 def fixed_point(pixels: NDArray[np.float64]) -> NDArray[np.int32]:
-    """Picture coordinates as cv2 takes them with `shift=SHIFT` (1/16 px), cut where int32 would overflow."""
+    """Convert picture coordinates to what cv2 takes with `shift=SHIFT` (1/16 px), cut where int32 would overflow."""
     return np.rint(np.minimum(np.maximum(pixels, -_FARTHEST_PX), _FARTHEST_PX) * (1 << SHIFT)).astype(np.int32)
 
 
@@ -196,7 +196,7 @@ def paint_room(
 def dashes(
     corners: NDArray[np.float64], dash_px: float, gap_px: float
 ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """The dashes (start, end) [px] along a closed polygon (k, 2)."""
+    """Cut a closed polygon (k, 2) into dashes (start, end) [px]."""
     dashes = []
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         length = float(np.hypot(*(end - start)))
@@ -209,7 +209,7 @@ def dashes(
 
 
 def _is_shell(polygon: Polygon, rig: Rig) -> bool:
-    """Whether a polygon of the outline is the room around the tracked area (or sensors), not a thing in it.
+    """Tell whether a polygon of the outline is the room around the tracked area (or sensors), not a thing in it.
 
     Filled, it would hide all else.
     """
@@ -224,7 +224,8 @@ def _is_shell(polygon: Polygon, rig: Rig) -> bool:
 
 
 def room_svg(view: FloorView, rig: Rig, outline: Sequence[Polygon], silent: Collection[str] = ()) -> str:
-    """The same room as SVG elements (classes `floor grid axis structure shell area sensor silent`, coloured by the page).
+    """Draw the same room as SVG elements (classes `floor grid axis structure shell area sensor silent`, coloured by the
+    page).
 
     `silent`: the sensors that reported nothing.
     """
@@ -258,9 +259,9 @@ def room_svg(view: FloorView, rig: Rig, outline: Sequence[Polygon], silent: Coll
 
 
 def sensor_names_svg(view: FloorView, rig: Rig, silent: Collection[str] = ()) -> str:
-    """The names of the sensors beside them (class `sensor-name`); those of sensors above each other in one line.
+    """Write the names of the sensors beside them (class `sensor-name`); sensors above each other share a line.
 
-    `silent`: the sensors that reported nothing, which is said.
+    `silent`: the sensors that reported nothing; their names say so.
     """
     together: list[tuple[NDArray[np.float64], list[str]]] = []
     for name, sensor in rig.sensors.items():
@@ -286,7 +287,7 @@ def sensor_names_svg(view: FloorView, rig: Rig, silent: Collection[str] = ()) ->
 
 
 def svg_path(pixels: NDArray[np.float64], closed: bool = False) -> str:
-    """The path data of a line through picture coordinates (k, 2), thinned where that moves it by under 0.3 px."""
+    """Format a line through picture coordinates (k, 2) as path data, thinned where that moves it by under 0.3 px."""
     if len(pixels) > 3:
         thin = cv2.approxPolyDP(np.asarray(pixels, dtype=np.float32)[:, None], 0.3, closed)
         pixels = np.asarray(thin[:, 0], dtype=np.float64)

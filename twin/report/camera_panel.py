@@ -1,4 +1,4 @@
-"""The left half of the preview: what the cameras see, with a torso window, or what the tracker tells, on each track."""
+"""Camera half of the preview: the cameras' pictures with torso windows, score maps, heads and ids of the tracks."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from trackers.observations import DepthImage, Image
 from trackers.rig import CameraSensor, placed_camera
 from trackers.tracks import Hypotheses, ScoreMap, Track
 from twin.report.birdseye import SHIFT, fixed_point
+from twin.report.floor_panel import BACKDROP, DARK_INK, INK, QUIET, SILENT_FILL, dashed_loop, track_tag
 from twin.report.lettering import Tag, write, write_tags
 from twin.report.palette import IdentityColours
-from twin.report.panels import BACKDROP, DARK_INK, INK, QUIET, SILENT_FILL, dashed_loop, track_tag
 
 TORSO_LOW_M, TORSO_HIGH_M, TORSO_WIDTH_M = 1.0, 1.4, 0.45
 """The torso window drawn around a track, for the eye: a person 1.7 m tall; heights above the floor, width across."""
@@ -113,8 +113,8 @@ class CameraPanel:
             self._draw_places(panel, found, colours)
         tags += self._draw_heads(panel, tracks, colours)
         tags += self._draw_windows(panel, tracks, clouds, colours)
-        told = {found.id for found in clouds if found.window}
-        for track, window in self._torso_windows([track for track in tracks if track.id not in told]):
+        with_window = {found.id for found in clouds if found.window}
+        for track, window in self._torso_windows([track for track in tracks if track.id not in with_window]):
             colour = colours[track.id]
             if track.status == "confirmed":
                 # A dark edge keeps the window readable on a shirt of its own colour.
@@ -127,8 +127,10 @@ class CameraPanel:
         write_tags(panel, tags)
 
     def _draw_maps(self, panel: NDArray[np.uint8], maps: Sequence[ScoreMap], colours: IdentityColours) -> None:
-        """What of the picture score maps cover, side by side at the panel's lower edge: left as it is, with a dot at each patch
-        that was looked at, right under the map in its person's colour, the fuller the higher the score.
+        """Draw up to three score maps at the panel's lower edge, each beside its cut of the picture.
+
+        Left: the cut, with a dot at each patch. Right: the same under the map in its person's colour, the fuller the
+        higher the score.
         """
         side, shown = self.side_px // _MAPS_ACROSS, self._shown
         for place, found in enumerate(maps[: _MAPS_ACROSS // 2] if shown is not None else ()):
@@ -150,7 +152,7 @@ class CameraPanel:
             cv2.rectangle(panel, (left, len(panel) - side), (left + 2 * side - 1, len(panel) - 1), colour, 2)
 
     def _draw_places(self, panel: NDArray[np.uint8], found: Hypotheses, colours: IdentityColours) -> None:
-        """A dot of a person's colour at each place where they, or their head, may be."""
+        """Draw a dot in the person's colour at each hypothesis of a body or head."""
         pixels, seen = self._camera.project(np.asarray(found.places, float))
         for u, v in np.rint(pixels[seen] * self._scale + self._offset).astype(int).tolist():
             cv2.circle(panel, (u, v), 1, colours[found.id], -1)
@@ -162,7 +164,7 @@ class CameraPanel:
         clouds: Sequence[Hypotheses],
         colours: IdentityColours,
     ) -> list[Tag]:
-        """The windows of this picture that a tracker looked at; a tag over the topmost of each track."""
+        """Draw the windows of this picture that a tracker used; return a tag over the topmost of each track."""
         tags = []
         for track in tracks:
             boxes = [found.window(self._camera) for found in clouds if found.id == track.id and found.window]
@@ -179,7 +181,9 @@ class CameraPanel:
         return tags
 
     def _draw_heads(self, panel: NDArray[np.uint8], tracks: Sequence[Track], colours: IdentityColours) -> list[Tag]:
-        """An ellipse about each head in view, and an arrow where it faces; the tags of those that have no torso window."""
+        """Draw an ellipse about each head in view and an arrow where it faces; return the tags of those without a torso
+        window.
+        """
         heads = [track for track in tracks if not isnan(track.head_x)]
         place = np.array([(track.head_x, track.head_y, track.head_z) for track in heads]).reshape(-1, 3)
         yaw = np.array([track.head_yaw for track in heads])
@@ -206,7 +210,7 @@ class CameraPanel:
         return tags
 
     def _torso_windows(self, tracks: Sequence[Track]) -> list[tuple[Track, NDArray[np.float64]]]:
-        """The outlines (24, 2) [px] of upright windows that face the camera, of the tracks in view, farthest first.
+        """Project upright windows that face the camera, of the tracks in view, farthest first: outlines (24, 2) [px].
 
         Of heads alone, whose bodies the tracker does not estimate, there are none.
         """

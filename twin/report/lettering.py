@@ -25,7 +25,7 @@ def _font() -> cv2.FontFace:
 
 @lru_cache(maxsize=512)
 def text_width(text: str, size_px: int, weight: int = REGULAR) -> int:
-    """Width [px] that `write` takes for a text."""
+    """Measure the width [px] that `write` takes for a text."""
     # The size of the picture only matters for wrapping, which is off.
     _, _, width, _ = cv2.getTextSize((8, 8), text, (0, 0), _font(), size_px, weight)
     return int(width)

@@ -1,4 +1,4 @@
-"""The report: one HTML page that needs nothing but itself."""
+"""Report of a run: one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -16,20 +16,23 @@ from markupsafe import Markup
 
 from trackers.observations import NS_PER_S
 from trackers.rig import Rig
-from twin.evaluate.causes import POSTURES
+from twin.evaluate.causes import FALSE_POSITIVES, MISSES, POSTURES, Errors
 from twin.evaluate.summary import Evaluation
 from twin.recording.atomic_file import open_atomic
 from twin.recording.tables import TrackTable, TruthTable
 from twin.report.birdseye import Polygon
-from twin.report.clock import origin_ns
-from twin.report.distances import distance_chart
-from twin.report.error_causes import DISTANCES, cause_rows
-from twin.report.figures_table import grouped_rows, headline_figures, judged_text, text_of, value_of
+from twin.report.metrics_table import (
+    METRICS,
+    format_judged,
+    format_value,
+    grouped_rows,
+    headline_metrics,
+    metric_value,
+)
 from twin.report.palette import IDENTITY_COLOURS, IdentityColours, hex_colour
-from twin.report.paths import path_map
-from twin.report.scan_density import ScanDensity
-from twin.report.time_axis import TimeAxis
-from twin.report.timeline import describe, glyph, identity_timeline, track_timeline
+from twin.report.path_map import ScanDensity, path_map
+from twin.report.time_axis import TimeAxis, time_origin_ns
+from twin.report.timeline import describe_event, distance_chart, glyph, identity_timeline, track_timeline
 
 _MOST_EVENTS = 500
 EVENT_NAMES = {"switch": "identity switch", "misidentification": "misidentified", "lost": "lost"}
@@ -55,7 +58,7 @@ class TrackerResult:
 
 @dataclass(frozen=True)
 class RunFacts:
-    """What a run was, for the head and the foot of the page.
+    """Facts of a run, for the head and the foot of the page.
 
     title: the scenario or recording; versions: what the result depends on, by name; sensors: by name, `frames` and
     `ms_mean` (None: unknown) as in `metrics.json`; command: how to get the same again; notes: one sentence each, on
@@ -72,6 +75,47 @@ class RunFacts:
     command: str = ""
     start_stamp_ns: int = 0
     notes: Sequence[str] = ()
+
+
+_FAR_M = (3.0, 6.0)
+
+DISTANCES = (f"up to {_FAR_M[0]:g} m", f"to {_FAR_M[1]:g} m", "farther")
+"""Headings of the last columns of the table: from the nearest sensor."""
+
+
+@dataclass(frozen=True)
+class CauseRow:
+    """One cause that occurred: its name and meaning, frames in all, by posture (None for tracks), by distance."""
+
+    name: str
+    meaning: str
+    frames: int
+    by_posture: tuple[int | None, ...]
+    by_distance: tuple[int, ...]
+
+
+def cause_rows(errors: Errors, rig: Rig) -> list[CauseRow]:
+    """Count the errors of each cause that occurred, misses first."""
+    sensors = np.array([sensor.room_from_sensor.translation[:2] for sensor in rig.sensors.values()])
+    distance_m = np.linalg.norm(errors.xy[:, None] - sensors, axis=2).min(axis=1, initial=np.inf)
+    ring = np.digitize(distance_m, _FAR_M)
+    rows = []
+    for kind, causes in (("missed", MISSES), ("false_positive", FALSE_POSITIVES)):
+        for cause in causes:
+            mine = errors.cause == cause
+            if mine.any():
+                metric = METRICS[f"errors.{kind}.{cause}"]
+                postures = [int(np.count_nonzero(mine & (errors.posture == each))) for each in POSTURES]
+                rows.append(
+                    CauseRow(
+                        metric.name,
+                        metric.meaning,
+                        int(np.count_nonzero(mine)),
+                        tuple(postures) if kind == "missed" else (None,) * len(POSTURES),
+                        tuple(np.bincount(ring[mine], minlength=len(DISTANCES)).tolist()),
+                    )
+                )
+    return rows
 
 
 def write_report(
@@ -101,15 +145,15 @@ def write_report(
         if tracker.evaluation is not None and truth is None:
             raise ValueError(f"tracker {tracker.name!r} has an evaluation, but no truth was handed in")
     axis = _axis(truth, [tracker.tracks for tracker in trackers])
-    figures = [_figures(tracker) for tracker in trackers]
+    metrics = [_metrics(tracker) for tracker in trackers]
     page = _template().render(
         facts=facts,
         tracker_names=[tracker.name for tracker in trackers],
-        groups=grouped_rows(figures),
-        judged=[judged_text(own) for own in figures],
+        groups=grouped_rows(metrics),
+        judged=[format_judged(own) for own in metrics],
         sections=[
             _section(tracker, own, axis, rig, true_rig, outline, truth, scans, names, silent)
-            for tracker, own in zip(trackers, figures, strict=True)
+            for tracker, own in zip(trackers, metrics, strict=True)
         ],
         has_truth=truth is not None,
         n_people=0 if truth is None else int(np.unique(truth.id).size),
@@ -128,17 +172,17 @@ def _axis(truth: TruthTable | None, tables: Sequence[TrackTable]) -> TimeAxis:
     stamps = [table.frame_stamps_ns for table in (*([truth] if truth is not None else []), *tables)]
     known = np.concatenate([part for part in stamps if part.size] or [np.array([0, NS_PER_S])])
     first, last = int(known.min()), int(known.max())
-    return TimeAxis(first, max(last, first + NS_PER_S // 10), origin_ns(first))
+    return TimeAxis(first, max(last, first + NS_PER_S // 10), time_origin_ns(first))
 
 
-def _figures(tracker: TrackerResult) -> dict[str, Any]:
+def _metrics(tracker: TrackerResult) -> dict[str, Any]:
     measured = tracker.evaluation.metrics if tracker.evaluation is not None else {}
     return {**measured, "ms_per_frame": tracker.ms_per_frame}
 
 
 def _section(
     tracker: TrackerResult,
-    figures: Mapping[str, Any],
+    metrics: Mapping[str, Any],
     axis: TimeAxis,
     rig: Rig,
     true_rig: Rig | None,
@@ -148,7 +192,7 @@ def _section(
     names: Mapping[int, str],
     silent: Collection[str],
 ) -> dict[str, Any]:
-    """What the page shows of one tracker."""
+    """Build the content of the page for one tracker."""
     tracks, evaluation = tracker.tracks, tracker.evaluation
     ids, first = np.unique(tracks.id, return_index=True)
     colours = IdentityColours(ids[np.argsort(first, kind="stable")].tolist())
@@ -166,8 +210,10 @@ def _section(
         "causes": [],
     }
     if truth is not None and evaluation is not None:
-        section["tiles"] = [(figure, text_of(figure, value_of(figures, figure))) for figure in headline_figures()]
-        section["judged"] = judged_text(figures)
+        section["tiles"] = [
+            (metric, format_value(metric, metric_value(metrics, metric))) for metric in headline_metrics()
+        ]
+        section["judged"] = format_judged(metrics)
         section["gate"] = f"{evaluation.metrics['gate_m']:g} m"
         section["distances"] = Markup(distance_chart(axis, truth, tracks, evaluation, colours, names))
         section["timeline"] = Markup(identity_timeline(axis, truth, tracks, evaluation, colours, names))
@@ -175,7 +221,7 @@ def _section(
         situations = evaluation.situations
         section["merges"] = 0 if situations is None else len(situations.select("merged_rig"))
         section["events"] = [
-            (axis.text(event.stamp_ns), EVENT_NAMES[event.kind], describe(event, names))
+            (axis.format(event.stamp_ns), EVENT_NAMES[event.kind], describe_event(event, names))
             for event in evaluation.events[:_MOST_EVENTS]
         ]
         section["n_events_left_out"] = max(0, len(evaluation.events) - _MOST_EVENTS)

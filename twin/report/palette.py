@@ -23,7 +23,7 @@ LAYER_COLOURS: tuple[RGB, ...] = ((255, 196, 84), (92, 214, 214), (236, 138, 190
 
 
 class IdentityColours:
-    """Gives each track id the next colour when it is first seen, so that tracks that live together differ.
+    """Colours of track ids, given in order of first appearance, so that tracks at the same time differ.
 
     The same order of first appearance gives the same colours; after `len(IDENTITY_COLOURS)` ids the colours repeat,
     which is why every drawing writes the id beside them.
@@ -39,20 +39,20 @@ class IdentityColours:
             self.slot(track_id)
 
     def slot(self, track_id: int) -> int:
-        """Index into `IDENTITY_COLOURS` of a track id."""
+        """Return the index into `IDENTITY_COLOURS` of a track id."""
         return self._slots.setdefault(track_id, len(self._slots) % len(IDENTITY_COLOURS))
 
     def __getitem__(self, track_id: int) -> RGB:
-        """RGB (0–255) of a track id."""
+        """Return the RGB (0–255) of a track id."""
         return IDENTITY_COLOURS[self.slot(track_id)]
 
 
 def hex_colour(colour: RGB) -> str:
-    """`#rrggbb` of an RGB triple (0–255)."""
+    """Format an RGB triple (0–255) as `#rrggbb`."""
     return "#{:02x}{:02x}{:02x}".format(*colour)
 
 
 def is_light(colour: RGB) -> bool:
-    """Whether dark letters read better on a colour than white ones (WCAG 2 relative luminance above 0.18)."""
+    """Tell whether dark letters read better on a colour than white ones (WCAG 2 relative luminance above 0.18)."""
     linear = [(c / 255 / 12.92) if c <= 10 else ((c / 255 + 0.055) / 1.055) ** 2.4 for c in colour]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2] > 0.18

@@ -1,4 +1,4 @@
-"""The preview video: what the camera saw and what the tracker made of it, beside the room from above."""
+"""Preview video: the cameras' pictures with tracks, beside the room from above."""
 
 from __future__ import annotations
 
@@ -16,11 +16,10 @@ from trackers.rig import Rig
 from trackers.tracks import Hypotheses, ScoreMap, Track
 from twin.report.birdseye import SHIFT, Polygon, fixed_point
 from twin.report.camera_panel import CameraGrid
-from twin.report.clock import origin_ns, time_text
+from twin.report.floor_panel import BACKDROP, INK, PRESSED, QUIET, FloorPanel, TruePoses
 from twin.report.lettering import BOLD, text_width, write
 from twin.report.palette import LAYER_COLOURS, IdentityColours
-from twin.report.panels import BACKDROP, INK, QUIET, FloorPanel, TruePoses
-from twin.report.pressure import PRESSED
+from twin.report.time_axis import format_time, time_origin_ns
 from twin.report.video import TIME_BASE, VideoFile
 
 __all__ = ["PreviewWriter", "TruePoses"]
@@ -30,14 +29,14 @@ _FOOTER_PX = 28
 
 
 class PreviewWriter:
-    """Writes `preview.mp4` (H.264, one picture a `frame`) while a run goes on, in constant memory; a context manager.
+    """Writer of `preview.mp4` (H.264, one picture per call of `frame`) in constant memory; a context manager.
 
     The video takes its name when the block ends well; an exception or a kill leaves nothing under that name. Each
     picture is shown at its stamp, so that the video plays in real time also where frames are missing; `fps` says how
     often frames usually come. `outline`: polygons (k, 2) [m] of walls and furniture; `person_names`: what to write
     beside a true person instead of the id; `camera`: the one to show (default: all of the rig's, up to nine;
     none there: the bird's-eye view takes the whole picture); `true_rig`: where the sensors truly are, for those that
-    `rig`, what trackers are told, has elsewhere.
+    `rig`, the one trackers get, has elsewhere.
 
     Raises InputError where the file cannot be written.
     """
@@ -106,7 +105,7 @@ class PreviewWriter:
         silent: Collection[str] = (),
         maps: Sequence[ScoreMap | Hypotheses] = (),
     ) -> None:
-        """Draw and encode one moment; stamps must rise.
+        """Draw and encode one frame; stamps must rise.
 
         `images`: the newest picture of each camera (none: the one before is shown on); `scans`, `floors`: the newest of each
         scanner and pressure floor; `silent`: the sensors that have stopped reporting, which are labelled so; `maps`: the
@@ -138,7 +137,7 @@ class PreviewWriter:
         clock[:] = BACKDROP
         write(
             clock,
-            time_text((stamp_ns - origin_ns(self._first_ns)) / NS_PER_S, decimals=1),
+            format_time((stamp_ns - time_origin_ns(self._first_ns)) / NS_PER_S, decimals=1),
             114,
             24,
             INK,
@@ -150,7 +149,7 @@ class PreviewWriter:
         self.n_frames += 1
 
     def still(self, quality: int = 88) -> bytes:
-        """The last picture as a JPEG, for the report; raises ValueError before the first."""
+        """Encode the last picture as a JPEG, for the report; raises ValueError before the first."""
         if self.n_frames == 0:
             raise ValueError("no frame has been drawn yet")
         done, jpeg = cv2.imencode(".jpg", self._canvas[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
@@ -163,7 +162,7 @@ class PreviewWriter:
         self._encoder.close()
 
     def discard(self) -> None:
-        """Leave no video."""
+        """Delete the unfinished video."""
         self._encoder.discard()
 
     def _extend_tails(self, stamp_ns: int, tracks: Sequence[Track]) -> None:

@@ -1,4 +1,4 @@
-"""The timeline of identities: which track follows whom, and where that breaks."""
+"""Timelines of a run: tracks per person, breaks of identity, false tracks, and distances over time."""
 
 from __future__ import annotations
 
@@ -12,9 +12,19 @@ from twin.evaluate.continuity import Event
 from twin.evaluate.summary import Evaluation
 from twin.recording.situation_table import SituationTable
 from twin.recording.tables import TrackTable, TruthTable
+from twin.report.birdseye import svg_path
 from twin.report.palette import IDENTITY_COLOURS, IdentityColours, is_light
-from twin.report.spans import Span, spans, usual_period_ns, without
-from twin.report.time_axis import LEFT, RIGHT, WIDTH, TimeAxis
+from twin.report.time_axis import (
+    LEFT,
+    RIGHT,
+    WIDTH,
+    Span,
+    TimeAxis,
+    median_period_ns,
+    spans_of,
+    split_at_gaps,
+    subtract_spans,
+)
 
 _BAR = 20
 _STRIP = 4
@@ -27,19 +37,19 @@ _GLYPHS = {
 
 
 def glyph(kind: str) -> str:
-    """The mark of a kind of event, an SVG of its own for a legend."""
+    """Return the mark of a kind of event, an SVG of its own for a legend."""
     return f'<svg class="key" viewBox="-9 -9 18 18" aria-hidden="true">{_GLYPHS[kind]}</svg>'
 
 
-def describe(event: Event, names: Mapping[int, str]) -> str:
-    """What an event says, one sentence."""
+def describe_event(event: Event, names: Mapping[int, str]) -> str:
+    """Describe an event in one sentence."""
     person = names.get(event.person_id, f"person {event.person_id}")
     match event.kind:
         case "switch":
             return f"{person} goes on as #{event.track_id}, was #{event.previous_track_id}"
         case "misidentification":
             before = event.previous_person_id
-            previous = names.get(before, f"person {before}") if before is not None else "somebody else"
+            previous = names.get(before, f"person {before}") if before is not None else "another person"
             return f"#{event.track_id} goes on with {person}, was {previous}"
         case "lost":
             return f"#{event.track_id} ends while {person} stays"
@@ -53,40 +63,40 @@ def identity_timeline(
     colours: IdentityColours,
     names: Mapping[int, str],
 ) -> str:
-    """SVG: a row a person, coloured by the track that follows; marks where it breaks; false tracks below.
+    """Draw as SVG a row per person, coloured by the matched track; marks where it breaks; false tracks below.
 
     The line over a row says when the scanners together cannot tell the person from another; the strips under it, how hidden
     the person is from each sensor (one strip a sensor, darker the more hidden).
     """
-    period = usual_period_ns(truth.frame_stamps_ns, tracks.frame_stamps_ns)
+    period = median_period_ns(truth.frame_stamps_ns, tracks.frame_stamps_ns)
     strips = len(truth.visible)
     parts, y = [], 0.0
     for person in np.unique(truth.id).tolist():
         rows = truth.id == person
-        owed = spans(truth.stamps_ns[rows & truth.in_area], period)
+        present = spans_of(truth.stamps_ns[rows & truth.in_area], period)
         mine = evaluation.match_person_ids == person
-        followed = spans(evaluation.match_stamps_ns[mine], period, evaluation.match_track_ids[mine])
+        matched = spans_of(evaluation.match_stamps_ns[mine], period, evaluation.match_track_ids[mine])
         bar = y + 16
         parts.append(_row_name(names.get(person, f"person {person}"), bar))
-        parts.append(_thin(axis, owed, bar + _BAR / 2, "owed"))
-        parts.append(_bars(axis, followed, bar, colours))
+        parts.append(_line_of_spans(axis, present, bar + _BAR / 2, "present"))
+        parts.append(_bars(axis, matched, bar, colours))
         for place, (sensor, share) in enumerate(truth.visible.items()):
             top = bar + _BAR + 2 + place * (_STRIP + 1)
             parts.append(_hidden_strip(axis, truth.stamps_ns[rows], share[rows], period, top, sensor))
         parts.append(_merged(axis, evaluation.situations, person, bar - 4, names))
         parts.append(_marks(axis, [event for event in evaluation.events if event.person_id == person], y + 8, names))
         y = bar + _BAR + strips * (_STRIP + 1) + 6
-    false_stamps, false_ids = false_tracks(truth, tracks, evaluation)
+    false_stamps, false_ids = false_positive_tracks(truth, tracks, evaluation)
     if false_ids.size:
         parts.append(f'<path class="rule" d="M0 {y + 8:.0f}H{WIDTH}"/>')
-        parts.append(f'<text class="group" x="0" y="{y + 24:.0f}">Tracks that follow nobody</text>')
+        parts.append(f'<text class="group" x="0" y="{y + 24:.0f}">Tracks without a person</text>')
         y += 30
         lanes = _lanes(
             sorted(
                 (
                     span
                     for track in np.unique(false_ids).tolist()
-                    for span in spans(
+                    for span in spans_of(
                         false_stamps[false_ids == track], period, np.full(np.count_nonzero(false_ids == track), track)
                     )
                 ),
@@ -96,12 +106,12 @@ def identity_timeline(
         for lane in lanes:
             parts.append(_bars(axis, lane, y, colours, height=14, kind="false"))
             y += 18
-    return axis.chart(y + 6, "".join(parts), "Timeline of identities, one row a person")
+    return axis.chart(y + 6, "".join(parts), "Timeline of identities, one row per person")
 
 
 def track_timeline(axis: TimeAxis, tracks: TrackTable, colours: IdentityColours) -> str:
-    """SVG: a row a track in order of appearance, solid while confirmed, pale while it coasts."""
-    period = usual_period_ns(tracks.frame_stamps_ns)
+    """Draw as SVG a row per track in order of appearance, solid while confirmed, pale while it coasts."""
+    period = median_period_ns(tracks.frame_stamps_ns)
     ids, first = np.unique(tracks.id, return_index=True)
     height = 16 if ids.size <= 40 else 10
     parts, y = [], 4.0
@@ -110,23 +120,23 @@ def track_timeline(axis: TimeAxis, tracks: TrackTable, colours: IdentityColours)
         # Pale for all of its life, solid over it while confirmed.
         stamps, confirmed = tracks.stamps_ns[rows], tracks.status[rows] == "confirmed"
         for state, seen in (("coasting", stamps), ("confirmed", stamps[confirmed])):
-            for span in spans(seen, period):
+            for span in spans_of(seen, period):
                 bar = Span(span.start_ns, span.end_ns, track)
                 parts.append(_bar(axis, bar, y, colours, height, state, f"#{track} {state}", named=False))
         # The name stands before the bar, so that a short one has its name too; at the left edge it would be cut.
         x = max(float(axis.x(int(stamps[0]))) - 6, LEFT - 6)
         parts.append(f'<text class="id" x="{x:.1f}" y="{y + height - 3:.1f}" text-anchor="end">#{track}</text>')
         y += height + 3
-    return axis.chart(y + 4, "".join(parts), "Timeline of tracks, one row a track")
+    return axis.chart(y + 4, "".join(parts), "Timeline of tracks, one row per track")
 
 
-def false_tracks(
+def false_positive_tracks(
     truth: TruthTable, tracks: TrackTable, evaluation: Evaluation
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Stamps and ids, (n,) each and ordered by stamp, of the tracks that were counted as false positives.
+    """Find the tracks that were counted as false positives: stamps and ids, (n,) each, ordered by stamp.
 
     The evaluation says how many a frame holds. Where more tracks are unmatched than that, the others follow people
-    outside the tracked area and were left out: those nearest to somebody outside.
+    outside the tracked area and were left out: those nearest to a person outside.
     """
     matched = set(zip(evaluation.match_stamps_ns.tolist(), evaluation.match_track_ids.tolist(), strict=True))
     counted = dict(zip(evaluation.stamps_ns.tolist(), evaluation.false_positives.tolist(), strict=True))
@@ -148,21 +158,21 @@ def false_tracks(
 
 
 def missed_spans(truth: TruthTable, tracks: TrackTable, evaluation: Evaluation, person: int) -> list[Span]:
-    """When a person was in the tracked area and no track was with them."""
-    period = usual_period_ns(truth.frame_stamps_ns, tracks.frame_stamps_ns)
-    owed = spans(truth.stamps_ns[(truth.id == person) & truth.in_area], period)
-    followed = spans(evaluation.match_stamps_ns[evaluation.match_person_ids == person], period)
-    return without(owed, followed, period // 2)
+    """Find the spans in which a person was in the tracked area and no track was matched."""
+    period = median_period_ns(truth.frame_stamps_ns, tracks.frame_stamps_ns)
+    present = spans_of(truth.stamps_ns[(truth.id == person) & truth.in_area], period)
+    matched = spans_of(evaluation.match_stamps_ns[evaluation.match_person_ids == person], period)
+    return subtract_spans(present, matched, period // 2)
 
 
 def _marks(axis: TimeAxis, events: Sequence[Event], y: float, names: Mapping[int, str]) -> str:
-    """The marks of events in order of time; those that would cover each other stand side by side."""
+    """Draw the marks of events in order of time; those that would cover each other stand side by side."""
     parts, x = [], -np.inf
     for event in events:
         x = max(_clip(axis, event.stamp_ns), x + 13)
         parts.append(
             f'<g class="event" transform="translate({x:.1f} {y:.1f})">{_GLYPHS[event.kind]}'
-            f"<title>{axis.text(event.stamp_ns)}: {escape(describe(event, names))}</title></g>"
+            f"<title>{axis.format(event.stamp_ns)}: {escape(describe_event(event, names))}</title></g>"
         )
     return "".join(parts)
 
@@ -172,7 +182,7 @@ def _row_name(name: str, bar: float) -> str:
     return f'<text class="name" x="{LEFT - 10}" y="{bar + 14.5:.1f}" text-anchor="end">{escape(shown)}</text>'
 
 
-def _thin(axis: TimeAxis, stretches: Sequence[Span], y: float, kind: str) -> str:
+def _line_of_spans(axis: TimeAxis, stretches: Sequence[Span], y: float, kind: str) -> str:
     line = "".join(f"M{_clip(axis, span.start_ns):.1f} {y:.1f}H{_clip(axis, span.end_ns):.1f}" for span in stretches)
     return f'<path class="{kind}" d="{line}"/>' if line else ""
 
@@ -181,7 +191,7 @@ def _bars(
     axis: TimeAxis, stretches: Sequence[Span], y: float, colours: IdentityColours, height: int = _BAR, kind: str = ""
 ) -> str:
     return "".join(
-        _bar(axis, span, y, colours, height, kind, f"#{span.label}{' (nobody)' if kind == 'false' else ''}")
+        _bar(axis, span, y, colours, height, kind, f"#{span.label}{' (false positive)' if kind == 'false' else ''}")
         for span in stretches
     )
 
@@ -202,7 +212,7 @@ def _bar(
     if named and end - start > 12 + 8 * len(str(span.label)):
         ink = "dark" if is_light(IDENTITY_COLOURS[slot]) else "pale"
         text = f'<text class="id {ink}" x="{start + 5:.1f}" y="{y + height / 2 + 4:.1f}">#{span.label}</text>'
-    when = f"{axis.text(span.start_ns)} to {axis.text(span.end_ns)}"
+    when = f"{axis.format(span.start_ns)} to {axis.format(span.end_ns)}"
     # A hair narrower, so that two bars of like colours stay two.
     width = max(end - start - (0.8 if named else 0.0), 0.8)
     return (
@@ -221,9 +231,9 @@ def _hidden_strip(
     if first.size == 0:
         return ""
     worst, stamps = np.maximum.reduceat(level, first), stamps_ns[known][first]
-    step = max(period, usual_period_ns(stamps))
+    step = max(period, median_period_ns(stamps))
     boxes: dict[int, str] = {}
-    for span in spans(stamps, step, worst):
+    for span in spans_of(stamps, step, worst):
         start, end = _clip(axis, span.start_ns), _clip(axis, span.end_ns)
         boxes[span.label] = boxes.get(span.label, "") + f"M{start:.1f} {y:.1f}H{end:.1f}v{_STRIP}H{start:.1f}Z"
     shaded = "".join(
@@ -236,7 +246,7 @@ def _hidden_strip(
 
 
 def _merged(axis: TimeAxis, situations: SituationTable | None, person: int, y: float, names: Mapping[int, str]) -> str:
-    """Lines for the merges of a person with others, those for all scanners of the rig."""
+    """Draw lines for the merges of a person with others, those for all scanners of the rig."""
     if situations is None:
         return ""
     merged = situations.select("merged_rig")
@@ -244,14 +254,14 @@ def _merged(axis: TimeAxis, situations: SituationTable | None, person: int, y: f
     for row in np.flatnonzero((merged.first_id == person) | (merged.second_id == person)).tolist():
         other = int(merged.first_id[row] + merged.second_id[row]) - person
         start_ns, end_ns = int(merged.start_ns[row]), int(merged.end_ns[row])
-        said = f"merged with {names.get(other, f'person {other}')}, {axis.text(start_ns)} to {axis.text(end_ns)}"
+        title = f"merged with {names.get(other, f'person {other}')}, {axis.format(start_ns)} to {axis.format(end_ns)}"
         line = f"M{_clip(axis, start_ns):.1f} {y:.1f}H{_clip(axis, end_ns):.1f}"
-        parts.append(f'<path class="merged" d="{line}"><title>{escape(said)}</title></path>')
+        parts.append(f'<path class="merged" d="{line}"><title>{escape(title)}</title></path>')
     return "".join(parts)
 
 
 def _lanes(stretches: Sequence[Span]) -> list[list[Span]]:
-    """Spans in order of start packed into as few rows as go without overlap."""
+    """Pack spans, in order of start, into as few rows as go without overlap."""
     lanes: list[list[Span]] = []
     for span in stretches:
         lane = next((lane for lane in lanes if lane[-1].end_ns <= span.start_ns), None)
@@ -264,3 +274,72 @@ def _lanes(stretches: Sequence[Span]) -> list[list[Span]]:
 
 def _clip(axis: TimeAxis, stamp_ns: int) -> float:
     return float(np.clip(axis.x(stamp_ns), LEFT, WIDTH - RIGHT))
+
+
+_ROW = 52
+_PLOT = 42
+
+
+def distance_chart(
+    axis: TimeAxis,
+    truth: TruthTable,
+    tracks: TrackTable,
+    evaluation: Evaluation,
+    colours: IdentityColours,
+    names: Mapping[int, str],
+) -> str:
+    """Draw as SVG a row per person: distance [m] to the matched track (in its colour) from 0 to the gate; misses
+    shaded.
+
+    Where a run has more frames than the chart has columns the line is the mean of each column, in a band from its
+    least to its greatest distance.
+    """
+    gate_m = float(evaluation.metrics["gate_m"])
+    period = median_period_ns(truth.frame_stamps_ns, tracks.frame_stamps_ns)
+    parts = []
+    persons = np.unique(truth.id).tolist()
+    for row, person in enumerate(persons):
+        base = row * _ROW + _PLOT + 6
+        mine = evaluation.match_person_ids == person
+        stamps, labels = evaluation.match_stamps_ns[mine], evaluation.match_track_ids[mine]
+        distances = evaluation.match_distances_m[mine]
+        mean = f"mean {distances.mean():.2f} m" if distances.size else "never matched"
+        missed = "".join(
+            f"M{x0:.1f} {base - _PLOT}H{x1:.1f}V{base}H{x0:.1f}Z"
+            for x0, x1 in (
+                np.clip(axis.x(np.array([span.start_ns, span.end_ns])), LEFT, WIDTH - RIGHT)
+                for span in missed_spans(truth, tracks, evaluation, person)
+            )
+        )
+        if missed:
+            parts.append(f'<path class="missed" d="{missed}"><title>no track within {gate_m:g} m</title></path>')
+        parts.append(
+            f'<path class="frame" d="M{LEFT} {base}H{WIDTH - RIGHT}"/>'
+            f'<path class="gate" d="M{LEFT} {base - _PLOT}H{WIDTH - RIGHT}"/>'
+            f'<text class="name" x="{LEFT - 10}" y="{base - 22}" text-anchor="end">'
+            f"{escape(names.get(person, f'person {person}')[:16])}</text>"
+            f'<text class="axis" x="{LEFT - 10}" y="{base - 7}" text-anchor="end">{mean}</text>'
+        )
+        x, y = axis.x(stamps), base - _PLOT * distances / gate_m
+        for piece in split_at_gaps(stamps, period, labels):
+            parts.append(_line(x[piece], y[piece], colours.slot(int(labels[piece[0]]))))
+    if persons:
+        parts.append(f'<text class="axis halo" x="{LEFT + 3}" y="{6 + 10}">{gate_m:g} m</text>')
+    return axis.chart(len(persons) * _ROW + 2, "".join(parts), "Distance between each person and their track over time")
+
+
+def _line(x: NDArray[np.float64], y: NDArray[np.float64], slot: int) -> str:
+    column = np.floor(x)
+    first = np.flatnonzero(np.diff(column, prepend=-1.0))
+    if first.size * 2 > x.size:
+        if x.size == 1:
+            return f'<circle class="f{slot}" cx="{x[0]:.1f}" cy="{y[0]:.1f}" r="1.2"/>'
+        return f'<path class="s{slot} error" d="{svg_path(np.column_stack([x, y]))}"/>'
+    counts = np.diff(first, append=x.size)
+    middle, mean = np.add.reduceat(x, first) / counts, np.add.reduceat(y, first) / counts
+    low, high = np.minimum.reduceat(y, first), np.maximum.reduceat(y, first)
+    band = np.concatenate([np.column_stack([middle, low]), np.column_stack([middle, high])[::-1]])
+    return (
+        f'<path class="f{slot} band" d="{svg_path(band, closed=True)}"/>'
+        f'<path class="s{slot} error" d="{svg_path(np.column_stack([middle, mean]))}"/>'
+    )

@@ -1,4 +1,4 @@
-"""An H.264 video that appears under its final name only when it is whole."""
+"""H.264 video files that take their name when they are whole."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class VideoFile:
             raise
 
     def discard(self) -> None:
-        """Leave no file."""
+        """Delete the unfinished file."""
         # A disk that is full refuses the trailer too; the file goes all the same.
         with contextlib.suppress(OSError):
             self._container.close()
@@ -90,7 +90,7 @@ class VideoFile:
 
 
 def partial_path(path: Path) -> Path:
-    """Where a file is written until it is whole: hidden, beside its place."""
+    """Return the hidden path beside a file at which it is written until it is whole."""
     return path.with_name(f".{path.name}.{os.getpid()}.partial")
 
 

@@ -8,17 +8,17 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from twin.progress import OnProgress
+from twin.messages import OnProgress
 
 if TYPE_CHECKING:
     from twin.reproduce.results import Result
 
-Found = tuple[list["Result"], dict[str, Path]]
-"""Every figure, and the files written by name."""
+Outputs = tuple[list["Result"], dict[str, Path]]
+"""Every result, and the files written by name."""
 
 
 @dataclass(frozen=True)
-class Asked:
+class Request:
     """What a user asked for: runs with seeds from `seed` on, and options that not every reproduction takes (None: default)."""
 
     name: str
@@ -45,22 +45,22 @@ class Asked:
 class Reproduction:
     """What is reproduced; takes: options of its own; n_seed: how many seeds where the user names none.
 
-    module: has `reproduce(folder, asked, on_progress) -> Found`, which writes into the folder and raises InputError for what
+    module: has `reproduce(folder, request, on_progress) -> Outputs`, which writes into the folder and raises InputError for what
     cannot be. beyond: results whose `where` starts so are on the page alone, not in the terminal.
     """
 
-    what: str
+    summary: str
     module: str
     n_seed: int
-    takes: frozenset[str] = frozenset()
+    options: frozenset[str] = frozenset()
     beyond: str | None = None
 
-    def run(self, folder: Path, asked: Asked, on_progress: OnProgress | None = None) -> Found:
+    def run(self, folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
         """Reproduce it."""
-        return import_module(self.module).reproduce(folder, asked, on_progress)
+        return import_module(self.module).reproduce(folder, request, on_progress)
 
 
-OF_SUITES = frozenset({"--suite", "--jobs", "--resume"})
+SUITE_OPTIONS = frozenset({"--suite", "--jobs", "--resume"})
 """Options of every reproduction that runs the twin."""
 
 REPRODUCTIONS: Mapping[str, Reproduction] = {
@@ -68,31 +68,31 @@ REPRODUCTIONS: Mapping[str, Reproduction] = {
         "the paper's figures 7 and 9 and table I, and beyond",
         "twin.reproduce.laser_fisheye_imm.reproduction",
         n_seed=10,
-        takes=OF_SUITES | {"--runs"},
+        options=SUITE_OPTIONS | {"--runs"},
         beyond="beyond the paper",
     ),
     "laser-vision-learning": Reproduction(
         "the paper's tables I and II and figures 10 and 11, and beyond",
         "twin.reproduce.laser_vision_learning.reproduction",
         n_seed=4,
-        takes=OF_SUITES,
+        options=SUITE_OPTIONS,
         beyond="beyond the paper",
     ),
     "camera-floor-particle": Reproduction(
         "the paper's experiments and figures 2 and 4 to 6, and beyond",
         "twin.reproduce.camera_floor_particle.reproduction",
         n_seed=2,
-        takes=OF_SUITES,
+        options=SUITE_OPTIONS,
         beyond="beyond the paper",
     ),
     "rgbd-head": Reproduction(
         "the paper's tables 1 to 3 and figures 5 to 12, and beyond",
         "twin.reproduce.rgbd_head.reproduction",
         n_seed=2,
-        takes=OF_SUITES | {"--runs"},
+        options=SUITE_OPTIONS | {"--runs"},
         beyond="beyond the paper",
     ),
     "gait": Reproduction(
-        "how people load the floor", "twin.reproduce.gait.reproduction", n_seed=100, takes=frozenset({"--data"})
+        "how people load the floor", "twin.reproduce.gait.reproduction", n_seed=100, options=frozenset({"--data"})
     ),
 }

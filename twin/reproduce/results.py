@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+
+from twin.console import PlainConsole
 from twin.recording.atomic_file import open_atomic
+from twin.reproduce.bootstrap import Interval
 
 
 @dataclass(frozen=True)
@@ -23,9 +29,98 @@ class Result:
     unit: str
     runs: int
 
+    @classmethod
+    def of(
+        cls, where: str, row: str, column: str, ours: Interval, unit: str, runs: int, paper: float | None = None
+    ) -> Result:
+        """Make a result from a value with its interval."""
+        return cls(where, row, column, paper, ours.value, (ours.low, ours.high), unit, runs)
+
+
+_DECIMALS = {
+    "1": 3,
+    "%": 1,
+    "BW": 3,
+    "m": 3,
+    "cm": 2,
+    "m/s": 2,
+    "s": 3,
+    "steps/min": 1,
+    "/run": 2,
+    "/person-min": 2,
+    "/min": 1,
+    "ms": 2,
+    "°": 0,
+}
+
+Row = tuple[Result, str, str, str]
+"""A result, and the paper's figure, ours and its interval as written."""
+
 
 def write_results(path: Path, results: Sequence[Result]) -> None:
     """Write `results.json`: a list of objects with the fields of `Result`. Raises InputError where it cannot be written."""
     with open_atomic(path) as stream_:
         json.dump([asdict(result) for result in results], stream_, indent=2)
         stream_.write("\n")
+
+
+def format_rows(results: Sequence[Result]) -> list[Row]:
+    """Results as `rows.html.j2` shows them."""
+    return [(result, *format_result(result)) for result in results]
+
+
+def pivot_rows(results: Sequence[Result], intervals: bool = True) -> Mapping[str, object] | None:
+    """Results as a table, a row a condition and tracker, a column a figure: of rows named "CONDITION, FIGURE", or of choices."""
+    found: dict[str, dict[str, tuple[str, str, str]]] = {}
+    for result, paper, ours, spread in format_rows(results):
+        condition, _, figure = result.row.partition(", ")
+        row, column = (f"{condition}: {result.column}", figure) if figure else (result.row, result.column)
+        found.setdefault(row, {})[column] = (ours, spread if intervals else "", "" if result.paper is None else paper)
+    columns = list(dict.fromkeys(column for row in found.values() for column in row))
+    rows = [(row, [cells.get(column) for column in columns]) for row, cells in found.items()]
+    return {"columns": columns, "rows": rows} if found else None
+
+
+def format_result(result: Result) -> tuple[str, str, str]:
+    """The paper's figure, ours, and its interval, as written."""
+    paper = "–" if result.paper is None else written(result.paper, result.unit)
+    low, high = result.ci95
+    unit = _unit(result.unit)
+    return (
+        paper,
+        written(result.ours, result.unit),
+        f"{_number(low, result.unit)} to {_number(high, result.unit)}{unit}",
+    )
+
+
+def written(value: float, unit: str) -> str:
+    """A figure with its unit."""
+    return _number(value, unit) + _unit(unit)
+
+
+def _number(value: float, unit: str) -> str:
+    return f"{value:.{_DECIMALS[unit]}f}".replace("-", "−")
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else f" {unit}"
+
+
+def format_ranges(scans: NDArray[np.intp]) -> str:
+    """Ascending scans in words, neighbours together: "3, 7–9"; "none" without any."""
+    if len(scans) == 0:
+        return "none"
+    runs = np.split(scans, np.flatnonzero(np.diff(scans) > 1) + 1)
+    return ", ".join(f"{run[0]}" if len(run) == 1 else f"{run[0]}–{run[-1]}" for run in runs)
+
+
+def print_results(title: str, results: Sequence[Result]) -> None:
+    """A table on stdout, the paper's figures beside ours."""
+    table = Table(title=title)
+    for heading in ("where", "row", "figure"):
+        table.add_column(heading)
+    for heading in ("paper", "ours", "95 %"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for result in results:
+        table.add_row(result.where, result.row, result.column, *format_result(result))
+    PlainConsole(width_of_file=150).print(table)

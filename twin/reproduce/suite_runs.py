@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from trackers.errors import InputError
+from twin.messages import OnProgress, printable
 from twin.models import cache_folder
-from twin.progress import OnProgress
 from twin.recording.tables import TrackTable, TruthTable, read_tracks, read_truth
-from twin.shown import shown
 from twin.suites.cache import RecordingCache, cache_limit_bytes
 from twin.suites.cache_keys import recording_key
 from twin.suites.cluster import Workers
@@ -41,7 +40,7 @@ class SuiteRuns:
 
     by_condition: Mapping[str, Mapping[int, Mapping[str, Case]]]
     metrics: Mapping[str, Mapping[str, float | None]]  # case id -> figure of metrics.json -> value
-    moments: Mapping[str, Sequence[Incident]]  # case id
+    incidents: Mapping[str, Sequence[Incident]]  # case id
     cache: RecordingCache
     folder: Path
     not_done: tuple[str, ...]
@@ -52,14 +51,14 @@ def condition_name(case: Case) -> str:
     return f"{case.scenario} ({case.variant})" if case.variant else case.scenario
 
 
-def suite_of(name: str, seeds: range) -> tuple[Suite, Path]:
+def load_seeded_suite(name: str, seeds: range) -> tuple[Suite, Path]:
     """A suite by name or path with these seeds in every entry, and its file. Raises InputError as `load_suite`."""
     suite, path = load_suite(name)
     entries = [entry.model_copy(update={"seeds": None}) for entry in suite.scenarios]
     return suite.model_copy(update={"seeds": tuple(seeds), "scenarios": entries}), path
 
 
-def run_in(
+def run_conditions(
     folder: Path, suite: Suite, path: Path, place: Workers, resume: bool, on_progress: OnProgress | None
 ) -> RecordingCache:
     """Run the suite into `folder`; the cache that holds its recordings.
@@ -86,7 +85,7 @@ def run_in(
         cache,
         place,
         resume=resume,
-        progress=ProgressListener(failed=tell_failure, state=state),
+        progress=ProgressListener(failed=warn_of_failure, state=state),
     )
     return cache
 
@@ -99,7 +98,7 @@ def read_runs(
     trackers: Collection[str] | None = None,
     fewest: int = 2,
 ) -> SuiteRuns:
-    """What `run_in` has left in `folder`. A run counts where all of `trackers` (None: all of its condition's) are done.
+    """What `run_conditions` has left in `folder`. A run counts where all of `trackers` (None: all of its condition's) are done.
 
     Raises InputError where a condition has fewer than `fewest` such runs.
     """
@@ -113,23 +112,25 @@ def read_runs(
     wanted = [case.id for by_seed in by_condition.values() for cases in by_seed.values() for case in cases.values()]
     whole = {}
     for name, by_seed in by_condition.items():
-        asked = trackers or next(iter(by_seed.values()))
-        whole[name] = {seed: cases for seed, cases in by_seed.items() if all(cases[each].id in done for each in asked)}
+        wanted_trackers = trackers or next(iter(by_seed.values()))
+        whole[name] = {
+            seed: cases for seed, cases in by_seed.items() if all(cases[each].id in done for each in wanted_trackers)
+        }
         if len(whole[name]) < fewest:
             raise InputError(
-                f"{folder}: {name} has {len(whole[name])} runs in which all of {', '.join(asked)} are done; {fewest} or "
-                "more are expected, and --resume does the rest"
+                f"{folder}: {name} has {len(whole[name])} runs in which all of {', '.join(wanted_trackers)} are done; "
+                f"{fewest} or more are expected, and --resume does the rest"
             )
     return SuiteRuns(whole, metrics, moments, cache, folder, tuple(each for each in wanted if each not in done))
 
 
-def tell_failure(case_id: str, error: str) -> None:
+def warn_of_failure(case_id: str, error: str) -> None:
     """A warning on stderr that a case failed."""
-    sys.stderr.write(shown(f"twin: warning: {case_id} failed: {error.splitlines()[0] if error else ''}\n"))
+    sys.stderr.write(printable(f"twin: warning: {case_id} failed: {error.splitlines()[0] if error else ''}\n"))
 
 
 @contextmanager
-def recording_of(case: Case, cache: RecordingCache) -> Iterator[Path]:
+def case_recording(case: Case, cache: RecordingCache) -> Iterator[Path]:
     """The folder of a case's recording, which is made again where it has left the cache."""
     scenario = resolved_scenario(case)
     key = recording_key(case.resolved, renderer_of(scenario))
@@ -137,12 +138,17 @@ def recording_of(case: Case, cache: RecordingCache) -> Iterator[Path]:
         yield entry
 
 
-def truth_of(case: Case, runs: SuiteRuns) -> TruthTable:
+def case_truth(case: Case, runs: SuiteRuns) -> TruthTable:
     """The truth of a case's recording."""
-    with recording_of(case, runs.cache) as entry:
+    with case_recording(case, runs.cache) as entry:
         return read_truth(entry / TRUTH)
 
 
-def tracks_of(case: Case, runs: SuiteRuns) -> TrackTable:
+def case_tracks(case: Case, runs: SuiteRuns) -> TrackTable:
     """The tracks of a case that is done."""
     return read_tracks(runs.folder / SUITE_FOLDER / "cases" / case.id / "tracks" / f"{case.tracker}.csv")
+
+
+def number_or_nan(value: float | None) -> float:
+    """Convert a metric that may not apply (None) to a float."""
+    return float("nan") if value is None else value

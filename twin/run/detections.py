@@ -18,7 +18,7 @@ from trackers.presets import PRESETS
 from trackers.prior import Prior
 from trackers.text_file import AnyPath
 from trackers.tracks import FedTracker, detections_of
-from twin.progress import OnWarning
+from twin.messages import OnWarning
 from twin.recording.losses import dropped_by, lines
 from twin.recording.reader import Recording
 from twin.recording.tables import number_cell, seconds_cell

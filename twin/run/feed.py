@@ -19,7 +19,7 @@ from trackers.tracks import TrackFrame
 from twin.recording.losses import Heard, Loss, dropped_by
 from twin.report.birdseye import Polygon
 from twin.report.preview import PreviewWriter, TruePoses
-from twin.report.silence import Silence
+from twin.report.silent_sensors import SilenceMonitor
 from twin.run.chosen_trackers import ChosenTracker
 from twin.run.tracker_runner import TrackerRunner, check_some_left, tracker_runners
 from twin.truth.frames import TruthFrame
@@ -39,7 +39,7 @@ class Preview:
         self._writer = writer
         self._main = rig.main_sensor
         self._observations: dict[str, deque[Observation]] = {}
-        self._silence = Silence(rig.sensors)
+        self._silence_monitor = SilenceMonitor(rig.sensors)
         self._truths: dict[int, TruthFrame] = {}
         self._waiting: deque[TrackFrame] = deque()
         self._next_still_s = 1.0
@@ -51,7 +51,7 @@ class Preview:
         """Keep an observation for the frames to come; those of earlier moments are drawn first."""
         while self._waiting and self._waiting[0].stamp_ns < observation.stamp_ns:
             self._draw(self._waiting.popleft())
-        self._silence.hear(observation)
+        self._silence_monitor.add(observation)
         held = self._observations.setdefault(observation.sensor, deque(maxlen=_HELD_OBSERVATIONS))
         held.append(observation)
 
@@ -74,7 +74,7 @@ class Preview:
         if frame.stamp_ns <= self._last_ns:
             return
         self._last_ns = frame.stamp_ns
-        silent = self._silence.silent()
+        silent = self._silence_monitor.silent()
         newest = {
             name: max(
                 (each for each in held if each.stamp_ns <= frame.stamp_ns), key=lambda each: each.stamp_ns, default=None

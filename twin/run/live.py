@@ -15,7 +15,7 @@ from trackers.presets import make_tracker
 from trackers.prior import Prior
 from trackers.rig import NO_PRIOR, Rig
 from trackers.text_file import AnyPath
-from twin.progress import OnProgress, OnWarning
+from twin.messages import OnProgress, OnWarning
 from twin.recording.atomic_file import open_atomic
 from twin.recording.detail_tables import DETAIL_FILES, detail_writer
 from twin.recording.feet_table import feet_writer, write_names

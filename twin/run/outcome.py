@@ -21,7 +21,7 @@ from twin.recording.situation_table import SituationTable
 from twin.recording.tables import TruthTable, read_tracks
 from twin.report.birdseye import Polygon
 from twin.report.page import RunFacts, Still, TrackerResult, write_report
-from twin.report.scan_density import ScanDensity
+from twin.report.path_map import ScanDensity
 from twin.run.feed import Feed
 from twin.run.tracker_runner import TrackerRunner, file_name
 from twin.scenario import Scenario

@@ -20,7 +20,7 @@ from trackers.prior import Prior
 from trackers.rig import PriorFiles
 from trackers.text_file import AnyPath
 from trackers.tracks import TrackFrame
-from twin.progress import OnProgress, OnWarning
+from twin.messages import OnProgress, OnWarning
 from twin.recording.atomic_file import open_atomic
 from twin.recording.detail_tables import DETAIL_FILES
 from twin.recording.losses import documents, lines
@@ -30,7 +30,7 @@ from twin.recording.tables import truth_table
 from twin.recording.track_topics import check_copy, copy_with_tracks
 from twin.report.birdseye import Polygon
 from twin.report.page import RunFacts
-from twin.report.scan_density import ScanDensity
+from twin.report.path_map import ScanDensity
 from twin.room.building import room_outline
 from twin.run.chosen_trackers import (
     ChosenTracker,

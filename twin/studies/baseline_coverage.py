@@ -12,7 +12,7 @@ from jinja2 import Template
 from trackers.errors import InputError
 from twin.console import PlainConsole
 from twin.recording.atomic_file import open_atomic
-from twin.reproduce.page import source_of
+from twin.reproduce.page import data_uri
 from twin.scenario import Scenario
 from twin.scenario.floor import FloorDescription
 from twin.studies.candidate_set import building_of
@@ -74,7 +74,7 @@ def write_coverage(scenario: Scenario, folder: Path, *, beams: int, px_per_m: fl
             best = np.max([sharp[name][-1] for name in mine], axis=0)
             drawn = heat_map(cells, best, cell_m, sensors, building, area, label=label, least=least[mine[0]])
             maps.append(
-                (f"{', '.join(mine)}: {label}, empty room; red: fewer than {least[mine[0]]:g}.", source_of(drawn))
+                (f"{', '.join(mine)}: {label}, empty room; red: fewer than {least[mine[0]]:g}.", data_uri(drawn))
             )
     folder.mkdir(parents=True, exist_ok=True)
     with open_atomic(folder / "coverage.json") as stream:

@@ -12,7 +12,7 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from trackers.arrays import Array
 from twin.models import MODELS
 from twin.recording.atomic_file import open_atomic
-from twin.reproduce.page import source_of
+from twin.reproduce.page import data_uri
 from twin.scenario import Scenario
 from twin.scenario.floor import FloorDescription
 from twin.studies.candidate_poses import first_sensor
@@ -45,7 +45,7 @@ def write_page(path: Path, results: StudyResults) -> None:
         "results": results,
         "scenario": scenario,
         "sensors": sensors,
-        "plan": source_of(drawn),
+        "plan": data_uri(drawn),
         "scale": scale,
         "width_mm": round(width_mm, 1),
         "parts": _parts(results),
@@ -144,7 +144,7 @@ def _maps(results: StudyResults, scenario: Any, sensors: list[PlanSensor]) -> li
         _resolution_map(results, scenario, sensors, scanners=False),
         _error_map(results, scenario, sensors),
     ]
-    return [(caption, source_of(svg)) for caption, svg in filter(None, found)]
+    return [(caption, data_uri(svg)) for caption, svg in filter(None, found)]
 
 
 def _resolution_map(
@@ -226,7 +226,7 @@ def _trial_map(results: StudyResults, sensors: list[PlanSensor]) -> tuple[str, s
             results.prepared.scene.area, results.objective.column,
         )  # fmt: skip
         text = "Devices of every candidate, by its worth; circled: recommended; crosses: the scenario's own."
-        return text, source_of(drawn)
+        return text, data_uri(drawn)
     svg = pareto_plot(
         np.column_stack([across, first]),
         np.array([each in results.front for each in trials]),
@@ -238,7 +238,7 @@ def _trial_map(results: StudyResults, sensors: list[PlanSensor]) -> tuple[str, s
     text = (
         "Bars: standard errors over seeds. Candidates with fewer seeds were dropped early, in a race on the same seeds."
     )
-    return text, source_of(svg)
+    return text, data_uri(svg)
 
 
 def _baseline_places(results: StudyResults) -> Array:

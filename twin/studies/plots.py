@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from twin.reproduce.drawing import INK, QUIET, SHADE, look, svg_of
+from twin.reproduce.page import INK, QUIET, SHADE, plot_style, to_svg
 from twin.room.building import Building, room_outline
 from twin.scenario import Scenario
 from twin.scenario.floor import FloorDescription
@@ -74,7 +74,7 @@ def floor_plan(
         _SCALES[-1],
     )
     width_mm, height_mm = 1000 * size_m / scale
-    with look():
+    with plot_style():
         figure = Figure(figsize=(width_mm * _MM, height_mm * _MM))
         axes = figure.add_axes((0, 0, 1, 1))
         _room(axes, building, area)
@@ -111,7 +111,7 @@ def floor_plan(
         metre = 1.0 if size_m[0] > 3 else 0.5
         axes.plot([low[0] + 0.1, low[0] + 0.1 + metre], [low[1] + 0.12] * 2, color=INK, lw=1.5)
         axes.text(low[0] + 0.1 + metre / 2, low[1] + 0.16, f"{metre:g} m", fontsize=6, ha="center", va="bottom")
-        return svg_of(figure), scale, float(width_mm)
+        return to_svg(figure), scale, float(width_mm)
 
 
 def _room(axes: Axes, building: Building, area: Array) -> None:
@@ -154,7 +154,7 @@ def heat_map(
     grid[where[:, 0], where[:, 1]] = values
     extent = (low[0], low[0] + shape[0] * cell_m, low[1], low[1] + shape[1] * cell_m)
     size = building.outline.max(axis=0) - building.outline.min(axis=0)
-    with look():
+    with plot_style():
         figure = Figure(figsize=(5.4, 5.4 * float(np.clip(size[1] / size[0], 0.4, 1.2)) * 0.85), layout="constrained")
         axes = figure.add_subplot()
         _room(axes, building, area)
@@ -187,7 +187,7 @@ def heat_map(
             bar.ax.yaxis.set_major_formatter("{x:g}")
             bar.ax.yaxis.set_minor_formatter(NullFormatter())
         bar.ax.tick_params(labelsize=8)
-        return svg_of(figure)
+        return to_svg(figure)
 
 
 def pareto_plot(
@@ -196,7 +196,7 @@ def pareto_plot(
     """Draw placements (n, 2) as SVG, the second value over the first, the front joined; errors (n,): of the second."""
     from matplotlib.figure import Figure
 
-    with look():
+    with plot_style():
         figure = Figure(figsize=(6.6, 3.6), layout="constrained")
         axes = figure.add_subplot()
         axes.errorbar(*points.T, yerr=errors, fmt="none", ecolor=SHADE, zorder=1)
@@ -209,7 +209,7 @@ def pareto_plot(
         axes.plot(*points[best], "*", color=_ACCENT, markersize=14, label="recommended", zorder=5)
         axes.set(xlabel=labels[0], ylabel=labels[1])
         axes.legend(frameon=False, fontsize=8)
-        return svg_of(figure)
+        return to_svg(figure)
 
 
 def trial_map(
@@ -228,7 +228,7 @@ def trial_map(
     from matplotlib.figure import Figure
 
     size = building.outline.max(axis=0) - building.outline.min(axis=0)
-    with look():
+    with plot_style():
         figure = Figure(figsize=(6.6, 6.0 * float(np.clip(size[1] / size[0], 0.4, 1.2)) * 0.85), layout="constrained")
         axes = figure.add_subplot()
         _room(axes, building, area)
@@ -241,7 +241,7 @@ def trial_map(
         axes.grid(False)
         bar = figure.colorbar(dots, ax=axes, shrink=0.8, label=label, extend="min")
         bar.ax.tick_params(labelsize=8)
-        return svg_of(figure)
+        return to_svg(figure)
 
 
 def is_scanner(scenario: Scenario, name: str) -> bool:

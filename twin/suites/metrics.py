@@ -15,10 +15,7 @@ from math import inf, isfinite
 from typing import Any
 
 from trackers.errors import InputError
-from twin.report.figures_table import FIGURES, HEADLINES, Figure
-
-METRICS: Mapping[str, Figure] = {figure.key: figure for figure in FIGURES}
-"""Every figure by its dotted place in a tracker's entry of `metrics.json`."""
+from twin.report.metrics_table import HEADLINE_METRICS as HEADLINE_METRICS, METRICS as METRICS, Metric
 
 
 @dataclass(frozen=True)
@@ -51,8 +48,8 @@ GATED: Mapping[str, Allowance] = {
 """The figures that are compared, in the order they are shown; those at the wider gate say much the same again, and what
 a frame costs depends on who else uses the machine."""
 
-SENSOR_METRICS: Mapping[str, Figure] = {
-    "range_scatter_m": Figure(
+SENSOR_METRICS: Mapping[str, Metric] = {
+    "range_scatter_m": Metric(
         "range_scatter_m", "Scatter of ranges", "m", "of a scanner, where a beam meets one surface twice", "less", 4
     )
 }
@@ -62,9 +59,6 @@ GATED_SENSOR_METRICS: Mapping[str, Allowance] = {"range_scatter_m": Allowance(0.
 """Those are compared too. Another draw of the same noise moves less, and noise that doubles more than twice as much, people who
 walk through notwithstanding (tests/twin/suites/test_suite_contents.py)."""
 
-HEADLINE_METRICS = HEADLINES
-"""The figures that a table or a row of a page has room for."""
-
 
 def allowed_by_default(metric: str, baseline: float) -> float:
     """Compute the default tolerance of a metric, in its unit."""
@@ -72,7 +66,7 @@ def allowed_by_default(metric: str, baseline: float) -> float:
     return allowance.absolute + allowance.relative * abs(baseline)
 
 
-def metric_named(key: str) -> Figure:
+def metric_named(key: str) -> Metric:
     """Look up a compared metric: of a tracker, or of a sensor."""
     return SENSOR_METRICS[key] if key in SENSOR_METRICS else METRICS[key]
 
@@ -113,6 +107,6 @@ def format_metric(key: str, value: float | None, sign: bool = False) -> str:
     """Format a metric with its unit; counts, which are means over seeds here, with one decimal."""
     if value is None or not isfinite(value):
         return "–"
-    figure = metric_named(key)
-    text = f"{value:{'+' if sign else ''}.{figure.decimals or 1}f}".replace("-", "−")
-    return f"{text} {figure.unit}" if figure.unit else text
+    metric = metric_named(key)
+    text = f"{value:{'+' if sign else ''}.{metric.decimals or 1}f}".replace("-", "−")
+    return f"{text} {metric.unit}" if metric.unit else text

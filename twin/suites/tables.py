@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.table import Table
 
 from twin.console import PlainConsole
-from twin.shown import shown
+from twin.messages import printable
 from twin.suites.comparison import Change, Comparison, incident_link, significance
 from twin.suites.metrics import HEADLINE_METRICS, METRICS, format_metric, metric_named
 from twin.suites.reference import (
@@ -280,4 +280,4 @@ def _line(cells: list[str]) -> str:
 
 def _cell(text: str) -> str:
     """Escape a text for a table cell: a user's text neither ends a cell nor is a tag."""
-    return shown(" ".join(text.split())).replace("|", "\\|").replace("<", "&lt;")
+    return printable(" ".join(text.split())).replace("|", "\\|").replace("<", "&lt;")

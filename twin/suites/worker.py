@@ -25,7 +25,7 @@ from twin.people.poses import Motion
 from twin.recording.bag import open_bag
 from twin.recording.tables import read_truth
 from twin.recording.topics import SCAN, sensor_topic
-from twin.report.timeline import describe
+from twin.report.timeline import describe_event
 from twin.run.live import run_scenario
 from twin.run.replay import track_recording
 from twin.run.tracker_runner import file_name
@@ -193,7 +193,7 @@ def _incidents(evaluation: Evaluation, scenario: Scenario) -> list[Incident]:
         middle_s = float(t[worst : last[worst]].mean())
         incidents.append(Incident(middle_s, WORST, f"OSPA {mean[worst]:.3f} m over a second", float(mean[worst])))
     incidents += [
-        Incident(event.stamp_ns / NS_PER_S, event.kind, describe(event, names), 1.0)
+        Incident(event.stamp_ns / NS_PER_S, event.kind, describe_event(event, names), 1.0)
         for event in evaluation.events[:_MOST_EVENTS]
     ]
     return incidents

@@ -10,8 +10,15 @@ from numpy.typing import NDArray
 
 from trackers.errors import InputError
 from twin.people.randomize import randomized
-from twin.report.look_at import picture
-from twin.report.people_sheet import Figure, check_picture_name, drawn_sheet, lettered, tiled, write_png
+from twin.report.scene_pictures import (
+    Portrait,
+    check_picture_name,
+    draw_portraits,
+    label_strip,
+    render_picture,
+    tile_pictures,
+    write_png,
+)
 from twin.scenario import Scenario
 from twin.scenario.behaviour import companions
 from twin.sensors.render import RendererOnDemand
@@ -47,12 +54,12 @@ def write_people(
     listed = list(scenario.people)
     found = activities(populate(scenario, scene), scenario.duration_s)
     found.sort(key=lambda activity: (listed.index(activity.person), activity.t))
-    figures = [Figure(_label(scenario, name), scene.appearances[name]) for name in listed]
-    sheet = [drawn_sheet(figures, columns=min(_BESIDE, len(figures)), cell_px=_FIGURE_PX)]
+    figures = [Portrait(_label(scenario, name), scene.appearances[name]) for name in listed]
+    sheet = [draw_portraits(figures, columns=min(_BESIDE, len(figures)), cell_px=_FIGURE_PX)]
     if found:
         pictures = _pictures(scenario, found, on_progress)
-        panels = [np.vstack([lettered(str(activity), _ACTIVITY_PX[0]), pictures[activity]]) for activity in found]
-        sheet.append(tiled(panels, _COLUMNS))
+        panels = [np.vstack([label_strip(str(activity), _ACTIVITY_PX[0]), pictures[activity]]) for activity in found]
+        sheet.append(tile_pictures(panels, _COLUMNS))
     write_png(path, _stacked(sheet))
     return found
 
@@ -87,7 +94,7 @@ def _pictures(
                 _ASIDE_DEG.get(activity.verb, _ASIDE_ELSE_DEG),
                 near,
             )
-            pictures[activity] = picture(
+            pictures[activity] = render_picture(
                 renderer(), snapshot.data, stand.eye, stand.target, stand.half_height, _ACTIVITY_PX, finer=_FINER
             )
             if on_progress is not None:

@@ -14,13 +14,12 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S, DepthImage, FloorFrame, Image, LaserScan, Observation
 from trackers.rig import CameraSensor, RigSensor
 from twin.instant.snapshot import Snapshot
-from twin.progress import OnProgress
-from twin.report.beliefs import beliefs
+from twin.messages import OnProgress
+from twin.report.assumed_poses import assumed_poses
+from twin.report.floor_panel import BACKDROP, INK, FloorPanel, TruePoses
 from twin.report.lettering import BOLD, Tag, text_width, write, write_tags
-from twin.report.look_at import DARK, picture
 from twin.report.palette import IDENTITY_COLOURS, LAYER_COLOURS, RGB, IdentityColours
-from twin.report.panels import BACKDROP, INK, FloorPanel, TruePoses
-from twin.report.people_sheet import check_picture_name, tiled, write_png
+from twin.report.scene_pictures import DARK_NOTE, check_picture_name, render_picture, tile_pictures, write_png
 from twin.room.building import room_outline
 from twin.room.lighting import ENOUGH_LIGHT, light_of
 from twin.run.feed import true_poses
@@ -94,7 +93,7 @@ def drawn_view(
                     tiles.append((what, sheet.plan({name: look})))
     with_depth = any(isinstance(look, DepthImage) for look in looks.values())
     columns = min(_COLUMNS_WITH_DEPTH if with_depth else _COLUMNS, key=lambda each: -len(tiles) % each)
-    return tiled([framed(label, tile) for label, tile in tiles], min(columns, len(tiles)), BACKDROP), warnings
+    return tile_pictures([framed(label, tile) for label, tile in tiles], min(columns, len(tiles)), BACKDROP), warnings
 
 
 def _what(sensor: RigSensor) -> str:
@@ -138,7 +137,7 @@ class Sheet:
             ] * 3
         stand = overview(self._snapshot, CameraSpace(self._snapshot, scene.floor), np.concatenate(points), aspect)
         with OffscreenRenderer(self._snapshot.model) as renderer:
-            shown = picture(
+            shown = render_picture(
                 renderer, self._snapshot.data, stand.eye, stand.target, stand.half_height, self._tile_px, finer=_FINER
             )
         write_tags(shown, name_tags(self._world, self._snapshot, stand, self._tile_px))
@@ -146,12 +145,14 @@ class Sheet:
 
     def light(self) -> str:
         """That the room is dark, where its picture is lit for the eye."""
-        return DARK if light_of(self._snapshot.model) < ENOUGH_LIGHT else ""
+        return DARK_NOTE if light_of(self._snapshot.model) < ENOUGH_LIGHT else ""
 
     def plan_label(self) -> str:
         """What the plan shows."""
         what = "from above: truth, scans, floors"
-        return f"{what} as calibrated (dashed)" if beliefs(self._simulation.rig, self._simulation.true_rig) else what
+        return (
+            f"{what} as calibrated (dashed)" if assumed_poses(self._simulation.rig, self._simulation.true_rig) else what
+        )
 
     def plan(self, looks: Mapping[str, Observation], silent: Collection[str] = ()) -> NDArray[np.uint8]:
         """The plan with the true people, what these scanners see and what these floors feel, as trackers take it.
@@ -236,5 +237,5 @@ def write_drawn(
             tiles.append(framed(label, np.hstack([sheet.room(), sheet.plan(looks)])))
             warnings += [f"seed {seed}: {warning}" for warning in simulation.warnings]
         on_progress("drawing", number, len(seeds))
-    write_png(path, tiled(tiles, min(_SEED_COLUMNS, len(tiles)), BACKDROP))
+    write_png(path, tile_pictures(tiles, min(_SEED_COLUMNS, len(tiles)), BACKDROP))
     return tuple(warnings)

@@ -13,8 +13,8 @@ from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.instant.snapshot import Snapshot
 from twin.report.lettering import Tag
-from twin.report.look_at import axes_towards
 from twin.report.palette import RGB
+from twin.report.scene_pictures import axes_towards
 from twin.room.building import check_mount
 from twin.sensors.rays import cast
 from twin.world.world import World

@@ -15,12 +15,11 @@ from trackers.observations import NS_PER_S, FloorFrame, LaserScan, Observation
 from trackers.rig import FloorSensor, Rig
 from twin.instant.snapshot import Snapshot
 from twin.people.randomize import randomized
+from twin.report.floor_panel import PRESSED, FloorPanel
 from twin.report.lettering import write, write_tags
-from twin.report.look_at import DARK, axes_towards, picture
 from twin.report.palette import LAYER_COLOURS, IdentityColours
-from twin.report.panels import FloorPanel
-from twin.report.pressure import PRESSED
-from twin.report.silence import Silence
+from twin.report.scene_pictures import DARK_NOTE, axes_towards, render_picture
+from twin.report.silent_sensors import SilenceMonitor
 from twin.report.video import TIME_BASE, VideoFile
 from twin.room.building import room_outline
 from twin.room.lighting import ENOUGH_LIGHT, light_of
@@ -138,15 +137,15 @@ class _Reports:
         else:
             self.world = World(scenario)
         self._next = next(self._to_come, None)
-        self._silence = Silence(self.rig.sensors if self.rig is not None else ())
+        self._silence_monitor = SilenceMonitor(self.rig.sensors if self.rig is not None else ())
 
     def until(self, t: float) -> None:
         """Take the reports up to time t [s]."""
         while self._next is not None and self._next.stamp_ns <= t * NS_PER_S:
-            self._silence.hear(self._next)
+            self._silence_monitor.add(self._next)
             self.newest[self._next.sensor] = self._next
             self._next = next(self._to_come, None)
-        self.silent = self._silence.silent(round(t * NS_PER_S))
+        self.silent = self._silence_monitor.silent(round(t * NS_PER_S))
 
     def scans(self) -> dict[str, LaserScan]:
         """The newest scan of each scanner that is not silent."""
@@ -200,7 +199,7 @@ class _Film:
         stand = self._stand_at(snapshot)
         size = _SIZE_PX[0], _SIZE_PX[1] - _STRIP_PX
         marks = self._marks()
-        shown = picture(
+        shown = render_picture(
             self._renderer(), snapshot.data, stand.eye, stand.target, stand.half_height, size, finer=_FINER, marks=marks
         )
         write_tags(shown, name_tags(self._world, snapshot, stand, size))
@@ -271,6 +270,6 @@ class _Film:
             )
             if there
         ]
-        write(strip, f"{self._title}, {t:.1f} s{DARK if is_dark else ''}", _EDGE_PX, _STRIP_PX - 10, _INK, 15)
+        write(strip, f"{self._title}, {t:.1f} s{DARK_NOTE if is_dark else ''}", _EDGE_PX, _STRIP_PX - 10, _INK, 15)
         write(strip, "   ".join(said[:8]), _SIZE_PX[0] - _EDGE_PX, _STRIP_PX - 10, _INK, 15, align="right")
         return strip

@@ -105,7 +105,7 @@ def _twin(arguments: list[str]) -> int:
     sys.argv = ["twin", *arguments]
     path = list(sys.path)
     try:
-        with mock.patch("twin.cli.code_of_child", return_value=None):  # the time and memory counted are this process's
+        with mock.patch("twin.cli.run_in_child", return_value=None):  # the time and memory counted are this process's
             main()
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else 0

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from test_evaluate import ns, runs, still, tracks_of, truth_of
 
-from twin.evaluate.frames import align, everybody_matched
+from twin.evaluate.frames import align, match_everybody
 from twin.evaluate.summary import evaluate_tracks
 from twin.recording.situation_table import SituationTable, situation_table
 from twin.recording.tables import TrackTable, TruthTable
@@ -125,7 +125,7 @@ def test_disposal_outside_the_area_is_not_counted():
 def by_loops(truth: TruthTable, tracks: TrackTable, situations: SituationTable) -> dict:
     frames = align(truth, tracks).frames
     owner: dict[int, int] = {}
-    for frame, pairs in zip(frames, everybody_matched(frames, GATE_M), strict=True):
+    for frame, pairs in zip(frames, match_everybody(frames, GATE_M), strict=True):
         for row, column in zip(pairs.rows, pairs.columns, strict=True):
             if frame.confirmed[column]:
                 owner.setdefault(int(frame.track_ids[column]), int(frame.person_ids[row]))

@@ -4,8 +4,7 @@ import motmetrics
 import numpy as np
 import pytest
 
-from twin.evaluate.clear import PairMatrix, clear
-from twin.evaluate.identity import identity
+from twin.evaluate.clear import PairMatrix, clear, identity
 
 GATE_M = 0.5
 FIELDS = {

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from trackeval_names import by_trackevals_names
 
-from twin.evaluate.clear import PairMatrix, clear
+from twin.evaluate.clear import PairMatrix, clear, identity
 from twin.evaluate.hota import hota
-from twin.evaluate.identity import identity
 from twin.evaluate.set_distance import gospa, ospa
 
 DATA = Path(__file__).parents[3].parent / "shared" / "data" / "metrics"

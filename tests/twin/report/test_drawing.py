@@ -12,9 +12,18 @@ from staged_run import laboratory, room
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor, Pose, Rig
 from twin.report.birdseye import FloorView, ScannerOnFloor, floor_extent, room_svg, sensor_names_svg, svg_path
-from twin.report.clock import minutes_text, origin_ns, time_text, time_ticks
 from twin.report.palette import IDENTITY_COLOURS, IdentityColours
-from twin.report.spans import Span, spans, unbroken, usual_period_ns, without
+from twin.report.time_axis import (
+    Span,
+    format_minutes,
+    format_time,
+    median_period_ns,
+    round_ticks,
+    spans_of,
+    split_at_gaps,
+    subtract_spans,
+    time_origin_ns,
+)
 
 
 def test_view_shows_the_extent_centred_at_one_scale() -> None:
@@ -91,28 +100,28 @@ def test_colours_follow_first_appearance() -> None:
 
 
 def test_times_read_as_people_write_them() -> None:
-    assert time_text(12.34, 1) == "12.3 s"
-    assert time_text(125.0) == "2:05"
-    assert time_text(179.97, 1) == "3:00.0"
-    assert time_text(-0.01, 1) == "0.0 s"
-    assert minutes_text(60) == "1:00"
-    assert origin_ns(3_000_000_000) == 0
-    assert origin_ns(1_700_000_000_000_000_000) == 1_700_000_000_000_000_000
-    np.testing.assert_allclose(time_ticks(-0.05, 26.2, 14), np.arange(0, 27, 2))
+    assert format_time(12.34, 1) == "12.3 s"
+    assert format_time(125.0) == "2:05"
+    assert format_time(179.97, 1) == "3:00.0"
+    assert format_time(-0.01, 1) == "0.0 s"
+    assert format_minutes(60) == "1:00"
+    assert time_origin_ns(3_000_000_000) == 0
+    assert time_origin_ns(1_700_000_000_000_000_000) == 1_700_000_000_000_000_000
+    np.testing.assert_allclose(round_ticks(-0.05, 26.2, 14), np.arange(0, 27, 2))
 
 
 def test_spans_break_at_gaps_and_labels() -> None:
     stamps = np.array([0, 100, 200, 500, 600])
-    assert spans(stamps, 100) == [Span(-50, 250), Span(450, 650)]
-    assert spans(stamps, 100, np.array([1, 1, 2, 2, 2])) == [Span(-50, 150, 1), Span(150, 250, 2), Span(450, 650, 2)]
-    assert spans(np.zeros(0, np.int64), 100) == []
-    assert [piece.tolist() for piece in unbroken(stamps, 100)] == [[0, 1, 2], [3, 4]]
-    assert usual_period_ns(np.array([0, 1, 100, 101]), np.array([0, 100, 200])) == 100
+    assert spans_of(stamps, 100) == [Span(-50, 250), Span(450, 650)]
+    assert spans_of(stamps, 100, np.array([1, 1, 2, 2, 2])) == [Span(-50, 150, 1), Span(150, 250, 2), Span(450, 650, 2)]
+    assert spans_of(np.zeros(0, np.int64), 100) == []
+    assert [piece.tolist() for piece in split_at_gaps(stamps, 100)] == [[0, 1, 2], [3, 4]]
+    assert median_period_ns(np.array([0, 1, 100, 101]), np.array([0, 100, 200])) == 100
 
 
 @given(st.sets(st.integers(0, 40)), st.sets(st.integers(0, 40)))
 def test_without_leaves_exactly_what_is_not_covered(whole: set[int], parts: set[int]) -> None:
     def of(samples: set[int]) -> list[Span]:
-        return spans(np.array(sorted(samples), dtype=np.int64) * 100, 100)
+        return spans_of(np.array(sorted(samples), dtype=np.int64) * 100, 100)
 
-    assert without(of(whole), of(parts), 1) == of(whole - parts)
+    assert subtract_spans(of(whole), of(parts), 1) == of(whole - parts)

@@ -19,8 +19,8 @@ from twin.evaluate.summary import evaluate_with_details
 from twin.recording.tables import track_table
 from twin.report import page
 from twin.report.page import RunFacts, Still, TrackerResult, write_report
-from twin.report.scan_density import ScanDensity
-from twin.report.timeline import false_tracks
+from twin.report.path_map import ScanDensity
+from twin.report.timeline import false_positive_tracks
 
 NAMES = {1: "white", 2: "black", 3: "pink", 4: "blue", 5: "purple"}
 VOID = {"meta", "img", "br", "link", "input", "hr"}
@@ -128,8 +128,8 @@ def test_every_tracker_figure_and_event_is_on_the_page(tmp_path: Path, staged: S
             assert f"{person} goes on as #{event.track_id}, was #{event.previous_track_id}" in texts
     assert "#1 goes on with white, was black" in texts
     assert "#2 ends while pink stays" in texts
-    assert "Tracks that follow nobody" in texts
-    assert re.search(r"<title>#9 \(nobody\)", text)
+    assert "Tracks without a person" in texts
+    assert re.search(r"<title>#9 \(false positive\)", text)
     assert "4.25" in texts
 
 
@@ -155,7 +155,7 @@ def test_false_tracks_leave_out_who_follows_people_outside(staged: Staged) -> No
         frames.append(replace(frame, people=outside))
     changed = replace(staged, truth_frames=frames)
     evaluation = evaluate_with_details(changed.truth, changed.tracks)
-    stamps, ids = false_tracks(changed.truth, changed.tracks, evaluation)
+    stamps, ids = false_positive_tracks(changed.truth, changed.tracks, evaluation)
     assert set(ids.tolist()) == {9}
     counted = dict(zip(evaluation.stamps_ns.tolist(), evaluation.false_positives.tolist(), strict=True))
     assert {stamp: 1 for stamp in stamps.tolist()} == {stamp: n for stamp, n in counted.items() if n}
@@ -183,9 +183,9 @@ def test_without_any_track(tmp_path: Path, staged: Staged) -> None:
     )
     checker = checked(tmp_path / "a.html")
     assert "–" in checker.texts  # MOTP does not apply
-    assert checker.texts.count("never followed") == 5
+    assert checker.texts.count("never matched") == 5
     write_report(tmp_path / "b.html", facts(), [TrackerResult("silent", empty)], staged.rig)
-    assert "No track was ever confirmed." in checked(tmp_path / "b.html").texts
+    assert "No track was confirmed." in checked(tmp_path / "b.html").texts
 
 
 def test_names_are_text_not_markup(tmp_path: Path, staged: Staged) -> None:

@@ -19,13 +19,17 @@ from trackers.pose import Pose
 from trackers.rig import FloorSensor, PinholeSensor, Rig, placed_camera
 from trackers.tracks import Hypotheses, Track, TrackFrame
 from trackers.vision.hsv import hsv_of
-from twin.report.panels import TruePoses
-from twin.reproduce.camera_floor_particle.masks import mask_quality
-from twin.reproduce.camera_floor_particle.pictures import draw_inside
-from twin.reproduce.camera_floor_particle.plots import head_errors, heads_svg
-from twin.reproduce.camera_floor_particle.replays import PEOPLE, VARIANTS, closest_s, lowest_s, standing
-from twin.reproduce.camera_floor_particle.reproduction import check_suite
-from twin.reproduce.camera_floor_particle.tables import (
+from twin.report.floor_panel import TruePoses
+from twin.reproduce.camera_floor_particle.replays import (
+    PEOPLE,
+    VARIANTS,
+    closest_pair_s,
+    draw_debug_state,
+    lowest_head_s,
+    standing_people,
+)
+from twin.reproduce.camera_floor_particle.reproduction import check_suite, head_errors, heads_svg
+from twin.reproduce.camera_floor_particle.results import (
     ABLATION,
     ABLATIONS,
     EXPERIMENTS,
@@ -34,7 +38,8 @@ from twin.reproduce.camera_floor_particle.tables import (
     NEEDED,
     OURS,
     PAIR,
-    conditions_of,
+    mask_quality,
+    read_conditions,
     results_of,
 )
 from twin.scenario import load_scenario
@@ -65,7 +70,7 @@ def runs() -> Any:
 
 
 def test_results_hold_the_movements_together_the_papers_heads_and_paired_ablations():
-    results = {(each.where, each.row, each.column): each for each in results_of(conditions_of(runs()))}
+    results = {(each.where, each.row, each.column): each for each in results_of(read_conditions(runs()))}
     together = results[EXPERIMENTS, "four movements, head x", "ours"]
     assert (together.ours, together.paper, together.runs) == (pytest.approx(0.01), 0.049, 2 * len(MOVEMENTS))
     assert results[EXPERIMENTS, "crossing, pan, median", "ours"].ours == pytest.approx(10.0)
@@ -85,7 +90,7 @@ def table(stamps_s, people) -> Any:
 def test_moments_and_errors_are_found_in_tables():
     t = [1.0, 2.0, 3.0, 4.0, 5.0]
     truth = table(t, [[(1, k, 0.0, 1.6 - 0.1 * k), (2, 4.0 - 0.5 * k, 0.0, 1.7)] for k in range(5)])
-    assert closest_s(truth) == 5.0 and lowest_s(truth) == 5.0
+    assert closest_pair_s(truth) == 5.0 and lowest_head_s(truth) == 5.0
     tracks = table(t[1:], [[(7, k + 0.1, 0.0, 1.6 - 0.1 * k)] for k in range(1, 5)])
     since, off = head_errors(truth, tracks)
     np.testing.assert_allclose(since, [0, 1, 2, 3])
@@ -115,7 +120,7 @@ def test_every_ablation_is_run_in_the_suite():
 
 
 def test_as_many_people_stand_as_time_is_taken_of():
-    assert [len(standing(n).people) for n in (0, *PEOPLE)] == [0, *PEOPLE]
+    assert [len(standing_people(n).people) for n in (0, *PEOPLE)] == [0, *PEOPLE]
 
 
 @pytest.mark.parametrize("change", VARIANTS.values(), ids=VARIANTS)
@@ -141,7 +146,7 @@ def test_moments_are_drawn_with_masks_particles_floor_and_truth():
     def sides(mask, maps, floors):
         views = Views([View(0, placed_camera(camera), grey, hsv_of(grey), mask, options.histogram)])
         frame = TrackFrame(0, (Track(1, 0.0, 1.0),), maps)
-        jpeg = draw_inside(Inside(views, None, None, np.array([1])), frame, rig, floors, truth)
+        jpeg = draw_debug_state(Inside(views, None, None, np.array([1])), frame, rig, floors, truth)
         drawn = np.asarray(cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR), np.int16)
         return drawn[:, :1280], drawn[:, 1280:]
 
@@ -156,7 +161,7 @@ def test_moments_are_drawn_with_masks_particles_floor_and_truth():
     ):
         assert (same(left, others[0]), same(right, others[1])) == (is_left, is_right)
     with pytest.raises(ValueError, match="no camera"):
-        draw_inside(Inside(Views(()), None, None, np.empty(0, int)), TrackFrame(0, ()), rig, {}, truth)
+        draw_debug_state(Inside(Views(()), None, None, np.empty(0, int)), TrackFrame(0, ()), rig, {}, truth)
 
 
 @pytest.mark.parametrize("shadows", [False, True])

@@ -11,11 +11,18 @@ import numpy as np
 import pytest
 
 from trackers.errors import InputError
-from twin.reproduce.command import reproduce
-from twin.reproduce.gait.bodies import steady
-from twin.reproduce.gait.measures import STANCE_POINTS, figures, figures_of, humps, slices, stance
+from twin.commands.reproduce import reproduce
+from twin.reproduce.gait.comparison import BESIDE_THE_PERSON, BESIDE_THE_SUBJECT, RUNNING, WALKING, statures
 from twin.reproduce.gait.published import SUBJECT_FILE, read_subject, walking_cadence, walking_step_m
-from twin.reproduce.gait.results import BESIDE_THE_PERSON, BESIDE_THE_SUBJECT, RUNNING, WALKING, statures
+from twin.reproduce.gait.stride import (
+    STANCE_POINTS,
+    humps,
+    measure_people,
+    measure_stride,
+    simulate_steady,
+    stance,
+    whole_stretches,
+)
 
 pytestmark = pytest.mark.slow
 
@@ -124,18 +131,18 @@ def test_a_drawn_load_is_measured():
     t = np.arange(0, 6.0, 1 / 600)
     left = np.where((t % 1.2) < 0.72, 1.0 + 0.1 * np.cos(4 * np.pi * (t % 1.2) / 0.72), 0.0)
     right = np.where(((t + 0.6) % 1.2) < 0.72, 0.8, 0.0)
-    found = figures(np.stack([left, right], axis=-1), 600.0, 0.7)
+    found = measure_stride(np.stack([left, right], axis=-1), 600.0, 0.7)
     assert found.stride_s == pytest.approx(1.2, abs=0.01)
     assert found.cadence == pytest.approx(100, abs=1)
     assert found.stance_share == pytest.approx(0.6, abs=0.01)
     assert found.stance_s == pytest.approx(0.72, abs=0.01)
     with pytest.raises(ValueError, match="no whole stride"):
-        figures(np.ones((100, 2)), 600.0)
+        measure_stride(np.ones((100, 2)), 600.0)
 
 
 def test_stances_that_are_cut_off_do_not_count():
     on = np.array([1, 1, 0, 1, 1, 1, 0, 0, 1, 1], dtype=bool)
-    assert slices(on) == [slice(3, 6)]
+    assert whole_stretches(on) == [slice(3, 6)]
     load = np.where(on, 1.0, 0.0)
     assert stance(load, 10.0).curves.shape == (1, STANCE_POINTS)
     assert stance(load, 10.0).seconds.tolist() == [0.3]
@@ -149,7 +156,7 @@ def test_humps_and_dip():
 
 
 def test_steps_are_as_long_as_the_speed_and_the_cadence_say():
-    (found,) = figures_of(steady(1.2, [1.75], 8.0))
+    (found,) = measure_people(simulate_steady(1.2, [1.75], 8.0))
     assert found.step_length_m * found.cadence / 60 == pytest.approx(1.2, rel=0.01)
     assert walking_step_m(np.array(1.2)) * walking_cadence(np.array(1.2)) / 60 == pytest.approx(1.2)
 

@@ -10,18 +10,8 @@ import numpy as np
 import pytest
 
 from trackers.errors import InputError
-from twin.reproduce.command import reproduce
-from twin.reproduce.laser_vision_learning.conditions import (
-    FUSED,
-    LASER,
-    SYSTEMS,
-    VISION,
-    Condition,
-    HallRuns,
-    PlaceFigures,
-)
-from twin.reproduce.laser_vision_learning.runs import check_suite
-from twin.reproduce.laser_vision_learning.tables import (
+from twin.commands.reproduce import reproduce
+from twin.reproduce.laser_vision_learning.results import (
     ACCURACY,
     CORRELATED,
     COST,
@@ -31,6 +21,16 @@ from twin.reproduce.laser_vision_learning.tables import (
     TABLE_TWO,
     cost_fit,
     hall_results,
+)
+from twin.reproduce.laser_vision_learning.runs import (
+    FUSED,
+    LASER,
+    SYSTEMS,
+    VISION,
+    HallCondition,
+    HallRuns,
+    PlaceStatistics,
+    check_suite,
 )
 from twin.suites.spec import load_suite
 
@@ -50,7 +50,7 @@ scenarios:
 """
 
 
-def condition(name: str, n_run: int = 4, people: float = 10.0, close: float = 2.0) -> Condition:
+def condition(name: str, n_run: int = 4, people: float = 10.0, close: float = 2.0) -> HallCondition:
     """A made-up condition of the three systems: what a frame costs is 1 ms, 0.2 a person and 0.5 one who interacts."""
     ones = np.ones(n_run)
     figures = {}
@@ -68,13 +68,13 @@ def condition(name: str, n_run: int = 4, people: float = 10.0, close: float = 2.
             "ms_per_frame.mean": (1 + 0.2 * people + 0.5 * close) * ones * (place + 1),
             "ms_per_frame.p95": 20 * ones,
         }  # fmt: skip
-    place = PlaceFigures(
+    place = PlaceStatistics(
         100 * ones, 100 * people * ones, 100 * close * ones, 64 * ones, 2 * ones, 0.5 * ones, np.array([0.4, 0.6, 1.2])
     )
-    return Condition(name, tuple(SYSTEMS), (), tuple(range(n_run)), figures, place)
+    return HallCondition(name, tuple(SYSTEMS), (), tuple(range(n_run)), figures, place)
 
 
-def results_of(*conditions: Condition) -> dict[tuple[str, str, str], tuple[float | None, float]]:
+def results_of(*conditions: HallCondition) -> dict[tuple[str, str, str], tuple[float | None, float]]:
     runs = HallRuns({each.name: each for each in conditions}, None, None, ())  # pyright: ignore[reportArgumentType]
     return {(each.where, each.row, each.column): (each.paper, each.ours) for each in hall_results(runs)}
 
@@ -94,7 +94,7 @@ def test_the_tables_are_sums_over_runs_beside_the_papers_figures() -> None:
 
 def test_a_change_of_the_hall_is_told_by_what_it_costs_paired_by_seed() -> None:
     changed = condition("lights-out", n_run=3)
-    changed.figures[FUSED]["failures.missed"][:] += 30
+    changed.metrics[FUSED]["failures.missed"][:] += 30
     found = results_of(condition("hall"), condition("busy"), changed)
     where = "beyond the paper, changed"
     assert found[where, "lights-out, loss of accuracy", "fused"] == (None, pytest.approx(3.0))

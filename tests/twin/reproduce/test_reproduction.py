@@ -13,14 +13,21 @@ import pytest
 from typer.testing import CliRunner
 
 from trackers.errors import InputError
-from twin.reproduce.command import reproduce
-from twin.reproduce.laser_fisheye_imm.conditions import COLUMNS
-from twin.reproduce.laser_fisheye_imm.figure7 import FILTERS, IMM, MEAN_MAGNITUDE, simulate
-from twin.reproduce.laser_fisheye_imm.figure7_results import NPE, NVE, curves, figure7_results
+from twin.commands.reproduce import reproduce
+from twin.reproduce.laser_fisheye_imm.figure7 import (
+    FILTERS,
+    IMM,
+    MEAN_MAGNITUDE,
+    NPE,
+    NVE,
+    curves,
+    figure7_results,
+    simulate,
+)
+from twin.reproduce.laser_fisheye_imm.runs import COLUMNS
 from twin.reproduce.laser_fisheye_imm.table_one import COUNTS, DENSITY, TABLE_ONE, paper_figure
 from twin.reproduce.laser_fisheye_imm.walk import maneuvering_walk
-from twin.reproduce.page import spans_text, text_of
-from twin.reproduce.results import Result
+from twin.reproduce.results import Result, format_ranges, format_result
 
 pytestmark = pytest.mark.slow
 
@@ -62,7 +69,7 @@ def runs():
     return simulate(maneuvering_walk(), RUNS)
 
 
-def rows_of(folder: Path) -> list[Result]:
+def format_rows(folder: Path) -> list[Result]:
     return [
         Result(**{**each, "ci95": tuple(each["ci95"])}) for each in json.loads((folder / "results.json").read_text())
     ]
@@ -92,7 +99,7 @@ def test_results_follow_the_contract(folder):
 
 
 def test_figure_7_is_the_runs(folder, runs):
-    value = {(row.where, row.row, row.column): row.ours for row in rows_of(folder)}
+    value = {(row.where, row.row, row.column): row.ours for row in format_rows(folder)}
     for where, name, errors in ((NPE, "NPE", runs.position), (NVE, "NVE", runs.speed[MEAN_MAGNITUDE])):
         column, curve = f"{name}, mean over scans", errors.normalised()
         for key in FILTERS:
@@ -105,7 +112,7 @@ def test_figure_7_is_the_runs(folder, runs):
 
 
 def test_table_one_is_what_the_suite_measured_beside_the_paper(folder):
-    found = {(row.row, row.column): row for row in rows_of(folder) if row.where == TABLE_ONE}
+    found = {(row.row, row.column): row for row in format_rows(folder) if row.where == TABLE_ONE}
     with sqlite3.connect(folder / "suite" / "results.sqlite") as connection:
         query = "SELECT AVG(value) FROM results WHERE scenario = 'people-5' AND tracker = ? AND metric = ?"
         for column in COLUMNS:
@@ -124,7 +131,7 @@ def test_every_run_of_every_column_is_a_row(folder):
     minutes = {(row["condition"], row["seed"]): float(row["person_minutes"]) for row in rows}
     for (condition, _), found in minutes.items():
         assert found == pytest.approx((2 if condition == "people-2" else 5) * 2 / 60, rel=0.06)
-    densities = {row.row for row in rows_of(folder) if row.where == DENSITY}
+    densities = {row.row for row in format_rows(folder) if row.where == DENSITY}
     assert densities == {"people-2", "people-5"}
 
 
@@ -165,8 +172,8 @@ def test_the_page_needs_nothing_but_itself(folder):
     assert all(link.startswith(("#", "suite/cases/")) for link in re.findall(r'href="([^"]*)"', page))
     assert page.count("data:image/svg+xml;base64,") == 6
     assert f"twin reproduce laser-fisheye-imm --seeds 2 --seed {SEEDS.start} --runs 6 --suite " in page
-    for row in rows_of(folder):
-        assert all(text in page for text in text_of(row))
+    for row in format_rows(folder):
+        assert all(text in page for text in format_result(row))
     for words in ("figure 6 is lost", "No parameter was tuned", "What was to be shown", "breaks at", "paper 8"):
         assert words in page
 
@@ -248,5 +255,5 @@ def test_as_a_command_that_takes_up_what_is_done_and_leaves_the_same_files(folde
 
 
 def test_spans_in_words():
-    assert spans_text(np.array([], int)) == "none"
-    assert spans_text(np.array([3, 7, 8, 9, 12])) == "3, 7–9, 12"
+    assert format_ranges(np.array([], int)) == "none"
+    assert format_ranges(np.array([3, 7, 8, 9, 12])) == "3, 7–9, 12"

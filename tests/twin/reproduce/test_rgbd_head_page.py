@@ -13,11 +13,11 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.pose import Pose
 from trackers.rig import Rig, StereoSensor
-from twin.reproduce.page import grid_of
+from twin.reproduce.results import pivot_rows
 from twin.reproduce.rgbd_head.errors import head_errors, spread_cm
-from twin.reproduce.rgbd_head.plots import errors_svg
+from twin.reproduce.rgbd_head.figures import errors_svg
 from twin.reproduce.rgbd_head.reproduction import check_suite
-from twin.reproduce.rgbd_head.tables import (
+from twin.reproduce.rgbd_head.results import (
     ABLATION,
     EXPERIMENTS,
     NEEDED,
@@ -25,7 +25,7 @@ from twin.reproduce.rgbd_head.tables import (
     PAPER,
     TIME,
     WHERE,
-    Condition,
+    HeadCondition,
     results_of,
 )
 from twin.suites.spec import load_suite
@@ -68,7 +68,7 @@ def followed(off=(0.02, 0.0, -0.03), until_s=9.0, turned=0.3, people=PEOPLE) -> 
 
 def test_errors_are_those_of_each_persons_own_track():
     found = head_errors(TRUTH, followed(), RIG)
-    figures = found.figures()
+    figures = found.statistics()
     assert (figures["XY"], figures["Z"], figures["Z, bias"]) == pytest.approx((2.0, 3.0, -3.0))
     assert figures["yaw"] == pytest.approx(np.degrees(0.3)) and (figures["lost"], figures["found after"]) == (0, 0)
     assert set(found.seen_by.tolist()) == {4} and ((found.range_m > 1) & (found.range_m < 4)).all()
@@ -81,7 +81,7 @@ def test_who_has_no_track_for_a_second_is_lost_and_who_slides_away_alone_is_an_e
     alone = {1: PEOPLE[1]}
     one = table([(t, 1, *PEOPLE[1], 3.0) for t in T])
     slid = head_errors(one, followed(off=(0.8, 0.0, 0.0), people=alone), RIG)
-    assert slid.lost == 1 and slid.figures()["XY"] == pytest.approx(80.0)
+    assert slid.lost == 1 and slid.statistics()["XY"] == pytest.approx(80.0)
 
 
 def test_the_spread_is_a_standard_deviation_at_each_moment():
@@ -97,10 +97,10 @@ def test_results_hold_the_papers_figures_what_each_cue_is_worth_and_where_errors
     for name in NEEDED:
         good, bad = head_errors(TRUTH, followed(), RIG), head_errors(TRUTH, followed(off=(0.05, 0.0, 0.1)), RIG)
         figures = {
-            tracker: {key: np.array([value, value]) for key, value in (each.figures() | {TIME: 9.0}).items()}
+            tracker: {key: np.array([value, value]) for key, value in (each.statistics() | {TIME: 9.0}).items()}
             for tracker, each in ((OURS, good), (PAPER, bad), ("no-silhouette", bad))
         }
-        conditions[name] = Condition(name, (1, 2), figures, [good, good])
+        conditions[name] = HeadCondition(name, (1, 2), figures, [good, good])
     results = {(each.where, each.row, each.column): each for each in results_of(conditions)}
     ours = results[EXPERIMENTS, "sequence-1, XY", OURS]
     assert (ours.ours, ours.paper, ours.unit, ours.runs) == (pytest.approx(2.0), 4.34, "cm", 2)
@@ -108,7 +108,7 @@ def test_results_hold_the_papers_figures_what_each_cue_is_worth_and_where_errors
     change = next(each for each in results.values() if each.where == ABLATION and each.column == "change of Z")
     assert change.ours == pytest.approx(7.0) and change.runs == 8
     assert results[WHERE, "seen by 4 cameras", "Z"].ours == pytest.approx(3.0)
-    grid = grid_of([each for each in results.values() if each.where == EXPERIMENTS])
+    grid = pivot_rows([each for each in results.values() if each.where == EXPERIMENTS])
     assert grid is not None and len(grid["rows"]) == 3 * len(NEEDED)  # pyright: ignore[reportArgumentType]
 
 

@@ -10,8 +10,7 @@ import pytest
 from trackers.laser_vision_learning.looks import LooksOptions
 from trackers.learning.boosting import BoostingOptions
 from twin.recording.reader import Recording
-from twin.reproduce.laser_vision_learning.choice import VARIANTS
-from twin.reproduce.laser_vision_learning.splits import decide, moments_of, near_identical_clothes
+from twin.reproduce.laser_vision_learning.splits import VARIANTS, decide, near_identical_clothes, split_truth
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 
@@ -56,7 +55,7 @@ def test_whoever_never_learned_says_nothing(recording: Path) -> None:
 
 
 def test_nobody_is_learned_from_while_a_tracker_could_take_them_for_each_other(recording: Path) -> None:
-    moments = moments_of(Recording(recording), "correlated")
+    moments = split_truth(Recording(recording), "correlated")
     ((first, second, start, end),) = moments.parted
     assert {first, second} == {0, 1}
     assert not moments.apart[start:end].any()

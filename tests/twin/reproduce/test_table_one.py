@@ -7,23 +7,23 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from twin.reproduce.intervals import MOST_UNSEEN, Bootstrap
-from twin.reproduce.laser_fisheye_imm.claims import claims
-from twin.reproduce.laser_fisheye_imm.conditions import COLUMNS, FULL, IMM, KALMAN, Condition, Hidden
+from twin.reproduce.bootstrap import POISSON_ZERO_UPPER, Bootstrap
+from twin.reproduce.incidents import round_robin
+from twin.reproduce.laser_fisheye_imm.plots import _spread
+from twin.reproduce.laser_fisheye_imm.runs import COLUMNS, FULL, IMM, KALMAN, LabCondition, LongOcclusion
 from twin.reproduce.laser_fisheye_imm.table_one import (
     LOST,
     MISIDENTIFIED,
     TOTAL,
     breaks_at,
     cell,
+    claims,
     difference,
     error_rate,
-    excuse,
     filters_difference,
+    losses_by_occlusion,
     paper_figure,
 )
-from twin.reproduce.laser_fisheye_imm.table_one_plots import _spread
-from twin.reproduce.moments import by_turns
 
 N = 8
 NONE = np.zeros(N)
@@ -32,7 +32,7 @@ SOME = np.array([0, 1, 0, 2, 0, 1, 0, 3.0])
 
 def condition(
     misidentified: dict[str, np.ndarray], lost: dict[str, np.ndarray] | None = None, hidden=(), n_person: int = 5
-) -> Condition:
+) -> LabCondition:
     """A made-up condition: events by tracker, none where nothing is said."""
     figures = {
         column.tracker: {
@@ -44,15 +44,15 @@ def condition(
         }
         for column in COLUMNS
     }
-    return Condition(
+    return LabCondition(
         name=f"people-{n_person}",
         overrides=(),
         seeds=tuple(range(1000, 1000 + N)),
         n_person=n_person,
         person_minutes=np.full(N, n_person * 26.2 / 60),
-        figures=figures,
-        hidden=tuple(hidden),
-        moments=(),
+        metrics=figures,
+        long_occlusions=tuple(hidden),
+        incidents=(),
     )
 
 
@@ -78,7 +78,7 @@ def test_a_cell_is_the_mean_over_runs_within_its_interval() -> None:
 
 def test_a_figure_that_some_runs_lack_is_the_mean_of_the_others() -> None:
     made = condition({})
-    made.figures[FULL.tracker]["mota"][:2] = np.nan
+    made.metrics[FULL.tracker]["mota"][:2] = np.nan
     assert cell(made, FULL, "MOTA").value == pytest.approx(0.98)
 
 
@@ -87,7 +87,7 @@ def test_no_event_in_any_run_leaves_a_doubt() -> None:
     assert (found.value, found.low) == (0, 0)
     # Poisson: with this mean a run, n runs without any have a chance of 2.5 %
     assert np.exp(-found.high * N) == pytest.approx(0.025)
-    assert abs(MOST_UNSEEN - 3.689) < 1e-3
+    assert abs(POISSON_ZERO_UPPER - 3.689) < 1e-3
 
 
 def test_rates_divide_by_what_was_watched() -> None:
@@ -113,7 +113,7 @@ def test_differences_are_paired_by_seed() -> None:
 
 def test_where_no_run_differs_there_is_doubt_both_ways() -> None:
     found = difference(condition(by(IMM) | by(KALMAN)), FULL, COLUMNS[3])
-    assert found.value == 0 and -found.low == found.high == pytest.approx(MOST_UNSEEN / N)
+    assert found.value == 0 and -found.low == found.high == pytest.approx(POISSON_ZERO_UPPER / N)
 
 
 def test_filters_are_compared_over_all_sensor_sets() -> None:
@@ -135,15 +135,17 @@ def test_a_column_breaks_where_its_interval_leaves_zero() -> None:
     assert rate.value == pytest.approx((SOME + 1).sum() / (N * 8 * 26.2 / 60))
 
 
-def hidden_in(seed: int, lost: bool = True) -> Hidden:
-    return Hidden(seed, "blue", 3.0, 5.0, lost)
+def hidden_in(seed: int, lost: bool = True) -> LongOcclusion:
+    return LongOcclusion(seed, "blue", 3.0, 5.0, lost)
 
 
 def test_a_loss_is_excused_in_a_run_with_a_long_occlusion_alone() -> None:
     lost = np.array([1, 0, 0, 0, 0, 0, 0, 2.0])
-    found = excuse(condition({}, {FULL.tracker: lost}, [hidden_in(1000), hidden_in(1000), hidden_in(1003, lost=False)]))
+    found = losses_by_occlusion(
+        condition({}, {FULL.tracker: lost}, [hidden_in(1000), hidden_in(1000), hidden_in(1003, lost=False)])
+    )
     assert (found.n_run_with, found.lost_with, found.n_run_without, found.lost_without) == (2, 1, 6, 2)
-    everywhere = excuse(condition({}, {FULL.tracker: lost}, [hidden_in(1000), hidden_in(1007)]))
+    everywhere = losses_by_occlusion(condition({}, {FULL.tracker: lost}, [hidden_in(1000), hidden_in(1007)]))
     assert everywhere.lost_without == 0 and everywhere.lost_with == 3
 
 
@@ -154,7 +156,7 @@ def test_claims_say_what_the_runs_show() -> None:
     bad = claims(condition({FULL.tracker: SOME}, lost))
     assert [each.verdict for each in bad[:4]] == ["does not hold"] * 4
     excused = claims(condition({}, lost, [hidden_in(1000)]))
-    assert excused[0].verdict == excused[1].verdict == "holds" and "1 in the other 1" in excused[1].figures
+    assert excused[0].verdict == excused[1].verdict == "holds" and "1 in the other 1" in excused[1].evidence
     doubtful = claims(condition({COLUMNS[3].tracker: np.eye(N)[0]}))
     assert doubtful[3].verdict == "not decided"
 
@@ -162,11 +164,11 @@ def test_claims_say_what_the_runs_show() -> None:
 def test_strips_show_every_run_and_kind_before_the_same_again() -> None:
     class Made:
         def __init__(self, name: str) -> None:
-            self.case = self.moment = self
+            self.case = self.incident = self
             self.name, self.kind, self.seed = name, name[0], int(name[1])
 
     made = [Made(name) for name in ("m0", "m0", "l0", "m0", "m1", "m1")]
-    assert [each.case.name for each in by_turns(made)] == ["m0", "l0", "m1", "m0", "m1", "m0"]  # pyright: ignore
+    assert [each.case.name for each in round_robin(made)] == ["m0", "l0", "m1", "m0", "m1", "m0"]  # pyright: ignore
 
 
 def test_equal_runs_stand_beside_each_other() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from twin.instant.snapshot import Snapshot
-from twin.report.look_at import axes_towards
+from twin.report.scene_pictures import axes_towards
 from twin.scenario import load_scenario
 from twin.scenario.model import Scenario
 from twin.sensors.rays import cast

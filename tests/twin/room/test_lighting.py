@@ -10,7 +10,7 @@ import pytest
 from made_rooms import room_of, scenario_in
 
 from trackers.errors import InputError
-from twin.report.look_at import lit_for_the_eye
+from twin.report.scene_pictures import fill_light
 from twin.room.lighting import Lighting, light_of
 from twin.scenario import load_scenario
 from twin.scenario.model import LightChange
@@ -133,7 +133,7 @@ def test_a_picture_for_people_leaves_the_lamps_as_they_were():
     _, model = lighting()
     model.light_diffuse[:] = model.vis.headlight.ambient[:] = 0.01
     before = [np.array(each) for each in (model.light_active, model.vis.headlight.ambient, model.vis.headlight.diffuse)]
-    with lit_for_the_eye(model):
+    with fill_light(model):
         assert light_of(model) > 0.49
     after = (model.light_active, model.vis.headlight.ambient, model.vis.headlight.diffuse)
     for one, other in zip(before, after, strict=True):

@@ -11,7 +11,7 @@ import pytest
 
 from trackers.configuration import validate
 from trackers.errors import InputError
-from twin.commands.view import check_choice
+from twin.commands.view import check_options
 from twin.room.building import check_mount
 from twin.scenario import Scenario, load_scenario
 from twin.view import write_people, write_video, write_view
@@ -194,8 +194,8 @@ def test_nobody_is_no_sheet(tmp_path):
 )
 def test_options_that_do_not_go_together_are_refused(options, words):
     with pytest.raises(InputError, match=words):
-        check_choice(**NOTHING | options)
-    check_choice(**NOTHING)
+        check_options(**NOTHING | options)
+    check_options(**NOTHING)
 
 
 def test_the_shipped_scenarios_have_sensors_for_their_trackers():

@@ -7,21 +7,25 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
-from trackers.observations import NS_PER_S, FloorFrame
+from trackers.camera_floor_particle.tracker import Inside
+from trackers.observations import NS_PER_S, FloorFrame, Image
 from trackers.presets import make_tracker
 from trackers.prior import Prior
+from trackers.rig import Rig
 from trackers.tracks import TrackFrame
 from twin.evaluate import evaluate_tracks
-from twin.progress import OnProgress
+from twin.messages import OnProgress
 from twin.recording.reader import Recording
 from twin.recording.tables import TruthTable, read_truth, track_table
-from twin.report.panels import TruePoses
-from twin.reproduce.camera_floor_particle.pictures import draw_inside
-from twin.reproduce.camera_floor_particle.tables import OURS
+from twin.report.camera_panel import CameraGrid
+from twin.report.floor_panel import FloorPanel, TruePoses
+from twin.report.palette import IdentityColours
+from twin.reproduce.camera_floor_particle.results import OURS
 from twin.reproduce.results import Result
-from twin.reproduce.suite_runs import recording_of
+from twin.reproduce.suite_runs import case_recording
 from twin.scenario import Scenario, load_scenario
 from twin.scenario.load import dump_scenario
 from twin.streams import stream
@@ -55,7 +59,7 @@ VARIANTS: Mapping[str, Mapping[str, Any]] = {
 }
 
 
-def standing(n_person: int, duration_s: float = _STANDING_S) -> Scenario:
+def standing_people(n_person: int, duration_s: float = _STANDING_S) -> Scenario:
     """Up to ten people who stand in the room of the home scene."""
     people = ", ".join(
         f"p{k}: {{start: [{x}, {y}], script: {{kind: stand}}}}" for k, (x, y) in enumerate(_STARTS[:n_person])
@@ -65,22 +69,22 @@ def standing(n_person: int, duration_s: float = _STANDING_S) -> Scenario:
     return load_scenario("home-cameras", [f"duration_s={duration_s}", f"seed={SEED}", change])
 
 
-def choices(cache: RecordingCache, on_progress: OnProgress | None) -> list[Result]:
+def compare_choices(cache: RecordingCache, on_progress: OnProgress | None) -> list[Result]:
     """Development recordings followed: one with each choice, and one by every number of people."""
     crossing = load_scenario(_SCENARIO, [f"seed={SEED}"])
     runs = [(CHOICE, name, crossing, change) for name, change in VARIANTS.items()]
-    runs += [(TIME, f"{n} {'person' if n == 1 else 'people'}", standing(n), {}) for n in PEOPLE]
+    runs += [(TIME, f"{n} {'person' if n == 1 else 'people'}", standing_people(n), {}) for n in PEOPLE]
     found = []
     for number, (where, name, scenario, change) in enumerate(runs):
         if on_progress is not None:
             on_progress("choices of the constants, and time by people", number, len(runs))
         key = recording_key(dump_scenario(scenario), renderer_of(scenario))
         with cache.recording(key, lambda folder, scenario=scenario: record(scenario, folder)) as (entry, _):
-            found += _judged(where, name, change, Recording(entry / RECORDING), read_truth(entry / TRUTH))
+            found += _evaluate(where, name, change, Recording(entry / RECORDING), read_truth(entry / TRUTH))
     return found
 
 
-def _judged(where: str, name: str, change: Mapping[str, Any], bag: Recording, truth: TruthTable) -> list[Result]:
+def _evaluate(where: str, name: str, change: Mapping[str, Any], bag: Recording, truth: TruthTable) -> list[Result]:
     """Errors of body, head and pan, and CPU time per frame."""
     tracker: Any = make_tracker(OURS, bag.rig, Prior.of(bag.background), stream(SEED, "tracker", OURS), change)
     frames: list[TrackFrame] = []
@@ -101,9 +105,9 @@ def _judged(where: str, name: str, change: Mapping[str, Any], bag: Recording, tr
     return [Result(where, name, column, None, value, (value, value), unit, 1) for column, value, unit in columns]
 
 
-def moment_picture(case: Case, cache: RecordingCache, t_s: float) -> bytes:
-    """What the tracker saw and held at a moment of a case, a JPEG (`draw_inside`)."""
-    with recording_of(case, cache) as entry:
+def frame_picture(case: Case, cache: RecordingCache, t_s: float) -> bytes:
+    """What the tracker saw and held at a moment of a case, a JPEG (`draw_debug_state`)."""
+    with case_recording(case, cache) as entry:
         bag = Recording(entry / RECORDING)
         tracker: Any = make_tracker(OURS, bag.rig, Prior.of(bag.background), stream(case.seed, "tracker", OURS), None)
         floors, frames = {}, []
@@ -113,10 +117,10 @@ def moment_picture(case: Case, cache: RecordingCache, t_s: float) -> bytes:
                 break
             if isinstance(observation, FloorFrame):
                 floors[observation.sensor] = observation
-        return draw_inside(tracker.inside(), frames[-1], bag.rig, floors, _poses(entry / TRUTH, t_s))
+        return draw_debug_state(tracker.inside(), frames[-1], bag.rig, floors, _poses(entry / TRUTH, t_s))
 
 
-def closest_s(truth: TruthTable, fewest_s: float = 1.5) -> float:
+def closest_pair_s(truth: TruthTable, fewest_s: float = 1.5) -> float:
     """When two people are nearest to each other, after the start [s]."""
     best, at = np.inf, fewest_s
     for stamp in np.unique(truth.stamps_ns)[::4]:
@@ -129,7 +133,7 @@ def closest_s(truth: TruthTable, fewest_s: float = 1.5) -> float:
     return float(at)
 
 
-def lowest_s(truth: TruthTable) -> float:
+def lowest_head_s(truth: TruthTable) -> float:
     """When a head is lowest [s]."""
     return float(truth.stamps_ns[np.nanargmin(truth.head_z)] / 1e9)
 
@@ -139,3 +143,43 @@ def _poses(path: Path, t_s: float) -> TruePoses:
     truth = read_truth(path)
     now = truth.stamps_ns == truth.stamps_ns[np.abs(truth.stamps_ns - t_s * NS_PER_S).argmin()]
     return TruePoses(truth.id[now], np.column_stack([truth.x, truth.y])[now], truth.head_yaw[now])
+
+
+_SIDE_PX = 1280
+_QUALITY = 86
+_MASK = (255, 255, 255)
+
+
+def draw_debug_state(
+    inside: Inside,
+    frame: TrackFrame,
+    rig: Rig,
+    floors: Mapping[str, FloorFrame],
+    truth: TruePoses,
+) -> bytes:
+    """What the preview shows of a moment, larger, with the outline of each view's foreground in white; a JPEG."""
+    if not len(inside.views):
+        raise ValueError("no camera shows anything at that moment")
+    cameras = list(rig.cameras())
+    images = {
+        cameras[view.number]: Image(cameras[view.number], frame.stamp_ns, _outlined(view.rgb, view.mask))
+        for view in inside.views
+    }
+    colours = IdentityColours()
+    colours.meet(sorted(track.id for track in frame.tracks))
+    left = np.empty((_SIDE_PX, _SIDE_PX, 3), np.uint8)
+    CameraGrid(rig.cameras(), _SIDE_PX).draw(left, images, frame.tracks, colours, maps=frame.maps)
+    right = np.empty_like(left)
+    tails = {track.id: [(frame.stamp_ns, track.x, track.y)] for track in frame.tracks}
+    FloorPanel(rig, (), _SIDE_PX, _SIDE_PX).draw(
+        right, {}, {}, frame.tracks, tails, colours, truth, {}, floors, maps=frame.maps
+    )
+    done, jpeg = cv2.imencode(".jpg", np.hstack([left, right])[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    if not done:
+        raise RuntimeError("OpenCV could not encode a JPEG")
+    return jpeg.tobytes()
+
+
+def _outlined(rgb: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    outlines, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    return cv2.drawContours(rgb.copy(), outlines, -1, _MASK, 1)

@@ -4,23 +4,27 @@ from __future__ import annotations
 
 import base64
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+
+from trackers.arrays import Array
 from trackers.errors import InputError
+from trackers.observations import NS_PER_S
 from twin.recording.atomic_file import atomic_path
-from twin.reproduce.camera_floor_particle.masks import mask_results
-from twin.reproduce.camera_floor_particle.plots import course_svg, head_errors, heads_svg
+from twin.recording.tables import TrackTable, TruthTable
+from twin.report.palette import IDENTITY_COLOURS, hex_colour
 from twin.reproduce.camera_floor_particle.replays import (
     CHOICE,
     SEED,
     TIME,
-    choices,
-    closest_s,
-    lowest_s,
-    moment_picture,
+    closest_pair_s,
+    compare_choices,
+    frame_picture,
+    lowest_head_s,
 )
-from twin.reproduce.camera_floor_particle.tables import (
+from twin.reproduce.camera_floor_particle.results import (
     ABLATION,
     BEYOND,
     COURSE,
@@ -30,14 +34,15 @@ from twin.reproduce.camera_floor_particle.tables import (
     NEEDED,
     OURS,
     PAIR,
-    called,
-    conditions_of,
+    mask_results,
+    read_conditions,
     results_of,
+    tracker_label,
 )
-from twin.reproduce.page import grid_of, rows_of, write_page, write_plots
-from twin.reproduce.registry import Asked, Found, OnProgress
-from twin.reproduce.results import Result, write_results
-from twin.reproduce.suite_runs import SuiteRuns, read_runs, run_in, suite_of, tracks_of, truth_of
+from twin.reproduce.page import INK, QUIET, plot_style, to_svg, write_page, write_plots
+from twin.reproduce.registry import OnProgress, Outputs, Request
+from twin.reproduce.results import Result, format_rows, pivot_rows, write_results
+from twin.reproduce.suite_runs import SuiteRuns, case_tracks, case_truth, load_seeded_suite, read_runs, run_conditions
 from twin.suites.cluster import Workers
 from twin.suites.spec import Suite
 
@@ -45,18 +50,18 @@ _SHOWN = (("crossing", "figure 4"), ("going-back", "figure 4"), (PAIR, "one clus
 """Conditions of which a moment is drawn, and what it stands for."""
 
 
-def reproduce(folder: Path, asked: Asked, on_progress: OnProgress | None = None) -> Found:
+def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
     """Run the suite and write results, plots, pictures of moments and the page into `folder`.
 
     Raises InputError for a suite without the paper's experiments, for a folder that holds another reproduction's runs (or the
     same one's, without `resume`), for conditions with fewer than two whole runs, and where a file cannot be written.
     """
-    suite, path = suite_of(asked.suite or asked.name, asked.seed_range)
+    suite, path = load_seeded_suite(request.suite or request.name, request.seed_range)
     check_suite(suite, path)
-    cache = run_in(folder, suite, path, Workers(asked.jobs), asked.resume, on_progress)
+    cache = run_conditions(folder, suite, path, Workers(request.jobs), request.resume, on_progress)
     runs = read_runs(suite, path, folder, cache)
-    command = asked.command + (f" --suite {shlex.quote(asked.suite)}" if asked.suite else "")
-    return write_all(folder, runs, [*mask_results(runs), *choices(cache, on_progress)], command)
+    command = request.command + (f" --suite {shlex.quote(request.suite)}" if request.suite else "")
+    return write_all(folder, runs, [*mask_results(runs), *compare_choices(cache, on_progress)], command)
 
 
 def check_suite(suite: Suite, path: Path) -> None:
@@ -70,20 +75,22 @@ def check_suite(suite: Suite, path: Path) -> None:
             raise InputError(f"{path}: scenarios: {name} is run without {OURS}; it is expected among the trackers")
 
 
-def write_all(folder: Path, runs: SuiteRuns, more: Sequence[Result], command: str) -> Found:
+def write_all(folder: Path, runs: SuiteRuns, more: Sequence[Result], command: str) -> Outputs:
     """Write what was found: results, plots, pictures, page. Raises InputError as files do."""
-    conditions = conditions_of(runs)
+    conditions = read_conditions(runs)
     results = [*results_of(conditions), *more]
     cases = {name: next(iter(runs.by_condition[name].values())) for name in NEEDED}
-    course = {called(name): tracks_of(case, runs) for name, case in cases[COURSE].items()}
-    errors = [head_errors(truth_of(cases[name][OURS], runs), tracks_of(cases[name][OURS], runs)) for name in MOVEMENTS]
-    drawn = {"figure6": course_svg(truth_of(cases[COURSE][OURS], runs), course), "heads": heads_svg(errors)}
+    course = {tracker_label(name): case_tracks(case, runs) for name, case in cases[COURSE].items()}
+    errors = [
+        head_errors(case_truth(cases[name][OURS], runs), case_tracks(cases[name][OURS], runs)) for name in MOVEMENTS
+    ]
+    drawn = {"figure6": course_svg(case_truth(cases[COURSE][OURS], runs), course), "heads": heads_svg(errors)}
     pictures = {}
     for name, what in _SHOWN:
         case = cases[name][OURS]
-        truth = truth_of(case, runs)
-        at_s = lowest_s(truth) if name == HOME else closest_s(truth)
-        pictures[f"{name}, seed {case.seed}, {at_s:.2f} s ({what})"] = moment_picture(case, runs.cache, at_s)
+        truth = case_truth(case, runs)
+        at_s = lowest_head_s(truth) if name == HOME else closest_pair_s(truth)
+        pictures[f"{name}, seed {case.seed}, {at_s:.2f} s ({what})"] = frame_picture(case, runs.cache, at_s)
     paths = {"results": folder / "results.json", "page": folder / "report.html"}
     paths |= {name: folder / f"{name}.svg" for name in drawn}
     write_results(paths["results"], results)
@@ -100,12 +107,12 @@ def write_all(folder: Path, runs: SuiteRuns, more: Sequence[Result], command: st
             where: grid
             for where in (EXPERIMENTS, BEYOND, CHOICE, TIME)
             if (
-                grid := grid_of(
+                grid := pivot_rows(
                     [each for each in results if each.where == where], intervals=where not in (CHOICE, TIME)
                 )
             )
         },
-        ablations=rows_of([each for each in results if each.where == ABLATION]),
+        ablations=format_rows([each for each in results if each.where == ABLATION]),
         pictures={said: "data:image/jpeg;base64," + base64.b64encode(jpeg).decode() for said, jpeg in pictures.items()},
         n_run=len(conditions[HOME].seeds),
         seeds=f"{conditions[HOME].seeds[0]} to {conditions[HOME].seeds[-1]}",
@@ -113,3 +120,60 @@ def write_all(folder: Path, runs: SuiteRuns, more: Sequence[Result], command: st
         choice_seed=SEED,
     )
     return results, paths
+
+
+HeadErrorsOverTime = tuple[Array, Array]
+"""Time since the detection of a track [s], and the errors of the head along x, y, z there [m], (n,) and (n, 3)."""
+
+
+def course_svg(truth: TruthTable, by_system: Mapping[str, TrackTable]) -> str:
+    """Trajectories on the floor of the straight course, a panel a system, the truth in grey."""
+    from matplotlib.figure import Figure
+
+    with plot_style():
+        figure = Figure(figsize=(10, 1.9 * len(by_system)), layout="constrained")
+        panels = figure.subplots(len(by_system), 1, squeeze=False, sharex=True, sharey=True)[:, 0]
+        for slot, (axes, (name, tracks)) in enumerate(zip(panels, by_system.items(), strict=True)):
+            axes.plot(truth.x, truth.y, color=QUIET, linewidth=4, alpha=0.35, label="truth")
+            axes.plot(tracks.x, tracks.y, color=hex_colour(IDENTITY_COLOURS[slot]), linewidth=1.1, label=name)
+            axes.set(ylabel="y [m]", ylim=(truth.y.min() - 0.35, truth.y.max() + 0.35))
+            axes.legend(loc="upper right", frameon=False, ncols=2)
+        panels[-1].set_xlabel("x [m]")
+        return to_svg(figure)
+
+
+def heads_svg(errors: Sequence[HeadErrorsOverTime]) -> str:
+    """Mean absolute error of the head on each axis against time since detection, all runs together."""
+    from matplotlib.figure import Figure
+
+    since, off = np.concatenate([each[0] for each in errors]), np.abs(np.concatenate([each[1] for each in errors]))
+    edges = np.arange(0.0, since.max() + 0.5, 0.5)
+    bin_of = np.digitize(since, edges) - 1
+    with plot_style():
+        figure = Figure(figsize=(10, 3.2), layout="constrained")
+        axes = figure.subplots()
+        for slot, axis in enumerate("xyz"):
+            means = [100 * off[bin_of == k, slot].mean() if (bin_of == k).any() else np.nan for k in range(len(edges))]
+            axes.plot(edges + 0.25, means, color=hex_colour(IDENTITY_COLOURS[slot]), linewidth=1.6, label=axis)
+        axes.axhline(5.0, color=INK, linewidth=0.8, linestyle=":", label="the paper, about")
+        axes.set(xlabel="time since detection [s]", ylabel="mean absolute error [cm]", ylim=(0, None))
+        axes.legend(loc="upper right", frameon=False, ncols=4)
+        return to_svg(figure)
+
+
+def head_errors(truth: TruthTable, tracks: TrackTable, gate_m: float = 0.5) -> HeadErrorsOverTime:
+    """Errors of the heads of each track's rows that have a person within the gate, and when since the track began."""
+    since, off = [], []
+    began = {number: tracks.stamps_ns[tracks.id == number].min() for number in np.unique(tracks.id).tolist()}
+    for stamp in np.unique(tracks.stamps_ns):
+        there, rows = np.flatnonzero(truth.stamps_ns == stamp), np.flatnonzero(tracks.stamps_ns == stamp)
+        there = there[~np.isnan(truth.head_x[there])]
+        if not there.size:
+            continue
+        away = np.hypot(tracks.x[rows, None] - truth.x[there], tracks.y[rows, None] - truth.y[there])
+        nearest = away.argmin(axis=1)
+        for row, person, distance in zip(rows, there[nearest], away.min(axis=1), strict=True):
+            if distance < gate_m and not np.isnan(tracks.head_x[row]):
+                since.append((stamp - began[int(tracks.id[row])]) / NS_PER_S)
+                off.append([getattr(tracks, f"head_{k}")[row] - getattr(truth, f"head_{k}")[person] for k in "xyz"])
+    return np.array(since, float), np.array(off, float).reshape(-1, 3)

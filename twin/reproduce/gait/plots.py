@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from twin.report.palette import IDENTITY_COLOURS, hex_colour
-from twin.reproduce.drawing import INK, QUIET, SHADE, look, svg_of
-from twin.reproduce.gait.bodies import Steady, steady
-from twin.reproduce.gait.measures import column, roll, stance
+from twin.reproduce.gait.comparison import NATURAL_M_S, RUNS_M_S, WALKS_M_S, GaitRuns
 from twin.reproduce.gait.published import (
     CONTACT_S,
     DIP,
@@ -25,7 +23,8 @@ from twin.reproduce.gait.published import (
     walking_cadence,
     walking_step_m,
 )
-from twin.reproduce.gait.results import NATURAL_M_S, RUNS_M_S, WALKS_M_S, GaitRuns
+from twin.reproduce.gait.stride import SteadyGait, load_path, simulate_steady, stance, values_of
+from twin.reproduce.page import INK, QUIET, SHADE, plot_style, to_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,13 +40,13 @@ def stance_svg(runs: GaitRuns) -> str:
     from matplotlib.figure import Figure
 
     compared = runs.compared
-    with look():
+    with plot_style():
         figure = Figure(figsize=(10, 4.2), layout="constrained")
         axes, roll_axes = figure.subplots(1, 2, width_ratios=(1.6, 1))
         _roll(roll_axes, runs.person)
         _body_weight(axes)
         if compared is None:
-            course = steady(SUBJECT_SPEED_M_S, [SUBJECT_STATURE_M])
+            course = simulate_steady(SUBJECT_SPEED_M_S, [SUBJECT_STATURE_M])
             ours = stance(course.load[:, 0, 0], _rate_hz(course)).curves
         else:
             ours = compared.ours.curves
@@ -63,12 +62,12 @@ def stance_svg(runs: GaitRuns) -> str:
             f"load of a foot [body weights], {SUBJECT_SPEED_M_S:g} m/s, {SUBJECT_STATURE_M:g} m tall", loc="left"
         )
         axes.legend(loc="lower center", frameon=False)
-        return svg_of(figure)
+        return to_svg(figure)
 
 
-def _roll(axes: Axes, person: Steady) -> None:
+def _roll(axes: Axes, person: SteadyGait) -> None:
     """Where the load acts over the stance, beside the published."""
-    points = roll(person, 0) / person.shoe_m[0]
+    points = load_path(person, 0) / person.shoe_m[0]
     axes.fill_between(_WHOLE, points.min(axis=0), points.max(axis=0), color=_OURS, alpha=0.18, linewidth=0)
     axes.plot(_WHOLE, points.mean(axis=0), color=_OURS, linewidth=2.4, label="ours")
     shares = np.array(list(ROLL.items()))
@@ -82,7 +81,7 @@ def loads_svg(runs: GaitRuns) -> str:
     """The load of a foot over the time of its stance at several speeds, the published ranges shaded, as SVG."""
     from matplotlib.figure import Figure
 
-    with look():
+    with plot_style():
         figure = Figure(figsize=(10, 3.9), layout="constrained")
         walking, running = figure.subplots(1, 2)
         for axes, speeds in ((walking, _DRAWN_WALKS_M_S), (running, RUNS_M_S)):
@@ -114,14 +113,14 @@ def loads_svg(runs: GaitRuns) -> str:
         running.set(ylim=(0, 3.1))
         walking.set_title("walking [body weights]", loc="left")
         running.set_title("running [body weights]", loc="left")
-        return svg_of(figure)
+        return to_svg(figure)
 
 
 def speeds_svg(runs: GaitRuns) -> str:
     """Cadence, step length and stance against speed, everybody's and the published, as SVG."""
     from matplotlib.figure import Figure
 
-    with look():
+    with plot_style():
         figure = Figure(figsize=(10, 3.9), layout="constrained")
         cadence, length, stands = figure.subplots(1, 3)
         walks = np.linspace(WALKS_M_S[0], WALKS_M_S[-1], 50)
@@ -144,7 +143,9 @@ def speeds_svg(runs: GaitRuns) -> str:
         )
         _everybody(stands, runs, "stance_share", 100)
         for seconds in (STANCE_S, CONTACT_S):
-            shares = [100 * time / column(runs.figures[speed], "stride_s").mean() for speed, time in seconds.items()]
+            shares = [
+                100 * time / values_of(runs.measures[speed], "stride_s").mean() for speed, time in seconds.items()
+            ]
             stands.plot(list(seconds), shares, "D", color=_THEIRS, markersize=6)
         stands.set(ylim=(0, 75))
         stands.set_title("stance [% of the stride]", loc="left")
@@ -153,15 +154,15 @@ def speeds_svg(runs: GaitRuns) -> str:
         cadence.plot([], [], "o", color=_OURS, markersize=4, label="ours, everybody")
         cadence.plot([], [], "D", color=_THEIRS, markersize=6, label="published, measured")
         cadence.legend(loc="lower right", frameon=False, fontsize=8)
-        return svg_of(figure)
+        return to_svg(figure)
 
 
 def _everybody(axes: Axes, runs: GaitRuns, name: str, scale: float) -> None:
-    for speed, found in runs.figures.items():
-        values = scale * column(found, name)
+    for speed, found in runs.measures.items():
+        values = scale * values_of(found, name)
         axes.plot(np.full(len(values), speed), values, "o", color=_OURS, markersize=3, alpha=0.25, markeredgewidth=0)
     for speeds in (WALKS_M_S, RUNS_M_S):
-        means = [scale * column(runs.figures[speed], name).mean() for speed in speeds]
+        means = [scale * values_of(runs.measures[speed], name).mean() for speed in speeds]
         axes.plot(speeds, means, color=_OURS, linewidth=1.4, marker="o", markersize=4)
 
 
@@ -169,5 +170,5 @@ def _body_weight(axes: Axes) -> None:
     axes.axhline(1, color=INK, linewidth=0.8, linestyle=":")
 
 
-def _rate_hz(course: Steady) -> float:
+def _rate_hz(course: SteadyGait) -> float:
     return 1 / float(np.diff(course.t[:2])[0])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from twin.reproduce.gait.comparison import STATURE_M, STATURE_SPREAD_M, GaitRuns, gait_results, simulate_gait
 from twin.reproduce.gait.plots import loads_svg, speeds_svg, stance_svg
 from twin.reproduce.gait.published import (
     PERSON_SPEED_M_S,
@@ -15,19 +16,18 @@ from twin.reproduce.gait.published import (
     SUBJECT_MASS_KG,
     read_subject,
 )
-from twin.reproduce.gait.results import STATURE_M, STATURE_SPREAD_M, GaitRuns, gait_results, simulate_gait
-from twin.reproduce.page import rows_of, write_page, write_plots
-from twin.reproduce.registry import Asked, Found, OnProgress
-from twin.reproduce.results import Result, write_results
+from twin.reproduce.page import write_page, write_plots
+from twin.reproduce.registry import OnProgress, Outputs, Request
+from twin.reproduce.results import Result, format_rows, write_results
 
 
-def reproduce(folder: Path, asked: Asked, on_progress: OnProgress | None = None) -> Found:
+def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
     """Let one body a seed walk and run; write results, plots and page into `folder`.
 
-    `asked.data`: the folder of the recording that is drawn beside them (none: published figures only). Raises InputError
+    `request.data`: the folder of the recording that is drawn beside them (none: published figures only). Raises InputError
     for a recording that is missing or no recording, and where a file cannot be written.
     """
-    seeds, data = asked.seed_range, asked.data
+    seeds, data = request.seed_range, request.data
     subject = None if data is None else read_subject(data)
     runs = simulate_gait(seeds, subject, on_progress)
     results = gait_results(runs)
@@ -35,7 +35,7 @@ def reproduce(folder: Path, asked: Asked, on_progress: OnProgress | None = None)
     paths = {"results": folder / "results.json", "page": folder / "report.html"}
     write_results(paths["results"], results)
     paths |= write_plots(folder, drawn)
-    command = asked.command + ("" if data is None else f" --data {data}")
+    command = request.command + ("" if data is None else f" --data {data}")
     write_page(paths["page"], "gait/page.html.j2", command, drawn, **_content(runs, results))
     return results, paths
 
@@ -45,7 +45,7 @@ def _content(runs: GaitRuns, results: list[Result]) -> dict[str, Any]:
     return {
         "n_run": len(seeds),
         "seeds": f"{seeds.start} to {seeds[-1]}",
-        "rows": rows_of(results),
+        "rows": format_rows(results),
         "apart": None if compared is None else f"{compared.apart:.3f}",
         "feet_apart": None if compared is None else f"{compared.feet_apart:.3f}",
         "stature": f"{STATURE_M:.2f} ± {STATURE_SPREAD_M:.2f} m",

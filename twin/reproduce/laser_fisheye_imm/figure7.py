@@ -23,7 +23,9 @@ from trackers.filters.imm import Imm, ImmState
 from trackers.filters.kalman import kalman
 from trackers.filters.motion import HEADING, MEASUREMENT_VARIANCE_M2, SPEED, MotionModel, propagate
 from trackers.filters.particle import Cloud, ParticleFilter
+from twin.reproduce.bootstrap import Bootstrap, interval
 from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S, Walk
+from twin.reproduce.results import Result
 from twin.streams import stream
 
 FIRST_SCAN = 2
@@ -117,7 +119,7 @@ def measurements(walk: Walk, seeds: range) -> Array:
     return walk.position + np.array(noise)
 
 
-def started(imm: Imm, measured: Array) -> ImmState:
+def initial_state(imm: Imm, measured: Array) -> ImmState:
     """A filter's state at scan 1, from the first two measurements of (n, k, 2) [m]."""
     prior = START_SPEED_M_S**2
     trust = prior / (prior + 2 * MEASUREMENT_VARIANCE_M2 / PERIOD_S**2)
@@ -127,7 +129,7 @@ def started(imm: Imm, measured: Array) -> ImmState:
 
 def kalman_estimates(imm: Imm, measured: Array) -> Estimates:
     """The IMM, or with one mode the extended Kalman filter, over measurements (n, k, 2) [m], from scan 2 on."""
-    state, everyone = started(imm, measured), np.arange(len(measured))
+    state, everyone = initial_state(imm, measured), np.arange(len(measured))
     position, speed = [], []
     for scan in range(FIRST_SCAN, measured.shape[1]):
         state = imm.update(imm.predict(state, PERIOD_S), everyone, measured[:, scan])
@@ -141,12 +143,12 @@ def kalman_estimates(imm: Imm, measured: Array) -> Estimates:
 def particle_estimates(measured: Array, rng: np.random.Generator, n_particle: int = N_PARTICLE) -> Estimates:
     """The particle filter over measurements (n, k, 2) [m], from scan 2 on: model 3, plain resampling at every scan."""
     single = kalman((PARTICLE_MODEL,))
-    mean, covariance = single.estimate(started(single, measured))
+    mean, covariance = single.estimate(initial_state(single, measured))
     algorithm = ParticleFilter(resampling="plain", threshold=1.0)
     cloud = Cloud.normal(mean, covariance, n_particle, rng)
     position, speed = [], []
     for scan in range(FIRST_SCAN, measured.shape[1]):
-        cloud = algorithm.step(cloud, _move, _Seen(measured[:, scan]), rng)
+        cloud = algorithm.step(cloud, _propagate, _MeasurementLikelihood(measured[:, scan]), rng)
         position.append(cloud.expectation(cloud.state[:2]).T)
         speed.append(_speeds(cloud.state, cloud.expectation))
     return Estimates(np.stack(position, axis=1), np.stack(speed, axis=1))
@@ -159,7 +161,7 @@ def _speeds(state: Array, mean: Callable[[Array], Array]) -> Array:
     return np.stack([mean(np.abs(speed)), np.abs(mean(speed)), np.hypot(along_x, along_y)], axis=-1)
 
 
-def _move(state: Array, rng: np.random.Generator) -> Array:
+def _propagate(state: Array, rng: np.random.Generator) -> Array:
     """Particles (5, n, p) one scan later, each under its own disturbance."""
     disturbance = rng.standard_normal((2, *state.shape[1:]))
     disturbance[0] *= np.sqrt(PARTICLE_MODEL.acceleration_variance)
@@ -168,7 +170,7 @@ def _move(state: Array, rng: np.random.Generator) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
+class _MeasurementLikelihood:
     """Log-likelihood of the measured positions (n, 2) [m] at each particle, up to a constant."""
 
     position: Array
@@ -181,3 +183,71 @@ class _Seen:
 
 def _squared(position: Array, true: Array) -> Array:
     return ((position - true) ** 2).sum(axis=-1)
+
+
+NPE, NVE = "figure 7 (a)", "figure 7 (b)"
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """NPE or NVE of each filter at each scan, in every replicate of the bootstrap, (1 + replicates, k)."""
+
+    where: str
+    name: str
+    by_filter: dict[str, Array]
+
+    def lowest(self) -> Array:
+        """Where the IMM is below both others, (1 + replicates, k)."""
+        return np.all([self.by_filter[IMM] < curve for name, curve in self.by_filter.items() if name != IMM], axis=0)
+
+
+def curves(runs: MonteCarlo) -> tuple[Curves, Curves]:
+    """NPE and NVE, on the same bootstrap replicates."""
+    bootstrap = _bootstrap(runs)
+    return (
+        _curves(NPE, "NPE", runs.position, bootstrap),
+        _curves(NVE, "NVE", runs.speed[MEAN_MAGNITUDE], bootstrap),
+    )
+
+
+def figure7_results(runs: MonteCarlo) -> list[Result]:
+    """Every figure of figure 7: means over the scans, the IMM against the others, and the other readings of a speed.
+
+    The paper shows curves and prints no number of them.
+    """
+    bootstrap, n_run, rows = _bootstrap(runs), len(runs.seeds), []
+
+    def add(where: str, row: str, column: str, values: Array, unit: str) -> None:
+        rows.append(Result.of(where, row, column, interval(values), unit, n_run))
+
+    for found in curves(runs):
+        mean = {name: curve.mean(axis=1) for name, curve in found.by_filter.items()}
+        for name in FILTERS:
+            add(found.where, name, f"{found.name}, mean over scans", mean[name], "1")
+        for name in FILTERS[1:]:
+            add(
+                found.where,
+                f"IMM below {name}",
+                f"{found.name}, mean over scans",
+                100 * (1 - mean[IMM] / mean[name]),
+                "%",
+            )
+        add(found.where, IMM, f"scans at which its {found.name} is the lowest", 100 * found.lowest().mean(axis=1), "%")
+    for reading in READINGS[1:]:
+        other = _curves(NVE, "NVE", runs.speed[reading], bootstrap)
+        for name in FILTERS:
+            column = f"NVE, mean over scans, speed read as {reading}"
+            add(NVE, name, column, other.by_filter[name].mean(axis=1), "1")
+    return rows
+
+
+def _curves(where: str, name: str, errors: SquaredErrors, bootstrap: Bootstrap) -> Curves:
+    return Curves(
+        where,
+        name,
+        {key: bootstrap.ratio(squared, errors.measured) for key, squared in errors.by_filter.items()},
+    )
+
+
+def _bootstrap(runs: MonteCarlo) -> Bootstrap:
+    return Bootstrap(len(runs.seeds), stream(runs.seeds.start, "reproduce", "bootstrap"))

@@ -9,21 +9,26 @@ from typing import Any
 import numpy as np
 
 from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
-from twin.reproduce.intervals import Interval
-from twin.reproduce.laser_fisheye_imm.claims import claims
-from twin.reproduce.laser_fisheye_imm.conditions import (
+from twin.reproduce.bootstrap import Interval
+from twin.reproduce.incidents import CaseIncident, FilmStrip, round_robin
+from twin.reproduce.laser_fisheye_imm.figure7 import (
+    FIRST_SCAN,
+    MEAN_MAGNITUDE,
+    N_PARTICLE,
+    START_SPEED_M_S,
+    Curves,
+    MonteCarlo,
+)
+from twin.reproduce.laser_fisheye_imm.runs import (
     COAST_S,
     COLUMNS,
     FULL,
     IMM,
     KALMAN,
     SENSOR_SETS,
-    Condition,
+    LabCondition,
     LabRuns,
 )
-from twin.reproduce.laser_fisheye_imm.figure7 import FIRST_SCAN, MEAN_MAGNITUDE, N_PARTICLE, START_SPEED_M_S, MonteCarlo
-from twin.reproduce.laser_fisheye_imm.figure7_results import Curves
-from twin.reproduce.laser_fisheye_imm.run_tables import MOST_A_CONDITION
 from twin.reproduce.laser_fisheye_imm.table_one import (
     COUNTS,
     LOST,
@@ -31,18 +36,38 @@ from twin.reproduce.laser_fisheye_imm.table_one import (
     ROWS,
     breaks_at,
     cell,
+    claims,
     error_rate,
     paper_figure,
     values,
 )
 from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S
-from twin.reproduce.moments import Strip
-from twin.reproduce.page import spans_text
+from twin.reproduce.results import format_ranges
+
+MOST_A_CONDITION = 4
+"""So many moments of the full system are drawn in each condition, the paper's own excepted: there it is every one."""
 
 
-def lab_content(lab: LabRuns, strips: Sequence[Strip]) -> dict[str, Any]:
+def choose_incidents(lab: LabRuns) -> list[CaseIncident]:
+    """What is drawn: every moment of the full system at the paper's experiment, and the first of each kind of each other
+    column there; beyond it at most `MOST_A_CONDITION` of the full system a condition, of every run and kind by turns.
+    """
+    chosen = []
+    for place, condition in enumerate(lab.conditions):
+        own = [each for each in condition.incidents if each.case.tracker == FULL.tracker]
+        chosen += own if place == 0 else round_robin(own)[:MOST_A_CONDITION]
+        for column in COLUMNS[1:] if place == 0 else ():
+            kinds: dict[str, CaseIncident] = {}
+            for each in condition.incidents:
+                if each.case.tracker == column.tracker:
+                    kinds.setdefault(each.incident.kind, each)
+            chosen += kinds.values()
+    return chosen
+
+
+def lab_content(lab: LabRuns, strips: Sequence[FilmStrip]) -> dict[str, Any]:
     """Everything that the templates of the lab's part name."""
-    papers = lab.papers
+    papers = lab.paper_condition
     return {
         "filters": [(filter_, SENSOR_SETS) for filter_ in (IMM, KALMAN)],
         "full": FULL.name,
@@ -51,14 +76,14 @@ def lab_content(lab: LabRuns, strips: Sequence[Strip]) -> dict[str, Any]:
         "n_person": papers.n_person,
         "n_scan": lab.n_scan,
         "area": _size(lab),
-        "seeds": spans_text(np.array(papers.seeds)),
+        "seeds": format_ranges(np.array(papers.seeds)),
         "first_seed": lab.first.seed,
         "claims": claims(papers),
         "densities": _densities(lab) if len(lab.densities) > 1 else None,
         "conditions": [_condition(each, papers=False) for each in lab.others],
         "strips": _strips(lab, strips),
         "n_drawn": len(strips),
-        "n_moment": sum(len(each.moments) for each in lab.conditions),
+        "n_moment": sum(len(each.incidents) for each in lab.conditions),
         "most_a_condition": MOST_A_CONDITION,
         "not_done": lab.not_done,
         "ceiling": _ceiling(lab),
@@ -82,7 +107,7 @@ def _size(lab: LabRuns) -> str:
     return f"{across:g} m × {deep:g} m"
 
 
-def _condition(condition: Condition, papers: bool) -> dict[str, Any]:
+def _condition(condition: LabCondition, papers: bool) -> dict[str, Any]:
     """A condition's table, a row a figure, a cell a column; and its occlusions."""
     return {
         "name": condition.name,
@@ -94,13 +119,13 @@ def _condition(condition: Condition, papers: bool) -> dict[str, Any]:
             for row in ROWS
             if row in COUNTS or not np.isnan(values(condition, FULL, row)).all()
         ],
-        "hidden": condition.hidden,
-        "n_lost_hidden": sum(each.lost for each in condition.hidden),
+        "hidden": condition.long_occlusions,
+        "n_lost_occluded": sum(each.lost for each in condition.long_occlusions),
         "n_lost": int(values(condition, FULL, LOST).sum()),
     }
 
 
-def _cell(condition: Condition, column: Any, row: str, papers: bool) -> dict[str, Any]:
+def _cell(condition: LabCondition, column: Any, row: str, papers: bool) -> dict[str, Any]:
     found = values(condition, column, row)
     if np.isnan(found).all():
         return {"mean": "–", "interval": "", "most": "", "paper": None}
@@ -132,10 +157,10 @@ def _densities(lab: LabRuns) -> dict[str, Any]:
                 "per_m2": f"{each.n_person / lab.area_m2:.2f}",
                 "n_run": len(each.seeds),
                 "minutes": f"{minutes:.0f}",
-                "hidden": f"{len(each.hidden) / minutes:.2f}",
+                "hidden": f"{len(each.long_occlusions) / minutes:.2f}",
                 "cells": [(f"{rate.value:.2f}", _interval(rate, 2), rate.low > 0) for rate in rates],
                 "n_lost": int(values(each, FULL, LOST).sum()),
-                "n_lost_hidden": sum(hidden.lost for hidden in each.hidden),
+                "n_lost_occluded": sum(hidden.lost for hidden in each.long_occlusions),
             }
         )
     broken = [breaks_at(lab.densities, column) for column in COLUMNS]
@@ -151,11 +176,11 @@ def _densities(lab: LabRuns) -> dict[str, Any]:
     }
 
 
-def _strips(lab: LabRuns, strips: Sequence[Strip]) -> list[dict[str, Any]]:
+def _strips(lab: LabRuns, strips: Sequence[FilmStrip]) -> list[dict[str, Any]]:
     sections = []
     for condition in lab.conditions:
         own = [each for each in strips if each.condition == condition.name]
-        n_full = sum(each.case.tracker == FULL.tracker for each in condition.moments)
+        n_full = sum(each.case.tracker == FULL.tracker for each in condition.incidents)
         if own or n_full:
             sections.append(
                 {
@@ -182,7 +207,7 @@ def figure7_content(runs: MonteCarlo, found: Sequence[Curves]) -> dict[str, Any]
             f"{maneuver.kind} {maneuver.start_t / PERIOD_S:.0f}–{maneuver.end_t / PERIOD_S:.0f}"
             for maneuver in runs.walk.maneuvers
         ],
-        "behind": [(curves.name, spans_text(runs.scans[~curves.lowest()[0]])) for curves in found],
+        "behind": [(curves.name, format_ranges(runs.scans[~curves.lowest()[0]])) for curves in found],
         "reading": MEAN_MAGNITUDE,
         "n_particle": N_PARTICLE,
         "first_scan": FIRST_SCAN,

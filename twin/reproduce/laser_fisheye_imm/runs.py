@@ -1,41 +1,155 @@
-"""The lab's runs from what the suite engine has left: every condition's figures, occlusions and moments."""
+"""What the lab's runs are told in: the six columns of table I, a condition's figures, one run in full.
+
+A condition is an entry of the suite: so many people, in such clothes and such light. The entry `people-5` is the paper's
+experiment; `people-N` with other numbers are its densities.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
+from trackers.arrays import Array
 from trackers.errors import InputError
+from trackers.laser_fisheye_imm.options import LaserFisheyeImmOptions
 from trackers.observations import NS_PER_S
-from twin.evaluate import evaluate_with_details, long_occlusions
-from twin.recording.tables import TruthTable, read_tracks, read_truth
-from twin.reproduce.laser_fisheye_imm.conditions import (
-    COAST_S,
-    COLUMNS,
-    DENSITY,
-    FULL,
-    PAPERS,
-    Condition,
-    Hidden,
-    LabRuns,
-    OneRun,
-)
-from twin.reproduce.moments import SeenMoment
-from twin.reproduce.suite_runs import SUITE_FOLDER, SuiteRuns
+from twin.evaluate import Evaluation, evaluate_with_details, long_occlusions
+from twin.recording.tables import TrackTable, TruthTable
+from twin.reproduce.incidents import CaseIncident
+from twin.reproduce.suite_runs import SuiteRuns, case_tracks, case_truth, number_or_nan
 from twin.scenario import Scenario
-from twin.suites.cache_keys import recording_key
 from twin.suites.expansion import Case
 from twin.suites.spec import Suite
-from twin.suites.worker import TRUTH, Incident, record, renderer_of, resolved_scenario
+from twin.suites.worker import Incident, resolved_scenario
 from twin.world.world import World
+
+COAST_S = LaserFisheyeImmOptions().track_management.coast_s
+"""How long a track of these trackers goes on unmeasured [s]."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of table I: a preset, its filter and its sensors in the paper's words."""
+
+    tracker: str
+    filter: str
+    sensors: str
+
+    @property
+    def name(self) -> str:
+        """As it stands in tables."""
+        return f"{self.filter}, {self.sensors}"
+
+
+IMM, KALMAN = "IMM", "Kalman"
+SENSOR_SETS = ("both layers + camera", "waist layer + camera", "both layers")
+_PRESETS = ("laser-fisheye", "waist-fisheye", "laser")
+COLUMNS = tuple(
+    Column(f"{preset}-{filter_.lower()}", filter_, sensors)
+    for filter_ in (IMM, KALMAN)
+    for preset, sensors in zip(_PRESETS, SENSOR_SETS, strict=True)
+)
+"""The six columns; the first is the full system."""
+NAMES = {each.tracker: each.name for each in COLUMNS}
+FULL = COLUMNS[0]
+PAPER_CONDITION = "people-5"
+"""The condition of the paper's experiment."""
+DENSITY = re.compile(r"people-\d+")
+"""The names of the conditions that differ in the number of people alone."""
+
+
+@dataclass(frozen=True)
+class LongOcclusion:
+    """An occlusion of a run that lasts longer than tracks coast; lost: whether the full system's track ended in it."""
+
+    seed: int
+    person: str
+    start_s: float
+    end_s: float
+    lost: bool
+
+
+@dataclass(frozen=True, eq=False)
+class LabCondition:
+    """What n runs of a condition gave."""
+
+    name: str
+    overrides: tuple[str, ...]
+    seeds: tuple[int, ...]  # (n,)
+    n_person: int
+    person_minutes: Array  # (n,) [min] inside the area
+    metrics: Mapping[str, Mapping[str, Array]]  # tracker -> figure of metrics.json -> (n,)
+    long_occlusions: tuple[LongOcclusion, ...]
+    incidents: tuple[CaseIncident, ...]
+
+    def errors(self, column: Column) -> Array:
+        """Misidentified and lost together in each run, (n,)."""
+        found = self.metrics[column.tracker]
+        return found["misidentifications"] + found["lost_tracks"]
+
+    @property
+    def has_long_occlusion(self) -> NDArray[np.bool_]:
+        """Which runs hold an occlusion longer than tracks coast, (n,)."""
+        return np.isin(self.seeds, [each.seed for each in self.long_occlusions])
+
+
+@dataclass(frozen=True, eq=False)
+class LabRun:
+    """One run in full: truth, the full system's tracks, their evaluation, and the people's names and shirts by id."""
+
+    seed: int
+    truth: TruthTable
+    tracks: TrackTable
+    evaluation: Evaluation
+    names: Mapping[int, str]
+    shirts: Mapping[int, str | None]  # None: drawn at random
+
+
+@dataclass(frozen=True, eq=False)
+class LabRuns:
+    """All conditions, the paper's first, then its densities, then the others; and its first run in full."""
+
+    conditions: tuple[LabCondition, ...]
+    first: LabRun
+    area: Array  # (k, 2) corners of the tracked area [m]
+    n_scan: int  # of the paper's condition, each scanner
+    scan_rate_hz: float
+    not_done: tuple[str, ...]  # ids of cases that failed, or were never run
+
+    @property
+    def area_m2(self) -> float:
+        """The tracked area's size."""
+        (x, y), (x2, y2) = self.area.T, np.roll(self.area, -1, axis=0).T
+        return float(abs((x * y2 - x2 * y).sum()) / 2)
+
+    @property
+    def paper_condition(self) -> LabCondition:
+        """The paper's experiment."""
+        return self.conditions[0]
+
+    @property
+    def densities(self) -> list[LabCondition]:
+        """The conditions that differ in the number of people alone, fewest first."""
+        found = [each for each in self.conditions if DENSITY.fullmatch(each.name)]
+        return sorted(found, key=lambda each: each.n_person)
+
+    @property
+    def others(self) -> list[LabCondition]:
+        """The conditions that are neither the paper's nor a density."""
+        return [each for each in self.conditions if not DENSITY.fullmatch(each.name)]
 
 
 def check_suite(suite: Suite, path: Path) -> None:
     """Raise InputError for a suite without the paper's condition, or with an entry without one of the six columns."""
-    if PAPERS not in [entry.name for entry in suite.scenarios]:
-        raise InputError(f"{path}: scenarios: none is named {PAPERS}; one, the paper's experiment, is expected")
+    if PAPER_CONDITION not in [entry.name for entry in suite.scenarios]:
+        raise InputError(
+            f"{path}: scenarios: none is named {PAPER_CONDITION}; one, the paper's experiment, is expected"
+        )
     for entry in suite.scenarios:
         missing = [each.tracker for each in COLUMNS if each.tracker not in (entry.trackers or suite.trackers)]
         if missing:
@@ -51,27 +165,24 @@ def read_lab(found: SuiteRuns) -> LabRuns:
     for name, whole in found.by_condition.items():
         full = [_one_run(cases[FULL.tracker], found) for cases in whole.values()]
         runs[name] = full[0]
-        conditions.append(_condition(name, whole, full, found.metrics, found.moments))
-    order = {PAPERS: 0}
+        conditions.append(_condition(name, whole, full, found.metrics, found.incidents))
+    order = {PAPER_CONDITION: 0}
     conditions.sort(key=lambda each: order.get(each.name, 1 if DENSITY.fullmatch(each.name) else 2))
-    papers = next(iter(found.by_condition[PAPERS].values()))[FULL.tracker]
+    papers = next(iter(found.by_condition[PAPER_CONDITION].values()))[FULL.tracker]
     return LabRuns(
         tuple(conditions),
-        runs[PAPERS],
+        runs[PAPER_CONDITION],
         World(resolved_scenario(papers)).scene.area,
-        runs[PAPERS].evaluation.stamps_ns.size,
-        _scan_rate_hz(runs[PAPERS]),
+        runs[PAPER_CONDITION].evaluation.stamps_ns.size,
+        _scan_rate_hz(runs[PAPER_CONDITION]),
         found.not_done,
     )
 
 
-def _one_run(case: Case, found: SuiteRuns) -> OneRun:
+def _one_run(case: Case, found: SuiteRuns) -> LabRun:
     scenario = resolved_scenario(case)
-    key = recording_key(case.resolved, renderer_of(scenario))
-    with found.cache.recording(key, lambda place: record(scenario, place)) as (entry, _):
-        truth = read_truth(entry / TRUTH)
-    tracks = read_tracks(found.folder / SUITE_FOLDER / "cases" / case.id / "tracks" / f"{case.tracker}.csv")
-    return OneRun(
+    truth, tracks = case_truth(case, found), case_tracks(case, found)
+    return LabRun(
         case.seed,
         truth,
         tracks,
@@ -84,47 +195,43 @@ def _one_run(case: Case, found: SuiteRuns) -> OneRun:
 def _condition(
     name: str,
     whole: Mapping[int, Mapping[str, Case]],
-    full: Sequence[OneRun],
+    full: Sequence[LabRun],
     metrics: Mapping[str, Mapping[str, float | None]],
-    moments: Mapping[str, Sequence[Incident]],
-) -> Condition:
+    incidents: Mapping[str, Sequence[Incident]],
+) -> LabCondition:
     first = next(iter(whole.values()))[FULL.tracker]
     scenario = resolved_scenario(first)
     kinds = metrics[first.id]
-    figures = {
+    values_by_tracker = {
         column.tracker: {
-            kind: np.array([_number(metrics[cases[column.tracker].id].get(kind)) for cases in whole.values()])
+            kind: np.array([number_or_nan(metrics[cases[column.tracker].id].get(kind)) for cases in whole.values()])
             for kind in kinds
         }
         for column in COLUMNS
     }
-    return Condition(
+    return LabCondition(
         name=name,
         overrides=first.overrides,
         seeds=tuple(whole),
         n_person=len(scenario.people),
         person_minutes=np.array([_person_minutes(run.truth) for run in full]),
-        figures=figures,
-        hidden=tuple(each for run in full for each in _hidden(run, scenario)),
-        moments=tuple(
-            SeenMoment(cases[column.tracker], moment)
+        metrics=values_by_tracker,
+        long_occlusions=tuple(each for run in full for each in _long_occlusions(run, scenario)),
+        incidents=tuple(
+            CaseIncident(cases[column.tracker], incident)
             for column in COLUMNS
             for cases in whole.values()
-            for moment in moments[cases[column.tracker].id]
-            if moment.kind in ("misidentification", "lost")
+            for incident in incidents[cases[column.tracker].id]
+            if incident.kind in ("misidentification", "lost")
         ),
     )
-
-
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else value
 
 
 def _person_minutes(truth: TruthTable) -> float:
     return float(truth.in_area.sum()) * _period_s(truth) / 60
 
 
-def _scan_rate_hz(run: OneRun) -> float:
+def _scan_rate_hz(run: LabRun) -> float:
     return NS_PER_S / float(np.median(np.diff(run.evaluation.stamps_ns)))
 
 
@@ -132,11 +239,11 @@ def _period_s(truth: TruthTable) -> float:
     return float(np.median(np.diff(truth.frame_stamps_ns))) / NS_PER_S
 
 
-def _hidden(run: OneRun, scenario: Scenario) -> list[Hidden]:
+def _long_occlusions(run: LabRun, scenario: Scenario) -> list[LongOcclusion]:
     scanners = [name for name, sensor in scenario.sensors.items() if sensor.kind == "laser"]
     lost = [(event.person_id, event.stamp_ns / NS_PER_S) for event in run.evaluation.events if event.kind == "lost"]
     return [
-        Hidden(
+        LongOcclusion(
             run.seed,
             run.names[each.person_id],
             each.start_s,

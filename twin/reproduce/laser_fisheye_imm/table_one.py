@@ -9,19 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from trackers.arrays import Array
-from twin.reproduce.intervals import Bootstrap, Interval, interval
-from twin.reproduce.laser_fisheye_imm.conditions import (
+from twin.reproduce.bootstrap import Bootstrap, Interval, interval
+from twin.reproduce.laser_fisheye_imm.runs import (
+    COAST_S,
     COLUMNS,
     FULL,
     IMM,
     KALMAN,
     SENSOR_SETS,
     Column,
-    Condition,
+    LabCondition,
     LabRuns,
 )
 from twin.reproduce.results import Result
@@ -54,15 +56,15 @@ def paper_figure(column: Column, row: str) -> float | None:
     return _PAPER.get((column.sensors, row))
 
 
-def values(condition: Condition, column: Column, row: str) -> Array:
+def values(condition: LabCondition, column: Column, row: str) -> Array:
     """A row of the table in each run, (n,)."""
     if row == TOTAL:
         return condition.errors(column)
     figure = {MISIDENTIFIED: "misidentifications", LOST: "lost_tracks"}.get(row) or RATES[row][0]
-    return condition.figures[column.tracker][figure]
+    return condition.metrics[column.tracker][figure]
 
 
-def cell(condition: Condition, column: Column, row: str) -> Interval:
+def cell(condition: LabCondition, column: Column, row: str) -> Interval:
     """A cell of the table: the mean over the runs that have the figure, with its interval."""
     found = values(condition, column, row)
     if row in COUNTS:
@@ -71,13 +73,13 @@ def cell(condition: Condition, column: Column, row: str) -> Interval:
     return interval(_bootstrap(len(found), condition).mean(found))
 
 
-def difference(condition: Condition, column: Column, other: Column) -> Interval:
+def difference(condition: LabCondition, column: Column, other: Column) -> Interval:
     """Errors of a column minus those of another, mean over runs, paired by seed."""
     change = condition.errors(column) - condition.errors(other)
     return _bootstrap(len(change), condition).difference(change)
 
 
-def filters_difference(condition: Condition) -> Interval:
+def filters_difference(condition: LabCondition) -> Interval:
     """Errors of the IMM minus those of the Kalman filter, each summed over the sensor sets, paired by seed."""
     change = sum(
         (condition.errors(each) * (1 if each.filter == IMM else -1) for each in COLUMNS),
@@ -86,19 +88,19 @@ def filters_difference(condition: Condition) -> Interval:
     return _bootstrap(len(change), condition).difference(change)
 
 
-def error_rate(condition: Condition, column: Column) -> Interval:
+def error_rate(condition: LabCondition, column: Column) -> Interval:
     """Errors per minute of a person in the area."""
     errors = condition.errors(column)
     return _bootstrap(len(errors), condition).rate(errors, condition.person_minutes)
 
 
-def breaks_at(densities: Sequence[Condition], column: Column) -> Condition | None:
+def breaks_at(densities: Sequence[LabCondition], column: Column) -> LabCondition | None:
     """The first of these conditions at which the interval of the error rate leaves zero; None: at none of them."""
     return next((each for each in densities if error_rate(each, column).low > 0), None)
 
 
 @dataclass(frozen=True)
-class Excuse:
+class LossesByOcclusion:
     """The full system's losses at the paper's experiment: in runs with an occlusion longer than tracks coast, and without."""
 
     n_run_with: int
@@ -107,19 +109,22 @@ class Excuse:
     lost_without: int
 
 
-def excuse(condition: Condition) -> Excuse:
+def losses_by_occlusion(condition: LabCondition) -> LossesByOcclusion:
     """How the full system's losses fall on runs with and without such an occlusion."""
-    lost, with_hidden = values(condition, FULL, LOST), condition.with_hidden
-    return Excuse(
-        int(with_hidden.sum()), int(lost[with_hidden].sum()), int((~with_hidden).sum()), int(lost[~with_hidden].sum())
+    lost, has_long_occlusion = values(condition, FULL, LOST), condition.has_long_occlusion
+    return LossesByOcclusion(
+        int(has_long_occlusion.sum()),
+        int(lost[has_long_occlusion].sum()),
+        int((~has_long_occlusion).sum()),
+        int(lost[~has_long_occlusion].sum()),
     )
 
 
 def lab_results(lab: LabRuns) -> list[Result]:
     """Every figure: table I, the paired differences, and the same beyond the paper."""
     return [
-        *_table(lab.papers, TABLE_ONE, prefix="", papers=True),
-        *_paired(lab.papers, PAIRED, prefix=""),
+        *_table(lab.paper_condition, TABLE_ONE, prefix="", papers=True),
+        *_paired(lab.paper_condition, PAIRED, prefix=""),
         *(
             result
             for condition in lab.conditions[1:]
@@ -136,7 +141,7 @@ def lab_results(lab: LabRuns) -> list[Result]:
     ]
 
 
-def _table(condition: Condition, where: str, prefix: str, papers: bool) -> Iterator[Result]:
+def _table(condition: LabCondition, where: str, prefix: str, papers: bool) -> Iterator[Result]:
     for row in ROWS:
         unit = "/run" if row in COUNTS else RATES[row][1]
         for column in COLUMNS:
@@ -146,7 +151,7 @@ def _table(condition: Condition, where: str, prefix: str, papers: bool) -> Itera
             yield _result(where, prefix + row, column.name, paper, cell(condition, column, row), unit, condition)
 
 
-def _paired(condition: Condition, where: str, prefix: str) -> Iterator[Result]:
+def _paired(condition: LabCondition, where: str, prefix: str) -> Iterator[Result]:
     by_set = {(each.filter, each.sensors): each for each in COLUMNS}
     for sensors in SENSOR_SETS:
         found = difference(condition, by_set[IMM, sensors], by_set[KALMAN, sensors])
@@ -159,10 +164,81 @@ def _paired(condition: Condition, where: str, prefix: str) -> Iterator[Result]:
 
 
 def _result(
-    where: str, row: str, column: str, paper: float | None, found: Interval, unit: str, condition: Condition
+    where: str, row: str, column: str, paper: float | None, found: Interval, unit: str, condition: LabCondition
 ) -> Result:
-    return Result(where, row, column, paper, found.value, (found.low, found.high), unit, len(condition.seeds))
+    return Result.of(where, row, column, found, unit, len(condition.seeds), paper)
 
 
-def _bootstrap(n_run: int, condition: Condition) -> Bootstrap:
+def _bootstrap(n_run: int, condition: LabCondition) -> Bootstrap:
     return Bootstrap(n_run, stream(condition.seeds[0], "reproduce", "lab bootstrap"))
+
+
+Verdict = Literal["holds", "does not hold", "not decided"]
+
+LEAST_MOTA, LEAST_IDF1, MOST_MOTP_M = 0.97, 0.99, 0.10
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A sentence, whether the runs bear it out, and the figures it rests on."""
+
+    text: str
+    verdict: Verdict
+    evidence: str
+
+
+def claims(condition: LabCondition) -> list[Claim]:
+    """The claims about the paper's experiment, in order."""
+    return list(_claims(condition))
+
+
+def _claims(condition: LabCondition) -> Iterator[Claim]:
+    n_run = len(condition.seeds)
+    misidentified = int(values(condition, FULL, MISIDENTIFIED).sum())
+    yield Claim(
+        "The full system with IMM takes nobody for somebody else, in any run.",
+        _holds(misidentified == 0),
+        f"{misidentified} in {n_run} runs",
+    )
+    found = losses_by_occlusion(condition)
+    yield Claim(
+        f"It loses nobody in a run without an occlusion longer than the {COAST_S:g} s that tracks coast.",
+        _holds(found.lost_without == 0),
+        f"{found.lost_without} lost in {found.n_run_without} such runs; {found.lost_with} in the other "
+        f"{found.n_run_with}, listed below",
+    )
+    sums = {each.name: int(condition.errors(each).sum()) for each in COLUMNS}
+    own = sums.pop(FULL.name)
+    yield Claim(
+        "Every other column makes more errors, summed over the runs.",
+        _holds(min(sums.values()) > own),
+        f"{own} against " + ", ".join(f"{total} ({name})" for name, total in sums.items()),
+    )
+    change = filters_difference(condition)
+    yield Claim(
+        "The Kalman filter makes more errors than the IMM, summed over the sensor sets and paired by seed.",
+        "holds" if change.high < 0 else "does not hold" if change.low > 0 or change.value >= 0 else "not decided",
+        f"IMM − Kalman: {change.value:.2f} errors a run, 95 %: {change.low:.2f} to {change.high:.2f}".replace("-", "−"),
+    )
+    own_figures = {row: cell(condition, FULL, row).value for row in ("MOTA", "IDF1", "MOTP") if _known(condition, row)}
+    for row, bound in (("MOTA", LEAST_MOTA), ("IDF1", LEAST_IDF1)):
+        if row in own_figures:
+            yield Claim(
+                f"{row} of the full system is at least {bound:g}, on the mean.",
+                _holds(own_figures[row] >= bound),
+                f"{own_figures[row]:.3f}, least in a run {np.nanmin(values(condition, FULL, row)):.3f}",
+            )
+    if "MOTP" in own_figures:
+        yield Claim(
+            f"Its tracks are {MOST_MOTP_M:g} m from their people at most, on the mean (MOTP).",
+            _holds(own_figures["MOTP"] <= MOST_MOTP_M),
+            f"{own_figures['MOTP']:.3f} m, most in a run {np.nanmax(values(condition, FULL, 'MOTP')):.3f} m",
+        )
+
+
+def _holds(whether: bool) -> Verdict:
+    return "holds" if whether else "does not hold"
+
+
+def _known(condition: LabCondition, row: str) -> bool:
+    return not np.isnan(values(condition, FULL, row)).all()

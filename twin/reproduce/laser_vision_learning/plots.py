@@ -10,8 +10,8 @@ import numpy as np
 from trackers.arrays import Array
 from trackers.observations import NS_PER_S
 from twin.report.palette import IDENTITY_COLOURS, hex_colour
-from twin.reproduce.drawing import INK, QUIET, SHADE, look, svg_of
-from twin.reproduce.laser_vision_learning.conditions import SYSTEMS, Condition, OneRun
+from twin.reproduce.laser_vision_learning.runs import SYSTEMS, HallCondition, HallRun
+from twin.reproduce.page import INK, QUIET, SHADE, plot_style, to_svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,12 +25,12 @@ _PANELS = (
 )
 
 
-def figure11_svg(run: OneRun, condition: Condition) -> str:
+def figure11_svg(run: HallRun, condition: HallCondition) -> str:
     """(a) failures of each system in each second of a run, (b) people and who of them interact, (c) time per frame."""
     from matplotlib.figure import Figure
 
     systems = [name for name in SYSTEMS if name in run.evaluations] or list(run.evaluations)
-    with look():
+    with plot_style():
         figure = Figure(figsize=(10, 2.0 + 1.1 * len(systems) + 2.4), layout="constrained")
         grid = figure.subplots(
             len(systems) + 2, 1, squeeze=False, height_ratios=[1.0] * len(systems) + [1.5, 0.35 * len(systems) + 0.4]
@@ -45,14 +45,14 @@ def figure11_svg(run: OneRun, condition: Condition) -> str:
         _costs(grid[-1], condition, systems)
         for axes in grid[:-1]:
             axes.set_xlim(float(t[0]), float(t[-1]))
-        return svg_of(figure)
+        return to_svg(figure)
 
 
-def densities_svg(densities: Sequence[Condition]) -> str:
+def densities_svg(densities: Sequence[HallCondition]) -> str:
     """Accuracy, both disposals, and time per frame against people there, each system, as an SVG document."""
     from matplotlib.figure import Figure
 
-    with look():
+    with plot_style():
         figure = Figure(figsize=(10, 5.6), layout="constrained")
         panels = figure.subplots(2, 2, sharex=True).ravel()
         for axes, (title, key) in zip(panels, _PANELS, strict=True):
@@ -70,30 +70,36 @@ def densities_svg(densities: Sequence[Condition]) -> str:
                     axes.scatter(np.full(len(runs), x), runs, s=16, color=colour, alpha=0.4, linewidths=0)
                 means = [np.nanmean(_values(each, tracker, key)) for each in with_it]
                 axes.plot(
-                    across, means, "o-", color=colour, linewidth=1.5, markersize=5, label=densities[0].called(tracker)
+                    across,
+                    means,
+                    "o-",
+                    color=colour,
+                    linewidth=1.5,
+                    markersize=5,
+                    label=densities[0].tracker_label(tracker),
                 )
             axes.set_title(title, loc="left")
         panels[0].legend(frameon=False)
         for axes in panels[2:]:
             axes.set_xlabel("people in the area")
         panels[-1].set_ylim(bottom=0)
-        return svg_of(figure)
+        return to_svg(figure)
 
 
-def _people_a_frame(condition: Condition) -> float:
+def _people_a_frame(condition: HallCondition) -> float:
     return float(condition.place.people.sum() / condition.place.frames.sum())
 
 
-def _values(condition: Condition, tracker: str, key: str) -> Array:
+def _values(condition: HallCondition, tracker: str, key: str) -> Array:
     """What a panel shows of each run, (n,)."""
     if key == "accuracy":
         return condition.accuracy(tracker)
     if key == "cost":
-        return condition.figures[tracker]["ms_per_frame.mean"]
-    return 100 * condition.figures[tracker][f"disposal.{key}.share"]
+        return condition.metrics[tracker]["ms_per_frame.mean"]
+    return 100 * condition.metrics[tracker][f"disposal.{key}.share"]
 
 
-def _failures(axes: Axes, run: OneRun, name: str, condition: Condition, most: int) -> None:
+def _failures(axes: Axes, run: HallRun, name: str, condition: HallCondition, most: int) -> None:
     from matplotlib.ticker import MaxNLocator
 
     people = run.evaluations[name].people
@@ -107,14 +113,14 @@ def _failures(axes: Axes, run: OneRun, name: str, condition: Condition, most: in
     for kind, count, colour in kinds:
         axes.fill_between(t, below, below + count, step="post", color=colour, linewidth=0, label=kind)
         below = below + count
-    axes.set(ylim=(0, most + 0.5), ylabel=condition.called(name))
+    axes.set(ylim=(0, most + 0.5), ylabel=condition.tracker_label(name))
     axes.yaxis.set_major_locator(MaxNLocator(integer=True, nbins=3))
     axes.tick_params(labelbottom=False)
     if axes.get_subplotspec().rowspan.start == 0:  # pyright: ignore[reportOptionalMemberAccess]
         axes.legend(loc="upper right", frameon=False, ncols=3)
 
 
-def _people(axes: Axes, t: Array, run: OneRun) -> None:
+def _people(axes: Axes, t: Array, run: HallRun) -> None:
     axes.fill_between(t, run.people, step="post", color=SHADE, linewidth=0)
     axes.plot(t, run.people, color=INK, linewidth=1.1, drawstyle="steps-post", label="people in the area")
     axes.fill_between(
@@ -125,15 +131,15 @@ def _people(axes: Axes, t: Array, run: OneRun) -> None:
     axes.legend(loc="upper right", frameon=False, ncols=2)
 
 
-def _costs(axes: Axes, condition: Condition, systems: Sequence[str]) -> None:
+def _costs(axes: Axes, condition: HallCondition, systems: Sequence[str]) -> None:
     for place, name in enumerate(systems):
-        figures = condition.figures[name]
+        figures = condition.metrics[name]
         mean, p95 = figures["ms_per_frame.mean"].mean(), figures["ms_per_frame.p95"].mean()
         axes.barh(place, mean, height=0.55, color=_COLOURS.get(name, INK))
         axes.plot([p95, p95], [place - 0.28, place + 0.28], color=INK, linewidth=1.6)
         text = f"{mean:.1f} ms, 95 %: {p95:.1f} ms"
         axes.annotate(text, (max(mean, p95), place), (6, 0), textcoords="offset points", va="center")
-    axes.set_yticks(range(len(systems)), [condition.called(name) for name in systems])
+    axes.set_yticks(range(len(systems)), [condition.tracker_label(name) for name in systems])
     axes.set(ylim=(len(systems) - 0.5, -0.5), xlabel="ms")
     axes.margins(x=0.25)
     axes.grid(axis="x")

@@ -6,16 +6,17 @@ import base64
 import csv
 import shlex
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
+from trackers.observations import NS_PER_S
+from twin.evaluate.accuracy import AFTER_S
 from twin.recording.atomic_file import open_atomic
-from twin.reproduce.laser_vision_learning.choosing import CHOICE, SEED, choices
-from twin.reproduce.laser_vision_learning.conditions import SYSTEMS, Condition, HallRuns
-from twin.reproduce.laser_vision_learning.merges import merges_of, moments_of
+from twin.reproduce.incidents import CaseIncident, FilmStrip, draw_film_strips, write_film_strips
 from twin.reproduce.laser_vision_learning.plots import densities_svg, figure11_svg
-from twin.reproduce.laser_vision_learning.runs import check_suite, read_hall
-from twin.reproduce.laser_vision_learning.tables import (
+from twin.reproduce.laser_vision_learning.results import (
     ABLATION,
     CHANGED,
     DENSITY,
@@ -25,38 +26,49 @@ from twin.reproduce.laser_vision_learning.tables import (
     cost_fit,
     hall_results,
 )
-from twin.reproduce.moments import Strip, draw_strips, write_strips
-from twin.reproduce.page import rows_of, write_page, write_plots
-from twin.reproduce.registry import Asked, Found, OnProgress
-from twin.reproduce.results import Result, write_results
-from twin.reproduce.suite_runs import read_runs, run_in, suite_of, tell_failure
+from twin.reproduce.laser_vision_learning.runs import (
+    FUSED,
+    SYSTEMS,
+    HallCondition,
+    HallRun,
+    HallRuns,
+    check_suite,
+    read_hall,
+)
+from twin.reproduce.laser_vision_learning.splits import CHOICE, SEED, compare_choices
+from twin.reproduce.page import write_page, write_plots
+from twin.reproduce.registry import OnProgress, Outputs, Request
+from twin.reproduce.results import Result, format_rows, write_results
+from twin.reproduce.suite_runs import load_seeded_suite, read_runs, run_conditions, warn_of_failure
 from twin.suites.cluster import Workers
-from twin.suites.worker import resolved_scenario
+from twin.suites.worker import Incident, resolved_scenario
 
 
-def reproduce(folder: Path, asked: Asked, on_progress: OnProgress | None = None) -> Found:
+def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
     """Run the suite and write results, plots, strips and page into `folder`.
 
     Raises InputError for a suite that cannot be, for a folder that holds another reproduction's runs (or the same one's,
     without `resume`), for conditions with fewer than two whole runs, and where a file cannot be written.
     """
-    suite, path = suite_of(asked.suite or asked.name, asked.seed_range)
+    suite, path = load_seeded_suite(request.suite or request.name, request.seed_range)
     check_suite(suite, path)
-    place = Workers(asked.jobs)
-    cache = run_in(folder, suite, path, place, asked.resume, on_progress)
+    place = Workers(request.jobs)
+    cache = run_conditions(folder, suite, path, place, request.resume, on_progress)
     hall = read_hall(read_runs(suite, path, folder, cache))
     names = {name: SYSTEMS.get(name, name) for name in hall.busy.cases}
-    moments = moments_of(hall.busy, merges_of(hall.busy))
-    strips = draw_strips(moments, names, cache, place, on_progress, lambda what: tell_failure("strip", what))
-    command = asked.command + (f" --suite {shlex.quote(asked.suite)}" if asked.suite else "")
+    moments = merge_incidents(hall.busy, rank_merges(hall.busy))
+    strips = draw_film_strips(moments, names, cache, place, on_progress, lambda what: warn_of_failure("strip", what))
+    command = request.command + (f" --suite {shlex.quote(request.suite)}" if request.suite else "")
     pictures = any(
         sensor.kind == "camera" for sensor in resolved_scenario(next(iter(hall.busy.cases.values()))).sensors.values()
     )
-    chosen = choices(cache, on_progress) if pictures else []
+    chosen = compare_choices(cache, on_progress) if pictures else []
     return write_all(folder, hall, strips, chosen, command)
 
 
-def write_all(folder: Path, hall: HallRuns, strips: Sequence[Strip], chosen: Sequence[Result], command: str) -> Found:
+def write_all(
+    folder: Path, hall: HallRuns, strips: Sequence[FilmStrip], chosen: Sequence[Result], command: str
+) -> Outputs:
     """Write what was found: results, table of runs, plots, strips, page. Raises InputError as files do."""
     results = [*hall_results(hall), *chosen]
     conditions = hall.conditions
@@ -67,20 +79,20 @@ def write_all(folder: Path, hall: HallRuns, strips: Sequence[Strip], chosen: Seq
     paths |= {name: folder / f"{name}.svg" for name in drawn} | {"page": folder / "report.html"}
     write_results(paths["results"], results)
     _write_runs(paths["runs"], hall)
-    write_strips(folder / "strips", strips)
+    write_film_strips(folder / "strips", strips)
     write_plots(folder, drawn)
     write_page(
         paths["page"],
         "laser_vision_learning/page.html.j2",
         command,
         drawn,
-        rows=rows_of([each for each in results if each.where == PLACE]),
+        rows=format_rows([each for each in results if each.where == PLACE]),
         tables=[_grid(results, TABLE_ONE), _grid(results, TABLE_TWO)],
         beyond={where: grid for where in (CHANGED, DENSITY, ABLATION, CHOICE) if (grid := _grid(results, where))},
         busy=_facts(conditions["busy"]),
         hall=_facts(conditions["hall"]),
         fits=_fits(hall),
-        merges=merges_of(hall.busy)[:1],
+        merges=rank_merges(hall.busy)[:1],
         strips=[(each, "data:image/jpeg;base64," + base64.b64encode(each.picture).decode()) for each in strips],
         not_done=hall.not_done,
         n_decided=chosen[0].runs if chosen else 0,
@@ -89,7 +101,7 @@ def write_all(folder: Path, hall: HallRuns, strips: Sequence[Strip], chosen: Seq
     return results, paths
 
 
-def _facts(condition: Condition) -> dict[str, object]:
+def _facts(condition: HallCondition) -> dict[str, object]:
     place = condition.place
     return {
         "runs": len(condition.seeds),
@@ -120,7 +132,7 @@ def _grid(results: Sequence[Result], where: str) -> dict[str, object] | None:
         return None
     found = {
         (result.row, result.column): (ours, spread, "" if result.paper is None else paper)
-        for result, paper, ours, spread in rows_of(own)
+        for result, paper, ours, spread in format_rows(own)
     }
     rows, columns = (list(dict.fromkeys(names)) for names in zip(*found, strict=True))
     if where == ABLATION:
@@ -141,5 +153,71 @@ def _write_runs(path: Path, hall: HallRuns) -> None:
         for condition in hall.conditions.values():
             for tracker in condition.trackers:
                 for place, seed in enumerate(condition.seeds):
-                    own = (f"{condition.figures[tracker][name][place]:g}" for name in figures)
+                    own = (f"{condition.metrics[tracker][name][place]:g}" for name in figures)
                     rows.writerow((condition.name, seed, tracker, *own))
+
+
+MOST_DRAWN = 4
+_LEAST_S = 0.5
+
+
+@dataclass(frozen=True)
+class Merge:
+    """A merge for the rig, between whom, and which systems disposed of it."""
+
+    start_s: float
+    end_s: float
+    people: tuple[str, str]
+    disposed: tuple[str, ...]
+
+    @property
+    def description(self) -> str:
+        """Who, from when to when."""
+        return f"{self.people[0]} and {self.people[1]}, merged from {self.start_s:.1f} to {self.end_s:.1f} s"
+
+
+def rank_merges(run: HallRun) -> list[Merge]:
+    """The merges of a run that all systems are judged by and that last half a second, the most telling first: those that
+    the fused system disposes of and most others do not, then the longest."""
+    table = run.situations.select("merged_rig")
+    found = []
+    for row in range(len(table)):
+        start_ns, end_ns = int(table.start_ns[row]), int(table.end_ns[row])
+        pair = int(table.first_id[row]), int(table.second_id[row])
+        if not table.complete[row] or end_ns - start_ns < _LEAST_S * NS_PER_S:
+            continue
+        verdicts = {name: _right(run, name, pair, start_ns, end_ns) for name in run.evaluations}
+        if None in verdicts.values():
+            continue
+        names = run.names[pair[0]], run.names[pair[1]]
+        kept = tuple(name for name, right in verdicts.items() if right)
+        found.append(Merge(start_ns / NS_PER_S, end_ns / NS_PER_S, names, kept))
+    return sorted(found, key=lambda each: (FUSED not in each.disposed, len(each.disposed), each.start_s - each.end_s))
+
+
+def merge_incidents(run: HallRun, merges: list[Merge]) -> list[CaseIncident]:
+    """The first merge through every system, the next ones through the first system, each a moment: its middle, told by
+    whether it was disposed of."""
+    moments = []
+    for number, merge in enumerate(merges[:MOST_DRAWN]):
+        for name, case in run.cases.items():
+            if number == 0 or name == next(iter(run.cases)):
+                verdict = "disposed of" if name in merge.disposed else "not disposed of"
+                what = f"{merge.description}: {verdict}"
+                moments.append(
+                    CaseIncident(case, Incident((merge.start_s + merge.end_s) / 2, "merge", what, float(number)))
+                )
+    return moments
+
+
+def _right(run: HallRun, name: str, pair: tuple[int, int], start_ns: int, end_ns: int) -> bool | None:
+    """Whether a system disposed of a merge; None where it was not judged by it."""
+    people, stamps_ns = run.evaluations[name].people, run.evaluations[name].stamps_ns
+    late_ns = end_ns + round(AFTER_S * NS_PER_S)
+    if not np.isin(pair, people.person_ids).all() or late_ns > stamps_ns[-1]:
+        return None
+    rows = np.searchsorted(people.person_ids, pair)
+    window = (stamps_ns >= start_ns) & (stamps_ns < late_ns) & people.judged[rows].all(axis=0)
+    if not (window & (stamps_ns < end_ns)).any():
+        return None
+    return bool(people.right[rows][:, window].all())

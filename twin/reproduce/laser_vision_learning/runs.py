@@ -1,9 +1,14 @@
-"""The hall's runs from what the suite engine has left."""
+"""What the hall's runs are told in: the three systems, a condition's figures, what its place was like, one run in full.
+
+A condition is an entry of the suite. Its name says what it is for: `busy` is table I, `hall` is table II and figure 11,
+`people-N` a density; `ablation` sets variants of the fused system beside it; every other is the hall with one thing changed.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,24 +16,121 @@ import numpy as np
 from trackers.arrays import Array
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S
-from twin.evaluate import evaluate_with_details
+from twin.evaluate import Evaluation, evaluate_with_details
 from twin.recording.situation_table import SituationTable, read_situations
-from twin.recording.tables import TruthTable, read_tracks, read_truth
-from twin.reproduce.laser_vision_learning.conditions import (
-    BUSY,
-    HALL,
-    SYSTEMS,
-    Condition,
-    HallRuns,
-    OneRun,
-    PlaceFigures,
-    interacting,
-)
-from twin.reproduce.suite_runs import SUITE_FOLDER, SuiteRuns
-from twin.suites.cache_keys import recording_key
+from twin.recording.tables import TruthTable, read_truth
+from twin.reproduce.suite_runs import SuiteRuns, case_recording, case_tracks, number_or_nan
 from twin.suites.expansion import Case
 from twin.suites.spec import Suite
-from twin.suites.worker import TRUTH, record, renderer_of, resolved_scenario
+from twin.suites.worker import TRUTH, resolved_scenario
+
+FUSED, LASER, VISION = "laser-vision-learning", "laser-vision-learning-laser", "laser-vision-learning-vision"
+SYSTEMS: Mapping[str, str] = {FUSED: "fused", LASER: "laser only", VISION: "vision only"}
+"""The paper's three systems, by preset, as they stand in tables."""
+HALL, BUSY, ABLATION = "hall", "busy", "ablation"
+DENSITY = re.compile(r"people-\d+")
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceStatistics:
+    """What n runs of a condition were like, by the truth, each (n,) but for the durations of all merges together."""
+
+    frames: Array  # of the scanners
+    people: Array  # person-frames inside the area
+    interacting: Array  # of them, those less than 1.5 m from somebody
+    correlated: Array  # pairs of people in frames
+    merges: Array
+    minutes: Array
+    merge_s: Array  # (m,) how long each merge lasted
+
+
+@dataclass(frozen=True, eq=False)
+class HallRun:
+    """A run of the hall or the busy place in full: its case and evaluation by system, truth and situations."""
+
+    cases: Mapping[str, Case]
+    truth: TruthTable
+    situations: SituationTable
+    evaluations: Mapping[str, Evaluation]
+    interacting: Array  # (f,) people who interact in each judged frame
+    people: Array  # (f,) inside the area
+    names: Mapping[int, str]
+
+
+@dataclass(frozen=True, eq=False)
+class HallCondition:
+    """What n runs of a condition gave."""
+
+    name: str
+    trackers: tuple[str, ...]
+    overrides: tuple[str, ...]
+    seeds: tuple[int, ...]
+    metrics: Mapping[str, Mapping[str, Array]]  # tracker -> figure of metrics.json -> (n,), NaN where it does not apply
+    place: PlaceStatistics
+    course: Mapping[str, tuple[Array, ...]] | None = (
+        None  # tracker -> of each run failures and person-frames so far, (2, f)
+    )
+
+    def tracker_label(self, tracker: str) -> str:
+        """A tracker as it stands in tables."""
+        return SYSTEMS.get(tracker, tracker.replace("-", " "))
+
+    def failures(self, tracker: str) -> Array:
+        """Failures of all kinds in each run, (n,)."""
+        kinds = self.metrics[tracker]
+        return kinds["failures.missed"] + kinds["failures.false_location"] + kinds["failures.identity_wrong"]
+
+    def accuracy(self, tracker: str) -> Array:
+        """Accuracy of each run, (n,) [%]."""
+        return 100 * (1 - self.failures(tracker) / self.metrics[tracker]["failures.person_frames"])
+
+    def accuracy_so_far(self, tracker: str, seed: int, frames: int) -> float:
+        """Accuracy of a run's first frames, so many [%]; of the whole run where its course is not known."""
+        run = self.seeds.index(seed)
+        if self.course is None:
+            return float(self.accuracy(tracker)[run])
+        failed, count = self.course[tracker][run][:, :frames][:, -1]
+        return float(100 * (1 - failed / count))
+
+
+@dataclass(frozen=True, eq=False)
+class HallRuns:
+    """All conditions by name, and the first run of the hall and of the busy place in full."""
+
+    conditions: Mapping[str, HallCondition]
+    hall: HallRun
+    busy: HallRun
+    not_done: tuple[str, ...]
+
+    @property
+    def densities(self) -> list[HallCondition]:
+        """The conditions that differ in the number of people, fewest first."""
+        found = [each for each in self.conditions.values() if DENSITY.fullmatch(each.name)]
+        return sorted(found, key=lambda each: int(each.name.removeprefix("people-")))
+
+    @property
+    def changed(self) -> list[HallCondition]:
+        """The hall with one thing changed."""
+        others = (HALL, BUSY, ABLATION)
+        return [each for each in self.conditions.values() if each.name not in others and each not in self.densities]
+
+    @property
+    def ablation(self) -> HallCondition | None:
+        """Variants of the fused system beside it; None where the suite has none."""
+        return self.conditions.get(ABLATION)
+
+
+def interacting(truth: TruthTable, situations: SituationTable, stamps_ns: np.ndarray) -> tuple[Array, Array]:
+    """People inside the area in each of these frames, and how many of them interact with somebody, (f,) each."""
+    people, close = np.zeros(len(stamps_ns)), np.zeros(len(stamps_ns))
+    pairs = situations.select("interaction")
+    holds = pairs.frames(stamps_ns)
+    for person in np.unique(truth.id).tolist():
+        there = np.isin(stamps_ns, truth.stamps_ns[(truth.id == person) & truth.in_area])
+        people += there
+        close += there & holds[(pairs.first_id == person) | (pairs.second_id == person)].any(axis=0)
+    return people, close
+
 
 SITUATIONS = "truth_situations.csv"
 
@@ -50,24 +152,21 @@ def read_hall(found: SuiteRuns) -> HallRuns:
 
 
 def _recorded(case: Case, found: SuiteRuns) -> tuple[TruthTable, SituationTable]:
-    scenario = resolved_scenario(case)
-    key = recording_key(case.resolved, renderer_of(scenario))
-    with found.cache.recording(key, lambda place: record(scenario, place)) as (entry, _):
+    with case_recording(case, found.cache) as entry:
         return read_truth(entry / TRUTH), read_situations(entry / SITUATIONS)
 
 
-def _one_run(cases: Mapping[str, Case], found: SuiteRuns) -> OneRun:
+def _one_run(cases: Mapping[str, Case], found: SuiteRuns) -> HallRun:
     any_case = next(iter(cases.values()))
     truth, situations = _recorded(any_case, found)
     evaluations = {}
     for name, case in cases.items():
-        tracks = read_tracks(found.folder / SUITE_FOLDER / "cases" / case.id / "tracks" / f"{name}.csv")
-        evaluations[name] = evaluate_with_details(truth, tracks, situations=situations)
+        evaluations[name] = evaluate_with_details(truth, case_tracks(case, found), situations=situations)
     stamps_ns = next(iter(evaluations.values())).stamps_ns
     people, close = interacting(truth, situations, stamps_ns)
     names = dict(enumerate(resolved_scenario(any_case).people, start=1))
     shown = {name: case for name, case in cases.items() if name in SYSTEMS} or cases
-    return OneRun(shown, truth, situations, evaluations, close, people, names)
+    return HallRun(shown, truth, situations, evaluations, close, people, names)
 
 
 def _course(whole: Mapping[int, Mapping[str, Case]], found: SuiteRuns) -> dict[str, tuple[Array, ...]]:
@@ -81,25 +180,21 @@ def _course(whole: Mapping[int, Mapping[str, Case]], found: SuiteRuns) -> dict[s
     return {name: tuple(each) for name, each in courses.items()}
 
 
-def _condition(name: str, whole: Mapping[int, Mapping[str, Case]], found: SuiteRuns) -> Condition:
+def _condition(name: str, whole: Mapping[int, Mapping[str, Case]], found: SuiteRuns) -> HallCondition:
     first = next(iter(whole.values()))
     figures = {
         tracker: {
-            figure: np.array([_number(found.metrics[cases[tracker].id].get(figure)) for cases in whole.values()])
+            figure: np.array([number_or_nan(found.metrics[cases[tracker].id].get(figure)) for cases in whole.values()])
             for figure in found.metrics[case.id]
         }
         for tracker, case in first.items()
     }
     recorded = [_recorded(next(iter(cases.values())), found) for cases in whole.values()]
     case = next(iter(first.values()))
-    return Condition(name, tuple(first), case.overrides, tuple(whole), figures, _place(recorded))
+    return HallCondition(name, tuple(first), case.overrides, tuple(whole), figures, _place(recorded))
 
 
-def _number(value: float | None) -> float:
-    return float("nan") if value is None else value
-
-
-def _place(recorded: list[tuple[TruthTable, SituationTable]]) -> PlaceFigures:
+def _place(recorded: list[tuple[TruthTable, SituationTable]]) -> PlaceStatistics:
     rows, lasting = [], []
     for truth, situations in recorded:
         stamps_ns = truth.frame_stamps_ns
@@ -109,4 +204,4 @@ def _place(recorded: list[tuple[TruthTable, SituationTable]]) -> PlaceFigures:
         pairs = situations.select("correlated").pair_frames(stamps_ns)
         rows.append((len(stamps_ns), people.sum(), close.sum(), pairs, len(merges), span_s / 60))
         lasting.append((merges.end_ns - merges.start_ns) / NS_PER_S)
-    return PlaceFigures(*np.array(rows, dtype=float).T, merge_s=np.concatenate(lasting))
+    return PlaceStatistics(*np.array(rows, dtype=float).T, merge_s=np.concatenate(lasting))

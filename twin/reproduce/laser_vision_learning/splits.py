@@ -10,19 +10,29 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from trackers.configuration import validate
 from trackers.laser_vision_learning.histograms import learner_of
 from trackers.laser_vision_learning.identities import IdentityOptions, decided
 from trackers.laser_vision_learning.looks import Learner, Looks, LooksOptions
 from trackers.observations import Image
 from trackers.rig import FisheyeSensor, PinholeSensor, placed_camera
+from twin.messages import OnProgress
 from twin.recording.reader import Recording
 from twin.recording.situation_table import situation_table
 from twin.recording.tables import truth_table
+from twin.reproduce.bootstrap import Bootstrap, interval
+from twin.reproduce.results import Result
+from twin.scenario import load_scenario
+from twin.scenario.load import dump_scenario
 from twin.streams import stream
+from twin.suites.cache import RecordingCache
+from twin.suites.cache_keys import recording_key
+from twin.suites.worker import RECORDING, record, renderer_of
 from twin.truth.frames import SituationKind
 
 NEAR_M = 1.5
@@ -55,7 +65,7 @@ class Decision:
 
 
 @dataclass(frozen=True, eq=False)
-class Moments:
+class SplitTruth:
     """What is true in a recording, at each of k stamps."""
 
     ids: NDArray[np.int64]  # (n,)
@@ -68,7 +78,7 @@ class Moments:
 
 
 @dataclass
-class _Open:
+class _OpenSplit:
     """Two people who have parted, and how their classifiers see them, picture by picture."""
 
     columns: NDArray[np.intp]
@@ -80,15 +90,15 @@ class _Open:
 class SplitTrial:
     """One choice of options, fed with the pictures of a recording."""
 
-    def __init__(self, learner: Learner, moments: Moments, identity: IdentityOptions, seed: int) -> None:
+    def __init__(self, learner: Learner, moments: SplitTruth, identity: IdentityOptions, seed: int) -> None:
         self.decisions: list[Decision] = []
         self._learner, self._moments, self._identity = learner, moments, identity
         self._looks = Looks.unknown(len(moments.ids), learner.options)
         self._met: dict[tuple[int, int, int, int], Looks] = {}
-        self._open: list[_Open] = []
+        self._open: list[_OpenSplit] = []
         self._rng, self._last = stream(seed, "reproduce", "splits"), -1
 
-    def look(self, picture: Image) -> None:
+    def add_picture(self, picture: Image) -> None:
         """The next picture."""
         moments, rgb, last = self._moments, picture.rgb, self._last
         self._last = place = int(np.searchsorted(moments.stamps_ns, picture.stamp_ns, side="right")) - 1
@@ -101,7 +111,7 @@ class SplitTrial:
                 self._met[pair] = self._looks
             if last < pair[3] <= place:
                 columns = np.array(pair[:2])
-                self._open.append(_Open(columns, self._met.pop(pair, self._looks), picture.t))
+                self._open.append(_OpenSplit(columns, self._met.pop(pair, self._looks), picture.t))
         for each in self._open:
             two = position[each.columns]
             scores = self._learner.scores(each.looks, rgb, two, each.columns, self._rng, None, position)
@@ -112,7 +122,7 @@ class SplitTrial:
         apart = moments.apart[place] & here
         self._looks = self._learner.trained(self._looks, rgb, position, near, apart, picture.stamp_ns, self._rng)
 
-    def _close(self, due: list[_Open]) -> None:
+    def _close(self, due: list[_OpenSplit]) -> None:
         for each in due:
             self._open.remove(each)
             seen = [scores for scores in each.scores if np.isfinite(scores).any()]
@@ -136,7 +146,7 @@ def decide(
     """
     bag = Recording(recording)
     name, camera = next((n, s) for n, s in bag.rig.sensors.items() if isinstance(s, PinholeSensor | FisheyeSensor))
-    placed, moments = placed_camera(camera), moments_of(bag, kind)
+    placed, moments = placed_camera(camera), split_truth(bag, kind)
     identity = identity or IdentityOptions()
     trials = {
         variant: SplitTrial(learner_of(placed, options), moments, identity, seed)
@@ -145,11 +155,11 @@ def decide(
     for picture in bag.observations():
         if isinstance(picture, Image) and picture.sensor == name:
             for trial in trials.values():
-                trial.look(picture)
+                trial.add_picture(picture)
     return {variant: trial.decisions for variant, trial in trials.items()}
 
 
-def moments_of(bag: Recording, kind: SituationKind) -> Moments:
+def split_truth(bag: Recording, kind: SituationKind) -> SplitTruth:
     """The truth of a recording: who is apart is in no correlated pair and not joined by a situation of this kind."""
     truth, situations = truth_table(bag.truth()), situation_table(bag.situations())
     stamps_ns, ids = truth.frame_stamps_ns, np.unique(truth.id)
@@ -167,4 +177,59 @@ def moments_of(bag: Recording, kind: SituationKind) -> Moments:
             starts, ends = np.searchsorted(stamps_ns, chosen.start_ns), np.searchsorted(stamps_ns, chosen.end_ns)
             rows = np.flatnonzero(chosen.complete & (ends < len(stamps_ns)))
             parted = [(int(first[i]), int(second[i]), int(starts[i]), int(ends[i])) for i in rows]
-    return Moments(ids, stamps_ns, positions, apart, parted)
+    return SplitTruth(ids, stamps_ns, positions, apart, parted)
+
+
+_CHANGES: Mapping[str, Mapping[str, Any]] = {
+    "as chosen": {},
+    "M 20, K 15": {"boosting": {"trees": 20, "kept": 15}},
+    "M 30, K 21": {"boosting": {"kept": 21}},
+    "M 50, K 35": {"boosting": {"trees": 50, "kept": 35}},
+    "M 50, K 45": {"boosting": {"trees": 50, "kept": 45}},
+    "K 0: fresh every picture": {"boosting": {"kept": 0}},
+    "K = M: never trained again": {"boosting": {"kept": 30}},
+    "patches of 0.12 m": {"patches": {"size_m": 0.12}},
+    "patches of 0.3 m": {"patches": {"size_m": 0.3}},
+    "20 patches": {"patches": {"count": 20}},
+    "80 patches": {"patches": {"count": 80}},
+    "RGB only": {"features": {"kinds": ["rgb"]}},
+    "edge orientations only": {"features": {"kinds": ["edges"]}},
+    "Haralick texture": {"features": {"kinds": ["texture"]}},
+    "without the height on the body": {"height": False},
+    "without patches of the room": {"background": 0},
+    "colour histogram instead of patches": {"by": "histogram"},
+}
+
+VARIANTS: Mapping[str, LooksOptions] = {name: validate(LooksOptions, change, name) for name, change in _CHANGES.items()}
+"""Options by what is different in them."""
+
+
+CHOICE = "beyond the paper, choice"
+RIGHT, MARGIN = "identities right, classifiers alone", "margin over its deviation"
+SEED, DURATION_S = 1003, 16
+_SCENARIO = "library-hall-busy"
+
+
+def compare_choices(cache: RecordingCache, on_progress: OnProgress | None) -> list[Result]:
+    """Record the busy place in near-identical clothes, and let every choice decide who is who when correlated people part."""
+    if on_progress is not None:
+        on_progress("choices of the classifiers", 0, 1)
+    changes = [f"seed={SEED}", f"duration_s={DURATION_S}", "background=none"]
+    people = load_scenario(_SCENARIO, changes).people
+    scenario = load_scenario(_SCENARIO, changes + near_identical_clothes(people))
+    key = recording_key(dump_scenario(scenario), renderer_of(scenario))
+    with cache.recording(key, lambda place: record(scenario, place)) as (entry, _):
+        decided = decide(entry / RECORDING, VARIANTS, "correlated")
+    found = []
+    for name, decisions in decided.items():
+        margin = np.array([each.margin for each in decisions])
+        boot = Bootstrap(len(margin), stream(SEED, "reproduce", "choices bootstrap"))
+        mean = boot.mean(margin)
+        deviation = np.sqrt(np.maximum(boot.mean(margin**2) - mean**2, 1e-12))
+        right = interval(100 * boot.mean(np.where(margin > 0, 1.0, 0.0)))
+        told = interval(mean / deviation)
+        for column, each, unit in ((RIGHT, right, "%"), (MARGIN, told, "1")):
+            found.append(Result.of(CHOICE, name, column, each, unit, len(margin)))
+    if on_progress is not None:
+        on_progress("choices of the classifiers", 1, 1)
+    return found

@@ -38,18 +38,18 @@ class HeadErrors:
     found_s: float
 
     @property
-    def level_cm(self) -> Array:
+    def xy_cm(self) -> Array:
         """Error in XY."""
         return 100 * np.hypot(self.off_m[:, 0], self.off_m[:, 1])
 
     @property
-    def turned_deg(self) -> Array:
+    def yaw_deg(self) -> Array:
         """Error of the yaw, without its sign."""
         return np.degrees(np.abs(self.turned_rad))
 
-    def figures(self) -> dict[str, float]:
+    def statistics(self) -> dict[str, float]:
         """Every figure of the run, by name."""
-        level, up, turned = self.level_cm, 100 * self.off_m[:, 2], self.turned_deg
+        level, up, turned = self.xy_cm, 100 * self.off_m[:, 2], self.yaw_deg
         known = level.size > 0
         return {
             "XY": level.mean() if known else np.nan,

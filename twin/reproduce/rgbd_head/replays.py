@@ -16,12 +16,12 @@ from trackers.prior import Prior
 from trackers.rgbd_head.tracker import Inside
 from trackers.rig import Rig
 from trackers.tracks import TrackFrame
-from twin.progress import OnProgress
+from twin.messages import OnProgress
 from twin.recording.reader import Recording
 from twin.recording.tables import TrackTable, TruthTable, read_truth, track_table
 from twin.reproduce.results import Result
 from twin.reproduce.rgbd_head.errors import head_errors, spread_cm
-from twin.reproduce.rgbd_head.tables import CAUGHT, OURS, SPREAD, mean_of
+from twin.reproduce.rgbd_head.results import CAUGHT, OURS, SPREAD, mean_of
 from twin.streams import stream
 from twin.suites.worker import RECORDING, TRUTH
 
@@ -36,7 +36,7 @@ _WAYS: Mapping[str, tuple[str, bool]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class LoadedRecording:
     """A recording in memory: what every replay is handed."""
 
     rig: Rig
@@ -46,7 +46,7 @@ class Seen:
     environment: Environment | None
 
     @classmethod
-    def of(cls, entry: Path, environment: Environment) -> Seen:
+    def of(cls, entry: Path, environment: Environment) -> LoadedRecording:
         """The recording in a folder of the cache."""
         bag = Recording(entry / RECORDING)
         return cls(bag.rig, bag.background, list(bag.observations()), read_truth(entry / TRUTH), environment)
@@ -66,7 +66,7 @@ class Seen:
         known = Prior(self.background, self.environment if has_environment else None)
         return make_tracker(preset, self.rig, known, stream(seed, "tracker", preset), options)
 
-    def followed(self, preset: str, seed: int, options: Mapping[str, Any], has_environment: bool = True) -> TrackTable:
+    def track(self, preset: str, seed: int, options: Mapping[str, Any], has_environment: bool = True) -> TrackTable:
         """The tracks of a run."""
         tracker = self.tracker(preset, seed, options, has_environment)
         frames: list[TrackFrame] = []
@@ -74,7 +74,7 @@ class Seen:
             frames += tracker.update(observation)
         return track_table([*frames, *tracker.finish()])
 
-    def inside(self, preset: str, seed: int, options: Mapping[str, Any], t_s: float) -> Inside:
+    def debug_state(self, preset: str, seed: int, options: Mapping[str, Any], t_s: float) -> Inside:
         """What the tracker holds at a moment."""
         tracker = self.tracker(preset, seed, options)
         for observation in self.observations:
@@ -84,7 +84,7 @@ class Seen:
         return tracker.inside()
 
 
-def spreads(seen: Seen, n_run: int, on_progress: OnProgress | None) -> list[Result]:
+def spread_results(seen: LoadedRecording, n_run: int, on_progress: OnProgress | None) -> list[Result]:
     """Table 3: runs of one recording by other random numbers, as many hypotheses as ours has and as the paper's."""
     found = []
     for number, (name, options) in enumerate(
@@ -94,7 +94,7 @@ def spreads(seen: Seen, n_run: int, on_progress: OnProgress | None) -> list[Resu
         for seed in range(n_run):
             if on_progress is not None:
                 on_progress("runs of one recording", number * n_run + seed, 2 * n_run)
-            runs[seed] = seen.followed(OURS, seed, options)
+            runs[seed] = seen.track(OURS, seed, options)
         for axis, spread, paper in zip(("XY", "Z"), spread_cm(runs), ((0.36, 0.68), (0.27, 0.50)), strict=True):
             for what, value, theirs in (
                 ("mean", float(spread.mean()), paper[0]),
@@ -104,7 +104,9 @@ def spreads(seen: Seen, n_run: int, on_progress: OnProgress | None) -> list[Resu
     return found
 
 
-def trapped(seen: Seen, n_run: int, on_progress: OnProgress | None) -> tuple[list[Result], dict[str, TrackTable]]:
+def trap_results(
+    seen: LoadedRecording, n_run: int, on_progress: OnProgress | None
+) -> tuple[list[Result], dict[str, TrackTable]]:
     """Figures 11 and 12: how many of the runs are lost by the clock, and left the room; the first run of each way."""
     found, first = [], {}
     assert seen.environment is not None
@@ -114,12 +116,11 @@ def trapped(seen: Seen, n_run: int, on_progress: OnProgress | None) -> tuple[lis
         for seed in range(n_run):
             if on_progress is not None:
                 on_progress("runs of the trap", number * n_run + seed, len(_WAYS) * n_run)
-            tracks = seen.followed(preset, seed, options, has_environment)
+            tracks = seen.track(preset, seed, options, has_environment)
             first.setdefault(name, tracks)
             lost[seed] = head_errors(seen.truth, tracks, seen.rig).lost
             places = np.column_stack([tracks.head_x, tracks.head_y, tracks.head_z])
             left[seed] = not seen.environment.head_weight(places).all()
         for row, values in (("lost", lost), ("left the room", left)):
-            share = mean_of(100 * values, 0)
-            found.append(Result(CAUGHT, name, row, None, share.value, (share.low, share.high), "%", n_run))
+            found.append(Result.of(CAUGHT, name, row, mean_of(100 * values, 0), "%", n_run))
     return found, first

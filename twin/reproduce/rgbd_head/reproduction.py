@@ -14,13 +14,19 @@ from trackers.errors import InputError
 from twin.environment.run import write_environment
 from twin.recording.atomic_file import atomic_path
 from twin.recording.tables import TrackTable
-from twin.reproduce.page import grid_of, rows_of, write_page, write_plots
-from twin.reproduce.registry import Asked, Found, OnProgress
-from twin.reproduce.results import Result, write_results
-from twin.reproduce.rgbd_head.pictures import views, weighed
-from twin.reproduce.rgbd_head.plots import environment_svg, errors_svg, trajectories_svg, trap_svg
-from twin.reproduce.rgbd_head.replays import Seen, spreads, trapped
-from twin.reproduce.rgbd_head.tables import (
+from twin.reproduce.page import write_page, write_plots
+from twin.reproduce.registry import OnProgress, Outputs, Request
+from twin.reproduce.results import Result, format_rows, pivot_rows, write_results
+from twin.reproduce.rgbd_head.figures import (
+    environment_svg,
+    errors_svg,
+    head_views,
+    trajectories_svg,
+    trap_svg,
+    weights_picture,
+)
+from twin.reproduce.rgbd_head.replays import LoadedRecording, spread_results, trap_results
+from twin.reproduce.rgbd_head.results import (
     ABLATION,
     BEYOND,
     CAUGHT,
@@ -34,11 +40,19 @@ from twin.reproduce.rgbd_head.tables import (
     SPREAD,
     TRAP,
     WHERE,
-    Condition,
-    conditions_of,
+    HeadCondition,
+    read_conditions,
     results_of,
 )
-from twin.reproduce.suite_runs import SuiteRuns, read_runs, recording_of, run_in, suite_of, tracks_of, truth_of
+from twin.reproduce.suite_runs import (
+    SuiteRuns,
+    case_recording,
+    case_tracks,
+    case_truth,
+    load_seeded_suite,
+    read_runs,
+    run_conditions,
+)
 from twin.scenario import load_scenario
 from twin.suites.cluster import Workers
 from twin.suites.expansion import Case
@@ -47,26 +61,26 @@ from twin.suites.spec import Suite
 _RUNS = 30
 """How often one recording is followed: as often as the paper did."""
 _ROOM = "head-trap"
-"""The scenario whose empty room is scanned: that of every scenario of the suite."""
+"""The scenario whose empty room is scan_environment: that of every scenario of the suite."""
 _SHOWN_S = {FIRST: (4.0, 9.0, 15.0), SECOND: (4.0, 9.0)}
 """When the views of figures 6 and 8 are [s]."""
 _CLOCK = np.array([0.35, -2.45])
 """Where the skin-coloured clock of the meeting room hangs [m]."""
 
 
-def reproduce(folder: Path, asked: Asked, on_progress: OnProgress | None = None) -> Found:
+def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
     """Scan the room, run the suite, and write results, plots, pictures and the page into `folder`.
 
     Raises InputError for a suite without the paper's experiments, for a folder that holds another reproduction's runs (or the
     same one's, without `resume`), for conditions with fewer than two whole runs, and where a file cannot be written.
     """
-    suite, path = suite_of(asked.suite or asked.name, asked.seed_range)
+    suite, path = load_seeded_suite(request.suite or request.name, request.seed_range)
     check_suite(suite, path)
-    environment = scanned(folder, asked.resume, on_progress)
+    environment = scan_environment(folder, request.resume, on_progress)
     suite = suite.model_copy(update={"set": {**suite.set, "prior.environment": str(environment.resolve())}})
-    cache = run_in(folder, suite, path, Workers(asked.jobs), asked.resume, on_progress)
+    cache = run_conditions(folder, suite, path, Workers(request.jobs), request.resume, on_progress)
     runs = read_runs(suite, path, folder, cache)
-    return write_all(folder, runs, load_environment(environment), asked, on_progress)
+    return write_all(folder, runs, load_environment(environment), request, on_progress)
 
 
 def check_suite(suite: Suite, path: Path) -> None:
@@ -83,8 +97,8 @@ def check_suite(suite: Suite, path: Path) -> None:
                 )
 
 
-def scanned(folder: Path, resume: bool, on_progress: OnProgress | None) -> Path:
-    """The environment of the meeting room, scanned anew but where a reproduction goes on."""
+def scan_environment(folder: Path, resume: bool, on_progress: OnProgress | None) -> Path:
+    """The environment of the meeting room, scan_environment anew but where a reproduction goes on."""
     path = folder / "meeting_room.npz"
     if not (resume and path.is_file()):
         try:
@@ -98,20 +112,20 @@ def scanned(folder: Path, resume: bool, on_progress: OnProgress | None) -> Path:
 
 
 def write_all(
-    folder: Path, runs: SuiteRuns, environment: Environment, asked: Asked, on_progress: OnProgress | None
-) -> Found:
+    folder: Path, runs: SuiteRuns, environment: Environment, request: Request, on_progress: OnProgress | None
+) -> Outputs:
     """Write what was found: results, plots, pictures, page. Raises InputError as files do."""
-    conditions = conditions_of(runs)
-    n_run = asked.runs or _RUNS
-    with recording_of(_first_case(runs, FIRST), runs.cache) as entry:
-        sat = Seen.of(entry, environment)
-    results = [*results_of(conditions), *spreads(sat, n_run, on_progress)]
+    conditions = read_conditions(runs)
+    n_run = request.runs or _RUNS
+    with case_recording(_first_case(runs, FIRST), runs.cache) as entry:
+        sat = LoadedRecording.of(entry, environment)
+    results = [*results_of(conditions), *spread_results(sat, n_run, on_progress)]
     pictures = _pictures(runs, FIRST, sat) | {"figure 10": _figure_10(sat, runs, _SHOWN_S[FIRST][1])}
-    with recording_of(_first_case(runs, SECOND), runs.cache) as entry:
-        pictures |= _pictures(runs, SECOND, Seen.of(entry, environment))
-    with recording_of(_first_case(runs, TRAP), runs.cache) as entry:
-        caught = Seen.of(entry, environment)
-    lost, ways = trapped(caught, n_run, on_progress)
+    with case_recording(_first_case(runs, SECOND), runs.cache) as entry:
+        pictures |= _pictures(runs, SECOND, LoadedRecording.of(entry, environment))
+    with case_recording(_first_case(runs, TRAP), runs.cache) as entry:
+        caught = LoadedRecording.of(entry, environment)
+    lost, ways = trap_results(caught, n_run, on_progress)
     results += lost
     drawn = {
         "figure5": environment_svg(environment),
@@ -120,15 +134,15 @@ def write_all(
         "figure11": trap_svg(caught.truth, ways, _CLOCK),
         "errors": errors_svg({name: conditions[name].errors[0] for name in (FIRST, SECOND)}),
     }
-    command = asked.command + (f" --runs {asked.runs}" if asked.runs else "")
-    command += f" --suite {shlex.quote(asked.suite)}" if asked.suite else ""
+    command = request.command + (f" --runs {request.runs}" if request.runs else "")
+    command += f" --suite {shlex.quote(request.suite)}" if request.suite else ""
     return results, _written(folder, runs, conditions, results, drawn, pictures, n_run, command)
 
 
 def _written(
     folder: Path,
     runs: SuiteRuns,
-    conditions: dict[str, Condition],
+    conditions: dict[str, HeadCondition],
     results: list[Result],
     drawn: dict[str, str],
     pictures: dict[str, bytes],
@@ -151,8 +165,8 @@ def _written(
         "rgbd_head/page.html.j2",
         command,
         drawn,
-        grids={where: grid for where, rows in of.items() if (grid := grid_of(rows))},
-        ablations=rows_of([each for each in results if each.where == ABLATION]),
+        grids={where: grid for where, rows in of.items() if (grid := pivot_rows(rows))},
+        ablations=format_rows([each for each in results if each.where == ABLATION]),
         pictures={said: "data:image/jpeg;base64," + base64.b64encode(jpeg).decode() for said, jpeg in pictures.items()},
         n_run=len(seeds),
         n_replay=n_run,
@@ -168,27 +182,27 @@ def _first_case(runs: SuiteRuns, condition: str, tracker: str = OURS) -> Case:
 
 def _trajectories(runs: SuiteRuns, condition: str) -> str:
     cases = {"ours": _first_case(runs, condition), "the paper's cues": _first_case(runs, condition, PAPER)}
-    truth = truth_of(cases["ours"], runs)
-    return trajectories_svg(truth, {name: tracks_of(case, runs) for name, case in cases.items()})
+    truth = case_truth(cases["ours"], runs)
+    return trajectories_svg(truth, {name: case_tracks(case, runs) for name, case in cases.items()})
 
 
-def _pictures(runs: SuiteRuns, condition: str, seen: Seen) -> dict[str, bytes]:
+def _pictures(runs: SuiteRuns, condition: str, seen: LoadedRecording) -> dict[str, bytes]:
     """The views of figure 6 or 8."""
-    tracks = tracks_of(_first_case(runs, condition), runs)
+    tracks = case_tracks(_first_case(runs, condition), runs)
     figure = "figure 6" if condition == FIRST else "figure 8"
     return {
-        f"{figure}, {at_s:g} s": views(seen.observations, seen.rig, at_s, _head(tracks, at_s))
+        f"{figure}, {at_s:g} s": head_views(seen.observations, seen.rig, at_s, _head(tracks, at_s))
         for at_s in _SHOWN_S[condition]
     }
 
 
-def _figure_10(seen: Seen, runs: SuiteRuns, at_s: float) -> bytes:
+def _figure_10(seen: LoadedRecording, runs: SuiteRuns, at_s: float) -> bytes:
     """The paper's two cues at a moment, in the camera that is nearest to the head."""
-    head = _head(tracks_of(_first_case(runs, FIRST), runs), at_s)
-    inside = seen.inside("rgbd-head-paper", 0, {"start": seen.start()}, at_s)
+    head = _head(case_tracks(_first_case(runs, FIRST), runs), at_s)
+    inside = seen.debug_state("rgbd-head-paper", 0, {"start": seen.start()}, at_s)
     cameras = seen.rig.cameras()
     nearest = min(inside.weighed, key=lambda name: float(np.linalg.norm(cameras[name].room_from_sensor.xyz - head[:3])))
-    return weighed(seen.observations, seen.rig, at_s, inside, nearest)
+    return weights_picture(seen.observations, seen.rig, at_s, inside, nearest)
 
 
 def _head(tracks: TrackTable, at_s: float) -> Array:

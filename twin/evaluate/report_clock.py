@@ -1,0 +1,118 @@
+"""Reporting clock of a tracker: its period, and the frames that the clock announces but the tracker did not report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+SILENCE_FACTOR = 1.5
+USUAL_SHARE = 0.8  # of the gaps between frames: as long as these are is no silence where several clocks take turns
+SINGLE_SHARE = 2 / 3  # of the gaps: a tracker with more gaps of one period than these follows one clock
+SHARED_SINGLE_SHARE = 0.4  # the same where the tracker reports at the truth's own stamps
+TICK_SHARE = 0.25  # of a period: how far a gap may be from a whole number of periods, by jitter
+JITTER_SHARE = 0.25  # of a period: how far a missing frame may stand outside the truth's span
+
+
+@dataclass(frozen=True)
+class ReportClock:
+    """Period of a tracker's reports, and the longest gap between two frames that is no silence [ns]."""
+
+    period_ns: float
+    silence_ns: float
+
+
+def report_clock(track_stamps: NDArray[np.int64], truth_stamps: NDArray[np.int64]) -> ReportClock | None:
+    """Read a tracker's clock from its stamps (n,); None where neither it nor the truth has two.
+
+    A tracker could leave out the frames that are hard, so a frame that its own clock announces is owed. It follows one
+    clock where four of five gaps are whole multiples of the median gap, to a quarter of it, and more than two of three
+    are one period long: any gap above 1.5 periods is then a silence. Stamps with fewer single gaps look alike whether
+    frames were left out or sensors of unlike rates take turns, as 10 Hz and 5 Hz half a period apart do. There the
+    truth decides: where the tracker reports at the truth's own stamps, and two of five gaps are its usual interval, that
+    is the period. Otherwise several clocks take turns; a silence is then longer than 1.5 times the gap that four of five
+    gaps do not exceed, and the period is the median gap.
+    """
+    stamps = track_stamps if track_stamps.size > 1 else truth_stamps
+    gaps = np.diff(stamps)
+    if gaps.size == 0:
+        return None
+    own = float(np.quantile(gaps, 0.5, method="lower"))
+    if _is_clock(gaps, own, SINGLE_SHARE):
+        return ReportClock(own, SILENCE_FACTOR * own)
+    if truth_stamps.size > 1 and np.isin(stamps, truth_stamps).mean() >= USUAL_SHARE:
+        shared = float(np.median(np.diff(truth_stamps)))
+        if _is_clock(gaps, shared, SHARED_SINGLE_SHARE):
+            return ReportClock(shared, SILENCE_FACTOR * shared)
+    return ReportClock(float(np.median(gaps)), SILENCE_FACTOR * float(np.quantile(gaps, USUAL_SHARE)))
+
+
+def _is_clock(gaps: NDArray[np.int64], period_ns: float, least_single: float) -> bool:
+    """Tell whether most gaps (n,) are whole multiples of a period, and more than this share of them one period."""
+    ticks = np.maximum(np.rint(gaps / period_ns), 1)
+    regular = np.mean(np.abs(gaps - ticks * period_ns) <= TICK_SHARE * period_ns)
+    return bool(regular >= USUAL_SHARE and np.mean(ticks == 1) > least_single)
+
+
+def with_stamps_between(stamps: NDArray[np.int64], gap_ns: float, period_ns: float) -> NDArray[np.int64]:
+    """Add stamps at most a period apart between two of the truth's stamps (n,) no further apart than `gap_ns`."""
+    if stamps.size < 2:
+        return stamps
+    gaps = np.diff(stamps)
+    n_part = np.where(gaps <= gap_ns, np.ceil(gaps / period_ns), 1).astype(np.int64)
+    before = np.repeat(stamps[:-1], n_part)
+    part = np.arange(before.size) - np.repeat(np.cumsum(n_part) - n_part, n_part)
+    between = before + (np.repeat(gaps / n_part, n_part) * part).astype(np.int64)
+    return np.append(between, stamps[-1])
+
+
+def silent_stamps(
+    truth_stamps: NDArray[np.int64], track_stamps: NDArray[np.int64], clock: ReportClock | None
+) -> NDArray[np.int64]:
+    """Find the truth's stamps at which the tracker's clock announces a frame that it did not report, ascending.
+
+    In a silence a frame is wanted every period. Only those within half a period of a stamp of the truth can be judged, and
+    only those are looked at: a silence may last for years.
+    """
+    if track_stamps.size == 0:
+        return truth_stamps
+    if clock is None:
+        return np.zeros(0, dtype=np.int64)
+    period, silent = clock.period_ns, clock.silence_ns
+    first, last = int(track_stamps[0]), int(track_stamps[-1])
+    start, end = int(truth_stamps[0]), int(truth_stamps[-1])
+    wanted: list[NDArray[np.floating]] = [np.zeros(0)]
+    before, after = track_stamps[:-1], track_stamps[1:]
+    counts = ((after - before) / period + 0.5).astype(np.int64) - 1  # the last at least half a period before `after`
+    counts[after - before <= silent] = 0
+    inside = truth_stamps[(truth_stamps > first) & (truth_stamps <= last)]
+    gap = np.searchsorted(track_stamps, inside, side="left") - 1
+    for steps in _steps_near((inside - before[gap]) / period):
+        kept = (steps >= 1) & (steps <= counts[gap])
+        wanted.append(before[gap[kept]] + steps[kept] * period)
+    if first - start > silent:
+        n_step = int((first - start) / period + JITTER_SHARE)
+        for steps in _steps_near((first - truth_stamps[truth_stamps < first]) / period):
+            wanted.append(first - steps[(steps >= 1) & (steps <= n_step)] * period)
+    if end - last > silent:
+        n_step = int((end - last) / period + JITTER_SHARE)
+        for steps in _steps_near((truth_stamps[truth_stamps > last] - last) / period):
+            wanted.append(last + steps[(steps >= 1) & (steps <= n_step)] * period)
+    times = np.concatenate(wanted)
+    if not times.size:
+        return np.zeros(0, dtype=np.int64)
+    after = np.clip(np.searchsorted(truth_stamps, times), 1, max(truth_stamps.size - 1, 1))
+    low, high = truth_stamps[after - 1], truth_stamps[np.minimum(after, truth_stamps.size - 1)]
+    nearest = np.where(times - low <= high - times, low, high)
+    # Where the truth has a hole of its own, nothing near the wanted time can be judged.
+    near = nearest[np.abs(nearest - times) <= period / 2]
+    return np.setdiff1d(near, track_stamps)
+
+
+def _steps_near(steps: NDArray[np.float64]) -> list[NDArray[np.int64]]:
+    """Round each of these (n,) and return the whole numbers around it, one either side: all within a half, and
+    rounding.
+    """
+    whole = np.rint(steps).astype(np.int64)
+    return [whole - 1, whole, whole + 1]

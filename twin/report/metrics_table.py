@@ -1,0 +1,157 @@
+"""Table of metrics: the name, meaning, unit and better direction of each, and its format."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any, Literal
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A metric; `key` is its dotted place in a tracker's entry of `metrics.json`."""
+
+    key: str
+    name: str
+    unit: str
+    meaning: str
+    better: Literal["more", "less"]
+    decimals: int
+
+
+@dataclass(frozen=True)
+class MetricRow:
+    """A row as shown: the metric, a text per tracker, and a mark for the best of several."""
+
+    metric: Metric
+    cells: tuple[str, ...]
+    best: tuple[bool, ...]
+
+
+_MAIN = (
+    Metric("mota", "MOTA", "", "1 − (misses + false positives + switches) / people, over all frames", "more", 3),
+    Metric("motp_m", "MOTP", "m", "mean distance of a track from its person", "less", 3),
+    Metric("idf1", "IDF1", "", "how consistently identities are kept over the run", "more", 3),
+    Metric("hota", "HOTA", "", "detection and association together, over 19 thresholds", "more", 3),
+    Metric("deta", "DetA", "", "detection part of HOTA", "more", 3),
+    Metric("assa", "AssA", "", "association part of HOTA", "more", 3),
+    Metric("gospa_m", "GOSPA", "m", "mean error of the whole set, c = 1 m, p = 2, α = 2", "less", 3),
+    Metric("ospa_m", "OSPA", "m", "mean error of the whole set, c = 1 m, p = 1", "less", 3),
+    Metric("misidentifications", "Misidentified", "", "a confirmed track goes on with another person", "less", 0),
+    Metric("lost_tracks", "Lost", "", "a confirmed track ends while its person is in the area", "less", 0),
+    Metric("id_switches", "Identity switches", "", "a person goes on under another id", "less", 0),
+    Metric("misses", "Misses", "", "people without a track, summed over frames", "less", 0),
+    Metric("false_positives", "False positives", "", "tracks without a person, summed over frames", "less", 0),
+)
+_CAUSES = (
+    Metric("errors.missed.start_up", "Missed at the start", "", "before their first track in the area", "less", 0),
+    Metric("errors.missed.seen", "Missed in sight", "", "followed before, and a used sensor sees them", "less", 0),
+    Metric("errors.missed.unused", "Missed, unused", "", "only sensors see them that are not used", "less", 0),
+    Metric("errors.missed.unseen", "Missed, unseen", "", "no ray of any sensor reaches them", "less", 0),
+    Metric("errors.false_positive.ghost", "Ghosts", "", "coasting, far from any person", "less", 0),
+    Metric("errors.false_positive.ghost_unseen", "Ghosts, unseen", "", "the same, their person unseen", "less", 0),
+    Metric("errors.false_positive.double", "Doubles", "", "a second track on a person", "less", 0),
+    Metric("errors.false_positive.clutter", "Clutter", "", "measured, far from any person", "less", 0),
+)
+_ACCURACY = (
+    Metric("accuracy", "Accuracy", "", "1 − (missed + false locations + identity wrong) / people", "more", 3),
+    Metric("failures.missed", "Missed", "", "people with no track near, summed over frames", "less", 0),
+    Metric(
+        "failures.false_location", "False locations", "", "tracks far from any person, summed over frames", "less", 0
+    ),
+    Metric(
+        "failures.identity_wrong", "Identity wrong", "", "people with another's track, summed over frames", "less", 0
+    ),
+    Metric("disposal.correlated.share", "Correlated, right", "", "pairs less than 0.3 m apart, both right", "more", 3),
+    Metric("disposal.merge_split.share", "Merges, right", "", "both right from the merge to 1 s after", "more", 3),
+)
+_HEAD = (
+    Metric("head_error_m.x", "Head, x", "m", "mean absolute error", "less", 3),
+    Metric("head_error_m.y", "Head, y", "m", "mean absolute error", "less", 3),
+    Metric("head_error_m.z", "Head, z", "m", "mean absolute error", "less", 3),
+    Metric("head_yaw_error_rad", "Head, yaw", "rad", "mean absolute error", "less", 3),
+    Metric("head_yaw_median_rad", "Head, yaw, median", "rad", "median absolute error", "less", 3),
+    Metric("body_height_error_m", "Body, height", "m", "mean absolute error of the pelvis's height", "less", 3),
+    Metric(
+        "right_at_end",
+        "Right at the end",
+        "",
+        "people whose track is their first one still, in the last frame",
+        "more",
+        3,
+    ),
+)
+_WIDE = tuple(
+    Metric(f"at_1m.{metric.key}", metric.name, metric.unit, metric.meaning, metric.better, metric.decimals)
+    for metric in _MAIN
+    if metric.key in ("mota", "motp_m", "idf1", "hota", "id_switches")
+)
+_COST = (
+    Metric("ms_per_frame.mean", "Time per frame, mean", "ms", "tracker only, on one core", "less", 2),
+    Metric("ms_per_frame.p95", "Time per frame, 95 %", "ms", "19 of 20 frames take less", "less", 2),
+)
+METRICS: Mapping[str, Metric] = {
+    metric.key: metric for metric in (*_MAIN, *_CAUSES, *_ACCURACY, *_HEAD, *_WIDE, *_COST)
+}
+"""Every metric by its dotted place in a tracker's entry of `metrics.json`, those of the narrow gate first."""
+_NONE = "–"
+HEADLINE_METRICS = ("mota", "motp_m", "idf1", "hota", "misidentifications", "lost_tracks")
+
+
+def headline_metrics() -> list[Metric]:
+    """List the metrics to see first, in order."""
+    return [METRICS[key] for key in HEADLINE_METRICS]
+
+
+def grouped_rows(trackers: Sequence[Mapping[str, Any]]) -> list[tuple[str, list[MetricRow]]]:
+    """Group the rows under their headings, a cell per tracker; a group in which nothing applies is left out."""
+    gates = sorted({float(tracker["gate_m"]) for tracker in trackers if tracker.get("gate_m") is not None})
+    main = "Gate " + " / ".join(f"{gate:g} m" for gate in gates)
+    groups = []
+    headed = {
+        main: _MAIN,
+        "Misses and false positives by cause": _CAUSES,
+        "Accuracy": _ACCURACY,
+        "Gate 1 m": _WIDE,
+        "Head": _HEAD,
+        "Cost": _COST,
+    }
+    for heading, metrics in headed.items():
+        values = [[metric_value(tracker, metric) for tracker in trackers] for metric in metrics]
+        if any(value is not None for row in values for value in row):
+            groups.append((heading, [_row(metric, row) for metric, row in zip(metrics, values, strict=True)]))
+    return groups
+
+
+def format_judged(tracker: Mapping[str, Any]) -> str:
+    """Format the n of a tracker's metrics; a dash where they have none."""
+    judged = tracker.get("judged")
+    if judged is None:
+        return _NONE
+    share = "" if judged["share"] == 1 else f" ({judged['share']:.1%})"
+    return f"{judged['frames']} of {judged['frames_total']} frames{share}, {judged['person_frames']} person-frames"
+
+
+def metric_value(tracker: Mapping[str, Any], metric: Metric) -> float | None:
+    """Look up a metric in a tracker's entry of `metrics.json`; None where it is missing or does not apply."""
+    value: Any = tracker
+    for part in metric.key.split("."):
+        value = value.get(part) if value is not None else None
+    return value
+
+
+def format_value(metric: Metric, value: float | None) -> str:
+    """Format a metric without its unit; a dash where it does not apply."""
+    if value is None or not isfinite(value):
+        return _NONE
+    return f"{value:.{metric.decimals}f}".replace("-", "−")
+
+
+def _row(metric: Metric, values: Sequence[float | None]) -> MetricRow:
+    texts = tuple(format_value(metric, value) for value in values)
+    known = [value for value in values if value is not None and isfinite(value)]
+    best = format_value(metric, (max if metric.better == "more" else min)(known, default=None))
+    # Compared as written: a difference that is not shown makes no tracker the best.
+    differ = len({text for text in texts if text != _NONE}) > 1
+    return MetricRow(metric, texts, tuple(differ and text == best for text in texts))

@@ -1,0 +1,179 @@
+"""The figures of every condition, the paper's beside ours where it prints one, and ablations paired by run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackers.area import Area
+from trackers.arrays import Array
+from trackers.camera_floor_particle.options import CameraFloorParticleOptions
+from trackers.camera_floor_particle.views import CameraFrontEnds
+from trackers.observations import NS_PER_S, Image
+from twin.recording.reader import Recording
+from twin.reproduce.bootstrap import Bootstrap, Interval, interval
+from twin.reproduce.results import Result
+from twin.reproduce.suite_runs import SuiteRuns, case_recording, number_or_nan
+from twin.streams import stream
+from twin.suites.cache import RecordingCache
+from twin.suites.expansion import Case
+from twin.suites.worker import RECORDING, resolved_scenario
+from twin.world.simulation import Simulation
+
+OURS = "camera-floor-particle"
+MOVEMENTS = ("crossing", "turning", "going-around", "going-back")
+COURSE, HOME, PAIR = "straight-course", "home", "pair"
+NEEDED = (*MOVEMENTS, COURSE, HOME, PAIR)
+EXPERIMENTS, BEYOND, ABLATION = "experiments", "beyond the paper", "beyond the paper, ablations"
+RIGHT = "people right at the end"
+
+_MEANS = (
+    (RIGHT, "right_at_end", 100.0, "%"),
+    ("identity switches", "id_switches", 1.0, "/run"),
+    ("people lost", "lost_tracks", 1.0, "/run"),
+    ("body on the floor", "motp_m", 1.0, "m"),
+    ("body, height", "body_height_error_m", 1.0, "m"),
+    ("head x", "head_error_m.x", 1.0, "m"),
+    ("head y", "head_error_m.y", 1.0, "m"),
+    ("head z", "head_error_m.z", 1.0, "m"),
+    ("pan, median", "head_yaw_median_rad", 180 / np.pi, "°"),
+    ("time per frame", "ms_per_frame.mean", 1.0, "ms"),
+)
+_PAPER_HEAD = {"head x": 0.049, "head y": 0.054, "head z": 0.045}
+ABLATIONS = (
+    ("three-black-cameras", "without the floor", "camera-floor-particle-colour", RIGHT),
+    (HOME, "without the cameras", "camera-floor-particle-floor", "body on the floor"),
+    (PAIR, "without the exclusion", "camera-floor-particle-no-exclusion", RIGHT),
+    ("pair-by-one-camera", "without the exclusion", "camera-floor-particle-no-exclusion", RIGHT),
+    (HOME, "without the mixture", "camera-floor-particle-no-mixture", "head z"),
+    (HOME, "all rules the paper's", "camera-floor-particle-paper", RIGHT),
+)
+"""Where what is left out matters: condition, what is left out, preset, figure."""
+
+
+@dataclass(frozen=True, eq=False)
+class CameraFloorCondition:
+    """What n runs of a condition gave: figures of metrics.json by tracker, (n,), NaN where one does not apply."""
+
+    name: str
+    seeds: tuple[int, ...]
+    metrics: Mapping[str, Mapping[str, Array]]
+
+
+def read_conditions(runs: SuiteRuns) -> dict[str, CameraFloorCondition]:
+    """Every condition of the suite by name."""
+    found = {}
+    for name, by_seed in runs.by_condition.items():
+        figures = {
+            tracker: {
+                figure: np.array(
+                    [number_or_nan(runs.metrics[cases[tracker].id].get(figure)) for cases in by_seed.values()]
+                )
+                for _, figure, _, _ in _MEANS
+            }
+            for tracker in next(iter(by_seed.values()))
+        }
+        found[name] = CameraFloorCondition(name, tuple(by_seed), figures)
+    return found
+
+
+def results_of(conditions: Mapping[str, CameraFloorCondition]) -> list[Result]:
+    """Every figure: those of the four movements together first, then each condition's, then ablations."""
+    movements = [conditions[name] for name in MOVEMENTS]
+    together = CameraFloorCondition(
+        "four movements",
+        tuple(seed for each in movements for seed in each.seeds),
+        {OURS: {key: np.concatenate([each.metrics[OURS][key] for each in movements]) for _, key, _, _ in _MEANS}},
+    )
+    found = list(_means(together, EXPERIMENTS))
+    for name, condition in conditions.items():
+        found += _means(condition, EXPERIMENTS if name in NEEDED else BEYOND)
+    return found + list(_ablations(conditions))
+
+
+def tracker_label(tracker: str) -> str:
+    """A tracker as it stands in tables."""
+    return "ours" if tracker == OURS else tracker.removeprefix(f"{OURS}-")
+
+
+def _means(condition: CameraFloorCondition, where: str) -> Iterator[Result]:
+    for tracker, figures in condition.metrics.items():
+        for row, key, times, unit in _MEANS:
+            values = times * figures[key]
+            known = values[~np.isnan(values)]
+            if known.size:
+                paper = _PAPER_HEAD.get(row) if tracker == OURS and condition.name not in (COURSE, PAIR) else None
+                paper = paper if where == EXPERIMENTS else None
+                each = f"{condition.name}, {row}"
+                yield _result(
+                    where, each, tracker_label(tracker), paper, _mean(known, condition.seeds[0]), unit, len(known)
+                )
+
+
+def _ablations(conditions: Mapping[str, CameraFloorCondition]) -> Iterator[Result]:
+    """What is lost by leaving something out, paired by run: the figure without less the figure with."""
+    units = {row: (key, times, unit) for row, key, times, unit in _MEANS}
+    for name, what, tracker, row in ABLATIONS:
+        condition = conditions.get(name)
+        if condition is None or tracker not in condition.metrics:
+            continue
+        key, times, unit = units[row]
+        change = times * (condition.metrics[tracker][key] - condition.metrics[OURS][key])
+        known = change[~np.isnan(change)]
+        if known.size:
+            found = _mean(known, condition.seeds[0])
+            yield _result(ABLATION, f"{what} ({name})", f"change of {row}", None, found, unit, len(known))
+
+
+def _mean(values: Array, seed: int) -> Interval:
+    return interval(Bootstrap(len(values), stream(seed, "reproduce", "camera-floor bootstrap")).mean(values))
+
+
+def _result(where: str, row: str, column: str, paper: float | None, found: Interval, unit: str, n_run: int) -> Result:
+    return Result.of(where, row, column, found, unit, n_run, paper)
+
+
+SHOWN = ("crossing", "shadows")
+"""Conditions that differ in shadows alone."""
+_EVERY_S = 0.5
+
+
+def mask_results(runs: SuiteRuns) -> list[Result]:
+    """Recall and precision of the foreground's pixels in the first run of each of these conditions, all cameras together."""
+    found = []
+    for name in SHOWN:
+        if name not in runs.by_condition:
+            continue
+        case = next(iter(next(iter(runs.by_condition[name].values())).values()))
+        recall, precision = mask_quality(case, runs.cache)
+        for row, share in (("of people's pixels, foreground", recall), ("of foreground, people's", precision)):
+            value = 100 * share
+            found.append(Result(BEYOND, f"{name}, {row}", "ours", None, value, (value, value), "%", 1))
+    return found
+
+
+def mask_quality(case: Case, cache: RecordingCache) -> tuple[float, float]:
+    """What share of people's pixels are foreground, and what share of the foreground is people's."""
+    both = people = found = 0
+    with case_recording(case, cache) as entry, Simulation(resolved_scenario(case)) as simulation:
+        for image, mask in _foreground(entry / RECORDING):
+            true = simulation.person_images(image.stamp_ns / NS_PER_S)[image.sensor] > 0
+            both, people, found = both + (mask & true).sum(), people + true.sum(), found + mask.sum()
+    return float(both / people), float(both / found)
+
+
+def _foreground(path: Path) -> Iterator[tuple[Image, NDArray[np.bool_]]]:
+    """The tracker's foreground in each camera's pictures, one in half a second."""
+    bag = Recording(path)
+    area = None if bag.rig.area is None else Area(bag.rig.area)
+    watchers = CameraFrontEnds(bag.rig.cameras(), list(bag.background), CameraFloorParticleOptions(), area)
+    last_ns: dict[str, int] = {}
+    for image in bag.observations():
+        if isinstance(image, Image) and image.stamp_ns - last_ns.get(image.sensor, -NS_PER_S) >= _EVERY_S * NS_PER_S:
+            last_ns[image.sensor] = image.stamp_ns
+            for view in watchers.views({image.sensor: image}):
+                yield image, view.mask

@@ -1,0 +1,229 @@
+"""Our gait beside published figures, row by row."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackers.arrays import Array
+from trackers.errors import InputError
+from twin.reproduce.bootstrap import Bootstrap, interval
+from twin.reproduce.gait.published import (
+    CONTACT_S,
+    DIP,
+    HUMPS,
+    JOGGING_STEPS_MIN,
+    PERSON_EARLY_LOAD,
+    PERSON_SPEED_M_S,
+    PERSON_STANCE_S,
+    PERSON_STATURE_M,
+    PERSON_TRAVEL_M,
+    ROLL,
+    RUNNING_HUMP,
+    STANCE_S,
+    STANCE_SHARE,
+    SUBJECT_FILE,
+    SUBJECT_SPEED_M_S,
+    SUBJECT_STATURE_M,
+    Subject,
+    walking_cadence,
+    walking_step_m,
+)
+from twin.reproduce.gait.stride import (
+    STANCE_POINTS,
+    Stance,
+    SteadyGait,
+    StrideMeasures,
+    load_path,
+    measure_people,
+    measure_stride,
+    simulate_steady,
+    stance,
+    values_of,
+)
+from twin.reproduce.results import Result
+from twin.streams import stream
+
+WALKS_M_S = (0.8, 1.0, 1.2, 1.35, 1.5, 1.8)
+RUNS_M_S = (2.5, 3.0, 4.0, 5.0)
+NATURAL_M_S = (1.2, 1.35, 1.5)
+"""Speeds at which the published humps and dip are asked for."""
+STATURE_M, STATURE_SPREAD_M = 1.75, 0.09
+_STATURES_M = (1.50, 2.00)
+
+BESIDE_THE_SUBJECT, BESIDE_THE_PERSON = "beside the subject", "beside a measured person"
+WALKING, RUNNING = "walking", "running"
+
+
+@dataclass(frozen=True, eq=False)
+class SubjectComparison:
+    """The subject's stances and ours at the same speed and stature, and how far they are apart [body weights]."""
+
+    theirs: Stance
+    their_measures: StrideMeasures
+    ours: Stance
+    our_measures: StrideMeasures
+    apart: float
+    feet_apart: float
+    """Between the subject's own two feet."""
+
+
+@dataclass(frozen=True, eq=False)
+class GaitRuns:
+    """Everybody at every speed, by speed [m/s].
+
+    person: a body that walks as the measured person does; compared: beside the subject, where there is a recording.
+    """
+
+    seeds: range
+    courses: dict[float, SteadyGait]
+    measures: dict[float, list[StrideMeasures]]
+    person: SteadyGait
+    compared: SubjectComparison | None
+
+
+def statures(seeds: range) -> list[float]:
+    """Statures of adults [m], one a seed: normal, none shorter than 1.50 m or taller than 2.00 m."""
+    drawn = []
+    for seed in seeds:
+        rng = stream(seed, "reproduce", "stature")
+        stature = rng.normal(STATURE_M, STATURE_SPREAD_M)
+        while not _STATURES_M[0] <= stature <= _STATURES_M[1]:
+            stature = rng.normal(STATURE_M, STATURE_SPREAD_M)
+        drawn.append(float(stature))
+    return drawn
+
+
+def simulate_gait(
+    seeds: range, subject: Subject | None, on_progress: Callable[[str, float, float], None] | None = None
+) -> GaitRuns:
+    """Everybody walks and runs at every speed, and one of the subject's stature as the subject does."""
+    people = statures(seeds)
+    courses = {}
+    speeds = (*sorted({*WALKS_M_S, *STANCE_S}), *RUNS_M_S)
+    for done, speed in enumerate(speeds, start=1):
+        courses[speed] = simulate_steady(speed, people)
+        if on_progress is not None:
+            on_progress("speeds", done, len(speeds))
+    found = {speed: measure_people(course) for speed, course in courses.items()}
+    person = simulate_steady(PERSON_SPEED_M_S, [PERSON_STATURE_M], 20.0)
+    return GaitRuns(seeds, courses, found, person, None if subject is None else compare(subject))
+
+
+def compare(subject: Subject) -> SubjectComparison:
+    """A body of the subject's stature at the subject's speed beside the subject; InputError for a recording of no walk."""
+    feet = [stance(subject.load[:, foot], subject.rate_hz) for foot in range(2)]
+    theirs = _together(feet)
+    try:
+        their_measures = measure_stride(subject.load, subject.rate_hz)
+    except ValueError as error:
+        raise InputError(f"{SUBJECT_FILE}: holds {error}; a walk of a few steps is expected") from error
+    if not all(len(each.seconds) for each in feet):
+        raise InputError(f"{SUBJECT_FILE}: holds no whole stance of one foot; a walk of a few steps is expected")
+    course = simulate_steady(SUBJECT_SPEED_M_S, [SUBJECT_STATURE_M], 20.0)
+    rate_hz = 1 / float(np.diff(course.t[:2])[0])
+    ours = _together([stance(course.load[:, foot, 0], rate_hz) for foot in range(2)])
+    own = [each.curves.mean(axis=0) for each in feet]
+    return SubjectComparison(
+        theirs,
+        their_measures,
+        ours,
+        measure_people(course)[0],
+        _rms(ours.curves.mean(axis=0) - theirs.curves.mean(axis=0)),
+        _rms(own[0] - own[1]),
+    )
+
+
+def gait_results(runs: GaitRuns) -> list[Result]:
+    """Every figure: beside the subject, of walking and of running; intervals over the people, by the bootstrap."""
+    rows = [] if runs.compared is None else _beside_the_subject(runs.compared)
+    rows += _beside_the_person(runs.person)
+    n_run = len(runs.seeds)
+    bootstrap = Bootstrap(n_run, stream(runs.seeds.start, "reproduce", "bootstrap"))
+
+    def add(where: str, speed: float, what: str, values: Array, unit: str, paper: float | None = None) -> None:
+        rows.append(Result.of(where, f"{speed:g} m/s", what, interval(bootstrap.mean(values)), unit, n_run, paper))
+
+    for speed in WALKS_M_S:
+        found = runs.measures[speed]
+        at = np.array(speed)
+        add(WALKING, speed, "cadence", values_of(found, "cadence"), "steps/min", float(walking_cadence(at)))
+        add(WALKING, speed, "step length", values_of(found, "step_length_m"), "m", float(walking_step_m(at)))
+        share = 100 * values_of(found, "stance_share")
+        add(WALKING, speed, f"stance of the stride{_range(STANCE_SHARE, 100)}", share, "%")
+        add(WALKING, speed, "mean load", values_of(found, "mean"), "BW", 1.0)
+        if speed in NATURAL_M_S:
+            add(WALKING, speed, f"first hump{_range(HUMPS)}", values_of(found, "first"), "BW")
+            add(WALKING, speed, f"dip{_range(DIP)}", values_of(found, "dip"), "BW")
+            add(WALKING, speed, f"second hump{_range(HUMPS)}", values_of(found, "second"), "BW")
+    for speed, seconds in STANCE_S.items():
+        add(WALKING, speed, "stance", values_of(runs.measures[speed], "stance_s"), "s", seconds)
+    for speed in RUNS_M_S:
+        found = runs.measures[speed]
+        add(RUNNING, speed, f"hump{_range(RUNNING_HUMP)}", values_of(found, "hump"), "BW")
+        add(RUNNING, speed, "mean load", values_of(found, "mean"), "BW", 1.0)
+        add(RUNNING, speed, "contact", values_of(found, "stance_s"), "s", CONTACT_S.get(speed))
+        add(RUNNING, speed, "cadence", values_of(found, "cadence"), "steps/min", JOGGING_STEPS_MIN.get(speed))
+        add(RUNNING, speed, "step length", values_of(found, "step_length_m"), "m")
+    return rows
+
+
+def _beside_the_subject(compared: SubjectComparison) -> list[Result]:
+    theirs, ours = compared.their_measures, compared.our_measures
+    row, stances = f"{SUBJECT_SPEED_M_S:g} m/s, {SUBJECT_STATURE_M:g} m", len(compared.ours.seconds)
+
+    def result(what: str, paper: float | None, value: float, unit: str) -> Result:
+        return Result(BESIDE_THE_SUBJECT, row, what, paper, value, (value, value), unit, stances)
+
+    return [
+        result("stance", theirs.stance_s, ours.stance_s, "s"),
+        result("stride", theirs.stride_s, ours.stride_s, "s"),
+        result("stance of the stride", 100 * theirs.stance_share, 100 * ours.stance_share, "%"),
+        result("first hump", theirs.first, ours.first, "BW"),
+        result("dip", theirs.dip, ours.dip, "BW"),
+        result("second hump", theirs.second, ours.second, "BW"),
+        result("mean load", theirs.mean, ours.mean, "BW"),
+        result("curves apart, root mean square (paper: the subject's own feet)", compared.feet_apart, compared.apart,
+               "BW"),
+    ]  # fmt: skip
+
+
+def _beside_the_person(ours: SteadyGait) -> list[Result]:
+    (found,) = measure_people(ours)
+    rate_hz = 1 / float(np.diff(ours.t[:2])[0])
+    curve = _together([stance(ours.load[:, foot, 0], rate_hz) for foot in range(2)]).curves.mean(axis=0)
+    points = load_path(ours, 0)
+    row, whole = f"{PERSON_SPEED_M_S:g} m/s, {PERSON_STATURE_M:g} m", np.linspace(0, 1, STANCE_POINTS)
+
+    def result(what: str, paper: float | None, value: float, unit: str) -> Result:
+        return Result(BESIDE_THE_PERSON, row, what, paper, value, (value, value), unit, len(points))
+
+    travel = float(np.ptp(points, axis=1).mean())
+    early = float(np.interp(0.05, whole, curve))
+    rows = [
+        result("stance", PERSON_STANCE_S, found.stance_s, "s"),
+        result("load at 5 % of the stance", PERSON_EARLY_LOAD, early, "BW"),
+        result("travel of the point of load", PERSON_TRAVEL_M, travel, "m"),
+    ]
+    for tenth in range(1, 10):
+        share = float(np.interp(tenth / 10, whole, points.mean(axis=0))) / float(ours.shoe_m[0])
+        rows.append(
+            result(
+                f"point of load at {10 * tenth} % of the stance, share of the shoe", ROLL.get(tenth / 10), share, "1"
+            )
+        )
+    return rows
+
+
+def _together(feet: list[Stance]) -> Stance:
+    return Stance(np.concatenate([each.curves for each in feet]), np.concatenate([each.seconds for each in feet]))
+
+
+def _range(published: tuple[float, float], scale: float = 1) -> str:
+    return f" ({scale * published[0]:g} to {scale * published[1]:g} published)"
+
+
+def _rms(difference: Array) -> float:
+    return float(np.sqrt((difference**2).mean()))

@@ -1,0 +1,131 @@
+"""The moments behind the counts: strips of images and scans around misidentifications and losses, and a list of all."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from twin.recording.atomic_file import atomic_path, open_atomic
+from twin.reproduce.suite_runs import SUITE_FOLDER, condition_name
+from twin.suites.cache import RecordingCache
+from twin.suites.cache_keys import recording_key
+from twin.suites.cluster import Workers
+from twin.suites.dask_runner import open_workers
+from twin.suites.expansion import Case
+from twin.suites.filmstrip import FilmstripWork, draw_filmstrip
+from twin.suites.progress import ProgressListener
+from twin.suites.tasks import State, Task, TaskListener, TaskResult
+from twin.suites.worker import Incident
+
+_LIMIT_S = 300.0
+
+
+@dataclass(frozen=True)
+class CaseIncident:
+    """A misidentification or a loss: in which case, and when."""
+
+    case: Case
+    incident: Incident
+
+
+@dataclass(frozen=True)
+class FilmStrip:
+    """A drawn moment: `picture` is a JPEG."""
+
+    condition: str
+    column: str
+    seed: int
+    t_s: float
+    what: str
+    kind: str
+    report: str  # relative to the reproduction's folder
+    picture: bytes
+
+
+def round_robin(moments: Sequence[CaseIncident]) -> list[CaseIncident]:
+    """The first of each kind of every run, then the second ones and so on; the order is kept otherwise."""
+    rank: dict[tuple[int, str], int] = {}
+    ranked = []
+    for each in moments:
+        key = (each.case.seed, each.incident.kind)
+        rank[key] = rank.get(key, 0) + 1
+        ranked.append((rank[key], each))
+    return [each for _, each in sorted(ranked, key=lambda pair: pair[0])]
+
+
+def draw_film_strips(
+    moments: Sequence[CaseIncident],
+    names: Mapping[str, str],
+    cache: RecordingCache,
+    place: Workers,
+    on_progress: Callable[[str, float, float], None] | None = None,
+    on_failure: Callable[[str], object] = lambda message: None,
+) -> list[FilmStrip]:
+    """Draw the moments in order; one that cannot be drawn is told of and left out. names: what trackers are called."""
+    tasks = [
+        Task(
+            f"strip-{number}",
+            FilmstripWork(each.case, cache, each.incident.t_s),
+            _LIMIT_S,
+            recording_key(each.case.resolved, ""),
+        )
+        for number, each in enumerate(moments)
+    ]
+    pictures: dict[str, bytes] = {}
+
+    def ended(end: TaskResult) -> None:
+        if end.status == "done":
+            pictures[end.task.id] = end.value
+        else:
+            on_failure(f"{end.task.work.case.id} at {end.task.work.t_s:.1f} s: no strip: {end.error}")
+
+    def state(now: State) -> None:
+        if on_progress is not None:
+            on_progress("strips", now.done + now.failed, len(tasks))
+
+    if tasks:
+        with ExitStack() as stack:
+            open_workers(place, stack, ProgressListener())(
+                tasks, draw_filmstrip, TaskListener(ended=ended, state=state), None
+            )
+    return [
+        FilmStrip(
+            condition=condition_name(each.case),
+            column=names[each.case.tracker],
+            seed=each.case.seed,
+            t_s=each.incident.t_s,
+            what=each.incident.what,
+            kind=each.incident.kind,
+            report=f"{SUITE_FOLDER}/cases/{each.case.id}/report.html",
+            picture=pictures[task.id],
+        )
+        for task, each in zip(tasks, moments, strict=True)
+        if task.id in pictures
+    ]
+
+
+def write_film_strips(folder: Path, strips: Sequence[FilmStrip]) -> None:
+    """Write the pictures under names that say what they show; raises InputError where they cannot be written."""
+    for strip in strips:
+        said = f"{strip.condition}-{strip.seed}-{strip.column}-{strip.t_s:.1f}s-{strip.kind}"
+        with atomic_path(folder / f"{re.sub('[^A-Za-z0-9.]+', '-', said)}.jpg") as partial:
+            partial.write_bytes(strip.picture)
+
+
+def write_incidents(path: Path, moments: Iterable[CaseIncident], names: Mapping[str, str]) -> None:
+    """Write every misidentification and loss as a row: condition, seed, column, t_s, kind, what, report.
+
+    names: what trackers are called. Of a case with more than 20 events, switches included, the first 20 are there.
+    """
+    with open_atomic(path) as stream:
+        rows = csv.writer(stream, lineterminator="\n")
+        rows.writerow(("condition", "seed", "column", "t_s", "kind", "what", "report"))
+        for each in moments:
+            case, moment = each.case, each.incident
+            report = f"{SUITE_FOLDER}/cases/{case.id}/report.html"
+            who = condition_name(case), case.seed, names[case.tracker]
+            rows.writerow((*who, f"{moment.t_s:.2f}", moment.kind, moment.what, report))

@@ -1,0 +1,185 @@
+"""Tables I and II of Song et al., ours beside theirs, and further: each figure a result with its interval.
+
+Shares are of all runs together, their intervals percentile bootstraps over runs; differences are paired by seed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from trackers.arrays import Array
+from twin.reproduce.bootstrap import Bootstrap, Interval, interval
+from twin.reproduce.laser_vision_learning.runs import (
+    BUSY,
+    FUSED,
+    HALL,
+    LASER,
+    VISION,
+    HallCondition,
+    HallRuns,
+)
+from twin.reproduce.results import Result
+from twin.streams import stream
+
+PLACE, TABLE_ONE, TABLE_TWO = "the place", "table I", "table II"
+CHANGED, DENSITY, ABLATION = "beyond the paper, changed", "beyond the paper, density", "beyond the paper, ablation"
+ACCURACY, CORRELATED, MERGES = "accuracy", "correlated, disposed of", "merge/split, disposed of"
+COST, RELATIVE = "time per frame", "time per frame, fused / vision only"
+
+_DISPOSAL = {CORRELATED: "disposal.correlated", MERGES: "disposal.merge_split"}
+_KINDS = {"missed": "missed", "false location": "false_location", "identity wrong": "identity_wrong"}
+_PAPER_ONE = {
+    (FUSED, CORRELATED): 88.62, (LASER, CORRELATED): 47.52, (VISION, CORRELATED): 66.96,
+    (FUSED, MERGES): 81.75, (LASER, MERGES): 27.00, (VISION, MERGES): 35.20,
+}  # fmt: skip
+_PAPER_TWO = {FUSED: 89.53, LASER: 73.37, VISION: 80.95}
+_PAPER_RELATIVE = 0.1511 / 0.6906
+_PAPER_PLACE = {
+    (BUSY, "correlated pairs a frame"): 3832 / 6000,
+    (BUSY, "merges a minute"): 537 / 4,  # 6000 frames at about 25 a second
+    (HALL, "people a frame"): 10.26,
+    (HALL, "share of them interacting"): 16.35,
+}
+
+
+def hall_results(hall: HallRuns) -> list[Result]:
+    """Every figure of the page."""
+    found = [each for name in (BUSY, HALL) for each in _place(hall.conditions[name])]
+    found += _disposals(hall.conditions[BUSY], TABLE_ONE, papers=True)
+    found += _accuracies(hall.conditions[BUSY], TABLE_ONE, papers=False)
+    found += _accuracies(hall.conditions[HALL], TABLE_TWO, papers=True)
+    found += _disposals(hall.conditions[HALL], TABLE_TWO, papers=False)
+    found += _costs(hall.conditions[HALL], TABLE_TWO)
+    for condition in hall.densities:
+        found += _beyond(condition, DENSITY)
+    for condition in hall.changed:
+        found += _beyond(condition, CHANGED)
+        found += _losses(condition, hall.conditions[HALL])
+    if hall.ablation is not None:
+        found += _beyond(hall.ablation, ABLATION)
+    return found
+
+
+def cost_fit(conditions: list[HallCondition], tracker: str) -> Array | None:
+    """Least squares of the mean time per frame [ms] on (1, people a frame, interacting people a frame), over all runs.
+
+    The three coefficients and the share of the variance that they explain (4,); None with fewer than five runs.
+    """
+    rows = [
+        (1.0, people / frames, close / frames, ms)
+        for condition in conditions
+        if tracker in condition.trackers
+        for people, close, frames, ms in zip(
+            condition.place.people, condition.place.interacting, condition.place.frames,
+            condition.metrics[tracker]["ms_per_frame.mean"], strict=True,
+        )
+    ]  # fmt: skip
+    if len(rows) < 5:
+        return None
+    table = np.array(rows)
+    fitted, *_ = np.linalg.lstsq(table[:, :3], table[:, 3], rcond=None)
+    left = table[:, 3] - table[:, :3] @ fitted
+    return np.append(fitted, 1 - left.var() / table[:, 3].var())
+
+
+def _place(condition: HallCondition) -> Iterator[Result]:
+    place, boot = condition.place, _bootstrap(condition)
+    shares = (
+        ("people a frame", place.people, place.frames, "1", 1.0),
+        ("share of them interacting", place.interacting, place.people, "%", 100.0),
+        ("correlated pairs a frame", place.correlated, place.frames, "1", 1.0),
+        ("merges a minute", place.merges, place.minutes, "/min", 1.0),
+    )
+    for row, above, below, unit, times in shares:
+        paper = _PAPER_PLACE.get((condition.name, row))
+        yield _result(PLACE, row, condition.name, paper, _ratio(boot, times * above, below), unit, condition)
+    if len(place.merge_s):
+        lasting = Bootstrap(len(place.merge_s), stream(condition.seeds[0], "reproduce", "merges bootstrap"))
+        long: Array = np.where(place.merge_s >= 0.5, 100.0, 0.0)
+        for row, values, unit in (
+            ("merges, mean duration", place.merge_s, "s"),
+            ("merges of 0.5 s or more", long, "%"),
+        ):
+            yield _result(PLACE, row, condition.name, None, interval(lasting.mean(values)), unit, condition)
+
+
+def _disposals(condition: HallCondition, where: str, papers: bool) -> Iterator[Result]:
+    for row, figure in _DISPOSAL.items():
+        for tracker in condition.trackers:
+            total, disposed = (condition.metrics[tracker][f"{figure}.{each}"] for each in ("total", "disposed"))
+            if total.sum():
+                paper = _PAPER_ONE.get((tracker, row)) if papers else None
+                share = _ratio(_bootstrap(condition), 100 * disposed, total)
+                yield _result(where, row, condition.tracker_label(tracker), paper, share, "%", condition)
+
+
+def _accuracies(condition: HallCondition, where: str, papers: bool) -> Iterator[Result]:
+    boot = _bootstrap(condition)
+    for tracker in condition.trackers:
+        figures, column = condition.metrics[tracker], condition.tracker_label(tracker)
+        paper = _PAPER_TWO.get(tracker) if papers else None
+        count = figures["failures.person_frames"]
+        right = _ratio(boot, 100 * (count - condition.failures(tracker)), count)
+        yield _result(where, ACCURACY, column, paper, right, "%", condition)
+        for kind, figure in _KINDS.items():
+            share = _ratio(boot, 100 * figures[f"failures.{figure}"], count)
+            yield _result(where, kind, column, None, share, "%", condition)
+        for row, figure in (("MOTA", "mota"), ("IDF1", "idf1"), ("HOTA", "hota")):
+            yield _result(where, row, column, None, interval(boot.mean(figures[figure])), "1", condition)
+
+
+def _costs(condition: HallCondition, where: str) -> Iterator[Result]:
+    boot = _bootstrap(condition)
+    for tracker in condition.trackers:
+        for row, figure in ((COST, "ms_per_frame.mean"), (f"{COST}, 95 %", "ms_per_frame.p95")):
+            cost = interval(boot.mean(condition.metrics[tracker][figure]))
+            yield _result(where, row, condition.tracker_label(tracker), None, cost, "ms", condition)
+    if FUSED in condition.trackers and VISION in condition.trackers:
+        fused, vision = (condition.metrics[each]["ms_per_frame.mean"] for each in (FUSED, VISION))
+        found = _ratio(boot, fused, vision)
+        yield _result(where, RELATIVE, condition.tracker_label(FUSED), _PAPER_RELATIVE, found, "1", condition)
+
+
+def _beyond(condition: HallCondition, where: str) -> Iterator[Result]:
+    boot = _bootstrap(condition)
+    for tracker in condition.trackers:
+        count = condition.metrics[tracker]["failures.person_frames"]
+        right = _ratio(boot, 100 * (count - condition.failures(tracker)), count)
+        yield _result(
+            where, f"{condition.name}, {ACCURACY}", condition.tracker_label(tracker), None, right, "%", condition
+        )
+        cost = interval(boot.mean(condition.metrics[tracker]["ms_per_frame.mean"]))
+        yield _result(where, f"{condition.name}, {COST}", condition.tracker_label(tracker), None, cost, "ms", condition)
+    for each in _disposals(condition, where, papers=False):
+        yield Result(where, f"{condition.name}, {each.row}", each.column, None, each.ours, each.ci95, "%", each.runs)
+
+
+def _losses(condition: HallCondition, hall: HallCondition) -> Iterator[Result]:
+    """How much accuracy a change of the hall costs, paired by seed, over as many frames as the change was seen for."""
+    seeds = [seed for seed in condition.seeds if seed in hall.seeds]
+    for tracker in condition.trackers:
+        if tracker not in hall.trackers or not seeds:
+            continue
+        runs = [condition.seeds.index(seed) for seed in seeds]
+        here, frames = condition.accuracy(tracker)[runs], condition.place.frames[runs].astype(int).tolist()
+        there = np.array([hall.accuracy_so_far(tracker, *each) for each in zip(seeds, frames, strict=True)])
+        boot = Bootstrap(len(seeds), stream(seeds[0], "reproduce", "hall bootstrap"))
+        lost = interval(boot.mean(there - here))
+        row = f"{condition.name}, loss of accuracy"
+        yield _result(CHANGED, row, condition.tracker_label(tracker), None, lost, "%", condition)
+
+
+def _ratio(boot: Bootstrap, above: Array, below: Array) -> Interval:
+    return interval(boot.ratio(above[:, None], below[:, None])[:, 0])
+
+
+def _result(
+    where: str, row: str, column: str, paper: float | None, found: Interval, unit: str, condition: HallCondition
+) -> Result:
+    return Result.of(where, row, column, found, unit, len(condition.seeds), paper)
+
+
+def _bootstrap(condition: HallCondition) -> Bootstrap:
+    return Bootstrap(len(condition.seeds), stream(condition.seeds[0], "reproduce", "hall bootstrap"))

@@ -1,0 +1,168 @@
+"""The figures of every condition, the paper's beside ours where it prints one, and ablations paired by run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from trackers.arrays import Array, Mask
+from twin.recording.reader import Recording
+from twin.recording.tables import read_truth
+from twin.reproduce.bootstrap import Bootstrap, Interval, interval
+from twin.reproduce.results import Result
+from twin.reproduce.rgbd_head.errors import HeadErrors, head_errors
+from twin.reproduce.suite_runs import SuiteRuns, case_recording, case_tracks
+from twin.streams import stream
+from twin.suites.worker import RECORDING, TRUTH
+
+OURS, PAPER = "rgbd-head", "paper"
+FIRST, SECOND, TRAP, PEOPLE = "sequence-1", "sequence-2", "trap", "three-people"
+NEEDED = (FIRST, SECOND, TRAP, PEOPLE)
+EXPERIMENTS, SPREAD, CAUGHT = "experiments", "runs of one recording", "runs of the trap"
+BEYOND, CHOICE = "beyond the paper", "beyond the paper, choice"
+ABLATION, WHERE = "beyond the paper, ablations", "beyond the paper, where"
+TIME = "time per frame"
+
+_UNITS = {"yaw": "°", "yaw, median": "°", "lost": "/run", "found after": "s", TIME: "ms"}
+_PAPER = {
+    FIRST: {"XY": 4.34, "XY, standard deviation": 2.70, "Z": 6.02, "Z, standard deviation": 2.62},
+    SECOND: {"XY": 2.17, "XY, standard deviation": 1.20, "Z": 3.25, "Z, standard deviation": 1.77},
+}
+_CHOICES = ("heads-", "points-", "cameras-")
+_ABLATIONS = (
+    ("no-silhouette", "without silhouettes", ("Z", "XY")),
+    ("depth-in-metres", "depth in metres, not by range", ("XY", "Z")),
+    ("share-of-skin", "share instead of place of skin", ("yaw",)),
+    ("direction-each", "a direction of each hypothesis", ("yaw", "XY")),
+    ("one-layer", "as many hypotheses in one layer", ("XY", "Z")),
+    ("one-stamp", "stamps ignored", ("XY",)),
+    ("no-environment", "without the environment", ("XY", "lost")),
+)
+"""What is left out, and the figures it is for."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeadCondition:
+    """What n runs of a condition gave: figures by tracker and name, (n,), and ours' errors run by run."""
+
+    name: str
+    seeds: tuple[int, ...]
+    metrics: Mapping[str, Mapping[str, Array]]
+    errors: Sequence[HeadErrors]
+
+
+def read_conditions(runs: SuiteRuns) -> dict[str, HeadCondition]:
+    """Every condition of the suite by name."""
+    found = {}
+    for name, by_seed in runs.by_condition.items():
+        figures: dict[str, list[dict[str, float]]] = {}
+        errors = []
+        for cases in by_seed.values():
+            with case_recording(next(iter(cases.values())), runs.cache) as entry:
+                truth, rig = read_truth(entry / TRUTH), Recording(entry / RECORDING).rig
+            for tracker, case in cases.items():
+                each = head_errors(truth, case_tracks(case, runs), rig)
+                time = runs.metrics[case.id].get("ms_per_frame.mean")
+                figures.setdefault(tracker, []).append(each.statistics() | {TIME: np.nan if time is None else time})
+                errors += [each] if tracker == OURS else []
+        by_tracker = {
+            tracker: {key: np.array([run[key] for run in of]) for key in of[0]} for tracker, of in figures.items()
+        }
+        found[name] = HeadCondition(name, tuple(by_seed), by_tracker, errors)
+    return found
+
+
+def results_of(conditions: Mapping[str, HeadCondition]) -> list[Result]:
+    """Every figure: each condition's, then by what was varied, ablations, and where errors are."""
+    found: list[Result] = []
+    for name, condition in conditions.items():
+        found += _means(condition, EXPERIMENTS if name in NEEDED else BEYOND)
+    return [*found, *_choices(conditions[FIRST]), *_ablations(conditions), *_where(conditions)]
+
+
+def result_of(where: str, row: str, column: str, paper: float | None, values: Array, unit: str, seed: int) -> Result:
+    """A mean over runs with its interval."""
+    return Result.of(where, row, column, mean_of(values, seed), unit, len(values), paper)
+
+
+def mean_of(values: Array, seed: int) -> Interval:
+    """The mean over runs and its bootstrap interval."""
+    return interval(Bootstrap(len(values), stream(seed, "reproduce", "rgbd-head bootstrap")).mean(values))
+
+
+def _means(condition: HeadCondition, where: str) -> Iterator[Result]:
+    for tracker, figures in condition.metrics.items():
+        if tracker.startswith(_CHOICES):
+            continue
+        for row, values in figures.items():
+            known = values[~np.isnan(values)]
+            if known.size:
+                paper = _PAPER.get(condition.name, {}).get(row) if tracker in (OURS, PAPER) else None
+                # a comma would part the condition from the figure
+                name = row.replace("XY, ", "XY ").replace("Z, ", "Z ").replace("yaw, ", "yaw ")
+                yield result_of(
+                    where, f"{condition.name}, {name}", tracker, paper, known, unit_of(row), condition.seeds[0]
+                )
+
+
+def unit_of(figure: str) -> str:
+    """The unit of a figure of a run."""
+    return _UNITS.get(figure, "cm")
+
+
+def _choices(condition: HeadCondition) -> Iterator[Result]:
+    """What the numbers of hypotheses, points and cameras are worth in sequence 1."""
+    for tracker, figures in condition.metrics.items():
+        if tracker == OURS or tracker.startswith(_CHOICES):
+            for row in ("XY", "Z", "yaw", "lost", TIME):
+                values = figures[row][~np.isnan(figures[row])]
+                if values.size:
+                    row_name = "as chosen" if tracker == OURS else tracker.replace("-", " ")
+                    yield result_of(CHOICE, row_name, row, None, values, unit_of(row), condition.seeds[0])
+
+
+def _ablations(conditions: Mapping[str, HeadCondition]) -> Iterator[Result]:
+    """What is lost by leaving one thing out, over every condition that it was left out in, paired by run: without less with."""
+    for tracker, what, figures in _ABLATIONS:
+        among = [each for each in conditions.values() if tracker in each.metrics]
+        for row in figures:
+            change = [each.metrics[tracker][row] - each.metrics[OURS][row] for each in among]
+            known = np.concatenate(change)[~np.isnan(np.concatenate(change))] if change else np.empty(0)
+            if known.size:
+                names = ", ".join(each.name for each in among)
+                change_of = f"change of {row}"
+                yield result_of(ABLATION, f"{what} ({names})", change_of, None, known, unit_of(row), among[0].seeds[0])
+
+
+def _where(conditions: Mapping[str, HeadCondition]) -> Iterator[Result]:
+    """Errors of ours by range, cameras that see the head, and posture, over the runs that have any there."""
+    errors = [each for name in (FIRST, SECOND, PEOPLE) for each in conditions[name].errors]
+    classes = {
+        **{f"nearest camera {low} to {low + 1} m": partial(_in_range, low=low) for low in (1, 2, 3, 4)},
+        **{f"seen by {count} cameras": partial(_seen_by, count=count) for count in (1, 2, 3, 4)},
+        "upright": lambda each: ~each.seated,
+        "seated or bent": lambda each: each.seated,
+    }
+    for name, chosen in classes.items():
+        parts = [(each, chosen(each)) for each in errors]
+        parts = [(each, mask) for each, mask in parts if mask.any()]
+        if not parts:
+            continue
+        figures = {
+            "XY": [each.xy_cm[mask].mean() for each, mask in parts],
+            "Z": [100 * np.abs(each.off_m[mask, 2]).mean() for each, mask in parts],
+            "yaw": [each.yaw_deg[mask].mean() for each, mask in parts],
+        }
+        for row, values in figures.items():
+            yield result_of(WHERE, name, row, None, np.array(values), unit_of(row), conditions[FIRST].seeds[0])
+
+
+def _in_range(errors: HeadErrors, low: int) -> Mask:
+    return (errors.range_m >= low) & (errors.range_m < low + 1)
+
+
+def _seen_by(errors: HeadErrors, count: int) -> Mask:
+    return errors.seen_by == count
