@@ -1,1 +1,1 @@
-"""Published figures and tables again, theirs beside ours: what `twin reproduce` runs."""
+"""Reproductions of published tables and figures, theirs beside ours: what `twin reproduce` runs."""

@@ -1,4 +1,4 @@
-"""Confidence intervals by the bootstrap: runs drawn again with replacement (Efron and Tibshirani, 1993).
+"""Confidence intervals by the percentile bootstrap over runs (Efron and Tibshirani, 1993).
 
 A count of scans at which one curve is below another is no smooth figure: where the curves are close, a replicate's added
 noise decides, so that the interval of a count near all or none lies towards the middle.
@@ -21,7 +21,7 @@ POISSON_ZERO_UPPER = -log((1 - CONFIDENCE) / 2)
 
 @dataclass(frozen=True)
 class Interval:
-    """A figure over all runs, and its percentile interval."""
+    """A value over all runs, and its percentile interval."""
 
     value: float
     low: float
@@ -29,7 +29,7 @@ class Interval:
 
 
 class Bootstrap:
-    """How often each of n runs is drawn in each replicate; row 0 is the runs as they are.
+    """Multiplicity of each of n runs in each replicate; row 0 is the runs as they are.
 
     The same draws serve every figure, so that figures of the same runs are compared run by run.
     """
@@ -39,15 +39,15 @@ class Bootstrap:
         self.counts: Array = np.concatenate([np.ones((1, n_run)), drawn])  # (1 + replicates, runs)
 
     def ratio(self, above: Array, below: Array) -> Array:
-        """Σ above / Σ below over the runs (n, k) at each scan, in every replicate, (1 + replicates, k)."""
+        """Compute Σ above / Σ below over the runs (n, k) at each scan, in every replicate, (1 + replicates, k)."""
         return (self.counts @ above) / (self.counts @ below)
 
     def mean(self, values: Array) -> Array:
-        """The mean of (n,) values over the runs, in every replicate, (1 + replicates,)."""
+        """Compute the mean of (n,) values over the runs, in every replicate, (1 + replicates,)."""
         return self.counts @ values / len(values)
 
     def difference(self, change: Array) -> Interval:
-        """The mean of differences of counts (n,), paired by run, with its interval.
+        """Compute the mean of differences of counts (n,), paired by run, with its interval.
 
         Where no run differs, the interval is as `rate` has it for no event, either way.
         """
@@ -56,7 +56,7 @@ class Bootstrap:
         return interval(self.mean(change))
 
     def rate(self, counts: Array, exposure: Array) -> Interval:
-        """Events per exposure, from counts (n,) and exposures (n,) of each run, with its interval.
+        """Compute events per exposure, from counts (n,) and exposures (n,) of each run, with its interval.
 
         Where nothing happened in any run the bootstrap sees no doubt; the upper end is then that of Poisson's exact
         interval for no event, `POISSON_ZERO_UPPER` events in all exposure together (Garwood, Biometrika 28, 1936).
@@ -67,12 +67,12 @@ class Bootstrap:
 
 
 def interval(values: Array) -> Interval:
-    """The figure and its interval from (1 + replicates,) values, the first over the runs as they are."""
+    """Compute the interval of (1 + replicates,) values, the first over the runs as they are."""
     low, high = np.quantile(values[1:], [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
     return Interval(float(values[0]), float(low), float(high))
 
 
 def band(values: Array) -> tuple[Array, Array, Array]:
-    """Like `interval` at each scan of (1 + replicates, k): the curve and its lower and upper border, (k,) each."""
+    """Compute `interval` at each scan of (1 + replicates, k): the curve and its lower and upper border, (k,) each."""
     low, high = np.quantile(values[1:], [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2], axis=0)
     return values[0], low, high

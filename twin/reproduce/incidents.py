@@ -1,4 +1,4 @@
-"""The moments behind the counts: strips of images and scans around misidentifications and losses, and a list of all."""
+"""Incidents of a suite's runs: film strips of misidentifications and losses, and a table of all."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LIMIT_S = 300.0
 
 @dataclass(frozen=True)
 class CaseIncident:
-    """A misidentification or a loss: in which case, and when."""
+    """A misidentification or a loss, and its case."""
 
     case: Case
     incident: Incident
@@ -34,7 +34,7 @@ class CaseIncident:
 
 @dataclass(frozen=True)
 class FilmStrip:
-    """A drawn moment: `picture` is a JPEG."""
+    """A drawn incident: `picture` is a JPEG."""
 
     condition: str
     column: str
@@ -47,7 +47,9 @@ class FilmStrip:
 
 
 def round_robin(moments: Sequence[CaseIncident]) -> list[CaseIncident]:
-    """The first of each kind of every run, then the second ones and so on; the order is kept otherwise."""
+    """Order incidents: the first of each kind of every run, then the second ones and so on; the order is kept
+    otherwise.
+    """
     rank: dict[tuple[int, str], int] = {}
     ranked = []
     for each in moments:
@@ -65,7 +67,7 @@ def draw_film_strips(
     on_progress: Callable[[str, float, float], None] | None = None,
     on_failure: Callable[[str], object] = lambda message: None,
 ) -> list[FilmStrip]:
-    """Draw the moments in order; one that cannot be drawn is told of and left out. names: what trackers are called."""
+    """Draw the incidents in order; one that cannot be drawn is reported and left out. names: labels of trackers."""
     tasks = [
         Task(
             f"strip-{number}",

@@ -1,4 +1,4 @@
-"""The page of a reproduction: one HTML file that needs nothing but itself."""
+"""Page of a reproduction, one self-contained HTML file; and the style of its plots."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def write_page(path: Path, template_name: str, command: str, drawn: Mapping[str,
 
 
 def write_plots(folder: Path, drawn: Mapping[str, str]) -> dict[str, Path]:
-    """Write plots as SVG under their names; their paths. Raises InputError where a file cannot be written."""
+    """Write plots as SVG under their names; return their paths. Raises InputError where a file cannot be written."""
     paths = {name: folder / f"{name}.svg" for name in drawn}
     for name, svg in drawn.items():
         with open_atomic(paths[name]) as stream:
@@ -37,13 +37,13 @@ def write_plots(folder: Path, drawn: Mapping[str, str]) -> dict[str, Path]:
 
 
 def data_uri(svg: str) -> str:
-    """An SVG document as the source of an image within the page."""
+    """Encode an SVG document as the source of an image within the page."""
     return "data:image/svg+xml;base64," + base64.b64encode(svg.encode()).decode()
 
 
 @cache
 def template(name: str) -> Template:
-    """A page of this package, on the base that all share."""
+    """Load a page of this package, on the base that all share."""
     environment = Environment(
         loader=PackageLoader("twin.reproduce", "."),
         autoescape=True,
@@ -62,7 +62,7 @@ INK, QUIET, RULE, SHADE = "#1b1f27", "#606977", "#e3e5e9", "#eef0f3"
 
 @contextmanager
 def plot_style() -> Iterator[None]:
-    """The look of the reports for what is drawn and saved in the block."""
+    """Apply the style of the reports to what is drawn and saved in the block."""
     import matplotlib
 
     with matplotlib.rc_context(
@@ -89,7 +89,7 @@ def plot_style() -> Iterator[None]:
 
 
 def to_svg(figure: Figure) -> str:
-    """The figure as an SVG document, the same for the same figure."""
+    """Convert a plot to an SVG document, the same for the same plot."""
     drawn = io.StringIO()
     figure.savefig(drawn, format="svg", metadata={"Date": None})
     return drawn.getvalue()

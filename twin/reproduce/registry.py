@@ -1,4 +1,4 @@
-"""What can be reproduced: a name, what it takes, and the module that does it."""
+"""Registry of reproductions: name, options, and the module that does it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Outputs = tuple[list["Result"], dict[str, Path]]
 
 @dataclass(frozen=True)
 class Request:
-    """What a user asked for: runs with seeds from `seed` on, and options that not every reproduction takes (None: default)."""
+    """Arguments of a reproduction: runs with seeds from `seed` on, and options that not every one has (None: default)."""
 
     name: str
     seed: int
@@ -32,18 +32,18 @@ class Request:
 
     @property
     def seed_range(self) -> range:
-        """The seeds."""
+        """Seeds of the runs."""
         return range(self.seed, self.seed + self.n_seed)
 
     @property
     def command(self) -> str:
-        """How to get the same again, without the options of one reproduction."""
+        """Command that gives the same again, without the options of one reproduction."""
         return f"twin reproduce {self.name} --seeds {self.n_seed}" + (f" --seed {self.seed}" if self.seed else "")
 
 
 @dataclass(frozen=True)
 class Reproduction:
-    """What is reproduced; takes: options of its own; n_seed: how many seeds where the user names none.
+    """A reproduction; options: of its own; n_seed: number of seeds by default.
 
     module: has `reproduce(folder, request, on_progress) -> Outputs`, which writes into the folder and raises InputError for what
     cannot be. beyond: results whose `where` starts so are on the page alone, not in the terminal.
@@ -56,7 +56,7 @@ class Reproduction:
     beyond: str | None = None
 
     def run(self, folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
-        """Reproduce it."""
+        """Run it."""
         return import_module(self.module).reproduce(folder, request, on_progress)
 
 

@@ -1,4 +1,4 @@
-"""What a reproduction found, row by row: the paper's figure, ours, and how sure we are of it; `results.json`."""
+"""Results of a reproduction, row by row: the paper's value, ours and its interval; `results.json` and their texts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from twin.reproduce.bootstrap import Interval
 
 @dataclass(frozen=True)
 class Result:
-    """One figure. paper: None where the paper prints no number; ci95: over `runs` runs."""
+    """One value. paper: None where the paper prints none; ci95: over `runs` runs."""
 
     where: str
     row: str
@@ -65,12 +65,14 @@ def write_results(path: Path, results: Sequence[Result]) -> None:
 
 
 def format_rows(results: Sequence[Result]) -> list[Row]:
-    """Results as `rows.html.j2` shows them."""
+    """Format results as `rows.html.j2` shows them."""
     return [(result, *format_result(result)) for result in results]
 
 
 def pivot_rows(results: Sequence[Result], intervals: bool = True) -> Mapping[str, object] | None:
-    """Results as a table, a row a condition and tracker, a column a figure: of rows named "CONDITION, FIGURE", or of choices."""
+    """Pivot results: a row per condition and tracker, a column per metric; of rows named "CONDITION, METRIC", or of
+    choices.
+    """
     found: dict[str, dict[str, tuple[str, str, str]]] = {}
     for result, paper, ours, spread in format_rows(results):
         condition, _, figure = result.row.partition(", ")
@@ -82,7 +84,7 @@ def pivot_rows(results: Sequence[Result], intervals: bool = True) -> Mapping[str
 
 
 def format_result(result: Result) -> tuple[str, str, str]:
-    """The paper's figure, ours, and its interval, as written."""
+    """Format the paper's value, ours, and its interval."""
     paper = "–" if result.paper is None else written(result.paper, result.unit)
     low, high = result.ci95
     unit = _unit(result.unit)
@@ -107,7 +109,7 @@ def _unit(unit: str) -> str:
 
 
 def format_ranges(scans: NDArray[np.intp]) -> str:
-    """Ascending scans in words, neighbours together: "3, 7–9"; "none" without any."""
+    """Format ascending scans, neighbours together: "3, 7–9"; "none" without any."""
     if len(scans) == 0:
         return "none"
     runs = np.split(scans, np.flatnonzero(np.diff(scans) > 1) + 1)
@@ -115,7 +117,7 @@ def format_ranges(scans: NDArray[np.intp]) -> str:
 
 
 def print_results(title: str, results: Sequence[Result]) -> None:
-    """A table on stdout, the paper's figures beside ours."""
+    """Print a table on stdout, the paper's values beside ours."""
     table = Table(title=title)
     for heading in ("where", "row", "figure"):
         table.add_column(heading)

@@ -1,4 +1,4 @@
-"""A reproduction's runs of the twin: a suite with seeds of its own, run by the suite engine, and read back by condition.
+"""Runs of a reproduction: a suite with seeds of its own, run by the suite engine, and read back by condition.
 
 A condition is what an entry of the suite describes, or one of its variants.
 """
@@ -33,7 +33,7 @@ SUITE_FOLDER = "suite"
 
 @dataclass(frozen=True)
 class SuiteRuns:
-    """What the suite engine has left: the cases of each condition by seed and tracker, their figures and moments.
+    """Results of the suite engine: the cases of each condition by seed and tracker, their metrics and incidents.
 
     by_condition holds the seeds of which all wanted trackers are done; not_done the ids of cases that are not.
     """
@@ -47,12 +47,14 @@ class SuiteRuns:
 
 
 def condition_name(case: Case) -> str:
-    """The name of a case's condition: its entry's, and what tells it from that entry's other variants."""
+    """Name a case's condition: its entry's name, and what tells it from that entry's other variants."""
     return f"{case.scenario} ({case.variant})" if case.variant else case.scenario
 
 
 def load_seeded_suite(name: str, seeds: range) -> tuple[Suite, Path]:
-    """A suite by name or path with these seeds in every entry, and its file. Raises InputError as `load_suite`."""
+    """Load a suite by name or path, with these seeds in every entry; return it and its file. Raises InputError as
+    `load_suite`.
+    """
     suite, path = load_suite(name)
     entries = [entry.model_copy(update={"seeds": None}) for entry in suite.scenarios]
     return suite.model_copy(update={"seeds": tuple(seeds), "scenarios": entries}), path
@@ -61,7 +63,7 @@ def load_seeded_suite(name: str, seeds: range) -> tuple[Suite, Path]:
 def run_conditions(
     folder: Path, suite: Suite, path: Path, place: Workers, resume: bool, on_progress: OnProgress | None
 ) -> RecordingCache:
-    """Run the suite into `folder`; the cache that holds its recordings.
+    """Run the suite into `folder`; return the cache that holds its recordings.
 
     Raises InputError for a folder that holds another suite's runs (or the same one's, without `resume`), and where it cannot
     be written.
@@ -98,7 +100,8 @@ def read_runs(
     trackers: Collection[str] | None = None,
     fewest: int = 2,
 ) -> SuiteRuns:
-    """What `run_conditions` has left in `folder`. A run counts where all of `trackers` (None: all of its condition's) are done.
+    """Read the results of `run_conditions` in `folder`. A run counts where all of `trackers` (None: all of its
+    condition's) are done.
 
     Raises InputError where a condition has fewer than `fewest` such runs.
     """
@@ -108,7 +111,7 @@ def read_runs(
     with read_store(folder / SUITE_FOLDER) as store:
         done = {each.id for each in store.cases() if each.status == DONE}
         metrics = store.metrics()
-        moments = {case_id: store.moments(case_id) for case_id in done}
+        incidents = {case_id: store.incidents(case_id) for case_id in done}
     wanted = [case.id for by_seed in by_condition.values() for cases in by_seed.values() for case in cases.values()]
     whole = {}
     for name, by_seed in by_condition.items():
@@ -121,17 +124,17 @@ def read_runs(
                 f"{folder}: {name} has {len(whole[name])} runs in which all of {', '.join(wanted_trackers)} are done; "
                 f"{fewest} or more are expected, and --resume does the rest"
             )
-    return SuiteRuns(whole, metrics, moments, cache, folder, tuple(each for each in wanted if each not in done))
+    return SuiteRuns(whole, metrics, incidents, cache, folder, tuple(each for each in wanted if each not in done))
 
 
 def warn_of_failure(case_id: str, error: str) -> None:
-    """A warning on stderr that a case failed."""
+    """Warn on stderr that a case failed."""
     sys.stderr.write(printable(f"twin: warning: {case_id} failed: {error.splitlines()[0] if error else ''}\n"))
 
 
 @contextmanager
 def case_recording(case: Case, cache: RecordingCache) -> Iterator[Path]:
-    """The folder of a case's recording, which is made again where it has left the cache."""
+    """Give the folder of a case's recording, which is made again where it has left the cache."""
     scenario = resolved_scenario(case)
     key = recording_key(case.resolved, renderer_of(scenario))
     with cache.recording(key, lambda folder: record(scenario, folder)) as (entry, _):
@@ -139,13 +142,13 @@ def case_recording(case: Case, cache: RecordingCache) -> Iterator[Path]:
 
 
 def case_truth(case: Case, runs: SuiteRuns) -> TruthTable:
-    """The truth of a case's recording."""
+    """Read the truth of a case's recording."""
     with case_recording(case, runs.cache) as entry:
         return read_truth(entry / TRUTH)
 
 
 def case_tracks(case: Case, runs: SuiteRuns) -> TrackTable:
-    """The tracks of a case that is done."""
+    """Read the tracks of a case that is done."""
     return read_tracks(runs.folder / SUITE_FOLDER / "cases" / case.id / "tracks" / f"{case.tracker}.csv")
 
 

@@ -25,7 +25,7 @@ from twin.reproduce.laser_fisheye_imm.figure7 import (
     simulate,
 )
 from twin.reproduce.laser_fisheye_imm.runs import COLUMNS
-from twin.reproduce.laser_fisheye_imm.table_one import COUNTS, DENSITY, TABLE_ONE, paper_figure
+from twin.reproduce.laser_fisheye_imm.table_one import COUNTS, DENSITY, TABLE_ONE, paper_value
 from twin.reproduce.laser_fisheye_imm.walk import maneuvering_walk
 from twin.reproduce.results import Result, format_ranges, format_result
 
@@ -120,7 +120,7 @@ def test_table_one_is_what_the_suite_measured_beside_the_paper(folder):
             for row, metric in metrics.items():
                 (mean,) = connection.execute(query, (column.tracker, metric)).fetchone()
                 assert found[row, column.name].ours == pytest.approx(mean), (column, row)
-                assert found[row, column.name].paper == paper_figure(column, row)
+                assert found[row, column.name].paper == paper_value(column, row)
     assert {row for row, _ in found} == {*COUNTS, "MOTA", "IDF1", "MOTP"}
 
 

@@ -17,12 +17,12 @@ from twin.reproduce.laser_fisheye_imm.table_one import (
     TOTAL,
     breaks_at,
     cell,
-    claims,
     difference,
     error_rate,
     filters_difference,
     losses_by_occlusion,
-    paper_figure,
+    paper_value,
+    statements,
 )
 
 N = 8
@@ -61,10 +61,10 @@ def by(filter_: str) -> dict[str, np.ndarray]:
 
 
 def test_the_paper_s_figures_are_where_it_prints_them() -> None:
-    assert [paper_figure(column, MISIDENTIFIED) for column in COLUMNS] == [0, 3, 3, None, None, None]
-    assert [paper_figure(column, LOST) for column in COLUMNS] == [0, 5, 8, None, None, None]
-    assert [paper_figure(column, TOTAL) for column in COLUMNS] == [0, 8, 11, None, None, None]
-    assert paper_figure(FULL, "MOTA") is None
+    assert [paper_value(column, MISIDENTIFIED) for column in COLUMNS] == [0, 3, 3, None, None, None]
+    assert [paper_value(column, LOST) for column in COLUMNS] == [0, 5, 8, None, None, None]
+    assert [paper_value(column, TOTAL) for column in COLUMNS] == [0, 8, 11, None, None, None]
+    assert paper_value(FULL, "MOTA") is None
 
 
 def test_a_cell_is_the_mean_over_runs_within_its_interval() -> None:
@@ -149,15 +149,15 @@ def test_a_loss_is_excused_in_a_run_with_a_long_occlusion_alone() -> None:
     assert everywhere.lost_without == 0 and everywhere.lost_with == 3
 
 
-def test_claims_say_what_the_runs_show() -> None:
+def test_statements_say_what_the_runs_show() -> None:
     good = condition({column.tracker: SOME for column in COLUMNS[1:3]} | {c.tracker: SOME + 1 for c in COLUMNS[3:]})
-    assert [each.verdict for each in claims(good)] == ["holds"] * 5 + ["does not hold", "holds"]  # IDF1 is 0.985
+    assert [each.verdict for each in statements(good)] == ["holds"] * 5 + ["does not hold", "holds"]  # IDF1 is 0.985
     lost = {FULL.tracker: np.eye(N)[0]}
-    bad = claims(condition({FULL.tracker: SOME}, lost))
+    bad = statements(condition({FULL.tracker: SOME}, lost))
     assert [each.verdict for each in bad[:4]] == ["does not hold"] * 4
-    excused = claims(condition({}, lost, [hidden_in(1000)]))
+    excused = statements(condition({}, lost, [hidden_in(1000)]))
     assert excused[0].verdict == excused[1].verdict == "holds" and "1 in the other 1" in excused[1].evidence
-    doubtful = claims(condition({COLUMNS[3].tracker: np.eye(N)[0]}))
+    doubtful = statements(condition({COLUMNS[3].tracker: np.eye(N)[0]}))
     assert doubtful[3].verdict == "not decided"
 
 

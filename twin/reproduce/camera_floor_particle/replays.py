@@ -1,4 +1,4 @@
-"""Recordings followed again by the tracker with changed options, or up to a moment that is drawn."""
+"""Recordings replayed through the tracker: with changed options, or up to one frame that is drawn."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ VARIANTS: Mapping[str, Mapping[str, Any]] = {
 
 
 def standing_people(n_person: int, duration_s: float = _STANDING_S) -> Scenario:
-    """Up to ten people who stand in the room of the home scene."""
+    """Make a scenario of up to ten people who stand in the room of the home scene."""
     people = ", ".join(
         f"p{k}: {{start: [{x}, {y}], script: {{kind: stand}}}}" for k, (x, y) in enumerate(_STARTS[:n_person])
     )
@@ -70,7 +70,7 @@ def standing_people(n_person: int, duration_s: float = _STANDING_S) -> Scenario:
 
 
 def compare_choices(cache: RecordingCache, on_progress: OnProgress | None) -> list[Result]:
-    """Development recordings followed: one with each choice, and one by every number of people."""
+    """Replay development recordings: one with each choice of the constants, and one per number of people."""
     crossing = load_scenario(_SCENARIO, [f"seed={SEED}"])
     runs = [(CHOICE, name, crossing, change) for name, change in VARIANTS.items()]
     runs += [(TIME, f"{n} {'person' if n == 1 else 'people'}", standing_people(n), {}) for n in PEOPLE]
@@ -85,7 +85,7 @@ def compare_choices(cache: RecordingCache, on_progress: OnProgress | None) -> li
 
 
 def _evaluate(where: str, name: str, change: Mapping[str, Any], bag: Recording, truth: TruthTable) -> list[Result]:
-    """Errors of body, head and pan, and CPU time per frame."""
+    """Measure errors of body, head and pan, and CPU time per frame."""
     tracker: Any = make_tracker(OURS, bag.rig, Prior.of(bag.background), stream(SEED, "tracker", OURS), change)
     frames: list[TrackFrame] = []
     spent = 0.0
@@ -106,7 +106,7 @@ def _evaluate(where: str, name: str, change: Mapping[str, Any], bag: Recording, 
 
 
 def frame_picture(case: Case, cache: RecordingCache, t_s: float) -> bytes:
-    """What the tracker saw and held at a moment of a case, a JPEG (`draw_debug_state`)."""
+    """Draw the tracker's debug state at one time of a case as a JPEG (`draw_debug_state`)."""
     with case_recording(case, cache) as entry:
         bag = Recording(entry / RECORDING)
         tracker: Any = make_tracker(OURS, bag.rig, Prior.of(bag.background), stream(case.seed, "tracker", OURS), None)
@@ -121,7 +121,7 @@ def frame_picture(case: Case, cache: RecordingCache, t_s: float) -> bytes:
 
 
 def closest_pair_s(truth: TruthTable, fewest_s: float = 1.5) -> float:
-    """When two people are nearest to each other, after the start [s]."""
+    """Find the time at which two people are nearest to each other, after the start [s]."""
     best, at = np.inf, fewest_s
     for stamp in np.unique(truth.stamps_ns)[::4]:
         now = truth.stamps_ns == stamp
@@ -134,12 +134,12 @@ def closest_pair_s(truth: TruthTable, fewest_s: float = 1.5) -> float:
 
 
 def lowest_head_s(truth: TruthTable) -> float:
-    """When a head is lowest [s]."""
+    """Find the time at which a head is lowest [s]."""
     return float(truth.stamps_ns[np.nanargmin(truth.head_z)] / 1e9)
 
 
 def _poses(path: Path, t_s: float) -> TruePoses:
-    """Where people truly are next to a moment, and where their heads face, which is what the tracker estimates."""
+    """Read the true positions nearest to a time, with the yaw of the heads, which is what the tracker estimates."""
     truth = read_truth(path)
     now = truth.stamps_ns == truth.stamps_ns[np.abs(truth.stamps_ns - t_s * NS_PER_S).argmin()]
     return TruePoses(truth.id[now], np.column_stack([truth.x, truth.y])[now], truth.head_yaw[now])
@@ -157,7 +157,10 @@ def draw_debug_state(
     floors: Mapping[str, FloorFrame],
     truth: TruePoses,
 ) -> bytes:
-    """What the preview shows of a moment, larger, with the outline of each view's foreground in white; a JPEG."""
+    """Draw one frame as the preview does, larger, with the outline of each view's foreground in white; a JPEG.
+
+    Figures 2, 4 and 5 of Mori et al. Raises ValueError where no camera has a view in that frame.
+    """
     if not len(inside.views):
         raise ValueError("no camera shows anything at that moment")
     cameras = list(rig.cameras())

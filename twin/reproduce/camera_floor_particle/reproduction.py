@@ -1,4 +1,4 @@
-"""Everything `twin reproduce camera-floor-particle` leaves behind."""
+"""Reproduction of Mori et al.: what `twin reproduce camera-floor-particle` writes."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _SHOWN = (("crossing", "figure 4"), ("going-back", "figure 4"), (PAIR, "one clus
 
 
 def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
-    """Run the suite and write results, plots, pictures of moments and the page into `folder`.
+    """Run the suite and write results, plots, pictures of frames and the page into `folder`.
 
     Raises InputError for a suite without the paper's experiments, for a folder that holds another reproduction's runs (or the
     same one's, without `resume`), for conditions with fewer than two whole runs, and where a file cannot be written.
@@ -76,7 +76,7 @@ def check_suite(suite: Suite, path: Path) -> None:
 
 
 def write_all(folder: Path, runs: SuiteRuns, more: Sequence[Result], command: str) -> Outputs:
-    """Write what was found: results, plots, pictures, page. Raises InputError as files do."""
+    """Write results, plots, pictures and page. Raises InputError where a file cannot be written."""
     conditions = read_conditions(runs)
     results = [*results_of(conditions), *more]
     cases = {name: next(iter(runs.by_condition[name].values())) for name in NEEDED}
@@ -127,7 +127,7 @@ HeadErrorsOverTime = tuple[Array, Array]
 
 
 def course_svg(truth: TruthTable, by_system: Mapping[str, TrackTable]) -> str:
-    """Trajectories on the floor of the straight course, a panel a system, the truth in grey."""
+    """Draw figure 6: trajectories on the floor of the straight course, a panel per system, the truth in grey."""
     from matplotlib.figure import Figure
 
     with plot_style():
@@ -143,7 +143,7 @@ def course_svg(truth: TruthTable, by_system: Mapping[str, TrackTable]) -> str:
 
 
 def heads_svg(errors: Sequence[HeadErrorsOverTime]) -> str:
-    """Mean absolute error of the head on each axis against time since detection, all runs together."""
+    """Draw the mean absolute error of the head on each axis against time since detection, all runs together."""
     from matplotlib.figure import Figure
 
     since, off = np.concatenate([each[0] for each in errors]), np.abs(np.concatenate([each[1] for each in errors]))
@@ -162,7 +162,9 @@ def heads_svg(errors: Sequence[HeadErrorsOverTime]) -> str:
 
 
 def head_errors(truth: TruthTable, tracks: TrackTable, gate_m: float = 0.5) -> HeadErrorsOverTime:
-    """Errors of the heads of each track's rows that have a person within the gate, and when since the track began."""
+    """Compute errors of heads in the rows of tracks with a person within the gate, and the time since the track's first
+    row.
+    """
     since, off = [], []
     began = {number: tracks.stamps_ns[tracks.id == number].min() for number in np.unique(tracks.id).tolist()}
     for stamp in np.unique(tracks.stamps_ns):

@@ -1,4 +1,4 @@
-"""The figures of every condition, the paper's beside ours where it prints one, and ablations paired by run."""
+"""Results of every condition, the paper's beside ours where it prints one, and ablations paired by run."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ ABLATIONS = (
 
 @dataclass(frozen=True, eq=False)
 class CameraFloorCondition:
-    """What n runs of a condition gave: figures of metrics.json by tracker, (n,), NaN where one does not apply."""
+    """n runs of a condition: metrics of metrics.json by tracker, (n,), NaN where one does not apply."""
 
     name: str
     seeds: tuple[int, ...]
@@ -65,7 +65,7 @@ class CameraFloorCondition:
 
 
 def read_conditions(runs: SuiteRuns) -> dict[str, CameraFloorCondition]:
-    """Every condition of the suite by name."""
+    """Collect every condition of the suite by name."""
     found = {}
     for name, by_seed in runs.by_condition.items():
         figures = {
@@ -82,7 +82,7 @@ def read_conditions(runs: SuiteRuns) -> dict[str, CameraFloorCondition]:
 
 
 def results_of(conditions: Mapping[str, CameraFloorCondition]) -> list[Result]:
-    """Every figure: those of the four movements together first, then each condition's, then ablations."""
+    """Compute every result: the four movements together, then each condition, then ablations."""
     movements = [conditions[name] for name in MOVEMENTS]
     together = CameraFloorCondition(
         "four movements",
@@ -96,7 +96,7 @@ def results_of(conditions: Mapping[str, CameraFloorCondition]) -> list[Result]:
 
 
 def tracker_label(tracker: str) -> str:
-    """A tracker as it stands in tables."""
+    """Shorten a tracker's name for tables."""
     return "ours" if tracker == OURS else tracker.removeprefix(f"{OURS}-")
 
 
@@ -115,7 +115,7 @@ def _means(condition: CameraFloorCondition, where: str) -> Iterator[Result]:
 
 
 def _ablations(conditions: Mapping[str, CameraFloorCondition]) -> Iterator[Result]:
-    """What is lost by leaving something out, paired by run: the figure without less the figure with."""
+    """Compute the change by leaving something out, paired by run: the metric without less the metric with."""
     units = {row: (key, times, unit) for row, key, times, unit in _MEANS}
     for name, what, tracker, row in ABLATIONS:
         condition = conditions.get(name)
@@ -143,7 +143,9 @@ _EVERY_S = 0.5
 
 
 def mask_results(runs: SuiteRuns) -> list[Result]:
-    """Recall and precision of the foreground's pixels in the first run of each of these conditions, all cameras together."""
+    """Measure recall and precision of the foreground's pixels in the first run of each of these conditions, all cameras
+    together.
+    """
     found = []
     for name in SHOWN:
         if name not in runs.by_condition:
@@ -157,7 +159,7 @@ def mask_results(runs: SuiteRuns) -> list[Result]:
 
 
 def mask_quality(case: Case, cache: RecordingCache) -> tuple[float, float]:
-    """What share of people's pixels are foreground, and what share of the foreground is people's."""
+    """Compute the share of people's pixels that are foreground, and the share of the foreground that is people's."""
     both = people = found = 0
     with case_recording(case, cache) as entry, Simulation(resolved_scenario(case)) as simulation:
         for image, mask in _foreground(entry / RECORDING):
@@ -167,7 +169,7 @@ def mask_quality(case: Case, cache: RecordingCache) -> tuple[float, float]:
 
 
 def _foreground(path: Path) -> Iterator[tuple[Image, NDArray[np.bool_]]]:
-    """The tracker's foreground in each camera's pictures, one in half a second."""
+    """Yield the tracker's foreground in each camera's pictures, one per half second."""
     bag = Recording(path)
     area = None if bag.rig.area is None else Area(bag.rig.area)
     watchers = CameraFrontEnds(bag.rig.cameras(), list(bag.background), CameraFloorParticleOptions(), area)

@@ -1,1 +1,1 @@
-"""How people load the floor and step, beside published data."""
+"""Loads on the floor and steps of the twin's people, beside published data."""

@@ -1,4 +1,4 @@
-"""Our gait beside published figures, row by row."""
+"""Our gait beside published gait, row by row."""
 
 from __future__ import annotations
 
@@ -59,7 +59,9 @@ WALKING, RUNNING = "walking", "running"
 
 @dataclass(frozen=True, eq=False)
 class SubjectComparison:
-    """The subject's stances and ours at the same speed and stature, and how far they are apart [body weights]."""
+    """The subject's stances and ours at the same speed and stature, and the root mean square between them [body
+    weights].
+    """
 
     theirs: Stance
     their_measures: StrideMeasures
@@ -72,7 +74,7 @@ class SubjectComparison:
 
 @dataclass(frozen=True, eq=False)
 class GaitRuns:
-    """Everybody at every speed, by speed [m/s].
+    """All bodies at every speed, by speed [m/s].
 
     person: a body that walks as the measured person does; compared: beside the subject, where there is a recording.
     """
@@ -85,7 +87,7 @@ class GaitRuns:
 
 
 def statures(seeds: range) -> list[float]:
-    """Statures of adults [m], one a seed: normal, none shorter than 1.50 m or taller than 2.00 m."""
+    """Draw statures of adults [m], one per seed: normal, none shorter than 1.50 m or taller than 2.00 m."""
     drawn = []
     for seed in seeds:
         rng = stream(seed, "reproduce", "stature")
@@ -99,7 +101,7 @@ def statures(seeds: range) -> list[float]:
 def simulate_gait(
     seeds: range, subject: Subject | None, on_progress: Callable[[str, float, float], None] | None = None
 ) -> GaitRuns:
-    """Everybody walks and runs at every speed, and one of the subject's stature as the subject does."""
+    """Simulate all bodies at every speed, and one of the subject's stature as the subject walks."""
     people = statures(seeds)
     courses = {}
     speeds = (*sorted({*WALKS_M_S, *STANCE_S}), *RUNS_M_S)
@@ -113,7 +115,9 @@ def simulate_gait(
 
 
 def compare(subject: Subject) -> SubjectComparison:
-    """A body of the subject's stature at the subject's speed beside the subject; InputError for a recording of no walk."""
+    """Compare a body of the subject's stature at the subject's speed with the subject; InputError for a recording
+    without a walk.
+    """
     feet = [stance(subject.load[:, foot], subject.rate_hz) for foot in range(2)]
     theirs = _together(feet)
     try:
@@ -137,7 +141,7 @@ def compare(subject: Subject) -> SubjectComparison:
 
 
 def gait_results(runs: GaitRuns) -> list[Result]:
-    """Every figure: beside the subject, of walking and of running; intervals over the people, by the bootstrap."""
+    """Compute every result: beside the subject, of walking and of running; intervals over the people, by the bootstrap."""
     rows = [] if runs.compared is None else _beside_the_subject(runs.compared)
     rows += _beside_the_person(runs.person)
     n_run = len(runs.seeds)

@@ -1,4 +1,4 @@
-"""Our gait beside published gait, drawn: the load of a foot over its stance, and how walking depends on speed."""
+"""Plots of our gait beside published gait: loads over the stance, and gait against speed."""
 
 from __future__ import annotations
 
@@ -36,7 +36,9 @@ _DRAWN_WALKS_M_S = (0.8, 1.2, 1.5, 1.8)
 
 
 def stance_svg(runs: GaitRuns) -> str:
-    """The load of a foot over its stance, over the subject's where there is a recording, and where it acts, as SVG."""
+    """Draw the load of a foot over its stance, over the subject's where there is a recording, and the point of load, as
+    SVG.
+    """
     from matplotlib.figure import Figure
 
     compared = runs.compared
@@ -66,7 +68,7 @@ def stance_svg(runs: GaitRuns) -> str:
 
 
 def _roll(axes: Axes, person: SteadyGait) -> None:
-    """Where the load acts over the stance, beside the published."""
+    """Draw the point of load over the stance, beside the published."""
     points = load_path(person, 0) / person.shoe_m[0]
     axes.fill_between(_WHOLE, points.min(axis=0), points.max(axis=0), color=_OURS, alpha=0.18, linewidth=0)
     axes.plot(_WHOLE, points.mean(axis=0), color=_OURS, linewidth=2.4, label="ours")
@@ -78,7 +80,7 @@ def _roll(axes: Axes, person: SteadyGait) -> None:
 
 
 def loads_svg(runs: GaitRuns) -> str:
-    """The load of a foot over the time of its stance at several speeds, the published ranges shaded, as SVG."""
+    """Draw the load of a foot over the time of its stance at several speeds, the published ranges shaded, as SVG."""
     from matplotlib.figure import Figure
 
     with plot_style():
@@ -117,7 +119,7 @@ def loads_svg(runs: GaitRuns) -> str:
 
 
 def speeds_svg(runs: GaitRuns) -> str:
-    """Cadence, step length and stance against speed, everybody's and the published, as SVG."""
+    """Draw cadence, step length and stance against speed, of all bodies and published, as SVG."""
     from matplotlib.figure import Figure
 
     with plot_style():

@@ -1,4 +1,4 @@
-"""What is published about how people walk and run, as far as it is compared with ours, and a recording of one subject.
+"""Published data of walking and running that ours are compared with, and a recording of one subject.
 
 The sources are those of `models/people/gait.yaml`.
 """
@@ -59,12 +59,12 @@ _COLUMNS = ("time", "ground_force_vy", "1_ground_force_vy")
 
 
 def walking_cadence(speed_m_s: Array) -> Array:
-    """Steps a minute of a walk of constant walk ratio."""
+    """Compute steps per minute of a walk of constant walk ratio."""
     return np.sqrt(60 * speed_m_s / WALK_RATIO)
 
 
 def walking_step_m(speed_m_s: Array) -> Array:
-    """Step length of a walk of constant walk ratio [m]."""
+    """Compute the step length of a walk of constant walk ratio [m]."""
     return np.sqrt(60 * speed_m_s * WALK_RATIO)
 
 
@@ -77,7 +77,7 @@ class Subject:
 
 
 def read_subject(folder: Path) -> Subject:
-    """The loads of OpenSim's gait2354 subject, who walks on a treadmill at 1.0 m/s.
+    """Read the loads of OpenSim's gait2354 subject, who walks on a treadmill at 1.0 m/s.
 
     Raises InputError where the file is missing or holds no table of forces.
     """

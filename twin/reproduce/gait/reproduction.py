@@ -1,4 +1,4 @@
-"""Everything `twin reproduce gait` leaves behind: our walkers and runners beside published ones."""
+"""Reproduction of published gait: what `twin reproduce gait` writes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from twin.reproduce.results import Result, format_rows, write_results
 
 
 def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
-    """Let one body a seed walk and run; write results, plots and page into `folder`.
+    """Let one body per seed walk and run; write results, plots and page into `folder`.
 
     `request.data`: the folder of the recording that is drawn beside them (none: published figures only). Raises InputError
     for a recording that is missing or no recording, and where a file cannot be written.

@@ -1,4 +1,4 @@
-"""Bodies led over the floor at a steady speed, and what their feet carry."""
+"""Steady gait: simulated bodies at one speed, and what biomechanics measures of a foot's vertical load."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _ACCELERATION_M_S2 = 4.0
 
 @dataclass(frozen=True, eq=False)
 class SteadyGait:
-    """n people at one speed in their stride: what each foot carries, and where it stands."""
+    """n people at one speed in their stride: load and position of each foot."""
 
     speed_m_s: float
     stature_m: Array  # (n,)
@@ -38,7 +38,7 @@ class SteadyGait:
 
 @dataclass
 class _GuidedPeople:
-    """What a crowd offers the gait, for people who all go straight ahead."""
+    """Stand-in for a crowd, as the gait needs it, of people who all go straight ahead."""
 
     place: NDArray[np.complex128]
     velocity: NDArray[np.complex128]
@@ -60,7 +60,7 @@ class _GuidedPeople:
 
 
 def simulate_steady(speed_m_s: float, statures_m: Sequence[float], seconds: float = 12.0) -> SteadyGait:
-    """People of these statures [m] who walk or run at one speed for so long, after they have started from standing."""
+    """Simulate people of these statures [m] who walk or run at one speed for so long, after a start from standing."""
     count = len(statures_m)
     led = _GuidedPeople.standing(count)
     skeleton = Skeleton([proportions_of(stature) for stature in statures_m])
@@ -86,7 +86,7 @@ def simulate_steady(speed_m_s: float, statures_m: Sequence[float], seconds: floa
 
 
 def _between(fine: Array, coarse: Array, values: Array) -> Array:
-    """Values (k, ...) at the coarse times, at the fine ones (j, ...)."""
+    """Interpolate values (k, ...) at the coarse times to the fine ones (j, ...)."""
     after = np.clip(np.searchsorted(coarse, fine, side="right"), 1, len(coarse) - 1)
     share = (fine - coarse[after - 1]) / (coarse[after] - coarse[after - 1])
     share = share.reshape(-1, *[1] * (values.ndim - 1))
@@ -108,7 +108,7 @@ class Stance:
 
 @dataclass(frozen=True)
 class StrideMeasures:
-    """Of one person in their stride; loads in body weights.
+    """Measures of one person in their stride; loads in body weights.
 
     mean: of both feet together over whole strides; first, dip, second: of the mean curve of a foot's stances; hump: its
     greatest load; stance_share: of the stride, both feet's mean.
@@ -126,19 +126,19 @@ class StrideMeasures:
 
     @property
     def cadence(self) -> float:
-        """Steps a minute."""
+        """Steps per minute."""
         return 120.0 / self.stride_s
 
 
 def whole_stretches(on: NDArray[np.bool_]) -> list[slice]:
-    """Whole stretches in which the flags (k,) hold, those cut off at the ends left out."""
+    """Find whole stretches in which the flags (k,) hold, those cut off at the ends left out."""
     change = np.diff(on.astype(int))
     starts, ends = np.flatnonzero(change == 1) + 1, np.flatnonzero(change == -1) + 1
     return [slice(int(start), int(ends[ends > start][0])) for start in starts if (ends > start).any()]
 
 
 def stance(load: Array, rate_hz: float) -> Stance:
-    """The stances in a foot's load (k,) [body weights]."""
+    """Cut a foot's load (k,) [body weights] into its stances."""
     found = whole_stretches(load > STANDS_FROM)
     whole = np.linspace(0, 1, STANCE_POINTS)
     curves = [np.interp(whole, np.linspace(0, 1, len(load[each])), load[each]) for each in found]
@@ -148,7 +148,7 @@ def stance(load: Array, rate_hz: float) -> Stance:
 
 
 def load_path(steady: SteadyGait, person: int) -> Array:
-    """Where the load acts over the stances of a person's feet, (m, STANCE_POINTS) [m] ahead of the shoe's heel."""
+    """Compute the point of load over the stances of a person's feet, (m, STANCE_POINTS) [m] ahead of the shoe's heel."""
     whole = np.linspace(0, 1, STANCE_POINTS)
     points = [
         steady.pressure_m[each, foot, person]
@@ -159,7 +159,7 @@ def load_path(steady: SteadyGait, person: int) -> Array:
 
 
 def measure_stride(load: Array, rate_hz: float, step_length_m: float = np.nan) -> StrideMeasures:
-    """The figures of a person from the loads of both feet (k, 2) [body weights]; ValueError without a whole stride."""
+    """Measure a person by the loads of both feet (k, 2) [body weights]; ValueError without a whole stride."""
     stances = [stance(load[:, foot], rate_hz) for foot in range(2)]
     strides, means, lengths = [], [], []
     for foot in range(2):
@@ -187,13 +187,13 @@ def measure_stride(load: Array, rate_hz: float, step_length_m: float = np.nan) -
 
 
 def humps(curve: Array) -> tuple[float, float, float]:
-    """First hump, dip and second hump of a stance's load (STANCE_POINTS,)."""
+    """Find first hump, dip and second hump of a stance's load (STANCE_POINTS,)."""
     third, half = len(curve) // 3, len(curve) // 2
     return float(curve[:half].max()), float(curve[third:-third].min()), float(curve[half:].max())
 
 
 def measure_people(steady: SteadyGait) -> list[StrideMeasures]:
-    """The figures of each person, step lengths from where the feet stand."""
+    """Measure each person, step lengths by the places of the feet."""
     rate_hz = 1 / float(np.diff(steady.t[:2])[0])
     found = []
     for person in range(len(steady.stature_m)):
@@ -209,6 +209,6 @@ def measure_people(steady: SteadyGait) -> list[StrideMeasures]:
 
 
 def values_of(found: list[StrideMeasures], name: str) -> Array:
-    """One figure of everybody, (n,); `name`: a field of `StrideMeasures`, or cadence."""
+    """Collect one measure of all people, (n,); `name`: a field of `StrideMeasures`, or cadence."""
     assert name == "cadence" or name in {field.name for field in fields(StrideMeasures)}
     return np.array([getattr(each, name) for each in found])

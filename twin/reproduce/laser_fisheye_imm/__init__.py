@@ -1,1 +1,1 @@
-"""The figures of Bai and Takahashi, theirs beside ours, and further than the paper went."""
+"""`twin reproduce laser-fisheye-imm`: figures and table of Bai and Takahashi, theirs beside ours, and further."""

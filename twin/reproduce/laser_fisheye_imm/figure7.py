@@ -50,7 +50,7 @@ _BLOCK = 20  # runs at a time: their particles stay in the processor's cache, an
 
 @dataclass(frozen=True, eq=False)
 class Estimates:
-    """What a filter made of n runs of k scans."""
+    """Estimates of a filter in n runs of k scans."""
 
     position: Array  # (n, k, 2) [m]
     speed: Array  # (n, k, 3) [m/s] ≥ 0, one a reading
@@ -58,13 +58,13 @@ class Estimates:
 
 @dataclass(frozen=True, eq=False)
 class SquaredErrors:
-    """Squared errors of a quantity in n runs of k scans, by filter, and of what is measured."""
+    """Squared errors of a quantity in n runs of k scans, by filter, and of its measurements."""
 
     by_filter: dict[str, Array]  # name -> (n, k)
     measured: Array  # (n, k)
 
     def normalised(self) -> dict[str, Array]:
-        """The filters' summed squared error over that of the measurements at each scan, (k,): NPE or NVE (eq. 8)."""
+        """Divide the filters' summed squared error by that of the measurements at each scan, (k,): NPE or NVE (eq. 8)."""
         return {name: errors.sum(axis=0) / self.measured.sum(axis=0) for name, errors in self.by_filter.items()}
 
 
@@ -80,7 +80,7 @@ class MonteCarlo:
 
 
 def simulate(walk: Walk, seeds: range, on_progress: Callable[[str, float, float], None] | None = None) -> MonteCarlo:
-    """Run the three filters on the walk, once a seed. The particles of the runs of a block share a stream."""
+    """Run the three filters on the walk, once per seed. The particles of the runs of a block share a stream."""
     measured = measurements(walk, seeds)
     parts: dict[str, list[Estimates]] = {name: [] for name in FILTERS}
     for first in range(0, len(seeds), _BLOCK):
@@ -113,14 +113,14 @@ def simulate(walk: Walk, seeds: range, on_progress: Callable[[str, float, float]
 
 
 def measurements(walk: Walk, seeds: range) -> Array:
-    """The walk as measured in each run, (n, k, 2) [m]; the noise of a seed does not depend on the other seeds."""
+    """Measure the walk in each run, (n, k, 2) [m]; the noise of a seed does not depend on the other seeds."""
     deviation = np.sqrt(MEASUREMENT_VARIANCE_M2)
     noise = [stream(seed, "reproduce", "measurements").normal(0.0, deviation, walk.position.shape) for seed in seeds]
     return walk.position + np.array(noise)
 
 
 def initial_state(imm: Imm, measured: Array) -> ImmState:
-    """A filter's state at scan 1, from the first two measurements of (n, k, 2) [m]."""
+    """Initiate a filter at scan 1, from the first two measurements of (n, k, 2) [m]."""
     prior = START_SPEED_M_S**2
     trust = prior / (prior + 2 * MEASUREMENT_VARIANCE_M2 / PERIOD_S**2)
     velocity = (measured[:, 1] - measured[:, 0]) / PERIOD_S
@@ -128,7 +128,7 @@ def initial_state(imm: Imm, measured: Array) -> ImmState:
 
 
 def kalman_estimates(imm: Imm, measured: Array) -> Estimates:
-    """The IMM, or with one mode the extended Kalman filter, over measurements (n, k, 2) [m], from scan 2 on."""
+    """Run the IMM, or with one mode the extended Kalman filter, over measurements (n, k, 2) [m], from scan 2 on."""
     state, everyone = initial_state(imm, measured), np.arange(len(measured))
     position, speed = [], []
     for scan in range(FIRST_SCAN, measured.shape[1]):
@@ -141,7 +141,7 @@ def kalman_estimates(imm: Imm, measured: Array) -> Estimates:
 
 
 def particle_estimates(measured: Array, rng: np.random.Generator, n_particle: int = N_PARTICLE) -> Estimates:
-    """The particle filter over measurements (n, k, 2) [m], from scan 2 on: model 3, plain resampling at every scan."""
+    """Run the particle filter over measurements (n, k, 2) [m], from scan 2 on: model 3, plain resampling at every scan."""
     single = kalman((PARTICLE_MODEL,))
     mean, covariance = single.estimate(initial_state(single, measured))
     algorithm = ParticleFilter(resampling="plain", threshold=1.0)
@@ -155,14 +155,16 @@ def particle_estimates(measured: Array, rng: np.random.Generator, n_particle: in
 
 
 def _speeds(state: Array, mean: Callable[[Array], Array]) -> Array:
-    """The speed of n people in each of `READINGS`, (n, 3) [m/s], from modes or particles (5, ...) and their mean."""
+    """Compute the speed of n people in each of `READINGS`, (n, 3) [m/s], from modes or particles (5, ...) and their
+    mean.
+    """
     speed, heading = state[SPEED], state[HEADING]
     along_x, along_y = mean(speed * np.cos(heading)), mean(speed * np.sin(heading))
     return np.stack([mean(np.abs(speed)), np.abs(mean(speed)), np.hypot(along_x, along_y)], axis=-1)
 
 
 def _propagate(state: Array, rng: np.random.Generator) -> Array:
-    """Particles (5, n, p) one scan later, each under its own disturbance."""
+    """Move particles (5, n, p) by one scan, each under its own disturbance."""
     disturbance = rng.standard_normal((2, *state.shape[1:]))
     disturbance[0] *= np.sqrt(PARTICLE_MODEL.acceleration_variance)
     disturbance[1] *= np.sqrt(PARTICLE_MODEL.turn_acceleration_variance)
@@ -197,12 +199,12 @@ class Curves:
     by_filter: dict[str, Array]
 
     def lowest(self) -> Array:
-        """Where the IMM is below both others, (1 + replicates, k)."""
+        """Tell where the IMM is below both others, (1 + replicates, k)."""
         return np.all([self.by_filter[IMM] < curve for name, curve in self.by_filter.items() if name != IMM], axis=0)
 
 
 def curves(runs: MonteCarlo) -> tuple[Curves, Curves]:
-    """NPE and NVE, on the same bootstrap replicates."""
+    """Compute NPE and NVE, on the same bootstrap replicates."""
     bootstrap = _bootstrap(runs)
     return (
         _curves(NPE, "NPE", runs.position, bootstrap),
@@ -211,7 +213,8 @@ def curves(runs: MonteCarlo) -> tuple[Curves, Curves]:
 
 
 def figure7_results(runs: MonteCarlo) -> list[Result]:
-    """Every figure of figure 7: means over the scans, the IMM against the others, and the other readings of a speed.
+    """Compute every result of figure 7: means over the scans, the IMM against the others, and the other readings of a
+    speed.
 
     The paper shows curves and prints no number of them.
     """

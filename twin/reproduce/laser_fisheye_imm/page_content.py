@@ -1,4 +1,4 @@
-"""What the page says of the lab's runs: table I, its differences, the occlusions, the densities, conditions and strips."""
+"""Content of the page: table I, statements about it, occlusions, densities, conditions and film strips."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ from twin.reproduce.laser_fisheye_imm.table_one import (
     ROWS,
     breaks_at,
     cell,
-    claims,
     error_rate,
-    paper_figure,
+    paper_value,
+    statements,
     values,
 )
 from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S
@@ -49,8 +49,10 @@ MOST_A_CONDITION = 4
 
 
 def choose_incidents(lab: LabRuns) -> list[CaseIncident]:
-    """What is drawn: every moment of the full system at the paper's experiment, and the first of each kind of each other
-    column there; beyond it at most `MOST_A_CONDITION` of the full system a condition, of every run and kind by turns.
+    """Choose the incidents to draw.
+
+    At the paper's experiment: every incident of the full system, and the first of each kind of each other column.
+    Beyond it: at most `MOST_A_CONDITION` of the full system per condition, of every run and kind by turns.
     """
     chosen = []
     for place, condition in enumerate(lab.conditions):
@@ -66,7 +68,7 @@ def choose_incidents(lab: LabRuns) -> list[CaseIncident]:
 
 
 def lab_content(lab: LabRuns, strips: Sequence[FilmStrip]) -> dict[str, Any]:
-    """Everything that the templates of the lab's part name."""
+    """Collect everything that the templates of the lab's part name."""
     papers = lab.paper_condition
     return {
         "filters": [(filter_, SENSOR_SETS) for filter_ in (IMM, KALMAN)],
@@ -78,7 +80,7 @@ def lab_content(lab: LabRuns, strips: Sequence[FilmStrip]) -> dict[str, Any]:
         "area": _size(lab),
         "seeds": format_ranges(np.array(papers.seeds)),
         "first_seed": lab.first.seed,
-        "claims": claims(papers),
+        "statements": statements(papers),
         "densities": _densities(lab) if len(lab.densities) > 1 else None,
         "conditions": [_condition(each, papers=False) for each in lab.others],
         "strips": _strips(lab, strips),
@@ -91,7 +93,7 @@ def lab_content(lab: LabRuns, strips: Sequence[FilmStrip]) -> dict[str, Any]:
 
 
 def _ceiling(lab: LabRuns) -> dict[str, Any]:
-    """The MOTA and IDF1 of a tracker without a fault that believes nobody before they are confirmed."""
+    """Compute the MOTA and IDF1 of a faultless tracker that reports people only once confirmed."""
     confirm_s = LaserFisheyeImmOptions().track_management.confirm_s
     missed = round(confirm_s * lab.scan_rate_hz)
     return {
@@ -108,7 +110,7 @@ def _size(lab: LabRuns) -> str:
 
 
 def _condition(condition: LabCondition, papers: bool) -> dict[str, Any]:
-    """A condition's table, a row a figure, a cell a column; and its occlusions."""
+    """Build a condition's table, a row per metric, a cell per column; and its occlusions."""
     return {
         "name": condition.name,
         "overrides": condition.overrides,
@@ -129,7 +131,7 @@ def _cell(condition: LabCondition, column: Any, row: str, papers: bool) -> dict[
     found = values(condition, column, row)
     if np.isnan(found).all():
         return {"mean": "–", "interval": "", "most": "", "paper": None}
-    paper = paper_figure(column, row) if papers else None
+    paper = paper_value(column, row) if papers else None
     decimals = 2 if row in COUNTS else 3
     unit = " m" if row in RATES and RATES[row][1] == "m" else ""
     middle = cell(condition, column, row)
@@ -196,7 +198,7 @@ def _strips(lab: LabRuns, strips: Sequence[FilmStrip]) -> list[dict[str, Any]]:
 
 
 def figure7_content(runs: MonteCarlo, found: Sequence[Curves]) -> dict[str, Any]:
-    """What the page says of figure 7 and the walk of figure 6."""
+    """Collect what the page shows of figure 7 and the walk of figure 6."""
     return {
         "n_run": len(runs.seeds),
         "seeds": f"{runs.seeds.start} to {runs.seeds[-1]}",

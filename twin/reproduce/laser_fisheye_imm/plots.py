@@ -1,4 +1,6 @@
-"""Figures 6 and 7 as SVG: the walk, and the filters' errors over its scans with the maneuvers marked."""
+"""Plots as SVG: the walk and its errors (figures 6 and 7), paths of a run (figure 9), table I, densities and
+conditions.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,7 @@ _WIDTHS = dict(zip(FILTERS, [2.2, 1.3, 1.3], strict=True))
 
 
 def walk_svg(walk: Walk) -> str:
-    """Figure 6: footprint, linear velocity and turning velocity of the walk, as an SVG document."""
+    """Draw figure 6: footprint, linear velocity and turning velocity of the walk."""
     from matplotlib.figure import Figure
 
     with plot_style():
@@ -51,7 +53,7 @@ def walk_svg(walk: Walk) -> str:
 
 
 def errors_svg(walk: Walk, scans: np.ndarray, found: Sequence[Curves]) -> str:
-    """Figure 7: NPE and NVE at each scan with their 95 % bands, as an SVG document."""
+    """Draw figure 7: NPE and NVE at each scan with their 95 % bands, maneuvers shaded."""
     from matplotlib.figure import Figure
 
     with plot_style():
@@ -94,7 +96,7 @@ def _footprint(axes: Axes, walk: Walk) -> None:
 
 
 def _maneuver_places(walk: Walk) -> list[tuple[np.ndarray, str]]:
-    """Where maneuvers begin and what they are called; those within half a metre of each other share a place."""
+    """Find the starts of maneuvers and their labels; those within half a metre of each other share a place."""
     places: list[tuple[np.ndarray, str]] = []
     for maneuver in walk.maneuvers:
         scan = round(maneuver.start_t / PERIOD_S)
@@ -131,7 +133,9 @@ _EVENTS = {"misidentification": ("X", "misidentified"), "lost": ("d", "lost")}
 
 
 def figure9_svg(run: LabRun, area: np.ndarray) -> str:
-    """Footprints, and x and y against time: truth broad and pale, tracks thin and dark; area: its corners (k, 2) [m]."""
+    """Draw figure 9: footprints, x and y against time; truth broad and pale, tracks thin and dark. area: its corners
+    (k, 2) [m].
+    """
     from matplotlib.figure import Figure
 
     with plot_style():
@@ -164,7 +168,7 @@ def _true_paths(axes: Axes, run: LabRun, across: np.ndarray, up: np.ndarray) -> 
 
 
 def _on_white(shirt: str | None) -> tuple[float, float, float]:
-    """A shirt's colour as it can be seen on white paper; grey for a shirt that was drawn at random."""
+    """Darken a shirt's colour for white paper; grey for a shirt that was drawn at random."""
     rgb = (0.5, 0.5, 0.5) if shirt is None else wardrobe().rgb("shirt", shirt)
     light = 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]
     scale = min(1.0, _LIGHTEST / max(light, 1e-6))
@@ -186,7 +190,7 @@ def _tracks(axes: Axes, run: LabRun, across: np.ndarray, up: np.ndarray) -> None
 
 
 def _events(axes: Axes, run: LabRun, across: np.ndarray, up: np.ndarray) -> None:
-    """A mark where a track goes over to somebody else, or ends too early."""
+    """Mark where a track goes over to another person, or ends too early."""
     for kind, (marker, word) in _EVENTS.items():
         found = [event for event in run.evaluation.events if event.kind == kind]
         at = [
@@ -216,17 +220,17 @@ _MARKERS = {sensors: marker for sensors, marker in zip(SENSOR_SETS, "osD", stric
 
 
 def table_one_svg(condition: LabCondition) -> str:
-    """Misidentified and lost in every run of a condition, a row a column of the table, as an SVG document."""
+    """Draw misidentified and lost in every run of a condition, a row per column of the table."""
     return _rows_svg([(condition, MISIDENTIFIED, "(a) misidentified"), (condition, LOST, "(b) lost")], height=2.9)
 
 
 def conditions_svg(conditions: Sequence[LabCondition]) -> str:
-    """Misidentified and lost together in every run, a panel a condition, as an SVG document."""
+    """Draw misidentified and lost together in every run, a panel per condition."""
     return _rows_svg([(each, TOTAL, each.name) for each in conditions], height=2.7)
 
 
 def densities_svg(densities: Sequence[LabCondition], area_m2: float) -> str:
-    """Errors per minute of a person in the area against people there, every column, as an SVG document."""
+    """Draw errors per minute of a person in the area against the number of people, every column."""
     from matplotlib.figure import Figure
 
     with plot_style():
@@ -281,7 +285,7 @@ def _rows_svg(panels: Sequence[tuple[LabCondition, str, str]], height: float) ->
 
 
 def _dots(axes: Axes, condition: LabCondition, row: str) -> None:
-    """Every run a pale dot (equal ones beside each other), the mean a mark with its interval."""
+    """Draw every run as a pale dot (equal ones side by side), the mean as a mark with its interval."""
     from matplotlib.ticker import MaxNLocator
 
     for place, column in enumerate(COLUMNS):
@@ -314,7 +318,7 @@ def _label(column: Column) -> str:
 
 
 def _spread(found: np.ndarray) -> np.ndarray:
-    """How far off its row each run's dot stands, so that equal ones do not cover each other, (n,)."""
+    """Shift each run's dot off its row, so that equal ones do not cover each other, (n,)."""
     off = np.zeros(len(found))
     for value in np.unique(found):
         same = np.flatnonzero(found == value)

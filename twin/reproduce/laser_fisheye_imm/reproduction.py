@@ -1,4 +1,4 @@
-"""Everything `twin reproduce laser-fisheye-imm` leaves behind."""
+"""Reproduction of Bai and Takahashi: what `twin reproduce laser-fisheye-imm` writes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ N_RUN = 100
 
 
 def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
-    """Run figure 7 and the suite and write results, plots, strips and page into `folder`.
+    """Run figure 7 and the suite and write results, plots, film strips and page into `folder`.
 
     Raises InputError for a suite that cannot be, for a folder that holds another reproduction's runs (or the same one's,
     without `resume`), for conditions with fewer than two whole runs, and where a file cannot be written.
@@ -52,7 +52,9 @@ def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = N
 
 
 def write_all(folder: Path, runs: MonteCarlo, lab: LabRuns, strips: list[FilmStrip], command: str) -> Outputs:
-    """Write what was found: results, tables of runs and moments, plots, strips, page. Raises InputError as files do."""
+    """Write results, tables of runs and incidents, plots, film strips and page. Raises InputError where a file cannot
+    be written.
+    """
     found = curves(runs)
     results = [*figure7_results(runs), *lab_results(lab)]
     drawn = {
@@ -86,7 +88,7 @@ def write_all(folder: Path, runs: MonteCarlo, lab: LabRuns, strips: list[FilmStr
 
 
 def write_runs(path: Path, lab: LabRuns) -> None:
-    """Write every run as a row: condition, seed, column, people, person_minutes, long_occlusions, and its figures."""
+    """Write every run as a row: condition, seed, column, people, person_minutes, long_occlusions, and its metrics."""
     figures = ("misidentifications", "lost_tracks", "id_switches", "mota", "idf1", "motp_m")
     with open_atomic(path) as stream:
         rows = csv.writer(stream, lineterminator="\n")

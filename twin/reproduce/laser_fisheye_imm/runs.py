@@ -1,4 +1,4 @@
-"""What the lab's runs are told in: the six columns of table I, a condition's figures, one run in full.
+"""Runs of the lab, read from the suite's results: the six columns of table I, conditions, and one run in full.
 
 A condition is an entry of the suite: so many people, in such clothes and such light. The entry `people-5` is the paper's
 experiment; `people-N` with other numbers are its densities.
@@ -42,7 +42,7 @@ class Column:
 
     @property
     def name(self) -> str:
-        """As it stands in tables."""
+        """Name in tables."""
         return f"{self.filter}, {self.sensors}"
 
 
@@ -65,7 +65,7 @@ DENSITY = re.compile(r"people-\d+")
 
 @dataclass(frozen=True)
 class LongOcclusion:
-    """An occlusion of a run that lasts longer than tracks coast; lost: whether the full system's track ended in it."""
+    """An occlusion of a run that lasts longer than tracks coast; lost: the full system's track ended in it."""
 
     seed: int
     person: str
@@ -76,7 +76,7 @@ class LongOcclusion:
 
 @dataclass(frozen=True, eq=False)
 class LabCondition:
-    """What n runs of a condition gave."""
+    """n runs of a condition."""
 
     name: str
     overrides: tuple[str, ...]
@@ -88,13 +88,13 @@ class LabCondition:
     incidents: tuple[CaseIncident, ...]
 
     def errors(self, column: Column) -> Array:
-        """Misidentified and lost together in each run, (n,)."""
+        """Count misidentified and lost together in each run, (n,)."""
         found = self.metrics[column.tracker]
         return found["misidentifications"] + found["lost_tracks"]
 
     @property
     def has_long_occlusion(self) -> NDArray[np.bool_]:
-        """Which runs hold an occlusion longer than tracks coast, (n,)."""
+        """Runs with an occlusion longer than tracks coast, (n,)."""
         return np.isin(self.seeds, [each.seed for each in self.long_occlusions])
 
 
@@ -123,7 +123,7 @@ class LabRuns:
 
     @property
     def area_m2(self) -> float:
-        """The tracked area's size."""
+        """Size of the tracked area."""
         (x, y), (x2, y2) = self.area.T, np.roll(self.area, -1, axis=0).T
         return float(abs((x * y2 - x2 * y).sum()) / 2)
 
@@ -160,7 +160,7 @@ def check_suite(suite: Suite, path: Path) -> None:
 
 
 def read_lab(found: SuiteRuns) -> LabRuns:
-    """The lab's runs from those of the suite; a recording that has left the cache is made again."""
+    """Read the lab's runs from those of the suite; a recording that has left the cache is made again."""
     conditions, runs = [], {}
     for name, whole in found.by_condition.items():
         full = [_one_run(cases[FULL.tracker], found) for cases in whole.values()]

@@ -1,4 +1,5 @@
-"""Table I of Bai and Takahashi, ours beside theirs; every condition's six columns; and where each column breaks.
+"""Table I of Bai and Takahashi: every condition's six columns, ours beside theirs; statements; and the density at which
+each column breaks.
 
 Counts are means per run of the paper's length; intervals are percentile bootstraps over runs, differences are paired by
 seed. A column breaks at the first density at which the interval of its errors (misidentified and lost) per minute of a
@@ -47,8 +48,8 @@ _PAPER = {
 }  # of the IMM; the Kalman filter's row is damaged in the text we have: 2, 0, 19, 5 and 4 are legible, but not of what
 
 
-def paper_figure(column: Column, row: str) -> float | None:
-    """What the paper's table says, of its one run; None where it is silent or illegible."""
+def paper_value(column: Column, row: str) -> float | None:
+    """Look up a value in the paper's table, of its one run; None where it is silent or illegible."""
     if column.filter != IMM:
         return None
     if row == TOTAL:
@@ -57,7 +58,7 @@ def paper_figure(column: Column, row: str) -> float | None:
 
 
 def values(condition: LabCondition, column: Column, row: str) -> Array:
-    """A row of the table in each run, (n,)."""
+    """Return a row of the table in each run, (n,)."""
     if row == TOTAL:
         return condition.errors(column)
     figure = {MISIDENTIFIED: "misidentifications", LOST: "lost_tracks"}.get(row) or RATES[row][0]
@@ -65,7 +66,7 @@ def values(condition: LabCondition, column: Column, row: str) -> Array:
 
 
 def cell(condition: LabCondition, column: Column, row: str) -> Interval:
-    """A cell of the table: the mean over the runs that have the figure, with its interval."""
+    """Compute a cell of the table: the mean over the runs that have the metric, with its interval."""
     found = values(condition, column, row)
     if row in COUNTS:
         return _bootstrap(len(found), condition).rate(found, np.ones(len(found)))
@@ -74,13 +75,13 @@ def cell(condition: LabCondition, column: Column, row: str) -> Interval:
 
 
 def difference(condition: LabCondition, column: Column, other: Column) -> Interval:
-    """Errors of a column minus those of another, mean over runs, paired by seed."""
+    """Compute errors of a column minus those of another, mean over runs, paired by seed."""
     change = condition.errors(column) - condition.errors(other)
     return _bootstrap(len(change), condition).difference(change)
 
 
 def filters_difference(condition: LabCondition) -> Interval:
-    """Errors of the IMM minus those of the Kalman filter, each summed over the sensor sets, paired by seed."""
+    """Compute errors of the IMM minus those of the Kalman filter, each summed over the sensor sets, paired by seed."""
     change = sum(
         (condition.errors(each) * (1 if each.filter == IMM else -1) for each in COLUMNS),
         start=np.zeros(len(condition.seeds)),
@@ -89,13 +90,13 @@ def filters_difference(condition: LabCondition) -> Interval:
 
 
 def error_rate(condition: LabCondition, column: Column) -> Interval:
-    """Errors per minute of a person in the area."""
+    """Compute errors per minute of a person in the area."""
     errors = condition.errors(column)
     return _bootstrap(len(errors), condition).rate(errors, condition.person_minutes)
 
 
 def breaks_at(densities: Sequence[LabCondition], column: Column) -> LabCondition | None:
-    """The first of these conditions at which the interval of the error rate leaves zero; None: at none of them."""
+    """Find the first of these conditions at which the interval of the error rate leaves zero; None: at none of them."""
     return next((each for each in densities if error_rate(each, column).low > 0), None)
 
 
@@ -110,7 +111,7 @@ class LossesByOcclusion:
 
 
 def losses_by_occlusion(condition: LabCondition) -> LossesByOcclusion:
-    """How the full system's losses fall on runs with and without such an occlusion."""
+    """Count the full system's losses in runs with and without such an occlusion."""
     lost, has_long_occlusion = values(condition, FULL, LOST), condition.has_long_occlusion
     return LossesByOcclusion(
         int(has_long_occlusion.sum()),
@@ -121,7 +122,7 @@ def losses_by_occlusion(condition: LabCondition) -> LossesByOcclusion:
 
 
 def lab_results(lab: LabRuns) -> list[Result]:
-    """Every figure: table I, the paired differences, and the same beyond the paper."""
+    """Compute every result: table I, the paired differences, and the same beyond the paper."""
     return [
         *_table(lab.paper_condition, TABLE_ONE, prefix="", papers=True),
         *_paired(lab.paper_condition, PAIRED, prefix=""),
@@ -147,7 +148,7 @@ def _table(condition: LabCondition, where: str, prefix: str, papers: bool) -> It
         for column in COLUMNS:
             if row not in COUNTS and np.isnan(values(condition, column, row)).all():
                 continue  # nobody was matched in any run: the figure does not apply
-            paper = paper_figure(column, row) if papers else None
+            paper = paper_value(column, row) if papers else None
             yield _result(where, prefix + row, column.name, paper, cell(condition, column, row), unit, condition)
 
 
@@ -179,29 +180,29 @@ LEAST_MOTA, LEAST_IDF1, MOST_MOTP_M = 0.97, 0.99, 0.10
 
 
 @dataclass(frozen=True)
-class Claim:
-    """A sentence, whether the runs bear it out, and the figures it rests on."""
+class Statement:
+    """A statement about table I, its verdict by these runs, and the evidence."""
 
     text: str
     verdict: Verdict
     evidence: str
 
 
-def claims(condition: LabCondition) -> list[Claim]:
-    """The claims about the paper's experiment, in order."""
-    return list(_claims(condition))
+def statements(condition: LabCondition) -> list[Statement]:
+    """Check the statements about the paper's experiment, in order."""
+    return list(_statements(condition))
 
 
-def _claims(condition: LabCondition) -> Iterator[Claim]:
+def _statements(condition: LabCondition) -> Iterator[Statement]:
     n_run = len(condition.seeds)
     misidentified = int(values(condition, FULL, MISIDENTIFIED).sum())
-    yield Claim(
+    yield Statement(
         "The full system with IMM takes nobody for somebody else, in any run.",
         _holds(misidentified == 0),
         f"{misidentified} in {n_run} runs",
     )
     found = losses_by_occlusion(condition)
-    yield Claim(
+    yield Statement(
         f"It loses nobody in a run without an occlusion longer than the {COAST_S:g} s that tracks coast.",
         _holds(found.lost_without == 0),
         f"{found.lost_without} lost in {found.n_run_without} such runs; {found.lost_with} in the other "
@@ -209,13 +210,13 @@ def _claims(condition: LabCondition) -> Iterator[Claim]:
     )
     sums = {each.name: int(condition.errors(each).sum()) for each in COLUMNS}
     own = sums.pop(FULL.name)
-    yield Claim(
+    yield Statement(
         "Every other column makes more errors, summed over the runs.",
         _holds(min(sums.values()) > own),
         f"{own} against " + ", ".join(f"{total} ({name})" for name, total in sums.items()),
     )
     change = filters_difference(condition)
-    yield Claim(
+    yield Statement(
         "The Kalman filter makes more errors than the IMM, summed over the sensor sets and paired by seed.",
         "holds" if change.high < 0 else "does not hold" if change.low > 0 or change.value >= 0 else "not decided",
         f"IMM − Kalman: {change.value:.2f} errors a run, 95 %: {change.low:.2f} to {change.high:.2f}".replace("-", "−"),
@@ -223,13 +224,13 @@ def _claims(condition: LabCondition) -> Iterator[Claim]:
     own_figures = {row: cell(condition, FULL, row).value for row in ("MOTA", "IDF1", "MOTP") if _known(condition, row)}
     for row, bound in (("MOTA", LEAST_MOTA), ("IDF1", LEAST_IDF1)):
         if row in own_figures:
-            yield Claim(
+            yield Statement(
                 f"{row} of the full system is at least {bound:g}, on the mean.",
                 _holds(own_figures[row] >= bound),
                 f"{own_figures[row]:.3f}, least in a run {np.nanmin(values(condition, FULL, row)):.3f}",
             )
     if "MOTP" in own_figures:
-        yield Claim(
+        yield Statement(
             f"Its tracks are {MOST_MOTP_M:g} m from their people at most, on the mean (MOTP).",
             _holds(own_figures["MOTP"] <= MOST_MOTP_M),
             f"{own_figures['MOTP']:.3f} m, most in a run {np.nanmax(values(condition, FULL, 'MOTP')):.3f} m",

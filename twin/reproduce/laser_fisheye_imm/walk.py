@@ -59,7 +59,7 @@ LEGS = (
 
 @dataclass(frozen=True)
 class Maneuver:
-    """A leg that is no steady walking: what it is, and from when to when [s]."""
+    """A leg that is no steady walking: its kind, start and end [s]."""
 
     kind: Kind
     start_t: float
@@ -82,7 +82,7 @@ class Walk:
 
 
 def maneuvering_walk() -> Walk:
-    """The walk of `LEGS`, sampled every `PERIOD_S`; at a border between legs the turn rate is that of the leg before."""
+    """Sample the walk of `LEGS` every `PERIOD_S`; at a border between legs the turn rate is that of the leg before."""
     duration = np.array([leg.duration_s for leg in LEGS])
     ends = np.cumsum(duration)
     starts = ends - duration

@@ -1,1 +1,1 @@
-"""`twin reproduce laser-vision-learning`: the paper's tables and figures beside ours."""
+"""`twin reproduce laser-vision-learning`: tables and figures of Song et al., theirs beside ours."""

@@ -26,7 +26,7 @@ _PANELS = (
 
 
 def figure11_svg(run: HallRun, condition: HallCondition) -> str:
-    """(a) failures of each system in each second of a run, (b) people and who of them interact, (c) time per frame."""
+    """Draw figure 11: (a) failures of each system over a run, (b) people and those interacting, (c) time per frame."""
     from matplotlib.figure import Figure
 
     systems = [name for name in SYSTEMS if name in run.evaluations] or list(run.evaluations)
@@ -49,7 +49,7 @@ def figure11_svg(run: HallRun, condition: HallCondition) -> str:
 
 
 def densities_svg(densities: Sequence[HallCondition]) -> str:
-    """Accuracy, both disposals, and time per frame against people there, each system, as an SVG document."""
+    """Draw accuracy, both disposals, and time per frame against the number of people, each system."""
     from matplotlib.figure import Figure
 
     with plot_style():
@@ -91,7 +91,7 @@ def _people_a_frame(condition: HallCondition) -> float:
 
 
 def _values(condition: HallCondition, tracker: str, key: str) -> Array:
-    """What a panel shows of each run, (n,)."""
+    """Return what a panel shows of each run, (n,)."""
     if key == "accuracy":
         return condition.accuracy(tracker)
     if key == "cost":

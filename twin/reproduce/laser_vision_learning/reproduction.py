@@ -1,4 +1,4 @@
-"""Everything `twin reproduce laser-vision-learning` leaves behind."""
+"""Reproduction of Song et al.: what `twin reproduce laser-vision-learning` writes."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ from twin.suites.worker import Incident, resolved_scenario
 
 
 def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
-    """Run the suite and write results, plots, strips and page into `folder`.
+    """Run the suite and write results, plots, film strips and page into `folder`.
 
     Raises InputError for a suite that cannot be, for a folder that holds another reproduction's runs (or the same one's,
     without `resume`), for conditions with fewer than two whole runs, and where a file cannot be written.
@@ -69,7 +69,7 @@ def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = N
 def write_all(
     folder: Path, hall: HallRuns, strips: Sequence[FilmStrip], chosen: Sequence[Result], command: str
 ) -> Outputs:
-    """Write what was found: results, table of runs, plots, strips, page. Raises InputError as files do."""
+    """Write results, table of runs, plots, film strips and page. Raises InputError where a file cannot be written."""
     results = [*hall_results(hall), *chosen]
     conditions = hall.conditions
     drawn = {"figure11": figure11_svg(hall.hall, conditions["hall"])}
@@ -112,7 +112,7 @@ def _facts(condition: HallCondition) -> dict[str, object]:
 
 
 def _fits(hall: HallRuns) -> list[tuple[str, str]]:
-    """By system, the line through the time per frame of all runs, in words."""
+    """Describe by system the linear fit of the time per frame of all runs."""
     every = [each for each in hall.conditions.values() if each is not hall.ablation]
     told = []
     for tracker in hall.conditions["hall"].trackers:
@@ -126,7 +126,9 @@ def _fits(hall: HallRuns) -> list[tuple[str, str]]:
 
 
 def _grid(results: Sequence[Result], where: str) -> dict[str, object] | None:
-    """Results of one kind as a table: a row a figure of a condition, a column a tracker; of the many ablations turned."""
+    """Pivot results of one kind: a row per metric of a condition, a column per tracker; of the many ablations
+    transposed.
+    """
     own = [replace(each, row=each.row.removeprefix("ablation, ")) for each in results if each.where == where]
     if not own:
         return None
@@ -141,7 +143,7 @@ def _grid(results: Sequence[Result], where: str) -> dict[str, object] | None:
 
 
 def _write_runs(path: Path, hall: HallRuns) -> None:
-    """Write every run as a row: condition, seed, tracker, and its figures."""
+    """Write every run as a row: condition, seed, tracker, and its metrics."""
     figures = (
         "accuracy", "failures.person_frames", "failures.missed", "failures.false_location", "failures.identity_wrong",
         "disposal.correlated.total", "disposal.correlated.disposed", "disposal.merge_split.total",
@@ -163,7 +165,7 @@ _LEAST_S = 0.5
 
 @dataclass(frozen=True)
 class Merge:
-    """A merge for the rig, between whom, and which systems disposed of it."""
+    """A merge for the rig: its two people, and the systems that disposed of it."""
 
     start_s: float
     end_s: float
@@ -172,13 +174,15 @@ class Merge:
 
     @property
     def description(self) -> str:
-        """Who, from when to when."""
+        """People, start and end in words."""
         return f"{self.people[0]} and {self.people[1]}, merged from {self.start_s:.1f} to {self.end_s:.1f} s"
 
 
 def rank_merges(run: HallRun) -> list[Merge]:
-    """The merges of a run that all systems are judged by and that last half a second, the most telling first: those that
-    the fused system disposes of and most others do not, then the longest."""
+    """Rank the merges of a run that last half a second and that every system is judged by.
+
+    First those that the fused system disposes of and most others do not, then the longest.
+    """
     table = run.situations.select("merged_rig")
     found = []
     for row in range(len(table)):
@@ -196,8 +200,9 @@ def rank_merges(run: HallRun) -> list[Merge]:
 
 
 def merge_incidents(run: HallRun, merges: list[Merge]) -> list[CaseIncident]:
-    """The first merge through every system, the next ones through the first system, each a moment: its middle, told by
-    whether it was disposed of."""
+    """Convert merges to incidents, each at its middle: the first through every system, the next ones through the first
+    system.
+    """
     moments = []
     for number, merge in enumerate(merges[:MOST_DRAWN]):
         for name, case in run.cases.items():
@@ -211,7 +216,7 @@ def merge_incidents(run: HallRun, merges: list[Merge]) -> list[CaseIncident]:
 
 
 def _right(run: HallRun, name: str, pair: tuple[int, int], start_ns: int, end_ns: int) -> bool | None:
-    """Whether a system disposed of a merge; None where it was not judged by it."""
+    """Tell whether a system disposed of a merge; None where it was not judged by it."""
     people, stamps_ns = run.evaluations[name].people, run.evaluations[name].stamps_ns
     late_ns = end_ns + round(AFTER_S * NS_PER_S)
     if not np.isin(pair, people.person_ids).all() or late_ns > stamps_ns[-1]:

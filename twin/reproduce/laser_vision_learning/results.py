@@ -1,4 +1,4 @@
-"""Tables I and II of Song et al., ours beside theirs, and further: each figure a result with its interval.
+"""Tables I and II of Song et al., ours beside theirs, and further: each value with its interval.
 
 Shares are of all runs together, their intervals percentile bootstraps over runs; differences are paired by seed.
 """
@@ -45,7 +45,7 @@ _PAPER_PLACE = {
 
 
 def hall_results(hall: HallRuns) -> list[Result]:
-    """Every figure of the page."""
+    """Compute every result of the page."""
     found = [each for name in (BUSY, HALL) for each in _place(hall.conditions[name])]
     found += _disposals(hall.conditions[BUSY], TABLE_ONE, papers=True)
     found += _accuracies(hall.conditions[BUSY], TABLE_ONE, papers=False)
@@ -63,7 +63,8 @@ def hall_results(hall: HallRuns) -> list[Result]:
 
 
 def cost_fit(conditions: list[HallCondition], tracker: str) -> Array | None:
-    """Least squares of the mean time per frame [ms] on (1, people a frame, interacting people a frame), over all runs.
+    """Fit the mean time per frame [ms] to (1, people per frame, interacting people per frame) by least squares over all
+    runs.
 
     The three coefficients and the share of the variance that they explain (4,); None with fewer than five runs.
     """
@@ -157,7 +158,9 @@ def _beyond(condition: HallCondition, where: str) -> Iterator[Result]:
 
 
 def _losses(condition: HallCondition, hall: HallCondition) -> Iterator[Result]:
-    """How much accuracy a change of the hall costs, paired by seed, over as many frames as the change was seen for."""
+    """Compute the accuracy that a change of the hall costs, paired by seed, over as many frames as the change was run
+    for.
+    """
     seeds = [seed for seed in condition.seeds if seed in hall.seeds]
     for tracker in condition.trackers:
         if tracker not in hall.trackers or not seeds:

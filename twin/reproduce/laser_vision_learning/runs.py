@@ -1,4 +1,4 @@
-"""What the hall's runs are told in: the three systems, a condition's figures, what its place was like, one run in full.
+"""Runs of the hall, read from the suite's results: the three systems, conditions, places, and one run in full.
 
 A condition is an entry of the suite. Its name says what it is for: `busy` is table I, `hall` is table II and figure 11,
 `people-N` a density; `ablation` sets variants of the fused system beside it; every other is the hall with one thing changed.
@@ -33,7 +33,7 @@ DENSITY = re.compile(r"people-\d+")
 
 @dataclass(frozen=True, eq=False)
 class PlaceStatistics:
-    """What n runs of a condition were like, by the truth, each (n,) but for the durations of all merges together."""
+    """Statistics of n runs' places by the truth, (n,) each but for the durations of all merges together."""
 
     frames: Array  # of the scanners
     people: Array  # person-frames inside the area
@@ -59,7 +59,7 @@ class HallRun:
 
 @dataclass(frozen=True, eq=False)
 class HallCondition:
-    """What n runs of a condition gave."""
+    """n runs of a condition."""
 
     name: str
     trackers: tuple[str, ...]
@@ -72,20 +72,20 @@ class HallCondition:
     )
 
     def tracker_label(self, tracker: str) -> str:
-        """A tracker as it stands in tables."""
+        """Return a tracker's name in tables."""
         return SYSTEMS.get(tracker, tracker.replace("-", " "))
 
     def failures(self, tracker: str) -> Array:
-        """Failures of all kinds in each run, (n,)."""
+        """Count failures of all kinds in each run, (n,)."""
         kinds = self.metrics[tracker]
         return kinds["failures.missed"] + kinds["failures.false_location"] + kinds["failures.identity_wrong"]
 
     def accuracy(self, tracker: str) -> Array:
-        """Accuracy of each run, (n,) [%]."""
+        """Compute the accuracy of each run, (n,) [%]."""
         return 100 * (1 - self.failures(tracker) / self.metrics[tracker]["failures.person_frames"])
 
     def accuracy_so_far(self, tracker: str, seed: int, frames: int) -> float:
-        """Accuracy of a run's first frames, so many [%]; of the whole run where its course is not known."""
+        """Compute the accuracy of a run's first `frames` frames [%]; of the whole run where its course is not known."""
         run = self.seeds.index(seed)
         if self.course is None:
             return float(self.accuracy(tracker)[run])
@@ -121,7 +121,7 @@ class HallRuns:
 
 
 def interacting(truth: TruthTable, situations: SituationTable, stamps_ns: np.ndarray) -> tuple[Array, Array]:
-    """People inside the area in each of these frames, and how many of them interact with somebody, (f,) each."""
+    """Count people inside the area in each of these frames, and those of them who interact, (f,) each."""
     people, close = np.zeros(len(stamps_ns)), np.zeros(len(stamps_ns))
     pairs = situations.select("interaction")
     holds = pairs.frames(stamps_ns)
@@ -144,7 +144,7 @@ def check_suite(suite: Suite, path: Path) -> None:
 
 
 def read_hall(found: SuiteRuns) -> HallRuns:
-    """All runs; a recording that has left the cache is made again."""
+    """Read all runs; a recording that has left the cache is made again."""
     conditions = {name: _condition(name, whole, found) for name, whole in found.by_condition.items()}
     conditions[HALL] = replace(conditions[HALL], course=_course(found.by_condition[HALL], found))
     first = {name: _one_run(next(iter(found.by_condition[name].values())), found) for name in (HALL, BUSY)}
@@ -170,7 +170,7 @@ def _one_run(cases: Mapping[str, Case], found: SuiteRuns) -> HallRun:
 
 
 def _course(whole: Mapping[int, Mapping[str, Case]], found: SuiteRuns) -> dict[str, tuple[Array, ...]]:
-    """By tracker, of each run the failures and the person-frames up to each frame, (2, f)."""
+    """Sum up, by tracker and run, failures and person-frames up to each frame, (2, f)."""
     courses: dict[str, list[Array]] = {}
     for cases in whole.values():
         for name, evaluation in _one_run(cases, found).evaluations.items():

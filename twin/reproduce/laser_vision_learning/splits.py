@@ -1,8 +1,12 @@
-"""Who is who at a split, by classifiers alone: how often they say it rightly where everybody's true position is known.
+"""Identities at splits by classifiers alone, given true positions; and the choice of options that rests on it.
 
-The classifiers learn and judge a recording's pictures as a tracker's would, with people's true positions for those of
-tracks: a person is learned from while nobody is so near that a tracker could take one for the other. Whenever two
-people part, their classifiers, as they were when the two met, say of either body whose it is.
+The classifiers learn from and judge a recording's pictures as a tracker's would, with people's true positions in place
+of tracks: a person is learned from while no other is so near that a tracker could take one for the other. Whenever two
+people part, their classifiers, as they were when the two met, decide the identity of either body.
+
+M, K, patches and features are chosen on a development seed in the busy place. With mixed clothes nothing tells the
+choices apart: people wear near-identical ones. The share of correct decisions differs little; the margin over its
+deviation differs more.
 """
 
 from __future__ import annotations
@@ -41,7 +45,7 @@ _NAVY = ("#232c48", "#252e4a", "#212a46")
 
 
 def near_identical_clothes(people: Iterable[str]) -> list[str]:
-    """Overrides of a scenario that dress these people in shirts and trousers which differ by a few levels of 255."""
+    """Make overrides that dress these people in shirts and trousers which differ by a few levels of 255."""
     return [
         f"people.{name}.{garment}='{colours[place % len(colours)]}'"
         for place, name in enumerate(people)
@@ -51,7 +55,9 @@ def near_identical_clothes(people: Iterable[str]) -> list[str]:
 
 @dataclass(frozen=True)
 class Decision:
-    """What classifiers said of two people who parted: `margin` below 0 where they exchanged them, 0 where they knew neither."""
+    """Decision of classifiers on two people who parted: `margin` below 0 where they exchanged them, 0 where they knew
+    neither.
+    """
 
     first_id: int
     second_id: int
@@ -60,13 +66,13 @@ class Decision:
 
     @property
     def right(self) -> bool:
-        """Whether either was taken for itself."""
+        """True where the identities are correct."""
         return self.margin > 0
 
 
 @dataclass(frozen=True, eq=False)
 class SplitTruth:
-    """What is true in a recording, at each of k stamps."""
+    """Truth of a recording at each of k stamps."""
 
     ids: NDArray[np.int64]  # (n,)
     stamps_ns: NDArray[np.int64]  # (k,)
@@ -79,7 +85,7 @@ class SplitTruth:
 
 @dataclass
 class _OpenSplit:
-    """Two people who have parted, and how their classifiers see them, picture by picture."""
+    """Two people who have parted, and their classifiers' scores picture by picture."""
 
     columns: NDArray[np.intp]
     looks: Looks
@@ -99,7 +105,7 @@ class SplitTrial:
         self._rng, self._last = stream(seed, "reproduce", "splits"), -1
 
     def add_picture(self, picture: Image) -> None:
-        """The next picture."""
+        """Take the next picture."""
         moments, rgb, last = self._moments, picture.rgb, self._last
         self._last = place = int(np.searchsorted(moments.stamps_ns, picture.stamp_ns, side="right")) - 1
         position = moments.positions_m[place]
@@ -140,7 +146,7 @@ def decide(
     identity: IdentityOptions | None = None,
     seed: int = 0,
 ) -> dict[str, list[Decision]]:
-    """What the classifiers of every variant say when two people whom this kind of situation joined part again.
+    """Let the classifiers of every variant decide when two people whom this kind of situation joined part again.
 
     All variants go through the recording at once, since reading its pictures is not free.
     """
@@ -160,7 +166,7 @@ def decide(
 
 
 def split_truth(bag: Recording, kind: SituationKind) -> SplitTruth:
-    """The truth of a recording: who is apart is in no correlated pair and not joined by a situation of this kind."""
+    """Read the truth of a recording; a person is apart in no correlated pair and in no situation of this kind."""
     truth, situations = truth_table(bag.truth()), situation_table(bag.situations())
     stamps_ns, ids = truth.frame_stamps_ns, np.unique(truth.id)
     positions = np.full((len(stamps_ns), len(ids), 2), np.nan)
@@ -211,7 +217,9 @@ _SCENARIO = "library-hall-busy"
 
 
 def compare_choices(cache: RecordingCache, on_progress: OnProgress | None) -> list[Result]:
-    """Record the busy place in near-identical clothes, and let every choice decide who is who when correlated people part."""
+    """Record the busy place in near-identical clothes, and compare every choice's decisions when correlated people
+    part.
+    """
     if on_progress is not None:
         on_progress("choices of the classifiers", 0, 1)
     changes = [f"seed={SEED}", f"duration_s={DURATION_S}", "background=none"]

@@ -1,4 +1,4 @@
-"""Errors of heads at every moment of a run, and in what situation each was."""
+"""Errors of heads in every frame of a run, with range, visibility and posture."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class HeadErrors:
         return np.degrees(np.abs(self.turned_rad))
 
     def statistics(self) -> dict[str, float]:
-        """Every figure of the run, by name."""
+        """Compute every statistic of the run, by name."""
         level, up, turned = self.xy_cm, 100 * self.off_m[:, 2], self.yaw_deg
         known = level.size > 0
         return {
@@ -67,7 +67,7 @@ class HeadErrors:
 
 
 def head_errors(truth: TruthTable, tracks: TrackTable, rig: Rig) -> HeadErrors:
-    """Everybody's nearest track at every moment; of several people each has its own, within `LOST_M`.
+    """Match each person with the nearest track in every frame; of several people each has its own, within `LOST_M`.
 
     Somebody alone has the one nearest track however far it is, so that one that slid away is an error and not a miss.
     """
@@ -105,7 +105,7 @@ def head_errors(truth: TruthTable, tracks: TrackTable, rig: Rig) -> HeadErrors:
 
 
 def spread_cm(runs: Mapping[int, TrackTable]) -> tuple[Array, Array]:
-    """How far runs of one recording are apart at each moment that all tell of, in XY and Z: standard deviations."""
+    """Compute the standard deviation between runs of one recording at each stamp that all have, in XY and Z [cm]."""
     stamps = sorted(set.intersection(*({int(each) for each in run.stamps_ns} for run in runs.values())))
     places = np.array(
         [
@@ -121,7 +121,7 @@ def spread_cm(runs: Mapping[int, TrackTable]) -> tuple[Array, Array]:
 
 
 def _sight(place: Array, truth: TruthTable, row: Index, rig: Rig) -> tuple[Index, Array]:
-    """How many cameras see each head, and how far the nearest of them is."""
+    """Count the cameras that see each head, and measure the distance to the nearest of them."""
     seen_by, nearest = np.zeros(len(place), np.intp), np.full(len(place), np.inf)
     for name, sensor in rig.cameras().items():
         camera = placed_camera(sensor)
@@ -133,7 +133,7 @@ def _sight(place: Array, truth: TruthTable, row: Index, rig: Rig) -> tuple[Index
 
 
 def _is_lost(near: list[tuple[int, bool]]) -> bool:
-    """Whether a person who was found was away from every track for too long."""
+    """Tell whether a person who was found was away from every track for too long."""
     since = None
     found = False
     for stamp, here in near:
@@ -145,5 +145,5 @@ def _is_lost(near: list[tuple[int, bool]]) -> bool:
 
 
 def _found_s(near: list[tuple[int, bool]]) -> float:
-    """When a person was found, since they came [s]."""
+    """Measure the time from a person's first frame to the first match [s]."""
     return next(((stamp - near[0][0]) / NS_PER_S for stamp, here in near if here), np.nan)

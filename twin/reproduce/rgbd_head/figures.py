@@ -1,4 +1,4 @@
-"""Figure 5, the environment in slices; figures 7 and 9, trajectories in 3-D and plan; figures 11 and 12, the trap. As SVG."""
+"""Figures of Suzuki et al.: plots as SVG (5, 7, 9, 11, 12) and pictures as JPEG (6, 8, 10)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _STEP_M = 0.05
 
 
 def environment_svg(environment: Environment) -> str:
-    """Figure 5: the weight of a head (eq. 8) over the floor, a panel a height."""
+    """Draw figure 5: the weight of a head (eq. 8) over the floor, a panel per height."""
     from matplotlib.figure import Figure
 
     low, high = environment.grid.origin_m[:2], environment.grid.upper_m[:2]
@@ -47,7 +47,7 @@ def environment_svg(environment: Environment) -> str:
 
 
 def trajectories_svg(truth: TruthTable, by_system: Mapping[str, TrackTable]) -> str:
-    """Figures 7 and 9: the head's way in 3-D, beside it in plan and its height over time; the truth in grey."""
+    """Draw figures 7 and 9: the head's path in 3-D, beside it in plan and its height over time; the truth in grey."""
     from matplotlib.figure import Figure
 
     with plot_style():
@@ -70,7 +70,9 @@ def trajectories_svg(truth: TruthTable, by_system: Mapping[str, TrackTable]) -> 
 
 
 def trap_svg(truth: TruthTable, by_way: Mapping[str, TrackTable], trap: Array) -> str:
-    """Figures 11 and 12: the first run of each way in plan; truth in grey, the skin-coloured thing at `trap` a cross."""
+    """Draw figures 11 and 12: the first run of each system in plan; truth in grey, the skin-coloured thing at `trap` a
+    cross.
+    """
     from matplotlib.figure import Figure
 
     with plot_style():
@@ -86,7 +88,7 @@ def trap_svg(truth: TruthTable, by_way: Mapping[str, TrackTable], trap: Array) -
 
 
 def errors_svg(by_name: Mapping[str, HeadErrors]) -> str:
-    """The error in XY and the signed one in Z over time, a panel a sequence."""
+    """Draw the error in XY and the signed one in Z over time, a panel per sequence."""
     from matplotlib.figure import Figure
 
     with plot_style():
@@ -111,7 +113,9 @@ Picture = NDArray[np.uint8]
 
 
 def head_views(observations: Sequence[Observation], rig: Rig, t_s: float, head: Array) -> bytes:
-    """Every camera's picture of a moment with the ellipse of a head (x, y, z, yaw), the brighter the more it faces the camera."""
+    """Draw figures 6 and 8: every camera's picture at a time with the ellipse of a head (x, y, z, yaw), the brighter
+    the more it faces the camera.
+    """
     drawn = []
     for name in rig.cameras():
         picture = _picture(observations, name, t_s)
@@ -135,7 +139,9 @@ def head_views(observations: Sequence[Observation], rig: Rig, t_s: float, head: 
 def weights_picture(
     observations: Sequence[Observation], rig: Rig, t_s: float, inside: Inside, camera_name: str
 ) -> bytes:
-    """Figure 10: hypotheses in one camera's picture, from blue (least) to red by colour weight, beside it by depth weight."""
+    """Draw figure 10: hypotheses in one camera's picture, from blue (least) to red by colour weight, beside it by depth
+    weight.
+    """
     weights = inside.weighed[camera_name]
     camera = placed_camera(rig.cameras()[camera_name])
     places = inside.people.roster.state.state[:3].reshape(3, -1)
@@ -155,7 +161,7 @@ def weights_picture(
 
 
 def _picture(observations: Sequence[Observation], camera: str, t_s: float) -> Picture:
-    """The camera's picture that is nearest to a time, enlarged."""
+    """Enlarge the camera's picture that is nearest to a time."""
     taken = [each for each in observations if isinstance(each, DepthImage) and each.sensor == camera]
     nearest = min(taken, key=lambda each: abs(each.t - t_s))
     return np.asarray(

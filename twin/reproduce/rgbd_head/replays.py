@@ -1,4 +1,4 @@
-"""One recording followed many times: the spread of table 3, the trap of figures 11 and 12, and what is inside at a moment."""
+"""Replays of one recording: the spread of table 3, the trap of figures 11 and 12, and the debug state at a time."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _WAYS: Mapping[str, tuple[str, bool]] = {
 
 @dataclass(frozen=True, eq=False)
 class LoadedRecording:
-    """A recording in memory: what every replay is handed."""
+    """A recording in memory: what every replay is given."""
 
     rig: Rig
     background: Sequence[Observation]
@@ -47,12 +47,12 @@ class LoadedRecording:
 
     @classmethod
     def of(cls, entry: Path, environment: Environment) -> LoadedRecording:
-        """The recording in a folder of the cache."""
+        """Load the recording in a folder of the cache."""
         bag = Recording(entry / RECORDING)
         return cls(bag.rig, bag.background, list(bag.observations()), read_truth(entry / TRUTH), environment)
 
     def start(self) -> list[dict[str, Any]]:
-        """The true place and direction of the head at first: what the paper takes for known."""
+        """Return the true position and direction of the head at first, which the paper takes for known."""
         truth = self.truth
         return [
             {
@@ -62,12 +62,12 @@ class LoadedRecording:
         ]
 
     def tracker(self, preset: str, seed: int, options: Mapping[str, Any], has_environment: bool = True) -> Any:
-        """A tracker as a run of this seed makes it."""
+        """Make a tracker as a run of this seed does."""
         known = Prior(self.background, self.environment if has_environment else None)
         return make_tracker(preset, self.rig, known, stream(seed, "tracker", preset), options)
 
     def track(self, preset: str, seed: int, options: Mapping[str, Any], has_environment: bool = True) -> TrackTable:
-        """The tracks of a run."""
+        """Run a tracker; return its tracks."""
         tracker = self.tracker(preset, seed, options, has_environment)
         frames: list[TrackFrame] = []
         for observation in self.observations:
@@ -75,7 +75,7 @@ class LoadedRecording:
         return track_table([*frames, *tracker.finish()])
 
     def debug_state(self, preset: str, seed: int, options: Mapping[str, Any], t_s: float) -> Inside:
-        """What the tracker holds at a moment."""
+        """Run a tracker up to a time; return its debug state."""
         tracker = self.tracker(preset, seed, options)
         for observation in self.observations:
             frames = tracker.update(observation)
@@ -85,7 +85,9 @@ class LoadedRecording:
 
 
 def spread_results(seen: LoadedRecording, n_run: int, on_progress: OnProgress | None) -> list[Result]:
-    """Table 3: runs of one recording by other random numbers, as many hypotheses as ours has and as the paper's."""
+    """Compute table 3: the spread of runs of one recording by other random numbers, with as many hypotheses as ours and
+    as the paper's.
+    """
     found = []
     for number, (name, options) in enumerate(
         {"ours": {}, "512 in one layer": {"heads": 512, "motion": {"layers": 1}}}.items()
@@ -107,7 +109,9 @@ def spread_results(seen: LoadedRecording, n_run: int, on_progress: OnProgress | 
 def trap_results(
     seen: LoadedRecording, n_run: int, on_progress: OnProgress | None
 ) -> tuple[list[Result], dict[str, TrackTable]]:
-    """Figures 11 and 12: how many of the runs are lost by the clock, and left the room; the first run of each way."""
+    """Compute figures 11 and 12: the share of runs lost by the clock and out of the room; and the first run of each
+    system.
+    """
     found, first = [], {}
     assert seen.environment is not None
     for number, (name, (preset, has_environment)) in enumerate(_WAYS.items()):

@@ -1,4 +1,4 @@
-"""Everything `twin reproduce rgbd-head` leaves behind."""
+"""Reproduction of Suzuki et al.: what `twin reproduce rgbd-head` writes."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def check_suite(suite: Suite, path: Path) -> None:
 
 
 def scan_environment(folder: Path, resume: bool, on_progress: OnProgress | None) -> Path:
-    """The environment of the meeting room, scan_environment anew but where a reproduction goes on."""
+    """Scan the environment of the meeting room; a reproduction that is resumed keeps its own."""
     path = folder / "meeting_room.npz"
     if not (resume and path.is_file()):
         try:
@@ -114,7 +114,7 @@ def scan_environment(folder: Path, resume: bool, on_progress: OnProgress | None)
 def write_all(
     folder: Path, runs: SuiteRuns, environment: Environment, request: Request, on_progress: OnProgress | None
 ) -> Outputs:
-    """Write what was found: results, plots, pictures, page. Raises InputError as files do."""
+    """Write results, plots, pictures and page. Raises InputError where a file cannot be written."""
     conditions = read_conditions(runs)
     n_run = request.runs or _RUNS
     with case_recording(_first_case(runs, FIRST), runs.cache) as entry:
@@ -187,7 +187,7 @@ def _trajectories(runs: SuiteRuns, condition: str) -> str:
 
 
 def _pictures(runs: SuiteRuns, condition: str, seen: LoadedRecording) -> dict[str, bytes]:
-    """The views of figure 6 or 8."""
+    """Draw the views of figure 6 or 8."""
     tracks = case_tracks(_first_case(runs, condition), runs)
     figure = "figure 6" if condition == FIRST else "figure 8"
     return {
@@ -197,7 +197,7 @@ def _pictures(runs: SuiteRuns, condition: str, seen: LoadedRecording) -> dict[st
 
 
 def _figure_10(seen: LoadedRecording, runs: SuiteRuns, at_s: float) -> bytes:
-    """The paper's two cues at a moment, in the camera that is nearest to the head."""
+    """Draw the paper's two cues at a time, in the camera that is nearest to the head."""
     head = _head(case_tracks(_first_case(runs, FIRST), runs), at_s)
     inside = seen.debug_state("rgbd-head-paper", 0, {"start": seen.start()}, at_s)
     cameras = seen.rig.cameras()
@@ -206,6 +206,6 @@ def _figure_10(seen: LoadedRecording, runs: SuiteRuns, at_s: float) -> bytes:
 
 
 def _head(tracks: TrackTable, at_s: float) -> Array:
-    """The first track's head next to a time."""
+    """Look up the first track's head nearest to a time."""
     row = int(np.abs(tracks.stamps_ns - at_s * 1e9).argmin())
     return np.array([tracks.head_x[row], tracks.head_y[row], tracks.head_z[row], tracks.head_yaw[row]])

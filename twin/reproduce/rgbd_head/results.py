@@ -1,4 +1,4 @@
-"""The figures of every condition, the paper's beside ours where it prints one, and ablations paired by run."""
+"""Results of every condition, the paper's beside ours where it prints one, and ablations paired by run."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _ABLATIONS = (
 
 @dataclass(frozen=True, eq=False)
 class HeadCondition:
-    """What n runs of a condition gave: figures by tracker and name, (n,), and ours' errors run by run."""
+    """n runs of a condition: statistics by tracker and name, (n,), and errors of ours run by run."""
 
     name: str
     seeds: tuple[int, ...]
@@ -55,7 +55,7 @@ class HeadCondition:
 
 
 def read_conditions(runs: SuiteRuns) -> dict[str, HeadCondition]:
-    """Every condition of the suite by name."""
+    """Collect every condition of the suite by name."""
     found = {}
     for name, by_seed in runs.by_condition.items():
         figures: dict[str, list[dict[str, float]]] = {}
@@ -76,7 +76,7 @@ def read_conditions(runs: SuiteRuns) -> dict[str, HeadCondition]:
 
 
 def results_of(conditions: Mapping[str, HeadCondition]) -> list[Result]:
-    """Every figure: each condition's, then by what was varied, ablations, and where errors are."""
+    """Compute every result: each condition, then choices, ablations, and errors by range, cameras and posture."""
     found: list[Result] = []
     for name, condition in conditions.items():
         found += _means(condition, EXPERIMENTS if name in NEEDED else BEYOND)
@@ -84,12 +84,12 @@ def results_of(conditions: Mapping[str, HeadCondition]) -> list[Result]:
 
 
 def result_of(where: str, row: str, column: str, paper: float | None, values: Array, unit: str, seed: int) -> Result:
-    """A mean over runs with its interval."""
+    """Make a result from a mean over runs with its interval."""
     return Result.of(where, row, column, mean_of(values, seed), unit, len(values), paper)
 
 
 def mean_of(values: Array, seed: int) -> Interval:
-    """The mean over runs and its bootstrap interval."""
+    """Compute the mean over runs and its bootstrap interval."""
     return interval(Bootstrap(len(values), stream(seed, "reproduce", "rgbd-head bootstrap")).mean(values))
 
 
@@ -109,12 +109,12 @@ def _means(condition: HeadCondition, where: str) -> Iterator[Result]:
 
 
 def unit_of(figure: str) -> str:
-    """The unit of a figure of a run."""
+    """Return the unit of a statistic of a run."""
     return _UNITS.get(figure, "cm")
 
 
 def _choices(condition: HeadCondition) -> Iterator[Result]:
-    """What the numbers of hypotheses, points and cameras are worth in sequence 1."""
+    """Compare numbers of hypotheses, points and cameras in sequence 1."""
     for tracker, figures in condition.metrics.items():
         if tracker == OURS or tracker.startswith(_CHOICES):
             for row in ("XY", "Z", "yaw", "lost", TIME):
@@ -125,7 +125,9 @@ def _choices(condition: HeadCondition) -> Iterator[Result]:
 
 
 def _ablations(conditions: Mapping[str, HeadCondition]) -> Iterator[Result]:
-    """What is lost by leaving one thing out, over every condition that it was left out in, paired by run: without less with."""
+    """Compute the change by leaving one thing out, over every condition it was left out in, paired by run: without less
+    with.
+    """
     for tracker, what, figures in _ABLATIONS:
         among = [each for each in conditions.values() if tracker in each.metrics]
         for row in figures:
@@ -138,7 +140,7 @@ def _ablations(conditions: Mapping[str, HeadCondition]) -> Iterator[Result]:
 
 
 def _where(conditions: Mapping[str, HeadCondition]) -> Iterator[Result]:
-    """Errors of ours by range, cameras that see the head, and posture, over the runs that have any there."""
+    """Compute errors of ours by range, cameras that see the head, and posture, over the runs that have any there."""
     errors = [each for name in (FIRST, SECOND, PEOPLE) for each in conditions[name].errors]
     classes = {
         **{f"nearest camera {low} to {low + 1} m": partial(_in_range, low=low) for low in (1, 2, 3, 4)},
