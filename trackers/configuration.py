@@ -23,6 +23,7 @@ _SHAPES = {"tuple_type": "a list", "list_type": "a list"} | dict.fromkeys(
 )
 _SHAPES |= {"bool_type": "true or false", "bool_parsing": "true or false", "string_type": "a text"}
 _SHAPES |= dict.fromkeys(("int_type", "int_parsing", "float_type", "float_parsing", "number_type"), "a number")
+_SHAPES |= {"finite_number": "a finite number", "int_parsing_size": f"a whole number of no more than {2**63 - 1}"}
 """What the file must hold, where pydantic names the Python type."""
 
 
@@ -30,10 +31,12 @@ _MOST_LINES = 50
 """Of a file with more faults than these the rest is counted."""
 _MOST_SHOWN = 200
 """Characters of a value that an error tells."""
+_LARGEST_NUMBER = 1_000_000_000
+"""No length, time, angle, count or weight is larger, in any unit: the bound of numbers without one of their own."""
 
 
 def _without_conversions(schema: Any, number: Callable[[Any], Any] | None = None) -> Any:
-    """A pydantic schema, or a part of it, in which `int`, `float` and `bool` take no values of other types.
+    """A pydantic schema, or a part of it, in which `int`, `float` and `bool` take no values of other types, and bounded ones.
 
     number: what looks at a value before it is a number; the keys of a mapping have one of their own.
     """
@@ -46,7 +49,7 @@ def _without_conversions(schema: Any, number: Callable[[Any], Any] | None = None
     if kind == "function-before" and schema["function"]["function"] in (_number, _number_of_key):
         return schema  # a model within this one
     if kind in ("int", "float"):
-        return core_schema.no_info_before_validator_function(number, schema)  # pyright: ignore[reportArgumentType]
+        return core_schema.no_info_before_validator_function(number, _bounded(schema))  # pyright: ignore[reportArgumentType]
     if kind == "bool":
         return schema | {"strict": True}
     values = ("default", "metadata", "serialization") if isinstance(kind, str) else ()  # else the fields by name
@@ -54,6 +57,15 @@ def _without_conversions(schema: Any, number: Callable[[Any], Any] | None = None
         key: part if key in values else _without_conversions(part, _number_of_key if key == "keys_schema" else number)
         for key, part in schema.items()
     }
+
+
+def _bounded(schema: dict[str, Any]) -> dict[str, Any]:
+    """The schema of a number that is finite and has two bounds: its own, else `_LARGEST_NUMBER`."""
+    if not {"gt", "ge"} & schema.keys():
+        schema = schema | {"ge": -_LARGEST_NUMBER}
+    if not {"lt", "le"} & schema.keys():
+        schema = schema | {"le": _LARGEST_NUMBER}
+    return schema | {"allow_inf_nan": False} if schema["type"] == "float" else schema
 
 
 def _number(value: Any) -> Any:
@@ -68,7 +80,7 @@ def _number_of_key(value: Any) -> Any:
 
 
 class Typed(BaseModel):
-    """A model whose numbers are numbers and whose booleans are booleans: none is made of the other, or of a text."""
+    """A model whose numbers are finite numbers and whose booleans are booleans: none is made of the other, or of a text."""
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:

@@ -7,7 +7,7 @@ from itertools import pairwise
 from math import cos, hypot, radians, sin
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, FiniteFloat
@@ -18,6 +18,7 @@ from trackers.observations import NS_PER_S
 from trackers.rig import Point2
 from trackers.text_file import MOST_TEXT_BYTES
 from twin.scenario.behaviour import JUMP_M_S
+from twin.tables.columns import MAX_INT64
 from twin.tables.doubts import doubts
 from twin.tables.people import by_number, read_people
 
@@ -59,7 +60,7 @@ class Pedestrians(Strict):
     turn_deg: FiniteFloat = Field(
         default=0.0, description="turns the paths about the file's origin, counter-clockwise [deg]"
     )
-    ids: tuple[int | str, ...] | None = Field(
+    ids: tuple[Annotated[int, Field(ge=0, le=MAX_INT64)] | str, ...] | None = Field(
         default=None, description="ids of the people to take; none: everybody who is there during the run"
     )
     prefix: str = Field(
