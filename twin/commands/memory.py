@@ -18,11 +18,11 @@ _LEAST_MB = 200
 
 _MEMORY_TEXTS = ("failed to map segment", "allocate memory", "can't start new thread", "insufficient memory")
 _PARSER_TEXT = re.compile(r"field '\w+' is required for \w+")
-"""What Python says of a syntax tree that it had no memory for, as it imports a module."""
+"""Python's text for a syntax tree that it had no memory for, as it imports a module."""
 _FOREIGN = ("av", "cv2", "mujoco", "OpenGL", "apsw", "sqlite3", "zstandard")
 """Libraries whose errors do not say that memory was what they lacked."""
 _FATAL = (signal.SIGABRT, signal.SIGSEGV, signal.SIGBUS, signal.SIGILL, signal.SIGTRAP)
-"""How compiled libraries end a process."""
+"""Signals by which compiled libraries end a process."""
 
 
 def run_in_child() -> int | None:

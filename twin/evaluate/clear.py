@@ -101,7 +101,7 @@ class ClearScores:
 def match_frames(frames: Sequence[PairMatrix], gate: float) -> list[FrameMatches]:
     """Match people and tracks of a run by the CLEAR correspondence: pairs at most `gate` apart, earlier pairs kept.
 
-    Where two persons were last matched with the same track, the one matched with it last has the first claim: the
+    Where two persons were last matched with the same track, the one matched with it last comes first: the
     result does not depend on the order of the persons (py-motmetrics lets the first in the list have it).
     """
     partner: dict[int, int] = {}
@@ -188,14 +188,14 @@ def _kept_pairs(
     frame: PairMatrix, allowed: NDArray[np.bool_], partner: dict[int, int], last_matched: dict[int, int]
 ) -> tuple[list[int], list[int]]:
     column_of = {track: column for column, track in enumerate(frame.track_ids.tolist())}
-    claims = []
+    candidates = []
     for row, person in enumerate(frame.person_ids.tolist()):
         column = column_of.get(partner.get(person, -1))
         if column is not None and allowed[row, column]:
-            claims.append((-last_matched[person], row, column))
+            candidates.append((-last_matched[person], row, column))
     rows: list[int] = []
     columns: list[int] = []
-    for _, row, column in sorted(claims):
+    for _, row, column in sorted(candidates):
         if column not in columns:
             rows.append(row)
             columns.append(column)

@@ -82,7 +82,7 @@ def align(truth: TruthTable, tracks: TrackTable, *, interpolate: bool = True) ->
     reported = tracks.frame_stamps_ns[_is_covered(truth.frame_stamps_ns, tracks.frame_stamps_ns, gap_ns)]
     if tracks.frame_stamps_ns.size and reported.size == 0:
         raise _nothing_shared(truth, tracks, gap_ns)
-    near = _without_lone_stamps(truth.frame_stamps_ns, gap_ns) if interpolate else truth.frame_stamps_ns
+    near = _drop_isolated_stamps(truth.frame_stamps_ns, gap_ns) if interpolate else truth.frame_stamps_ns
     clock = report_clock(tracks.frame_stamps_ns, near)
     if interpolate and clock is not None:
         # Truth that comes as often as the tracker's frames has holes where a sensor failed: nothing was owed there.
@@ -144,15 +144,15 @@ def _frames_at(truth: TruthTable, tracks: TrackTable, stamps: NDArray[np.int64],
     return frames
 
 
-def match_everybody(frames: Sequence[Frame], gate_m: float) -> list[FrameMatches]:
+def match_all_people(frames: Sequence[Frame], gate_m: float) -> list[FrameMatches]:
     """Match the tracks of each frame with all people, inside the area and outside (CLEAR correspondence)."""
     return match_frames([frame.pair_matrix() for frame in frames], gate_m)
 
 
-def inside_area(frames: Sequence[Frame], matches: Sequence[FrameMatches]) -> list[Frame]:
+def restrict_to_area(frames: Sequence[Frame], matches: Sequence[FrameMatches]) -> list[Frame]:
     """Leave out the people outside the tracked area and the tracks that follow them.
 
-    `matches`: of everybody (see `match_everybody`); a track whose match is outside is left out there, neither owed nor
+    `matches`: of everybody (see `match_all_people`); a track whose match is outside is left out there, neither owed nor
     punished.
     """
     kept = []
@@ -186,7 +186,7 @@ def _usual_interval_ns(truth: TruthTable) -> float:
     return float(np.median(intervals)) if intervals.size else 0.0
 
 
-def _without_lone_stamps(stamps: NDArray[np.int64], gap_ns: int) -> NDArray[np.int64]:
+def _drop_isolated_stamps(stamps: NDArray[np.int64], gap_ns: int) -> NDArray[np.int64]:
     """Keep the stamps (n,) that have another within `gap_ns`; all of them where none has."""
     if stamps.size < 2:
         return stamps

@@ -15,7 +15,7 @@ from twin.evaluate.accuracy import PersonFrames, disposal, person_frames
 from twin.evaluate.causes import Errors, errors_by_cause
 from twin.evaluate.clear import FrameMatches, PairMatrix, clear, find_switches, identity, match_frames
 from twin.evaluate.continuity import Event, continuity, right_at_end, switch_events
-from twin.evaluate.frames import Frame, align, inside_area, match_everybody, wrap_angle
+from twin.evaluate.frames import Frame, align, match_all_people, restrict_to_area, wrap_angle
 from twin.evaluate.hota import hota
 from twin.evaluate.set_distance import gospa, ospa
 from twin.recording.situation_table import SituationTable
@@ -83,8 +83,8 @@ def evaluate_with_details(
         raise InputError(f"gate is {gate_m} m; a positive number of metres is expected")
     aligned = align(truth, tracks, interpolate=interpolate)
     frames = aligned.frames
-    everybody = match_everybody(frames, gate_m)
-    judged = inside_area(frames, everybody)
+    all_people = match_all_people(frames, gate_m)
+    judged = restrict_to_area(frames, all_people)
     pair_matrices = [frame.pair_matrix() for frame in judged]
     matches = match_frames(pair_matrices, gate_m)
     switches = switch_events(judged, find_switches(pair_matrices, matches))
@@ -92,7 +92,7 @@ def evaluate_with_details(
     ospa_m, gospa_m = _set_distances(pair_matrices)
     scores = clear(pair_matrices, gate_m, matches)
     stamps = np.array([frame.stamp_ns for frame in judged], dtype=np.int64)
-    people = person_frames(frames, everybody, gate_m)
+    people = person_frames(frames, all_people, gate_m)
     errors = errors_by_cause(truth, judged, matches, gate_m, unused)
     pose_errors, n_head = _pose_errors(judged, matches)
     metrics: dict[str, Any] = {
@@ -147,7 +147,7 @@ def _set_distances(pair_matrices: Sequence[PairMatrix]) -> tuple[NDArray[np.floa
 
 def _wide_metrics(frames: Sequence[Frame]) -> dict[str, Any]:
     """Compute `at_1m` of `metrics.json`."""
-    inside = inside_area(frames, match_everybody(frames, WIDE_GATE_M))
+    inside = restrict_to_area(frames, match_all_people(frames, WIDE_GATE_M))
     found = _matrix_metrics([frame.pair_matrix() for frame in inside], WIDE_GATE_M)
     return {name: found[name] for name in ("mota", "motp_m", "idf1", "hota", "id_switches")}
 

@@ -78,7 +78,7 @@ def draw_assumed_pose(
         _lines(panel, [(there + start * along, there + (start + _DASH_PX) * along) for start in starts], colour, 2)
     cv2.circle(panel, fixed_point(at).tolist(), 5 << SHIFT, ink, -1, cv2.LINE_AA, SHIFT)
     text = pose.text
-    return Tag(text, _beside(text, float(there[0]), float(at[0]), view.width_px), float(there[1]), fill, colour)
+    return Tag(text, _tag_x(text, float(there[0]), float(at[0]), view.width_px), float(there[1]), fill, colour)
 
 
 def assumed_poses_svg(view: FloorView, rig: Rig, true: Rig | None) -> str:
@@ -101,13 +101,13 @@ def assumed_poses_svg(view: FloorView, rig: Rig, true: Rig | None) -> str:
     return "".join(parts)
 
 
-def _beside(text: str, there: float, at: float, width_px: int) -> float:
+def _tag_x(text: str, there: float, at: float, width_px: int) -> float:
     """Find the x of a tag's middle that covers neither mark, if it has room there."""
     half = text_width(text, TAG_PX, BOLD) / 2 + 5
-    aside = _RING_PX + 5 + half
+    shift = _RING_PX + 5 + half
     right = _to_the_right(there, at, width_px)
-    fits = there + aside + half <= width_px if right else there - aside - half >= 0
-    return there + (aside if right == fits else -aside)
+    fits = there + shift + half <= width_px if right else there - shift - half >= 0
+    return there + (shift if right == fits else -shift)
 
 
 def _to_the_right(there: float, at: float, width_px: int) -> bool:

@@ -31,8 +31,12 @@ BACKDROP: RGB = (17, 20, 26)
 INK: RGB = (232, 236, 242)
 QUIET: RGB = (140, 148, 160)
 DARK_INK: RGB = (10, 12, 16)
-_UNSEEN = FloorColours((24, 28, 36), (33, 38, 48), (58, 64, 76), (104, 112, 126), (112, 122, 138), (240, 240, 240))
-_SEEN = FloorColours((38, 45, 57), (48, 56, 69), (64, 71, 84), (112, 120, 134), (132, 142, 158), (240, 240, 240))
+_HIDDEN_FLOOR = FloorColours(
+    (24, 28, 36), (33, 38, 48), (58, 64, 76), (104, 112, 126), (112, 122, 138), (240, 240, 240)
+)
+_VISIBLE_FLOOR = FloorColours(
+    (38, 45, 57), (48, 56, 69), (64, 71, 84), (112, 120, 134), (132, 142, 158), (240, 240, 240)
+)
 SILENT_FILL: RGB = (96, 34, 34)
 """Behind the label of a sensor that reports no more."""
 _PERSON_RADIUS_M = 0.22
@@ -79,9 +83,9 @@ class FloorPanel:
         self._scanners = {name: ScannerOnFloor(laser.room_from_sensor) for name, laser in rig.lasers().items()}
         self._view: FloorView | None = None
         self._has_extent = bool(outline) or rig.area is not None
-        self._unseen = self._seen = np.zeros((height_px, width_px, 3), dtype=np.uint8)
+        self._hidden_floor = self._visible_floor = np.zeros((height_px, width_px, 3), dtype=np.uint8)
         self._mask = np.zeros((height_px, width_px), dtype=np.uint8)
-        self._light = np.zeros_like(self._seen)
+        self._light = np.zeros_like(self._visible_floor)
 
     def _paint(self, scans: Mapping[str, LaserScan]) -> FloorView:
         """Paint what does not change. A robot's bag has no room: its first scans with a return set the extent."""
@@ -89,12 +93,12 @@ class FloorPanel:
         self._has_extent |= any(len(points) for points in reach)
         extent = floor_extent(self._true, self._outline, *reach)
         view = FloorView.fit(extent, self.width_px, self.height_px)
-        self._unseen, self._seen = self._unseen.copy(), self._seen.copy()
-        paint_room(self._unseen, view, self._true, self._outline, _UNSEEN)
-        paint_room(self._seen, view, self._true, self._outline, _SEEN)
+        self._hidden_floor, self._visible_floor = self._hidden_floor.copy(), self._visible_floor.copy()
+        paint_room(self._hidden_floor, view, self._true, self._outline, _HIDDEN_FLOOR)
+        paint_room(self._visible_floor, view, self._true, self._outline, _VISIBLE_FLOOR)
         for floor in self._true.floors().values():
-            draw_grid(self._unseen, view, floor, _UNSEEN.grid)
-            draw_grid(self._seen, view, floor, _SEEN.grid)
+            draw_grid(self._hidden_floor, view, floor, _HIDDEN_FLOOR.grid)
+            draw_grid(self._visible_floor, view, floor, _VISIBLE_FLOOR.grid)
         return view
 
     def draw(
@@ -119,7 +123,7 @@ class FloorPanel:
         if self._view is None or not self._has_extent:
             self._view = self._paint(scans)
         view = self._view
-        panel[:] = self._unseen
+        panel[:] = self._hidden_floor
         self._draw_free_space(panel, view, scans, layers)
         for name, frame in (floors or {}).items():
             draw_pressure(panel, view, self._rig.floors()[name], frame)
@@ -130,7 +134,10 @@ class FloorPanel:
         for track in tracks:
             tail = view.pixels(np.array(tails[track.id])[:, 1:])
             _draw_tail(panel, tail, colours[track.id])
-        tags = [draw_assumed_pose(panel, view, pose, layers, _SEEN.sensor, DARK_INK) for pose in self._assumed_poses]
+        tags = [
+            draw_assumed_pose(panel, view, pose, layers, _VISIBLE_FLOOR.sensor, DARK_INK)
+            for pose in self._assumed_poses
+        ]
         tags += [self._silent_tag(view, name) for name in sorted(silent)]
         tags += [_draw_track(panel, view, track, colours[track.id]) for track in tracks]
         for found in maps:
@@ -153,7 +160,7 @@ class FloorPanel:
         self._mask[:] = 0
         for fan in fans.values():
             cv2.fillPoly(self._mask, [fan], 255, cv2.LINE_8, SHIFT)
-        cv2.copyTo(self._seen, self._mask, panel)
+        cv2.copyTo(self._visible_floor, self._mask, panel)
         for name, fan in fans.items():
             self._light[:] = 0
             cv2.fillPoly(self._light, [fan], tuple(_FAN_LIGHT * value for value in layers[name]), cv2.LINE_8, SHIFT)
@@ -191,9 +198,11 @@ def _draw_places(panel: NDArray[np.uint8], view: FloorView, places: NDArray[np.f
 
 def _draw_tail(panel: NDArray[np.uint8], tail: NDArray[np.float64], colour: RGB) -> None:
     half = len(tail) // 2
-    faint = _mix(colour, _SEEN.floor, 0.6)
+    faint = _mix(colour, _VISIBLE_FLOOR.floor, 0.6)
     cv2.polylines(panel, [fixed_point(tail[: half + 1])], False, faint, 1, cv2.LINE_AA, SHIFT)
-    cv2.polylines(panel, [fixed_point(tail[half:])], False, _mix(colour, _SEEN.floor, 0.25), 2, cv2.LINE_AA, SHIFT)
+    cv2.polylines(
+        panel, [fixed_point(tail[half:])], False, _mix(colour, _VISIBLE_FLOOR.floor, 0.25), 2, cv2.LINE_AA, SHIFT
+    )
 
 
 def _draw_track(panel: NDArray[np.uint8], view: FloorView, track: Track, colour: RGB) -> Tag:
@@ -214,7 +223,7 @@ def _draw_track(panel: NDArray[np.uint8], view: FloorView, track: Track, colour:
     if track.status == "confirmed":
         cv2.circle(panel, at, size, colour, -1, cv2.LINE_AA, SHIFT)
     else:
-        cv2.circle(panel, at, size, _mix(colour, _SEEN.floor, 0.7), -1, cv2.LINE_AA, SHIFT)
+        cv2.circle(panel, at, size, _mix(colour, _VISIBLE_FLOOR.floor, 0.7), -1, cv2.LINE_AA, SHIFT)
         dashed_loop(panel, centre + radius * _CIRCLE, colour)
     cv2.circle(panel, at, size, DARK_INK, 1, cv2.LINE_AA, SHIFT)
     situation = track.situation if track.situation != "apart" else ""  # as most are

@@ -15,7 +15,7 @@ from twin.report.palette import RGB
 
 REGULAR, BOLD = 400, 650
 TAG_PX = 14
-"""How high a tag's letters are, where nothing else is asked for."""
+"""Default height of a tag's letters."""
 
 
 @cache

@@ -78,7 +78,7 @@ class PreviewWriter:
         self._first_ns: int | None = None
         self._pts = -1
         self.n_frames = 0
-        """How many pictures were written."""
+        """Number of pictures written."""
         self._encoder = VideoFile(path, size, fps)
         write(self._canvas, tracker, 16, 29, INK, 20, BOLD)
         write(self._canvas, title, 16 + (text_width(tracker, 20, BOLD) + 14 if tracker else 0), 29, QUIET, 16)
@@ -167,8 +167,8 @@ class PreviewWriter:
 
     def _extend_tails(self, stamp_ns: int, tracks: Sequence[Track]) -> None:
         alive = {track.id for track in tracks}
-        for gone in [track_id for track_id in self._tails if track_id not in alive]:
-            del self._tails[gone]
+        for ended in [track_id for track_id in self._tails if track_id not in alive]:
+            del self._tails[ended]
         for track in tracks:
             tail = self._tails.setdefault(track.id, deque())
             tail.append((stamp_ns, track.x, track.y))

@@ -89,7 +89,7 @@ def render_picture(
 
 
 VIEWS = {"front": (0.0, 0.35), "side": (90.0, 0.35), "back": (180.0, 0.35), "high": (35.0, 2.0)}
-"""Where each picture is taken from: degrees left of where the person faces, metres above the head's half height."""
+"""Eye points: degrees left of the person's heading, metres above half the person's height."""
 
 _STUDIO = """
 <mujoco model="studio">

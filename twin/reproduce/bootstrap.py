@@ -16,7 +16,7 @@ from trackers.arrays import Array
 N_REPLICATE = 2000
 CONFIDENCE = 0.95
 POISSON_ZERO_UPPER = -log((1 - CONFIDENCE) / 2)
-"""How many events may be expected where none was seen: 3.69."""
+"""Upper end of Poisson's exact interval for no event: 3.69 events."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Interval:
 class Bootstrap:
     """Multiplicity of each of n runs in each replicate; row 0 is the runs as they are.
 
-    The same draws serve every figure, so that figures of the same runs are compared run by run.
+    The same draws serve every metric, so that metrics of the same runs are compared run by run.
     """
 
     def __init__(self, n_run: int, rng: np.random.Generator, n_replicate: int = N_REPLICATE) -> None:

@@ -46,13 +46,13 @@ class FilmStrip:
     picture: bytes
 
 
-def round_robin(moments: Sequence[CaseIncident]) -> list[CaseIncident]:
+def round_robin(incidents: Sequence[CaseIncident]) -> list[CaseIncident]:
     """Order incidents: the first of each kind of every run, then the second ones and so on; the order is kept
     otherwise.
     """
     rank: dict[tuple[int, str], int] = {}
     ranked = []
-    for each in moments:
+    for each in incidents:
         key = (each.case.seed, each.incident.kind)
         rank[key] = rank.get(key, 0) + 1
         ranked.append((rank[key], each))
@@ -60,7 +60,7 @@ def round_robin(moments: Sequence[CaseIncident]) -> list[CaseIncident]:
 
 
 def draw_film_strips(
-    moments: Sequence[CaseIncident],
+    incidents: Sequence[CaseIncident],
     names: Mapping[str, str],
     cache: RecordingCache,
     place: Workers,
@@ -75,7 +75,7 @@ def draw_film_strips(
             _LIMIT_S,
             recording_key(each.case.resolved, ""),
         )
-        for number, each in enumerate(moments)
+        for number, each in enumerate(incidents)
     ]
     pictures: dict[str, bytes] = {}
 
@@ -105,7 +105,7 @@ def draw_film_strips(
             report=f"{SUITE_FOLDER}/cases/{each.case.id}/report.html",
             picture=pictures[task.id],
         )
-        for task, each in zip(tasks, moments, strict=True)
+        for task, each in zip(tasks, incidents, strict=True)
         if task.id in pictures
     ]
 
@@ -118,7 +118,7 @@ def write_film_strips(folder: Path, strips: Sequence[FilmStrip]) -> None:
             partial.write_bytes(strip.picture)
 
 
-def write_incidents(path: Path, moments: Iterable[CaseIncident], names: Mapping[str, str]) -> None:
+def write_incidents(path: Path, incidents: Iterable[CaseIncident], names: Mapping[str, str]) -> None:
     """Write every misidentification and loss as a row: condition, seed, column, t_s, kind, what, report.
 
     names: what trackers are called. Of a case with more than 20 events, switches included, the first 20 are there.
@@ -126,8 +126,8 @@ def write_incidents(path: Path, moments: Iterable[CaseIncident], names: Mapping[
     with open_atomic(path) as stream:
         rows = csv.writer(stream, lineterminator="\n")
         rows.writerow(("condition", "seed", "column", "t_s", "kind", "what", "report"))
-        for each in moments:
-            case, moment = each.case, each.incident
+        for each in incidents:
+            case, incident = each.case, each.incident
             report = f"{SUITE_FOLDER}/cases/{case.id}/report.html"
             who = condition_name(case), case.seed, names[case.tracker]
-            rows.writerow((*who, f"{moment.t_s:.2f}", moment.kind, moment.what, report))
+            rows.writerow((*who, f"{incident.t_s:.2f}", incident.kind, incident.what, report))

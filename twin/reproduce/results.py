@@ -54,7 +54,7 @@ _DECIMALS = {
 }
 
 Row = tuple[Result, str, str, str]
-"""A result, and the paper's figure, ours and its interval as written."""
+"""A result, and the texts of the paper's value, ours and its interval."""
 
 
 def write_results(path: Path, results: Sequence[Result]) -> None:
@@ -75,8 +75,8 @@ def pivot_rows(results: Sequence[Result], intervals: bool = True) -> Mapping[str
     """
     found: dict[str, dict[str, tuple[str, str, str]]] = {}
     for result, paper, ours, spread in format_rows(results):
-        condition, _, figure = result.row.partition(", ")
-        row, column = (f"{condition}: {result.column}", figure) if figure else (result.row, result.column)
+        condition, _, metric = result.row.partition(", ")
+        row, column = (f"{condition}: {result.column}", metric) if metric else (result.row, result.column)
         found.setdefault(row, {})[column] = (ours, spread if intervals else "", "" if result.paper is None else paper)
     columns = list(dict.fromkeys(column for row in found.values() for column in row))
     rows = [(row, [cells.get(column) for column in columns]) for row, cells in found.items()]
@@ -85,18 +85,18 @@ def pivot_rows(results: Sequence[Result], intervals: bool = True) -> Mapping[str
 
 def format_result(result: Result) -> tuple[str, str, str]:
     """Format the paper's value, ours, and its interval."""
-    paper = "–" if result.paper is None else written(result.paper, result.unit)
+    paper = "–" if result.paper is None else format_value(result.paper, result.unit)
     low, high = result.ci95
     unit = _unit(result.unit)
     return (
         paper,
-        written(result.ours, result.unit),
+        format_value(result.ours, result.unit),
         f"{_number(low, result.unit)} to {_number(high, result.unit)}{unit}",
     )
 
 
-def written(value: float, unit: str) -> str:
-    """A figure with its unit."""
+def format_value(value: float, unit: str) -> str:
+    """Format a value with its unit."""
     return _number(value, unit) + _unit(unit)
 
 
@@ -119,7 +119,7 @@ def format_ranges(scans: NDArray[np.intp]) -> str:
 def print_results(title: str, results: Sequence[Result]) -> None:
     """Print a table on stdout, the paper's values beside ours."""
     table = Table(title=title)
-    for heading in ("where", "row", "figure"):
+    for heading in ("where", "row", "metric"):
         table.add_column(heading)
     for heading in ("paper", "ours", "95 %"):
         table.add_column(heading, justify="right", no_wrap=True)

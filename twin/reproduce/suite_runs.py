@@ -39,7 +39,7 @@ class SuiteRuns:
     """
 
     by_condition: Mapping[str, Mapping[int, Mapping[str, Case]]]
-    metrics: Mapping[str, Mapping[str, float | None]]  # case id -> figure of metrics.json -> value
+    metrics: Mapping[str, Mapping[str, float | None]]  # case id -> metric of metrics.json -> value
     incidents: Mapping[str, Sequence[Incident]]  # case id
     cache: RecordingCache
     folder: Path

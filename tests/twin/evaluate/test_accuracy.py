@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from test_evaluate import ns, runs, still, tracks_of, truth_of
 
-from twin.evaluate.frames import align, match_everybody
+from twin.evaluate.frames import align, match_all_people
 from twin.evaluate.summary import evaluate_tracks
 from twin.recording.situation_table import SituationTable, situation_table
 from twin.recording.tables import TrackTable, TruthTable
@@ -31,7 +31,7 @@ def test_a_person_without_a_track_is_missed():
     assert evaluate_tracks(truth_of(TWO), tracks)["accuracy"] == pytest.approx(0.8)
 
 
-def test_a_track_near_nobody_is_a_false_location_and_its_person_is_not_missed_besides():
+def test_a_track_far_from_people_is_a_false_location_and_its_person_is_not_missed_too():
     astray = {**still(2, 0, range(6)), **still(3, 0, range(6, 10))}
     assert failures(truth_of(TWO), tracks_of({7: still(0, 0, range(10)), 8: astray})) == (20, 0, 4, 0)
     ghost = tracks_of({7: still(0, 0, range(10)), 8: still(2, 0, range(10)), 9: still(5, 5, range(3))})
@@ -50,7 +50,7 @@ def test_who_is_lost_and_found_under_a_new_track_was_missed_and_counts_one_switc
     assert failures(truth_of(TWO), tracks) == (20, 2, 0, 1)
 
 
-def test_a_track_belongs_to_whom_it_was_confirmed_on():
+def test_a_track_belongs_to_the_person_it_was_confirmed_on():
     coasts = {**still(0, 0, range(5), "coasting"), **still(2, 0, range(5, 10))}
     # nobody's until it is confirmed on the second, whose it is then: before that the first had another's track
     assert failures(truth_of(TWO), tracks_of({7: coasts})) == (20, 10, 0, 5)
@@ -125,7 +125,7 @@ def test_disposal_outside_the_area_is_not_counted():
 def by_loops(truth: TruthTable, tracks: TrackTable, situations: SituationTable) -> dict:
     frames = align(truth, tracks).frames
     owner: dict[int, int] = {}
-    for frame, pairs in zip(frames, match_everybody(frames, GATE_M), strict=True):
+    for frame, pairs in zip(frames, match_all_people(frames, GATE_M), strict=True):
         for row, column in zip(pairs.rows, pairs.columns, strict=True):
             if frame.confirmed[column]:
                 owner.setdefault(int(frame.track_ids[column]), int(frame.person_ids[row]))

@@ -44,7 +44,7 @@ def test_a_miss_before_the_first_match_of_a_stay_is_start_up():
     assert causes(there, {7: still(0, 0, [0, 1, 6, 7])}) == {"seen": 4}
 
 
-def test_whom_no_ray_reaches_is_unseen_and_by_unused_sensors_alone_is_told_so():
+def test_hidden_people_and_unused_sensors_are_causes_of_their_own():
     hidden, by_camera = {"waist": 0.0, "camera": 0.0}, {"waist": 0.0, "camera": 0.4}
     there = truth(*[person()] * 4, *[person(visible=hidden)] * 3, *[person(visible=by_camera)] * 3)
     tracks = {7: still(0, 0, range(4))}
@@ -52,7 +52,7 @@ def test_whom_no_ray_reaches_is_unseen_and_by_unused_sensors_alone_is_told_so():
     assert causes(there, tracks, unused=("camera",)) == {"unseen": 3, "unused": 3}
 
 
-def test_tracks_near_nobody_are_ghosts_while_they_coast_and_clutter_else():
+def test_tracks_far_from_people_are_ghosts_while_they_coast_and_clutter_else():
     hidden = {"waist": 0.0, "camera": 0.0}
     there = truth(*[person()] * 5, *[person((0, 2))] * 2, *[person((0, 2), visible=hidden)] * 3)
     seven = still(0, 0, range(5)) | still(0, 0, range(5, 10), "coasting")
@@ -67,7 +67,7 @@ def test_tracks_near_nobody_are_ghosts_while_they_coast_and_clutter_else():
     }
 
 
-def test_postures_are_told_from_the_pelvis_and_the_head():
+def test_postures_follow_from_the_pelvis_and_the_head():
     sits, lies = person(z=0.5, head_z=1.2), person(z=0.55, head_z=0.6)
     there = truth(*[person()] * 4, *[sits] * 3, *[lies] * 3)
     errors = evaluate_with_details(there, tracks_of({7: still(9, 9, [0])}, range(10))).errors
@@ -76,7 +76,7 @@ def test_postures_are_told_from_the_pelvis_and_the_head():
     assert np.allclose(errors.xy[~missed], 9) and errors.posture[~missed].tolist() == [""]
 
 
-def test_without_sensors_in_the_truth_everybody_is_seen():
+def test_without_sensors_in_the_truth_all_people_are_seen():
     there = truth(*[person(visible={})] * 4)
     assert evaluate_tracks(there, tracks_of({7: still(0, 0, [0])}, range(4)))["errors"]["missed"]["seen"] == 3
 

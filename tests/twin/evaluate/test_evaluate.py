@@ -173,7 +173,7 @@ def test_the_reference_person_is_the_first_one_matched_while_confirmed():
     assert evaluate_tracks(truth, tracks_of({7: unmatched_first}))["misidentifications"] == 0
 
 
-def test_a_track_predicted_past_somebody_has_not_taken_them_for_its_person():
+def test_a_track_predicted_past_a_person_has_not_taken_them_for_its_person():
     truth = truth_of({1: still(0, 0, range(20)), 2: still(2, 0, range(20))})
     coasting = still(0, 0, range(5)) | still(2, 0, range(5, 8), "coasting") | still(0, 0, range(8, 20))
     assert evaluate_tracks(truth, tracks_of({7: coasting}))["misidentifications"] == 0
@@ -198,7 +198,7 @@ def test_a_track_that_lives_to_the_end_is_not_lost():
 
 
 @pytest.mark.parametrize(("leaves_at", "lost"), [(10, 0), (14, 0), (15, 1)])
-def test_somebody_about_to_leave_is_not_lost(leaves_at, lost):
+def test_a_person_about_to_leave_is_not_lost(leaves_at, lost):
     # The track is seen last at 0.9 s; the grace of 0.5 s holds the frames up to 1.4 s.
     truth = truth_of({1: still(0, 0, range(leaves_at)) | still(0, 0, range(leaves_at, 30), False)})
     tracks = tracks_of({7: still(0, 0, range(10))}, steps=range(30))
@@ -216,7 +216,7 @@ def test_a_person_whose_truth_ends_has_left():
     assert evaluate_tracks(truth, tracks)["lost_tracks"] == 0
 
 
-def test_a_track_that_follows_somebody_out_and_ends_there_is_not_lost():
+def test_a_track_that_follows_a_person_out_and_ends_there_is_not_lost():
     truth = truth_of({1: still(0, 0, range(10)) | still(1, 0, range(10, 30), False)})
     tracks = tracks_of({7: still(0, 0, range(10)) | still(1, 0, range(10, 15))}, steps=range(30))
     metrics = evaluate_tracks(truth, tracks)
@@ -238,14 +238,14 @@ def test_people_outside_the_area_are_not_owed():
     assert (metrics["mota"], metrics["hota"], metrics["gospa_m"]) == (1.0, 1.0, 0.0)
 
 
-def test_a_track_on_somebody_outside_the_area_is_not_punished():
+def test_a_track_on_a_person_outside_the_area_is_not_punished():
     truth = truth_of({1: still(0, 0, range(10)), 2: still(5, 0, range(10), False)})
     tracks = tracks_of({7: still(0, 0, range(10)), 8: still(5.1, 0, range(10))})
     metrics = evaluate_tracks(truth, tracks)
     assert (metrics["mota"], metrics["idf1"], metrics["hota"], metrics["ospa_m"]) == (1.0, 1.0, 1.0, 0.0)
 
 
-def test_a_track_on_nobody_outside_the_area_is_a_false_positive():
+def test_a_track_on_no_person_outside_the_area_is_a_false_positive():
     truth = truth_of({1: still(0, 0, range(10)), 2: still(5, 0, range(10), False)})
     metrics = evaluate_tracks(truth, tracks_of({7: still(0, 0, range(10)), 8: still(6, 0, range(10))}))
     assert metrics["false_positives"] == 10
@@ -260,7 +260,7 @@ def test_only_people_outside():
 # --- which frames
 
 
-def test_frames_in_which_nobody_is_tracked_count():
+def test_frames_in_which_no_person_is_tracked_count():
     truth = truth_of({1: still(0, 0, range(10))})
     metrics = evaluate_tracks(truth, tracks_of({7: still(0, 0, range(8))}, steps=range(10)))
     assert (metrics["misses"], metrics["mota"]) == (2, pytest.approx(0.8))
@@ -326,7 +326,7 @@ def test_stamps_at_which_the_truth_is_unknown_are_not_judged():
         ([*range(10), *np.arange(10.4, 30)], []),  # late, not silent
     ],
 )
-def test_a_silent_tracker_misses_everybody(reported, missed):
+def test_a_silent_tracker_misses_all_people(reported, missed):
     steps = np.arange(0, 30, 0.5).tolist()  # the truth is twice as dense
     truth = truth_of({1: still(0, 0, [*steps, *(s for s in reported if s not in steps)])})
     result = evaluate_with_details(truth, tracks_of({7: still(0, 0, reported)}))

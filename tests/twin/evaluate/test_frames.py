@@ -122,14 +122,14 @@ def test_a_hole_of_several_rows_is_not_interpolated() -> None:
     assert any("does not say where people are" in note for note in found.notes)
 
 
-@pytest.mark.parametrize(("outside", "told", "little"), [(1, False, False), (5, True, False), (150, True, True)])
-def test_frames_that_are_not_judged_are_told(outside: int, told: bool, little: bool) -> None:
+@pytest.mark.parametrize(("outside", "noted", "little"), [(1, False, False), (5, True, False), (150, True, True)])
+def test_frames_that_are_not_judged_are_noted(outside: int, noted: bool, little: bool) -> None:
     truth = truth_at(np.arange(0, 10, 0.1))
     found = evaluate_with_details(truth, tracks_at(np.arange(0, 100 + outside) / 10 - 1e-12))
     said = " ".join(found.notes)
     assert found.metrics["judged"]["frames"] == 100
     assert found.metrics["judged"]["share"] == pytest.approx(100 / (100 + outside))
-    assert (f"evaluated in 100 of {100 + outside} frames" in said) == told
+    assert (f"evaluated in 100 of {100 + outside} frames" in said) == noted
     assert ("less than half" in said) == little
 
 
@@ -147,7 +147,7 @@ def test_without_interpolation_only_rows_count() -> None:
     assert aligned.n_total == 6
 
 
-def test_work_goes_with_the_rows_where_everybody_comes_once() -> None:
+def test_work_goes_with_the_rows_where_all_people_come_once() -> None:
     n = 3000  # people x stamps in an array of their poses would be half a gigabyte
     frames = [TruthFrame(k * NS_PER_S // 10, (PersonTruth(k + 1, 0, 0),)) for k in range(n)]
     tracks = [TrackFrame(k * NS_PER_S // 10, ()) for k in range(n)]
@@ -159,7 +159,7 @@ def test_work_goes_with_the_rows_where_everybody_comes_once() -> None:
 
 
 def owed(truth, tracks) -> tuple[int, int]:
-    """How many frames are judged without a track, and how many in all."""
+    """Count the frames judged without a track, and all judged frames."""
     frames = align(truth, tracks).frames
     assert all(frame.person_ids.size == 2 for frame in frames)
     return sum(frame.track_ids.size == 0 for frame in frames), len(frames)
@@ -203,8 +203,8 @@ def test_frames_left_out_are_owed_whatever_truth_it_is(rate_hz, every, jitter, t
     without = tracks_at(sensor_s[~left_out])
     assert owed(truth_rows, tracks_at(sensor_s)) == (0, sensor_s.size)
     assert owed(truth_rows, without) == (left_out.sum(), sensor_s.size)
-    told = f"reports nothing in {left_out.sum()} of {sensor_s.size} frames"
-    assert any(told in note for note in align(truth_rows, without).notes) == (left_out.mean() > 0.02)
+    noted = f"reports nothing in {left_out.sum()} of {sensor_s.size} frames"
+    assert any(noted in note for note in align(truth_rows, without).notes) == (left_out.mean() > 0.02)
 
 
 @settings(max_examples=10, deadline=None)

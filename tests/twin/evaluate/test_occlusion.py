@@ -1,4 +1,4 @@
-"""Who was hidden for how long: the truth's word, by person, in the area, from every sensor at once."""
+"""Occlusions by person: in the area, hidden from every sensor at once, by the truth."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def hidden_between(first: int, last: int, n_frame: int = 40) -> TruthTable:
     return table(*([person(1, float(not first <= k <= last), 0.0), person(2, 1.0, 1.0)] for k in range(n_frame)))
 
 
-def test_an_occlusion_lasts_from_its_first_moment_to_its_last() -> None:
+def test_an_occlusion_lasts_from_its_first_frame_to_its_last() -> None:
     found = long_occlusions(hidden_between(5, 21), ("waist", "knee"), 1.5)
     assert found == (Occlusion(1, 0.5, 2.1),)
     assert found[0].duration_s == pytest.approx(1.6)
@@ -42,7 +42,7 @@ def test_one_sensor_that_sees_a_hair_is_enough() -> None:
     assert long_occlusions(seen, ("waist",), 1.5) == (Occlusion(1, 0.0, 2.9),)
 
 
-def test_a_glimpse_outside_or_absence_ends_it() -> None:
+def test_a_glimpse_or_leaving_ends_it() -> None:
     dark = person(1, 0.0, 0.0)
     for gap in ([person(1, 1.0, 0.0)], [person(1, 0.0, 0.0, in_area=False)], []):
         frames = [[dark]] * 12 + [gap] + [[dark]] * 12
@@ -59,7 +59,7 @@ def test_a_sensor_that_truth_does_not_know_is_an_error() -> None:
         long_occlusions(hidden_between(5, 21), ("elbow",), 1.5)
 
 
-def test_nobody_there() -> None:
+def test_no_person_there() -> None:
     empty = table(*([] for _ in range(5)))
     assert np.array_equal(empty.id, [])
     assert long_occlusions(empty, (), 1.5) == ()

@@ -35,7 +35,7 @@ def test_a_distance_that_is_not_a_number_is_no_pair():
     assert clear([matrix([1], [7], [[np.nan]])], 0.5).matches == 0
 
 
-def test_the_latest_owner_claims_a_track_whatever_the_order_of_people():
+def test_the_latest_owner_keeps_a_track_whatever_the_order_of_people():
     frames = [
         matrix([1], [7], [[0.1]]),
         matrix(
@@ -77,7 +77,7 @@ def test_counts_by_hand():
     assert (identities.true_positives, identities.misses, identities.false_positives) == (4, 3, 3)
 
 
-def test_nobody_and_nothing():
+def test_no_person_and_no_track():
     for frames in ([], [matrix([], [], [])]):
         scores, higher_order = clear(frames, 0.5), hota(frames)
         assert (scores.mota, scores.motp, scores.recall, scores.precision) == (None, None, None, None)

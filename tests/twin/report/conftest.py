@@ -1,11 +1,11 @@
-"""The staged run that most of the report's tests look at."""
+"""The synthetic run that most of the report's tests look at."""
 
 from __future__ import annotations
 
 import pytest
-from staged_run import Staged, stage
+from synthetic_run import SyntheticRun, stage
 
 
 @pytest.fixture(scope="session")
-def staged() -> Staged:
+def synthetic() -> SyntheticRun:
     return stage(6.0)

@@ -40,47 +40,49 @@ def sector(name: str) -> LaserScan:
     return LaserScan(name, 0, np.full(41, 2.0, np.float32), np.deg2rad(-20.0), np.deg2rad(1.0), 0.05, 8.0)
 
 
-def drawn(told: Rig, *scans: str, true: Rig | None = None, about: tuple[str, ...] | None = None) -> NDArray[np.uint8]:
+def drawn(
+    assumed: Rig, *scans: str, true: Rig | None = None, about: tuple[str, ...] | None = None
+) -> NDArray[np.uint8]:
     panel = np.zeros((SIZE[1], SIZE[0], 3), dtype=np.uint8)
-    layers = dict(zip(told.lasers(), LAYER_COLOURS, strict=False))
-    floor = FloorPanel(told, [], *SIZE, true=true, about=about)
+    layers = dict(zip(assumed.lasers(), LAYER_COLOURS, strict=False))
+    floor = FloorPanel(assumed, [], *SIZE, true=true, about=about)
     floor.draw(panel, {name: sector(name) for name in scans}, layers, [], {}, IdentityColours(), None, {})
     return panel
 
 
-def at(panel: NDArray[np.uint8], told: Rig, x: float, y: float) -> NDArray[np.int64]:
+def at(panel: NDArray[np.uint8], assumed: Rig, x: float, y: float) -> NDArray[np.int64]:
     """The colour [RGB] of the drawing at a place of the room, off the lines of the grid."""
-    view = FloorView.fit(floor_extent(told, []), *SIZE)
+    view = FloorView.fit(floor_extent(assumed, []), *SIZE)
     column, row = view.pixels(np.array([x, y])).astype(int)
     return panel[row, column].astype(np.int64)
 
 
 def test_every_scanner_s_free_space_is_seen_in_its_colour_and_through_the_others() -> None:
-    told = rig(west=scanner(-1.9, 0.1), south=scanner(0.1, -1.9, 90.0))
-    alone = {name: drawn(told, name) for name in ("west", "south")}
-    both = drawn(told, "west", "south")
-    nowhere = drawn(told)
+    assumed = rig(west=scanner(-1.9, 0.1), south=scanner(0.1, -1.9, 90.0))
+    alone = {name: drawn(assumed, name) for name in ("west", "south")}
+    both = drawn(assumed, "west", "south")
+    nowhere = drawn(assumed)
     by_west, by_south, by_both = (-1.4, 0.1), (0.1, -1.4), (-0.1, -0.1)
     for name, place, other in (("west", by_west, by_south), ("south", by_south, by_west)):
-        light = at(alone[name], told, *place) - at(nowhere, told, *place)
+        light = at(alone[name], assumed, *place) - at(nowhere, assumed, *place)
         assert light.min() > 0 and light.max() >= 20  # plainly lighter than what no scanner sees
-        assert (at(both, told, *place) == at(alone[name], told, *place)).all()
-        assert (at(alone[name], told, *other) == at(nowhere, told, *other)).all()
-    west, south = at(both, told, *by_west), at(both, told, *by_south)
+        assert (at(both, assumed, *place) == at(alone[name], assumed, *place)).all()
+        assert (at(alone[name], assumed, *other) == at(nowhere, assumed, *other)).all()
+    west, south = at(both, assumed, *by_west), at(both, assumed, *by_south)
     assert west[0] - west[2] >= south[0] - south[2] + 20  # amber against turquoise
-    assert (at(both, told, *by_both) > np.maximum(west, south)).sum() >= 2  # lighter where both see
+    assert (at(both, assumed, *by_both) > np.maximum(west, south)).sum() >= 2  # lighter where both see
 
 
 def test_a_sensor_stands_where_it_is_and_dashed_with_a_label_where_it_is_assumed() -> None:
-    true, told = rig(waist=scanner(-1.0, -1.0)), rig(waist=scanner(0.5, 0.5, 30.0))
-    (pose,) = assumed_poses(told, true)
+    true, assumed = rig(waist=scanner(-1.0, -1.0)), rig(waist=scanner(0.5, 0.5, 30.0))
+    (pose,) = assumed_poses(assumed, true)
     assert pose.text == "waist assumed 2.1 m, 30° off"
-    misled, healthy, without = drawn(told, true=true), drawn(true, true=true), drawn(told)
+    misled, healthy, without = drawn(assumed, true=true), drawn(true, true=true), drawn(assumed)
     assert (at(healthy, true, -1.0, -1.0) == SENSOR).all() and (at(misled, true, -1.0, -1.0) == SENSOR).all()
     assert (
         at(misled, true, 0.5, 0.5) != SENSOR
     ).any()  # what was the sensor's place where only the assumed pose is known
-    assert (at(without, told, 0.5, 0.5) == SENSOR).all()
+    assert (at(without, assumed, 0.5, 0.5) == SENSOR).all()
     amber = np.abs(misled.astype(int) - LAYER_COLOURS[0]).max(axis=-1) < 60
     view = FloorView.fit(floor_extent(true, []), *SIZE)
     x, y = view.pixels(np.array([0.5, 0.5]))
@@ -89,7 +91,7 @@ def test_a_sensor_stands_where_it_is_and_dashed_with_a_label_where_it_is_assumed
     assert 0.3 < ring.mean() < 0.7 and np.count_nonzero(ring != np.roll(ring, 1)) >= 10  # dashed, not drawn through
     ys, xs = np.nonzero(amber)
     assert np.count_nonzero((np.abs(xs - x) > 20) & (np.abs(ys - y) < 10)) > 200  # the letters, beside it
-    assert np.array_equal(drawn(told, true=true, about=("knee",)), drawn(true, true=true))
+    assert np.array_equal(drawn(assumed, true=true, about=("knee",)), drawn(true, true=true))
 
 
 def test_a_true_assumed_pose_has_no_marks() -> None:
@@ -98,11 +100,11 @@ def test_a_true_assumed_pose_has_no_marks() -> None:
     assert np.array_equal(drawn(true, "waist", true=true), drawn(true, "waist"))
 
 
-def svg_of_poses(told: Rig, true: Rig) -> str:
-    return assumed_poses_svg(FloorView.fit(floor_extent(true, []), *SIZE), told, true)
+def svg_of_poses(assumed: Rig, true: Rig) -> str:
+    return assumed_poses_svg(FloorView.fit(floor_extent(true, []), *SIZE), assumed, true)
 
 
-def test_height_alone_and_a_floor_that_lies_elsewhere_are_told() -> None:
+def test_height_alone_and_a_floor_that_lies_elsewhere_are_named() -> None:
     (pose,) = assumed_poses(rig(waist=scanner(0, 0, z=0.95)), rig(waist=scanner(0, 0, z=0.9)))
     assert pose.text == "waist assumed 0.05 m off"
     plate = FloorSensor(topic="/f", rows=4, columns=4, pitch_m=0.2)

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
-from staged_run import laboratory, room
+from synthetic_run import laboratory, room
 
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor, Pose, Rig
@@ -77,8 +77,8 @@ def test_sensors_on_the_plan_have_their_names() -> None:
     texts = re.findall(
         r'<text class="sensor-name[^>]* x="([0-9.]+)"[^>]*text-anchor="(\w+)">([^<]+)<', sensor_names_svg(view, rig)
     )
-    (left, begins, both), (right, ends, alone) = texts
-    assert (both, begins) == ("waist, knee", "start")
+    (left, starts, both), (right, ends, alone) = texts
+    assert (both, starts) == ("waist, knee", "start")
     assert (alone, ends) == ("far-one", "end")  # it would leave the picture
     assert 0 < float(left) < float(right) < 400
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from staged_run import Staged, stage
+from synthetic_run import SyntheticRun, stage
 
 from trackers.errors import InputError
 from trackers.rig import LaserSensor, Rig
@@ -31,9 +31,9 @@ def facts(**changes: object) -> RunFacts:
     return replace(RunFacts("lab-five-people", 6.0, seed=0, command="twin run lab-five-people"), **changes)  # pyright: ignore
 
 
-def result(staged: Staged, name: str = "laser-fisheye-imm") -> TrackerResult:
-    evaluation = evaluate_with_details(staged.truth, staged.tracks)
-    return TrackerResult(name, staged.tracks, evaluation, {"mean": 4.25, "p95": 7.5})
+def result(synthetic: SyntheticRun, name: str = "laser-fisheye-imm") -> TrackerResult:
+    evaluation = evaluate_with_details(synthetic.truth, synthetic.tracks)
+    return TrackerResult(name, synthetic.tracks, evaluation, {"mean": 4.25, "p95": 7.5})
 
 
 class Checker(HTMLParser):
@@ -71,17 +71,17 @@ def checked(path: Path) -> Checker:
     return checker
 
 
-def test_page_fetches_nothing(tmp_path: Path, staged: Staged) -> None:
+def test_page_fetches_nothing(tmp_path: Path, synthetic: SyntheticRun) -> None:
     path = tmp_path / "report.html"
-    density = ScanDensity(staged.rig)
-    for scan in staged.scans(3).values():
+    density = ScanDensity(synthetic.rig)
+    for scan in synthetic.scans(3).values():
         density.add(scan)
     write_report(
         path,
         facts(),
-        [result(staged), result(staged, "laser-imm")],
-        staged.rig,
-        truth=staged.truth,
+        [result(synthetic), result(synthetic, "laser-imm")],
+        synthetic.rig,
+        truth=synthetic.truth,
         scans=density,
         stills=[Still(JPEG, "At 2 s")],
     )
@@ -98,14 +98,20 @@ def test_page_fetches_nothing(tmp_path: Path, staged: Staged) -> None:
             assert address[1:] in checker.ids
 
 
-def test_every_tracker_figure_and_event_is_on_the_page(tmp_path: Path, staged: Staged) -> None:
+def test_every_tracker_figure_and_event_is_on_the_page(tmp_path: Path, synthetic: SyntheticRun) -> None:
     path = tmp_path / "report.html"
-    mine = result(staged)
-    worse_frames = [TrackFrame(frame.stamp_ns, frame.tracks[:2]) for frame in staged.track_frames]
+    mine = result(synthetic)
+    worse_frames = [TrackFrame(frame.stamp_ns, frame.tracks[:2]) for frame in synthetic.track_frames]
     worse_table = track_table(worse_frames)
-    worse = TrackerResult("laser-kalman", worse_table, evaluate_with_details(staged.truth, worse_table))
+    worse = TrackerResult("laser-kalman", worse_table, evaluate_with_details(synthetic.truth, worse_table))
     write_report(
-        path, facts(), [mine, worse], staged.rig, truth=staged.truth, outline=staged.outline, person_names=NAMES
+        path,
+        facts(),
+        [mine, worse],
+        synthetic.rig,
+        truth=synthetic.truth,
+        outline=synthetic.outline,
+        person_names=NAMES,
     )
     text = unescape(path.read_text(encoding="utf-8"))
     texts = checked(path).texts
@@ -133,10 +139,10 @@ def test_every_tracker_figure_and_event_is_on_the_page(tmp_path: Path, staged: S
     assert "4.25" in texts
 
 
-def test_misses_are_gaps(tmp_path: Path, staged: Staged) -> None:
+def test_misses_are_gaps(tmp_path: Path, synthetic: SyntheticRun) -> None:
     """Track 2 is lost at 3.6 s and taken up again 2 s later: pink's row is shaded there and nowhere else after 0.5 s."""
     write_report(
-        tmp_path / "report.html", facts(), [result(staged)], staged.rig, truth=staged.truth, person_names=NAMES
+        tmp_path / "report.html", facts(), [result(synthetic)], synthetic.rig, truth=synthetic.truth, person_names=NAMES
     )
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     boxes = re.findall(r'<path class="missed" d="([^"]+)"', text)
@@ -148,12 +154,12 @@ def test_misses_are_gaps(tmp_path: Path, staged: Staged) -> None:
     assert end == pytest.approx(5.55, abs=0.01)
 
 
-def test_false_tracks_leave_out_who_follows_people_outside(staged: Staged) -> None:
+def test_false_tracks_leave_out_who_follows_people_outside(synthetic: SyntheticRun) -> None:
     frames = []
-    for frame in staged.truth_frames:
+    for frame in synthetic.truth_frames:
         outside = tuple(replace(person, in_area=person.id != 4) for person in frame.people)
         frames.append(replace(frame, people=outside))
-    changed = replace(staged, truth_frames=frames)
+    changed = replace(synthetic, truth_frames=frames)
     evaluation = evaluate_with_details(changed.truth, changed.tracks)
     stamps, ids = false_positive_tracks(changed.truth, changed.tracks, evaluation)
     assert set(ids.tolist()) == {9}
@@ -161,13 +167,13 @@ def test_false_tracks_leave_out_who_follows_people_outside(staged: Staged) -> No
     assert {stamp: 1 for stamp in stamps.tolist()} == {stamp: n for stamp, n in counted.items() if n}
 
 
-def test_without_truth(tmp_path: Path, staged: Staged) -> None:
+def test_without_truth(tmp_path: Path, synthetic: SyntheticRun) -> None:
     rig = Rig(sensors={"scan": LaserSensor(topic="/scan")})
     density = ScanDensity(rig)
     for index in range(20):
-        scan = staged.scans(index)["waist"]
+        scan = synthetic.scans(index)["waist"]
         density.add(replace(scan, sensor="scan"))
-    tracker = TrackerResult("laser-imm", staged.tracks)
+    tracker = TrackerResult("laser-imm", synthetic.tracks)
     write_report(tmp_path / "report.html", facts(seed=None), [tracker], rig, scans=density)
     checker = checked(tmp_path / "report.html")
     assert "Tracks" in checker.texts
@@ -175,27 +181,27 @@ def test_without_truth(tmp_path: Path, staged: Staged) -> None:
     assert {"#0", "#1", "#2", "#3", "#4", "#9", "#11"} <= set(checker.texts)
 
 
-def test_without_any_track(tmp_path: Path, staged: Staged) -> None:
-    empty = track_table([TrackFrame(frame.stamp_ns, ()) for frame in staged.truth_frames])
-    evaluation = evaluate_with_details(staged.truth, empty)
+def test_without_any_track(tmp_path: Path, synthetic: SyntheticRun) -> None:
+    empty = track_table([TrackFrame(frame.stamp_ns, ()) for frame in synthetic.truth_frames])
+    evaluation = evaluate_with_details(synthetic.truth, empty)
     write_report(
-        tmp_path / "a.html", facts(), [TrackerResult("silent", empty, evaluation)], staged.rig, truth=staged.truth
+        tmp_path / "a.html", facts(), [TrackerResult("silent", empty, evaluation)], synthetic.rig, truth=synthetic.truth
     )
     checker = checked(tmp_path / "a.html")
     assert "–" in checker.texts  # MOTP does not apply
     assert checker.texts.count("never matched") == 5
-    write_report(tmp_path / "b.html", facts(), [TrackerResult("silent", empty)], staged.rig)
+    write_report(tmp_path / "b.html", facts(), [TrackerResult("silent", empty)], synthetic.rig)
     assert "No track was confirmed." in checked(tmp_path / "b.html").texts
 
 
-def test_names_are_text_not_markup(tmp_path: Path, staged: Staged) -> None:
+def test_names_are_text_not_markup(tmp_path: Path, synthetic: SyntheticRun) -> None:
     nasty = '<b onload="x">'
     write_report(
         tmp_path / "report.html",
         facts(title=nasty, notes=[nasty], command=nasty),
-        [result(staged, nasty)],
-        staged.rig,
-        truth=staged.truth,
+        [result(synthetic, nasty)],
+        synthetic.rig,
+        truth=synthetic.truth,
         person_names={1: nasty},
         stills=[Still(JPEG, nasty)],
     )
@@ -203,31 +209,31 @@ def test_names_are_text_not_markup(tmp_path: Path, staged: Staged) -> None:
     assert "<b " not in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
-def test_failure_leaves_the_old_page(tmp_path: Path, staged: Staged, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failure_leaves_the_old_page(tmp_path: Path, synthetic: SyntheticRun, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "report.html"
     path.write_text("older")
     with pytest.raises(ValueError, match="no truth was handed in"):
-        write_report(path, facts(), [result(staged)], staged.rig)
+        write_report(path, facts(), [result(synthetic)], synthetic.rig)
 
     def broken(*_: object) -> str:
         raise RuntimeError("broken")
 
     monkeypatch.setattr(page, "identity_timeline", broken)
     with pytest.raises(RuntimeError, match="broken"):
-        write_report(path, facts(), [result(staged)], staged.rig, truth=staged.truth)
+        write_report(path, facts(), [result(synthetic)], synthetic.rig, truth=synthetic.truth)
     assert path.read_text() == "older"
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_unwritable_place_is_named(tmp_path: Path, staged: Staged) -> None:
+def test_unwritable_place_is_named(tmp_path: Path, synthetic: SyntheticRun) -> None:
     (tmp_path / "report.html").mkdir()
     with pytest.raises(InputError, match=r"report\.html: cannot be written"):
-        write_report(tmp_path / "report.html", facts(), [result(staged)], staged.rig, truth=staged.truth)
+        write_report(tmp_path / "report.html", facts(), [result(synthetic)], synthetic.rig, truth=synthetic.truth)
 
 
 def test_a_long_run_stays_small(tmp_path: Path) -> None:
-    staged = stage(120.0, n_people=4)
-    write_report(tmp_path / "long.html", facts(), [result(staged)], staged.rig, truth=staged.truth)
+    synthetic = stage(120.0, n_people=4)
+    write_report(tmp_path / "long.html", facts(), [result(synthetic)], synthetic.rig, truth=synthetic.truth)
     checked(tmp_path / "long.html")
     assert (tmp_path / "long.html").stat().st_size < 600_000
 
@@ -247,7 +253,7 @@ def test_scan_density_counts_cells() -> None:
     )  # the beam straight ahead: y is 0, in the cell above it
 
 
-def test_one_row_a_track_even_for_a_moment(tmp_path: Path) -> None:
+def test_one_row_per_track_even_for_one_frame(tmp_path: Path) -> None:
     table = track_table([TrackFrame(0, (Track(7, 1.0, 1.0),))])
     write_report(
         tmp_path / "r.html", facts(), [TrackerResult("x", table)], Rig(sensors={"scan": LaserSensor(topic="/scan")})

@@ -90,7 +90,7 @@ def test_a_preview_does_not_draw_the_last_scan_of_a_silent_scanner_on_and_on() -
 
 
 def labels(picture: np.ndarray) -> int:
-    """How many pixels have the colour behind the label of a silent sensor."""
+    """Count the pixels of the colour behind the label of a silent sensor."""
     return int((np.abs(picture.astype(int) - SILENT_FILL).max(axis=-1) <= 12).sum())
 
 
@@ -111,7 +111,7 @@ def test_the_label_stands_in_the_picture_and_the_camera_s_last_one_is_dimmed(tmp
     assert mute[200:500, 100:500].mean() < 0.5 * seeing[200:500, 100:500].mean()
 
 
-def test_a_look_inside_shows_nothing_of_a_silent_sensor(tmp_path: Path) -> None:
+def test_a_view_shows_nothing_of_a_silent_sensor(tmp_path: Path) -> None:
     scenario = load_scenario("lab-five-people", [MUTE, *SMALL, "sensors.knee.dropout=1", "duration_s=2"])
     with Simulation(scenario) as simulation:
         assert set(simulation.look(0)) == {"waist", "fisheye"}

@@ -28,6 +28,6 @@ def test_an_interval_of_95_percent_holds_the_truth_about_as_often():
     assert 0.90 <= held / 300 <= 0.98
 
 
-def test_runs_that_agree_leave_no_doubt():
+def test_runs_that_agree_have_an_interval_of_no_width():
     found = interval(Bootstrap(5, np.random.default_rng(2)).ratio(np.full((5, 1), 3.0), np.full((5, 1), 4.0))[:, 0])
     np.testing.assert_allclose((found.value, found.low, found.high), 0.75)

@@ -1,4 +1,4 @@
-"""What `twin reproduce camera-floor-particle` makes of runs, and what suites it refuses."""
+"""Results of `twin reproduce camera-floor-particle` from runs, and the suites it refuses."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def table(stamps_s, people) -> Any:
     return SimpleNamespace(stamps_ns=stamps_ns, id=number, x=x, y=y, head_x=x, head_y=y, head_z=z)
 
 
-def test_moments_and_errors_are_found_in_tables():
+def test_times_and_errors_are_found_in_tables():
     t = [1.0, 2.0, 3.0, 4.0, 5.0]
     truth = table(t, [[(1, k, 0.0, 1.6 - 0.1 * k), (2, 4.0 - 0.5 * k, 0.0, 1.7)] for k in range(5)])
     assert closest_pair_s(truth) == 5.0 and lowest_head_s(truth) == 5.0
@@ -128,7 +128,7 @@ def test_every_choice_is_one_of_the_tracker(change):
     assert (CameraFloorParticleOptions.model_validate(change) == CameraFloorParticleOptions()) == (not change)
 
 
-def test_moments_are_drawn_with_masks_particles_floor_and_truth():
+def test_frames_are_drawn_with_masks_particles_floor_and_truth():
     lens = PinholeIntrinsics(width=120, height=90, fx=80, fy=80, cx=59.5, cy=44.5)
     camera = PinholeSensor(
         topic="/camera/image", room_from_sensor=Pose(xyz=(0, 0, 2), rpy=(-1.9, 0, 0)), intrinsics=lens

@@ -81,7 +81,7 @@ def test_measurements_have_the_papers_variance_and_belong_to_their_seed():
 
 
 @pytest.mark.parametrize("imm", [Imm(), kalman()], ids=["imm", "kalman"])
-def test_a_run_does_not_depend_on_the_runs_beside_it(imm):
+def test_a_run_does_not_depend_on_other_runs(imm):
     z = measurements(WALK, range(1000, 1005))
     together, alone = kalman_estimates(imm, z), kalman_estimates(imm, z[3:4])
     np.testing.assert_allclose(together.position[3], alone.position[0], atol=1e-12)
@@ -119,6 +119,6 @@ def test_many_particles_follow_closer_than_few():
 def test_the_same_seeds_the_same_errors(runs):
     again = simulate(WALK, range(20))  # one block: the first of the hundred's
     np.testing.assert_array_equal(again.position.by_filter[PARTICLE], runs.position.by_filter[PARTICLE][:20])
-    told: list[float] = []
-    simulate(WALK, range(0, 21), lambda what, done, total: told.append(done / total))
-    assert told == [20 / 21, 1.0]
+    reported: list[float] = []
+    simulate(WALK, range(0, 21), lambda what, done, total: reported.append(done / total))
+    assert reported == [20 / 21, 1.0]

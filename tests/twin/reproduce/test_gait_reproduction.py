@@ -1,4 +1,4 @@
-"""What `twin reproduce gait` leaves behind, what it measures, and what it refuses."""
+"""Files of `twin reproduce gait`, its measures, and what it refuses."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 
 from trackers.errors import InputError
 from twin.commands.reproduce import reproduce
-from twin.reproduce.gait.comparison import BESIDE_THE_PERSON, BESIDE_THE_SUBJECT, RUNNING, WALKING, statures
+from twin.reproduce.gait.comparison import PERSON_SECTION, RUNNING, SUBJECT_SECTION, WALKING, statures
 from twin.reproduce.gait.published import SUBJECT_FILE, read_subject, walking_cadence, walking_step_m
 from twin.reproduce.gait.stride import (
     STANCE_POINTS,
@@ -89,7 +89,7 @@ def test_running_is_as_published(folder):
 
 
 def test_a_foot_stands_and_rolls_as_the_measured_person_s(folder):
-    person = {what: each for (_, what), each in rows(folder, BESIDE_THE_PERSON).items()}
+    person = {what: each for (_, what), each in rows(folder, PERSON_SECTION).items()}
     assert person["stance"]["ours"] == pytest.approx(person["stance"]["paper"], rel=0.02)
     travel = person["travel of the point of load"]
     assert travel["ours"] == pytest.approx(travel["paper"], rel=0.05)
@@ -101,8 +101,8 @@ def test_a_foot_stands_and_rolls_as_the_measured_person_s(folder):
 
 
 @recorded
-def test_beside_the_subject_we_differ_about_as_the_subject_s_feet_do(folder):
-    (apart,) = (each for (_, what), each in rows(folder, BESIDE_THE_SUBJECT).items() if what.startswith("curves apart"))
+def test_we_differ_from_the_subject_about_as_the_subject_s_feet_do(folder):
+    (apart,) = (each for (_, what), each in rows(folder, SUBJECT_SECTION).items() if what.startswith("curves apart"))
     assert apart["ours"] < 0.035
     assert 0.02 < apart["paper"] < 0.05
     page = (folder / "report.html").read_text()
@@ -111,7 +111,7 @@ def test_beside_the_subject_we_differ_about_as_the_subject_s_feet_do(folder):
 
 def test_without_a_recording_the_published_figures_stay(tmp_path):
     reproduce("gait", seeds=2, out=tmp_path)
-    assert not rows(tmp_path, BESIDE_THE_SUBJECT) and rows(tmp_path, WALKING)
+    assert not rows(tmp_path, SUBJECT_SECTION) and rows(tmp_path, WALKING)
     assert "no recording was given" in (tmp_path / "report.html").read_text()
 
 

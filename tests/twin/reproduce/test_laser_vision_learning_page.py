@@ -1,4 +1,4 @@
-"""What `twin reproduce laser-vision-learning` makes of runs, leaves behind, and refuses."""
+"""Results and files of `twin reproduce laser-vision-learning`, and what it refuses."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def results_of(*conditions: HallCondition) -> dict[tuple[str, str, str], tuple[f
     return {(each.where, each.row, each.column): (each.paper, each.ours) for each in hall_results(runs)}
 
 
-def test_the_tables_are_sums_over_runs_beside_the_papers_figures() -> None:
+def test_the_tables_are_sums_over_runs_with_the_papers_values() -> None:
     found = results_of(condition("hall"), condition("busy"))
     assert found[TABLE_ONE, CORRELATED, "vision only"] == (66.96, pytest.approx(100 * 38 / 40))
     assert found[TABLE_ONE, MERGES, "fused"] == (81.75, pytest.approx(100 * 6 / 10))
@@ -92,7 +92,7 @@ def test_the_tables_are_sums_over_runs_beside_the_papers_figures() -> None:
     assert found["the place", "merges of 0.5 s or more", "hall"] == (None, pytest.approx(200 / 3))
 
 
-def test_a_change_of_the_hall_is_told_by_what_it_costs_paired_by_seed() -> None:
+def test_the_cost_of_a_change_of_the_hall_is_paired_by_seed() -> None:
     changed = condition("lights-out", n_run=3)
     changed.metrics[FUSED]["failures.missed"][:] += 30
     found = results_of(condition("hall"), condition("busy"), changed)

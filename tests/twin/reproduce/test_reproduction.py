@@ -1,4 +1,4 @@
-"""What `twin reproduce laser-fisheye-imm` leaves behind, and what it refuses."""
+"""Files of `twin reproduce laser-fisheye-imm`, and what it refuses."""
 
 import csv
 import json
@@ -81,7 +81,7 @@ def test_it_leaves_results_tables_plots_and_a_page_and_nothing_else(folder):
     assert names == {
         "results.json",
         "runs.csv",
-        "moments.csv",
+        "incidents.csv",
         "report.html",
         "suite",
         *(f"{name}.svg" for name in plots),
@@ -111,7 +111,7 @@ def test_figure_7_is_the_runs(folder, runs):
         assert value[where, IMM, f"scans at which its {name} is the lowest"] == pytest.approx(100 * lowest)
 
 
-def test_table_one_is_what_the_suite_measured_beside_the_paper(folder):
+def test_table_one_is_what_the_suite_measured_and_the_paper_printed(folder):
     found = {(row.row, row.column): row for row in format_rows(folder) if row.where == TABLE_ONE}
     with sqlite3.connect(folder / "suite" / "results.sqlite") as connection:
         query = "SELECT AVG(value) FROM results WHERE scenario = 'people-5' AND tracker = ? AND metric = ?"
@@ -135,19 +135,19 @@ def test_every_run_of_every_column_is_a_row(folder):
     assert densities == {"people-2", "people-5"}
 
 
-def test_every_moment_is_listed_and_every_drawn_one_has_its_picture(folder):
-    with (folder / "moments.csv").open() as stream:
-        moments = list(csv.DictReader(stream))
-    for moment in moments:
-        assert moment["kind"] in ("misidentification", "lost")
-        assert (folder / moment["report"]).is_file()
+def test_every_incident_is_listed_and_every_drawn_one_has_its_picture(folder):
+    with (folder / "incidents.csv").open() as stream:
+        incidents = list(csv.DictReader(stream))
+    for incident in incidents:
+        assert incident["kind"] in ("misidentification", "lost")
+        assert (folder / incident["report"]).is_file()
     with (folder / "runs.csv").open() as stream:
         counted = sum(int(row["misidentifications"]) + int(row["lost_tracks"]) for row in csv.DictReader(stream))
-    assert counted == len(moments)
+    assert counted == len(incidents)
     strips = folder / "strips"
     drawn = list(strips.iterdir()) if strips.is_dir() else []
     assert (folder / "report.html").read_text().count("data:image/jpeg;base64,") == len(drawn)
-    assert bool(drawn) == any(row["condition"] == "people-5" for row in moments) or drawn
+    assert bool(drawn) == any(row["condition"] == "people-5" for row in incidents) or drawn
 
 
 def test_plots_are_svg_with_their_words(folder):

@@ -1,4 +1,4 @@
-"""What `twin reproduce rgbd-head` makes of tracks, and what suites it refuses."""
+"""Results of `twin reproduce rgbd-head` from tracks, and the suites it refuses."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_who_has_no_track_for_a_second_is_lost_and_who_slides_away_alone_is_an_e
     assert slid.lost == 1 and slid.statistics()["XY"] == pytest.approx(80.0)
 
 
-def test_the_spread_is_a_standard_deviation_at_each_moment():
+def test_the_spread_is_a_standard_deviation_at_each_stamp():
     alone = {1: PEOPLE[1]}
     runs = {k: followed(off=(0.01 * (-1) ** k, 0.0, 0.02 * (-1) ** k), people=alone) for k in range(4)}
     level, up = spread_cm(runs)

@@ -38,7 +38,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "out" / "recording.mcap"
 
 
-def test_who_met_is_told_apart_when_they_part(recording: Path) -> None:
+def test_two_who_met_are_identified_when_they_part(recording: Path) -> None:
     decisions = decide(recording, {"few": FEW}, "correlated")["few"]
     assert [(each.first_id, each.second_id) for each in decisions] == [(1, 2)]
     assert decisions[0].right
@@ -47,20 +47,20 @@ def test_who_met_is_told_apart_when_they_part(recording: Path) -> None:
     assert again["few"] == again["other"] == decisions
 
 
-def test_whoever_never_learned_says_nothing(recording: Path) -> None:
+def test_a_classifier_that_never_learned_does_not_decide(recording: Path) -> None:
     blind = FEW.model_copy(update={"least_patches": 41})
     decisions = decide(recording, {"blind": blind}, "correlated")["blind"]
     assert [each.margin for each in decisions] == [0]
     assert not decisions[0].right
 
 
-def test_nobody_is_learned_from_while_a_tracker_could_take_them_for_each_other(recording: Path) -> None:
-    moments = split_truth(Recording(recording), "correlated")
-    ((first, second, start, end),) = moments.parted
+def test_no_person_is_learned_from_while_a_tracker_could_confuse_them(recording: Path) -> None:
+    truth = split_truth(Recording(recording), "correlated")
+    ((first, second, start, end),) = truth.parted
     assert {first, second} == {0, 1}
-    assert not moments.apart[start:end].any()
-    assert moments.apart[:start].all()
-    distance = np.linalg.norm(moments.positions_m[:, 0] - moments.positions_m[:, 1], axis=1)
+    assert not truth.apart[start:end].any()
+    assert truth.apart[:start].all()
+    distance = np.linalg.norm(truth.positions_m[:, 0] - truth.positions_m[:, 1], axis=1)
     assert start <= distance.argmin() < end
 
 

@@ -82,7 +82,7 @@ def test_a_figure_that_some_runs_lack_is_the_mean_of_the_others() -> None:
     assert cell(made, FULL, "MOTA").value == pytest.approx(0.98)
 
 
-def test_no_event_in_any_run_leaves_a_doubt() -> None:
+def test_no_event_in_any_run_leaves_an_upper_end() -> None:
     found = cell(condition({}), FULL, MISIDENTIFIED)
     assert (found.value, found.low) == (0, 0)
     # Poisson: with this mean a run, n runs without any have a chance of 2.5 %
@@ -111,7 +111,7 @@ def test_differences_are_paired_by_seed() -> None:
     assert wide.value == pytest.approx(-1) and wide.low < -2 < 0 < wide.high
 
 
-def test_where_no_run_differs_there_is_doubt_both_ways() -> None:
+def test_where_no_run_differs_the_interval_goes_both_ways() -> None:
     found = difference(condition(by(IMM) | by(KALMAN)), FULL, COLUMNS[3])
     assert found.value == 0 and -found.low == found.high == pytest.approx(POISSON_ZERO_UPPER / N)
 
@@ -171,7 +171,7 @@ def test_strips_show_every_run_and_kind_before_the_same_again() -> None:
     assert [each.case.name for each in round_robin(made)] == ["m0", "l0", "m1", "m0", "m1", "m0"]  # pyright: ignore
 
 
-def test_equal_runs_stand_beside_each_other() -> None:
+def test_equal_runs_stand_side_by_side() -> None:
     off = _spread(np.array([0, 1, 0, 0, 2.0]))
     assert off[1] == off[4] == 0
     assert all(second > first for first, second in pairwise(sorted(off[[0, 2, 3]])))

@@ -162,7 +162,7 @@ def draw_debug_state(
     Figures 2, 4 and 5 of Mori et al. Raises ValueError where no camera has a view in that frame.
     """
     if not len(inside.views):
-        raise ValueError("no camera shows anything at that moment")
+        raise ValueError("no camera has a view in that frame")
     cameras = list(rig.cameras())
     images = {
         cameras[view.number]: Image(cameras[view.number], frame.stamp_ns, _outlined(view.rgb, view.mask))

@@ -47,7 +47,7 @@ from twin.suites.cluster import Workers
 from twin.suites.spec import Suite
 
 _SHOWN = (("crossing", "figure 4"), ("going-back", "figure 4"), (PAIR, "one cluster"), (HOME, "figure 5"))
-"""Conditions of which a moment is drawn, and what it stands for."""
+"""Conditions of which a frame is drawn, and the figure it stands for."""
 
 
 def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
@@ -95,8 +95,8 @@ def write_all(folder: Path, runs: SuiteRuns, more: Sequence[Result], command: st
     paths |= {name: folder / f"{name}.svg" for name in drawn}
     write_results(paths["results"], results)
     write_plots(folder, drawn)
-    for said, jpeg in pictures.items():
-        with atomic_path(folder / f"moment-{said.split(',')[0]}.jpg") as partial:
+    for caption, jpeg in pictures.items():
+        with atomic_path(folder / f"frame-{caption.split(',')[0]}.jpg") as partial:
             partial.write_bytes(jpeg)
     write_page(
         paths["page"],
@@ -113,7 +113,9 @@ def write_all(folder: Path, runs: SuiteRuns, more: Sequence[Result], command: st
             )
         },
         ablations=format_rows([each for each in results if each.where == ABLATION]),
-        pictures={said: "data:image/jpeg;base64," + base64.b64encode(jpeg).decode() for said, jpeg in pictures.items()},
+        pictures={
+            caption: "data:image/jpeg;base64," + base64.b64encode(jpeg).decode() for caption, jpeg in pictures.items()
+        },
         n_run=len(conditions[HOME].seeds),
         seeds=f"{conditions[HOME].seeds[0]} to {conditions[HOME].seeds[-1]}",
         not_done=runs.not_done,

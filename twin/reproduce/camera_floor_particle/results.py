@@ -52,7 +52,7 @@ ABLATIONS = (
     (HOME, "without the mixture", "camera-floor-particle-no-mixture", "head z"),
     (HOME, "all rules the paper's", "camera-floor-particle-paper", RIGHT),
 )
-"""Where what is left out matters: condition, what is left out, preset, figure."""
+"""Ablations: condition, what is left out, preset, and the metric in which it matters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,16 +68,16 @@ def read_conditions(runs: SuiteRuns) -> dict[str, CameraFloorCondition]:
     """Collect every condition of the suite by name."""
     found = {}
     for name, by_seed in runs.by_condition.items():
-        figures = {
+        metrics = {
             tracker: {
-                figure: np.array(
-                    [number_or_nan(runs.metrics[cases[tracker].id].get(figure)) for cases in by_seed.values()]
+                metric: np.array(
+                    [number_or_nan(runs.metrics[cases[tracker].id].get(metric)) for cases in by_seed.values()]
                 )
-                for _, figure, _, _ in _MEANS
+                for _, metric, _, _ in _MEANS
             }
             for tracker in next(iter(by_seed.values()))
         }
-        found[name] = CameraFloorCondition(name, tuple(by_seed), figures)
+        found[name] = CameraFloorCondition(name, tuple(by_seed), metrics)
     return found
 
 
@@ -101,9 +101,9 @@ def tracker_label(tracker: str) -> str:
 
 
 def _means(condition: CameraFloorCondition, where: str) -> Iterator[Result]:
-    for tracker, figures in condition.metrics.items():
+    for tracker, metrics in condition.metrics.items():
         for row, key, times, unit in _MEANS:
-            values = times * figures[key]
+            values = times * metrics[key]
             known = values[~np.isnan(values)]
             if known.size:
                 paper = _PAPER_HEAD.get(row) if tracker == OURS and condition.name not in (COURSE, PAIR) else None
@@ -172,10 +172,10 @@ def _foreground(path: Path) -> Iterator[tuple[Image, NDArray[np.bool_]]]:
     """Yield the tracker's foreground in each camera's pictures, one per half second."""
     bag = Recording(path)
     area = None if bag.rig.area is None else Area(bag.rig.area)
-    watchers = CameraFrontEnds(bag.rig.cameras(), list(bag.background), CameraFloorParticleOptions(), area)
+    front_ends = CameraFrontEnds(bag.rig.cameras(), list(bag.background), CameraFloorParticleOptions(), area)
     last_ns: dict[str, int] = {}
     for image in bag.observations():
         if isinstance(image, Image) and image.stamp_ns - last_ns.get(image.sensor, -NS_PER_S) >= _EVERY_S * NS_PER_S:
             last_ns[image.sensor] = image.stamp_ns
-            for view in watchers.views({image.sensor: image}):
+            for view in front_ends.views({image.sensor: image}):
                 yield image, view.mask

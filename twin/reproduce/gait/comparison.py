@@ -53,7 +53,7 @@ NATURAL_M_S = (1.2, 1.35, 1.5)
 STATURE_M, STATURE_SPREAD_M = 1.75, 0.09
 _STATURES_M = (1.50, 2.00)
 
-BESIDE_THE_SUBJECT, BESIDE_THE_PERSON = "beside the subject", "beside a measured person"
+SUBJECT_SECTION, PERSON_SECTION = "beside the subject", "beside a measured person"
 WALKING, RUNNING = "walking", "running"
 
 
@@ -142,8 +142,8 @@ def compare(subject: Subject) -> SubjectComparison:
 
 def gait_results(runs: GaitRuns) -> list[Result]:
     """Compute every result: beside the subject, of walking and of running; intervals over the people, by the bootstrap."""
-    rows = [] if runs.compared is None else _beside_the_subject(runs.compared)
-    rows += _beside_the_person(runs.person)
+    rows = [] if runs.compared is None else _compare_with_subject(runs.compared)
+    rows += _compare_with_person(runs.person)
     n_run = len(runs.seeds)
     bootstrap = Bootstrap(n_run, stream(runs.seeds.start, "reproduce", "bootstrap"))
 
@@ -174,12 +174,12 @@ def gait_results(runs: GaitRuns) -> list[Result]:
     return rows
 
 
-def _beside_the_subject(compared: SubjectComparison) -> list[Result]:
+def _compare_with_subject(compared: SubjectComparison) -> list[Result]:
     theirs, ours = compared.their_measures, compared.our_measures
     row, stances = f"{SUBJECT_SPEED_M_S:g} m/s, {SUBJECT_STATURE_M:g} m", len(compared.ours.seconds)
 
     def result(what: str, paper: float | None, value: float, unit: str) -> Result:
-        return Result(BESIDE_THE_SUBJECT, row, what, paper, value, (value, value), unit, stances)
+        return Result(SUBJECT_SECTION, row, what, paper, value, (value, value), unit, stances)
 
     return [
         result("stance", theirs.stance_s, ours.stance_s, "s"),
@@ -194,7 +194,7 @@ def _beside_the_subject(compared: SubjectComparison) -> list[Result]:
     ]  # fmt: skip
 
 
-def _beside_the_person(ours: SteadyGait) -> list[Result]:
+def _compare_with_person(ours: SteadyGait) -> list[Result]:
     (found,) = measure_people(ours)
     rate_hz = 1 / float(np.diff(ours.t[:2])[0])
     curve = _together([stance(ours.load[:, foot, 0], rate_hz) for foot in range(2)]).curves.mean(axis=0)
@@ -202,7 +202,7 @@ def _beside_the_person(ours: SteadyGait) -> list[Result]:
     row, whole = f"{PERSON_SPEED_M_S:g} m/s, {PERSON_STATURE_M:g} m", np.linspace(0, 1, STANCE_POINTS)
 
     def result(what: str, paper: float | None, value: float, unit: str) -> Result:
-        return Result(BESIDE_THE_PERSON, row, what, paper, value, (value, value), unit, len(points))
+        return Result(PERSON_SECTION, row, what, paper, value, (value, value), unit, len(points))
 
     travel = float(np.ptp(points, axis=1).mean())
     early = float(np.interp(0.05, whole, curve))

@@ -126,13 +126,13 @@ def speeds_svg(runs: GaitRuns) -> str:
         figure = Figure(figsize=(10, 3.9), layout="constrained")
         cadence, length, stands = figure.subplots(1, 3)
         walks = np.linspace(WALKS_M_S[0], WALKS_M_S[-1], 50)
-        _everybody(cadence, runs, "cadence", 1)
+        _all_bodies(cadence, runs, "cadence", 1)
         cadence.plot(
             walks, walking_cadence(walks), color=_THEIRS, linewidth=1.8, label="walk ratio 0.0064 m/(steps/min)"
         )
         cadence.plot(*zip(*JOGGING_STEPS_MIN.items(), strict=True), "D", color=_THEIRS, markersize=6)
         cadence.set_title("cadence [steps/min]", loc="left")
-        _everybody(length, runs, "step_length_m", 1)
+        _all_bodies(length, runs, "step_length_m", 1)
         length.plot(walks, walking_step_m(walks), color=_THEIRS, linewidth=1.8)
         length.set_title("step length [m]", loc="left")
         stands.fill_between(
@@ -143,7 +143,7 @@ def speeds_svg(runs: GaitRuns) -> str:
             alpha=0.18,
             linewidth=0,
         )
-        _everybody(stands, runs, "stance_share", 100)
+        _all_bodies(stands, runs, "stance_share", 100)
         for seconds in (STANCE_S, CONTACT_S):
             shares = [
                 100 * time / values_of(runs.measures[speed], "stride_s").mean() for speed, time in seconds.items()
@@ -159,7 +159,7 @@ def speeds_svg(runs: GaitRuns) -> str:
         return to_svg(figure)
 
 
-def _everybody(axes: Axes, runs: GaitRuns, name: str, scale: float) -> None:
+def _all_bodies(axes: Axes, runs: GaitRuns, name: str, scale: float) -> None:
     for speed, found in runs.measures.items():
         values = scale * values_of(found, name)
         axes.plot(np.full(len(values), speed), values, "o", color=_OURS, markersize=3, alpha=0.25, markeredgewidth=0)

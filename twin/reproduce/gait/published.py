@@ -37,7 +37,7 @@ PERSON_STEPS_APART = 0.038
 STANCE_S = {1.03: 0.749, 1.53: 0.639, 1.93: 0.533}
 """Time of a walker's stance, mean of ten people, by speed [m/s]."""
 ROLL = {0.2: 0.24, 0.3: 0.30, 0.4: 0.41, 0.5: 0.57}
-"""Where the load acts, as a share of the foot from the heel, by share of the stance: pressure plates of ten people."""
+"""Point of load, as a share of the foot from the heel, by share of the stance: pressure plates of ten people."""
 
 SOURCES = (
     'N. Sekiya, H. Nagasaki: "Reproducibility of the walking patterns of normal young adults: test-retest reliability of '

@@ -43,7 +43,7 @@ FILTERS = (IMM, KALMAN, PARTICLE)
 
 MEAN_MAGNITUDE, MAGNITUDE_OF_MEAN, MEAN_VELOCITY = "mean of |v|", "|mean of v|", "length of the mean velocity"
 READINGS = (MEAN_MAGNITUDE, MAGNITUDE_OF_MEAN, MEAN_VELOCITY)
-"""How a speed may be read off modes or particles; for the Kalman filter, which has one mode, all are the same."""
+"""Readings of a speed from modes or particles; for the Kalman filter, which has one mode, all are the same."""
 
 _BLOCK = 20  # runs at a time: their particles stay in the processor's cache, and memory does not grow with the runs
 

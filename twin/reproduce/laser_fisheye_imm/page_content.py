@@ -44,20 +44,20 @@ from twin.reproduce.laser_fisheye_imm.table_one import (
 from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S
 from twin.reproduce.results import format_ranges
 
-MOST_A_CONDITION = 4
-"""So many moments of the full system are drawn in each condition, the paper's own excepted: there it is every one."""
+MOST_PER_CONDITION = 4
+"""Most incidents of the full system that are drawn per condition; at the paper's own all are."""
 
 
 def choose_incidents(lab: LabRuns) -> list[CaseIncident]:
     """Choose the incidents to draw.
 
     At the paper's experiment: every incident of the full system, and the first of each kind of each other column.
-    Beyond it: at most `MOST_A_CONDITION` of the full system per condition, of every run and kind by turns.
+    Beyond it: at most `MOST_PER_CONDITION` of the full system per condition, of every run and kind by turns.
     """
     chosen = []
     for place, condition in enumerate(lab.conditions):
         own = [each for each in condition.incidents if each.case.tracker == FULL.tracker]
-        chosen += own if place == 0 else round_robin(own)[:MOST_A_CONDITION]
+        chosen += own if place == 0 else round_robin(own)[:MOST_PER_CONDITION]
         for column in COLUMNS[1:] if place == 0 else ():
             kinds: dict[str, CaseIncident] = {}
             for each in condition.incidents:
@@ -85,8 +85,8 @@ def lab_content(lab: LabRuns, strips: Sequence[FilmStrip]) -> dict[str, Any]:
         "conditions": [_condition(each, papers=False) for each in lab.others],
         "strips": _strips(lab, strips),
         "n_drawn": len(strips),
-        "n_moment": sum(len(each.incidents) for each in lab.conditions),
-        "most_a_condition": MOST_A_CONDITION,
+        "n_incident": sum(len(each.incidents) for each in lab.conditions),
+        "most_per_condition": MOST_PER_CONDITION,
         "not_done": lab.not_done,
         "ceiling": _ceiling(lab),
     }

@@ -67,11 +67,11 @@ def write_all(folder: Path, runs: MonteCarlo, lab: LabRuns, strips: list[FilmStr
         drawn["densities"] = densities_svg(lab.densities, lab.area_m2)
     if lab.others:
         drawn["conditions"] = conditions_svg([lab.paper_condition, *lab.others])
-    paths = {"results": folder / "results.json", "runs": folder / "runs.csv", "moments": folder / "moments.csv"}
+    paths = {"results": folder / "results.json", "runs": folder / "runs.csv", "incidents": folder / "incidents.csv"}
     paths |= {name: folder / f"{name}.svg" for name in drawn} | {"page": folder / "report.html"}
     write_results(paths["results"], results)
     write_runs(paths["runs"], lab)
-    write_incidents(paths["moments"], (each for condition in lab.conditions for each in condition.incidents), NAMES)
+    write_incidents(paths["incidents"], (each for condition in lab.conditions for each in condition.incidents), NAMES)
     write_film_strips(folder / "strips", strips)
     write_plots(folder, drawn)
     write_page(
@@ -89,15 +89,15 @@ def write_all(folder: Path, runs: MonteCarlo, lab: LabRuns, strips: list[FilmStr
 
 def write_runs(path: Path, lab: LabRuns) -> None:
     """Write every run as a row: condition, seed, column, people, person_minutes, long_occlusions, and its metrics."""
-    figures = ("misidentifications", "lost_tracks", "id_switches", "mota", "idf1", "motp_m")
+    metrics = ("misidentifications", "lost_tracks", "id_switches", "mota", "idf1", "motp_m")
     with open_atomic(path) as stream:
         rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(("condition", "seed", "column", "people", "person_minutes", "long_occlusions", *figures))
+        rows.writerow(("condition", "seed", "column", "people", "person_minutes", "long_occlusions", *metrics))
         for condition in lab.conditions:
             for column in COLUMNS:
                 found = condition.metrics[column.tracker]
                 for place, seed in enumerate(condition.seeds):
                     hidden = sum(each.seed == seed for each in condition.long_occlusions)
                     minutes = f"{condition.person_minutes[place]:.4f}"
-                    own = (f"{found[name][place]:g}" for name in figures)
+                    own = (f"{found[name][place]:g}" for name in metrics)
                     rows.writerow((condition.name, seed, column.name, condition.n_person, minutes, hidden, *own))

@@ -29,7 +29,7 @@ from twin.suites.worker import Incident, resolved_scenario
 from twin.world.world import World
 
 COAST_S = LaserFisheyeImmOptions().track_management.coast_s
-"""How long a track of these trackers goes on unmeasured [s]."""
+"""Longest time that a track of these trackers coasts [s]."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class LabCondition:
     seeds: tuple[int, ...]  # (n,)
     n_person: int
     person_minutes: Array  # (n,) [min] inside the area
-    metrics: Mapping[str, Mapping[str, Array]]  # tracker -> figure of metrics.json -> (n,)
+    metrics: Mapping[str, Mapping[str, Array]]  # tracker -> metric of metrics.json -> (n,)
     long_occlusions: tuple[LongOcclusion, ...]
     incidents: tuple[CaseIncident, ...]
 

@@ -35,7 +35,7 @@ MISIDENTIFIED, LOST, TOTAL = "misidentified", "lost", "misidentified + lost"
 COUNTS = (MISIDENTIFIED, LOST, TOTAL)
 RATES = {"MOTA": ("mota", "1"), "IDF1": ("idf1", "1"), "MOTP": ("motp_m", "m")}
 ROWS = (*COUNTS, *RATES)
-"""The rows of the table: the paper's counts, their sum, and figures that the paper has not."""
+"""The rows of the table: the paper's counts, their sum, and metrics that the paper has not."""
 ALL_SETS = "summed over the three sensor sets"
 
 _PAPER = {
@@ -61,8 +61,8 @@ def values(condition: LabCondition, column: Column, row: str) -> Array:
     """Return a row of the table in each run, (n,)."""
     if row == TOTAL:
         return condition.errors(column)
-    figure = {MISIDENTIFIED: "misidentifications", LOST: "lost_tracks"}.get(row) or RATES[row][0]
-    return condition.metrics[column.tracker][figure]
+    metric = {MISIDENTIFIED: "misidentifications", LOST: "lost_tracks"}.get(row) or RATES[row][0]
+    return condition.metrics[column.tracker][metric]
 
 
 def cell(condition: LabCondition, column: Column, row: str) -> Interval:
@@ -147,7 +147,7 @@ def _table(condition: LabCondition, where: str, prefix: str, papers: bool) -> It
         unit = "/run" if row in COUNTS else RATES[row][1]
         for column in COLUMNS:
             if row not in COUNTS and np.isnan(values(condition, column, row)).all():
-                continue  # nobody was matched in any run: the figure does not apply
+                continue  # no person was matched in any run: the metric does not apply
             paper = paper_value(column, row) if papers else None
             yield _result(where, prefix + row, column.name, paper, cell(condition, column, row), unit, condition)
 
@@ -197,13 +197,13 @@ def _statements(condition: LabCondition) -> Iterator[Statement]:
     n_run = len(condition.seeds)
     misidentified = int(values(condition, FULL, MISIDENTIFIED).sum())
     yield Statement(
-        "The full system with IMM takes nobody for somebody else, in any run.",
+        "The full system with IMM misidentifies no person, in any run.",
         _holds(misidentified == 0),
         f"{misidentified} in {n_run} runs",
     )
     found = losses_by_occlusion(condition)
     yield Statement(
-        f"It loses nobody in a run without an occlusion longer than the {COAST_S:g} s that tracks coast.",
+        f"It loses no person in a run without an occlusion longer than the {COAST_S:g} s that tracks coast.",
         _holds(found.lost_without == 0),
         f"{found.lost_without} lost in {found.n_run_without} such runs; {found.lost_with} in the other "
         f"{found.n_run_with}, listed below",

@@ -133,8 +133,8 @@ def _people(axes: Axes, t: Array, run: HallRun) -> None:
 
 def _costs(axes: Axes, condition: HallCondition, systems: Sequence[str]) -> None:
     for place, name in enumerate(systems):
-        figures = condition.metrics[name]
-        mean, p95 = figures["ms_per_frame.mean"].mean(), figures["ms_per_frame.p95"].mean()
+        metrics = condition.metrics[name]
+        mean, p95 = metrics["ms_per_frame.mean"].mean(), metrics["ms_per_frame.p95"].mean()
         axes.barh(place, mean, height=0.55, color=_COLOURS.get(name, INK))
         axes.plot([p95, p95], [place - 0.28, place + 0.28], color=INK, linewidth=1.6)
         text = f"{mean:.1f} ms, 95 %: {p95:.1f} ms"

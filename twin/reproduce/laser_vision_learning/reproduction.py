@@ -56,8 +56,8 @@ def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = N
     cache = run_conditions(folder, suite, path, place, request.resume, on_progress)
     hall = read_hall(read_runs(suite, path, folder, cache))
     names = {name: SYSTEMS.get(name, name) for name in hall.busy.cases}
-    moments = merge_incidents(hall.busy, rank_merges(hall.busy))
-    strips = draw_film_strips(moments, names, cache, place, on_progress, lambda what: warn_of_failure("strip", what))
+    incidents = merge_incidents(hall.busy, rank_merges(hall.busy))
+    strips = draw_film_strips(incidents, names, cache, place, on_progress, lambda what: warn_of_failure("strip", what))
     command = request.command + (f" --suite {shlex.quote(request.suite)}" if request.suite else "")
     pictures = any(
         sensor.kind == "camera" for sensor in resolved_scenario(next(iter(hall.busy.cases.values()))).sensors.values()
@@ -114,15 +114,15 @@ def _facts(condition: HallCondition) -> dict[str, object]:
 def _fits(hall: HallRuns) -> list[tuple[str, str]]:
     """Describe by system the linear fit of the time per frame of all runs."""
     every = [each for each in hall.conditions.values() if each is not hall.ablation]
-    told = []
+    texts = []
     for tracker in hall.conditions["hall"].trackers:
         fit = cost_fit(every, tracker)
         if fit is not None:
             base, a_person, a_close, explained = fit
             text = f"{base:.2f} ms {a_person:+.3f} ms a person {a_close:+.3f} ms a person who interacts"
             text = text.replace("+", "+ ").replace("-", "− ")
-            told.append((SYSTEMS.get(tracker, tracker), f"{text}; explains {100 * explained:.0f} % of the variance"))
-    return told
+            texts.append((SYSTEMS.get(tracker, tracker), f"{text}; explains {100 * explained:.0f} % of the variance"))
+    return texts
 
 
 def _grid(results: Sequence[Result], where: str) -> dict[str, object] | None:
@@ -144,18 +144,18 @@ def _grid(results: Sequence[Result], where: str) -> dict[str, object] | None:
 
 def _write_runs(path: Path, hall: HallRuns) -> None:
     """Write every run as a row: condition, seed, tracker, and its metrics."""
-    figures = (
+    metrics = (
         "accuracy", "failures.person_frames", "failures.missed", "failures.false_location", "failures.identity_wrong",
         "disposal.correlated.total", "disposal.correlated.disposed", "disposal.merge_split.total",
         "disposal.merge_split.disposed", "mota", "idf1", "hota", "ms_per_frame.mean", "ms_per_frame.p95",
     )  # fmt: skip
     with open_atomic(path) as stream:
         rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(("condition", "seed", "tracker", *figures))
+        rows.writerow(("condition", "seed", "tracker", *metrics))
         for condition in hall.conditions.values():
             for tracker in condition.trackers:
                 for place, seed in enumerate(condition.seeds):
-                    own = (f"{condition.metrics[tracker][name][place]:g}" for name in figures)
+                    own = (f"{condition.metrics[tracker][name][place]:g}" for name in metrics)
                     rows.writerow((condition.name, seed, tracker, *own))
 
 
@@ -203,16 +203,16 @@ def merge_incidents(run: HallRun, merges: list[Merge]) -> list[CaseIncident]:
     """Convert merges to incidents, each at its middle: the first through every system, the next ones through the first
     system.
     """
-    moments = []
+    incidents = []
     for number, merge in enumerate(merges[:MOST_DRAWN]):
         for name, case in run.cases.items():
             if number == 0 or name == next(iter(run.cases)):
                 verdict = "disposed of" if name in merge.disposed else "not disposed of"
                 what = f"{merge.description}: {verdict}"
-                moments.append(
+                incidents.append(
                     CaseIncident(case, Incident((merge.start_s + merge.end_s) / 2, "merge", what, float(number)))
                 )
-    return moments
+    return incidents
 
 
 def _right(run: HallRun, name: str, pair: tuple[int, int], start_ns: int, end_ns: int) -> bool | None:

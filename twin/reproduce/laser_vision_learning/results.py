@@ -107,9 +107,9 @@ def _place(condition: HallCondition) -> Iterator[Result]:
 
 
 def _disposals(condition: HallCondition, where: str, papers: bool) -> Iterator[Result]:
-    for row, figure in _DISPOSAL.items():
+    for row, metric in _DISPOSAL.items():
         for tracker in condition.trackers:
-            total, disposed = (condition.metrics[tracker][f"{figure}.{each}"] for each in ("total", "disposed"))
+            total, disposed = (condition.metrics[tracker][f"{metric}.{each}"] for each in ("total", "disposed"))
             if total.sum():
                 paper = _PAPER_ONE.get((tracker, row)) if papers else None
                 share = _ratio(_bootstrap(condition), 100 * disposed, total)
@@ -119,23 +119,23 @@ def _disposals(condition: HallCondition, where: str, papers: bool) -> Iterator[R
 def _accuracies(condition: HallCondition, where: str, papers: bool) -> Iterator[Result]:
     boot = _bootstrap(condition)
     for tracker in condition.trackers:
-        figures, column = condition.metrics[tracker], condition.tracker_label(tracker)
+        metrics, column = condition.metrics[tracker], condition.tracker_label(tracker)
         paper = _PAPER_TWO.get(tracker) if papers else None
-        count = figures["failures.person_frames"]
+        count = metrics["failures.person_frames"]
         right = _ratio(boot, 100 * (count - condition.failures(tracker)), count)
         yield _result(where, ACCURACY, column, paper, right, "%", condition)
-        for kind, figure in _KINDS.items():
-            share = _ratio(boot, 100 * figures[f"failures.{figure}"], count)
+        for kind, metric in _KINDS.items():
+            share = _ratio(boot, 100 * metrics[f"failures.{metric}"], count)
             yield _result(where, kind, column, None, share, "%", condition)
-        for row, figure in (("MOTA", "mota"), ("IDF1", "idf1"), ("HOTA", "hota")):
-            yield _result(where, row, column, None, interval(boot.mean(figures[figure])), "1", condition)
+        for row, metric in (("MOTA", "mota"), ("IDF1", "idf1"), ("HOTA", "hota")):
+            yield _result(where, row, column, None, interval(boot.mean(metrics[metric])), "1", condition)
 
 
 def _costs(condition: HallCondition, where: str) -> Iterator[Result]:
     boot = _bootstrap(condition)
     for tracker in condition.trackers:
-        for row, figure in ((COST, "ms_per_frame.mean"), (f"{COST}, 95 %", "ms_per_frame.p95")):
-            cost = interval(boot.mean(condition.metrics[tracker][figure]))
+        for row, metric in ((COST, "ms_per_frame.mean"), (f"{COST}, 95 %", "ms_per_frame.p95")):
+            cost = interval(boot.mean(condition.metrics[tracker][metric]))
             yield _result(where, row, condition.tracker_label(tracker), None, cost, "ms", condition)
     if FUSED in condition.trackers and VISION in condition.trackers:
         fused, vision = (condition.metrics[each]["ms_per_frame.mean"] for each in (FUSED, VISION))

@@ -37,7 +37,7 @@ class PlaceStatistics:
 
     frames: Array  # of the scanners
     people: Array  # person-frames inside the area
-    interacting: Array  # of them, those less than 1.5 m from somebody
+    interacting: Array  # of them, those less than 1.5 m from another person
     correlated: Array  # pairs of people in frames
     merges: Array
     minutes: Array
@@ -65,7 +65,7 @@ class HallCondition:
     trackers: tuple[str, ...]
     overrides: tuple[str, ...]
     seeds: tuple[int, ...]
-    metrics: Mapping[str, Mapping[str, Array]]  # tracker -> figure of metrics.json -> (n,), NaN where it does not apply
+    metrics: Mapping[str, Mapping[str, Array]]  # tracker -> metric of metrics.json -> (n,), NaN where it does not apply
     place: PlaceStatistics
     course: Mapping[str, tuple[Array, ...]] | None = (
         None  # tracker -> of each run failures and person-frames so far, (2, f)
@@ -182,16 +182,16 @@ def _course(whole: Mapping[int, Mapping[str, Case]], found: SuiteRuns) -> dict[s
 
 def _condition(name: str, whole: Mapping[int, Mapping[str, Case]], found: SuiteRuns) -> HallCondition:
     first = next(iter(whole.values()))
-    figures = {
+    metrics = {
         tracker: {
-            figure: np.array([number_or_nan(found.metrics[cases[tracker].id].get(figure)) for cases in whole.values()])
-            for figure in found.metrics[case.id]
+            metric: np.array([number_or_nan(found.metrics[cases[tracker].id].get(metric)) for cases in whole.values()])
+            for metric in found.metrics[case.id]
         }
         for tracker, case in first.items()
     }
     recorded = [_recorded(next(iter(cases.values())), found) for cases in whole.values()]
     case = next(iter(first.values()))
-    return HallCondition(name, tuple(first), case.overrides, tuple(whole), figures, _place(recorded))
+    return HallCondition(name, tuple(first), case.overrides, tuple(whole), metrics, _place(recorded))
 
 
 def _place(recorded: list[tuple[TruthTable, SituationTable]]) -> PlaceStatistics:

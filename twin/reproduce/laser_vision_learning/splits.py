@@ -96,23 +96,23 @@ class _OpenSplit:
 class SplitTrial:
     """One choice of options, fed with the pictures of a recording."""
 
-    def __init__(self, learner: Learner, moments: SplitTruth, identity: IdentityOptions, seed: int) -> None:
+    def __init__(self, learner: Learner, truth: SplitTruth, identity: IdentityOptions, seed: int) -> None:
         self.decisions: list[Decision] = []
-        self._learner, self._moments, self._identity = learner, moments, identity
-        self._looks = Looks.unknown(len(moments.ids), learner.options)
+        self._learner, self._truth, self._identity = learner, truth, identity
+        self._looks = Looks.unknown(len(truth.ids), learner.options)
         self._met: dict[tuple[int, int, int, int], Looks] = {}
         self._open: list[_OpenSplit] = []
         self._rng, self._last = stream(seed, "reproduce", "splits"), -1
 
     def add_picture(self, picture: Image) -> None:
         """Take the next picture."""
-        moments, rgb, last = self._moments, picture.rgb, self._last
-        self._last = place = int(np.searchsorted(moments.stamps_ns, picture.stamp_ns, side="right")) - 1
-        position = moments.positions_m[place]
+        truth, rgb, last = self._truth, picture.rgb, self._last
+        self._last = place = int(np.searchsorted(truth.stamps_ns, picture.stamp_ns, side="right")) - 1
+        position = truth.positions_m[place]
         here = np.isfinite(position[:, 0])
         # who is not there stands nowhere near anybody
         position = np.where(here[:, None], position, 1e6)
-        for pair in moments.parted:
+        for pair in truth.parted:
             if last < pair[2] <= place:
                 self._met[pair] = self._looks
             if last < pair[3] <= place:
@@ -125,7 +125,7 @@ class SplitTrial:
         self._close([each for each in self._open if len(each.scores) >= self._identity.pictures])
         distance = np.linalg.norm(position[:, None] - position, axis=2)
         near = (distance < NEAR_M) & ~np.eye(len(here), dtype=bool) & here
-        apart = moments.apart[place] & here
+        apart = truth.apart[place] & here
         self._looks = self._learner.trained(self._looks, rgb, position, near, apart, picture.stamp_ns, self._rng)
 
     def _close(self, due: list[_OpenSplit]) -> None:
@@ -135,7 +135,7 @@ class SplitTrial:
             mean = np.nansum(seen, axis=0) / len(seen) if seen else np.full((2, 2), np.nan)
             by_looks = decided(mean, np.zeros((2, 2)), self._identity)
             margin = float(by_looks.margin[0]) * (1 if by_looks.member[0] == 0 or not by_looks.margin[0] else -1)
-            first, second = self._moments.ids[each.columns].tolist()
+            first, second = self._truth.ids[each.columns].tolist()
             self.decisions.append(Decision(first, second, each.at_s, margin))
 
 
@@ -152,11 +152,10 @@ def decide(
     """
     bag = Recording(recording)
     name, camera = next((n, s) for n, s in bag.rig.sensors.items() if isinstance(s, PinholeSensor | FisheyeSensor))
-    placed, moments = placed_camera(camera), split_truth(bag, kind)
+    placed, truth = placed_camera(camera), split_truth(bag, kind)
     identity = identity or IdentityOptions()
     trials = {
-        variant: SplitTrial(learner_of(placed, options), moments, identity, seed)
-        for variant, options in variants.items()
+        variant: SplitTrial(learner_of(placed, options), truth, identity, seed) for variant, options in variants.items()
     }
     for picture in bag.observations():
         if isinstance(picture, Image) and picture.sensor == name:
@@ -235,8 +234,8 @@ def compare_choices(cache: RecordingCache, on_progress: OnProgress | None) -> li
         mean = boot.mean(margin)
         deviation = np.sqrt(np.maximum(boot.mean(margin**2) - mean**2, 1e-12))
         right = interval(100 * boot.mean(np.where(margin > 0, 1.0, 0.0)))
-        told = interval(mean / deviation)
-        for column, each, unit in ((RIGHT, right, "%"), (MARGIN, told, "1")):
+        margin_interval = interval(mean / deviation)
+        for column, each, unit in ((RIGHT, right, "%"), (MARGIN, margin_interval, "1")):
             found.append(Result.of(CHOICE, name, column, each, unit, len(margin)))
     if on_progress is not None:
         on_progress("choices of the classifiers", 1, 1)

@@ -25,7 +25,7 @@ class HeadErrors:
     """n matches of a person and a track. off_m: track less truth, x, y, z; turned_rad: its yaw less the true one.
 
     seen_by: how many cameras' pictures show the middle of the head, nothing being in the way; range_m: from the nearest of
-    them. lost: how many people; found_s: when the last person was found; nan where somebody was not.
+    them. lost: how many people; found_s: when the last person was found; nan where a person was not.
     """
 
     stamps_ns: NDArray[np.int64]

@@ -59,13 +59,13 @@ from twin.suites.expansion import Case
 from twin.suites.spec import Suite
 
 _RUNS = 30
-"""How often one recording is followed: as often as the paper did."""
+"""Runs of one recording: as many as the paper's."""
 _ROOM = "head-trap"
-"""The scenario whose empty room is scan_environment: that of every scenario of the suite."""
+"""Scenario whose empty room is scanned: the room of every scenario of the suite."""
 _SHOWN_S = {FIRST: (4.0, 9.0, 15.0), SECOND: (4.0, 9.0)}
-"""When the views of figures 6 and 8 are [s]."""
+"""Times of the views of figures 6 and 8 [s]."""
 _CLOCK = np.array([0.35, -2.45])
-"""Where the skin-coloured clock of the meeting room hangs [m]."""
+"""Place of the skin-coloured clock of the meeting room [m]."""
 
 
 def reproduce(folder: Path, request: Request, on_progress: OnProgress | None = None) -> Outputs:
@@ -152,8 +152,8 @@ def _written(
     paths = {"results": folder / "results.json", "page": folder / "report.html"}
     write_results(paths["results"], results)
     paths |= write_plots(folder, drawn)
-    for said, jpeg in pictures.items():
-        with atomic_path(folder / f"{said.replace(', ', '-').replace(' ', '-')}.jpg") as partial:
+    for caption, jpeg in pictures.items():
+        with atomic_path(folder / f"{caption.replace(', ', '-').replace(' ', '-')}.jpg") as partial:
             partial.write_bytes(jpeg)
     of = {
         where: [each for each in results if each.where == where]
@@ -167,7 +167,9 @@ def _written(
         drawn,
         grids={where: grid for where, rows in of.items() if (grid := pivot_rows(rows))},
         ablations=format_rows([each for each in results if each.where == ABLATION]),
-        pictures={said: "data:image/jpeg;base64," + base64.b64encode(jpeg).decode() for said, jpeg in pictures.items()},
+        pictures={
+            caption: "data:image/jpeg;base64," + base64.b64encode(jpeg).decode() for caption, jpeg in pictures.items()
+        },
         n_run=len(seeds),
         n_replay=n_run,
         seeds=f"{seeds[0]} to {seeds[-1]}",

@@ -41,7 +41,7 @@ _ABLATIONS = (
     ("one-stamp", "stamps ignored", ("XY",)),
     ("no-environment", "without the environment", ("XY", "lost")),
 )
-"""What is left out, and the figures it is for."""
+"""Ablations: tracker, what is left out, and the metrics in which it matters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ def read_conditions(runs: SuiteRuns) -> dict[str, HeadCondition]:
     """Collect every condition of the suite by name."""
     found = {}
     for name, by_seed in runs.by_condition.items():
-        figures: dict[str, list[dict[str, float]]] = {}
+        metrics: dict[str, list[dict[str, float]]] = {}
         errors = []
         for cases in by_seed.values():
             with case_recording(next(iter(cases.values())), runs.cache) as entry:
@@ -66,10 +66,10 @@ def read_conditions(runs: SuiteRuns) -> dict[str, HeadCondition]:
             for tracker, case in cases.items():
                 each = head_errors(truth, case_tracks(case, runs), rig)
                 time = runs.metrics[case.id].get("ms_per_frame.mean")
-                figures.setdefault(tracker, []).append(each.statistics() | {TIME: np.nan if time is None else time})
+                metrics.setdefault(tracker, []).append(each.statistics() | {TIME: np.nan if time is None else time})
                 errors += [each] if tracker == OURS else []
         by_tracker = {
-            tracker: {key: np.array([run[key] for run in of]) for key in of[0]} for tracker, of in figures.items()
+            tracker: {key: np.array([run[key] for run in of]) for key in of[0]} for tracker, of in metrics.items()
         }
         found[name] = HeadCondition(name, tuple(by_seed), by_tracker, errors)
     return found
@@ -94,31 +94,31 @@ def mean_of(values: Array, seed: int) -> Interval:
 
 
 def _means(condition: HeadCondition, where: str) -> Iterator[Result]:
-    for tracker, figures in condition.metrics.items():
+    for tracker, metrics in condition.metrics.items():
         if tracker.startswith(_CHOICES):
             continue
-        for row, values in figures.items():
+        for row, values in metrics.items():
             known = values[~np.isnan(values)]
             if known.size:
                 paper = _PAPER.get(condition.name, {}).get(row) if tracker in (OURS, PAPER) else None
-                # a comma would part the condition from the figure
+                # a comma would part the condition from the metric
                 name = row.replace("XY, ", "XY ").replace("Z, ", "Z ").replace("yaw, ", "yaw ")
                 yield result_of(
                     where, f"{condition.name}, {name}", tracker, paper, known, unit_of(row), condition.seeds[0]
                 )
 
 
-def unit_of(figure: str) -> str:
+def unit_of(metric: str) -> str:
     """Return the unit of a statistic of a run."""
-    return _UNITS.get(figure, "cm")
+    return _UNITS.get(metric, "cm")
 
 
 def _choices(condition: HeadCondition) -> Iterator[Result]:
     """Compare numbers of hypotheses, points and cameras in sequence 1."""
-    for tracker, figures in condition.metrics.items():
+    for tracker, metrics in condition.metrics.items():
         if tracker == OURS or tracker.startswith(_CHOICES):
             for row in ("XY", "Z", "yaw", "lost", TIME):
-                values = figures[row][~np.isnan(figures[row])]
+                values = metrics[row][~np.isnan(metrics[row])]
                 if values.size:
                     row_name = "as chosen" if tracker == OURS else tracker.replace("-", " ")
                     yield result_of(CHOICE, row_name, row, None, values, unit_of(row), condition.seeds[0])
@@ -128,9 +128,9 @@ def _ablations(conditions: Mapping[str, HeadCondition]) -> Iterator[Result]:
     """Compute the change by leaving one thing out, over every condition it was left out in, paired by run: without less
     with.
     """
-    for tracker, what, figures in _ABLATIONS:
+    for tracker, what, metrics in _ABLATIONS:
         among = [each for each in conditions.values() if tracker in each.metrics]
-        for row in figures:
+        for row in metrics:
             change = [each.metrics[tracker][row] - each.metrics[OURS][row] for each in among]
             known = np.concatenate(change)[~np.isnan(np.concatenate(change))] if change else np.empty(0)
             if known.size:
@@ -153,12 +153,12 @@ def _where(conditions: Mapping[str, HeadCondition]) -> Iterator[Result]:
         parts = [(each, mask) for each, mask in parts if mask.any()]
         if not parts:
             continue
-        figures = {
+        metrics = {
             "XY": [each.xy_cm[mask].mean() for each, mask in parts],
             "Z": [100 * np.abs(each.off_m[mask, 2]).mean() for each, mask in parts],
             "yaw": [each.yaw_deg[mask].mean() for each, mask in parts],
         }
-        for row, values in figures.items():
+        for row, values in metrics.items():
             yield result_of(WHERE, name, row, None, np.array(values), unit_of(row), conditions[FIRST].seeds[0])
 
 

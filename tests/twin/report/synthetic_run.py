@@ -1,4 +1,4 @@
-"""A staged run for the report's tests: five people on smooth paths, scans of circles, tracks with known faults."""
+"""A synthetic run for the report's tests: five people on smooth paths, scans of circles, tracks with known faults."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def laboratory() -> Rig:
 
 
 def positions(t: float, n_people: int = 5) -> NDArray[np.float64]:
-    """Where everybody is at t [s], (n, 2) [m]."""
+    """Return the positions of all people at t [s], (n, 2) [m]."""
     person = np.arange(n_people)
     phase = 1.3 * person
     x = 1.75 * np.sin(0.31 * t * (1 + 0.07 * person) + phase) * np.cos(0.05 * t + person)
@@ -68,8 +68,8 @@ def scan(
 
 
 @dataclass(frozen=True)
-class Staged:
-    """What a run hands to the report."""
+class SyntheticRun:
+    """Everything that a run gives to the report."""
 
     rig: Rig
     outline: list[NDArray[np.float64]]
@@ -97,7 +97,7 @@ class Staged:
         }
 
 
-def stage(duration_s: float, start_ns: int = 0, n_people: int = 5, seed: int = 1) -> Staged:
+def stage(duration_s: float, start_ns: int = 0, n_people: int = 5, seed: int = 1) -> SyntheticRun:
     """A run in which tracks 0 and 1 swap people at half time, track 2 is lost at 60 % and taken up as 11 two seconds later,
     and track 9 follows nobody from 20 % to 35 %."""
     rng = np.random.default_rng(seed)
@@ -143,4 +143,4 @@ def stage(duration_s: float, start_ns: int = 0, n_people: int = 5, seed: int = 1
         track_frames.append(TrackFrame(stamp_ns, tuple(sorted(tracks, key=lambda track: track.id))))
     x, y = np.meshgrid(np.linspace(0, 1, 320), np.linspace(0, 1, 320))
     rgb = np.round(np.stack([60 + 140 * x, 60 + 140 * y, 200 - 140 * x], axis=-1)).astype(np.uint8)
-    return Staged(laboratory(), room(), truth_frames, track_frames, Image("camera", start_ns, rgb))
+    return SyntheticRun(laboratory(), room(), truth_frames, track_frames, Image("camera", start_ns, rgb))
