@@ -69,20 +69,20 @@ def choose_incidents(lab: LabRuns) -> list[CaseIncident]:
 
 def lab_content(lab: LabRuns, strips: Sequence[FilmStrip]) -> dict[str, Any]:
     """Collect everything that the templates of the lab's part name."""
-    papers = lab.paper_condition
+    paper = lab.paper_condition
     return {
         "filters": [(filter_, SENSOR_SETS) for filter_ in (IMM, KALMAN)],
         "full": FULL.name,
         "coast_s": COAST_S,
-        "papers": _condition(papers, papers=True),
-        "n_person": papers.n_person,
+        "paper_condition": _condition(paper, with_paper=True),
+        "n_person": paper.n_person,
         "n_scan": lab.n_scan,
         "area": _size(lab),
-        "seeds": format_ranges(np.array(papers.seeds)),
+        "seeds": format_ranges(np.array(paper.seeds)),
         "first_seed": lab.first.seed,
-        "statements": statements(papers),
+        "statements": statements(paper),
         "densities": _densities(lab) if len(lab.densities) > 1 else None,
-        "conditions": [_condition(each, papers=False) for each in lab.others],
+        "conditions": [_condition(each, with_paper=False) for each in lab.others],
         "strips": _strips(lab, strips),
         "n_drawn": len(strips),
         "n_incident": sum(len(each.incidents) for each in lab.conditions),
@@ -109,7 +109,7 @@ def _size(lab: LabRuns) -> str:
     return f"{across:g} m × {deep:g} m"
 
 
-def _condition(condition: LabCondition, papers: bool) -> dict[str, Any]:
+def _condition(condition: LabCondition, with_paper: bool) -> dict[str, Any]:
     """Build a condition's table, a row per metric, a cell per column; and its occlusions."""
     return {
         "name": condition.name,
@@ -117,21 +117,21 @@ def _condition(condition: LabCondition, papers: bool) -> dict[str, Any]:
         "n_run": len(condition.seeds),
         "n_person": condition.n_person,
         "rows": [
-            (row, [_cell(condition, column, row, papers) for column in COLUMNS])
+            (row, [_cell(condition, column, row, with_paper) for column in COLUMNS])
             for row in ROWS
             if row in COUNTS or not np.isnan(values(condition, FULL, row)).all()
         ],
-        "hidden": condition.long_occlusions,
+        "long_occlusions": condition.long_occlusions,
         "n_lost_occluded": sum(each.lost for each in condition.long_occlusions),
         "n_lost": int(values(condition, FULL, LOST).sum()),
     }
 
 
-def _cell(condition: LabCondition, column: Any, row: str, papers: bool) -> dict[str, Any]:
+def _cell(condition: LabCondition, column: Any, row: str, with_paper: bool) -> dict[str, Any]:
     found = values(condition, column, row)
     if np.isnan(found).all():
         return {"mean": "–", "interval": "", "most": "", "paper": None}
-    paper = paper_value(column, row) if papers else None
+    paper = paper_value(column, row) if with_paper else None
     decimals = 2 if row in COUNTS else 3
     unit = " m" if row in RATES and RATES[row][1] == "m" else ""
     middle = cell(condition, column, row)
@@ -159,7 +159,7 @@ def _densities(lab: LabRuns) -> dict[str, Any]:
                 "per_m2": f"{each.n_person / lab.area_m2:.2f}",
                 "n_run": len(each.seeds),
                 "minutes": f"{minutes:.0f}",
-                "hidden": f"{len(each.long_occlusions) / minutes:.2f}",
+                "long_occlusions": f"{len(each.long_occlusions) / minutes:.2f}",
                 "cells": [(f"{rate.value:.2f}", _interval(rate, 2), rate.low > 0) for rate in rates],
                 "n_lost": int(values(each, FULL, LOST).sum()),
                 "n_lost_occluded": sum(hidden.lost for hidden in each.long_occlusions),

@@ -124,13 +124,13 @@ def losses_by_occlusion(condition: LabCondition) -> LossesByOcclusion:
 def lab_results(lab: LabRuns) -> list[Result]:
     """Compute every result: table I, the paired differences, and the same beyond the paper."""
     return [
-        *_table(lab.paper_condition, TABLE_ONE, prefix="", papers=True),
+        *_table(lab.paper_condition, TABLE_ONE, prefix="", with_paper=True),
         *_paired(lab.paper_condition, PAIRED, prefix=""),
         *(
             result
             for condition in lab.conditions[1:]
             for result in (
-                *_table(condition, BEYOND, prefix=f"{condition.name}: ", papers=False),
+                *_table(condition, BEYOND, prefix=f"{condition.name}: ", with_paper=False),
                 *_paired(condition, f"{BEYOND}, paired", prefix=f"{condition.name}: "),
             )
         ),
@@ -142,13 +142,13 @@ def lab_results(lab: LabRuns) -> list[Result]:
     ]
 
 
-def _table(condition: LabCondition, where: str, prefix: str, papers: bool) -> Iterator[Result]:
+def _table(condition: LabCondition, where: str, prefix: str, with_paper: bool) -> Iterator[Result]:
     for row in ROWS:
         unit = "/run" if row in COUNTS else RATES[row][1]
         for column in COLUMNS:
             if row not in COUNTS and np.isnan(values(condition, column, row)).all():
                 continue  # no person was matched in any run: the metric does not apply
-            paper = paper_value(column, row) if papers else None
+            paper = paper_value(column, row) if with_paper else None
             yield _result(where, prefix + row, column.name, paper, cell(condition, column, row), unit, condition)
 
 

@@ -47,10 +47,10 @@ _PAPER_PLACE = {
 def hall_results(hall: HallRuns) -> list[Result]:
     """Compute every result of the page."""
     found = [each for name in (BUSY, HALL) for each in _place(hall.conditions[name])]
-    found += _disposals(hall.conditions[BUSY], TABLE_ONE, papers=True)
-    found += _accuracies(hall.conditions[BUSY], TABLE_ONE, papers=False)
-    found += _accuracies(hall.conditions[HALL], TABLE_TWO, papers=True)
-    found += _disposals(hall.conditions[HALL], TABLE_TWO, papers=False)
+    found += _disposals(hall.conditions[BUSY], TABLE_ONE, with_paper=True)
+    found += _accuracies(hall.conditions[BUSY], TABLE_ONE, with_paper=False)
+    found += _accuracies(hall.conditions[HALL], TABLE_TWO, with_paper=True)
+    found += _disposals(hall.conditions[HALL], TABLE_TWO, with_paper=False)
     found += _costs(hall.conditions[HALL], TABLE_TWO)
     for condition in hall.densities:
         found += _beyond(condition, DENSITY)
@@ -106,21 +106,21 @@ def _place(condition: HallCondition) -> Iterator[Result]:
             yield _result(PLACE, row, condition.name, None, interval(lasting.mean(values)), unit, condition)
 
 
-def _disposals(condition: HallCondition, where: str, papers: bool) -> Iterator[Result]:
+def _disposals(condition: HallCondition, where: str, with_paper: bool) -> Iterator[Result]:
     for row, metric in _DISPOSAL.items():
         for tracker in condition.trackers:
             total, disposed = (condition.metrics[tracker][f"{metric}.{each}"] for each in ("total", "disposed"))
             if total.sum():
-                paper = _PAPER_ONE.get((tracker, row)) if papers else None
+                paper = _PAPER_ONE.get((tracker, row)) if with_paper else None
                 share = _ratio(_bootstrap(condition), 100 * disposed, total)
                 yield _result(where, row, condition.tracker_label(tracker), paper, share, "%", condition)
 
 
-def _accuracies(condition: HallCondition, where: str, papers: bool) -> Iterator[Result]:
+def _accuracies(condition: HallCondition, where: str, with_paper: bool) -> Iterator[Result]:
     boot = _bootstrap(condition)
     for tracker in condition.trackers:
         metrics, column = condition.metrics[tracker], condition.tracker_label(tracker)
-        paper = _PAPER_TWO.get(tracker) if papers else None
+        paper = _PAPER_TWO.get(tracker) if with_paper else None
         count = metrics["failures.person_frames"]
         right = _ratio(boot, 100 * (count - condition.failures(tracker)), count)
         yield _result(where, ACCURACY, column, paper, right, "%", condition)
@@ -153,7 +153,7 @@ def _beyond(condition: HallCondition, where: str) -> Iterator[Result]:
         )
         cost = interval(boot.mean(condition.metrics[tracker]["ms_per_frame.mean"]))
         yield _result(where, f"{condition.name}, {COST}", condition.tracker_label(tracker), None, cost, "ms", condition)
-    for each in _disposals(condition, where, papers=False):
+    for each in _disposals(condition, where, with_paper=False):
         yield Result(where, f"{condition.name}, {each.row}", each.column, None, each.ours, each.ci95, "%", each.runs)
 
 
