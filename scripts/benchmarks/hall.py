@@ -8,7 +8,7 @@ from contextlib import ExitStack
 
 import numpy as np
 
-import twin.world.bodies
+import twin.world.body_pool
 import twin.world.simulation
 import twin.world.world
 from benchmarks.figure import Figure
@@ -30,7 +30,7 @@ def measure() -> Iterator[Figure]:
     frames: list[TruthFrame] = []
     with ExitStack() as stack:
         routes = stack.enter_context(timed(Routes, "__init__"))
-        bodies = stack.enter_context(timed(twin.world.bodies, "person_spec"))
+        bodies = stack.enter_context(timed(twin.world.body_pool, "person_spec"))
         start = time.process_time()
         simulation = stack.enter_context(Simulation(scenario, on_truth=frames.append))
         yield Figure("hall: building the room and everybody's bodies, CPU time", time.process_time() - start, "s", "")

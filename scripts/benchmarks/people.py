@@ -15,7 +15,7 @@ from twin.people.script.recorded import BODIES_NEED_M
 from twin.scenario import Scenario
 from twin.scenario.behaviour import RecordedPath
 from twin.scenario.pedestrians import Pedestrians, people_from
-from twin.world.bodies import body_pools
+from twin.world.body_pool import body_pools
 from twin.world.penetration import PenetrationCheck
 from twin.world.simulation import Simulation
 from twin.world.world import World

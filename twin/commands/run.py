@@ -102,7 +102,7 @@ def render(
 
 def _print_size(scenario: Scenario, *, images: bool) -> None:
     """Print on stderr what a run will make; raise InputError where that is above the limits, if they hold."""
-    from twin.scenario.size import check_size, size_of
+    from twin.scenario.run_size import check_size, size_of
 
     check_size(scenario, images=images)
     sys.stderr.write(f"twin: to make: {size_of(scenario, images=images)}\n")

@@ -35,7 +35,7 @@ def view(
     """Draw the room and every sensor's view at one time, its people (--people), or a video of them (--video)."""
     from twin.console import print_paths, print_warnings, progress
     from twin.scenario import load_scenario
-    from twin.scenario.size import check_size
+    from twin.scenario.run_size import check_size
     from twin.view import write_drawn, write_people, write_video, write_view
 
     if drawn is not None:

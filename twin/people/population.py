@@ -7,24 +7,24 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from trackers.arrays import Array, Mask
-from twin.people.body.appearance import Appearance
+from twin.people.body.appearance import BodyAppearance
 from twin.people.crowd.crowd import Crowd, planar
 from twin.people.crowd.ground import Ground
-from twin.people.crowd.order import End
+from twin.people.crowd.motion_command import End
 from twin.people.gait.gait import Gait
-from twin.people.poses import TICK_S, Motion, Poses
+from twin.people.poses import TICK_S, PopulationMotion, Poses
+from twin.people.posture.body_measures import BodyMeasures
 from twin.people.posture.gaze import FreeGaze
-from twin.people.posture.measures import BodyMeasures
-from twin.people.posture.posture import Part, Postures
+from twin.people.posture.posture_rows import HANDS, LOOK, OFF_FEET, PELVIS_PITCH
+from twin.people.posture.postures import Part, Postures
 from twin.people.posture.resting import seated_pose
-from twin.people.posture.rows import HANDS, LOOK, OFF_FEET, PELVIS_PITCH
 from twin.people.script.actions import perform
-from twin.people.script.actor import Actor, Stage
+from twin.people.script.actor import Actor, ScriptContext
 from twin.people.script.arrivals import first_heading, start_places
 from twin.people.script.recorded import RecordedPaths
 from twin.room.furniture import Seat
 from twin.scenario.behaviour import RecordedPath, Sit, Wander
-from twin.scenario.people import Person
+from twin.scenario.person import Person
 
 _ENTER_APART_M, _THROUGH_S = 0.7, 1.0
 _BLOCKED_FOR_S = 0.8
@@ -43,7 +43,7 @@ class Population(Poses):
         people: Mapping[str, Person],
         ground: Ground,
         rngs: Mapping[str, np.random.Generator],
-        appearances: Mapping[str, Appearance],
+        appearances: Mapping[str, BodyAppearance],
         measures: BodyMeasures,
         source: str,
     ) -> None:
@@ -65,13 +65,13 @@ class Population(Poses):
         super().__init__(self.names, appearances, measures)
         self._gait = Gait(self._skeleton, self._crowd)
         self._postures = Postures(self._measures, self._crowd.place, self._crowd.heading)
-        self._stage = Stage(self.names, self._crowd, self._postures, ground, doing=["stand"] * count)
+        self._context = ScriptContext(self.names, self._crowd, self._postures, ground, doing=["stand"] * count)
         for number, person in enumerate(described):
             if (seat := _seat_from_start(person, ground)) is not None:
                 self._postures.begin_seated(number, seat)
-                self._stage.taken[seat.name] = number
+                self._context.taken[seat.name] = number
         self._acting = [
-            perform(Actor(self._stage, number, random[number]), person.script)
+            perform(Actor(self._context, number, random[number]), person.script)
             for number, person in enumerate(described)
         ]
         self._recorded = RecordedPaths(
@@ -101,23 +101,23 @@ class Population(Poses):
     @property
     def in_use(self) -> dict[str, str]:
         """By person, the seat or bed that they sit or lie on, are about to, or have just left, as of the last step."""
-        return {self.names[number]: furniture for furniture, number in self._stage.taken.items()}
+        return {self.names[number]: furniture for furniture, number in self._context.taken.items()}
 
     @property
     def doing(self) -> tuple[str, ...]:
         """The kind of action that each is at, as of the last step, in the order of the names."""
-        return tuple(self._stage.doing)
+        return tuple(self._context.doing)
 
     @property
     def under_way(self) -> Mask:
         """Who is still on their way to what they are to do, as of the last step, (n,)."""
         going = np.zeros(len(self), dtype=bool)
-        going[list(self._stage.going)] = True
+        going[list(self._context.going)] = True
         return going
 
     def late(self) -> list[str]:
         """Who has not got where their script sends them in twice the time that the way takes, as of the last step."""
-        return self._stage.late()
+        return self._context.late()
 
     def holds_posture(self) -> Mask:
         """Who sits, lies, bends or reaches and has got there, as of the last step, (n,)."""
@@ -130,22 +130,22 @@ class Population(Poses):
         """Who keeps the head turned to somebody, to a place or by an angle, as of the last step, (n,)."""
         return self._postures.rows[LOOK] == 1.0
 
-    def motion(self, until_s: float) -> Motion:
+    def motion(self, until_s: float) -> PopulationMotion:
         """Step everybody from the start to `until_s` [s]; how they moved, tick by tick. Of a population not stepped yet."""
         ticks = [self._history.last()]
         while self._history.tick * TICK_S < until_s:
             self._step()
             ticks.append(self._history.last())
-        return Motion(*(np.stack(each) for each in zip(*ticks, strict=True)))
+        return PopulationMotion(*(np.stack(each) for each in zip(*ticks, strict=True)))
 
     def _record(self) -> None:
         self._history.append(self._gait.state, self._postures.rows, self._crowd.present)
 
     def _step(self) -> None:
-        crowd, stage, postures = self._crowd, self._stage, self._postures
-        stage.t = t = self._tick * TICK_S
-        stage.end_looks()
-        self._order(t)
+        crowd, context, postures = self._crowd, self._context, self._postures
+        context.t = t = self._tick * TICK_S
+        context.end_looks()
+        self._command(t)
         if len(self._recorded.numbers):
             place, velocity = crowd.place.copy(), crowd.velocity.copy()
             place[self._recorded.numbers], velocity[self._recorded.numbers] = self._recorded.at(self._tick + 1)
@@ -158,8 +158,8 @@ class Population(Poses):
         self._enter_and_leave()
         self._record()
 
-    def _order(self, t: float) -> None:
-        """Give everybody whose order has ended the next one of their script."""
+    def _command(self, t: float) -> None:
+        """Give everybody whose command has ended the next one of their script."""
         crowd = self._crowd
         # who is kept from the last few centimetres, by somebody who stands there, has arrived
         self._halts_s = (self._halts_s + TICK_S) * crowd.halting(_NEAR_ENOUGH_M)
@@ -180,22 +180,22 @@ class Population(Poses):
             if done is not None and done():
                 end = "done"
             acting = self._acting[person]
-            order = acting.send(end) if self._begun[person] else next(acting)
+            command = acting.send(end) if self._begun[person] else next(acting)
             self._begun[person] = True
-            crowd.order(person, order)
-            self._until[person] = order.until
+            crowd.command(person, command)
+            self._until[person] = command.until
             self._blocked_s[person] = self._halts_s[person] = 0.0
-            if order.done is not None:
-                self._done[person] = order.done
+            if command.done is not None:
+                self._done[person] = command.done
 
     def _enter_and_leave(self) -> None:
         """Let those in whose time has come, and take out those who are gone."""
         crowd, tick = self._crowd, self._tick
-        leaving = self._stage.leaving
+        leaving = self._context.leaving
         if leaving:
             crowd.present[list(leaving)] = False
             self._out_s[list(leaving)] = tick * TICK_S
-            self._stage.gone |= leaving
+            self._context.gone |= leaving
             leaving.clear()
         if not len(self._recorded.numbers) and self._everybody_came:
             return
@@ -210,7 +210,7 @@ class Population(Poses):
         recorded = self._recorded
         there = recorded.there(tick)
         crowd.present[recorded.numbers[~there]] = False
-        self._stage.gone.update(recorded.numbers[tick > recorded.last].tolist())
+        self._context.gone.update(recorded.numbers[tick > recorded.last].tolist())
         new = there & ~crowd.present[recorded.numbers]
         if new.any():
             place, velocity = recorded.at(tick)

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array, Mask
 from twin.instant.snapshot import Feet, on_the_floor
-from twin.people.body.appearance import Appearance
+from twin.people.body.appearance import BodyAppearance
 from twin.people.body.proportions import Skeleton
 from twin.people.gait.gait import GRAVITY_M_S2
-from twin.people.gait.pose import FLOOR_ROWS, HEADING, ROWS, GaitState, foot_loads, joint_coordinates
-from twin.people.posture.measures import BodyMeasures
+from twin.people.gait.gait_state import FLOOR_ROWS, HEADING, ROWS, GaitState, foot_loads, joint_coordinates
+from twin.people.posture.body_measures import BodyMeasures
 from twin.people.posture.overlay import overlay_postures
-from twin.people.posture.rows import POSTURE_ROWS, active, faced, pressure_shift_m, support
+from twin.people.posture.posture_rows import POSTURE_ROWS, active, faced, pressure_shift_m, support
 
 TICK_S = 0.025
 """The people's clock [s]; between ticks poses are interpolated."""
@@ -110,7 +110,7 @@ class PopulationTruth:
 class Poses(ABC):
     """What sensors and truth ask of people, in the order of their names, from the memory of their last ticks."""
 
-    def __init__(self, names: Sequence[str], appearances: Mapping[str, Appearance], measures: BodyMeasures) -> None:
+    def __init__(self, names: Sequence[str], appearances: Mapping[str, BodyAppearance], measures: BodyMeasures) -> None:
         """`appearances`: their looks, for proportions and mass; `measures`: those of their bodies, in the order of `names`."""
         self.names = tuple(names)
         self._skeleton = Skeleton([appearances[name].proportions for name in self.names])
@@ -136,7 +136,7 @@ class Poses(ABC):
         return self._history.present(t)
 
     def qpos(self, t: float) -> Array:
-        """Joint coordinates (n, NQ_PERSON) at time t [s], laid out as `twin.people.body.body.JOINTS` says.
+        """Joint coordinates (n, NQ_PERSON) at time t [s], laid out as `twin.people.body.person_spec.JOINTS` says.
 
         Those who are not present have the coordinates of when they were, or will be.
         """
@@ -186,7 +186,7 @@ class Poses(ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class PopulationMotion:
     """What a population's memory held at each tick t of n people, from the start on: see `PoseHistory`."""
 
     floor: NDArray[np.complex128]  # (t, FLOOR_ROWS, n)
@@ -203,7 +203,7 @@ class Motion:
         )  # fmt: skip
 
     @classmethod
-    def load(cls, path: Path) -> Motion:
+    def load(cls, path: Path) -> PopulationMotion:
         """The motion in a file that `save` has written, to the bit."""
         with np.load(path) as held:
             posture = np.zeros(held["shape"])
@@ -212,7 +212,7 @@ class Motion:
             ]
             return cls(held["floor"], held["rows"], posture, held["present"])
 
-    def same(self, other: Motion) -> bool:
+    def same(self, other: PopulationMotion) -> bool:
         """Whether both are the same to the bit."""
         return all(getattr(self, each.name).tobytes() == getattr(other, each.name).tobytes() for each in fields(self))
 
@@ -225,7 +225,11 @@ class PrecomputedPoses(Poses):
     """
 
     def __init__(
-        self, names: Sequence[str], appearances: Mapping[str, Appearance], measures: BodyMeasures, motion: Motion
+        self,
+        names: Sequence[str],
+        appearances: Mapping[str, BodyAppearance],
+        measures: BodyMeasures,
+        motion: PopulationMotion,
     ) -> None:
         super().__init__(names, appearances, measures)
         self._motion = motion

@@ -6,7 +6,7 @@ from typing import Any
 
 from twin.scenario import Scenario
 from twin.scenario.behaviour import TOP_WALK_M_S, RecordedPath, Walk
-from twin.scenario.people import STEADY, Person, Randomize
+from twin.scenario.person import STEADY, Person, Randomize
 from twin.streams import stream
 
 

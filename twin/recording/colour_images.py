@@ -120,7 +120,7 @@ def _array(pixels: Any) -> NDArray[np.uint8]:
 
 
 MOST_PIXELS = 2**24
-"""Of one picture, as `twin.scenario.size` has it of a sensor's."""
+"""Of one picture, as `twin.scenario.run_size` has it of a sensor's."""
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8"

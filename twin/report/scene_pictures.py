@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.people.body.appearance import Appearance
-from twin.people.body.body import NQ_PERSON, person_spec
+from twin.people.body.person_spec import NQ_PERSON, person_spec
 from twin.recording.atomic_file import atomic_path
 from twin.report.lettering import write
 from twin.report.palette import RGB

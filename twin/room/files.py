@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 
 from trackers.errors import InputError
 from trackers.limits import check_limit
-from twin.room.size import MOST_BYTES, MOST_TEXT_BYTES, bytes_asked, check_bytes, check_counts, check_depth
+from twin.room.file_limits import MOST_BYTES, MOST_TEXT_BYTES, bytes_asked, check_bytes, check_counts, check_depth
 
 _DEFORMABLE = (
     'is deformable, which rays and people do not meet; a <mesh> of its shape in a <geom type="mesh"> is expected'
@@ -84,7 +84,7 @@ def room_files(room: Path) -> dict[Path, bytes]:
 
     Raises InputError for what is not plain, well-formed XML, for a file outside the folders that the room may read, be it by
     '..', an absolute path, a folder of the compiler or a symbolic link, for one that comes back to itself, for elements that
-    are not modelled (`check_elements`), and for more than a room needs (`twin.room.size`).
+    are not modelled (`check_elements`), and for more than a room needs (`twin.room.file_limits`).
     """
     found: dict[Path, bytes] = {}
     parts: dict[tuple[Path, Path], _Part] = {}

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.errors import InputError
-from twin.scenario.model import EVERY_LIGHT, LightChange
+from twin.scenario.scenario import EVERY_LIGHT, LightChange
 
 MOST_LAMPS = 8
 """That OpenGL's own lighting has; one more and its picture is black."""

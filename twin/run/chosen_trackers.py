@@ -16,7 +16,7 @@ from typing import Any
 from trackers.errors import InputError
 from trackers.presets import available
 from twin.scenario.load import apply_overrides
-from twin.scenario.model import TrackerChoice
+from twin.scenario.scenario import TrackerChoice
 
 SCHEDULER = "scheduler"
 """The option of a tracker that has a Dask scheduler asked."""

@@ -26,7 +26,7 @@ from twin.run.chosen_trackers import (
 )
 from twin.scenario import Scenario, TrackerChoice
 from twin.scenario.load import apply_overrides, without_null
-from twin.scenario.size import check_size
+from twin.scenario.run_size import check_size
 
 
 def environment_change(path: Path | None) -> list[str]:

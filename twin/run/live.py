@@ -44,7 +44,7 @@ from twin.run.outcome import (
 from twin.run.tracker_runner import file_name
 from twin.scenario import Scenario
 from twin.scenario.load import dump_scenario
-from twin.scenario.model import conditions_of
+from twin.scenario.scenario import conditions_of
 from twin.streams import stream
 from twin.truth.frames import TruthDetail, TruthFrame
 from twin.world.heap import heap_trimmed

@@ -1,6 +1,6 @@
 """The typed description of a room, its people and its sensors."""
 
 from twin.scenario.load import load_scenario
-from twin.scenario.model import Scenario, TrackerChoice
+from twin.scenario.scenario import Scenario, TrackerChoice
 
 __all__ = ["Scenario", "TrackerChoice", "load_scenario"]

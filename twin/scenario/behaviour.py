@@ -39,7 +39,7 @@ _Moment = Annotated[float, Field(ge=-1e9, le=1e9, allow_inf_nan=False)]
 """A time of a recording [s], which may have begun years before the scenario."""
 
 
-class Condition(Strict):
+class WaitCondition(Strict):
     """Something to wait for: `near` somebody or a place within `within_m`, or `person` doing (`does`) an action."""
 
     near: Target | None = Field(
@@ -58,7 +58,7 @@ class Condition(Strict):
     ) = Field(default=None, description="the action that `person` must be doing")  # fmt: skip
 
     @model_validator(mode="after")
-    def _one_of_two(self) -> Condition:
+    def _one_of_two(self) -> WaitCondition:
         near, does = (self.near, self.within_m), (self.person, self.does)
         complete = [None not in pair for pair in (near, does)]
         if sum(complete) != 1 or any(pair != (None, None) for pair in (near, does) if None in pair):
@@ -74,7 +74,7 @@ class Condition(Strict):
 
 class _Action(Strict):
     at_s: Seconds | None = Field(default=None, description="not before this time since the start [s]")
-    when: Condition | None = Field(default=None, description="not before this holds")
+    when: WaitCondition | None = Field(default=None, description="not before this holds")
 
 
 class _Lasting(_Action):

@@ -14,7 +14,7 @@ from trackers.configuration import Strict
 from trackers.rig import DepthMode, PinholeSensor, StereoSensor
 from trackers.rig_sensors import Baseline
 from twin.scenario.mount import Mounted
-from twin.scenario.presets import NoiseName, by_name
+from twin.scenario.noise_presets import NoiseName, by_name
 from twin.sensors.camera_noise import CAMERA_NOISE, STEREO_NOISE, CameraNoise, StereoNoise, WhiteBalance
 from twin.sensors.stereo_matching import Matching
 

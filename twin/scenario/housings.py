@@ -11,8 +11,8 @@ from pydantic import Field, ValidationError
 from trackers.configuration import Strict
 from trackers.rig import Point2, Pose, Rig, RigSensor
 from trackers.rig_sensors import check_height, check_layer
-from twin.scenario.floor import FloorDescription
 from twin.scenario.mount import CalibrationError, Mount, Mounted
+from twin.scenario.pressure_floor import FloorDescription
 
 if TYPE_CHECKING:
     from twin.scenario.sensors import AnyDescription

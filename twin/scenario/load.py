@@ -20,10 +20,10 @@ from trackers.rig import Name, files_within
 from trackers.text_file import AnyPath, read_text
 from twin import models
 from twin.drawn.distributions import DrawnPeople, DrawnRoom, DrawnSensors
-from twin.drawn.scene import draw_scene, is_drawn
-from twin.scenario.model import Scenario
+from twin.drawn.draw_scene import draw_scene, is_drawn
 from twin.scenario.pedestrians import Pedestrians, people_from
-from twin.scenario.people import Person
+from twin.scenario.person import Person
+from twin.scenario.scenario import Scenario
 from twin.scenario.sensors import SensorDescription
 
 _MOST_SHOWN = 200

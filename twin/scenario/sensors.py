@@ -13,9 +13,9 @@ from trackers.cameras import FisheyeIntrinsics
 from trackers.cameras.intrinsics import LARGEST_SIDE_PX
 from trackers.rig import FisheyeSensor, LaserSensor, Role
 from twin.scenario.cameras import CameraNoiseByName, PinholeDescription, StereoDescription
-from twin.scenario.floor import FloorDescription
 from twin.scenario.mount import Mounted
-from twin.scenario.presets import NoiseName, by_name
+from twin.scenario.noise_presets import NoiseName, by_name
+from twin.scenario.pressure_floor import FloorDescription
 from twin.sensors.camera_noise import CAMERA_NOISE
 from twin.sensors.laser_noise import LASER_NOISE, LaserNoise
 from twin.sensors.lens import LENSES, Lens

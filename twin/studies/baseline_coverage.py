@@ -14,7 +14,7 @@ from twin.console import PlainConsole
 from twin.recording.atomic_file import open_atomic
 from twin.reproduce.page import data_uri
 from twin.scenario import Scenario
-from twin.scenario.floor import FloorDescription
+from twin.scenario.pressure_floor import FloorDescription
 from twin.studies.candidate_set import building_of
 from twin.studies.coverage import at_least, count_bits
 from twin.studies.page import environment

@@ -13,7 +13,7 @@ from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.room.building import Building
 from twin.room.floor import floor_of
-from twin.room.model import compiled
+from twin.room.mjcf import compiled
 from twin.room.obstacles import Footprints, obstacles_of
 from twin.scenario import Scenario
 from twin.scenario.mount import Mount

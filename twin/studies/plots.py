@@ -14,8 +14,8 @@ from trackers.arrays import Array
 from twin.reproduce.page import INK, QUIET, SHADE, plot_style, to_svg
 from twin.room.building import Building, room_outline
 from twin.scenario import Scenario
-from twin.scenario.floor import FloorDescription
 from twin.scenario.housings import in_the_room
+from twin.scenario.pressure_floor import FloorDescription
 from twin.scenario.sensors import LaserDescription
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from trackers.tracks import unused_sensors
 from twin import models
 from twin.run.chosen_trackers import NONE_TRUSTED, STUDY, ChosenTracker, TrustedClasses, choose
 from twin.scenario import Scenario, load_scenario
-from twin.scenario.floor import FloorDescription
 from twin.scenario.housings import rig_told
+from twin.scenario.pressure_floor import FloorDescription
 from twin.streams import stream
 from twin.studies.apply_placement import apply_placement
 from twin.studies.candidate_set import CandidateSet

@@ -24,7 +24,7 @@ from twin.suites.cache_keys import Provenance, people_key, room_digest, whole_co
 from twin.suites.metrics import flatten_metrics
 from twin.suites.worker import cached_motion
 from twin.truth.frames import Situation, TruthDetail, TruthFrame
-from twin.world.bodies import body_pools
+from twin.world.body_pool import body_pools
 from twin.world.precomputed import PoseCache, PrecomputedScene
 from twin.world.simulation import Simulation
 

@@ -19,8 +19,8 @@ from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
 from twin.run.tracker_runner import file_name
 from twin.scenario import load_scenario
 from twin.scenario.load import dump_scenario
-from twin.scenario.model import Scenario, TrackerChoice
-from twin.scenario.size import RunSize, check_size, size_of
+from twin.scenario.run_size import RunSize, check_size, size_of
+from twin.scenario.scenario import Scenario, TrackerChoice
 from twin.suites.cache_keys import Provenance, people_key, provenance_of, recording_key, room_digest
 from twin.suites.overrides import Variant, format_overrides, variants
 from twin.suites.preflight import TrackerCheck
@@ -100,7 +100,7 @@ def expand(
 
     changes: 'path=value' texts for every case, which keeps its id all the same, so that two runs can be compared;
     plug_ins: whether trackers of the user's own are on this machine, to be looked at too; trusted: classes that the suite
-    and its scenarios may name; limits: whether to refuse a recording larger than `twin.scenario.size` allows.
+    and its scenarios may name; limits: whether to refuse a recording larger than `twin.scenario.run_size` allows.
     Raises InputError, a line a fault, for scenarios, overrides and trackers that cannot be, or do not fit the scenario's
     rig, and for cases given twice. Nothing is simulated for it.
     """

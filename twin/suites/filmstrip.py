@@ -21,7 +21,7 @@ from twin.room.building import room_outline
 from twin.run.chosen_trackers import TrustedClasses, choose
 from twin.run.feed import Feed, Preview
 from twin.run.tracker_runner import tracker_runners
-from twin.scenario.model import TrackerChoice
+from twin.scenario.scenario import TrackerChoice
 from twin.suites.cache import RecordingCache
 from twin.suites.cache_keys import recording_key
 from twin.suites.expansion import Case

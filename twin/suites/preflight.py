@@ -29,7 +29,7 @@ from twin.run.chosen_trackers import (
 )
 from twin.scenario import Scenario
 from twin.scenario.housings import rig_told
-from twin.scenario.model import TrackerChoice
+from twin.scenario.scenario import TrackerChoice
 from twin.streams import stream
 from twin.suites.overrides import Variant
 from twin.world.scene import walkable_in

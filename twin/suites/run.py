@@ -14,7 +14,7 @@ from typing import Any
 from twin.recording.atomic_file import atomic_path
 from twin.run.chosen_trackers import NONE_TRUSTED, TrustedClasses
 from twin.run.outcome import versions
-from twin.scenario.size import total
+from twin.scenario.run_size import total
 from twin.suites.cache import RecordingCache
 from twin.suites.cache_keys import whole_code
 from twin.suites.cluster import Workers

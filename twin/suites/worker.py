@@ -21,7 +21,7 @@ from trackers.errors import InputError
 from trackers.observations import NS_PER_S
 from trackers.plain_data import parse_yaml
 from twin.evaluate.summary import Evaluation
-from twin.people.poses import Motion
+from twin.people.poses import PopulationMotion
 from twin.recording.bag import open_bag
 from twin.recording.tables import read_truth
 from twin.recording.topics import SCAN, sensor_topic
@@ -209,7 +209,7 @@ def cached_motion(cache: RecordingCache, scenario: Scenario) -> PrecomputedScene
         precompute_motion(scenario).save(folder / _FILE)
 
     with cache.recording(people_key(scenario), make) as (entry, _):
-        return PrecomputedScene.of(scenario, Motion.load(entry / _FILE))
+        return PrecomputedScene.of(scenario, PopulationMotion.load(entry / _FILE))
 
 
 _PLACE_M = 1e-4

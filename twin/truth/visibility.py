@@ -18,7 +18,7 @@ from trackers.cameras import Intrinsics
 from trackers.rig import RigSensor
 from twin.instant.snapshot import Snapshot
 from twin.scenario.cameras import PinholeDescription, StereoDescription
-from twin.scenario.floor import FloorDescription
+from twin.scenario.pressure_floor import FloorDescription
 from twin.scenario.sensors import FisheyeDescription, LaserDescription, SensorDescription
 from twin.sensors.rays import bounding_radius, cast, passes_spheres
 from twin.truth.frames import Box

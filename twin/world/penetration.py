@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array
 from twin.instant.snapshot import Snapshot, SnapshotSource
-from twin.people.body.body import GEOM_GROUP
+from twin.people.body.person_spec import GEOM_GROUP
 
 Allowed = Mapping[int, Collection[int]]
 """For ids of people: the room's geoms that they may touch and press into."""

@@ -21,7 +21,7 @@ from twin.room.furniture import Bed, Seat
 from twin.room.obstacles import KEEP_FROM_FURNITURE_M, Footprints
 from twin.scenario import Scenario
 from twin.scenario.behaviour import Bend, Leave, Look, Reach, RecordedPath, Run, Stand, Turn, Walk, Wander
-from twin.scenario.people import Person
+from twin.scenario.person import Person
 
 _LOOKS_EVERY_S = 0.05
 _LOOKS_EVERY_M = 0.05

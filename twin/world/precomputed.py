@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from twin.people.poses import Motion
+from twin.people.poses import PopulationMotion
 from twin.people.randomize import randomized
 from twin.scenario import Scenario
 from twin.world.scene import Scene, build_scene, populate
@@ -43,10 +43,10 @@ class PrecomputedScene:
     """The compiled scene of a scenario as it begins, and its people's motion; for scenarios with the same people."""
 
     scene: Scene
-    motion: Motion
+    motion: PopulationMotion
 
     @classmethod
-    def of(cls, scenario: Scenario, motion: Motion) -> PrecomputedScene:
+    def of(cls, scenario: Scenario, motion: PopulationMotion) -> PrecomputedScene:
         """The scenario's people in its room. Raises InputError as `build_scene` does."""
         return cls(build_scene(randomized(scenario)), motion)
 
@@ -57,7 +57,7 @@ class PrecomputedScene:
         return replace(self.scene, bodies=replace(self.scene.bodies, model=copy.copy(self.scene.model)))
 
 
-def precompute_motion(scenario: Scenario) -> Motion:
+def precompute_motion(scenario: Scenario) -> PopulationMotion:
     """The motion of a scenario's people, stepped to its end. Raises InputError as `build_scene` does."""
     scenario = randomized(scenario)
     return populate(scenario, build_scene(scenario)).motion(scenario.duration_s + LONGEST_LOOK_S)

@@ -16,24 +16,24 @@ from trackers.limits import check_limit
 from twin import models
 from twin.geometry.geom_hull import check_extent
 from twin.instant.snapshot import FootShapes
-from twin.people.body.appearance import Appearance, appearance_of
+from twin.people.body.appearance import BodyAppearance, appearance_of
 from twin.people.crowd.ground import Ground
 from twin.people.crowd.routes import Routes
 from twin.people.population import Population
-from twin.people.poses import Motion, PrecomputedPoses
-from twin.people.posture.measures import BodyMeasures
+from twin.people.poses import PopulationMotion, PrecomputedPoses
+from twin.people.posture.body_measures import BodyMeasures
 from twin.people.script.actor import approaches
 from twin.room.floor import check_floor_under, floor_hull, floor_of
 from twin.room.furniture import Bed, Seat, furniture_of
-from twin.room.model import compiled, load_room, set_planes
+from twin.room.mjcf import compiled, load_room, set_planes
 from twin.room.obstacles import MOST_OBSTACLES, OBSTACLE_REACH_M, Obstacle, obstacles_of, within_reach
 from twin.room.walkable import walkable_area
 from twin.scenario import Scenario
 from twin.scenario.behaviour import Lie, Sit
-from twin.scenario.floor import FloorDescription
 from twin.scenario.housings import in_the_room
+from twin.scenario.pressure_floor import FloorDescription
 from twin.streams import stream
-from twin.world.bodies import Bodies, body_pools
+from twin.world.body_pool import Bodies, body_pools
 from twin.world.placement import check_approach, check_placement
 
 _MOST_CORNERS = 500
@@ -56,7 +56,7 @@ class Scene:
     floor: NDArray[np.float64]  # (k, 2) hull of the room's floor, polygon in the room frame [m]
     ground: Ground
     names: tuple[str, ...]
-    appearances: dict[str, Appearance]
+    appearances: dict[str, BodyAppearance]
     ids: dict[str, int]
     bodies: Bodies
 
@@ -78,7 +78,7 @@ class Scene:
 
 
 def build_scene(scenario: Scenario) -> Scene:
-    """Compile the scenario's room with the people in it who have bodies at first (`twin.world.bodies`).
+    """Compile the scenario's room with the people in it who have bodies at first (`twin.world.body_pool`).
 
     Raises InputError where the room reads files outside its folder, does not compile, has no floor or nowhere to walk, or
     the area or a person does not fit into it.
@@ -131,7 +131,7 @@ def walkable_in(scenario: Scenario) -> NDArray[np.float64]:
     return _where_one_walks(spec, room, data, path)[1]
 
 
-def precomputed_poses(scene: Scene, motion: Motion) -> PrecomputedPoses:
+def precomputed_poses(scene: Scene, motion: PopulationMotion) -> PrecomputedPoses:
     """The scene's people as they moved in a run before, with the same bodies."""
     measures = BodyMeasures.in_room(scene.model, scene.appearances, scene.bodies.names)
     return PrecomputedPoses(scene.names, scene.appearances, measures, motion)

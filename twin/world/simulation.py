@@ -25,9 +25,9 @@ from twin.recording.messages import Encoded, encode
 from twin.room.building import check_mount
 from twin.room.lighting import DARK_LIGHT, light_of
 from twin.scenario import Scenario
-from twin.scenario.floor import FloorDescription, check_floor
 from twin.scenario.housings import assumed_sensor, in_the_room
-from twin.scenario.model import never_begins
+from twin.scenario.pressure_floor import FloorDescription, check_floor
+from twin.scenario.scenario import never_begins
 from twin.scenario.sensors import CAMERA_KINDS, build_sensor
 from twin.sensors.floor import Floor
 from twin.sensors.gl_context import GlInfo

@@ -18,7 +18,7 @@ from twin.room.lighting import Lighting
 from twin.scenario import Scenario
 from twin.truth.frames import FootTruth, PersonTruth, TruthFrame
 from twin.truth.visibility import SensorView, visible_share
-from twin.world.bodies import body_pools
+from twin.world.body_pool import body_pools
 from twin.world.precomputed import PoseCache, PrecomputedScene
 from twin.world.scene import build_scene, populate, precomputed_poses
 

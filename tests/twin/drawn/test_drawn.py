@@ -15,14 +15,14 @@ from hypothesis import given, settings, strategies
 
 from trackers.configuration import validate
 from trackers.errors import InputError
-from twin.drawn.building import draw_building
 from twin.drawn.distributions import DrawnPeople, DrawnRoom
-from twin.drawn.furniture import standing_places
-from twin.drawn.people import draw_people
-from twin.drawn.scene import draw_scene
+from twin.drawn.draw_building import draw_building
+from twin.drawn.draw_furniture import standing_places
+from twin.drawn.draw_people import draw_people
+from twin.drawn.draw_scene import draw_scene
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
-from twin.scenario.model import Scenario
+from twin.scenario.scenario import Scenario
 from twin.suites.expansion import expand
 from twin.suites.spec import load_suite
 from twin.world.world import World

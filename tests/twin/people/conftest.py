@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from people_cast import FIVE
 
-from twin.scenario.people import Person
+from twin.scenario.person import Person
 
 
 @pytest.fixture(scope="session")

@@ -12,12 +12,12 @@ import numpy as np
 
 from twin.models import MODELS
 from twin.people.body.appearance import appearance_of
-from twin.people.body.body import person_spec
+from twin.people.body.person_spec import person_spec
 from twin.people.crowd.ground import Ground
 from twin.people.crowd.routes import Routes
 from twin.people.population import Population
-from twin.people.posture.measures import BodyMeasures
-from twin.scenario.people import Person
+from twin.people.posture.body_measures import BodyMeasures
+from twin.scenario.person import Person
 from twin.streams import stream
 
 AREA = np.array([[-2.0, 0.6], [2.0, 0.6], [2.0, 2.8], [-2.0, 2.8]])

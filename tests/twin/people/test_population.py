@@ -7,10 +7,10 @@ import pytest
 from people_cast import AREA, FIVE, make_population
 
 from trackers.errors import InputError
-from twin.people.body.body import NQ_PERSON
+from twin.people.body.person_spec import NQ_PERSON
 from twin.people.poses import HISTORY_S, TICK_S
 from twin.scenario.behaviour import Stand, Walk
-from twin.scenario.people import Person
+from twin.scenario.person import Person
 
 
 def test_same_seed_same_bits(wanderers):

@@ -11,7 +11,7 @@ import pytest
 from trackers.errors import InputError
 from twin.people.body.appearance import appearance_of
 from twin.report.scene_pictures import VIEWS, Portrait, check_picture_name, draw_portraits, write_png
-from twin.scenario.people import Person
+from twin.scenario.person import Person
 
 
 def portrait(label="anna", **looks):

@@ -9,7 +9,7 @@ import numpy as np
 from twin.instant.snapshot import Snapshot
 from twin.report.scene_pictures import axes_towards
 from twin.scenario import load_scenario
-from twin.scenario.model import Scenario
+from twin.scenario.scenario import Scenario
 from twin.sensors.rays import cast
 from twin.sensors.render import OffscreenRenderer
 from twin.sensors.render_scene import View

@@ -13,7 +13,7 @@ from trackers.errors import InputError
 from twin.report.scene_pictures import fill_light
 from twin.room.lighting import Lighting, light_of
 from twin.scenario import load_scenario
-from twin.scenario.model import LightChange
+from twin.scenario.scenario import LightChange
 from twin.view.contact_sheet import drawn_view
 from twin.world.simulation import Simulation
 

@@ -10,8 +10,8 @@ from pydantic import ValidationError
 from trackers.errors import InputError
 from twin.people.script.arrivals import too_late
 from twin.scenario import load_scenario
-from twin.scenario.behaviour import Condition, Look, RecordedPath, Turn, endless
-from twin.scenario.people import Person
+from twin.scenario.behaviour import Look, RecordedPath, Turn, WaitCondition, endless
+from twin.scenario.person import Person
 
 
 def person(*script: dict[str, Any], **more: Any) -> Person:
@@ -99,8 +99,8 @@ def test_a_scenario_names_who_is_there(override: str, said: str) -> None:
 
 
 def test_conditions_say_one_thing() -> None:
-    assert Condition(near="bob", within_m=1.0).near == "bob"
-    assert Condition(person="bob", does="sit").does == "sit"
+    assert WaitCondition(near="bob", within_m=1.0).near == "bob"
+    assert WaitCondition(person="bob", does="sit").does == "sit"
     for wrong in (
         {},
         {"near": "bob"},
@@ -108,7 +108,7 @@ def test_conditions_say_one_thing() -> None:
         {"near": "bob", "within_m": 1, "person": "bob", "does": "sit"},
     ):
         with pytest.raises(ValidationError, match="is not a condition"):
-            Condition.model_validate(wrong)
+            WaitCondition.model_validate(wrong)
 
 
 def test_shown_values_are_those_given() -> None:

@@ -13,7 +13,7 @@ from twin import Simulation, cli, run_scenario
 from twin.run.outcome import simplifications
 from twin.scenario import load_scenario
 from twin.scenario.load import dump_scenario
-from twin.scenario.model import conditions_of, never_begins
+from twin.scenario.scenario import conditions_of, never_begins
 from twin.suites.worker import renderer_of
 
 pytestmark = pytest.mark.slow

@@ -11,7 +11,7 @@ from pydantic import BaseModel
 
 from trackers.rig import Rig
 from twin.scenario.load import DrawableScenarioFile
-from twin.scenario.people import Person, wardrobe
+from twin.scenario.person import Person, wardrobe
 from twin.suites.spec import Suite
 
 FILES = (DrawableScenarioFile, Suite, Rig)

@@ -12,7 +12,7 @@ from trackers.errors import InputError
 from twin.cli import app
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
-from twin.scenario.size import check_size, size_of
+from twin.scenario.run_size import check_size, size_of
 from twin.suites.expansion import check_case_count
 from twin.suites.spec import load_suite
 
@@ -80,7 +80,7 @@ def test_a_run_says_what_it_makes_and_writes_nothing_where_that_is_too_much(tmp_
 
 
 def test_a_flag_lifts_the_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("twin.scenario.size.MOST_BYTES", 1000)
+    monkeypatch.setattr("twin.scenario.run_size.MOST_BYTES", 1000)
     arguments = ["render", "lab-five-people", "--duration", "0.1", "--no-images", "--no-video", "--out", str(tmp_path)]
     with pytest.raises(InputError, match="at most 1 kB, or --no-limits, is expected"):
         app(arguments, standalone_mode=False)

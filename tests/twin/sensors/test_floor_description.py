@@ -9,7 +9,7 @@ import yaml
 from trackers.configuration import Strict, validate
 from trackers.errors import InputError
 from trackers.rig import FloorSensor
-from twin.scenario.floor import FloorDescription, check_floor
+from twin.scenario.pressure_floor import FloorDescription, check_floor
 from twin.scenario.sensors import SensorDescription
 from twin.sensors.floor_electronics import FLOOR_ELECTRONICS, FloorElectronics
 

@@ -12,7 +12,7 @@ from twin.instant.snapshot import RAY_GROUPS
 from twin.scenario import load_scenario
 from twin.studies.spec import Coverage
 from twin.studies.visibility import SampledWorld, SensorVisibility, floor_cells
-from twin.world.bodies import body_pools
+from twin.world.body_pool import body_pools
 from twin.world.precomputed import PrecomputedScene, precompute_motion
 
 COVERAGE = Coverage(beams=6, px_per_m=60, target="head", heights_m=(1.0, 1.6))

@@ -9,7 +9,7 @@ import pytest
 from trackers.presets import make_tracker
 from trackers.prior import Prior
 from trackers.tracks import track_frames
-from twin.people.poses import Motion
+from twin.people.poses import PopulationMotion
 from twin.scenario import Scenario, load_scenario
 from twin.streams import stream
 from twin.truth.frames import TruthFrame
@@ -43,7 +43,7 @@ def test_every_sensor_reports_the_same_bits_of_people_who_moved_before(
 ) -> None:
     scenario = load_scenario(name, ["background_frames=2", *changes])
     precompute_motion(scenario).save(tmp_path / "motion.npz")
-    precomputed = PrecomputedScene.of(scenario, Motion.load(tmp_path / "motion.npz"))
+    precomputed = PrecomputedScene.of(scenario, PopulationMotion.load(tmp_path / "motion.npz"))
 
     assert told(scenario, precomputed) == told(scenario, None)
     assert told(scenario, precomputed)[0] == told(scenario, None)[0]  # and again: one look leaves nothing behind
@@ -53,7 +53,7 @@ def test_a_motion_keeps_the_sign_of_zero(tmp_path: Path) -> None:
     motion = precompute_motion(load_scenario("lab-five-people", ["duration_s=0.2"]))
     motion.posture[0, 0, 0] = -0.0
     motion.save(tmp_path / "motion.npz")
-    assert Motion.load(tmp_path / "motion.npz").same(motion)
+    assert PopulationMotion.load(tmp_path / "motion.npz").same(motion)
 
 
 def test_sensors_elsewhere_change_no_motion() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from twin.people.body.clothes import MOTIFS
 from twin.people.body.proportions import CHILD_BELOW_M, Proportions, proportions_of
-from twin.scenario.people import NONE, Choice, Extra, Garment, Person, Wardrobe, wardrobe
+from twin.scenario.person import NONE, Choice, Extra, Garment, Person, Wardrobe, wardrobe
 
 Rgb = tuple[float, float, float]
 
@@ -27,7 +27,7 @@ _CHILD_BMI = 16.0
 
 
 @dataclass(frozen=True)
-class Appearance:
+class BodyAppearance:
     """The looks of one body: stature [m], build (breadth, 1 is the average), mass [kg], colours as red, green, blue
     0 to 1 (None: not worn)."""
 
@@ -69,7 +69,7 @@ def mass_of(height_m: float, build: float, child: bool) -> float:
     return (_CHILD_BMI if child else _ADULT_BMI) * build**2 * height_m**2
 
 
-def appearance_of(person: Person, rng: np.random.Generator) -> Appearance:
+def appearance_of(person: Person, rng: np.random.Generator) -> BodyAppearance:
     """The looks of a person; every look is drawn, then what the scenario names replaces it.
 
     So naming one garment changes no other, but for what would hide it (see `Person`).
@@ -112,7 +112,7 @@ def appearance_of(person: Person, rng: np.random.Generator) -> Appearance:
     build = build if person.build is None else person.build
     child = height_m < CHILD_BELOW_M if person.child is None else person.child
     beard = worn["beard"] and not child and skirt is None and style in _BEARDED_STYLES
-    return Appearance(
+    return BodyAppearance(
         height_m=height_m,
         build=build,
         child=child,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trackers.arrays import Array
-from twin.people.body.appearance import Appearance
+from twin.people.body.appearance import BodyAppearance
 from twin.people.body.surfaces import Surface, around, ellipsoid, loft, rings
 
 HEAD_PX = (128, 192)
@@ -23,7 +23,7 @@ _WHITE = np.array([0.93, 0.92, 0.90])
 _DARK = np.array([0.12, 0.09, 0.08])
 
 
-def head_picture(looks: Appearance, rises: Array) -> NDArray[np.uint8]:
+def head_picture(looks: BodyAppearance, rises: Array) -> NDArray[np.uint8]:
     """The head's picture (rows, columns, 3), rows from the crown down.
 
     `rises`: the height of each row of the mesh's texture, v = 0 ... 1, as a share of the head's height, both ends
@@ -168,7 +168,7 @@ class HeadShape:
         return skin + np.broadcast_to(grow, skin.shape[:2])[..., None] * away
 
 
-def shape_of(chin: float, top: float, length: float, breadth: float, looks: Appearance) -> HeadShape:
+def shape_of(chin: float, top: float, length: float, breadth: float, looks: BodyAppearance) -> HeadShape:
     """The head whose chin is at `chin` and whose hair or cap ends at `top` [m]; what stands out more is above it."""
     cover = _CAP_M if looks.cap is not None else min(_thickness(looks.hair_style), 0.024)
     return HeadShape(chin, chin + (top - chin) / (1 + cover / _DRAWN_AT_M), length, breadth)
@@ -181,7 +181,7 @@ def _thickness(style: str) -> float:
     return _THICK_M.get(style, 0.008) + (0.0 if style in ("afro", "curly") else 0.006)
 
 
-def skull(shape: HeadShape, looks: Appearance) -> Surface:
+def skull(shape: HeadShape, looks: BodyAppearance) -> Surface:
     """The head with nose and ears."""
     surface = loft(shape.ring())
     k = shape.height / _DRAWN_AT_M
@@ -205,7 +205,7 @@ def skull(shape: HeadShape, looks: Appearance) -> Surface:
     return surface
 
 
-def picture(shape: HeadShape, looks: Appearance) -> NDArray[np.uint8]:
+def picture(shape: HeadShape, looks: BodyAppearance) -> NDArray[np.uint8]:
     """The picture that the head wears."""
     steps = np.linalg.norm(np.diff(shape.ring(), axis=0), axis=-1).mean(axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()

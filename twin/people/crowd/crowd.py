@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array, Mask
-from twin.people.crowd.order import Order
+from twin.people.crowd.motion_command import MotionCommand
 from twin.people.crowd.social_force import KEEP_APART_M, repulsion
 from twin.room.obstacles import KEEP_FROM_EDGE_M, KEEP_FROM_FURNITURE_M, Footprints, Obstacle
 
@@ -45,11 +45,11 @@ ACCELERATION_M_S2 = 4.0
 BRAKING_M_S2 = 1.5
 """Deceleration that the guarantee counts on up to `BRISK_M_S` [m/s²]; more is used where the other comes on faster."""
 BRISK_M_S = 2.0
-"""Ordered speed up to which people brake as walkers [m/s]."""
+"""Commanded speed up to which people brake as walkers [m/s]."""
 RUNNER_BRAKES_PER_S = 0.7
 """How much harder runners brake, for each m/s above `BRISK_M_S` [1/s]: 3.6 m/s² at 5 m/s."""
 NEAR_M = 0.12
-"""Least distance from furniture that an order lets come near [m]: standing, calves at the edge of a seat."""
+"""Least distance from furniture that a command lets come near [m]: standing, calves at the edge of a seat."""
 FACING = 1.5
 """Full speed is wanted where the way's cosine with the heading is above 1 / FACING (48 degrees), none beyond 90."""
 TAKEN_WITHIN_M = 1.0
@@ -126,23 +126,23 @@ class Crowd:
         self._companions = np.zeros((count, count), dtype=bool)  # who walks with whom
         self._numbers = np.arange(count)
 
-    def order(self, person: int, order: Order) -> None:
-        """Give one person a new order; raises ValueError for furniture to come near that no obstacle belongs to."""
-        self._going[person] = 0.0 if order.goal is None else 1.0
-        if order.goal is not None:
-            self._goal[person] = complex(*order.goal)
-        self._speed[person] = order.speed_m_s
-        self._braking[person] = BRAKING_M_S2 + RUNNER_BRAKES_PER_S * max(order.speed_m_s - BRISK_M_S, 0.0)
-        self._slow_down[person] = HALT_PER_S if order.halt else _PASSES
-        self._slow_late[person] = 2.0 * self._braking[person] if order.halt else _PASSES
-        self._arrive_m[person] = order.arrive_m
+    def command(self, person: int, command: MotionCommand) -> None:
+        """Give one person a new command; raises ValueError for furniture to come near that no obstacle belongs to."""
+        self._going[person] = 0.0 if command.goal is None else 1.0
+        if command.goal is not None:
+            self._goal[person] = complex(*command.goal)
+        self._speed[person] = command.speed_m_s
+        self._braking[person] = BRAKING_M_S2 + RUNNER_BRAKES_PER_S * max(command.speed_m_s - BRISK_M_S, 0.0)
+        self._slow_down[person] = HALT_PER_S if command.halt else _PASSES
+        self._slow_late[person] = 2.0 * self._braking[person] if command.halt else _PASSES
+        self._arrive_m[person] = command.arrive_m
         self._distance[person] = np.inf
-        self._holds[person] = order.heading is not None
-        self._hold[person] = 0.0 if order.heading is None else order.heading
-        self._may_move[person] = 0.0 if order.firm or self._fixed[person] else 1.0
-        self._heeds_walls[person] = 1.0 / HALTING_M if order.halt else _PASSES
-        self._companions[person] = self._numbers == (-1 if order.companion is None else order.companion)
-        near = self._furniture.belong_to(order.near)
+        self._holds[person] = command.heading is not None
+        self._hold[person] = 0.0 if command.heading is None else command.heading
+        self._may_move[person] = 0.0 if command.firm or self._fixed[person] else 1.0
+        self._heeds_walls[person] = 1.0 / HALTING_M if command.halt else _PASSES
+        self._companions[person] = self._numbers == (-1 if command.companion is None else command.companion)
+        near = self._furniture.belong_to(command.near)
         self._clearance[person, : len(near)] = np.where(near, NEAR_M, KEEP_FROM_FURNITURE_M)
         self._repels[person, : len(near)] = ~near
 

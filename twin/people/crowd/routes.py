@@ -104,7 +104,7 @@ class Routes:
         return not len(self._nodes) or bool((self._leg(place, self._nodes) & self._main).any())
 
     def near(self, place: Array) -> frozenset[str]:
-        """The furniture that a place (2,) [m] is closer to than routes keep: what an order to go there comes near to."""
+        """The furniture that a place (2,) [m] is closer to than routes keep: what a command to go there comes near to."""
         inside = self._wide.contains(np.asarray(place, dtype=float)[None])[0]
         return frozenset(name for name, close in zip(self._furniture, inside, strict=True) if close)
 

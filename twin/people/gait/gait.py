@@ -2,7 +2,7 @@
 
 Split by cost: what has a memory (footsteps, loads, pelvis, habits of trunk and head) is stepped on the people's clock and
 kept as a `GaitState` of numbers that may be interpolated; what follows from it alone (heel lift, all joints) is computed by
-`twin.people.gait.pose` only for the times that are asked for.
+`twin.people.gait.gait_state` only for the times that are asked for.
 
 The vertical motion and the load are one: the table gives the load of a regular step, and the height of the pelvis is
 its double integral, stepped so that (z[k+1] - 2 z[k] + z[k-1]) / dt² is g (load[k] - 1) to rounding, tick by tick. A weak
@@ -18,10 +18,10 @@ import numpy as np
 
 from trackers.arrays import Array, Mask
 from twin.people.body.proportions import Skeleton
-from twin.people.gait import pose
+from twin.people.gait import gait_state
 from twin.people.gait.footsteps import BodyMotion, Footsteps, MovingBodies
+from twin.people.gait.gait_state import FLOOR_ROWS, ROWS, STRAIGHTEST, GaitState, heel_and_pelvis
 from twin.people.gait.gait_table import HEIGHT, LOAD, RATE, RUN_PACE, SHARE_BEHIND, GaitStyle, GaitTable
-from twin.people.gait.pose import FLOOR_ROWS, ROWS, STRAIGHTEST, GaitState, heel_and_pelvis
 
 GRAVITY_M_S2 = 9.81
 
@@ -55,7 +55,7 @@ _HINDMOST = 0.05
 _ASIDE_DROP, _BACK_DROP = 3.0, 2.0
 """How much more the pelvis is lowered by steps to the side, whose legs are spread, and backwards, as shares."""
 
-_HABITS = (pose.TRUNK_PITCH, pose.TRUNK_ROLL, pose.GAZE, pose.ELBOW, pose.ARM_SWING)
+_HABITS = (gait_state.TRUNK_PITCH, gait_state.TRUNK_ROLL, gait_state.GAZE, gait_state.ELBOW, gait_state.ARM_SWING)
 """What follows slowly, by its rows of `GaitState.rows`."""
 _BOB, _BOB_RATE = 0, 1
 
@@ -231,19 +231,19 @@ class Gait:
 
     def _record(self, crowd: MovingBodies) -> None:
         floor, rows, feet = self.state.floor, self.state.rows, self._feet
-        floor[pose.PLACE] = crowd.place
-        floor[pose.VELOCITY] = crowd.velocity
-        floor[pose.FEET] = feet.place
-        rows[pose.HEADING] = crowd.heading
-        rows[pose.TURN_RATE] = crowd.turn_rate
-        rows[pose.BOB] = self._bob[_BOB]
-        rows[[pose.SWAY, pose.SWAY_RATE]] = self._sway
+        floor[gait_state.PLACE] = crowd.place
+        floor[gait_state.VELOCITY] = crowd.velocity
+        floor[gait_state.FEET] = feet.place
+        rows[gait_state.HEADING] = crowd.heading
+        rows[gait_state.TURN_RATE] = crowd.turn_rate
+        rows[gait_state.BOB] = self._bob[_BOB]
+        rows[[gait_state.SWAY, gait_state.SWAY_RATE]] = self._sway
         rows[list(_HABITS)] = self._habits
-        rows[pose.FEET_HEIGHT] = feet.height
-        rows[pose.FEET_PITCH] = feet.pitch
-        rows[pose.FEET_YAW] = feet.yaw
-        rows[pose.FEET_LOAD] = self._load
-        rows[pose.FEET_PRESSURE] = self._ahead
+        rows[gait_state.FEET_HEIGHT] = feet.height
+        rows[gait_state.FEET_PITCH] = feet.pitch
+        rows[gait_state.FEET_YAW] = feet.yaw
+        rows[gait_state.FEET_LOAD] = self._load
+        rows[gait_state.FEET_PRESSURE] = self._ahead
 
 
 def _body_motion(crowd: MovingBodies) -> BodyMotion:

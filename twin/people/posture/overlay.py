@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from twin.people.body.body import ARM, JOINT_PLACE, LEG, SIDES
 from twin.people.body.kinematics import (
     about_x,
     about_y,
@@ -18,10 +17,10 @@ from twin.people.body.kinematics import (
     quaternion_product,
     turned,
 )
+from twin.people.body.person_spec import ARM, JOINT_PLACE, LEG, SIDES
+from twin.people.posture.body_measures import BodyMeasures
 from twin.people.posture.gaze import NECK_PITCH_MOST_RAD, NECK_YAW_MOST_RAD
-from twin.people.posture.measures import BodyMeasures
-from twin.people.posture.reach import arm_angles
-from twin.people.posture.rows import (
+from twin.people.posture.posture_rows import (
     ARMS_FLAT,
     ARMS_PITCH,
     BACK,
@@ -44,6 +43,7 @@ from twin.people.posture.rows import (
     SPINE_YAW,
     active,
 )
+from twin.people.posture.reach import arm_angles
 
 _SIDES = np.array([1.0, -1.0])
 _LEG = np.array([[JOINT_PLACE[f"{side}_{joint}"] for joint in LEG] for side in SIDES])
@@ -58,7 +58,7 @@ _HAND_OVER_M = 0.015
 def overlay_postures(qpos: Array, rows: Array, measures: BodyMeasures) -> Array:
     """Joint coordinates with the postures laid over them, (n, NQ_PERSON).
 
-    qpos (n, NQ_PERSON): standing or walking; rows (POSTURE_ROWS, n), see `twin.people.posture.rows`. Feet on the floor
+    qpos (n, NQ_PERSON): standing or walking; rows (POSTURE_ROWS, n), see `twin.people.posture.posture_rows`. Feet on the floor
     stay exactly where qpos has them; who has no posture keeps the very same numbers. qpos itself is not changed.
     """
     who = active(rows)

@@ -6,7 +6,7 @@ import numpy as np
 
 from trackers.arrays import Array
 from twin.people.body.kinematics import about_x, about_y, about_z, turned
-from twin.people.posture.measures import SEATED_PELVIS_RAD, SEATED_SPINE_RAD, BodyMeasures
+from twin.people.posture.body_measures import SEATED_PELVIS_RAD, SEATED_SPINE_RAD, BodyMeasures
 from twin.people.posture.minimum_jerk import minimum_jerk
 
 STRAIGHTEST = 0.992

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackers.arrays import Array
-from twin.people.posture.measures import SEATED_PELVIS_RAD, SEATED_SPINE_RAD, BodyMeasures
+from twin.people.posture.body_measures import SEATED_PELVIS_RAD, SEATED_SPINE_RAD, BodyMeasures
 from twin.people.posture.minimum_jerk import minimum_jerk
-from twin.people.posture.rows import (
+from twin.people.posture.posture_rows import (
     ANKLE,
     ARMS_FLAT,
     ARMS_PITCH,

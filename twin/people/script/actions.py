@@ -1,6 +1,6 @@
-"""What each action of a script means, as orders one after another.
+"""What each action of a script means, as commands one after another.
 
-An action is a generator: it yields an order, and is resumed with the reason for which the order ended.
+An action is a generator: it yields a command, and is resumed with the reason for which the command ended.
 """
 
 from __future__ import annotations
@@ -12,16 +12,15 @@ from typing import Any
 import numpy as np
 
 from twin.people.crowd.ground import standing_place
-from twin.people.crowd.order import Order
-from twin.people.posture.posture import Part
+from twin.people.crowd.motion_command import MotionCommand
+from twin.people.posture.postures import Part
 from twin.people.script.actor import Actor, Going
 from twin.people.script.companions import follow, meet
-from twin.people.script.walking import LOOKS_AGAIN_S, Orders, walk, walk_to, wander
+from twin.people.script.walking import LOOKS_AGAIN_S, Commands, walk, walk_to, wander
 from twin.room.furniture import Bed, Seat
 from twin.scenario.behaviour import (
     Action,
     Bend,
-    Condition,
     Follow,
     Leave,
     Lie,
@@ -33,6 +32,7 @@ from twin.scenario.behaviour import (
     Sit,
     Stand,
     Turn,
+    WaitCondition,
     Walk,
     Wander,
 )  # fmt: skip
@@ -46,61 +46,61 @@ _STEPS_BACK_FOR_S = 3.0
 _STANDS_FOR_S = 0.6
 
 
-def perform(actor: Actor, script: Sequence[Action]) -> Orders:
+def perform(actor: Actor, script: Sequence[Action]) -> Commands:
     """One action after another, then stand for ever."""
     for action in script:
         yield from _wait_for(actor, action)
-        actor.stage.doing[actor.number] = action.kind
+        actor.context.doing[actor.number] = action.kind
         yield from _DOING[type(action)](actor, action)
-    actor.stage.doing[actor.number] = "stand"
+    actor.context.doing[actor.number] = "stand"
     while True:
-        yield Order(None)
+        yield MotionCommand(None)
 
 
-def _wait_for(actor: Actor, action: Action) -> Orders:
-    actor.stage.doing[actor.number] = "stand"
+def _wait_for(actor: Actor, action: Action) -> Commands:
+    actor.context.doing[actor.number] = "stand"
     if action.at_s is not None and actor.t < action.at_s:
-        yield Order(None, until=action.at_s)
+        yield MotionCommand(None, until=action.at_s)
     while action.when is not None and not _holds(actor, action.when):
-        yield Order(None, until=actor.t + LOOKS_AGAIN_S)
+        yield MotionCommand(None, until=actor.t + LOOKS_AGAIN_S)
 
 
-def _holds(actor: Actor, condition: Condition) -> bool:
+def _holds(actor: Actor, condition: WaitCondition) -> bool:
     if condition.near is not None and condition.within_m is not None:
         return actor.distance_to(condition.near) <= condition.within_m
-    stage = actor.stage
-    return condition.person is not None and stage.doing[stage.number_of(condition.person)] == condition.does
+    context = actor.context
+    return condition.person is not None and context.doing[context.number_of(condition.person)] == condition.does
 
 
-def _upright(actor: Actor) -> Orders:
+def _upright(actor: Actor) -> Commands:
     """Stand up, whoever sits, lies or bends."""
-    postures, number = actor.stage.postures, actor.number
+    postures, number = actor.context.postures, actor.number
     if postures.may_walk()[number]:
         return
     postures.rise(number)
-    yield Order(None, firm=True, done=lambda: bool(postures.may_walk()[number]))
+    yield MotionCommand(None, firm=True, done=lambda: bool(postures.may_walk()[number]))
     yield from _step_away(actor)
 
 
-def _turn_to(actor: Actor, heading: float) -> Orders:
+def _turn_to(actor: Actor, heading: float) -> Commands:
     def faces() -> bool:
         off = (heading - actor.heading + pi) % (2 * pi) - pi
         return abs(off) < _FACING_RAD
 
-    yield Order(None, heading=heading, done=faces)
+    yield MotionCommand(None, heading=heading, done=faces)
 
 
-def _stand(actor: Actor, action: Stand) -> Orders:
+def _stand(actor: Actor, action: Stand) -> Commands:
     yield from _upright(actor)
-    yield Order(None, until=actor.ends_at(action.for_s), firm=True)
+    yield MotionCommand(None, until=actor.ends_at(action.for_s), firm=True)
 
 
-def _walk(actor: Actor, action: Walk | Run) -> Orders:
+def _walk(actor: Actor, action: Walk | Run) -> Commands:
     yield from _upright(actor)
     yield from walk(actor, action)
 
 
-def _turn(actor: Actor, action: Turn) -> Orders:
+def _turn(actor: Actor, action: Turn) -> Commands:
     yield from _upright(actor)
     if action.towards is not None:
         heading = actor.bearing_of(action.towards)
@@ -117,7 +117,7 @@ def _turn(actor: Actor, action: Turn) -> Orders:
     yield from _turn_to(actor, heading)
 
 
-def _rest(actor: Actor, action: Sit | Lie) -> Orders:
+def _rest(actor: Actor, action: Sit | Lie) -> Commands:
     """Sit or lie down on what the room has for it, and get up when the time is over."""
     name = action.seat if isinstance(action, Sit) else action.bed
     if isinstance(action, Sit) and action.seated:  # as everybody began
@@ -125,99 +125,99 @@ def _rest(actor: Actor, action: Sit | Lie) -> Orders:
         yield from _upright(actor)
         return
     yield from _go_and_take(actor, name)
-    match actor.stage.ground.furniture[name]:
+    match actor.context.ground.furniture[name]:
         case Seat() as seat:
-            actor.stage.postures.sit(actor.number, seat)
+            actor.context.postures.sit(actor.number, seat)
         case Bed() as bed:
-            actor.stage.postures.lie(actor.number, bed)
+            actor.context.postures.lie(actor.number, bed)
     yield from _settled(actor, action.for_s, "body")
     yield from _upright(actor)
 
 
-def _go_and_take(actor: Actor, name: str) -> Orders:
+def _go_and_take(actor: Actor, name: str) -> Commands:
     """Stand before a seat or bed, the back to it, when nobody else uses it."""
-    stage, number = actor.stage, actor.number
+    context, number = actor.context, actor.number
     yield from _upright(actor)
-    if name in stage.taken:
-        stage.going[number] = Going(name, actor.t, 0.0)
-    while name in stage.taken:
-        yield Order(None, until=actor.t + LOOKS_AGAIN_S)
+    if name in context.taken:
+        context.going[number] = Going(name, actor.t, 0.0)
+    while name in context.taken:
+        yield MotionCommand(None, until=actor.t + LOOKS_AGAIN_S)
     actor.arrives()
-    stage.taken[name] = number
-    furniture = stage.ground.furniture[name]
+    context.taken[name] = number
+    furniture = context.ground.furniture[name]
     approach = actor.approach(furniture)
     place, heading = approach.stands_at, approach.heading
     turns_at = float(approach.turns_round_at[0]), float(approach.turns_round_at[1])
     yield from walk_to(actor, turns_at, 1.0, halt=True, exactly=True, what=name)
     yield from _turn_to(actor, heading)
     near = frozenset({furniture.furniture})
-    yield Order(place, _STEPS_BACK_M_S, actor.t + _STEPS_BACK_FOR_S, 0.03, True, heading, near)
-    yield Order(None, until=actor.t + _STANDS_FOR_S, heading=heading, near=near, firm=True)
+    yield MotionCommand(place, _STEPS_BACK_M_S, actor.t + _STEPS_BACK_FOR_S, 0.03, True, heading, near)
+    yield MotionCommand(None, until=actor.t + _STANDS_FOR_S, heading=heading, near=near, firm=True)
 
 
-def _settled(actor: Actor, for_s: float | None, part: Part) -> Orders:
+def _settled(actor: Actor, for_s: float | None, part: Part) -> Commands:
     """Until a part of the posture is where it was sent, and then for a time."""
-    postures, number = actor.stage.postures, actor.number
-    yield Order(None, firm=True, done=lambda: postures.done(number, part))
+    postures, number = actor.context.postures, actor.number
+    yield MotionCommand(None, firm=True, done=lambda: postures.done(number, part))
     if for_s is None or for_s > 0:
-        yield Order(None, until=actor.ends_at(for_s), firm=True)
+        yield MotionCommand(None, until=actor.ends_at(for_s), firm=True)
 
 
-def _step_away(actor: Actor) -> Orders:
+def _step_away(actor: Actor) -> Commands:
     """From the seat or bed that one got up from, to where ways begin."""
-    stage, number = actor.stage, actor.number
-    for name in [name for name, user in stage.taken.items() if user == number]:
+    context, number = actor.context, actor.number
+    for name in [name for name, user in context.taken.items() if user == number]:
         here, heading = actor.here, actor.heading
         ahead = float(here[0]) + _STEPS_AWAY_M * cos(heading), float(here[1]) + _STEPS_AWAY_M * sin(heading)
-        near = frozenset({stage.ground.furniture[name].furniture})
-        yield Order(ahead, 0.8, actor.t + _STEPS_BACK_FOR_S, 0.1, near=near)
-        del stage.taken[name]
+        near = frozenset({context.ground.furniture[name].furniture})
+        yield MotionCommand(ahead, 0.8, actor.t + _STEPS_BACK_FOR_S, 0.1, near=near)
+        del context.taken[name]
 
 
-def _bend(actor: Actor, action: Bend) -> Orders:
+def _bend(actor: Actor, action: Bend) -> Commands:
     yield from _upright(actor)
-    actor.stage.postures.bend(actor.number, radians(action.angle_deg))
+    actor.context.postures.bend(actor.number, radians(action.angle_deg))
     yield from _settled(actor, action.for_s, "bend")
-    actor.stage.postures.straighten(actor.number)
+    actor.context.postures.straighten(actor.number)
     yield from _settled(actor, 0.0, "bend")
 
 
-def _reach(actor: Actor, action: Reach) -> Orders:
-    actor.stage.postures.reach(actor.number, np.array(action.point), action.hand)
+def _reach(actor: Actor, action: Reach) -> Commands:
+    actor.context.postures.reach(actor.number, np.array(action.point), action.hand)
     yield from _settled(actor, action.for_s, "reach")
-    actor.stage.postures.withdraw(actor.number)
+    actor.context.postures.withdraw(actor.number)
     yield from _settled(actor, 0.0, "reach")
 
 
-def _look(actor: Actor, action: Look) -> Orders:
+def _look(actor: Actor, action: Look) -> Commands:
     actor.look(action)
     return
-    yield  # a generator like the others, which orders nothing
+    yield  # a generator like the others, which commands nothing
 
 
-def _follow(actor: Actor, action: Follow) -> Orders:
+def _follow(actor: Actor, action: Follow) -> Commands:
     yield from _upright(actor)
     yield from follow(actor, action)
 
 
-def _meet(actor: Actor, action: Meet) -> Orders:
+def _meet(actor: Actor, action: Meet) -> Commands:
     yield from _upright(actor)
     yield from meet(actor, action)
 
 
-def _keep_path(actor: Actor, action: RecordedPath) -> Orders:
-    yield Order(None)
+def _keep_path(actor: Actor, action: RecordedPath) -> Commands:
+    yield MotionCommand(None)
 
 
-def _leave(actor: Actor, action: Leave) -> Orders:
+def _leave(actor: Actor, action: Leave) -> Commands:
     yield from _upright(actor)
-    place = standing_place(np.array(action.to), actor.stage.ground.walkable)
+    place = standing_place(np.array(action.to), actor.context.ground.walkable)
     yield from walk_to(actor, (float(place[0]), float(place[1])), action.speed_m_s, halt=False, exactly=True)
-    actor.stage.leaving.add(actor.number)
-    yield Order(None)
+    actor.context.leaving.add(actor.number)
+    yield MotionCommand(None)
 
 
-_DOING: dict[type, Callable[[Actor, Any], Orders]] = {
+_DOING: dict[type, Callable[[Actor, Any], Commands]] = {
     Wander: wander, Stand: _stand, Walk: _walk, Run: _walk, Turn: _turn, Sit: _rest, Lie: _rest, Bend: _bend,
     Reach: _reach, Look: _look, Follow: _follow, Meet: _meet, RecordedPath: _keep_path, Leave: _leave,
 }  # fmt: skip

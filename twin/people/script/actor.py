@@ -10,9 +10,9 @@ import numpy as np
 from trackers.arrays import Array
 from twin.people.crowd.crowd import Crowd
 from twin.people.crowd.ground import Ground
-from twin.people.crowd.order import Order
-from twin.people.posture.measures import BodyMeasures
-from twin.people.posture.posture import Postures
+from twin.people.crowd.motion_command import MotionCommand
+from twin.people.posture.body_measures import BodyMeasures
+from twin.people.posture.postures import Postures
 from twin.people.posture.resting import lying_pose, seated_pose
 from twin.room.furniture import Bed, Seat
 from twin.scenario.behaviour import Look, Target
@@ -69,7 +69,7 @@ class Going:
 
 
 @dataclass(eq=False)
-class Stage:
+class ScriptContext:
     """What all actors share: the clock, everybody's places and postures, the room.
 
     `doing`: the kind of action that each is at; `taken`: who uses a seat or bed; `leaving`: who is to go, `gone`: who has
@@ -120,17 +120,17 @@ class Stage:
 
 
 class Actor:
-    """One of the people on a stage, with a generator of their own."""
+    """One of the people of a scenario, with a generator of their own."""
 
-    def __init__(self, stage: Stage, number: int, rng: np.random.Generator) -> None:
-        self.stage = stage
+    def __init__(self, context: ScriptContext, number: int, rng: np.random.Generator) -> None:
+        self.context = context
         self.number = number
         self.rng = rng
 
     @property
     def t(self) -> float:
         """The people's clock [s]."""
-        return self.stage.t
+        return self.context.t
 
     @property
     def here(self) -> Array:
@@ -140,22 +140,22 @@ class Actor:
     @property
     def heading(self) -> float:
         """Where the person faces [rad]."""
-        return float(self.stage.crowd.heading[self.number])
+        return float(self.context.crowd.heading[self.number])
 
     def place_of(self, number: int) -> Array:
         """Where somebody is, (2,) [m]."""
-        place = self.stage.crowd.place[number]
+        place = self.context.crowd.place[number]
         return np.array([place.real, place.imag])
 
     def target(self, target: Target) -> Array:
         """The ground point of somebody by name or of a place, (2,) [m]."""
         if isinstance(target, str):
-            return self.place_of(self.stage.number_of(target))
+            return self.place_of(self.context.number_of(target))
         return np.array(target[:2])
 
     def distance_to(self, target: Target) -> float:
         """Distance on the floor [m]; infinite to somebody who is not there."""
-        if isinstance(target, str) and not self.stage.crowd.present[self.stage.number_of(target)]:
+        if isinstance(target, str) and not self.context.crowd.present[self.context.number_of(target)]:
             return inf
         return float(np.linalg.norm(self.target(target) - self.here))
 
@@ -166,27 +166,27 @@ class Actor:
 
     def speed_of(self, name: str) -> float:
         """How fast somebody walks [m/s]."""
-        return float(abs(self.stage.crowd.velocity[self.stage.number_of(name)]))
+        return float(abs(self.context.crowd.velocity[self.context.number_of(name)]))
 
     def look(self, action: Look) -> None:
         """Turn the head as a look says, from now on."""
-        stage, number = self.stage, self.number
-        stage.looks_until[number] = self.ends_at(action.for_s)
+        context, number = self.context, self.number
+        context.looks_until[number] = self.ends_at(action.for_s)
         if isinstance(action.at, str):
-            stage.postures.look_at_person(number, stage.number_of(action.at))
+            context.postures.look_at_person(number, context.number_of(action.at))
         elif action.at is not None:
             point = action.at if len(action.at) == 3 else (*action.at, _EYE_LEVEL_M)
-            stage.postures.look_at(number, np.array(point))
+            context.postures.look_at(number, np.array(point))
         elif action.yaw_deg is not None:
-            stage.postures.turn_head(number, radians(action.yaw_deg), radians(action.pitch_deg))
+            context.postures.turn_head(number, radians(action.yaw_deg), radians(action.pitch_deg))
         else:
-            stage.postures.look_ahead(number)
+            context.postures.look_ahead(number)
 
     def approach(self, furniture: Seat | Bed) -> Approach:
         """How to come to a seat or bed: to the nearest side of a bed that a way leads to."""
-        stage = self.stage
-        here = complex(stage.crowd.place[self.number])
-        found = approaches(furniture, stage.postures.measures, self.number, here)
+        context = self.context
+        here = complex(context.crowd.place[self.number])
+        found = approaches(furniture, context.postures.measures, self.number, here)
         return next((each for each in found if self.way_to(each.turns_round_at)), found[0])
 
     def sets_out(self, goal: Array | tuple[float, float], speed_m_s: float, what: str = "") -> None:
@@ -195,26 +195,26 @@ class Actor:
         stops = np.array([self.here, *way])
         length_m = float(np.hypot(*np.diff(stops, axis=0).T).sum())
         named = what or f"[{float(goal[0]):.6g}, {float(goal[1]):.6g}]"
-        self.stage.going[self.number] = Going(named, self.t, length_m / speed_m_s if way else None)
+        self.context.going[self.number] = Going(named, self.t, length_m / speed_m_s if way else None)
 
     def arrives(self) -> None:
         """Note that the person is on no way any more."""
-        self.stage.going.pop(self.number, None)
+        self.context.going.pop(self.number, None)
 
     def is_gone(self, name: str) -> bool:
         """Whether somebody has left for good."""
-        return self.stage.number_of(name) in self.stage.gone
+        return self.context.number_of(name) in self.context.gone
 
     def draws_the_eyes_of(self, name: str) -> None:
         """Somebody who only stands about turns to this person, and looks at them."""
-        stage, other = self.stage, self.stage.number_of(name)
-        if stage.doing[other] == "stand" and stage.postures.may_walk()[other]:
+        context, other = self.context, self.context.number_of(name)
+        if context.doing[other] == "stand" and context.postures.may_walk()[other]:
             way = self.here - self.place_of(other)
-            stage.crowd.order(other, Order(None, heading=float(np.arctan2(way[1], way[0])), firm=True))
+            context.crowd.command(other, MotionCommand(None, heading=float(np.arctan2(way[1], way[0])), firm=True))
 
     def others(self) -> Array:
         """Where everybody else who is there is, (k, 2) [m]."""
-        crowd = self.stage.crowd
+        crowd = self.context.crowd
         there = crowd.present.copy()
         there[self.number] = False
         places = crowd.place[there]
@@ -226,9 +226,9 @@ class Actor:
 
     def free_places(self, count: int) -> Array:
         """Random places (count, 2) [m] in the area, clear of furniture."""
-        return self.stage.ground.free_places(count, self.rng)
+        return self.context.ground.free_places(count, self.rng)
 
     def way_to(self, goal: Array | tuple[float, float]) -> list[tuple[float, float]]:
         """Places to pass on the way around furniture, the goal last; none where there is no way."""
-        way = self.stage.ground.routes.way(self.here, np.asarray(goal, dtype=float))
+        way = self.context.ground.routes.way(self.here, np.asarray(goal, dtype=float))
         return [] if way is None else [(float(x), float(y)) for x, y in way]

@@ -11,7 +11,7 @@ from trackers.arrays import Array
 from trackers.errors import InputError
 from twin.people.crowd.ground import Ground
 from twin.scenario.behaviour import RecordedPath, Run, Walk
-from twin.scenario.people import Person
+from twin.scenario.person import Person
 
 Point = tuple[float, float]
 

@@ -6,15 +6,15 @@ from math import cos, inf, sin
 
 import numpy as np
 
-from twin.people.crowd.order import Order
+from twin.people.crowd.motion_command import MotionCommand
 from twin.people.crowd.social_force import KEEP_APART_M
 from twin.people.script.actor import Actor
-from twin.people.script.walking import HALT_M, LOOKS_AGAIN_S, Orders
+from twin.people.script.walking import HALT_M, LOOKS_AGAIN_S, Commands
 from twin.scenario.behaviour import Follow, Look, Meet
 
 _WALKS_ON_M_S = 0.2
 """Whoever is slower is about to stand."""
-_ORDERS_EVERY_S = 0.1
+_COMMANDS_EVERY_S = 0.1
 _DRAWS_LEVEL_S = 0.5
 """The way to the place beside the other is made up within about this time [s]."""
 _STANDS_M_S = 0.2
@@ -27,7 +27,7 @@ _SWINGS_OUT = 0.6
 """Who draws level passes wide of the other's back: so much farther aside for each metre that they lag."""
 
 
-def follow(actor: Actor, action: Follow) -> Orders:
+def follow(actor: Actor, action: Follow) -> Commands:
     if action.beside is not None:
         yield from _walk_beside(actor, action)
         return
@@ -36,31 +36,31 @@ def follow(actor: Actor, action: Follow) -> Orders:
         until = min(actor.t + 2 * LOOKS_AGAIN_S, ends_at)
         gap = actor.distance_to(action.person) - action.keeps_m
         if gap == inf:
-            yield Order(None, until=until)
+            yield MotionCommand(None, until=until)
             continue
         # as fast as the gap asks for: it closes within about half a second, and stays closed behind somebody who walks on
         ahead = actor.speed_of(action.person)
         walks_on = ahead > _WALKS_ON_M_S
         if gap < (-ahead if walks_on else 0.1):
-            yield Order(None, until=until, heading=actor.bearing_of(action.person))
+            yield MotionCommand(None, until=until, heading=actor.bearing_of(action.person))
         else:
             speed = min(action.speed_m_s, max(ahead + 2 * gap, _WALKS_ON_M_S))
             yield from _one_step_on(actor, action.person, speed, until, 0.0 if walks_on else action.keeps_m)
 
 
-def _one_step_on(actor: Actor, person: str, speed_m_s: float, until: float, distance_m: float) -> Orders:
+def _one_step_on(actor: Actor, person: str, speed_m_s: float, until: float, distance_m: float) -> Commands:
     """A moment's walk towards somebody who moves, to end at a distance from them."""
     there, bearing = actor.target(person), actor.bearing_of(person)
     before = (float(there[0]) - distance_m * cos(bearing), float(there[1]) - distance_m * sin(bearing))
     way = actor.way_to(there) or actor.way_to(before)
     if not way:
-        yield Order(None, until=until)
+        yield MotionCommand(None, until=until)
         return
     goal = way[0] if len(way) > 1 else before
-    yield Order(goal, speed_m_s, until, HALT_M, halt=len(way) == 1 and distance_m > 0)
+    yield MotionCommand(goal, speed_m_s, until, HALT_M, halt=len(way) == 1 and distance_m > 0)
 
 
-def meet(actor: Actor, action: Meet) -> Orders:
+def meet(actor: Actor, action: Meet) -> Commands:
     if not actor.is_gone(action.person):
         actor.sets_out(actor.target(action.person), action.speed_m_s, action.person)
     while actor.distance_to(action.person) > action.distance_m + 0.1:
@@ -68,7 +68,7 @@ def meet(actor: Actor, action: Meet) -> Orders:
             actor.arrives()
             return
         if actor.distance_to(action.person) == inf:
-            yield Order(None, until=actor.t + LOOKS_AGAIN_S)
+            yield MotionCommand(None, until=actor.t + LOOKS_AGAIN_S)
             continue
         yield from _one_step_on(actor, action.person, action.speed_m_s, actor.t + 2 * LOOKS_AGAIN_S, action.distance_m)
     actor.arrives()
@@ -76,19 +76,21 @@ def meet(actor: Actor, action: Meet) -> Orders:
     actor.look(Look(at=action.person))
     while actor.t < ends_at and not actor.is_gone(action.person):
         actor.draws_the_eyes_of(action.person)
-        yield Order(None, until=min(actor.t + 2 * LOOKS_AGAIN_S, ends_at), heading=actor.bearing_of(action.person))
+        yield MotionCommand(
+            None, until=min(actor.t + 2 * LOOKS_AGAIN_S, ends_at), heading=actor.bearing_of(action.person)
+        )
     actor.look(Look())
 
 
-def _walk_beside(actor: Actor, action: Follow) -> Orders:
+def _walk_beside(actor: Actor, action: Follow) -> Commands:
     """Keep level with somebody who goes their own way, or behind them for a while (see `twin.scenario.behaviour.Follow`)."""
-    crowd, other = actor.stage.crowd, actor.stage.number_of(action.person)
+    crowd, other = actor.context.crowd, actor.context.number_of(action.person)
     ends_at, behind_until = actor.ends_at(action.for_s), -np.inf
     aside = action.keeps_m * (1j if action.beside == "left" else -1j)
     while actor.t < ends_at and not actor.is_gone(action.person):
-        until = min(actor.t + _ORDERS_EVERY_S, ends_at)
+        until = min(actor.t + _COMMANDS_EVERY_S, ends_at)
         if not crowd.present[other]:
-            yield Order(None, until=until)
+            yield MotionCommand(None, until=until)
             continue
         place, velocity, facing = crowd.place[other], crowd.velocity[other], crowd.facing[other]
         beside = place + aside * facing
@@ -102,24 +104,24 @@ def _walk_beside(actor: Actor, action: Follow) -> Orders:
         yield _keep_up(actor, action, other, goal, until)
 
 
-def _keep_up(actor: Actor, action: Follow, other: int, goal: complex, until: float) -> Order:
-    """The order for a moment: be where the place one keeps will be, or stand there, facing as the other does."""
-    crowd, here = actor.stage.crowd, actor.stage.crowd.place[actor.number]
+def _keep_up(actor: Actor, action: Follow, other: int, goal: complex, until: float) -> MotionCommand:
+    """The command for a moment: be where the place one keeps will be, or stand there, facing as the other does."""
+    crowd, here = actor.context.crowd, actor.context.crowd.place[actor.number]
     velocity = crowd.velocity[other]
     stands = abs(velocity) < _STANDS_M_S
     if stands and abs(goal - here) < _IN_PLACE_M:
-        return Order(None, until=until, heading=float(crowd.heading[other]), companion=other)
+        return MotionCommand(None, until=until, heading=float(crowd.heading[other]), companion=other)
     soon = goal if stands else goal + velocity * _DRAWS_LEVEL_S
     speed = min(max(abs(soon - here) / _DRAWS_LEVEL_S, _STANDS_M_S), action.speed_m_s)
     way = actor.way_to((soon.real, soon.imag)) or actor.way_to(actor.target(action.person))
     if not way:
-        return Order(None, until=until, companion=other)
-    return Order(way[0], speed, until, 0.05, halt=stands and len(way) == 1, companion=other)
+        return MotionCommand(None, until=until, companion=other)
+    return MotionCommand(way[0], speed, until, 0.05, halt=stands and len(way) == 1, companion=other)
 
 
 def _has_room(actor: Actor, other: int, place: complex, beside: complex, velocity: complex) -> bool:
     """Whether the place beside somebody is free, and stays so for a while as they go on."""
-    routes, crowd = actor.stage.ground.routes, actor.stage.crowd
+    routes, crowd = actor.context.ground.routes, actor.context.crowd
     points = [np.array([at.real, at.imag]) for at in (place, beside, beside + velocity * _SEES_AHEAD_S)]
     for start, end in ((points[0], points[1]), (points[1], points[2])):
         way = routes.way(start, end)

@@ -11,7 +11,7 @@ from scipy.interpolate import PchipInterpolator
 
 from trackers.arrays import Array
 from twin.scenario.behaviour import Action, RecordedPath
-from twin.scenario.people import Person
+from twin.scenario.person import Person
 
 Planar = NDArray[np.complex128]
 

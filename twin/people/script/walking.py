@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from trackers.arrays import Array
-from twin.people.crowd.order import End, Order
+from twin.people.crowd.motion_command import End, MotionCommand
 from twin.people.script.actor import Actor
 from twin.scenario.behaviour import Run, Walk, Wander
 
-Orders = Generator[Order, End, Any]
-"""The orders of an action, one after another; each is answered with the reason for which it ended."""
+Commands = Generator[MotionCommand, End, Any]
+"""The commands of an action, one after another; each is answered with the reason for which it ended."""
 
 LOOKS_AGAIN_S = 0.1
 """Interval at which a condition, or a person who moves, is looked at again [s]."""
@@ -27,7 +27,7 @@ _LOOK_AHEAD_M = 1.0
 _SHUT_IN_S = 0.5
 
 
-def wander(actor: Actor, action: Wander) -> Orders:
+def wander(actor: Actor, action: Wander) -> Commands:
     """Random places one after another (see `twin.scenario.behaviour.Wander`)."""
     ends_at = actor.ends_at(action.for_s)
     walking = False
@@ -35,7 +35,7 @@ def wander(actor: Actor, action: Wander) -> Orders:
     while actor.t < ends_at:
         if walking and rng.random() < action.stop_share:
             walking = False
-            yield Order(None, until=min(actor.t + rng.uniform(*action.stop_s), ends_at))
+            yield MotionCommand(None, until=min(actor.t + rng.uniform(*action.stop_s), ends_at))
             continue
         walking = True
         goal = _goal(actor)
@@ -43,9 +43,9 @@ def wander(actor: Actor, action: Wander) -> Orders:
         until = min(actor.t + 0.3 + rng.exponential(action.stretch_s), ends_at)
         way = actor.way_to(goal)
         if not way:  # too close to furniture to find one: wait, others may push
-            yield Order(None, until=min(actor.t + _SHUT_IN_S, ends_at))
+            yield MotionCommand(None, until=min(actor.t + _SHUT_IN_S, ends_at))
         for place in way:
-            if (yield Order(place, speed, until)) != "arrived":
+            if (yield MotionCommand(place, speed, until)) != "arrived":
                 break
 
 
@@ -67,7 +67,7 @@ def _goal(actor: Actor) -> Array:
     return goals[int(np.argmax(free))]
 
 
-def walk(actor: Actor, action: Walk | Run) -> Orders:
+def walk(actor: Actor, action: Walk | Run) -> Commands:
     face = action.face if isinstance(action, Walk) else None
     while True:
         for place in action.waypoints:
@@ -76,7 +76,7 @@ def walk(actor: Actor, action: Walk | Run) -> Orders:
         if not action.repeat:
             return
         if len(action.waypoints) == 1:
-            yield Order(None)
+            yield MotionCommand(None)
 
 
 def walk_to(
@@ -88,7 +88,7 @@ def walk_to(
     face: Any = None,
     exactly: bool = False,
     what: str = "",
-) -> Orders:
+) -> Commands:
     """Around furniture to a place, called `what` where it has a name."""
     actor.sets_out(goal, speed_m_s, what)
     yield from _by_a_way(actor, goal, speed_m_s, halt=halt, face=face, exactly=exactly)
@@ -97,40 +97,42 @@ def walk_to(
 
 def _by_a_way(
     actor: Actor, goal: Array | tuple[float, float], speed_m_s: float, *, halt: bool, face: Any, exactly: bool
-) -> Orders:
+) -> Commands:
     """Along a way; where others stand in it, wait a moment and look for a way again."""
-    near = actor.stage.ground.routes.near(np.asarray(goal, dtype=float))
+    near = actor.context.ground.routes.near(np.asarray(goal, dtype=float))
     while True:
         way = actor.way_to(goal)
         for place in way:
             last = place is way[-1]
             arrive_m = HALT_M if (halt or exactly) and last else _PASS_M
-            end = yield from _towards(actor, Order(place, speed_m_s, inf, arrive_m, halt and last, near=near), face)
+            end = yield from _towards(
+                actor, MotionCommand(place, speed_m_s, inf, arrive_m, halt and last, near=near), face
+            )
             if last and halt and end == "taken" and not exactly:
                 return
             if end == "taken":
-                yield Order(None, until=actor.t + actor.rng.uniform(0.3, 1.0))
+                yield MotionCommand(None, until=actor.t + actor.rng.uniform(0.3, 1.0))
             if end in ("blocked", "taken"):
                 break
         else:
             if way:
                 return
-            yield Order(None, until=actor.t + actor.rng.uniform(0.3, 1.0))
+            yield MotionCommand(None, until=actor.t + actor.rng.uniform(0.3, 1.0))
 
 
-def _towards(actor: Actor, order: Order, face: Any) -> Orders:
+def _towards(actor: Actor, command: MotionCommand, face: Any) -> Commands:
     """One stretch of the way, facing somebody or something meanwhile."""
     if face is None:
-        return (yield order)
+        return (yield command)
     while True:
-        end = yield Order(
-            order.goal,
-            order.speed_m_s,
+        end = yield MotionCommand(
+            command.goal,
+            command.speed_m_s,
             actor.t + LOOKS_AGAIN_S,
-            order.arrive_m,
-            order.halt,
+            command.arrive_m,
+            command.halt,
             actor.bearing_of(face),
-            order.near,
+            command.near,
         )
         if end != "time":
             return end

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from trackers.arrays import Array
 from twin.people.body.proportions import Skeleton, proportions_of
 from twin.people.gait.gait import Gait
-from twin.people.gait.pose import GaitState, foot_loads
+from twin.people.gait.gait_state import GaitState, foot_loads
 from twin.people.poses import TICK_S
 
 Flags = NDArray[np.bool_]

@@ -17,7 +17,7 @@ from twin.reproduce.laser_fisheye_imm.runs import COLUMNS, IMM, SENSOR_SETS, Col
 from twin.reproduce.laser_fisheye_imm.table_one import LOST, MISIDENTIFIED, TOTAL, cell, error_rate, values
 from twin.reproduce.laser_fisheye_imm.walk import PERIOD_S, Walk
 from twin.reproduce.page import INK, QUIET, SHADE, plot_style, to_svg
-from twin.scenario.people import wardrobe
+from twin.scenario.person import wardrobe
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

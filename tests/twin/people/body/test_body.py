@@ -9,9 +9,9 @@ import pytest
 from twin.instant.snapshot import RAY_GROUPS
 from twin.models import MODELS
 from twin.people.body.appearance import appearance_of
-from twin.people.body.body import GEOM_GROUP, JOINT_PLACE, JOINTS, NQ_PERSON, TRIM_GROUP, person_spec
+from twin.people.body.person_spec import GEOM_GROUP, JOINT_PLACE, JOINTS, NQ_PERSON, TRIM_GROUP, person_spec
 from twin.people.body.proportions import fractions, proportions_of
-from twin.scenario.people import Person
+from twin.scenario.person import Person
 
 
 def body(**looks):

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from twin.people.body.appearance import appearance_of
 from twin.scenario.behaviour import Walk, Wander
-from twin.scenario.people import Person, wardrobe
+from twin.scenario.person import Person, wardrobe
 
 PAPER_SHIRTS = ("white", "black", "pink", "blue", "purple")
 

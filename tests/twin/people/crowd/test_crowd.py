@@ -10,7 +10,7 @@ from twin.people.crowd.crowd import KEEP_APART_M
 from twin.people.poses import TICK_S
 from twin.room.obstacles import KEEP_FROM_EDGE_M
 from twin.scenario.behaviour import Stand, Walk, Wander
-from twin.scenario.people import Person
+from twin.scenario.person import Person
 
 SECONDS = 26.2
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from twin.people.body.proportions import Skeleton, proportions_of
 from twin.people.gait.gait import Gait
-from twin.people.gait.pose import BOB, FootLoads, GaitState, foot_loads, heel_and_pelvis, joint_coordinates
+from twin.people.gait.gait_state import BOB, FootLoads, GaitState, foot_loads, heel_and_pelvis, joint_coordinates
 
 TICK_S = 0.025
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from people_cast import make_cast
 
-from twin.people.body.body import JOINT_PLACE, JOINTS
+from twin.people.body.person_spec import JOINT_PLACE, JOINTS
 from twin.scenario.behaviour import Stand, Walk
-from twin.scenario.people import Person
+from twin.scenario.person import Person
 
 DT = 0.02
 MOST_PER_TICK_RAD = 0.35

@@ -10,10 +10,10 @@ import pytest
 from led_bodies import TICK_S, Course, lead, stances, steady
 
 from twin.people.body.appearance import appearance_of
-from twin.people.body.body import JOINT_PLACE, person_spec
+from twin.people.body.person_spec import JOINT_PLACE, person_spec
+from twin.people.gait.gait_state import FEET_HEIGHT, FEET_PITCH, FEET_YAW, ROWS, foot_loads
 from twin.people.gait.gait_table import GaitTable
-from twin.people.gait.pose import FEET_HEIGHT, FEET_PITCH, FEET_YAW, ROWS, foot_loads
-from twin.scenario.people import Person
+from twin.scenario.person import Person
 
 STATURES = (1.3, 1.55, 1.75, 1.95)
 WALKS = (0.8, 1.0, 1.2, 1.35, 1.5, 1.8)

@@ -10,13 +10,13 @@ import mujoco
 import numpy as np
 
 from twin.people.body.appearance import appearance_of
-from twin.people.body.body import JOINT_PLACE, LEG, NQ_PERSON, SIDES, person_spec
 from twin.people.body.kinematics import leg_angles
-from twin.people.posture.measures import BodyMeasures
+from twin.people.body.person_spec import JOINT_PLACE, LEG, NQ_PERSON, SIDES, person_spec
+from twin.people.posture.body_measures import BodyMeasures
 from twin.people.posture.overlay import overlay_postures
-from twin.people.posture.posture import Postures
+from twin.people.posture.postures import Postures
 from twin.room.furniture import Bed, Seat
-from twin.scenario.people import Person
+from twin.scenario.person import Person
 
 DT = 0.025
 

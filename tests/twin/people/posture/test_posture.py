@@ -8,12 +8,12 @@ import pytest
 from posture_cast import DT, Stage, bed, looks_of, seat, standing
 
 from twin.geometry.geom_hull import hull_points
-from twin.people.body.body import JOINT_PLACE, JOINTS, NQ_PERSON
-from twin.people.posture.measures import BodyMeasures
+from twin.people.body.person_spec import JOINT_PLACE, JOINTS, NQ_PERSON
+from twin.people.posture.body_measures import BodyMeasures
 from twin.people.posture.overlay import overlay_postures
-from twin.people.posture.posture import Postures
+from twin.people.posture.posture_rows import POSTURE_ROWS, pressure_shift_m, support
+from twin.people.posture.postures import Postures
 from twin.people.posture.resting import FEET_SHARE, lying_pose, seated_pose
-from twin.people.posture.rows import POSTURE_ROWS, pressure_shift_m, support
 
 MOST_PER_TICK_RAD = 0.25
 G = 9.81

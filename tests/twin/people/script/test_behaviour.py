@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from trackers.configuration import validate
-from twin.people.body.body import JOINTS
+from twin.people.body.person_spec import JOINTS
 from twin.scenario import Scenario
 from twin.truth.frames import FootTruth, PersonTruth
 from twin.world.world import World

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from twin.people.body.body import JOINT_PLACE, LEG, NQ_PERSON, SIDES
 from twin.people.body.kinematics import leg_angles
+from twin.people.body.person_spec import JOINT_PLACE, LEG, NQ_PERSON, SIDES
 from twin.people.body.proportions import Skeleton
 
 Planar = NDArray[np.complex128]
@@ -134,7 +134,7 @@ def foot_loads(state: GaitState, skeleton: Skeleton) -> FootLoads:
 
 
 def joint_coordinates(state: GaitState, skeleton: Skeleton) -> Array:
-    """`qpos` (n, NQ_PERSON) of each person, laid out as `twin.people.body.body.JOINTS` says."""
+    """`qpos` (n, NQ_PERSON) of each person, laid out as `twin.people.body.person_spec.JOINTS` says."""
     pitch, yaw, height = heel_and_pelvis(state, skeleton)
     pelvis, rows = state.pelvis, state.rows
     facing = np.exp(1j * yaw)

@@ -1,7 +1,7 @@
 """Postures laid over the standing and walking body: sitting, lying, bending, reaching, looking, for all people at once.
 
 What has a memory is stepped on the people's clock and kept as rows of numbers that may be interpolated linearly (see
-`twin.people.posture.rows`); `twin.people.posture.overlay` lays them over the joint coordinates of the gait. One sits and
+`twin.people.posture.posture_rows`); `twin.people.posture.overlay` lays them over the joint coordinates of the gait. One sits and
 lies without moving, on the back and with the hands on the thighs; nobody crosses their legs or leans back.
 """
 
@@ -14,23 +14,10 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array
 from twin.people.body.kinematics import about_y, about_z, turned
+from twin.people.posture.body_measures import BodyMeasures
 from twin.people.posture.gaze import GazeControl
-from twin.people.posture.measures import BodyMeasures
 from twin.people.posture.minimum_jerk import MinimumJerkProfile
-from twin.people.posture.reach import BACK_PER_BEND_M, BACK_PER_DROP, PELVIS_SHARE, help_of_trunk
-from twin.people.posture.resting import (
-    GET_UP_S,
-    LIE_DOWN_S,
-    MATTRESS_SINK_M,
-    SIT_DOWN_S,
-    STAND_UP_S,
-    SeatedPose,
-    add_lying,
-    add_sitting,
-    lying_pose,
-    seated_pose,
-)
-from twin.people.posture.rows import (
+from twin.people.posture.posture_rows import (
     ARMS_PITCH,
     BACK,
     DROP,
@@ -49,6 +36,19 @@ from twin.people.posture.rows import (
     CentreOfMass,
     faced,
     hips_up,
+)
+from twin.people.posture.reach import BACK_PER_BEND_M, BACK_PER_DROP, PELVIS_SHARE, help_of_trunk
+from twin.people.posture.resting import (
+    GET_UP_S,
+    LIE_DOWN_S,
+    MATTRESS_SINK_M,
+    SIT_DOWN_S,
+    STAND_UP_S,
+    SeatedPose,
+    add_lying,
+    add_sitting,
+    lying_pose,
+    seated_pose,
 )
 from twin.room.furniture import Bed, Seat
 

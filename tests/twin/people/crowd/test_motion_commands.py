@@ -1,4 +1,4 @@
-"""Orders to a crowd: headings held, running, paths that are given, people who come and go."""
+"""Commands to a crowd: headings held, running, paths that are given, people who come and go."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from twin.people.crowd.crowd import ASIDE_M_S, KEEP_APART_M, NEAR_M, TURN_RATE, Crowd
-from twin.people.crowd.order import Order
+from twin.people.crowd.motion_command import MotionCommand
 from twin.room.obstacles import KEEP_FROM_EDGE_M, KEEP_FROM_FURNITURE_M, Footprints, Obstacle
 
 TICK_S = 0.025
@@ -36,7 +36,7 @@ def walk(crowd, seconds):
 @pytest.mark.parametrize("turn", [np.pi, np.pi / 2, -np.pi / 2])
 def test_who_holds_a_heading_steps_backwards_and_sideways(turn):
     crowd = make_crowd([0.0], [turn])
-    crowd.order(0, Order((1.5, 0.0), 1.4, arrive_m=0.05, halt=True, heading=turn))
+    crowd.command(0, MotionCommand((1.5, 0.0), 1.4, arrive_m=0.05, halt=True, heading=turn))
     _, velocities = walk(crowd, 4.0)
     assert crowd.arrived()[0]
     assert crowd.heading[0] == pytest.approx(turn, abs=1e-6)
@@ -45,7 +45,7 @@ def test_who_holds_a_heading_steps_backwards_and_sideways(turn):
 
 def test_who_stands_turns_on_the_spot_to_a_heading():
     crowd = make_crowd([0.0], [0.3])
-    crowd.order(0, Order(None, heading=-2.5))
+    crowd.command(0, MotionCommand(None, heading=-2.5))
     assert crowd.heading_error()[0] == pytest.approx(-2.8)
     rates = []
     for _ in range(80):
@@ -58,7 +58,7 @@ def test_who_stands_turns_on_the_spot_to_a_heading():
 
 def test_runners_run_and_come_to_a_halt_at_their_goal():
     crowd = make_crowd([-18.0], area=20 * SQUARE)
-    crowd.order(0, Order((20.0, 0.0), 5.0, arrive_m=0.1, halt=True))
+    crowd.command(0, MotionCommand((20.0, 0.0), 5.0, arrive_m=0.1, halt=True))
     places, velocities = walk(crowd, 14.0)
     assert np.abs(velocities).max() == pytest.approx(5.0, rel=0.02)
     assert crowd.arrived()[0]
@@ -69,11 +69,11 @@ def test_runners_run_and_come_to_a_halt_at_their_goal():
 
 def test_runners_stop_before_a_wall_and_before_somebody():
     crowd = make_crowd([-2.5, 0.0], fixed=[False, True])
-    crowd.order(0, Order((0.0, 0.0), 4.0))
+    crowd.command(0, MotionCommand((0.0, 0.0), 4.0))
     places, _ = walk(crowd, 5.0)
     assert np.abs(places[:, 1] - places[:, 0]).min() > KEEP_APART_M - 0.01
     crowd = make_crowd([-2.5])
-    crowd.order(0, Order((9.0, 0.0), 5.0))
+    crowd.command(0, MotionCommand((9.0, 0.0), 5.0))
     places, _ = walk(crowd, 5.0)
     assert places.real.max() < 3.0 - KEEP_FROM_EDGE_M + 0.01
 
@@ -113,13 +113,13 @@ def test_absent_people_are_not_felt_and_do_not_move():
     alone, among = make_crowd([-2.0]), make_crowd([-2.0, 0.0, 0.5])
     among.present[1:] = False
     for crowd in (alone, among):
-        crowd.order(0, Order((2.0, 0.0), 1.3, halt=True))
-    among.order(1, Order((-2.0, 0.0), 1.0))
+        crowd.command(0, MotionCommand((2.0, 0.0), 1.3, halt=True))
+    among.command(1, MotionCommand((-2.0, 0.0), 1.0))
     places, _ = walk(among, 3.0)
     np.testing.assert_array_equal(places[:, 0], walk(alone, 3.0)[0][:, 0])
     assert (places[:, 1] == 0.0).all()
     among.enter(1, 2.5 + 1j, np.pi, -1.0)
-    among.order(1, Order((-2.0, 1.0), 1.0))
+    among.command(1, MotionCommand((-2.0, 1.0), 1.0))
     places, _ = walk(among, 2.0)
     assert places[-1, 1].real < 1.5
     assert among.place[2] == 0.5
@@ -134,25 +134,25 @@ def test_an_empty_room_steps():
 
 def test_firm_people_do_not_give_way():
     crowd = make_crowd([-1.0, 0.0])
-    crowd.order(0, Order((0.0, 0.0), 1.0))
-    crowd.order(1, Order(None, firm=True))
+    crowd.command(0, MotionCommand((0.0, 0.0), 1.0))
+    crowd.command(1, MotionCommand(None, firm=True))
     walk(crowd, 3.0)
     assert crowd.place[1] == 0.0
-    crowd.order(1, Order((2.0, 0.0), 1.0))
+    crowd.command(1, MotionCommand((2.0, 0.0), 1.0))
     walk(crowd, 2.0)
     assert abs(crowd.place[1]) > 0.4
 
 
 def test_a_goal_is_taken_while_somebody_stands_there():
     crowd = make_crowd([-0.9, 0.3j, 2.0], fixed=[False, True, False])
-    crowd.order(0, Order((0.0, 0.0), 1.0, halt=True))
-    crowd.order(2, Order((2.0, 2.0), 1.0, halt=True))
+    crowd.command(0, MotionCommand((0.0, 0.0), 1.0, halt=True))
+    crowd.command(2, MotionCommand((2.0, 2.0), 1.0, halt=True))
     crowd.step(TICK_S)
     assert crowd.taken().tolist() == [True, False, False]
-    crowd.order(0, Order((0.0, 0.0), 1.0))  # who only passes there does not mind
+    crowd.command(0, MotionCommand((0.0, 0.0), 1.0))  # who only passes there does not mind
     crowd.step(TICK_S)
     assert not crowd.taken().any()
-    crowd.order(0, Order((0.0, 0.0), 1.0, halt=True))
+    crowd.command(0, MotionCommand((0.0, 0.0), 1.0, halt=True))
     crowd.step(TICK_S)
     assert crowd.taken()[0]
     crowd.present[1] = False
@@ -163,12 +163,12 @@ def test_people_come_near_only_where_they_may():
     footprint = Footprints([TABLE])
     for near, least in ((frozenset(), KEEP_FROM_FURNITURE_M), (frozenset({"table"}), NEAR_M)):
         crowd = make_crowd([-2.0], obstacles=[TABLE])
-        crowd.order(0, Order((-0.6 - least - 0.01, 0.0), 1.0, arrive_m=0.03, halt=True, near=near))
+        crowd.command(0, MotionCommand((-0.6 - least - 0.01, 0.0), 1.0, arrive_m=0.03, halt=True, near=near))
         places, _ = walk(crowd, 6.0)
         assert crowd.arrived()[0]
         assert footprint.gaps(places[:, 0])[1].min() >= least - 1e-3
     with pytest.raises(ValueError, match="sofa"):
-        make_crowd([0.0], obstacles=[TABLE]).order(0, Order(None, near=frozenset({"sofa"})))
+        make_crowd([0.0], obstacles=[TABLE]).command(0, MotionCommand(None, near=frozenset({"sofa"})))
 
 
 def test_who_stands_by_a_wall_stays():
@@ -196,7 +196,7 @@ def test_nobody_enters_obstacles_or_another_or_leaves_whatever_the_orders(first,
     footprints = Footprints(obstacles)
     for batch in (first, second):
         for person, (x, y, speed, halt, heading) in enumerate(batch):
-            crowd.order(person, Order((x, y), speed, halt=halt, heading=heading))
+            crowd.command(person, MotionCommand((x, y), speed, halt=halt, heading=heading))
         places, velocities = walk(crowd, 2.0)
         shown = places[:, crowd.present]
         assert footprints.gaps(shown.ravel())[1].min() > KEEP_FROM_FURNITURE_M - 0.01
@@ -212,6 +212,6 @@ def test_the_same_orders_give_the_same_bits():
     for _ in range(2):
         crowd = make_crowd([-2.0 - 2j, 2.0 - 2j, 2.0 + 2j], obstacles=[TABLE, POST])
         for person in range(3):
-            crowd.order(person, Order((-crowd.place[person].real, -crowd.place[person].imag), 1.2))
+            crowd.command(person, MotionCommand((-crowd.place[person].real, -crowd.place[person].imag), 1.2))
         runs.append(walk(crowd, 4.0)[0])
     np.testing.assert_array_equal(*runs)

@@ -12,12 +12,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.people.body.appearance import Appearance
-from twin.people.body.body import NQ_PERSON, person_spec
+from twin.people.body.appearance import BodyAppearance
+from twin.people.body.person_spec import NQ_PERSON, person_spec
 from twin.people.poses import HISTORY_S, TICK_S
-from twin.room.model import compiled
+from twin.room.mjcf import compiled
 from twin.scenario.behaviour import RecordedPath
-from twin.scenario.people import Person
+from twin.scenario.person import Person
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Bodies:
         path: Path,
         everybody: tuple[str, ...],
         ids: Mapping[str, int],
-        looks: Mapping[str, Appearance],
+        looks: Mapping[str, BodyAppearance],
     ) -> Bodies:
         """The bodies of those who have `looks`, in the order of `everybody`, in a room, which stays as it is.
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from trackers.arrays import Array
-from twin.drawn.building import DrawnBuilding
 from twin.drawn.distributions import DrawnPeople
+from twin.drawn.draw_building import DrawnBuilding
 from twin.streams import stream
 
 _NAMES = (
@@ -34,7 +34,7 @@ def draw_people(
     count = int(rng.integers(options.count[0], options.count[1] + 1))
     count = max(1, min(count, int(building.space.area_m2 / options.least_floor_m2)))
     groups = _groups(count, options, rng)
-    draws = _Draws(options, building, duration_s, rng)
+    draws = _PeopleDraws(options, building, duration_s, rng)
     people: dict[str, dict[str, Any]] = {}
     for size in groups:
         names = [_name(len(people) + place) for place in range(size)]
@@ -62,7 +62,7 @@ def _groups(count: int, options: DrawnPeople, rng: np.random.Generator) -> list[
     return groups
 
 
-class _Draws:
+class _PeopleDraws:
     """The choices that people's scripts are made of; seats, beds and starts are given once."""
 
     def __init__(

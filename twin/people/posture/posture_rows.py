@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.arrays import Array
-from twin.people.posture.measures import BodyMeasures
+from twin.people.posture.body_measures import BodyMeasures
 
 HELD, HELD_OVER, HELD_HIGH, HELD_YAW = slice(0, 3), 0, 1, 2
 """Weights with which the pelvis is held at a place: over the floor, height, yaw."""

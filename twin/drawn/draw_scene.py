@@ -8,10 +8,10 @@ from typing import Any
 
 from trackers.configuration import validate
 from trackers.errors import InputError
-from twin.drawn.building import DrawnBuilding, draw_building
 from twin.drawn.distributions import DrawnPeople, DrawnRoom, DrawnSensors
-from twin.drawn.people import draw_people
-from twin.drawn.sensors import draw_sensors
+from twin.drawn.draw_building import DrawnBuilding, draw_building
+from twin.drawn.draw_people import draw_people
+from twin.drawn.draw_sensors import draw_sensors
 
 FIELDS = ("room", "people", "sensors")
 

@@ -1,4 +1,4 @@
-"""What a person is asked to do with their body on the floor until the next order: go, stand, turn."""
+"""What a person is asked to do with their body on the floor until the next command: go, stand, turn."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from math import inf
 from typing import Literal
 
 End = Literal["arrived", "time", "done", "taken", "blocked"]
-"""Why an order ended: the goal is reached, its time is over, its own condition holds, somebody else is at the goal, or
+"""Why a command ended: the goal is reached, its time is over, its own condition holds, somebody else is at the goal, or
 the way is blocked."""
 
 
 @dataclass(frozen=True)
-class Order:
+class MotionCommand:
     """Walk or run to `goal` [m] at `speed_m_s`, or stand (goal None), until time `until` [s], arrival,
     or what `done` tells.
 

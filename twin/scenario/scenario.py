@@ -13,7 +13,7 @@ from trackers.configuration import Strict, Typed
 from trackers.rig import NO_PRIOR, Name, PriorFiles
 from twin.scenario.behaviour import companions
 from twin.scenario.housings import Housing, check_calibration_error, check_on_housing, check_place, check_told
-from twin.scenario.people import STEADY, Person, Randomize
+from twin.scenario.person import STEADY, Person, Randomize
 from twin.scenario.sensors import SensorDescription
 from twin.sensors.fault_kinds import FaultDescription, check_fault
 

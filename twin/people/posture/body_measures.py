@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array
 from twin.geometry.geom_hull import hull_points
-from twin.people.body.appearance import Appearance
-from twin.people.body.body import person_spec
+from twin.people.body.appearance import BodyAppearance
+from twin.people.body.person_spec import person_spec
 from twin.people.body.proportions import REFERENCE_STATURE_M, proportions_of
 
 SEATED_PELVIS_RAD, SEATED_SPINE_RAD = -0.16, 0.10
@@ -24,7 +24,7 @@ _MEASURED = frozenset({"hips", "chest", "left_hand", "left_thigh", "left_shank",
 
 @dataclass(frozen=True, eq=False)
 class BodyMeasures:
-    """Measures of n people, (n,) each [m]; frames as `twin.people.body.body` has them.
+    """Measures of n people, (n,) each [m]; frames as `twin.people.body.person_spec` has them.
 
     stature; thigh, shank, ankle_height, ball (before the ankle); hip_aside: hip joint left of the middle; waist:
     where the trunk bends, above the hips; shoulder_ahead, shoulder_aside, shoulder_up: left shoulder joint from the
@@ -59,13 +59,13 @@ class BodyMeasures:
     shank_radius: Array
 
     @classmethod
-    def of(cls, appearances: Sequence[Appearance]) -> BodyMeasures:
+    def of(cls, appearances: Sequence[BodyAppearance]) -> BodyMeasures:
         """The measures of people who look like this, in their order; each body is compiled for it."""
         return cls._of_rows([_measured_alone(looks) for looks in appearances])
 
     @classmethod
     def in_room(
-        cls, model: mujoco.MjModel, appearances: Mapping[str, Appearance], bodies: Collection[str]
+        cls, model: mujoco.MjModel, appearances: Mapping[str, BodyAppearance], bodies: Collection[str]
     ) -> BodyMeasures:
         """The same of people of whom some, `bodies`, are in a compiled room already, NAME/ before their elements' names.
 
@@ -117,7 +117,7 @@ def _standing(model: mujoco.MjModel, prefixes: Sequence[str]) -> mujoco.MjData:
     return data
 
 
-def _measured_alone(looks: Appearance) -> dict[str, float]:
+def _measured_alone(looks: BodyAppearance) -> dict[str, float]:
     """The measures of a body that is compiled for it, without what has none."""
     spec = person_spec(looks, only=_MEASURED)
     spec.compiler.boundmass = spec.compiler.boundinertia = 1.0  # a segment without geoms has no mass of its own
@@ -125,7 +125,7 @@ def _measured_alone(looks: Appearance) -> dict[str, float]:
     return _measured(model, _standing(model, [""]), "", looks)
 
 
-def _measured(model: mujoco.MjModel, data: mujoco.MjData, prefix: str, looks: Appearance) -> dict[str, float]:
+def _measured(model: mujoco.MjModel, data: mujoco.MjData, prefix: str, looks: BodyAppearance) -> dict[str, float]:
     """The measures by name of one body who stands straight with the hip joints at the origin."""
 
     def place(body: str) -> Array:

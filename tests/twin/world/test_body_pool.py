@@ -9,10 +9,10 @@ import pytest
 
 from trackers.configuration import validate
 from twin.people.poses import HISTORY_S
-from twin.people.posture.measures import BodyMeasures
+from twin.people.posture.body_measures import BodyMeasures
 from twin.scenario import Scenario, load_scenario
-from twin.world import bodies
-from twin.world.bodies import body_pools
+from twin.world import body_pool
+from twin.world.body_pool import body_pools
 from twin.world.scene import build_scene
 from twin.world.simulation import Simulation
 from twin.world.world import World
@@ -64,7 +64,7 @@ def test_as_many_bodies_as_people_at_once_not_as_ever_come() -> None:
 
 
 def test_whoever_is_in_the_room_or_was_just_now_has_a_body(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bodies, "_LEAST", 2)
+    monkeypatch.setattr(body_pool, "_LEAST", 2)
     scenario = one_after_another(20, zoe={"start": [3, -3], "arrive_s": 7.0})
     world = World(scenario)
     series = body_pools(scenario.people)
@@ -99,7 +99,7 @@ def test_nobody_can_tell_that_bodies_were_handed_over(monkeypatch: pytest.Monkey
         return seen, bodies
 
     together, most = measured()
-    monkeypatch.setattr(bodies, "_LEAST", 2)
+    monkeypatch.setattr(body_pool, "_LEAST", 2)
     by_turns, fewer = measured()
     assert len(most) == 1
     assert len(fewer) > 1

@@ -10,8 +10,8 @@ import numpy as np
 
 from trackers.arrays import Array
 from twin.drawn.distributions import DrawnRoom
+from twin.drawn.draw_furniture import Piece, Solid, draw_furniture, draw_pillars
 from twin.drawn.floor_plan import DOOR_M, PARTITION_M, FloorPlan, FreeSpace, Wall, draw_floor_plan
-from twin.drawn.furniture import Piece, Solid, draw_furniture, draw_pillars
 from twin.streams import stream
 
 _DOOR_HIGH_M = 2.05

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from trackers.arrays import Array
-from twin.drawn.building import DrawnBuilding
 from twin.drawn.distributions import DrawnSensors
+from twin.drawn.draw_building import DrawnBuilding
 from twin.drawn.floor_plan import DOOR_M
 from twin.streams import stream
 
@@ -22,7 +22,7 @@ def draw_sensors(options: DrawnSensors, building: DrawnBuilding, duration_s: flo
     """Draw the entries `sensors` and `faults` of a scenario."""
     seed = options.seed if options.seed is not None else seed
     rng = stream(seed, "drawn sensors", "")
-    draws = _Draws(options, building, rng)
+    draws = _RigDraws(options, building, rng)
     sensors: dict[str, dict[str, Any]] = {}
     for kind, bounds, draw in (
         ("scanner", options.scanners, draws.scanner),
@@ -48,7 +48,7 @@ def draw_sensors(options: DrawnSensors, building: DrawnBuilding, duration_s: flo
     return {"sensors": sensors} | ({"faults": faults} if faults else {})
 
 
-class _Draws:
+class _RigDraws:
     def __init__(self, options: DrawnSensors, building: DrawnBuilding, rng: np.random.Generator) -> None:
         self._options, self._building, self._rng = options, building, rng
         self._hung: list[Array] = []  # places on walls that are taken

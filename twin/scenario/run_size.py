@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 from trackers.limits import refuse_unless_lifted
 from twin.scenario.cameras import PinholeDescription, StereoDescription
-from twin.scenario.floor import FloorDescription
+from twin.scenario.pressure_floor import FloorDescription
 from twin.scenario.sensors import AnyDescription, FisheyeDescription
 
 if TYPE_CHECKING:
-    from twin.scenario.model import Scenario
+    from twin.scenario.scenario import Scenario
 
 MOST_PEOPLE = 1000
 MOST_BYTES = 20e9

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from twin.people.body import clothes, head, limbs
-from twin.people.body.appearance import Appearance
+from twin.people.body.appearance import BodyAppearance
 from twin.people.body.clothes import TILE_M, coat_front, printed, tile
 from twin.people.body.proportions import Proportions
 from twin.people.body.surfaces import Surface
@@ -65,7 +65,7 @@ _DRAWN_AT_M = 1.75
 _COAT_ADDS_M = 0.014
 
 
-def person_spec(appearance: Appearance, only: Collection[str] | None = None) -> mujoco.MjSpec:
+def person_spec(appearance: BodyAppearance, only: Collection[str] | None = None) -> mujoco.MjSpec:
     """The body as a model of its own, to be attached to a room's worldbody with a prefix.
 
     `only`: the names of its geoms, where not all are needed; all segments and joints are there all the same.
@@ -80,7 +80,7 @@ def person_spec(appearance: Appearance, only: Collection[str] | None = None) -> 
 class _Body:
     """Builds the spec segment by segment; lengths from the proportions, radii scaled with stature and build."""
 
-    def __init__(self, looks: Appearance, only: Collection[str] | None) -> None:
+    def __init__(self, looks: BodyAppearance, only: Collection[str] | None) -> None:
         self.looks = looks
         self._only = only
         self.lengths: Proportions = looks.proportions
