@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from trackers.arrays import Array
 from trackers.errors import InputError
-from twin.people.body.appearance import Appearance
+from twin.people.body.appearance import BodyAppearance
 from twin.people.body.person_spec import NQ_PERSON, person_spec
 from twin.recording.atomic_file import atomic_path
 from twin.report.lettering import write
@@ -127,7 +127,7 @@ class Portrait:
     """
 
     label: str
-    appearance: Appearance
+    appearance: BodyAppearance
     coordinates: NDArray[np.float64] | None = None
 
     def pose(self) -> NDArray[np.float64]:
