@@ -422,24 +422,24 @@ _BY_FILE = {
         ("a frame too long", "_Fault.holds", "_A < round(_B * _C)", "_A <= round(_B * _C)"),
     ],
     "twin/sensors/fault_effects.py": [
-        ("axes exchanged", "Blob.cover", "_A[0]", "_A[1]"),
-        ("last beam left out", "BrokenBeams._which", "_A[-1] + 1", "_A[-1]"),
+        ("axes exchanged", "LensCover.cover", "_A[0]", "_A[1]"),
+        ("last beam left out", "DeadBeamMask._which", "_A[-1] + 1", "_A[-1]"),
     ],
     "twin/sensors/floor_electronics.py": [
         ("crosstalk twice as large", "spread_to_neighbours", "_A / 4", "_A / 2"),
     ],
     "twin/sensors/floor_plate.py": [
-        ("sign of a torque", "_Group.press", "-_A[:, 0]", "_A[:, 0]"),
+        ("sign of a torque", "_FootGroup.press", "-_A[:, 0]", "_A[:, 0]"),
     ],
     "twin/world/truth_details.py": [
         ("one beam too many", "person_runs", "_A[_B] - 1", "_A[_B]"),
     ],
     "twin/truth/situations.py": [
         ("no beam may look past", "_splits", "_A + 1", "_A"),
-        ("rotation transposed", "look_of", "_A[:2, :2]", "_A[:2, :2].T"),
+        ("rotation transposed", "scan_points", "_A[:2, :2]", "_A[:2, :2].T"),
     ],
     "twin/truth/visibility.py": [
-        ("plane band twice as high", "first_met", "np.abs(_A[..., 2]) <= _B", "np.abs(_A[..., 2]) <= 2 * _B"),
+        ("plane band twice as high", "first_hits", "np.abs(_A[..., 2]) <= _B", "np.abs(_A[..., 2]) <= 2 * _B"),
         (
             "width and height exchanged",
             "person_boxes",

@@ -92,7 +92,7 @@ def switches() -> Iterator[Figure]:
     quiet = description.model_copy(update={"noise": CAMERA_NOISE["off"]})
     model = snapshot.model
     variants: tuple[tuple[str, dict[str, Any]], ...] = (
-        ("drawing also what is out of sight", {"leave_out_unseen": False}),
+        ("drawing also what is out of sight", {"cull": False}),
         ("people alone, without the static room", {"static": False}),
         ("multisampling 4 ×", {"samples": 4}),
         ("shadows of one lamp", {"shadows": True}),

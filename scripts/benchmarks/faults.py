@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.figure import Figure, median_ratio
 from twin.scenario import load_scenario
 from twin.scenario.sensors import build_sensor
-from twin.sensors.fault_kinds import BlockedSector, DeadBeams, Fault, Occlusion
+from twin.sensors.fault_kinds import BlockedSector, DeadBeams, Fault, LensOcclusion
 from twin.sensors.laser_noise import LASER_NOISE
 from twin.sensors.layers import with_faults
 from twin.sensors.render import RendererOnDemand
@@ -57,7 +57,7 @@ def cost() -> Iterator[Figure]:
             "coat": BlockedSector(sensor=("waist",), kind="blocked_sector", bearings_deg=(20, 50)),
             "dead": DeadBeams(sensor=("waist",), kind="dead_beams", share=0.05),
         },
-        "fisheye": {"thumb": Occlusion(sensor=("fisheye",), kind="occlusion")},
+        "fisheye": {"thumb": LensOcclusion(sensor=("fisheye",), kind="occlusion")},
     }
     with RendererOnDemand(snapshot.model) as renderer:
         for name, own in faults.items():

@@ -111,7 +111,7 @@ def _layer(environment: Environment, z: float) -> int:
 
 
 def _painted(state: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """A colour for each voxel of a slice."""
+    """Return a colour for each voxel of a slice."""
     from matplotlib.colors import to_rgb
 
     return np.array([to_rgb(colour) for colour in (_UNKNOWN, _FREE, _MET)])[state]

@@ -25,10 +25,10 @@ def scan_scenario(
     scanner: TiltingScanner | None = None,
     on_progress: OnProgress | None = None,
 ) -> tuple[PointCloud, World]:
-    """The point cloud of the scenario's room without its people, and the world it was taken in.
+    """Scan the scenario's room without its people; return the point cloud and the world it was taken in.
 
-    `stations`: x, y or x, y, z [m] of each; none: places from which most is seen. `noise` is a name in LASER_NOISE.
-    Raises InputError for a station inside things, off the floor or blind.
+    `stations`: x, y or x, y, z [m] of each; none: places from which most is visible. `noise` is a name in LASER_NOISE. Raises
+    InputError for a station in things, off the floor or blind.
     """
     world = World(scenario)
     snapshot = world.empty_snapshot(0.0)
@@ -49,7 +49,7 @@ def scenario_environment(
     options: EnvironmentOptions | None = None,
     on_progress: OnProgress | None = None,
 ) -> Environment:
-    """The environment of the scenario's room, from a scan of it; see `scan_scenario`."""
+    """Build the environment of the scenario's room from a scan of it; see `scan_scenario`."""
     cloud, world = scan_scenario(scenario, stations, noise=noise, scanner=scanner, on_progress=on_progress)
     return build_environment(cloud, room=scenario.room_name, area=world.scene.area, options=options)
 
@@ -64,7 +64,7 @@ def write_environment(
     cloud_path: Path | None = None,
     on_progress: OnProgress | None = None,
 ) -> dict[str, Path]:
-    """Write the environment (default out/<room>.npz), its picture beside it, and the cloud if asked; the files by name."""
+    """Write the environment (default out/<room>.npz), its picture, and the cloud if asked for; return the files by name."""
     out = out if out is not None else Path("out") / f"{scenario.room_name}.npz"
     for option, path, suffix in (("--out", out, ".npz"), ("--cloud", cloud_path, ".ply")):
         if path is not None and path.suffix.lower() != suffix:

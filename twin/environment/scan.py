@@ -29,7 +29,7 @@ from twin.streams import stream
 from twin.world.scene import Scene
 
 HEIGHT_M = 1.2
-"""Where the scanner's mirror is on its tripod, above the floor [m]."""
+"""Height of the scanner's mirror on its tripod [m]."""
 
 
 class TiltingScanner(Strict):
@@ -73,9 +73,9 @@ def scan_room(
     scanner: TiltingScanner | None = None,
     on_progress: OnProgress | None = None,
 ) -> PointCloud:
-    """The point cloud of the room in a snapshot from stations (s, 3) [m], each with a random stream of its own.
+    """Return the point cloud of the room in a snapshot from stations (s, 3) [m], each with a random stream of its own.
 
-    Give the empty room's snapshot (`World.empty_snapshot`): whoever stands in it becomes furniture.
+    Give the empty room's snapshot (`World.empty_snapshot`): people in it would become furniture.
     """
     scanner = scanner or TiltingScanner()
     points: list[Array] = []
@@ -91,7 +91,7 @@ def scan_room(
 def _scan_from(
     snapshot: Snapshot, place: Array, noise: LaserNoise, scanner: TiltingScanner, rng: np.random.Generator
 ) -> Array:
-    """The points (n, 3) [m] that one station sees."""
+    """Return the points (n, 3) [m] measured from one station."""
     increment = np.deg2rad(scanner.fan_deg) / (scanner.beams - 1)
     bearing = increment * np.arange(scanner.beams) - np.deg2rad(scanner.fan_deg) / 2
     fan = np.stack([np.cos(bearing), np.sin(bearing), np.zeros(scanner.beams)], axis=-1)
@@ -118,7 +118,7 @@ def _measure_fan(
     scanner: TiltingScanner,
     rng: np.random.Generator,
 ) -> Array:
-    """The ranges (n,) [m] that the scanner reports along the directions (n, 3) of one fan; not finite without a return."""
+    """Return the ranges (n,) [m] along the directions (n, 3) of one fan; not finite without a return."""
     geom, distance = np.empty(len(directions), dtype=np.int32), np.empty(len(directions))
     cast(snapshot, place, directions, geom, distance, normal=normal, range_max_m=scanner.range_max_m)
     ranges = distance.astype(np.float32)
@@ -131,7 +131,7 @@ def _measure_fan(
 
 
 def _tilts(scanner: TiltingScanner) -> Array:
-    """The tilts [deg] at which the scanner stops."""
+    """Return the tilts [deg] at which the scanner stops."""
     low, high = scanner.tilt_deg
     return low + scanner.tilt_step_deg * np.arange(
         int((high - low) / scanner.tilt_step_deg + 1e-9) + 1, dtype=np.float64
@@ -139,7 +139,7 @@ def _tilts(scanner: TiltingScanner) -> Array:
 
 
 def _rotations(heading_deg: float, tilts_deg: Sequence[float] | Array) -> Array:
-    """From the scanner's frame (x ahead, y left, z up) to the room's at each tilt, (t, 3, 3)."""
+    """Return the rotation from the scanner's frame (x ahead, y left, z up) to the room's at each tilt, (t, 3, 3)."""
     angles = np.deg2rad([(heading_deg, -tilt) for tilt in tilts_deg])  # pitch is positive down
     return Rotation.from_euler("ZY", angles).as_matrix()
 
@@ -158,7 +158,7 @@ _LOOK_M = 30.0
 
 
 def given_stations(places: Sequence[tuple[float, float, float]], scene: Scene, snapshot: Snapshot, field: str) -> Array:
-    """The stations (s, 3) [m] asked for; raises InputError, opening with `field`, for one inside things or off the floor."""
+    """Return the stations (s, 3) [m] asked for; raises InputError, naming `field`, for one in things or off the floor."""
     for place in places:
         x, y, z = place
         written = f"{field} {x:g},{y:g},{z:g}"
@@ -177,10 +177,10 @@ def given_stations(places: Sequence[tuple[float, float, float]], scene: Scene, s
 
 
 def chosen_stations(scene: Scene, snapshot: Snapshot, height_m: float = HEIGHT_M) -> Array:
-    """Up to eight free places (s, 3) [m] for the tripod, each the one that adds most to what the others see.
+    """Choose up to eight free places (s, 3) [m] for the tripod, each the one that adds most to the visible cells.
 
-    What the person who carries the tripod does by eye is done here with a coarse look from places all over the walkable
-    area (next best view, Connolly 1985, by greedy cover). Raises InputError where nowhere is room for a tripod.
+    Candidates over the walkable area are compared by a coarse scan (next best view, Connolly 1985, by greedy cover). Raises
+    InputError where there is no room for a tripod.
     """
     places = _candidates(scene, snapshot, height_m)
     seen = [_cells_seen(snapshot, place) for place in places]
@@ -197,7 +197,7 @@ def chosen_stations(scene: Scene, snapshot: Snapshot, height_m: float = HEIGHT_M
 
 
 def _candidates(scene: Scene, snapshot: Snapshot, height_m: float) -> Array:
-    """Places (c, 3) [m] on a square grid over the walkable area where a tripod can stand."""
+    """Return places (c, 3) [m] on a square grid over the walkable area where a tripod can stand."""
     area = scene.walkable
     low, high = area.min(axis=0), area.max(axis=0)
     spacing = max(_SPACING_M, float(np.sqrt((high - low).prod() / _MOST_CANDIDATES)))
@@ -225,7 +225,7 @@ def _is_free(snapshot: Snapshot, place: Array) -> bool:
 
 
 def _cells_seen(snapshot: Snapshot, place: Array) -> set[int]:
-    """The cells in which a coarse look from a place meets something."""
+    """Return the cells that a coarse scan from a place hits."""
     distance, directions = _look(snapshot, place)
     met = distance >= 0
     cell = np.floor((place + distance[met, None] * directions[met]) / _CELL_M).astype(np.int64) + 2**15
@@ -233,7 +233,7 @@ def _cells_seen(snapshot: Snapshot, place: Array) -> set[int]:
 
 
 def _look(snapshot: Snapshot, place: Array) -> tuple[Array, Array]:
-    """Distances (n,) [m], -1 for nothing, along directions (n, 3) spread evenly over the sphere (a golden spiral)."""
+    """Return distances (n,) [m], -1 for none, along directions (n, 3) spread evenly over the sphere (a golden spiral)."""
     turn = np.pi * (3 - np.sqrt(5)) * np.arange(_LOOK_RAYS)
     up = 1 - (2 * np.arange(_LOOK_RAYS) + 1) / _LOOK_RAYS
     flat = np.sqrt(1 - up**2)

@@ -24,7 +24,7 @@ from rosbags.typesys import Stores, get_typestore
 from trackers.errors import InputError
 from trackers.limits import refuse_unless_lifted
 from trackers.rig import normal_topic
-from twin.recording.bag_files import BagPath, unreadable, why_broken
+from twin.recording.bag_files import BagPath, describe_damage, reason_unreadable
 from twin.recording.bounded_readers import MOST_CHUNK_BYTES, open_reader
 from twin.recording.messages import TYPESTORE
 
@@ -177,7 +177,7 @@ def open_bag(path: Path) -> Iterator[Bag]:
     if not path.exists():
         raise InputError(f"{path}: does not exist; {_EXPECTED}")
     with _bag_errors(path):
-        if reason := unreadable(path):
+        if reason := reason_unreadable(path):
             raise InputError(f"{path}: {reason}; {_EXPECTED}")
         reader = open_reader(cast("Path", BagPath(path)))
     try:
@@ -219,7 +219,7 @@ def _bag_errors(path: Path) -> Iterator[None]:
             refuse_unless_lifted(
                 f"{path}: holds a value that is larger than any message", f"at most {MOST_CHUNK_BYTES >> 20} MiB"
             )
-        raise InputError(f"{path}: {why_broken(path, _first_line(error))}; {_EXPECTED}") from error
+        raise InputError(f"{path}: {describe_damage(path, _first_line(error))}; {_EXPECTED}") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}); {_EXPECTED}") from error
 

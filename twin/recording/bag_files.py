@@ -113,7 +113,7 @@ _HEAD_BYTES = 4096
 """A ROS 1 bag's header is padded to this length; its fields come in any order."""
 
 
-def unreadable(path: Path) -> str:
+def reason_unreadable(path: Path) -> str:
     """Describe, as a clause, why an existing bag cannot be opened; empty where nothing is found from outside."""
     if path.is_dir():
         return _unreadable_folder(path)
@@ -192,7 +192,7 @@ def _other_file(path: Path) -> str:
     return "is not named like a bag"
 
 
-def why_broken(path: Path, reason: str) -> str:
+def describe_damage(path: Path, reason: str) -> str:
     """Describe, as a clause with the tool that helps, the damage of a bag in which reading failed with `reason`."""
     missing = "Some database files are missing"
     if reason.startswith(missing):

@@ -29,7 +29,7 @@ _LINEAR = 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class SetRight:
+class CorrectedClocks:
     """Corrected stamps of each sensor's messages [ns], in the bag's order, and what was wrong with them.
 
     ahead_s: how far each sensor's corrected stamps are ahead of the others' logged at the same time [s]. jumps_ns: corrected
@@ -42,9 +42,9 @@ class SetRight:
     jumps_ns: tuple[int, ...] = ()
 
 
-def set_right(
+def correct_clocks(
     times: Mapping[str, MessageTimes], offsets_ns: Mapping[str, int], *, keeps_stamps: bool = False
-) -> SetRight:
+) -> CorrectedClocks:
     """Bring the stamps of several sensors onto one clock; `offsets_ns` of the rig are added first.
 
     keeps_stamps: only missing stamps are replaced, and all else is reported (a twin's recording, whose scenario may have asked
@@ -64,8 +64,8 @@ def set_right(
     stamps: dict[str, Nanoseconds] = {}
     ahead_s: dict[str, float] = {}
     for name, clock in clocks.items():
-        told, used = _levelled(clock, slope, since_ns, common, names, moves=not keeps_stamps)
-        losses += told
+        found, used = _levelled(clock, slope, since_ns, common, names, moves=not keeps_stamps)
+        losses += found
         stamps[name] = used
         if clock.main.size and clock.tells:
             age = (clock.log - used).astype(float) - slope * (clock.log - since_ns)
@@ -80,7 +80,7 @@ def set_right(
         )
     for name, each in times.items():
         stamps.setdefault(name, each.stamp_ns)
-    return SetRight(stamps, losses, ahead_s, jumps_ns)
+    return CorrectedClocks(stamps, losses, ahead_s, jumps_ns)
 
 
 def _common_jumps(clocks: Mapping[str, SensorClock], stamps: Mapping[str, Nanoseconds]) -> tuple[int, ...]:
@@ -173,7 +173,7 @@ def _levelled(
 ) -> tuple[list[Loss], Nanoseconds]:
     """Return the losses of a clock, and its stamps with each part brought to the level of the recording."""
     n, stamp, age = clock.log.size, clock.stamp.copy(), clock.age(slope, since_ns)
-    told: list[Loss] = []
+    found: list[Loss] = []
     parts = [np.flatnonzero(clock.part == number) for number in range(clock.part.max() + 1)] if clock.tells else []
     levels = [float(np.median(age[rows])) for rows in parts]
     near = [k for k, level in enumerate(levels) if abs(level - common) <= _OTHER_CLOCK_S * NS_PER_S]
@@ -190,7 +190,7 @@ def _levelled(
         way = "back" if by_s > 0 else "ahead"
         what = f"were stamped {when} the clock was set {way} by {abs(by_s):.3f} s, {at_s:.1f} s from the start"
         loss = Loss(clock.name, parts[k].size, n, what, f"time was made to go on by {clock.timed_by}", always=True)
-        told.append(loss if moves else _kept(loss))
+        found.append(loss if moves else _kept(loss))
         if moves:
             stamp[parts[k]] += round(levels[k] - own)
     if is_other:
@@ -204,7 +204,7 @@ def _levelled(
             own = common
         else:
             remedy = f"{typed} sets it right" if moves else _KEPT
-        told.append(Loss(clock.name, n, n, what, remedy, always=True))
+        found.append(Loss(clock.name, n, n, what, remedy, always=True))
     elif not parts:
         own = common
     level = own if clock.tells else common
@@ -212,7 +212,7 @@ def _levelled(
     _replace(clock.unset, stamp, by_log)
     if clock.unset.any():
         what = "have no stamp of their own (0, unreadable, or that of another message)"
-        told.append(Loss(clock.name, int(clock.unset.sum()), n, what, _BY_LOG, always=True))
+        found.append(Loss(clock.name, int(clock.unset.sum()), n, what, _BY_LOG, always=True))
     alone = (clock.part < 0) & ~clock.unset
     if alone.any():
         far_s = float(np.abs(age[alone] - own).max()) / NS_PER_S
@@ -224,10 +224,10 @@ def _levelled(
             _BY_LOG,
             always=True,
         )
-        told.append(loss if moves else _kept(loss))
+        found.append(loss if moves else _kept(loss))
         if moves:
             _replace(alone, stamp, by_log)
-    return told, stamp
+    return found, stamp
 
 
 def _replace(rows: Mask, stamp: Nanoseconds, by_log: Nanoseconds) -> None:

@@ -182,7 +182,7 @@ def tolerance_ns(colour_ns: Nanoseconds, depth_ns: Nanoseconds) -> int:
     return round((max(usual) if usual else _UNKNOWN_GAP_NS) / 2)
 
 
-def partners(colour_ns: Nanoseconds, depth_ns: Nanoseconds) -> Index:
+def match_images(colour_ns: Nanoseconds, depth_ns: Nanoseconds) -> Index:
     """Match each colour image with a depth image, by their stamps in any order; -1 for none.
 
     A pair is mutually nearest and within `tolerance_ns`. Many devices stamp the two apart.

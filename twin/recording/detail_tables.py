@@ -61,8 +61,8 @@ def frame_json(frame: FrameRows, columns: Sequence[str]) -> memoryview:
     """Encode a frame as a `std_msgs/String` (CDR) with a JSON list of objects, null for an empty cell."""
     stamp_ns, sensor, rows = frame
     head = {columns[0]: stamp_ns / NS_PER_S, columns[1]: sensor}
-    nobody = dict.fromkeys(columns[2:])
-    return string_message([head | dict(row) for row in rows] or [head | nobody])
+    empty = dict.fromkeys(columns[2:])
+    return string_message([head | dict(row) for row in rows] or [head | empty])
 
 
 def split_frames(
@@ -78,19 +78,21 @@ def split_frames(
     for row, sensor in enumerate(sensors):
         if not sensor:
             columns.refuse(row, name, "the name of a sensor")
-    somebody = columns.filled(rest) if len(columns) else np.zeros(0, dtype=np.bool_)
-    seen = {(int(stamps[row]), sensors[row]): row for row in np.flatnonzero(~somebody).tolist()}
+    with_person = columns.filled(rest) if len(columns) else np.zeros(0, dtype=np.bool_)
+    seen = {(int(stamps[row]), sensors[row]): row for row in np.flatnonzero(~with_person).tolist()}
     for row, key in enumerate(zip(stamps.tolist(), sensors, strict=True)):
         empty = seen.get(key)
         if empty is not None and row != empty:
             raise InputError(
                 f"{columns.source}: line {columns.lines[row]}: t {columns.cells['t'][row]}, {name} {key[1]} contradicts "
-                f"line {columns.lines[empty]}, where nobody is met; one of them is expected"
+                f"line {columns.lines[empty]}, where empty is met; one of them is expected"
             )
-    return stamps, np.array(sensors, dtype=np.str_), np.flatnonzero(somebody)
+    return stamps, np.array(sensors, dtype=np.str_), np.flatnonzero(with_person)
 
 
-def frames_once(stamps_ns: NDArray[np.int64], sensors: NDArray[np.str_]) -> tuple[NDArray[np.int64], NDArray[np.str_]]:
+def unique_frames(
+    stamps_ns: NDArray[np.int64], sensors: NDArray[np.str_]
+) -> tuple[NDArray[np.int64], NDArray[np.str_]]:
     """Return each frame once, in the order of the rows: its stamp [ns] and its sensor, (n_frame,) each."""
     first = list(dict.fromkeys(zip(stamps_ns.tolist(), sensors.tolist(), strict=True)))
     return np.array([stamp for stamp, _ in first], dtype=np.int64), np.array([name for _, name in first], dtype=np.str_)
@@ -144,8 +146,8 @@ def box_writer(path: Path) -> AbstractContextManager[_TableWriter[BoxFrame]]:
 def read_boxes(path: Path) -> BoxTable:
     """Read a `truth_boxes.csv`; raises InputError naming file, line, column and value."""
     columns = read_csv_columns(path, BOX_COLUMNS, "table of boxes")
-    stamps, cameras, somebody = split_frames(columns, "camera", BOX_COLUMNS[2:])
-    rows = columns.take(somebody)
+    stamps, cameras, with_person = split_frames(columns, "camera", BOX_COLUMNS[2:])
+    rows = columns.take(with_person)
     numbers = {name: rows.integers(name, minimum=least) for name, least in _LEAST.items()}
     area = numbers["width"] * numbers["height"]
     for row in np.flatnonzero(numbers["visible_px"] > area)[:1]:
@@ -153,9 +155,9 @@ def read_boxes(path: Path) -> BoxTable:
     refuse_repeats(rows, ("t", "camera", "id"))
     return BoxTable(
         str(path),
-        *frames_once(stamps, cameras),
-        stamps[somebody],
-        cameras[somebody],
+        *unique_frames(stamps, cameras),
+        stamps[with_person],
+        cameras[with_person],
         **numbers,
         truncated=rows.flags("truncated"),
     )
@@ -185,7 +187,7 @@ class RayTable(StampedRows):
     """
 
     source: str
-    frame_stamps_ns: NDArray[np.int64]  # (n_scan,) every scan once, those that met nobody too
+    frame_stamps_ns: NDArray[np.int64]  # (n_scan,) every scan once, those that met empty too
     frame_sensor: NDArray[np.str_]  # (n_scan,)
     stamps_ns: NDArray[np.int64]  # (n,)
     sensor: NDArray[np.str_]  # (n,)
@@ -214,13 +216,13 @@ def ray_writer(path: Path) -> AbstractContextManager[_TableWriter[RayFrame]]:
 def read_rays(path: Path) -> RayTable:
     """Read a `truth_rays.csv`; raises InputError naming file, line, column and value."""
     columns = read_csv_columns(path, RAY_COLUMNS, "table of rays")
-    stamps, sensors, somebody = split_frames(columns, "sensor", RAY_COLUMNS[2:])
-    rows = columns.take(somebody)
+    stamps, sensors, with_person = split_frames(columns, "sensor", RAY_COLUMNS[2:])
+    rows = columns.take(with_person)
     table = RayTable(
         str(path),
-        *frames_once(stamps, sensors),
-        stamps[somebody],
-        sensors[somebody],
+        *unique_frames(stamps, sensors),
+        stamps[with_person],
+        sensors[with_person],
         id=rows.integers("id", minimum=1),
         first_beam=rows.integers("first_beam", minimum=0),
         last_beam=rows.integers("last_beam", minimum=0),

@@ -18,7 +18,7 @@ from trackers.arrays import Nanoseconds
 from trackers.observations import NS_PER_S, LaserScan, Observation
 from trackers.order import LATE
 
-TOLD_ABOVE = 0.02
+REPORTED_ABOVE = 0.02
 """Share of a sensor's messages; losses up to it are counted only."""
 
 _GAP = 1.75
@@ -47,9 +47,9 @@ class Loss:
     always: bool = False
 
     @property
-    def is_told(self) -> bool:
+    def is_reported(self) -> bool:
         """True where the loss is above the threshold, or reported always."""
-        return self.always or self.count > TOLD_ABOVE * self.total
+        return self.always or self.count > REPORTED_ABOVE * self.total
 
     @property
     def line(self) -> str:
@@ -72,7 +72,7 @@ class Loss:
 
 def lines(losses: Iterable[Loss]) -> list[str]:
     """Format the warnings: one line per reported loss."""
-    return [loss.line for loss in losses if loss.is_told]
+    return [loss.line for loss in losses if loss.is_reported]
 
 
 def missing(sensor: str, stamps_ns: Nanoseconds, from_ns: int, to_ns: int) -> Loss | None:
@@ -93,8 +93,8 @@ def missing(sensor: str, stamps_ns: Nanoseconds, from_ns: int, to_ns: int) -> Lo
         return None
     starts = np.concatenate([ordered[:-1][gaps > least], np.array([from_ns, ordered[-1]])[ends > end_least]])
     longest = int(all_gaps.argmax())
-    begins_s, lasts_s = starts[longest] / NS_PER_S, all_gaps[longest] / NS_PER_S
-    silent = f"silent for up to {lasts_s:.3g} s, from {begins_s:.2f} s on"
+    start_s, lasts_s = starts[longest] / NS_PER_S, all_gaps[longest] / NS_PER_S
+    silent = f"silent for up to {lasts_s:.3g} s, from {start_s:.2f} s on"
     what = f"are missing, as its usual gap of {usual / NS_PER_S:.3g} s tells: {silent}"
     return Loss(sensor, count, ordered.size + count, what, "see whether driver, network or recorder lost them")
 
@@ -127,15 +127,15 @@ def crowded(sensor: str, stamps_ns: Nanoseconds, usual: float = 0.5) -> Loss | N
     count = int(np.count_nonzero(np.convolve(lasting, np.ones(_CROWD)) > 0))
     if not lasting.any():
         return None
-    begins_s = float(ordered[int(lasting.argmax())]) / NS_PER_S
-    what = f"come twice as dense as the others, from {begins_s:.2f} s on: two streams lie over one another"
+    start_s = float(ordered[int(lasting.argmax())]) / NS_PER_S
+    what = f"come twice as dense as the others, from {start_s:.2f} s on: two streams lie over one another"
     remedy = (
         "the clock of the recorder was set back, or two drivers write on one topic; record again, or cut the bag there"
     )
     return Loss(sensor, count, stamps_ns.size, what, remedy)
 
 
-class Heard:
+class ObservationLog:
     """Log of the observations so far: the stamps of each sensor, and the number of beams with a return per scan."""
 
     def __init__(self) -> None:

@@ -18,7 +18,7 @@ from trackers.errors import InputError
 from twin.recording.messages import TYPESTORE
 
 _NO_HASH = "RIHS00_" + 64 * "0"
-"""What ROS 2 writes for a type whose hash is not set."""
+"""Hash that ROS 2 writes for a type whose hash is not set."""
 
 
 class McapFile:

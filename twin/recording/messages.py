@@ -42,7 +42,7 @@ _NO_INTENSITIES = np.zeros(0, dtype=np.float32)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Part:
+class ExtraMessage:
     """A further message (CDR) of one observation."""
 
     msgtype: str
@@ -61,7 +61,7 @@ class Encoded:
     msgtype: str
     topic_suffix: str
     data: memoryview
-    more: tuple[Part, ...] = ()
+    more: tuple[ExtraMessage, ...] = ()
 
 
 def encode(observation: Observation, *, jpeg_quality: int = 90) -> Encoded:
@@ -208,7 +208,7 @@ def _encode_depth_image(image: DepthImage, jpeg_quality: int) -> Encoded:
     assert isinstance(colour.observation, Image)
     png, depth_m = encode_png(image.depth_m)
     message = CompressedImage(header=Header(time_message(image.stamp_ns), image.sensor), format=PNG_FORMAT, data=png)
-    depth = Part(COMPRESSED_IMAGE, topics.DEPTH, TYPESTORE.serialize_cdr(message, COMPRESSED_IMAGE))
+    depth = ExtraMessage(COMPRESSED_IMAGE, topics.DEPTH, TYPESTORE.serialize_cdr(message, COMPRESSED_IMAGE))
     observation = DepthImage(image.sensor, image.stamp_ns, colour.observation.rgb, depth_m)
     return Encoded(observation, colour.msgtype, colour.topic_suffix, colour.data, (depth,))
 

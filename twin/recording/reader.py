@@ -16,19 +16,19 @@ from trackers.rig import CameraSensor, FloorSensor, Rig, RigSensor, StereoSensor
 from trackers.text_file import AnyPath
 from twin.recording import topics
 from twin.recording.bag import Bag, Topic, decoded, open_bag
-from twin.recording.clock_correction import SetRight, set_right
-from twin.recording.depth_images import DepthPairs, decode_depth, partners, tolerance_ns
+from twin.recording.clock_correction import CorrectedClocks, correct_clocks
+from twin.recording.depth_images import DepthPairs, decode_depth, match_images, tolerance_ns
 from twin.recording.losses import Loss, crowded, missing
 from twin.recording.messages import STRING, from_message, stamp_of
-from twin.recording.rig_checks import lenses_held_against, motions
+from twin.recording.rig_checks import compare_lenses, motion_warnings
 from twin.recording.sensor_clock import MessageTimes, read_times, read_times_as_written
-from twin.recording.sensor_topics import MSGTYPES, SensorTopics, absent, guessed_rig, sensor_topics
+from twin.recording.sensor_topics import MSGTYPES, SensorTopics, absent, guess_rig, sensor_topics
 from twin.recording.situation_table import decode_situation
 from twin.recording.tables import TruthFrame
 from twin.recording.truth_messages import decode_people
 from twin.truth.frames import Situation
 
-_Told = TypeVar("_Told")
+_Decoded = TypeVar("_Decoded")
 
 
 class Recording:
@@ -67,7 +67,7 @@ class Recording:
                 source = f"{path}, topic {topics.RIG}"
                 self.rig = Rig.parse(carried, source)
             else:
-                (self.rig, silent), source = guessed_rig(path, self.topics), "the rig"
+                (self.rig, silent), source = guess_rig(path, self.topics), "the rig"
             self._topics = sensor_topics(path, self.topics, self.rig, source)
             times = read_times(bag, self._topics.types)
             self._check_has_messages(times)
@@ -78,7 +78,7 @@ class Recording:
                 if set_back_ns:
                     self._is_as_written, times = True, written
                     silent += self._set_back(written, set_back_ns)
-            right = self._set_right(times)
+            right = self._corrected_clocks(times)
             self.ahead_s = right.ahead_s
             self.start_ns = 0 if self.is_twin else self._first_stamp_ns(right)
             self.jumps_ns = tuple(each - self.start_ns for each in right.jumps_ns)
@@ -86,13 +86,13 @@ class Recording:
                 topic: right.stamps_ns[self._topics.label(topic)] - self.start_ns for topic in self._topics.types
             }
             self._times = times
-            self._found = [*silent, *self._topics.losses, *right.losses, *self._not_there(times, bag)]
+            self._found = [*silent, *self._topics.losses, *right.losses, *self._absent_messages(times, bag)]
             if not self.is_twin:
-                self._found += lenses_held_against(bag, self.rig, self._topics.sensors)
+                self._found += compare_lenses(bag, self.rig, self._topics.sensors)
             self.logged_after_ns = self._logged_after_ns()
-            self.moving: list[str] = [] if self.is_twin else motions(bag, self.frames)
-            """What says that a sensor moves, a clause each; none in a twin's bag."""
-        self._reading = _Reading()
+            self.moving: list[str] = [] if self.is_twin else motion_warnings(bag, self.frames)
+            """Warnings of sensors that move, a clause each; none in a twin's bag."""
+        self._reading = _LeftOut()
 
     @property
     def observation_count(self) -> int:
@@ -128,7 +128,7 @@ class Recording:
             topic: each.stamp_ns + _offset_ns(self.rig.sensors[names[topic]]) - self.start_ns
             for topic, each in times.items()
         }
-        return list(self._decoded(SensorTopics(sensors, depths, types), stamps, _Reading(), as_written=False))
+        return list(self._decoded(SensorTopics(sensors, depths, types), stamps, _LeftOut(), as_written=False))
 
     def observations(self) -> Iterator[Observation]:
         """Yield the observations in order of arrival (log time), read one at a time.
@@ -136,14 +136,14 @@ class Recording:
         Messages that cannot be used are left out and counted (`losses`). Raises InputError where the bag is damaged, or most
         of a sensor's messages cannot be used.
         """
-        self._reading = _Reading()
+        self._reading = _LeftOut()
         return self._decoded(self._topics, self._stamps, self._reading, as_written=self._is_as_written)
 
     def truth(self) -> Iterator[TruthFrame]:
         """Yield the truth in order of time; nothing in a robot's bag. Raises InputError where the topic holds something else."""
         last_text, last_ns = "", None
-        told = self._told(topics.TRUTH_PEOPLE, lambda text, stamp_ns: (text, decode_people(text, stamp_ns)))
-        for text, frame in told:
+        decoded_texts = self._strings(topics.TRUTH_PEOPLE, lambda text, stamp_ns: (text, decode_people(text, stamp_ns)))
+        for text, frame in decoded_texts:
             if frame.stamp_ns != last_ns:
                 yield frame
             elif text != last_text:
@@ -155,9 +155,9 @@ class Recording:
 
     def situations(self) -> Iterator[Situation]:
         """Yield the situations of two people, in the order in which they end; nothing in a robot's bag. Raises as `truth`."""
-        return self._told(topics.TRUTH_SITUATIONS, lambda text, _: decode_situation(text))
+        return self._strings(topics.TRUTH_SITUATIONS, lambda text, _: decode_situation(text))
 
-    def _told(self, topic: str, decode: Callable[[str, int], _Told]) -> Iterator[_Told]:
+    def _strings(self, topic: str, decode: Callable[[str, int], _Decoded]) -> Iterator[_Decoded]:
         """Decode the strings on a topic with their log times [ns]; yield nothing where the bag has none."""
         if topic not in self.topics:
             return
@@ -170,11 +170,11 @@ class Recording:
                     raise InputError(f"{self.path}: topic {topic}: {error}") from error
 
     def _decoded(
-        self, found: SensorTopics, stamps: Mapping[str, Nanoseconds], reading: _Reading, *, as_written: bool
+        self, found: SensorTopics, stamps: Mapping[str, Nanoseconds], reading: _LeftOut, *, as_written: bool
     ) -> Iterator[Observation]:
         colours = {name: topic for topic, name in found.sensors.items()}
         pairs = {
-            name: DepthPairs(partners(stamps[colours[name]], stamps[topic]))
+            name: DepthPairs(match_images(stamps[colours[name]], stamps[topic]))
             for topic, name in found.depths.items()
             if name in colours
         }
@@ -249,12 +249,12 @@ class Recording:
         named = ", ".join(self._topics.sensors) or "no topic at all"
         raise InputError(f"{self.path}: holds no message on {named}; a recording of the rig's sensors is expected")
 
-    def _set_right(self, times: Mapping[str, MessageTimes]) -> SetRight:
+    def _corrected_clocks(self, times: Mapping[str, MessageTimes]) -> CorrectedClocks:
         labels = {self._topics.label(topic): each for topic, each in times.items()}
         names = self._topics.sensors | self._topics.depths
         offsets = {self._topics.label(topic): _offset_ns(self.rig.sensors[name]) for topic, name in names.items()}
         try:
-            return set_right(labels, offsets, keeps_stamps=self.is_twin)
+            return correct_clocks(labels, offsets, keeps_stamps=self.is_twin)
         except InputError as error:
             raise InputError(f"{self.path}: {error}") from error
 
@@ -267,7 +267,7 @@ class Recording:
             for topic, each in times.items()
         ]
 
-    def _first_stamp_ns(self, right: SetRight) -> int:
+    def _first_stamp_ns(self, right: CorrectedClocks) -> int:
         firsts = (right.stamps_ns[name] for name in self._topics.sensors.values())
         return min(int(stamps[0]) for stamps in firsts if stamps.size)
 
@@ -284,7 +284,7 @@ class Recording:
         """The frames that each sensor's headers name."""
         return {name: set(self._times[topic].frames) for topic, name in self._topics.sensors.items()}
 
-    def _not_there(self, times: Mapping[str, MessageTimes], bag: Bag) -> Iterator[Loss]:
+    def _absent_messages(self, times: Mapping[str, MessageTimes], bag: Bag) -> Iterator[Loss]:
         """Yield losses of messages that the bag's index counts or the sensors' own rhythm expects."""
         stamps = [stamps for stamps in self._stamps.values() if stamps.size]
         if not stamps:
@@ -310,7 +310,7 @@ class Recording:
                 yield Loss(label, len(each) - most, len(each), what, "a topic for each sensor is expected")
 
 
-class _Reading:
+class _LeftOut:
     """Messages left out while observations are read, by topic."""
 
     def __init__(self) -> None:

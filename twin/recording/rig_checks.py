@@ -27,11 +27,11 @@ _TYPE = "sensor_msgs/msg/CameraInfo"
 _TRANSPORTS = ("compressed", "compressedDepth")
 _PINHOLE, _FISHEYE = ("plumb_bob", "rational_polynomial", ""), ("equidistant", "fisheye")
 _OFF = 0.01
-"""Places that differ by more than this share of the picture's width are told: at 5 m in a view of 60°, 6 cm."""
+"""Places that differ by more than this share of the picture's width are reported: at 5 m in a view of 60°, 6 cm."""
 _GRID = 9
 
 
-def lenses_held_against(bag: Bag, rig: Rig, sensors: Mapping[str, str]) -> list[Loss]:
+def compare_lenses(bag: Bag, rig: Rig, sensors: Mapping[str, str]) -> list[Loss]:
     """Return what the bag's CameraInfo contradicts in the rig; `sensors`: the sensor of each topic.
 
     The first message of a camera's topic is taken: lenses seldom change. Nothing is said of a camera without one.
@@ -39,24 +39,26 @@ def lenses_held_against(bag: Bag, rig: Rig, sensors: Mapping[str, str]) -> list[
     cameras = {
         topic: sensor for topic, name in sensors.items() if isinstance(sensor := rig.sensors[name], CameraSensor)
     }
-    told = {
-        info: topic for topic in cameras if (info := _beside(topic)) in bag.topics and bag.topics[info].msgtype == _TYPE
+    waiting = {
+        info: topic
+        for topic in cameras
+        if (info := _info_topic(topic)) in bag.topics and bag.topics[info].msgtype == _TYPE
     }
     losses = []
-    for info, _, message in bag.messages(list(told)):
-        topic = told.pop(info, None)
+    for info, _, message in bag.messages(list(waiting)):
+        topic = waiting.pop(info, None)
         if topic is None:
             continue
         is_rectified = any("rect" in part for part in topic.split("/"))
         what, remedy = _contradiction(message, cameras[topic].intrinsics, is_rectified=is_rectified)
         if what:
             losses.append(Loss(sensors[topic], 0, 0, f"{info} {what}", remedy, always=True))
-        if not told:
+        if not waiting:
             break
     return losses
 
 
-def _beside(topic: str) -> str:
+def _info_topic(topic: str) -> str:
     """Return the CameraInfo topic of a topic of images: in the same namespace, whatever transport the images take."""
     parts = topic.split("/")
     if parts[-1] in _TRANSPORTS:
@@ -136,12 +138,12 @@ _POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 _TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _MOVED_M = 0.1
 _TURNED_DEG = 2.0
-"""What odometry may make up of a robot that stands; a person at 5 m is then off by less than the width of a body."""
+"""Error of odometry on a robot that stands; a person at 5 m is then off by less than the width of a body."""
 _MOST_STEPS = 100  # from a frame to the root: a tree with a circle in it has none
 
 
 @dataclass
-class _Motion:
+class _Displacement:
     """Largest translation and rotation from a first pose."""
 
     first: tuple[Any, Any] | None = None
@@ -165,7 +167,7 @@ class _Motion:
         return self.moved_m > _MOVED_M or self.turned_deg > _TURNED_DEG
 
 
-def motions(bag: Bag, frames: Mapping[str, Iterable[str]]) -> list[str]:
+def motion_warnings(bag: Bag, frames: Mapping[str, Iterable[str]]) -> list[str]:
     """Return one warning per cause that moves sensors; `frames`: the frame_ids of each sensor's messages.
 
     A transform moves a sensor if it lies between the sensor's frame and the root of the tree. A robot's odometry, or pose,
@@ -191,16 +193,16 @@ def motions(bag: Bag, frames: Mapping[str, Iterable[str]]) -> list[str]:
     ]
 
 
-def _said(what: str, motion: _Motion) -> str:
+def _said(what: str, motion: _Displacement) -> str:
     return f"by {what} it turned by up to {motion.turned_deg:.0f}° and went up to {motion.moved_m:.2f} m"
 
 
 def _read(
     bag: Bag,
-) -> tuple[dict[str, tuple[str, _Motion]], dict[tuple[str, str, str], _Motion], dict[str, str]]:
+) -> tuple[dict[str, tuple[str, _Displacement]], dict[tuple[str, str, str], _Displacement], dict[str, str]]:
     """Return motion by topic of poses with the moving frame, motion by transform, and the parent of each frame."""
-    poses: dict[str, tuple[str, _Motion]] = {}
-    edges: dict[tuple[str, str, str], _Motion] = {}
+    poses: dict[str, tuple[str, _Displacement]] = {}
+    edges: dict[tuple[str, str, str], _Displacement] = {}
     parents: dict[str, str] = {}
     valid = (_ODOMETRY, _POSE, *_TRANSFORMS)
     types = {name: kind for name, topic in bag.topics.items() if (kind := topic.type_among(valid)) is not None}
@@ -214,11 +216,11 @@ def _read(
                 parent, child = (name.strip("/") for name in (each.header.frame_id, each.child_frame_id))
                 parents[child] = parent
                 if topic != TF_STATIC:
-                    motion = edges.setdefault((topic, parent, child), _Motion())
+                    motion = edges.setdefault((topic, parent, child), _Displacement())
                     motion.add(each.transform.translation, each.transform.rotation)
         else:
             child = getattr(message, "child_frame_id", "").strip("/")
-            _, motion = poses.setdefault(topic, (child, _Motion()))
+            _, motion = poses.setdefault(topic, (child, _Displacement()))
             motion.add(message.pose.pose.position, message.pose.pose.orientation)
     return poses, edges, parents
 

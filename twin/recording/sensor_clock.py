@@ -127,7 +127,7 @@ def header_of(data: bytes, is_ros1: bool) -> tuple[int, str] | None:
 
 
 _AHEAD = 5
-"""How many messages ahead tell a clock that was set from one stamp that is wrong."""
+"""Number of messages ahead that separate a clock that was set from one wrong stamp."""
 REGULAR_GAPS = 3.0
 """Gaps of up to so many usual ones are a sensor that goes on."""
 SIGMAS = 6.0

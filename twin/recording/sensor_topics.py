@@ -83,7 +83,7 @@ def absent(sensor: str, topic: str, why: str) -> Loss:
     return Loss(sensor, 0, 0, f"no message on {topic} ({why}): tracked without it", remedy, always=True)
 
 
-def guessed_rig(path: Path, topics: Mapping[str, Topic]) -> tuple[Rig, list[Loss]]:
+def guess_rig(path: Path, topics: Mapping[str, Topic]) -> tuple[Rig, list[Loss]]:
     """Return a rig of the bag's one scanner at the origin, named after its topic, and scanners without a message as losses.
 
     Raises InputError for a bag with another number of scanners that have messages.

@@ -104,11 +104,11 @@ class PeopleMarkers:
         if ids == self._shown and faint == self._faint and self._template:
             message = self._template
         else:
-            gone = [id_ for id_ in self._shown if id_ not in ids]
+            left = [id_ for id_ in self._shown if id_ not in ids]
             self._faint = faint
-            message = self._layout(ids, gone)
+            message = self._layout(ids, left)
             # The next frame must not delete again.
-            self._template = message if not gone else b""
+            self._template = message if not left else b""
             self._shown = ids
         buffer = np.frombuffer(bytearray(message), dtype=np.uint8)
         words, doubles = _words_and_doubles(buffer)
@@ -123,12 +123,12 @@ class PeopleMarkers:
         name_x, name_y = (person.x, person.y) if unknown else (person.head_x, person.head_y)
         return person.x, person.y, height / 2, height, name_x, name_y, height + _NAME_ABOVE_M
 
-    def _layout(self, ids: tuple[int, ...], gone: list[int]) -> bytes:
+    def _layout(self, ids: tuple[int, ...], left: list[int]) -> bytes:
         """Serialize the message with marks in place of numbers, and note their positions."""
         markers = []
         for id_ in ids:
             markers += [self._cylinder(id_), self._name(id_)]
-        for id_ in gone:
+        for id_ in left:
             markers += [_marker(self._style.bodies, id_, Marker.CYLINDER, action=Marker.DELETE)]
             markers += [_marker(self._style.labels, id_, Marker.TEXT_VIEW_FACING, action=Marker.DELETE)]
         message = bytes(TYPESTORE.serialize_cdr(MarkerArray(markers), MARKER_ARRAY, little_endian=True))

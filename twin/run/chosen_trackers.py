@@ -1,8 +1,8 @@
-"""Which trackers a run is asked for, and of what code they are made: data names none.
+"""Trackers that a run is asked for, and their classes: a file names no code to import.
 
-`module:Class` is taken from the command line, from Python and from installed entry points. In a scenario, a suite or a bag
-it is text that somebody else may have written, and importing it would run what they please. So would a Dask scheduler, which a
-tracker's option `scheduler` names: whoever has one sends it code, and takes what it sends.
+`module:Class` is taken from the command line, from Python and from installed entry points. In a scenario, a suite or a bag it
+is text that another person may have written, and importing it would run what they please. So would a Dask scheduler, which a
+tracker's option `scheduler` names: a scheduler's owner sends it code, and takes what it sends.
 """
 
 from __future__ import annotations
@@ -24,14 +24,13 @@ SCHEDULER = "scheduler"
 
 @dataclass(frozen=True)
 class TrustedClasses:
-    """The `module:Class` that may be imported, and the schedulers that may be asked, although a file is where they stand:
-    `named`, or `every` one."""
+    """Classes (`module:Class`) that may be imported, and schedulers that may be used, although a file names them."""
 
     named: frozenset[str] = frozenset()
     every: bool = False
 
     def has(self, target: str) -> bool:
-        """Whether what `target` names may be imported, or asked."""
+        """Return True where `target` may be imported, or used."""
         return self.every or target in self.named
 
 
@@ -44,7 +43,7 @@ RUN, TRACK, SUITE, STUDY = (_TRACKER, _SET, _ALLOW), (_TRACKER, _SET), (_SET, _A
 
 @dataclass(frozen=True)
 class ChosenTracker:
-    """A tracker to be made: the name it goes by, what `make_tracker` calls it, the options to change."""
+    """A tracker to be made: its name, its preset or class for `make_tracker`, the options to change."""
 
     name: str
     target: str
@@ -52,19 +51,19 @@ class ChosenTracker:
 
 
 def typed_classes(changes: Sequence[str]) -> frozenset[str]:
-    """The classes that 'trackers.NAME.preset=module:Class' texts of a command line name."""
+    """Return the classes that 'trackers.NAME.preset=module:Class' texts of a command line name."""
     presets = (choice.get("preset") for choice in changed_trackers(changes).values() if isinstance(choice, dict))
     return frozenset(preset for preset in presets if isinstance(preset, str) and ":" in preset)
 
 
 def typed_schedulers(changes: Sequence[str]) -> frozenset[str]:
-    """The Dask schedulers that 'trackers.NAME.scheduler=ADDRESS' texts of a command line name."""
+    """Return the Dask schedulers that 'trackers.NAME.scheduler=ADDRESS' texts of a command line name."""
     addresses = (choice.get(SCHEDULER) for choice in changed_trackers(changes).values() if isinstance(choice, dict))
     return frozenset(address for address in addresses if isinstance(address, str))
 
 
 def changed_trackers(changes: Sequence[str]) -> dict[str, Any]:
-    """What 'trackers.NAME...=value' texts change, by the tracker's name; raises InputError for one that is malformed."""
+    """Parse the changes in 'trackers.NAME...=value' texts, by the tracker's name; raises InputError for a malformed one."""
     changed = apply_overrides({}, [change for change in changes if change.strip().startswith("trackers")])
     trackers = changed.get("trackers")
     return trackers if isinstance(trackers, dict) else {}
@@ -73,8 +72,8 @@ def changed_trackers(changes: Sequence[str]) -> dict[str, Any]:
 def import_from_here(typed: Iterable[str], *, files_trusted: bool = False) -> None:
     """Let classes be found in the current folder, as `python` lets modules, where one of these names is a class.
 
-    For names typed on a command line, and with `files_trusted` (--allow-plugins) for those in files: else a file would
-    choose what is imported from where it lies.
+    For names typed on a command line, and with `files_trusted` (--allow-plugins) for those in files: else a file would choose
+    what is imported from its own folder.
     """
     if files_trusted or any(":" in name for name in typed):
         sys.path.append(os.getcwd())  # last: nothing that lies there takes the place of what is installed
@@ -87,11 +86,11 @@ def choose(
     trusted: TrustedClasses = NONE_TRUSTED,
     ways: Sequence[str] = RUN,
 ) -> list[ChosenTracker]:
-    """The trackers called `names`, which the user gives, as `source` (a scenario or a bag) defines them where it does.
+    """Return the trackers that the user names, as `source` (a scenario or a bag) defines them where it does.
 
-    ways: options by which the command takes a class, for the error's sentence; a study (STUDY) gives the names itself.
-    Raises InputError for one named twice, for a definition of what does not exist or under the name of a tracker that
-    does, and for one of `names` that a definition makes a class which is not trusted. Nothing is imported for it.
+    ways: options by which the command takes a class, for the error's sentence; a study (STUDY) gives the names itself. Raises
+    InputError for one named twice, for a definition of what does not exist or under the name of a tracker that does, and for
+    one of `names` that a definition makes a class which is not trusted. Nothing is imported for it.
     """
     if len(set(names)) < len(names):
         raise InputError(f"--tracker {' --tracker '.join(names)}: one is named twice; each name once is expected")
@@ -119,7 +118,7 @@ def choose(
 
 
 def redefined(where: str, name: str, target: str) -> str:
-    """What is wrong with a definition of `target` under the `name` of a tracker that everybody has, written at `where`."""
+    """Format the error of a definition of `target` under the `name` of another tracker, written at `where`."""
     return (
         f"{where}: {target!r} would go by the name of another tracker, {name}; a name of its own is expected, and options "
         "alone under this one"
@@ -127,7 +126,7 @@ def redefined(where: str, name: str, target: str) -> str:
 
 
 def not_trusted(where: str, target: str, ways: Sequence[str]) -> str:
-    """What is wrong with a class in a file that nobody has said to trust, written at `where`; `ways` as for `choose`."""
+    """Format the error of an untrusted class in a file, written at `where`; `ways` as for `choose`."""
     typed = " or ".join(way for way in ways if way != _ALLOW)
     also = f", or the class on the command line ({typed})" if typed else ""
     trusting = f", or {_ALLOW} for a file that you trust" if _ALLOW in ways else ""
@@ -135,13 +134,13 @@ def not_trusted(where: str, target: str, ways: Sequence[str]) -> str:
 
 
 def is_untrusted_scheduler(choice: TrackerChoice, trusted: TrustedClasses) -> bool:
-    """Whether a tracker's options have a scheduler asked that nobody has said to trust."""
+    """Return True where a tracker's options name a scheduler that is not trusted."""
     address = choice.options.get(SCHEDULER)
     return address is not None and not trusted.has(str(address))
 
 
 def not_asked(where: str, choice: TrackerChoice, ways: Sequence[str]) -> str:
-    """What is wrong with a scheduler in a file that nobody has said to trust, written at `where`; `ways` as for `choose`."""
+    """Format the error of an untrusted scheduler in a file, written at `where`; `ways` as for `choose`."""
     trusting = f", or {_ALLOW} for a file that you trust" if _ALLOW in ways else ""
     return (
         f"{where}: {choice.options[SCHEDULER]!r} is a Dask scheduler, which runs code here and is sent some, and a file names "

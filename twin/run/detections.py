@@ -1,8 +1,8 @@
-"""`twin detections`: what a tracker's detector saw in a recording, as a table, one row a detection.
+"""The table of `twin detections`: a tracker's detections in a recording, one row per detection.
 
-Columns: `t` stamp of the moment [s]; `sensors` that saw it, joined by `+`; `role`, what was seen (`waist`: a trunk, `knee`:
-legs); `x`, `y` ground point in the room frame [m]; `variance` of the position on each axis [m²]; `width` as seen [m]. Numbers
-are empty where the detector does not say. A moment in which nothing was seen has no row.
+Columns: `t` stamp of the frame [s]; `sensors` that detected it, joined by `+`; `role` (`waist`: a trunk, `knee`: legs); `x`,
+`y` ground point in the room frame [m]; `variance` of the position on each axis [m²]; `width` as measured [m]. Numbers are
+empty where the detector does not give them. A frame without detections has no row.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ def write_detections(
     seed: int | None = None,
     on_warning: OnWarning = lambda warning: None,
 ) -> None:
-    """Track a recording and write what the tracker's detector saw; `rig_path`, `changes`, `seed` as for `twin track`.
+    """Track a recording and write the tracker's detections; `rig_path`, `changes`, `seed` as for `twin track`.
 
-    Raises InputError for bad input, a tracker that does not tell its detections among it, before anything is written.
+    Raises InputError for bad input, a tracker without detections among it, before anything is written.
     """
     bag = Recording(recording, rig_path)
     scenario = scenario_of(bag)
@@ -55,14 +55,14 @@ def write_detections(
     made.make(Prior.read(bag.background, files, bag.rig), seed, bag.jumps_ns)
     if made.failure:
         raise PlugInError(made.failure)
-    told = detections_of(made.tracker)
-    if told is None:
+    detections = detections_of(made.tracker)
+    if detections is None:
         raise InputError(
             f"--tracker {tracker}: does not tell what its detector sees; one that has detections() is expected, like sort"
         )
     file.write(",".join(COLUMNS) + "\n")
     handed: Counter[str] = Counter()
-    fed = FedTracker(made.tracker, bag.rig, on_worked=lambda: file.writelines(map(_row, told())))
+    fed = FedTracker(made.tracker, bag.rig, on_worked=lambda: file.writelines(map(_row, detections())))
     for observation in bag.observations():
         handed[observation.sensor] += 1
         _called(chosen, made.tracker, partial(fed.update, observation))
@@ -73,7 +73,7 @@ def write_detections(
 
 
 def _called(chosen: ChosenTracker, tracker: Any, call: Callable[[], object]) -> None:
-    """Call it; raises PlugInError for what a plug-in raises, while a fault of a tracker of ours stays loud."""
+    """Call it; raises PlugInError for an exception of a plug-in, while a fault of a tracker of ours stays loud."""
     try:
         call()
     except OSError:  # the file's, not the tracker's

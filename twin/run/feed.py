@@ -16,7 +16,7 @@ from trackers.observations import DepthImage, FloorFrame, Image, LaserScan, Obse
 from trackers.prior import Prior
 from trackers.rig import Rig
 from trackers.tracks import TrackFrame
-from twin.recording.losses import Heard, Loss, dropped_by
+from twin.recording.losses import Loss, ObservationLog, dropped_by
 from twin.report.birdseye import Polygon
 from twin.report.preview import PreviewWriter, TruePoses
 from twin.report.silent_sensors import SilenceMonitor
@@ -48,7 +48,7 @@ class Preview:
         """A few pictures for the report, each with its time [s]."""
 
     def observe(self, observation: Observation) -> None:
-        """Keep an observation for the frames to come; those of earlier moments are drawn first."""
+        """Keep an observation for the frames to come; those with an earlier stamp are drawn first."""
         while self._waiting and self._waiting[0].stamp_ns < observation.stamp_ns:
             self._draw(self._waiting.popleft())
         self._silence_monitor.add(observation)
@@ -62,7 +62,7 @@ class Preview:
             del self._truths[next(iter(self._truths))]
 
     def draw(self, frame: TrackFrame) -> None:
-        """Draw a tracker's frame as soon as every sensor has had its say of that moment."""
+        """Draw a tracker's frame as soon as every sensor has reported up to its stamp."""
         self._waiting.append(frame)
 
     def finish(self) -> None:
@@ -93,20 +93,20 @@ class Preview:
             self._next_still_s = t + _STILL_EVERY_S
 
     def _truth_at(self, stamp_ns: int) -> TruthFrame | None:
-        """The truth of a stamp; the nearest one of a stamp by a clock that is off; None where none is near."""
+        """Return the truth of a stamp; the nearest one for a stamp by a wrong clock; None where none is near."""
         if stamp_ns in self._truths or not self._truths:
             return self._truths.get(stamp_ns)
         nearest = min(self._truths, key=lambda held: abs(held - stamp_ns))
         return self._truths[nearest] if abs(nearest - stamp_ns) <= _NEAR_NS else None
 
     def draw_untracked(self, observation: Observation) -> None:
-        """Draw a moment that no tracker looks at, when the main sensor has reported it."""
+        """Draw a frame without tracks at each observation of the main sensor."""
         if observation.sensor == self._main:
             self.draw(TrackFrame(observation.stamp_ns, ()))
 
 
 def true_poses(truth: TruthFrame | None) -> TruePoses | None:
-    """The truth of a stamp as it is drawn; None where it is not known."""
+    """Convert the truth of a stamp for drawing; None where it is not known."""
     if truth is None:
         return None
     people = truth.people
@@ -129,7 +129,7 @@ def preview(
     person_names: Mapping[int, str] | None = None,
     true_rig: Rig | None = None,
 ) -> Iterator[Preview]:
-    """A preview video that is there under its name when the block ends well; see `PreviewWriter`."""
+    """Open a preview video that appears under its name when the block ends well; see `PreviewWriter`."""
     with PreviewWriter(
         path, rig, fps=fps, tracker=tracker, title=title, outline=outline, person_names=person_names, true_rig=true_rig
     ) as writer:
@@ -137,22 +137,22 @@ def preview(
 
 
 _SLOWEST_HZ, _FASTEST_HZ = 1.0, 60.0
-"""What a video is declared as; each picture is shown at its own stamp all the same."""
+"""Limits of a video's declared rate; each image is shown at its own stamp all the same."""
 
 
 class Feed:
-    """Hands each observation to every tracker, and the first tracker's frames to the preview."""
+    """Feeds each observation to every tracker, and the first tracker's frames to the preview."""
 
     def __init__(self, runners: Sequence[TrackerRunner], shown: Preview | None) -> None:
         self.runners = runners
         self.shown = shown
         self.on_frame: Callable[[str, TrackFrame], object] | None = None
         """Called with each tracker's name and frame, if set."""
-        self.heard = Heard()
+        self.log = ObservationLog()
 
     def observe(self, observation: Observation) -> None:
-        """Feed one observation; raises PlugInError when the last tracker that was left has failed."""
-        self.heard.add(observation)
+        """Feed one observation; raises PlugInError when the last remaining tracker has failed."""
+        self.log.add(observation)
         if self.shown is not None:
             self.shown.observe(observation)
             if not self.runners or self.runners[0].failure:
@@ -162,7 +162,7 @@ class Feed:
         check_some_left(self.runners)
 
     def finish(self) -> None:
-        """Let the trackers work off what they hold back."""
+        """Let the trackers process what they hold."""
         for place, each in enumerate(self.runners):
             self._show(place, each.finish())
         check_some_left(self.runners)
@@ -170,10 +170,10 @@ class Feed:
             self.shown.finish()
 
     def losses(self, ahead_s: Mapping[str, float] | None = None) -> list[Loss]:
-        """What scanners did not see, and what each tracker has dropped; `ahead_s` as in `twin.recording.losses.dropped_by`."""
-        counts = self.heard.counts
+        """Return the losses of blind scanners and each tracker's drops; `ahead_s` as in `twin.recording.losses.dropped_by`."""
+        counts = self.log.counts
         dropped = [dropped_by(each.name, each.losses, counts, ahead_s) for each in self.runners if not each.failure]
-        return [*self.heard.blind(), *(loss for losses in dropped for loss in losses)]
+        return [*self.log.blind(), *(loss for losses in dropped for loss in losses)]
 
     def _show(self, place: int, frames: list[TrackFrame]) -> None:
         if self.on_frame is not None:
@@ -199,13 +199,13 @@ def feed(
     true_rig: Rig | None = None,
     jumps_ns: Sequence[int] = (),
 ) -> Iterator[Feed]:
-    """Trackers writing `folder/tracks/<name>.csv`, and `folder/preview.mp4` at `video_hz` pictures a second (None: none).
+    """Open trackers that write `folder/tracks/<name>.csv`, and a preview at `video_hz` images per second (None: none).
 
-    `true_rig`: where the sensors truly are, to be drawn where `rig`, what trackers are told, has them elsewhere. `jumps_ns`:
-    stamps at which trackers start anew.
+    `true_rig`: the sensors' true poses, drawn where `rig`, which trackers get, differs. `jumps_ns`: stamps at which trackers
+    restart.
 
-    The files are there under their names when the block ends well, but for those of trackers that failed. Raises
-    InputError for an unknown tracker or option.
+    The files appear when the block ends well, but for those of trackers that failed. Raises InputError for an unknown tracker
+    or option.
     """
     with ExitStack() as stack:
         runners = stack.enter_context(tracker_runners(chosen, rig, prior, seed, folder / "tracks", jumps_ns))

@@ -30,7 +30,7 @@ from twin.scenario.run_size import check_size
 
 
 def environment_change(path: Path | None) -> list[str]:
-    """`--environment FILE` as the override that it is short for; raises InputError where there is no such file."""
+    """Convert `--environment FILE` to an override; raises InputError where there is no such file."""
     if path is None:
         return []
     if not is_file(path):
@@ -39,7 +39,7 @@ def environment_change(path: Path | None) -> list[str]:
 
 
 def scenario_of(bag: Recording) -> Scenario | None:
-    """The scenario carried in a twin's bag; raises InputError for one that is none, or larger than the limits."""
+    """Read the scenario carried in a twin's bag; raises InputError for one that is none, or larger than the limits."""
     if bag.scenario_yaml is None:
         return None
     source = f"{bag.path}, topic /scenario"
@@ -51,11 +51,11 @@ def scenario_of(bag: Recording) -> Scenario | None:
 def files_for(
     bag: Recording, scenario: Scenario | None, rig_path: AnyPath | None, changes: Sequence[str]
 ) -> tuple[PriorFiles, list[str]]:
-    """The files for the trackers of a recording, absolute and there, and what warns.
+    """Return the prior files for a recording's trackers, absolute and existing, and warnings.
 
-    Those of the user's rig.yaml, else of the bag, relative to where it lies, with the overrides ('prior.environment=FILE',
-    relative to the current folder) applied. What a bag alone names may be on another machine: a warning. Raises InputError
-    for what the user names and is not there.
+    Those of the user's rig.yaml, else of the bag, relative to its folder, with the overrides ('prior.environment=FILE',
+    relative to the current folder) applied. A file that the bag alone names may be on another machine: a warning. Raises
+    InputError for a missing file that the user names.
     """
     of_the_rig = rig_path is not None and bag.rig.prior != NO_PRIOR
     named = bag.rig.prior if of_the_rig else _carried(bag, scenario).within(bag.path.parent)
@@ -74,7 +74,7 @@ def files_for(
 
 
 def _carried(bag: Recording, scenario: Scenario | None) -> PriorFiles:
-    """What the bag itself names."""
+    """Return the prior files that the bag itself names."""
     return scenario.prior if scenario is not None and bag.rig.prior == NO_PRIOR else bag.rig.prior
 
 
@@ -87,14 +87,14 @@ def _changed(named: PriorFiles, changes: Sequence[str]) -> PriorFiles:
 def chosen_trackers(
     bag: Recording, scenario: Scenario | None, names: Sequence[str], changes: Sequence[str]
 ) -> list[ChosenTracker]:
-    """The trackers called `names`, as the bag's scenario defines them, with the overrides applied; InputError for bad ones."""
+    """Return the trackers called `names`, as the bag's scenario defines them, with overrides; raises InputError for bad ones."""
     source = "--set" if scenario is None else f"{bag.path}, topic /scenario"
     trusted = TrustedClasses(typed_classes(changes) | typed_schedulers(changes))
     return choose(names, _defined(scenario, names, changes), source, trusted, TRACK)
 
 
 def _defined(scenario: Scenario | None, names: Sequence[str], changes: Sequence[str]) -> dict[str, TrackerChoice]:
-    """The trackers that the bag's scenario defines, with the overrides applied; of those that nobody asks for, none."""
+    """Return the trackers asked for that the bag's scenario defines, with overrides."""
     asked = {*names, *changed_trackers(changes)}
     content = {
         "trackers": {
@@ -107,7 +107,7 @@ def _defined(scenario: Scenario | None, names: Sequence[str], changes: Sequence[
 
 
 class _Changeable(Strict):
-    """What `--set` may change of a recording: only the trackers, and what they are handed ."""
+    """Fields of a recording that `--set` may change: the trackers and their prior files."""
 
     former_names: ClassVar[Mapping[str, str]] = {"knowledge": "prior"}
 

@@ -30,14 +30,14 @@ from twin.run.chosen_trackers import NONE_TRUSTED, ChosenTracker, TrustedClasses
 from twin.run.feed import Feed, feed
 from twin.run.out_folder import OutFolder, out_folder
 from twin.run.outcome import (
-    Place,
     RunResult,
-    doubts_of,
+    Site,
+    early_warnings,
     evaluate_trackers,
-    left_alone,
-    notes_of,
+    prior_notes,
     simplifications,
     tracker_notes,
+    tracker_warnings,
     versions,
     write_results,
 )
@@ -130,7 +130,7 @@ class _LiveRun:
             self._chosen, self._warnings = [], (*self._warnings, reason)
         self._place = self._described_place()
         self._feed = self._opened_feed(stack, prior)
-        self._early = (*self._warnings, *left_alone(self._feed.runners, request.scenario.faults))
+        self._early = (*self._warnings, *early_warnings(self._feed.runners, request.scenario.faults))
         for warning in self._early:
             request.on_warning(warning)
         self._bag = self._opened_bag(stack)
@@ -148,10 +148,10 @@ class _LiveRun:
             now_s = delivered.arrival_ns / NS_PER_S
             request.on_progress("simulating and tracking", now_s, request.scenario.duration_s)
         self._feed.finish()
-        self._doubts = doubts_of(self._feed.runners)
-        self._losses = [*self._feed.heard.missing(), *self._feed.losses()]
+        self._tracker_warnings = tracker_warnings(self._feed.runners)
+        self._losses = [*self._feed.log.missing(), *self._feed.losses()]
         self._late = self._simulation.late()
-        found = (*self._late, *lines(self._losses), *self._doubts)
+        found = (*self._late, *lines(self._losses), *self._tracker_warnings)
         self._new = [each for each in found if each not in self._early]
         for each in self._new:
             request.on_warning(each)
@@ -177,7 +177,7 @@ class _LiveRun:
         files |= result.files
         self._out.finish(list(files.values()))
         warnings = (*self._early, *self._new, *result.warnings)
-        return replace(result, files=files, warnings=warnings, doubts=tuple(self._doubts))
+        return replace(result, files=files, warnings=warnings, tracker_warnings=tuple(self._tracker_warnings))
 
     def _evaluated(self, files: Mapping[str, Path]) -> RunResult:
         """Evaluate the trackers and write metrics and report."""
@@ -206,15 +206,15 @@ class _LiveRun:
             notes=(
                 *conditions_of(scenario),
                 *(f"{each}." for each in (*self._warnings, *self._late, *lines(self._losses))),
-                *notes_of(self._prior_files),
+                *prior_notes(self._prior_files),
                 *tracker_notes(self._feed.runners, scenario.faults),
                 *simplifications(scenario),
             ),
         )
 
-    def _described_place(self) -> Place:
+    def _described_place(self) -> Site:
         scene = self._simulation.world.scene
-        return Place(
+        return Site(
             self._simulation.rig,
             room_outline(scene.model, self._simulation.world.data),
             {number: name for name, number in scene.ids.items()},
@@ -262,7 +262,7 @@ class _LiveRun:
 
 
 def _unfit(rig: Rig, prior: Prior, seed: int) -> str:
-    """Why the default tracker cannot work on this rig, as a warning; empty where it can."""
+    """Return a warning where the default tracker cannot work on this rig; empty where it can."""
     try:
         make_tracker(DEFAULT_TRACKER, rig, prior, stream(seed, "tracker", DEFAULT_TRACKER))
     except InputError as error:
@@ -271,7 +271,7 @@ def _unfit(rig: Rig, prior: Prior, seed: int) -> str:
 
 
 def _names(trackers: Sequence[str], video: bool) -> list[str]:
-    """What a run writes into its folder."""
+    """List the files that a run writes into its folder."""
     truth = ["truth.csv", "truth_people.csv", "truth_feet.csv", *DETAIL_FILES]
     names = ["recording.mcap", *truth, "scenario.yaml", *(["preview.mp4"] if video else [])]
     tables = [f"tracks/{file_name(name)}.csv" for name in trackers]
@@ -279,7 +279,7 @@ def _names(trackers: Sequence[str], video: bool) -> list[str]:
 
 
 def _command(folder: Path, chosen: Sequence[ChosenTracker], images: bool) -> str:
-    """The line that runs the resolved scenario again, with every class of somebody's own in it."""
+    """Return the command that runs the resolved scenario again, with every class of the user's in it."""
     parts = ["twin", "run", str(folder / "scenario.yaml")]
     for each in chosen:
         parts += ["--tracker", each.name]

@@ -1,4 +1,4 @@
-"""The folder that a run writes into: one run at a time, nothing of the user's touched, nothing of a killed run left."""
+"""The folder of a run's results: one run at a time, no file of the user's touched, no file of a killed run left."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _WAIT_S = 0.3
 
 
 class OutFolder:
-    """A folder of results that is ours alone; made by `out_folder`."""
+    """A folder of results, locked for one run; made by `out_folder`."""
 
     def __init__(self, path: Path, names: Sequence[str], made: set[str]) -> None:
         self.path = path
@@ -38,9 +38,9 @@ class OutFolder:
         self._note(self._made | self._names)
 
     def finish(self, written: Sequence[Path], kept: Sequence[str] = ()) -> None:
-        """Note what was written, and remove what an earlier run left and this one did not make anew, but for `kept`.
+        """Note what was written, and remove files of an earlier run that this one did not write anew, but for `kept`.
 
-        So no two runs mix in a folder, and nothing of the user's is touched.
+        So no two runs mix in a folder, and no file of the user's is touched.
         """
         names = {path.relative_to(self.path).as_posix() for path in written}
         for name in self._made - names - set(kept):
@@ -54,10 +54,10 @@ class OutFolder:
 
 @contextmanager
 def out_folder(path: Path, names: Sequence[str]) -> Iterator[OutFolder]:
-    """The folder, ours alone as long as the block runs, for files of these names (plain, or `tracks/` and plain).
+    """Lock the folder as long as the block runs, for files of these names (plain, or `tracks/` and plain).
 
-    What a killed run has left half-written of them goes. Raises InputError where another process writes there, where a
-    file of one of the names is there that twin did not write, and where the list of those it wrote cannot be one.
+    Half-written files of a killed run are removed. Raises InputError where another process writes there, where a file of one
+    of the names exists that twin did not write, and where the list of its files is malformed.
     """
     with locked_folder(path):
         made = _read_made(path)
@@ -73,10 +73,10 @@ def out_folder(path: Path, names: Sequence[str]) -> Iterator[OutFolder]:
 
 @contextmanager
 def locked_folder(folder: Path) -> Iterator[None]:
-    """Hold the folder against every other process; it is made where it is not there, and goes again if it stays empty.
+    """Lock the folder against every other process; a missing one is made, and removed if it stays empty.
 
-    The system frees the lock with the process, however that ends. Raises InputError where another process holds it, and
-    where the folder cannot be made.
+    The system frees the lock with the process, however that ends. Raises InputError where another process holds it, and where
+    the folder cannot be made.
     """
     missing = [each for each in (folder, *folder.parents) if not each.exists()]
     path = folder / LOCK
@@ -108,7 +108,7 @@ def locked_folder(folder: Path) -> Iterator[None]:
 
 
 def _read_made(folder: Path) -> set[str]:
-    """The names in the folder's list; raises InputError for a list that twin cannot have written."""
+    """Read the names in the folder's list; raises InputError for a list that twin cannot have written."""
     path = folder / MADE
     if not path.exists() and not path.is_symlink():
         return set()
@@ -124,13 +124,13 @@ def _read_made(folder: Path) -> set[str]:
     if not isinstance(names, list):
         raise InputError(f"{path}: holds {type(names).__name__}; {expected}")
     for name in names:
-        if not isinstance(name, str) or not _is_inside(folder, name):
+        if not isinstance(name, str) or not _is_own_name(folder, name):
             raise InputError(f"{path}: {name!r} is no name of a file in this folder; {expected}")
     return set(names)
 
 
-def _is_inside(folder: Path, name: str) -> bool:
-    """Whether this is a plain name, or one in our own subfolder, of a file that lies in this folder itself."""
+def _is_own_name(folder: Path, name: str) -> bool:
+    """Return True for a plain name, or one in our own subfolder, of a file in this folder itself."""
     parts = PurePosixPath(name).parts
     plain = parts[1:] if parts[:1] == (_SUBFOLDER,) and len(parts) > 1 else parts
     if len(plain) != 1 or "/".join(parts) != name or plain[0] in (".", "..") or set(plain[0]) & {"\\", "\0"}:

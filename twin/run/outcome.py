@@ -1,4 +1,4 @@
-"""What a run leaves beside its recording: metrics.json and the report."""
+"""Results of a run: metrics.json, the report, and the notes and warnings in them."""
 
 from __future__ import annotations
 
@@ -36,42 +36,42 @@ _SIMPLIFICATIONS = (
 
 
 def simplifications(scenario: Scenario | None) -> list[str]:
-    """What the twin leaves out of the physics, for whoever reads a report; of an unknown scenario None."""
+    """List the physics that the twin leaves out, for the reader of a report; scenario None: unknown."""
     cast = scenario is not None and scenario.rendering.shadows
     return [each.format(no="" if cast else "no shadows, ") for each in _SIMPLIFICATIONS]
 
 
 @dataclass(frozen=True, eq=False)
 class RunResult:
-    """What a run left: its metrics (None where there is no truth), its files by name, what it warns of.
+    """Results of a run: metrics (None without truth), files by name, warnings.
 
-    doubts: those warnings that are the trackers' own; evaluations: of each tracker, where there is truth; failures: what each
-    plug-in that raised has done wrong; the rest is that of the other trackers.
+    tracker_warnings: the trackers' own among the warnings; evaluations: of each tracker, where there is truth; failures: the
+    fault of each plug-in that raised; the results are those of the other trackers.
     """
 
     metrics: dict[str, Any] | None
     files: dict[str, Path]
     warnings: tuple[str, ...] = ()
-    doubts: tuple[str, ...] = ()
+    tracker_warnings: tuple[str, ...] = ()
     failures: tuple[str, ...] = ()
     evaluations: Mapping[str, Evaluation] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
-    """Where it happened, for the report: the rig, the room's outline, what to call the people, a robot's scans."""
+class Site:
+    """Context of a run for the report: the rig, the room's outline, names of the people, scans of a robot's bag."""
 
     rig: Rig
     outline: Sequence[Polygon] = ()
     person_names: Mapping[int, str] | None = None
     scans: ScanDensity | None = None
-    true_rig: Rig | None = None  # where the sensors truly are; `rig` is what trackers are told
+    true_rig: Rig | None = None  # where the sensors truly are; `rig` is what trackers get
 
 
 def evaluate_trackers(
     folder: Path, runners: Sequence[TrackerRunner], truth: TruthTable | None, situations: SituationTable
 ) -> list[TrackerResult]:
-    """The table of each tracker that has not failed, from `folder/tracks`, with its figures where there is truth."""
+    """Read and evaluate the table of each tracker that has not failed, from `folder/tracks`; without truth, only read it."""
     results = []
     for each in runners:
         if each.failure:
@@ -85,8 +85,8 @@ def evaluate_trackers(
     return results
 
 
-def notes_of_evaluation(results: Sequence[TrackerResult]) -> tuple[str, ...]:
-    """What a reader must know of how the figures came about, each thing once."""
+def evaluation_notes(results: Sequence[TrackerResult]) -> tuple[str, ...]:
+    """Return the notes on the evaluations, each once."""
     return tuple(dict.fromkeys(note for each in results if each.evaluation for note in each.evaluation.notes))
 
 
@@ -96,14 +96,14 @@ def write_results(
     results: Sequence[TrackerResult],
     feed: Feed,
     truth: TruthTable | None,
-    place: Place,
+    place: Site,
     *,
     losses: Sequence[Loss] = (),
     report: bool = True,
 ) -> RunResult:
-    """Write `report.html`, unless nobody wants it, and `metrics.json` where there is truth.
+    """Write `report.html`, if asked for, and `metrics.json` where there is truth.
 
-    losses: those of the recording and of the trackers; the metrics hold them all, the notes in `facts` what is told.
+    losses: those of the recording and of the trackers; the metrics hold them all, the notes in `facts` those reported.
     """
     files = {f"tracks {each.name}": folder / "tracks" / f"{file_name(each.name)}.csv" for each in results}
     if feed.shown is not None:
@@ -115,7 +115,7 @@ def write_results(
         with open_atomic(files["metrics"]) as stream:
             json.dump(metrics, stream, indent=2, allow_nan=False)
             stream.write("\n")
-    notes = notes_of_evaluation(results)
+    notes = evaluation_notes(results)
     if report:
         files["report"] = folder / "report.html"
         stills = feed.shown.stills if feed.shown is not None else []
@@ -129,7 +129,7 @@ def write_results(
             outline=place.outline,
             scans=place.scans,
             person_names=place.person_names,
-            silent=[name for name in place.rig.sensors if name not in feed.heard.counts],
+            silent=[name for name in place.rig.sensors if name not in feed.log.counts],
             stills=[Still(jpeg, f"{feed.runners[0].name} at {t:.1f} s") for t, jpeg in stills],
         )
     return RunResult(
@@ -141,20 +141,20 @@ def write_results(
     )
 
 
-def notes_of(files: PriorFiles) -> list[str]:
-    """What a reader must know of the files that trackers were handed."""
-    told = ", ".join(f"{field} from {path}" for field, path in files.paths().items())
-    return [f"Trackers were handed: {told}."] if told else []
+def prior_notes(files: PriorFiles) -> list[str]:
+    """Format a note on the prior files that trackers got."""
+    found = ", ".join(f"{field} from {path}" for field, path in files.paths().items())
+    return [f"Trackers were handed: {found}."] if found else []
 
 
-def doubts_of(runners: Sequence[TrackerRunner]) -> list[str]:
-    """What each tracker warns of until now."""
+def tracker_warnings(runners: Sequence[TrackerRunner]) -> list[str]:
+    """Return the warnings of each tracker so far."""
     return [f"{each.name}: {warning}" for each in runners for warning in each.warnings]
 
 
-def left_alone(runners: Sequence[TrackerRunner], faults: Mapping[str, Fault]) -> list[str]:
-    """What each tracker warns of, and which sensors it makes no use of: a fault of one of them shows in no track."""
-    told = doubts_of(runners)
+def early_warnings(runners: Sequence[TrackerRunner], faults: Mapping[str, Fault]) -> list[str]:
+    """Return the warnings of each tracker, and the sensors it does not use: their faults show in no track."""
+    found = tracker_warnings(runners)
     for each in runners:
         unused = unused_sensors(each.tracker)
         if not unused:
@@ -162,13 +162,13 @@ def left_alone(runners: Sequence[TrackerRunner], faults: Mapping[str, Fault]) ->
         names = {sensor: [name for name, fault in faults.items() if sensor in fault.sensor] for sensor in unused}
         faulty = [f"{sensor} ({', '.join(of)})" for sensor, of in names.items() if of]
         among = f"; among them with a fault, which shows in no track: {', '.join(faulty)}" if faulty else ""
-        told.append(f"{each.name}: makes no use of {', '.join(unused)}{among}")
-    return told
+        found.append(f"{each.name}: makes no use of {', '.join(unused)}{among}")
+    return found
 
 
 def tracker_notes(runners: Sequence[TrackerRunner], faults: Mapping[str, Fault]) -> list[str]:
-    """What a reader must know of how the trackers worked: what they left alone or dropped, a background learned on the way."""
-    notes = [f"{told}." for told in left_alone(runners, faults)]
+    """Return notes on the trackers: unused sensors, failures, a background learned during the run."""
+    notes = [f"{found}." for found in early_warnings(runners, faults)]
     for each in runners:
         if each.failure:
             notes.append(f"A tracker failed and has no results: {each.failure}.")
@@ -181,7 +181,7 @@ def tracker_notes(runners: Sequence[TrackerRunner], faults: Mapping[str, Fault])
 
 
 def versions(gl: GlInfo | None) -> dict[str, str | None]:
-    """What a result depends on besides the scenario."""
+    """Return the versions that a result depends on besides the scenario."""
     # numpy lists what it found of the instruction sets it can use: sin, exp and arctan differ between them.
     simd: Any = np.show_config(mode="dicts")
     return {

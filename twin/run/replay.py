@@ -39,14 +39,14 @@ from twin.run.feed import Feed, feed
 from twin.run.inputs import chosen_trackers, files_for, scenario_of
 from twin.run.out_folder import OutFolder, out_folder
 from twin.run.outcome import (
-    Place,
     RunResult,
-    doubts_of,
+    Site,
+    early_warnings,
     evaluate_trackers,
-    left_alone,
-    notes_of,
+    prior_notes,
     simplifications,
     tracker_notes,
+    tracker_warnings,
     versions,
     write_results,
 )
@@ -60,7 +60,7 @@ _ABOUT = "recording.json"
 """Says of a recording what the tables of tracks do not: the stamp of t = 0, and what of it was lost."""
 _OF_THE_RUN = ("recording.mcap", "truth.csv", "truth_people.csv", "truth_feet.csv", *DETAIL_FILES, "scenario.yaml")
 """Files that a run left in the folder, which a replay into it keeps."""
-_BESIDES = ("metrics.json", "preview.mp4", _ABOUT)
+_EXTRA_FILES = ("metrics.json", "preview.mp4", _ABOUT)
 
 
 def track_recording(
@@ -110,7 +110,7 @@ def track_recording(
         on_progress=on_progress,
         on_warning=on_warning,
     )
-    files_made = [*(f"tracks/{file_name(name)}.csv" for name in names), "report.html", *_BESIDES]
+    files_made = [*(f"tracks/{file_name(name)}.csv" for name in names), "report.html", *_EXTRA_FILES]
     with heap_trimmed(), out_folder(folder, files_made) as out_:
         replay = _Replay(request, out_)
         with replay.opened_feed() as fed:
@@ -155,7 +155,7 @@ class _Replay:
         names = {number: name for number, name in enumerate(scenario.people, start=1)} if scenario else None
         outline = _outline(scenario) if request.report or request.video else []
         scans = None if outline or not request.report else ScanDensity(bag.rig)
-        self._place = Place(bag.rig, outline, names, scans)
+        self._place = Site(bag.rig, outline, names, scans)
         self._frames: list[tuple[str, TrackFrame]] = []
 
     def opened_feed(self) -> AbstractContextManager[Feed]:
@@ -179,7 +179,7 @@ class _Replay:
         request, bag, scans = self._request, self._request.bag, self._place.scans
         if request.bag_copy is not None:
             fed.on_frame = lambda name, frame: self._frames.append((name, frame))
-        self._early = [*request.missing, *lines(bag.losses), *bag.moving, *left_alone(fed.runners, self._faults)]
+        self._early = [*request.missing, *lines(bag.losses), *bag.moving, *early_warnings(fed.runners, self._faults)]
         for warning in self._early:
             request.on_warning(warning)
         waiting = deque(self._truth_frames)
@@ -191,9 +191,9 @@ class _Replay:
                 fed.shown.tell(waiting.popleft())
             fed.observe(observation)
         fed.finish()
-        self._doubts = doubts_of(fed.runners)
+        self._tracker_warnings = tracker_warnings(fed.runners)
         self._losses = [*bag.losses, *fed.losses(bag.ahead_s)]
-        self._new = [each for each in (*lines(self._losses), *self._doubts) if each not in self._early]
+        self._new = [each for each in (*lines(self._losses), *self._tracker_warnings) if each not in self._early]
         for each in self._new:
             request.on_warning(each)
         self._spent_s = time.perf_counter() - start
@@ -217,7 +217,7 @@ class _Replay:
             copy_with_tracks(request.bag, request.bag_copy, names, frames, request.on_warning)
             left = left | {"bag": request.bag_copy}
         warnings = (*self._early, *self._new, *result.warnings)
-        return replace(result, files=left, warnings=warnings, doubts=tuple(self._doubts))
+        return replace(result, files=left, warnings=warnings, tracker_warnings=tuple(self._tracker_warnings))
 
     def _facts(self, fed: Feed) -> RunFacts:
         request, bag, scenario = self._request, self._request.bag, self._request.scenario
@@ -233,7 +233,7 @@ class _Replay:
             command=request.command,
             start_stamp_ns=bag.start_ns,
             notes=(
-                *notes_of(request.prior_files),
+                *prior_notes(request.prior_files),
                 *(f"{each}." for each in (*lines(self._losses), *bag.moving)),
                 *tracker_notes(fed.runners, self._faults),
                 *(simplifications(scenario) if bag.is_twin else ()),
@@ -250,13 +250,13 @@ class _Replay:
 
 
 def _default_folder(recording: Path, bag: Recording) -> Path:
-    """Every run of the twin's leaves a recording.mcap: its folder tells them apart."""
+    """Return the default folder: every run leaves a recording.mcap, so that its folder tells them apart."""
     name = f"{recording.resolve().parent.name}-tracked" if bag.is_twin else recording.stem
     return Path("out") / name
 
 
 def _outline(scenario: Scenario | None) -> list[Polygon]:
-    """The plan of the room that a twin's bag was recorded in; none where the room is not on this machine."""
+    """Return the plan of the room of a twin's bag; empty where the room is not on this machine."""
     if scenario is None:
         return []
     try:
@@ -267,7 +267,7 @@ def _outline(scenario: Scenario | None) -> list[Polygon]:
 
 
 def _rate_hz(bag: Recording) -> float:
-    """How often the main sensor reports, from its first few observations; 10 where it cannot be told."""
+    """Estimate the main sensor's rate [Hz] from its first few observations; 10 where that is not possible."""
     main = (each.stamp_ns for each in bag.observations() if each.sensor == bag.rig.main_sensor)
     stamps = list(islice(main, _RATE_PROBE))
     gaps_ns = [later - earlier for earlier, later in pairwise(stamps) if later > earlier]
@@ -281,7 +281,7 @@ def _counted(observations: Iterable[Observation], total: int, on_progress: OnPro
 
 
 def _command(recording: Path, names: Sequence[str], rig_path: Path | None, changes: Sequence[str], seed: int) -> str:
-    """The line that tracks the recording again."""
+    """Return the command that tracks the recording again."""
     parts = ["twin", "track", str(recording)]
     for name in names:
         parts += ["--tracker", name]

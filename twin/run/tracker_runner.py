@@ -30,9 +30,9 @@ _ENOUGH_FRAMES, _OFTEN = 20, 0.2
 
 
 class TrackerRunner:
-    """A tracker, the file its frames go to, and what a frame costs.
+    """A tracker, the file of its frames, and the cost of a frame.
 
-    A plug-in that raises is out from then on: `failure` says what happened, its file does not appear, and the others go on.
+    A plug-in that raises is out from then on: `failure` says what happened, its file does not appear, and the others continue.
     """
 
     def __init__(self, chosen: ChosenTracker, rig: Rig) -> None:
@@ -50,9 +50,9 @@ class TrackerRunner:
         self._n_frame = self._n_with_detections = 0
 
     def make(self, prior: Prior, seed: int, jumps_ns: Sequence[int] = ()) -> None:
-        """Make the tracker; raises InputError where its name, options or class are not what they should be.
+        """Make the tracker; raises InputError for a wrong name, wrong options or a wrong class.
 
-        jumps_ns: the stamps at which another like it takes its place (`trackers.restarts`).
+        jumps_ns: the stamps at which a new one takes its place (`trackers.restarts`).
         """
 
         def made(streamed: str) -> Tracker:
@@ -83,18 +83,18 @@ class TrackerRunner:
 
     @contextmanager
     def writing(self, path: Path) -> Iterator[None]:
-        """The frames go to this file, which is there when the block ends well and the tracker has not failed."""
+        """Write the frames to this file, which appears when the block ends well and the tracker has not failed."""
         with self._file:
             if not self.failure:
                 self._writer = self._file.enter_context(track_writer(path))
             yield
 
     def update(self, observation: Observation) -> list[TrackFrame]:
-        """The frames that this observation completes, written and timed; none of a tracker that has failed."""
+        """Return the frames that this observation completes, written and timed; none of a tracker that has failed."""
         return self._frames(lambda fed: fed.update(observation))
 
     def finish(self) -> list[TrackFrame]:
-        """The frames the tracker still held back."""
+        """Return the frames the tracker still held."""
         return self._frames(FedTracker.finish)
 
     def _frames(self, call: Callable[[FedTracker], list[TrackFrame]]) -> list[TrackFrame]:
@@ -129,12 +129,15 @@ class TrackerRunner:
 
     @property
     def warnings(self) -> list[str]:
-        """What the tracker warns of, and that it reports no track although it detects something in frame after frame."""
-        told = list(warnings(self.tracker))
+        """Warnings of the tracker, and one where it reports no track although it detects something in frame after frame."""
+        found = list(warnings(self.tracker))
         if not self._tracked and self._n_frame >= _ENOUGH_FRAMES and self._n_with_detections >= _OFTEN * self._n_frame:
             often = f"{self._n_with_detections} of {self._n_frame} frames"
-            told = [*told, f"reports no track, although it detects something in {often}; `twin detections` shows what"]
-        return told
+            found = [
+                *found,
+                f"reports no track, although it detects something in {often}; `twin detections` shows what",
+            ]
+        return found
 
     def _note_silence(self, frames: Sequence[TrackFrame]) -> None:
         """Count frames with detections as long as no track is reported."""
@@ -155,14 +158,14 @@ class TrackerRunner:
         self._file.__exit__(*sys.exc_info())
 
     def ms_per_frame(self) -> dict[str, float | None]:
-        """Mean and 95th percentile of what a frame cost [ms of CPU, of the tracker's own thread]; None before the first."""
+        """Return mean and 95th percentile of a frame's cost [ms of CPU, of the tracker's own thread]; None before the first."""
         if not self._frame_ms:
             return {"mean": None, "p95": None}
         return {"mean": float(np.mean(self._frame_ms)), "p95": float(np.percentile(self._frame_ms, 95))}
 
 
 def file_name(tracker: str) -> str:
-    """The name of a tracker's table without its suffix: 'my_lab.tracker:Mine' becomes 'my_lab.tracker-Mine'."""
+    """Return the name of a tracker's table without its suffix: 'my_lab.tracker:Mine' becomes 'my_lab.tracker-Mine'."""
     return tracker.replace(":", "-").replace("/", "-")
 
 
@@ -175,7 +178,7 @@ def tracker_runners(
     folder: Path,
     jumps_ns: Sequence[int] = (),
 ) -> Iterator[list[TrackerRunner]]:
-    """The chosen trackers, each writing `folder/<name>.csv` as the block runs; `jumps_ns` as for `TrackerRunner.make`.
+    """Make the chosen trackers, each writing `folder/<name>.csv` in the block; `jumps_ns` as for `TrackerRunner.make`.
 
     Raises InputError for an unknown tracker or option, PlugInError where none can be made, before anything is written.
     """
@@ -196,7 +199,7 @@ def check_some_left(runners: Sequence[TrackerRunner]) -> None:
 
 
 def plug_in_fault(chosen: ChosenTracker, tracker: Any, error: BaseException, when: str = "") -> str:
-    """Class, method, error, the last line of theirs that ran, and the observation that the tracker was given.
+    """Format class, method, error, the plug-in's last line that ran, and the observation that the tracker was given.
 
     tracker: None while it is made; when: in place of the observation, where there is none.
     """
@@ -211,12 +214,12 @@ def plug_in_fault(chosen: ChosenTracker, tracker: Any, error: BaseException, whe
 
 
 def first_line(text: str) -> str:
-    """The first line that says something."""
+    """Return the first line that is not blank."""
     return next((line.strip() for line in text.splitlines() if line.strip()), "")
 
 
 def _method(steps: list[tuple[FrameType, int]], tracker: Any, module: str) -> str:
-    """The method of the tracker's that was called; what it returned, where that is at fault."""
+    """Return the tracker's method that was called; 'what it gave' where its result is at fault."""
     for frame, _ in steps:
         if tracker is None and _module(frame) == module:
             return "the import" if frame.f_code.co_name == "<module>" else f"{frame.f_code.co_name}()"
@@ -234,7 +237,7 @@ def _module(frame: FrameType) -> str:
 
 
 def _given(steps: list[tuple[FrameType, int]]) -> str:
-    """The observation that was handed to the tracker, which need not be the one that arrived last."""
+    """Return the observation that the tracker was given, which need not be the one that arrived last."""
     for frame, _ in reversed(steps):
         observation = frame.f_locals.get("observation")
         if observation is not None and not _is_theirs(frame):

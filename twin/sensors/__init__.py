@@ -1,1 +1,1 @@
-"""What the sensors on the walls would have reported: ideal readings, noise around them, and when they arrive."""
+"""Sensors of the twin: ideal readings, layers of noise and faults around them, and the schedule of their arrival."""

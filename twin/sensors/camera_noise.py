@@ -1,4 +1,4 @@
-"""What a real image sensor does to an ideal picture: exposure, shot noise, read noise, white balance."""
+"""Noise of an image sensor: exposure, shot noise, read noise, white balance."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class CameraNoise(Strict):
 
     @property
     def is_off(self) -> bool:
-        """Whether the ideal picture comes through as it is."""
+        """True where the ideal image passes unchanged."""
         return not self._is_noisy and self.exposure_gain == 1 and self.white_balance == (1, 1, 1)
 
     @property
@@ -69,14 +69,14 @@ class CameraNoise(Strict):
     def corrupt(
         self, observation: Image, state: NoiseBank | None, rng: np.random.Generator
     ) -> tuple[Image, NoiseBank | None]:
-        """The picture as the device would report it; the state is the noise bank, drawn from `rng` at the first."""
+        """Return the image as the device reports it; the state is the noise bank, drawn from `rng` at the first call."""
         rgb, state = self.expose(observation.rgb, state, rng)
         return replace(observation, rgb=rgb), state
 
     def expose(
         self, rgb: NDArray[np.uint8], state: NoiseBank | None, rng: np.random.Generator
     ) -> tuple[NDArray[np.uint8], NoiseBank | None]:
-        """The ideal pixels (height, width, 3) as the device would report them, a new array where anything changes."""
+        """Apply exposure and noise to ideal pixels (height, width, 3); a new array where anything changes."""
         import cv2
 
         if self.exposure_gain != 1:

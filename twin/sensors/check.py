@@ -1,4 +1,4 @@
-"""Tells the author of a sensor what it breaks."""
+"""Check a sensor of the user's against the contract, for its author."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SAME_LOAD_N = 1e-6
 
 
 def check_sensor(sensor: Sensor, world: SnapshotSource) -> list[str]:
-    """What the sensor breaks of the contract of `twin.sensors.sensor.Sensor`, one sentence each; empty: nothing.
+    """List the violations of the contract of `twin.sensors.sensor.Sensor`, one sentence each; empty: none.
 
     The world must give snapshots from 0 s to 0.2 s and the longest sweep after it, more than once.
     """
@@ -43,7 +43,7 @@ def check_sensor(sensor: Sensor, world: SnapshotSource) -> list[str]:
 
 
 def _global_stream() -> bytes:
-    """numpy's global random state, which no sensor may touch."""
+    """Return numpy's global random state, which no sensor may touch."""
     return np.random.get_state(legacy=False)["state"]["key"].tobytes()  # noqa: NPY002
 
 
@@ -64,7 +64,7 @@ def _declaration_faults(sensor: Sensor) -> list[str]:
 
 
 def _watch(sensor: Sensor, world: SnapshotSource) -> tuple[list[Reading], list[dict[str, NDArray]], list[str]]:
-    """Readings at a few stamps from a fresh state, copies made before the next was taken, and faults on the way."""
+    """Take readings at a few stamps from a fresh state; return them, copies made before the next was taken, and faults."""
     rng = np.random.default_rng(_SEED)
     state, readings, copies, faults = None, [], [], []
     for stamp_ns in _STAMPS_NS:
@@ -90,7 +90,7 @@ def _hand_out(
     looks: list[tuple[Snapshot, dict[str, NDArray]]],
     faults: list[str],
 ) -> Iterator[Snapshot]:
-    """The snapshots a sensor asks for, each noted in `looks` and compared when the sensor comes back for the next."""
+    """Yield the snapshots a sensor asks for, noted in `looks` and compared when the sensor asks for the next."""
     for offset in sensor.instants_s:
         snapshot = world.snapshot(stamp_ns / NS_PER_S + offset)
         looks.append((snapshot, _world_state(snapshot)))
@@ -133,7 +133,7 @@ def _values(observation: Observation) -> dict[str, NDArray]:
 
 
 def _same(one: dict[str, NDArray], other: dict[str, NDArray]) -> bool:
-    """Whether two sets of arrays agree to the bit."""
+    """Return True where two sets of arrays agree to the bit."""
     return one.keys() == other.keys() and all(
         one[name].dtype == other[name].dtype
         and one[name].shape == other[name].shape

@@ -10,33 +10,33 @@ from numpy.typing import NDArray
 
 from trackers.observations import DepthImage, FloorFrame, Image, LaserScan
 from trackers.rig import FisheyeSensor, RigSensor
-from twin.sensors.fault_kinds import BlockedSector, DeadBeams, DeadCells, Occlusion
+from twin.sensors.fault_kinds import BlockedSector, DeadBeams, DeadCells, LensOcclusion
 
 _LOBES = np.arange(2, 7)
-"""How often an outline goes in and out on its way round: few, as of a thumb or a drop."""
+"""Lobes of an outline on its way round: few, as of a thumb or a drop."""
 
 _NO_DEPTH_ABOVE = 0.3
 """A pixel of which more than this share is covered finds no partner in the other view."""
 
 _SMEAR_SHARE = 0.06
-"""How far a smear spreads light: standard deviation as a share of the picture's height."""
+"""Spread of light by a smear: standard deviation as a share of the picture's height."""
 
 _SMALL_SHARE = 4
 """A smear is blurred at this fraction of the resolution: nothing finer is left in it."""
 
 
-class Blob:
-    """A soft-edged blob over part of a camera's picture; its outline is drawn from `rng` once."""
+class LensCover:
+    """A soft-edged cover over part of a camera's image; its outline is drawn from `rng` once."""
 
-    def __init__(self, fault: Occlusion, rig: RigSensor, rng: np.random.Generator) -> None:
+    def __init__(self, fault: LensOcclusion, rig: RigSensor, rng: np.random.Generator) -> None:
         self._fault = fault
         self._rig = rig
         self._swing = fault.irregularity * rng.uniform(0.3, 1.0, _LOBES.size) / (_LOBES - 1)
         self._phase = rng.uniform(0.0, 2 * np.pi, _LOBES.size)
         self._cover: NDArray[np.float32] | None = None
 
-    def spoil(self, observation: Image | DepthImage) -> Image | DepthImage:
-        """The picture with the blob on it; where it covers much of a pixel, no depth."""
+    def apply(self, observation: Image | DepthImage) -> Image | DepthImage:
+        """Return the image with the cover on it; where it covers much of a pixel, no depth."""
         height, width, _ = observation.rgb.shape
         if self._cover is None or self._cover.shape != (height, width):
             self._cover = self.cover(width, height)
@@ -47,7 +47,7 @@ class Blob:
         return replace(observation, rgb=covered)
 
     def cover(self, width: int, height: int) -> NDArray[np.float32]:
-        """How much of each pixel the blob covers, 0 to 1, (height, width); nothing outside a fisheye's field of view."""
+        """Return the covered share of each pixel, 0 to 1, (height, width); 0 outside a fisheye's field of view."""
         fault = self._fault
         x = np.arange(width) - (fault.at[0] * width - 0.5)
         y = np.arange(height)[:, None] - (fault.at[1] * height - 0.5)
@@ -61,7 +61,7 @@ class Blob:
         return np.where(self._sees_light(width, height), cover, 0).astype(np.float32)
 
     def _sees_light(self, width: int, height: int) -> NDArray[np.bool_]:
-        """Where the lens forms an image, (height, width)."""
+        """Return the pixels where the lens forms an image, (height, width)."""
         if not isinstance(self._rig, FisheyeSensor):
             return np.ones((height, width), dtype=bool)
         lens = self._rig.intrinsics
@@ -73,9 +73,9 @@ class Blob:
 
     def _blend(self, rgb: NDArray[np.uint8], cover: NDArray[np.float32]) -> NDArray[np.uint8]:
         rows, columns = np.flatnonzero(cover.any(axis=1)), np.flatnonzero(cover.any(axis=0))
-        spoilt = rgb.copy()
+        covered_rgb = rgb.copy()
         if rows.size == 0:
-            return spoilt
+            return covered_rgb
         box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
         share = cover[box][..., None]
         seen = rgb[box].astype(np.float32)
@@ -84,12 +84,12 @@ class Blob:
             if self._fault.look == "cover"
             else _smeared(rgb)[box].astype(np.float32)
         )
-        spoilt[box] = np.rint(seen + share * (behind - seen)).astype(np.uint8)
-        return spoilt
+        covered_rgb[box] = np.rint(seen + share * (behind - seen)).astype(np.uint8)
+        return covered_rgb
 
 
 def _smeared(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The picture through grease or water."""
+    """Blur an image as grease or water on the lens does."""
     height, width, _ = rgb.shape
     small = cv2.resize(
         rgb, (max(1, width // _SMALL_SHARE), max(1, height // _SMALL_SHARE)), interpolation=cv2.INTER_AREA
@@ -98,14 +98,14 @@ def _smeared(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.asarray(cv2.resize(blurred, (width, height), interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
 
 
-class Sector:
-    """Something right before a scanner's window."""
+class SectorBlock:
+    """An obstacle right before a scanner's window."""
 
     def __init__(self, fault: BlockedSector) -> None:
         self._fault = fault
 
-    def spoil(self, observation: LaserScan) -> LaserScan:
-        """The scan with nothing farther in the sector than the thing that blocks it."""
+    def apply(self, observation: LaserScan) -> LaserScan:
+        """Return the scan with no range in the sector beyond the obstacle."""
         scan, fault = observation, self._fault
         nearest = np.float32(fault.at_m if fault.at_m >= scan.range_min_m else np.nan)
         blocked = beams_between(scan, fault.bearings_deg) & (scan.ranges_m > fault.at_m)
@@ -113,15 +113,15 @@ class Sector:
 
 
 def beams_between(scan: LaserScan, bearings_deg: tuple[float, float]) -> NDArray[np.bool_]:
-    """Which beams (n_beam,) lie between two bearings [deg], both included."""
+    """Return which beams (n_beam,) lie between two bearings [deg], both included."""
     first, last = np.deg2rad(bearings_deg)
     slack = abs(scan.angle_increment_rad) * 1e-3  # a beam on the edge belongs to it, whatever its last digit
     angles = scan.angles_rad
     return (angles >= first - slack) & (angles <= last + slack)
 
 
-class BrokenBeams:
-    """Beams that report nothing; which of a share they are is drawn from `rng` once."""
+class DeadBeamMask:
+    """Beams that report nothing; a share of them is drawn from `rng` once."""
 
     def __init__(self, fault: DeadBeams, rng: np.random.Generator) -> None:
         self._fault = fault
@@ -129,8 +129,8 @@ class BrokenBeams:
         self._reads = np.float32(np.nan if fault.reads == "invalid" else np.inf)
         self._dead: NDArray[np.bool_] | None = None
 
-    def spoil(self, observation: LaserScan) -> LaserScan:
-        """The scan without them."""
+    def apply(self, observation: LaserScan) -> LaserScan:
+        """Return the scan with the dead beams' reading."""
         if self._dead is None:
             self._dead = self._which(observation)
         return replace(observation, ranges_m=np.where(self._dead, self._reads, observation.ranges_m))
@@ -144,16 +144,16 @@ class BrokenBeams:
         return dead
 
 
-class BrokenCells:
-    """Elements of a floor that always read the same; which of a share they are is drawn from `rng` once."""
+class DeadCellMask:
+    """Elements of a floor that always read the same; a share of them is drawn from `rng` once."""
 
     def __init__(self, fault: DeadCells, rng: np.random.Generator) -> None:
         self._fault = fault
         self._rng = rng
         self._dead: NDArray[np.bool_] | None = None
 
-    def spoil(self, observation: FloorFrame) -> FloorFrame:
-        """The frame with them."""
+    def apply(self, observation: FloorFrame) -> FloorFrame:
+        """Return the frame with the dead elements' reading."""
         if self._dead is None:
             self._dead = self._which(observation.values.shape)
         return replace(observation, values=np.where(self._dead, np.uint8(self._fault.reads), observation.values))

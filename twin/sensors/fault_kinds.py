@@ -1,4 +1,4 @@
-"""What goes wrong with a sensor, and from when to when, as a scenario describes it."""
+"""Kinds of sensor faults and their times, as a scenario describes them."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class _Fault(Strict):
     )
 
     @model_validator(mode="after")
-    def _ends_after_it_begins(self) -> _Fault:
+    def _to_s_after_from_s(self) -> _Fault:
         if self.to_s is not None and self.to_s <= self.from_s:
             raise ValueError(
                 f"to_s {self.to_s:g} is not after from_s {self.from_s:g}; a later time is valid, or none for the end"
@@ -53,12 +53,12 @@ class _Fault(Strict):
         return self
 
     def holds(self, stamp_ns: int) -> bool:
-        """Whether it is there at this time since the start [ns]."""
+        """Return True while the fault is present at this time since the start [ns]."""
         return self.from_ns <= stamp_ns and (self.to_s is None or stamp_ns < round(self.to_s * NS_PER_S))
 
     @property
     def from_ns(self) -> int:
-        """When it begins [ns]."""
+        """Start of the fault [ns]."""
         return round(self.from_s * NS_PER_S)
 
     def check(self, description: Any) -> None:
@@ -102,7 +102,7 @@ class Delay(_Fault):
         return self
 
 
-class Clock(_Fault):
+class ClockError(_Fault):
     """The clock that stamps is off by `offset_s`, and gains `drift_ppm` microseconds a second from `from_s` on.
 
     Stamps alone are wrong: the sensor looks when it always did, by the pace of its motor or its shutter. Within the fault
@@ -122,13 +122,13 @@ class Clock(_Fault):
     )
 
     @model_validator(mode="after")
-    def _is_off(self) -> Clock:
+    def _is_off(self) -> ClockError:
         if self.offset_s == 0 and self.drift_ppm == 0:
             raise ValueError("offset_s and drift_ppm are both 0; one of them other than 0 is expected")
         return self
 
 
-class Occlusion(_Fault):
+class LensOcclusion(_Fault):
     """Something on or right before the lens: a soft-edged blob over part of the picture, too near to be in focus.
 
     `at` is its middle and `size` its diameter, in shares of the picture's width (from the left) and height (from above),
@@ -280,15 +280,15 @@ class DeadCells(_Fault):
                 raise ValueError(f"{what} has {max(named)}; the floor's are 0 to {count - 1}")
 
 
-Fault = Dropout | Freeze | Delay | Clock | Occlusion | BlockedSector | DeadBeams | DeadCells
+Fault = Dropout | Freeze | Delay | ClockError | LensOcclusion | BlockedSector | DeadBeams | DeadCells
 FaultDescription = Annotated[Fault, Field(discriminator="kind")]
 
 FAULT_KINDS: dict[str, type[Fault]] = {
     "dropout": Dropout,
     "freeze": Freeze,
     "delay": Delay,
-    "clock": Clock,
-    "occlusion": Occlusion,
+    "clock": ClockError,
+    "occlusion": LensOcclusion,
     "blocked_sector": BlockedSector,
     "dead_beams": DeadBeams,
     "dead_cells": DeadCells,

@@ -51,10 +51,10 @@ class FaceTable:
 
 
 def build_face_table(lens: FisheyeIntrinsics, room_from_camera: NDArray[np.float64], oversampling: float) -> FaceTable:
-    """The faces for a camera with this rotation (3, 3) and, for each pixel, its place in them.
+    """Return the faces for a camera with this rotation (3, 3) and, for each pixel, its place in them.
 
-    A face has `oversampling` pixels per radian at its middle for each that the picture has at most along its radius.
-    Needs a lens that `check_fisheye` accepts; raises InputError where no pixel lies in its field.
+    A face has `oversampling` pixels per radian at its middle for each that the image has at most along its radius. Needs a
+    lens that `check_fisheye` accepts; raises InputError where no pixel lies in its field.
     """
     directions = lens.pixel_rays()
     density = oversampling * _pixels_per_radian(lens)  # [px] per unit of tangent
@@ -96,15 +96,15 @@ def build_face_table(lens: FisheyeIntrinsics, room_from_camera: NDArray[np.float
 
 
 def _pixels_per_radian(lens: FisheyeIntrinsics) -> float:
-    """The picture's finest scale along a radius [px/rad]."""
+    """Return the image's finest scale along a radius [px/rad]."""
     slope = lens.radius_of_angle.deriv()(np.linspace(0, lens.field_of_view_rad / 2, 1000))
     return float(max(lens.fx, lens.fy) * slope.max())
 
 
 def _nearest_face(directions: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Number of the face whose middle is nearest to each direction, (height, width); -1 outside the field.
+    """Return the index of the face whose middle is nearest to each direction, (height, width); -1 outside the field.
 
-    There is no back face: what lies behind the camera belongs to the side it leans to.
+    There is no back face: directions behind the camera belong to the nearest side face.
     """
     seen = np.isfinite(directions[..., 2])
     x, y, z = np.moveaxis(np.where(seen[..., None], directions, 0.0), -1, 0)
@@ -113,7 +113,7 @@ def _nearest_face(directions: NDArray[np.float64]) -> NDArray[np.intp]:
 
 
 def _span(values: NDArray[np.float64], density: float) -> tuple[float, int]:
-    """Where a face begins (tangent) and how many pixels it needs to hold these places with a margin."""
+    """Return a face's lower edge (tangent) and the number of pixels that hold these places with a margin."""
     pixels = int(np.ceil((values.max() - values.min()) * density + 2 * MARGIN_PX))
     middle = (values.max() + values.min()) / 2
     return float(middle - pixels / density / 2), pixels
@@ -161,7 +161,7 @@ class Fisheye:
     def observe(
         self, stamp_ns: int, snapshots: Iterable[Snapshot], state: State, rng: np.random.Generator
     ) -> tuple[Reading, State]:
-        """The ideal picture; `rng` and `state` are not used."""
+        """Return the ideal image; `rng` and `state` are not used."""
         (snapshot,) = snapshots
         self.draw_faces(snapshot)
         return Reading(Image(self.name, stamp_ns, self._faces.bend())), state
@@ -174,14 +174,14 @@ class Fisheye:
         renderer.render(snapshot.data, self._eye_m, self._faces.views, self._faces.drawn)
 
     def person_image(self, snapshot: Snapshot) -> NDArray[np.int16]:
-        """The id of the person at each pixel's centre, 0 for the room, -1 outside the field, (height, width)."""
+        """Return the id of the person at each pixel's centre, 0 for the room, -1 outside the field, (height, width)."""
         drawn = self._faces.drawn
         views = self._faces.views
         geom_of_number = self._renderer().render(snapshot.data, self._eye_m, views, None, numbers=drawn)
         return self._faces.pixels.people(drawn, geom_of_number, snapshot.person_of_geom)
 
     def rig_sensor(self) -> FisheyeSensor:
-        """What a tracker is told: where the camera is, its topic and its intrinsics."""
+        """Return the tracker's view of the sensor: pose, topic and intrinsics."""
         return self._rig
 
 
@@ -198,6 +198,6 @@ class _Faces:
         self.pixels = PersonPixels(self._map)
 
     def bend(self) -> np.ndarray:
-        """The picture in what was drawn last, (height, width, 3) RGB; a new array."""
+        """Remap the drawn faces to the image, (height, width, 3) RGB; a new array."""
         cv2.remap(self.drawn, *self._map, cv2.INTER_LINEAR, dst=self._bent, borderMode=cv2.BORDER_CONSTANT)
         return cv2.cvtColor(self._bent, cv2.COLOR_RGBA2RGB)

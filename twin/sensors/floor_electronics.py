@@ -1,4 +1,4 @@
-"""What a real pressure floor does to ideal loads: cover, uneven resistors, hysteresis, read noise, dead and stuck elements."""
+"""Electronics of a pressure floor: cover, uneven resistors, hysteresis, read noise, dead and stuck elements."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class LoadFrame(FloorFrame):
 
 @dataclass(frozen=True, eq=False)
 class FloorParts:
-    """How one floor was built, (rows, columns) each: what differs from element to element and stays so."""
+    """The elements of one floor as built, (rows, columns) each: what differs from element to element and stays."""
 
     gain: Array  # share of its load to which a resistor answers
     fixed: NDArray[np.int16]  # what a dead or stuck element reads; -1 for one that works
@@ -80,7 +80,7 @@ class FloorElectronics(Strict):
 
     @property
     def is_off(self) -> bool:
-        """Whether the ideal frame comes through as it is."""
+        """True where the ideal frame passes unchanged."""
         smooth = self.crosstalk or self.gain_sigma or self.hysteresis or self.read_sigma
         return not (smooth or self.dead or self.stuck or self.dead_cells or self.stuck_cells)
 
@@ -104,7 +104,7 @@ class FloorElectronics(Strict):
                 )
 
     def build(self, rows: int, columns: int, rng: np.random.Generator) -> FloorParts:
-        """A floor with these tolerances; `rng` decides which elements are how. Raises ValueError as `check_cells`."""
+        """Draw a floor with these tolerances from `rng`; raises ValueError as `check_cells`."""
         self.check_cells(rows, columns)
         shape = (rows, columns)
         # All is drawn whether needed or not, so that one fault does not move another.
@@ -126,7 +126,7 @@ class FloorElectronics(Strict):
     def corrupt(
         self, observation: LoadFrame, state: FloorState | None, rng: np.random.Generator
     ) -> tuple[FloorFrame, FloorState]:
-        """The frame as the device would report it; without a state, a floor is built first, from `rng`."""
+        """Return the frame as the device reports it; without a state, a floor is built first, from `rng`."""
         if state is None:
             rows, columns = observation.values.shape
             state = FloorState(self.build(rows, columns, rng), np.zeros((rows, columns)))
@@ -144,7 +144,7 @@ class FloorElectronics(Strict):
 
 @dataclass(frozen=True, eq=False)
 class FloorState:
-    """What a floor carries from frame to frame: how it is built, and the load that each resistor shows (rows, columns) [N]."""
+    """State from frame to frame: the floor's elements, and the load that each resistor shows (rows, columns) [N]."""
 
     parts: FloorParts
     shown_n: Array
@@ -160,14 +160,14 @@ class BuiltElectronics:
     def corrupt(
         self, observation: LoadFrame, state: FloorState | None, rng: np.random.Generator
     ) -> tuple[FloorFrame, FloorState]:
-        """The frame as the device would report it, starting from an unloaded floor."""
+        """Return the frame as the device reports it, starting from an unloaded floor."""
         if state is None:
             state = FloorState(self.parts, np.zeros(observation.values.shape))
         return self.electronics.corrupt(observation, state, rng)
 
 
 def spread_to_neighbours(load_n: Array, share: float) -> Array:
-    """Loads (rows, columns) of which `share` has gone to the four neighbours; the sum stays."""
+    """Move a share of each load (rows, columns) to the four neighbours; the sum stays."""
     if share == 0:
         return load_n
     quarter = (share / 4) * load_n
@@ -185,7 +185,7 @@ def spread_to_neighbours(load_n: Array, share: float) -> Array:
 
 
 def _play(load_n: Array, shown_n: Array, width: float) -> Array:
-    """What resistors show [N] under loads that were shown as `shown_n` before."""
+    """Return the loads that resistors show [N] after `shown_n`: a play operator."""
     return np.clip(shown_n, load_n, load_n / (1 - width))
 
 

@@ -27,16 +27,16 @@ _BEYOND_SOLE_M = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Pressed:
-    """What the floor carries at one moment.
+class FloorLoad:
+    """Loads of the floor at one stamp.
 
-    load_n (rows, columns): of each element [N]. Who puts it there, for each foot and cell that it loads, (k,) each, by
-    person, then foot, then cell: `person` (place in the people's order), `foot` (0 left, 1 right), `cell`
-    (row · columns + column), `newton`; they add up to load_n.
+    load_n (rows, columns): load of each element [N]. Its parts, for each foot and cell that it loads, (k,) each, by person,
+    then foot, then cell: `person` (index in the people's order), `foot` (0 left, 1 right), `cell` (row · columns + column),
+    `newton`; they add up to load_n.
 
-    foot_n (n, 2): force of each foot on the whole floor as the contacts carry it, in the grid or beside it [N]; 0 for a foot
-    that is lifted or nowhere over the grid. centre_m (n, 2, 2): its centre of pressure, x, y in the plate's frame
-    [m]; NaN without a force.
+    foot_n (n, 2): force of each foot on the whole floor as the contacts carry it, in the grid or outside it [N]; 0 for a foot
+    that is lifted or nowhere over the grid. centre_m (n, 2, 2): its centre of pressure, x, y in the plate's frame [m]; NaN
+    without a force.
     """
 
     load_n: Array
@@ -48,28 +48,28 @@ class Pressed:
     centre_m: Array
 
     @classmethod
-    def nothing(cls, rows: int, columns: int, people: int) -> Pressed:
-        """A floor on which nobody treads."""
-        nobody = np.zeros(0, dtype=np.int32)
+    def nothing(cls, rows: int, columns: int, people: int) -> FloorLoad:
+        """Return the loads of a floor without feet."""
+        none = np.zeros(0, dtype=np.int32)
         centre_m = np.full((people, 2, 2), np.nan)
-        return cls(np.zeros((rows, columns)), nobody, nobody, nobody, np.zeros(0), np.zeros((people, 2)), centre_m)
+        return cls(np.zeros((rows, columns)), none, none, none, np.zeros(0), np.zeros((people, 2)), centre_m)
 
 
 class FloorPlate:
     """A floor of `rows` x `columns` square sensing elements of side `pitch_m`, and the feet of n people.
 
-    Its frame: origin at the corner of the first element, x along a row, y from row to row, z up. Each foot is pressed
-    down by its load at its pressure point and settles, free to sink, to tip over heel and toe and to the side; how the
-    load spreads over its points follows from the contacts, like that of a stiff sole on an even bed of springs.
+    Its frame: origin at the corner of the first element, x along a row, y from row to row, z up. Each foot is pressed down by
+    its load at its pressure point and settles, free to sink, to tip over heel and toe and to the side; how the load spreads
+    over its points follows from the contacts, like that of a stiff sole on an even bed of springs.
 
-    Every burst starts from the same state: what a plate carries depends on the feet of that moment alone.
-    Simplified: the floor is rigid and frictionless; the sole does not bend and touches at POINTS points, which cells of
-    less than about 50 mm show one by one; nothing but soles presses on the floor (furniture is tared, a person who lies or
-    kneels is felt where the feet carry).
+    Every burst starts from the same state: a plate's load depends on the feet at that stamp alone. Simplified: the floor is
+    rigid and frictionless; the sole does not bend and touches at POINTS points, which cells of less than about 50 mm show one
+    by one; nothing but soles presses on the floor (furniture is tared, a person who lies or kneels is felt where the feet
+    carry).
     """
 
     def __init__(self, rows: int, columns: int, pitch_m: float, shapes: FootShapes) -> None:
-        """`shapes` are the soles of everybody who may come. Raises ValueError for soles that are no soles."""
+        """Prepare the model; `shapes` are the soles of all people who may come. Raises ValueError for impossible soles."""
         _check_shapes(shapes)
         self._rows, self._columns, self._pitch_m = rows, columns, pitch_m
         self._people = len(shapes.length)
@@ -77,13 +77,13 @@ class FloorPlate:
         self._heel = shapes.heel
         points = sole_points(shapes)
         starts = range(0, self._people, _GROUP)
-        self._groups = [_Group(rows, columns, pitch_m, points[start : start + _GROUP]) for start in starts]
+        self._groups = [_FootGroup(rows, columns, pitch_m, points[start : start + _GROUP]) for start in starts]
 
-    def press(self, feet: Feet) -> Pressed:
-        """The loads that these feet (of the people of `shapes`, in the plate's frame) put on the elements.
+    def press(self, feet: Feet) -> FloorLoad:
+        """Return the loads that these feet (of the people of `shapes`, in the plate's frame) put on the elements.
 
-        Raises ValueError for feet of other people, loads that are negative or no numbers, and a pressure point of a
-        loaded foot ahead of the toes or behind the heel: no foot can carry there.
+        Raises ValueError for feet of other people, loads that are negative or no numbers, and a pressure point of a loaded
+        foot ahead of the toes or behind the heel: no foot can carry there.
         """
         carrying = self._check_feet(feet)
         foot_n = np.zeros((self._people, 2))
@@ -106,12 +106,12 @@ class FloorPlate:
 
     def _add_up(
         self, parts: list[tuple[NDArray[np.intp], NDArray[np.int64], Array]], foot_n: Array, centre_m: Array
-    ) -> Pressed:
+    ) -> FloorLoad:
         foot = np.concatenate([np.zeros(0, dtype=np.intp), *(part[0] for part in parts)])
         cell = np.concatenate([np.zeros(0, dtype=np.int64), *(part[1] for part in parts)])
         newton = np.concatenate([np.zeros(0), *(part[2] for part in parts)])
         load_n: Array = np.bincount(cell, weights=newton, minlength=self._rows * self._columns).astype(float)
-        return Pressed(
+        return FloorLoad(
             load_n.reshape(self._rows, self._columns),
             (foot // 2).astype(np.int32),
             (foot % 2).astype(np.int32),
@@ -122,7 +122,7 @@ class FloorPlate:
         )
 
     def _check_feet(self, feet: Feet) -> NDArray[np.bool_]:
-        """Which feet (n, 2) carry something."""
+        """Return which feet (n, 2) carry a load."""
         if feet.load_n.shape != (self._people, 2):
             raise ValueError(
                 f"the loads have shape {feet.load_n.shape}; ({self._people}, 2) is needed, as are the soles"
@@ -146,8 +146,8 @@ class FloorPlate:
 
 
 @dataclass(frozen=True, eq=False)
-class _Felt:
-    """What a group's feet do: force_n (f,), centre_m (f, 2); and by foot and cell, (k,): foot, cell, newton."""
+class _GroupLoad:
+    """Loads of a group's feet: force_n (f,), centre_m (f, 2); and by foot and cell, (k,): foot, cell, newton."""
 
     force_n: Array
     centre_m: Array
@@ -156,7 +156,7 @@ class _Felt:
     newton: Array
 
 
-class _Group:
+class _FootGroup:
     """The feet of a few people in one MuJoCo model, (f,) feet in all."""
 
     def __init__(self, rows: int, columns: int, pitch_m: float, points: Array) -> None:
@@ -179,8 +179,8 @@ class _Group:
     def _sink_m(self) -> Array:
         return first_sink_m(self._model)
 
-    def press(self, place: Array, yaw: Array, load_n: Array, ahead_m: Array) -> _Felt:
-        """place (f, 2), yaw, load_n, ahead_m (f,); a load of 0 lifts the foot."""
+    def press(self, place: Array, yaw: Array, load_n: Array, ahead_m: Array) -> _GroupLoad:
+        """Return the loads of feet at place (f, 2) with yaw, load_n, ahead_m (f,); a load of 0 lifts the foot."""
         count = len(load_n)
         carrying = load_n > 0
         place = np.where(carrying[:, None], place, 0.0)
@@ -193,7 +193,7 @@ class _Group:
         load_n = np.where(over, load_n, 0.0)
         if not load_n.any():
             nothing = np.zeros(0)
-            return _Felt(
+            return _GroupLoad(
                 np.zeros(count), np.full((count, 2), np.nan), nothing.astype(int), nothing.astype(int), nothing
             )
         start = sheet_start(points, self._pitch_m)
@@ -205,15 +205,15 @@ class _Group:
         felt = (touch_n > 0) & (column >= 0) & (column < self._grid[0]) & (row >= 0) & (row < self._grid[1])
         foot, _ = np.nonzero(felt)
         cell = (row * self._grid[0] + column)[felt]
-        return _Felt(force_n, centre_m, foot, cell, touch_n[felt])
+        return _GroupLoad(force_n, centre_m, foot, cell, touch_n[felt])
 
     def _settle(
         self, start: NDArray[np.int64], place: Array, yaw: Array, load_n: Array, ahead_m: Array
     ) -> tuple[Array, Array, Array]:
-        """What the touch sensors feel (f, cells²), each foot's force (f,) [N] and its moments (f, 2) about y and x [Nm].
+        """Return touch forces (f, cells²) [N], each foot's force (f,) [N] and its moments (f, 2) about y and x [Nm].
 
-        A point exactly on a seam is felt by both elements or by neither: a foot of which the elements do not feel all
-        is moved by hundredths of a millimetre until they do.
+        A point exactly on a seam is felt by both elements or by neither: a foot of which the elements do not feel all is moved
+        by hundredths of a millimetre until they do.
         """
         nudge = np.zeros(len(load_n))
         lost = load_n > 0

@@ -1,9 +1,9 @@
-"""Soles on a floor as a MuJoCo model: which points of a foot touch, and what feels them.
+"""Soles on a floor as a MuJoCo model: the points of a foot that touch, and the touch sensors under them.
 
-Each foot has a sheet of the floor to itself: a plane that only this foot touches, with a touch sensor for every cell that
-the foot can reach. Sheets are laid where the cells of the grid are. As the floor does not give way, feet do not
-act on each other through it, and the loads of all sheets add up to what one grid under all feet would feel; but a foot is
-asked about a handful of cells, however many the grid has, and every newton is known by its foot.
+Each foot has a sheet of the floor to itself: a plane that only this foot touches, with a touch sensor for every cell that the
+foot can reach. Sheets are laid where the cells of the grid are. As the floor does not give way, feet do not act on each other
+through it, and the loads of all sheets add up to what one grid under all feet would feel. A foot needs a handful of cells,
+however many the grid has, and every newton is known by its foot.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ POINTS = len(_POINTS)
 
 
 def sole_points(shapes: FootShapes) -> Array:
-    """Where the soles of n people can touch, (n, 2, POINTS, 2) x ahead of the ankle, y to its left [m]; left foot first."""
+    """Return where soles of n people touch, (n, 2, POINTS, 2), x ahead of the ankle, y to its left [m]; left foot first."""
     along = _POINTS[:, 0]
     toes = shapes.length - shapes.heel - shapes.ball  # from the ball on
     pieces = np.stack([np.minimum(along, 0), along.clip(0, 1), np.maximum(along - 1, 0)])  # (3, POINTS)
@@ -53,24 +53,24 @@ def sole_points(shapes: FootShapes) -> Array:
 
 
 def sheet_cells(points: Array, pitch_m: float) -> int:
-    """How many cells a sheet needs along each side, so that every sole (n, 2, POINTS, 2) [m] fits on it, however turned."""
+    """Return the number of cells along a sheet's side, so that every sole (n, 2, POINTS, 2) [m] fits on it, however turned."""
     flat = points.reshape(-1, POINTS, 2)
     gaps = flat[:, :, None] - flat[:, None]
     return ceil((float(np.sqrt((gaps**2).sum(axis=-1).max())) + 2 * _SLACK_M) / pitch_m) + 1
 
 
 def sheet_start(points: Array, pitch_m: float) -> NDArray[np.int64]:
-    """The column and row (f, 2) of a sheet's first cell under feet whose points lie at (f, POINTS, 2) [m]."""
+    """Return the column and row (f, 2) of a sheet's first cell under feet whose points lie at (f, POINTS, 2) [m]."""
     return np.floor((points.min(axis=1) - _SLACK_M) / pitch_m).astype(np.int64)
 
 
 def soles_model(points: Array, pitch_m: float, cells: int) -> mujoco.MjModel:
-    """Feet with soles (f, POINTS, 2) [m], each over a sheet of `cells` x `cells` touch sensors of side `pitch_m`.
+    """Build feet with soles (f, POINTS, 2) [m], each over a sheet of `cells` x `cells` touch sensors of side `pitch_m`.
 
-    Foot k: mocap body k is its sheet (origin at the first cell's corner), mocap body f + k what carries it: the place under
-    the ankle and the yaw are written there. Its three joints are free: down (slide z), heel-toe (hinge y), inwards-
-    outwards (hinge x), in this order in qpos. Its sensors are row after row, cell after cell. No gravity: the weight
-    of the foot is part of the load that presses it. No friction: it would carry nothing vertical.
+    Foot k: mocap body k is its sheet (origin at the first cell's corner), mocap body f + k its carrier: the place under the
+    ankle and the yaw are written there. Its three joints are free: down (slide z), heel-toe (hinge y), inwards-outwards (hinge
+    x), in this order in qpos. Its sensors are row after row, cell after cell. No gravity: the weight of the foot is part of
+    the load that presses it. No friction: it would carry nothing vertical.
     """
     spec = mujoco.MjSpec()
     spec.option.gravity = [0, 0, 0]
@@ -87,7 +87,7 @@ def soles_model(points: Array, pitch_m: float, cells: int) -> mujoco.MjModel:
 
 
 def first_sink_m(model: mujoco.MjModel) -> Array:
-    """How deep each foot rests [m/N] when all of its points carry alike, (f,): a start near the end.
+    """Return how deep each foot rests [m/N] when all of its points carry alike, (f,): a start near the end.
 
     From MuJoCo's soft contacts: force = impedance · stiffness · depth / regularisation (manual, "Solver parameters").
     """

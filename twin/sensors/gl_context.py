@@ -24,7 +24,7 @@ import mujoco
 from trackers.errors import InputError
 
 _RASTERISER_THREAD = "llvmpipe-"
-"""How Mesa names the threads of its software renderer."""
+"""Mesa's name for the threads of its software renderer."""
 
 _state = threading.Condition()  # reentrant: a renderer may be freed by the garbage collector at any line
 _n_drawing = 0
@@ -74,7 +74,7 @@ def check_process() -> None:
 
 
 def is_lost(process: int, thread: int) -> bool:
-    """Whether a context that this thread of this process made cannot be freed in the process that asks."""
+    """Return True where a context that this thread of this process made cannot be freed in the current process."""
     return process != os.getpid() and (thread != threading.get_ident() or not _goes_on)
 
 
@@ -127,21 +127,21 @@ if hasattr(os, "register_at_fork"):
 
 
 INSTALL_EGL = "apt-get install libegl1 libgl1-mesa-dri"
-"""What brings software rendering to a Debian machine."""
+"""Command that installs software rendering on a Debian machine."""
 
 _GL_RENDERER, _GL_VERSION, _GL_RGBA = 0x1F01, 0x1F02, 0x1908
 
 
 @dataclass(frozen=True)
 class GlInfo:
-    """The machine's OpenGL, as noted beside every picture that is compared later."""
+    """The machine's OpenGL, noted with every image that is compared later."""
 
     renderer: str
     version: str
 
 
 def gl_info() -> GlInfo:
-    """Name and version of the OpenGL whose context is current."""
+    """Return name and version of the OpenGL whose context is current."""
     from OpenGL.EGL import eglGetProcAddress
 
     address = ctypes.cast(eglGetProcAddress("glGetString"), ctypes.c_void_p).value  # pyright: ignore[reportArgumentType]
@@ -151,11 +151,11 @@ def gl_info() -> GlInfo:
 
 
 def make_context() -> Any:
-    """An EGL context of our own, whatever `import mujoco` was told to use.
+    """Make an EGL context of our own, whatever `import mujoco` was configured to use.
 
-    MuJoCo's C code reads MUJOCO_GL when the first context is made, its Python code when it is imported; importing
-    `mujoco.egl` here leaves a machine without EGL free to import mujoco for everything but pictures.
-    Raises InputError where there is none, or none that survived a fork.
+    MuJoCo's C code reads MUJOCO_GL when the first context is made, its Python code when it is imported; importing `mujoco.egl`
+    here leaves a machine without EGL free to import mujoco for all but images. Raises InputError where there is none, or none
+    that survived a fork.
     """
     os.environ["MUJOCO_GL"] = "egl"
     # No thread of the rasteriser's: the second core is worth more to what runs beside the renderer (encoding, tracking),
@@ -177,7 +177,7 @@ def make_context() -> Any:
 
 
 def make_mjr_context(model: mujoco.MjModel, context: Any, samples: int, shadow_map_px: int) -> mujoco.MjrContext:
-    """MuJoCo's side of a context: the model's meshes and textures, a buffer with this many samples a pixel (0: one).
+    """Make MuJoCo's side of a context: the model's meshes and textures, a buffer with this many samples per pixel (0: one).
 
     shadow_map_px: the side of the map of a lamp's shadows (0: none, where the model would say 64 MB).
     """

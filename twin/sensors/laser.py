@@ -10,7 +10,7 @@ import numpy as np
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor
 from twin.instant.snapshot import Snapshot
-from twin.sensors.rays import Fan
+from twin.sensors.rays import RayFan
 from twin.sensors.sensor import Reading, State
 
 SWEEP_STEP_S = 0.005
@@ -18,12 +18,12 @@ SWEEP_STEP_S = 0.005
 
 
 class Laser:
-    """An ideal scanner: exact ranges along infinitely thin rays, with the person whom each ray meets as truth.
+    """An ideal scanner: exact ranges along infinitely thin rays; the person that each ray meets is the truth.
 
-    Beams go counter-clockwise from `angle_min_rad` in steps of `angle_increment_rad` in the x-y plane of the sensor's
-    frame (x ahead, y left, z up). A return nearer than `range_min_m` is NaN (invalid), none within `range_max_m` is
-    +inf (REP 117). With `sweep_time_s` > 0 the first beam is taken at the stamp and the last that much later; beams are
-    grouped so that each is taken within SWEEP_STEP_S / 2 of its time. The sensor stands still.
+    Beams go counter-clockwise from `angle_min_rad` in steps of `angle_increment_rad` in the x-y plane of the sensor's frame (x
+    ahead, y left, z up). A return nearer than `range_min_m` is NaN (invalid), none within `range_max_m` is +inf (REP 117).
+    With `sweep_time_s` > 0 the first beam is taken at the stamp and the last that much later; beams are grouped so that each
+    is taken within SWEEP_STEP_S / 2 of its time. The sensor stands still.
 
     `origin_m` (3,) and `directions` (n_beam, 3) are its rays in the room frame.
 
@@ -55,13 +55,13 @@ class Laser:
         # The sensor never moves, so its rays are turned into the room's frame once.
         pose = rig.room_from_sensor
         self.origin_m, self.directions = pose.translation, np.ascontiguousarray(in_sensor @ pose.rotation.T)
-        self._fan = Fan(self.origin_m, self.directions, pose.rotation[:, 2].copy(), self._range_max_m)
+        self._fan = RayFan(self.origin_m, self.directions, pose.rotation[:, 2].copy(), self._range_max_m)
         self._distance = np.empty(beams)
         self._person = np.empty(beams, dtype=np.int16)
         self._sectors, self.instants_s = self._split_sweep(beams)
 
     def _split_sweep(self, beams: int) -> tuple[list[slice], tuple[float, ...]]:
-        """The beams taken together, and the mean time of each such sector after the stamp [s]."""
+        """Group the beams taken together; return the groups and the mean time of each after the stamp [s]."""
         count = min(beams, max(1, int(np.ceil(self._sweep_time_s / SWEEP_STEP_S))))
         edges = np.linspace(0, beams, count + 1).round().astype(int)
         sectors = [slice(int(first), int(last)) for first, last in pairwise(edges)]
@@ -71,7 +71,7 @@ class Laser:
     def observe(
         self, stamp_ns: int, snapshots: Iterable[Snapshot], state: State, rng: np.random.Generator
     ) -> tuple[Reading, State]:
-        """The ideal scan; `rng` and `state` are not used."""
+        """Return the ideal scan; `rng` and `state` are not used."""
         for sector, snapshot in zip(self._sectors, snapshots, strict=True):
             geom, self._distance[sector] = self._fan.cast(snapshot, sector)
             # A miss has geom -1 and takes the last geom's person here; it is cleared with the range below.
@@ -96,7 +96,7 @@ class Laser:
         return Reading(scan, {"person_of_ray": person_of_ray, "range_m": ranges_m}), state
 
     def rig_sensor(self) -> LaserSensor:
-        """What a tracker is told: where the scanner is, its topic and its role."""
+        """Return the tracker's view of the sensor: pose, topic and role."""
         return self._rig
 
     @property

@@ -1,4 +1,4 @@
-"""What a real scanner does to ideal ranges: noise, mixed pixels, drop-out, quantisation."""
+"""Noise of a scanner: range noise, mixed pixels, drop-out, quantisation."""
 
 from __future__ import annotations
 
@@ -52,11 +52,11 @@ class LaserNoise(Strict):
 
     @property
     def is_off(self) -> bool:
-        """Whether the ideal scan comes through as it is."""
+        """True where the ideal scan passes unchanged."""
         return not (self.sigma_m or self.sigma_per_m or self.quantisation_m or self.dropout or self.mixed_pixel)
 
     def corrupt(self, observation: LaserScan, state: None, rng: np.random.Generator) -> tuple[LaserScan, None]:
-        """The scan as the device would report it; keeps no state."""
+        """Return the scan as the device reports it; keeps no state."""
         scan = observation
         ranges = scan.ranges_m.copy()
         if self.mixed_pixel > 0:
@@ -86,7 +86,7 @@ class LaserNoise(Strict):
         return noisy, None
 
     def _sigma_m(self, ranges: NDArray[np.float32]) -> float | NDArray[np.float32]:
-        """Standard deviation [m] at each range; finite where there is no return, which noise leaves as it is."""
+        """Return the standard deviation [m] at each range; finite where there is no return, which noise leaves as it is."""
         if self.sigma_per_m == 0:
             return self.sigma_m
         finite = np.where(np.isfinite(ranges), ranges, np.float32(0))

@@ -12,8 +12,8 @@ import numpy as np
 from trackers.observations import Observation
 from trackers.rig import RigSensor
 from twin.instant.snapshot import Snapshot
-from twin.sensors.fault_effects import Blob, BrokenBeams, BrokenCells, Sector
-from twin.sensors.fault_kinds import BlockedSector, DeadBeams, DeadCells, Fault, Freeze, Occlusion
+from twin.sensors.fault_effects import DeadBeamMask, DeadCellMask, LensCover, SectorBlock
+from twin.sensors.fault_kinds import BlockedSector, DeadBeams, DeadCells, Fault, Freeze, LensOcclusion
 from twin.sensors.sensor import Noise, Reading, Sensor, State
 from twin.streams import stream
 
@@ -32,33 +32,33 @@ class Noisy:
 
     @property
     def instants_s(self) -> tuple[float, ...]:
-        """When the ideal sensor looks, as offsets from the stamp [s]."""
+        """Instants of the ideal sensor, as offsets from the stamp [s]."""
         return self.ideal.instants_s
 
     def observe(
         self, stamp_ns: int, snapshots: Iterable[Snapshot], state: State, rng: np.random.Generator
     ) -> tuple[Reading, State]:
-        """The ideal reading with noise on its observation; the state is the sensor's and the noise's."""
+        """Return the ideal reading with noise on its observation; the state is the sensor's and the noise's."""
         sensor_state, noise_state = state if state is not None else (None, None)
         reading, sensor_state = self.ideal.observe(stamp_ns, snapshots, sensor_state, rng)
         observation, noise_state = self.noise.corrupt(reading.observation, noise_state, rng)
         return Reading(observation, reading.truth), (sensor_state, noise_state)
 
     def rig_sensor(self) -> RigSensor:
-        """What a tracker is told of the sensor; of its noise it is told nothing."""
+        """Return the tracker's view of the sensor, without its noise."""
         return self.ideal.rig_sensor()
 
 
 class Effect(Protocol):
-    """What a fault does to an observation while it is there."""
+    """The effect of a fault on observations while it is present."""
 
-    def spoil(self, observation: Any) -> Observation:
-        """The observation as the faulty sensor has it; the one given stays untouched."""
+    def apply(self, observation: Any) -> Observation:
+        """Return the observation of the faulty sensor; the given one stays untouched."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
-class _Timed:
+class _TimedEffect:
     """An effect, and the fault that says when it is there."""
 
     fault: Fault
@@ -67,7 +67,7 @@ class _Timed:
 
 @dataclass(frozen=True, eq=False)
 class _FaultyState:
-    """What is carried: the sensor's own state, and what it last reported, where it may freeze."""
+    """State of a faulty sensor: the sensor's own, and its last observation where it may freeze."""
 
     inner: State = None
     held: Observation | None = None
@@ -82,23 +82,23 @@ class Faulty:
     """
 
     def __init__(self, healthy: Sensor, faults: Mapping[str, Fault], seed: int) -> None:
-        """`faults`: by name, those of this sensor; those of its messages alone are left to the schedule."""
+        """Prepare the effects; `faults`: by name, those of this sensor; those of its messages are left to the schedule."""
         self.healthy = healthy
         self._seed = seed
-        self._before: list[_Timed] = []
-        self._within: list[_Timed] = []
+        self._before: list[_TimedEffect] = []
+        self._within: list[_TimedEffect] = []
         self._freezes = [fault for fault in faults.values() if isinstance(fault, Freeze)]
         for name, fault in faults.items():
             rng = stream(seed, "fault", f"{name}/{healthy.name}")
             match fault:
-                case Occlusion():
-                    self._before.append(_Timed(fault, Blob(fault, healthy.rig_sensor(), rng)))
+                case LensOcclusion():
+                    self._before.append(_TimedEffect(fault, LensCover(fault, healthy.rig_sensor(), rng)))
                 case BlockedSector():
-                    self._before.append(_Timed(fault, Sector(fault)))
+                    self._before.append(_TimedEffect(fault, SectorBlock(fault)))
                 case DeadBeams():
-                    self._within.append(_Timed(fault, BrokenBeams(fault, rng)))
+                    self._within.append(_TimedEffect(fault, DeadBeamMask(fault, rng)))
                 case DeadCells():
-                    self._within.append(_Timed(fault, BrokenCells(fault, rng)))
+                    self._within.append(_TimedEffect(fault, DeadCellMask(fault, rng)))
                 case _:
                     pass
 
@@ -114,17 +114,17 @@ class Faulty:
 
     @property
     def instants_s(self) -> tuple[float, ...]:
-        """When it looks, as offsets from the stamp [s]."""
+        """Instants of the healthy sensor, as offsets from the stamp [s]."""
         return self.healthy.instants_s
 
     def rig_sensor(self) -> RigSensor:
-        """What a tracker is told of the sensor; of its faults it is told nothing."""
+        """Return the tracker's view of the sensor, without its faults."""
         return self.healthy.rig_sensor()
 
     def observe(
         self, stamp_ns: int, snapshots: Iterable[Snapshot], state: State, rng: np.random.Generator
     ) -> tuple[Reading, State]:
-        """The reading with the faults of this stamp in it; the state is the healthy sensor's and the last report."""
+        """Return the reading with the faults of this stamp in it; the state is the healthy sensor's and the last observation."""
         carried: _FaultyState = state if state is not None else _FaultyState()
         before = [each.effect for each in self._before if each.fault.holds(stamp_ns)]
         if before:
@@ -134,7 +134,7 @@ class Faulty:
         observation = reading.observation
         for each in self._within:
             if each.fault.holds(stamp_ns):
-                observation = each.effect.spoil(observation)
+                observation = each.effect.apply(observation)
         held = None
         if self._freezes:
             held = carried.held
@@ -151,37 +151,37 @@ class Faulty:
         state: State,
         rng: np.random.Generator,
     ) -> tuple[Reading, State]:
-        """The reading with something before the sensor: under its noise where it has some."""
+        """Return the reading with an obstruction before the sensor: under its noise where it has some."""
         if not isinstance(self.healthy, Noisy):
             reading, state = self.healthy.observe(stamp_ns, snapshots, state, rng)
-            return Reading(_spoilt(effects, reading.observation), reading.truth), state
+            return Reading(_applied(effects, reading.observation), reading.truth), state
         sensor_state, noise_state = state if state is not None else (None, None)
         reading, sensor_state = self.healthy.ideal.observe(stamp_ns, snapshots, sensor_state, rng)
         noise = self.healthy.noise
         # Drawn as without the fault: what noise draws may depend on what it sees.
         _, noise_state = noise.corrupt(reading.observation, noise_state, rng)
         own = stream(self._seed, "fault noise", f"{self.name}/{stamp_ns}")
-        observation, _ = noise.corrupt(_spoilt(effects, reading.observation), noise_state, own)
+        observation, _ = noise.corrupt(_applied(effects, reading.observation), noise_state, own)
         return Reading(observation, reading.truth), (sensor_state, noise_state)
 
 
 def with_faults(healthy: Sensor, faults: Mapping[str, Fault], seed: int) -> Sensor:
-    """The sensor with those of the faults that are its own; itself where there are none but of its messages."""
+    """Wrap a sensor in those of the faults that are its own; returns it unchanged where only its messages have faults."""
     own = {name: fault for name, fault in faults.items() if healthy.name in fault.sensor}
-    if any(isinstance(fault, Freeze | Occlusion | BlockedSector | DeadBeams | DeadCells) for fault in own.values()):
+    if any(isinstance(fault, Freeze | LensOcclusion | BlockedSector | DeadBeams | DeadCells) for fault in own.values()):
         return Faulty(healthy, own, seed)
     return healthy
 
 
-def _spoilt(effects: list[Effect], observation: Observation) -> Observation:
+def _applied(effects: list[Effect], observation: Observation) -> Observation:
     for effect in effects:
-        observation = effect.spoil(observation)
+        observation = effect.apply(observation)
     return observation
 
 
 @dataclass(eq=False)
 class TimedSensor:
-    """A sensor and what its observations cost."""
+    """A sensor and the measured cost of its observations."""
 
     sensor: Sensor
     frames: int = 0
@@ -205,13 +205,13 @@ class TimedSensor:
 
     @property
     def instants_s(self) -> tuple[float, ...]:
-        """When it looks, as offsets from the stamp [s]."""
+        """Instants of the sensor, as offsets from the stamp [s]."""
         return self.sensor.instants_s
 
     def observe(
         self, stamp_ns: int, snapshots: Iterable[Snapshot], state: State, rng: np.random.Generator
     ) -> tuple[Reading, State]:
-        """The sensor's reading, timed."""
+        """Return the sensor's reading, and measure its time."""
         start = time.perf_counter()
         result = self.sensor.observe(stamp_ns, self._without_the_world(snapshots), state, rng)
         self.spent_s += time.perf_counter() - start
@@ -220,7 +220,7 @@ class TimedSensor:
         return result
 
     def _without_the_world(self, snapshots: Iterable[Snapshot]) -> Iterator[Snapshot]:
-        """The snapshots; what moving the world to them costs is not the sensor's."""
+        """Yield the snapshots; the time of moving the world to them is not the sensor's."""
         start = time.perf_counter()
         for snapshot in snapshots:
             self.spent_s -= time.perf_counter() - start
@@ -229,5 +229,5 @@ class TimedSensor:
         self.spent_s -= time.perf_counter() - start
 
     def rig_sensor(self) -> RigSensor:
-        """Where the sensor is and how it projects, in truth."""
+        """Return the sensor's true pose and projection."""
         return self.sensor.rig_sensor()

@@ -45,10 +45,10 @@ class Lens(Strict):
     )
 
     def intrinsics(self, size: tuple[int, int] | None = None) -> FisheyeIntrinsics:
-        """The intrinsics at this picture size (width, height) [px], or the lens's own.
+        """Return the intrinsics at this image size (width, height) [px], or the lens's own.
 
-        The picture is scaled alike in both directions, to fit, and keeps its place relative to the middle.
-        Raises InputError where r(θ) stops growing inside the field of view.
+        The image is scaled alike in both directions, to fit, and keeps its place relative to the middle. Raises InputError
+        where r(θ) stops growing inside the field of view.
         """
         width, height = size or (self.width, self.height)
         scale = min(width / self.width, height / self.height)

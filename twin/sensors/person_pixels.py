@@ -1,4 +1,4 @@
-"""From a drawing of geom numbers to a camera's picture of people's ids."""
+"""Convert a drawing of geom numbers to a camera's image of person ids."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class PersonPixels:
     def people(
         self, drawn: NDArray[np.uint8], geom_of_number: NDArray[np.intp], person_of_geom: NDArray[np.int16]
     ) -> NDArray[np.int16]:
-        """The id picture (height, width) in a drawing (rows, columns, 4): 0 the room, -1 outside the field."""
+        """Return the id image (height, width) in a drawing (rows, columns, 4): 0 the room, -1 outside the field."""
         person_of_number = np.where(geom_of_number >= 0, person_of_geom[geom_of_number], np.int16(0))
         if self._maps is None:
             return person_of_number[_numbers(drawn)[::-1]]
@@ -46,5 +46,5 @@ class PersonPixels:
 
 
 def _numbers(drawn: NDArray) -> NDArray[np.integer]:
-    """Red + 256 green + 65536 blue of RGBA pixels, (rows, columns)."""
+    """Return red + 256 green + 65536 blue of RGBA pixels, (rows, columns)."""
     return np.ascontiguousarray(drawn).view("<u4")[..., 0] & 0xFFFFFF

@@ -31,7 +31,7 @@ LARGEST_BUFFER_PX = 16_384
 
 @dataclass(frozen=True, eq=False)
 class PinholeView:
-    """What to draw for a camera, and how its picture comes of the buffer (height, width), rows from the bottom up.
+    """The view drawn for a camera, and the remapping of its buffer (height, width), rows from the bottom up, to the image.
 
     `maps`: for each pixel its place in the buffer (fixed point, as `cv2.remap` takes it); None: pixel for pixel.
     """
@@ -42,13 +42,13 @@ class PinholeView:
     maps: tuple[NDArray, NDArray] | None
 
     def picture(self, drawn: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """The picture (height, width, 3) RGB in what was drawn (RGBA); a new array."""
+        """Remap what was drawn (RGBA) to the image (height, width, 3) RGB; a new array."""
         if self.maps is None:
             return cv2.flip(cv2.cvtColor(drawn, cv2.COLOR_RGBA2RGB), 0)  # pyright: ignore[reportReturnType]
         return cv2.cvtColor(cv2.remap(drawn, *self.maps, cv2.INTER_LINEAR), cv2.COLOR_RGBA2RGB)  # pyright: ignore[reportReturnType]
 
     def people(self, renderer: OffscreenRenderer, snapshot: Snapshot, eye_m: NDArray[np.float64]) -> NDArray[np.int16]:
-        """The id of the person at each of the picture's pixels, 0 for the room, (height, width)."""
+        """Return the id of the person at each pixel of the image, 0 for the room, (height, width)."""
         drawn = np.empty((self.height, self.width, 4), dtype=np.uint8)
         geom_of_number = renderer.render(snapshot.data, eye_m, (self.view,), None, numbers=drawn)
         return self._pixels.people(drawn, geom_of_number, snapshot.person_of_geom)
@@ -59,10 +59,10 @@ class PinholeView:
 
 
 def pinhole_view(lens: PinholeIntrinsics, pose: Pose, eye_offset_m: float = 0.0) -> PinholeView:
-    """The view of a camera with this pose (its optical frame in the room's), `eye_offset_m` to its right.
+    """Return the view of a camera with this pose (its optical frame in the room's), `eye_offset_m` to its right.
 
-    A lens without distortion is drawn as it is, its principal point by an off-axis frustum. Another is drawn wider, with
-    at least a pixel for each of the picture's. Raises InputError where that buffer would be too large.
+    A lens without distortion is drawn as it is, its principal point by an off-axis frustum. Another is drawn wider, with at
+    least a pixel for each of the image's. Raises InputError where that buffer would be too large.
     """
     if not lens.is_distorted:
         left, right = (-0.5 - lens.cx) / lens.fx, (lens.width - 0.5 - lens.cx) / lens.fx
@@ -91,7 +91,7 @@ def pinhole_view(lens: PinholeIntrinsics, pose: Pose, eye_offset_m: float = 0.0)
 
 
 def _span(tangents: NDArray[np.float64], steps: NDArray[np.float64]) -> tuple[float, int, float]:
-    """Where a buffer begins (tangent), how many pixels it needs, and its pixels per unit of tangent."""
+    """Return a buffer's lower edge (tangent), its number of pixels, and its pixels per unit of tangent."""
     finest = steps.min()
     if finest <= 0:
         raise InputError(
@@ -146,7 +146,7 @@ class Pinhole:
 
     @cached_property
     def view(self) -> PinholeView:
-        """What is drawn for a picture."""
+        """View drawn for an image."""
         return pinhole_view(self._rig.intrinsics, self._rig.room_from_sensor)
 
     @cached_property
@@ -156,17 +156,17 @@ class Pinhole:
     def observe(
         self, stamp_ns: int, snapshots: Iterable[Snapshot], state: State, rng: np.random.Generator
     ) -> tuple[Reading, State]:
-        """The ideal picture; `rng` and `state` are not used."""
+        """Return the ideal image; `rng` and `state` are not used."""
         rgb = self._mean_picture(snapshots) if len(self.instants_s) > 1 else self._only_picture(snapshots)
         return Reading(Image(self.name, stamp_ns, rgb)), state
 
     def person_image(self, snapshot: Snapshot) -> NDArray[np.int16]:
-        """The id of the person at each pixel's centre, 0 for the room, (height, width)."""
+        """Return the id of the person at each pixel's centre, 0 for the room, (height, width)."""
         renderer = checked_renderer(self._renderer(), snapshot, self.name)
         return self.view.people(renderer, snapshot, self._eye_m)
 
     def rig_sensor(self) -> PinholeSensor:
-        """What a tracker is told: where the camera is, its topic and its intrinsics."""
+        """Return the tracker's view of the sensor: pose, topic and intrinsics."""
         return self._rig
 
     def _only_picture(self, snapshots: Iterable[Snapshot]) -> NDArray[np.uint8]:
@@ -187,7 +187,7 @@ class Pinhole:
 
 
 def checked_renderer(renderer: OffscreenRenderer, snapshot: Snapshot, camera: str) -> OffscreenRenderer:
-    """The renderer; raises ValueError where it draws another model than the snapshot's."""
+    """Return the renderer; raises ValueError where it draws another model than the snapshot's."""
     if snapshot.model is not renderer.model:
         raise ValueError(f"camera {camera!r} was given a renderer of another model than the snapshot's")
     return renderer

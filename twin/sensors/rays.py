@@ -48,26 +48,26 @@ def cast(
 
 
 def bounding_radius(model: mujoco.MjModel) -> Array:
-    """Radius of the bounding sphere about each geom's place (n_geom,) [m]; infinite for planes and height fields."""
+    """Return the radius of each geom's bounding sphere (n_geom,) [m]; infinite for planes and height fields."""
     return np.where(model.geom_rbound > 0, model.geom_rbound, np.inf)
 
 
 def passes_spheres(directions: Array, reach_m: Array | float, centre_m: Array, radius_m: Array) -> Mask:
-    """Whether rays may enter spheres, (n, m): never False for one that does.
+    """Return which rays may enter which spheres, (n, m): never False for one that does.
 
-    The unit `directions` (n, 3) go `reach_m` (n,) [m] far; `centre_m` (m, 3) is seen from where they begin [m].
+    The unit `directions` (n, 3) go `reach_m` (n,) [m] far; `centre_m` (m, 3) is relative to the rays' origin [m].
     """
     radius_m = radius_m + _MARGIN_M
     along = directions @ centre_m.T  # (n, m): to the place nearest to each centre
-    aside = (centre_m * centre_m).sum(axis=1) - along * along
-    return (aside <= radius_m * radius_m) & (along > -radius_m) & (along < np.reshape(reach_m, (-1, 1)) + radius_m)
+    miss_m2 = (centre_m * centre_m).sum(axis=1) - along * along
+    return (miss_m2 <= radius_m * radius_m) & (along > -radius_m) & (along < np.reshape(reach_m, (-1, 1)) + radius_m)
 
 
-Met = tuple[NDArray[np.int32], Array]
-"""What rays meet: the geom (n,), -1 for none, and its distance (n,) [m], -1."""
+Hits = tuple[NDArray[np.int32], Array]
+"""First hits of rays: the geom (n,), -1 for none, and its distance (n,) [m], -1."""
 
 
-class Fan:
+class RayFan:
     """Rays in one plane whose ranges in the room are kept: only people are cast anew, by the rays that pass near them.
 
     The same to the bit as casting all rays at everything, and cheaper by what there is in the room. Kept ranges are good
@@ -75,17 +75,17 @@ class Fan:
     """
 
     def __init__(self, origin_m: Array, directions: Array, normal: Array, range_max_m: float) -> None:
-        """`origin_m` (3,), the unit `directions` (n, 3) and `normal` (3,) of their plane are in the room frame."""
+        """Prepare the rays; `origin_m` (3,), unit `directions` (n, 3) and `normal` (3,) of their plane are in the room frame."""
         self.origin_m = origin_m
         self.directions = directions
         self._normal = normal
         self._range_max_m = range_max_m
         self._model: mujoco.MjModel | None = None
         self._poses = np.zeros((0, 12))
-        self._kept: Met = np.zeros(0, dtype=np.int32), np.zeros(0)
+        self._kept: Hits = np.zeros(0, dtype=np.int32), np.zeros(0)
 
-    def cast(self, snapshot: Snapshot, rays: slice) -> Met:
-        """What some of the rays meet first."""
+    def cast(self, snapshot: Snapshot, rays: slice) -> Hits:
+        """Return the first hits of some of the rays."""
         room, room_m = self._in_the_room(snapshot)
         geom, distance_m = room[rays].copy(), room_m[rays].copy()
         near = np.flatnonzero(self._near_people(snapshot, self.directions[rays]))
@@ -96,14 +96,14 @@ class Fan:
         return geom, distance_m
 
     def _near_people(self, snapshot: Snapshot, directions: Array) -> NDArray[np.bool_]:
-        """Which rays (n,) may meet somebody, by the bounding spheres of their geoms that reach the plane."""
+        """Return which rays (n,) may meet a person, by the bounding spheres of people's geoms that reach the plane."""
         radius, centre = bounding_radius(snapshot.model), snapshot.data.geom_xpos - self.origin_m
         in_plane = (snapshot.person_of_geom > 0) & (np.abs(centre @ self._normal) <= radius)
         near = passes_spheres(directions, self._range_max_m, centre[in_plane], radius[in_plane])
         return np.asarray(near.any(axis=1))
 
-    def _in_the_room(self, snapshot: Snapshot) -> Met:
-        """What all rays meet where nobody is."""
+    def _in_the_room(self, snapshot: Snapshot) -> Hits:
+        """Return the first hits of all rays in the room without people."""
         model, data = snapshot.model, snapshot.data
         person = snapshot.person_of_geom > 0
         poses = np.concatenate([data.geom_xpos[~person], data.geom_xmat[~person]], axis=1)
@@ -112,7 +112,7 @@ class Fan:
             self._kept = self._meet(snapshot, self.directions, person)
         return self._kept
 
-    def _meet(self, snapshot: Snapshot, directions: Array, left_out: NDArray[np.bool_]) -> Met:
+    def _meet(self, snapshot: Snapshot, directions: Array, left_out: NDArray[np.bool_]) -> Hits:
         geom, distance_m = np.empty(len(directions), dtype=np.int32), np.empty(len(directions))
         cast(
             snapshot, self.origin_m, directions, geom, distance_m, normal=self._normal, left_out=left_out,

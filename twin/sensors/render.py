@@ -1,4 +1,4 @@
-"""Offscreen pictures from MuJoCo's classic OpenGL renderer on EGL: many views of one moment, one read."""
+"""Offscreen images from MuJoCo's classic OpenGL renderer on EGL: many views of one snapshot, one read."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class OffscreenRenderer:
     """Draws one model from any eye point; for use in the thread that made it, closed when done.
 
     Shadows are off unless asked for (each view draws the shadow map again: it more than doubles the cost): see
-    `let_a_lamp_cast`. So is multisampling; depth and numbers, which it would mix, are then drawn once more without.
+    `ensure_shadow_light`. So is multisampling; depth and numbers, which it would mix, are then drawn once more without.
     Reflections and fog are off: fog follows the depth along each view's own axis and would step where views meet. What
     each costs is measured in `scripts/bench --only switches`.
     Sites, joints and the other decorations of MuJoCo are not drawn. Geoms outside a view are left out of it, since in
@@ -49,12 +49,12 @@ class OffscreenRenderer:
         most_marks: int = 0,
         samples: int = 0,
         static: bool = True,
-        leave_out_unseen: bool = True,
+        cull: bool = True,
     ) -> None:
-        """`most_marks`: how many marks a picture may hold; `samples`: of multisampling a pixel (0: none).
+        """Make the context; `most_marks`: marks that an image may hold at most; `samples`: multisampling per pixel (0: none).
 
-        `static`: whether what cannot move is drawn; `leave_out_unseen`: whether geoms out of sight are passed over, which
-        changes no pixel (with shadows they are drawn all the same: they may throw one into the picture).
+        `static`: draw geoms that cannot move; `cull`: pass over geoms out of sight, which changes no pixel (with
+        shadows they are drawn all the same: they may throw one into the image).
         """
         self._context: Any = None
         self._mjr: mujoco.MjrContext | None = None
@@ -62,7 +62,7 @@ class OffscreenRenderer:
         self._maker = os.getpid(), threading.get_ident()
         self.model = model
         if shadows:
-            let_a_lamp_cast(model)
+            ensure_shadow_light(model)
         with no_fork():
             self._context = make_context()
             self._mjr = make_mjr_context(model, self._context, samples, _SHADOW_MAP_PX if shadows else 0)
@@ -72,7 +72,7 @@ class OffscreenRenderer:
         self._scene.flags[mujoco.mjtRndFlag.mjRND_CULL_FACE] = not has_open_mesh(model)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SKYBOX] = 1
         self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
-        self._leave_out_unseen = leave_out_unseen and not shadows
+        self._cull = cull and not shadows
         self._bodies = mujoco.mjtCatBit.mjCAT_DYNAMIC | (mujoco.mjtCatBit.mjCAT_STATIC if static else 0)
         self._option = drawing_option()
         self._geoms = self._scene.geoms
@@ -80,13 +80,13 @@ class OffscreenRenderer:
         self._cameras = self._scene.camera[0], self._scene.camera[1]
 
     def gl_info(self) -> GlInfo:
-        """Name and version of the OpenGL that draws."""
+        """Return name and version of the OpenGL that draws."""
         with no_fork():
             self._make_current()
             return gl_info()
 
     def drawing(self) -> tuple[mujoco.MjvScene, mujoco.MjrContext]:
-        """The scene as it was last drawn, and its context: for bare calls of MuJoCo, to measure against."""
+        """Return the scene as it was last drawn, and its context: for bare calls of MuJoCo, to measure against."""
         self._make_current()
         assert self._mjr is not None
         return self._scene, self._mjr
@@ -198,7 +198,7 @@ class OffscreenRenderer:
         self._scene.ngeom = place + 1
 
     def _scene_geoms(self) -> SceneGeoms:
-        """The geoms of the last update; what is known of them is kept from update to update."""
+        """Return the geoms of the last update, kept from update to update."""
         count = self._scene.ngeom
         if self._listed is None or self._listed[0] != count or not self._listed[1].updated():
             self._listed = count, SceneGeoms(self.model, self._geoms[:count])
@@ -207,10 +207,10 @@ class OffscreenRenderer:
     def _seen(
         self, drawn: SceneGeoms, data: mujoco.MjData, eye_m: NDArray[np.float64], views: Sequence[View]
     ) -> NDArray[np.bool_]:
-        """Whether each geom of the scene is drawn in each view, (n_view, n_scene_geom)."""
+        """Return which geoms of the scene are drawn in each view, (n_view, n_scene_geom)."""
         eyes_m = eye_m + np.array([view.offset_m for view in views])
         faces = drawn.from_the_front(data, eyes_m)
-        if not self._leave_out_unseen:
+        if not self._cull:
             return faces
         return faces & drawn.in_sight(data, eyes_m, np.stack([view.inward_normals for view in views]))
 
@@ -227,7 +227,7 @@ class OffscreenRenderer:
             camera.frustum_top = near * view.top
 
     def _without_samples(self) -> mujoco.MjrContext:
-        """The context that draws one sample a pixel."""
+        """Return the context that draws one sample per pixel."""
         assert self._mjr is not None
         if not self._samples:
             return self._mjr
@@ -237,7 +237,7 @@ class OffscreenRenderer:
 
     @staticmethod
     def _fitted(mjr: mujoco.MjrContext | None, width: int, height: int) -> mujoco.MjrContext:
-        """The context with a buffer of at least this size."""
+        """Return the context with a buffer of at least this size."""
         assert mjr is not None
         if width > mjr.offWidth or height > mjr.offHeight:
             mujoco.mjr_resizeOffscreen(max(width, mjr.offWidth), max(height, mjr.offHeight), mjr)
@@ -277,11 +277,11 @@ class OffscreenRenderer:
         self.close()
 
 
-def let_a_lamp_cast(model: mujoco.MjModel) -> None:
-    """Where no lamp of a model throws shadows, the one that shines most steeply down does from now on.
+def ensure_shadow_light(model: mujoco.MjModel) -> None:
+    """Let the steepest lamp of a model throw shadows where none does.
 
-    What it throws only shows where shadows are drawn. In a lamp's shadow MuJoCo leaves out its ambient light too, so that
-    a lamp with any is chosen where there is no other.
+    Its shadows show only where shadows are drawn. In a lamp's shadow MuJoCo leaves out its ambient light too, so that a lamp
+    with any is chosen where there is no other.
     """
     if model.nlight and not model.light_castshadow.any():
         steepness = model.light_dir[:, 2] + 2 * model.light_ambient.any(axis=1)
@@ -302,9 +302,9 @@ class RendererOnDemand:
         most_marks: int = 0,
         samples: int = 0,
         static: bool = True,
-        leave_out_unseen: bool = True,
+        cull: bool = True,
     ) -> None:
-        """`model`: the one to draw, or what tells which it is at the time: another one gets a renderer of its own."""
+        """Keep the switches; `model`: the one to draw, or a function that returns it: another model gets a new renderer."""
         self._model = model if callable(model) else lambda: model
         self._make = partial(
             OffscreenRenderer,
@@ -312,12 +312,12 @@ class RendererOnDemand:
             most_marks=most_marks,
             samples=samples,
             static=static,
-            leave_out_unseen=leave_out_unseen,
+            cull=cull,
         )
         self._renderer: OffscreenRenderer | None = None
 
     def __call__(self) -> OffscreenRenderer:
-        """The renderer of the model, shared by all who ask. Raises InputError where there is no EGL."""
+        """Return the renderer of the model, shared by all callers; raises InputError where there is no EGL."""
         model = self._model()
         if self._renderer is not None and self._renderer.model is not model:
             self.close()

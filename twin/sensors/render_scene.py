@@ -15,11 +15,11 @@ from twin.instant.snapshot import DRAWN_GROUPS
 
 @dataclass(frozen=True)
 class View:
-    """One perspective picture: where it looks (unit vectors in the room frame), how wide, and where it is drawn.
+    """One perspective image: its direction (unit vectors in the room frame), its width, and its place in the buffer.
 
-    left, right, bottom, top bound the picture on the plane at distance 1 (tangents of the angles from `forward`,
-    x along forward × up); `viewport` is (column, row, width, height) in the buffer [px], rows counted from the bottom.
-    `offset_m` is where it looks from, beside the eye that all views of a moment have in common, room frame.
+    left, right, bottom, top bound the image on the plane at distance 1 (tangents of the angles from `forward`, x along forward
+    × up); `viewport` is (column, row, width, height) in the buffer [px], rows counted from the bottom. `offset_m` is the
+    view's eye relative to the common eye of all views, room frame.
     """
 
     forward: tuple[float, float, float]
@@ -81,23 +81,23 @@ class SceneGeoms:
         self._is_plane = bounded & (model.geom_type[index] == mujoco.mjtGeom.mjGEOM_PLANE)
 
     def updated(self) -> bool:
-        """Whether they list the same objects after an update; all are shown again then."""
+        """Show all geoms again after an update; return True where the same objects are listed."""
         self._shown = np.ones(len(self._geoms), dtype=bool)
         return self._listed() == self._objects
 
     def in_sight(
         self, data: mujoco.MjData, eyes_m: NDArray[np.float64], inward: NDArray[np.float64]
     ) -> NDArray[np.bool_]:
-        """Whether each geom reaches into each view, (n_view, n_geom); never wrongly False.
+        """Return which geoms reach into each view, (n_view, n_geom); never wrongly False.
 
-        Of each view the eye (n_view, 3) and the unit normals of its four sides, pointing inward, (n_view, 4, 3).
+        `eyes_m` (n_view, 3); `inward`: unit normals of each view's four sides, pointing inward, (n_view, 4, 3).
         """
         behind = np.einsum("vi,vsi->vs", eyes_m, inward)
         depth = data.geom_xpos[self._index] @ inward.reshape(-1, 3).T - behind.reshape(-1)  # (n_geom, 4 n_view)
         return (depth > -self._radius[:, None]).reshape(len(self._radius), -1, 4).all(axis=2).T
 
     def from_the_front(self, data: mujoco.MjData, eyes_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether each view's eye (n_view, 3) [m] is before each geom, (n_view, n_geom): planes alone have a back.
+        """Return which geoms each view's eye (n_view, 3) [m] is in front of, (n_view, n_geom): planes alone have a back.
 
         Rays pass through a plane from behind, so it is not drawn from there either.
         """
@@ -115,7 +115,7 @@ class SceneGeoms:
         return [geom.objid for geom in self._geoms]
 
     def geom_of_number(self) -> NDArray[np.intp]:
-        """The model's geom that each number of a drawing of numbers stands for, -1 for none."""
+        """Return the model's geom that each number of a drawing of numbers stands for, -1 for none."""
         geom_of_number = np.full(len(self._geoms) + 1, -1, dtype=np.intp)
         for geom in self._geoms:
             if geom.objtype == IS_GEOM:
@@ -124,7 +124,7 @@ class SceneGeoms:
 
 
 def has_open_mesh(model: mujoco.MjModel) -> bool:
-    """Whether a mesh of the room can be seen from inside: some edge of it is not between two faces.
+    """Return True where a mesh of the room has an edge that is not between two faces: it can be seen from inside.
 
     Rays meet a face from both sides; of such meshes both are to be drawn.
     """
@@ -140,7 +140,7 @@ def has_open_mesh(model: mujoco.MjModel) -> bool:
 
 
 def drawing_option() -> mujoco.MjvOption:
-    """Bodies as they look, and nothing of what MuJoCo draws to explain them."""
+    """Return options that draw bodies as they look, without MuJoCo's decorations."""
     option = mujoco.MjvOption()
     option.geomgroup[:] = DRAWN_GROUPS
     for group in (option.sitegroup, option.jointgroup, option.tendongroup, option.actuatorgroup):

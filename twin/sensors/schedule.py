@@ -1,4 +1,4 @@
-"""One scheduler around all sensors: when each looks, how late its observations arrive, and whether at all."""
+"""Schedule of all sensors: the stamps at which each observes, the delay of its observations, and their loss."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pydantic import Field
 from trackers.configuration import Strict
 from trackers.observations import NS_PER_S
 from twin.instant.snapshot import SnapshotSource
-from twin.sensors.fault_kinds import Clock, Delay, Dropout, Fault
+from twin.sensors.fault_kinds import ClockError, Delay, Dropout, Fault
 from twin.sensors.sensor import Reading, Sensor, State
 from twin.streams import stream
 
@@ -20,11 +20,11 @@ _PPM = 1e-6
 
 
 class Timing(Strict):
-    """When a sensor looks, and when and whether its observations arrive.
+    """Stamps of a sensor, and delay and loss of its observations.
 
-    Stamps are phase_s + k / rate_hz. An observation arrives `delay_s` after its last instant (the end of a sweep), and
-    up to `jitter_s` later still, drawn evenly: with jitter beyond a period, one may overtake another. It is lost with
-    probability `dropout`.
+    Stamps are phase_s + k / rate_hz. An observation arrives `delay_s` after its last instant (the end of a sweep), and up to
+    `jitter_s` later still, drawn evenly: with jitter beyond a period, one may overtake another. It is lost with probability
+    `dropout`.
     """
 
     rate_hz: float = Field(ge=0.001, le=1000, description="looks a second [Hz]")
@@ -57,7 +57,7 @@ class MessageFaults:
         own = {name: fault for name, fault in faults.items() if sensor in fault.sensor}
         self._dropouts = {name: fault for name, fault in own.items() if isinstance(fault, Dropout)}
         self._delays = {name: fault for name, fault in own.items() if isinstance(fault, Delay)}
-        self._clocks = [fault for fault in own.values() if isinstance(fault, Clock)]
+        self._clocks = [fault for fault in own.values() if isinstance(fault, ClockError)]
         silences = [fault for fault in self._dropouts.values() if fault.to_s is None and fault.probability == 1]
         self._silent_from_ns = min((fault.from_ns for fault in silences), default=None)
 
@@ -69,11 +69,11 @@ class MessageFaults:
         )
 
     def loses_all(self, stamp_ns: int) -> bool:
-        """Tell whether every observation at this time is lost."""
+        """Return True where every observation at this time is lost."""
         return any(fault.probability == 1 and fault.holds(stamp_ns) for fault in self._dropouts.values())
 
     def is_silent_from(self, stamp_ns: int) -> bool:
-        """Tell whether this observation and all after it are lost, so that none needs to be made."""
+        """Return True where this observation and all after it are lost, so that none needs to be made."""
         return self._silent_from_ns is not None and stamp_ns >= self._silent_from_ns
 
     def extra_delay_ns(self, stamp_ns: int) -> int:
@@ -108,8 +108,8 @@ class Scheduled:
 
 
 @dataclass(frozen=True)
-class Event:
-    """One look of a sensor at the world; `dropped`: its observation never arrives."""
+class SensorEvent:
+    """One observation of a sensor in the schedule; `dropped`: it never arrives."""
 
     sensor: str
     stamp_ns: int
@@ -136,10 +136,10 @@ class _Waiting:
 
 
 class Schedule:
-    """The looks of all sensors at a world over `duration_s`, and their readings in order of arrival.
+    """The observations of all sensors of a world over `duration_s`, and their readings in order of arrival.
 
-    The same at every iteration. Timing and noise draw from separate streams: a change of noise moves no arrival. Stamps
-    lie in [0, duration_s); two at the same moment are taken in the order of `sensors`.
+    The same at every iteration. Timing and noise draw from separate streams: a change of noise moves no arrival. Stamps lie in
+    [0, duration_s); two at the same time are taken in the order of `sensors`.
     """
 
     def __init__(self, sensors: Sequence[Scheduled], duration_s: float) -> None:
@@ -150,15 +150,15 @@ class Schedule:
         self._end_ns = round(duration_s * NS_PER_S)
         self._seeds = [scheduled.rng.bit_generator.seed_seq.spawn(2) for scheduled in sensors]
 
-    def events(self) -> Iterator[Event]:
-        """All looks in order of their stamps, those whose observation is lost included."""
+    def events(self) -> Iterator[SensorEvent]:
+        """Yield all events in order of their stamps, lost observations included."""
         return (event for _, _, event, _ in self._ordered())
 
     def observe(self, world: SnapshotSource) -> Iterator[Delivery]:
-        """What arrives, in order of arrival; the world is asked for snapshots in order of stamps.
+        """Yield deliveries in order of arrival; the world is asked for snapshots in order of stamps.
 
-        Only what is on its way is held: memory does not grow with the duration. The world must be able to go back by
-        the longest sweep.
+        Only readings on their way are held: memory does not grow with the duration. The world must be able to go back by the
+        longest sweep.
         """
         noise = [np.random.default_rng(noise_seed) for _, noise_seed in self._seeds]
         states: list[State] = [None] * len(self._sensors)
@@ -182,12 +182,12 @@ class Schedule:
         while waiting:
             yield heapq.heappop(waiting).delivery
 
-    def _ordered(self) -> Iterator[tuple[int, int, Event, bool]]:
-        """(stamp, place of the sensor, event, whether an observation is made) in order."""
+    def _ordered(self) -> Iterator[tuple[int, int, SensorEvent, bool]]:
+        """Yield stamp [ns], index of the sensor, event, and is_made (an observation is made), in order."""
         return heapq.merge(*(self._looks(place) for place in range(len(self._sensors))), key=lambda look: look[:2])
 
-    def _looks(self, place: int) -> Iterator[tuple[int, int, Event, bool]]:
-        """The looks of one sensor."""
+    def _looks(self, place: int) -> Iterator[tuple[int, int, SensorEvent, bool]]:
+        """Yield the events of one sensor."""
         scheduled = self._sensors[place]
         timing, sensor, faults = scheduled.timing, scheduled.sensor, scheduled.faults
         rng = np.random.default_rng(self._seeds[place][0])
@@ -202,6 +202,6 @@ class Schedule:
             dropped = bool(lost < timing.dropout)
             # What a fault loses is made all the same, so that noise goes on after it as if there had been none.
             made = not dropped and not faults.is_silent_from(stamp_ns)
-            event = Event(sensor.name, stamp_ns, arrival_ns, dropped or faults.is_lost(stamp_ns))
+            event = SensorEvent(sensor.name, stamp_ns, arrival_ns, dropped or faults.is_lost(stamp_ns))
             yield stamp_ns, place, event, made
             number += 1

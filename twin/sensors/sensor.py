@@ -1,4 +1,4 @@
-"""What makes something a sensor, and the layer that adds noise to one."""
+"""The contract of a sensor and of a layer of noise."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from trackers.rig import RigSensor
 from twin.instant.snapshot import Snapshot
 
 State = Any
-"""What a sensor carries from one observation to the next; its own business. None before the first."""
+"""State of a sensor from one observation to the next, private to it; None before the first."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """One observation, and what only the twin knows about it (never shown to a tracker).
+    """One observation, and its truth, which is never shown to a tracker.
 
-    A scanner's truth holds `person_of_ray` (n_beam,) int16: the id of the person whom the ideal ray meets within range,
-    0 for the room or nothing, and `range_m` (n_beam,) float32: the ideal ranges. What a floor's holds stands at
+    A scanner's truth holds `person_of_ray` (n_beam,) int16: the id of the person that the ideal ray meets within range, 0 for
+    the room or nothing, and `range_m` (n_beam,) float32: the ideal ranges. A floor's truth is described at
     `twin.sensors.floor.Floor`.
     """
 
@@ -32,7 +32,7 @@ class Reading:
 
 @runtime_checkable
 class Sensor(Protocol):
-    """A sensor looks at the world at declared instants and reports one reading; it knows no clock and no delay."""
+    """A sensor observes the world at declared instants and reports one reading; it has no clock and no delay."""
 
     @property
     def name(self) -> str:
@@ -41,27 +41,27 @@ class Sensor(Protocol):
 
     @property
     def instants_s(self) -> tuple[float, ...]:
-        """When it looks, as offsets from the stamp [s], ascending from 0 or later: one, or many over a sweep."""
+        """Instants of an observation, as offsets from the stamp [s], ascending from 0 or later: one, or many over a sweep."""
         ...
 
     def observe(
         self, stamp_ns: int, snapshots: Iterable[Snapshot], state: State, rng: np.random.Generator
     ) -> tuple[Reading, State]:
-        """The reading stamped `stamp_ns`, from one snapshot for each instant, in order; and the state after it.
+        """Return the reading stamped `stamp_ns`, from one snapshot per instant, in order; and the state after it.
 
-        Each snapshot is used up before the next is taken. All randomness comes from `rng`. The arrays of a reading are
-        its own: a later observation does not change them.
+        Each snapshot is used up before the next is taken. All randomness comes from `rng`. The arrays of a reading are its
+        own: a later observation does not change them.
         """
         ...
 
     def rig_sensor(self) -> RigSensor:
-        """What a tracker is told of this sensor."""
+        """Return the tracker's view of this sensor."""
         ...
 
 
 class Noise(Protocol):
-    """Turns the ideal observation into one that a real device might have made."""
+    """A layer that turns the ideal observation into that of a real device."""
 
     def corrupt(self, observation: Any, state: State, rng: np.random.Generator) -> tuple[Observation, State]:
-        """The noisy observation (the ideal one stays untouched), and the noise's state after it (None at first)."""
+        """Return the noisy observation (the ideal one stays untouched), and the noise's state after it (None at first)."""
         ...

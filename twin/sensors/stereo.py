@@ -1,4 +1,4 @@
-"""The stereo RGB-D camera: two views of one moment, and from them the depth of each pixel."""
+"""The stereo RGB-D camera: two views of one snapshot, and from them the depth of each pixel."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class Stereo:
     def observe(
         self, stamp_ns: int, snapshots: Iterable[Snapshot], state: State, rng: np.random.Generator
     ) -> tuple[Reading, State]:
-        """Colour with noise, and depth; the state is the noise of the image sensors."""
+        """Return colour with noise, and depth; the state is the noise of the image sensors."""
         (snapshot,) = snapshots
         state = state if state is not None else StereoState()
         renderer = checked_renderer(self._renderer(), snapshot, self.name)
@@ -110,22 +110,22 @@ class Stereo:
         return Reading(DepthImage(self.name, stamp_ns, rgb, self._within_range(depth_m))), state
 
     def person_image(self, snapshot: Snapshot) -> NDArray[np.int16]:
-        """The id of the person at each pixel's centre, 0 for the room, (height, width)."""
+        """Return the id of the person at each pixel's centre, 0 for the room, (height, width)."""
         renderer = checked_renderer(self._renderer(), snapshot, self.name)
         return self._views[0].people(renderer, snapshot, self._eye_m)
 
     def rig_sensor(self) -> StereoSensor:
-        """What a tracker is told: where the camera is, its topics, intrinsics, baseline and mode."""
+        """Return the tracker's view of the sensor: pose, topics, intrinsics, baseline and mode."""
         return self._rig
 
     def _depth(self, disparity_px: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Depth [m] of disparities, 0 where they are not above 0."""
+        """Convert disparities to depth [m], 0 where they are not above 0."""
         depth_m = np.zeros_like(disparity_px)
         np.divide(np.float32(self._focal_baseline), disparity_px, out=depth_m, where=disparity_px > 0)
         return depth_m
 
     def _measured(self, true_m: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
-        """The depth [m] that is reported for the true one."""
+        """Return the depth [m] that is reported for the true one."""
         sigma_px = self._noise.disparity_sigma_px
         if self._rig.mode == "ideal" or sigma_px == 0:
             return np.ascontiguousarray(true_m)

@@ -90,7 +90,7 @@ class StereoMatcher:
         )
 
     def disparity_px(self, left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.float32]:
-        """The disparity [px] of each pixel of the left picture (height, width, 3) RGB; 0 where there is no match."""
+        """Match each pixel of the left image (height, width, 3) RGB; return its disparity [px], 0 where there is no match."""
         import cv2
 
         # SGBM leaves its leftmost columns out, whose far points are in both pictures: it is given columns to leave out.

@@ -20,9 +20,9 @@ from twin.instant.snapshot import Snapshot
 from twin.scenario import Scenario
 from twin.scenario.housings import in_the_room
 from twin.scenario.sensors import LaserDescription
-from twin.sensors.rays import Fan, cast
+from twin.sensors.rays import RayFan, cast
 from twin.studies.spec import Coverage
-from twin.truth.visibility import SensorView, first_met, sensor_view
+from twin.truth.visibility import SensorView, first_hits, sensor_view
 from twin.world.precomputed import PrecomputedScene
 from twin.world.world import World
 
@@ -106,14 +106,14 @@ class SensorVisibility:
         assert view is not None
         self.view: SensorView = view
         self._coverage = coverage
-        self._fan: Fan | None = None
+        self._fan: RayFan | None = None
         if isinstance(description, LaserDescription):
             half = np.deg2rad(description.field_of_view_deg) / 2
             self._angles = np.linspace(-half, half, description.n_beam)
             rotation = view.room_from_sensor_rotation
             rays = np.stack([np.cos(self._angles), np.sin(self._angles), np.zeros(description.n_beam)], axis=1)
             directions = np.ascontiguousarray(rays @ rotation.T)
-            self._fan = Fan(view.room_from_sensor_xyz, directions, rotation[:, 2].copy(), description.range_max_m)
+            self._fan = RayFan(view.room_from_sensor_xyz, directions, rotation[:, 2].copy(), description.range_max_m)
 
     def people(self, sampled: SampledWorld) -> Mask:
         """Return the visible people over all samples, (n_person_frame,)."""
@@ -155,7 +155,7 @@ class SensorVisibility:
             return counts[sample.ids] >= self._coverage.beams
         head = self._coverage.target == "head"
         points = sample.heads_m[:, None] if head else sample.points_m
-        _, met = first_met(self.view, snapshot, points, sample.ids)
+        _, met = first_hits(self.view, snapshot, points, sample.ids)
         local = (points - self.view.room_from_sensor_xyz) @ self.view.room_from_sensor_rotation
         sharp = self._px_per_m(local.reshape(-1, 3)).reshape(local.shape[:2]) >= self._coverage.px_per_m
         return ((met == sample.ids[:, None]) & sharp).mean(axis=1) >= 0.5

@@ -146,7 +146,7 @@ def run_case(work: CaseWork) -> CaseResult:
                 people=people_digest(entry / TRUTH),
                 scatter_m=range_scatter_m(entry / RECORDING, scenario),
                 warnings=tuple(warnings),
-                tracker_warnings=result.doubts,
+                tracker_warnings=result.tracker_warnings,
             )
 
 

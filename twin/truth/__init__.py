@@ -1,1 +1,1 @@
-"""What only the twin knows: where people are, what of them is seen, and what passes between them."""
+"""The truth of a run: positions of people, their visibility, and situations of two people."""

@@ -1,4 +1,4 @@
-"""How far apart bodies are, seen from above: the gap between their outlines."""
+"""Gaps between bodies' outlines, seen from above."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ _MAY_TOUCH_M = -0.1
 
 
 class BodyOutlines:
-    """The outlines of a model's people: the convex hull of all that rays meet of a body, projected onto the floor.
+    """Outlines of a model's people: the convex hull of all that rays meet of a body, projected onto the floor.
 
-    So arms, bags and the foot that swings ahead belong to it, and so does what lies between them. People stand on the
-    floor as `data` has them; nothing here depends on a sensor.
+    So arms, bags and the swinging foot belong to it, and the space between them. People stand on the floor as `data` has them;
+    nothing here depends on a sensor.
     """
 
     def __init__(self, model: mujoco.MjModel, person_of_geom: NDArray[np.int16]) -> None:
-        """`person_of_geom` (n_geom,): id of the person a geom belongs to, 0 for the room."""
+        """Prepare the geoms; `person_of_geom` (n_geom,): id of the person a geom belongs to, 0 for the room."""
         self.model = model
         met = RAY_GROUPS[model.geom_group].astype(np.bool_)
         ids = np.unique(person_of_geom[person_of_geom > 0])
@@ -45,9 +45,9 @@ class BodyOutlines:
     def nearer(
         self, data: mujoco.MjData, ids: NDArray[np.integer], limit_m: float
     ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Pairs of `ids` (n,) whose outlines are less than `limit_m` apart: their places in `ids` (m, 2), first < second.
+        """Find pairs of `ids` (n,) whose outlines are less than `limit_m` apart: their indices in `ids` (m, 2), first < second.
 
-        And the gap of each (m,) [m], 0 where outlines overlap. `data` needs kinematics.
+        Also returns the gap of each (m,) [m], 0 where outlines overlap. `data` needs kinematics.
         """
         pairs = every_pair(len(ids))
         if not len(pairs):
@@ -61,7 +61,7 @@ class BodyOutlines:
         return pairs[gap < limit_m], gap[gap < limit_m]
 
     def _boxes_reach(self, data: mujoco.MjData) -> Array:
-        """How far everybody reaches at most in each coarse direction, by the boxes about their geoms, (n, _COARSE) [m]."""
+        """Return the farthest reach of each person in each coarse direction, by the boxes about their geoms, (n, _COARSE) [m]."""
         geoms = self._all_geoms
         sides = data.geom_xmat.reshape(-1, 3, 3)[geoms, :2].swapaxes(1, 2).reshape(-1, 2)  # seen from above
         along = (sides @ _COARSE_DIRECTIONS.T).reshape(-1, 3, _COARSE)
@@ -70,7 +70,7 @@ class BodyOutlines:
         return np.maximum.reduceat(reach, self._first, axis=0)
 
     def _points(self, data: mujoco.MjData, places: NDArray[np.intp]) -> Array:
-        """Points (n, width, 2) [m] on the bodies at these places (n,) among all, seen from above."""
+        """Return points (n, width, 2) [m] on the bodies with these indices (n,) among all, seen from above."""
         geom, local = self._kept
         geom, (x, y, z) = geom[places], local[:, places]
         turn, middle = data.geom_xmat.T.copy(), data.geom_xpos.T.copy()  # (9, n_geom), (3, n_geom)
@@ -82,7 +82,7 @@ class BodyOutlines:
 
     @cached_property
     def _kept(self) -> tuple[NDArray[np.intp], Array]:
-        """For each person the geom (n, width) and place in its frame (3, n, width) of points; the short are repeated."""
+        """For each person the geom (n, width) and place in its frame (3, n, width) of points; short lists are repeated."""
         data = mujoco.MjData(self.model)
         mujoco.mj_kinematics(self.model, data)
         directions = _sphere(_DIRECTIONS)
@@ -106,10 +106,10 @@ class BodyOutlines:
 
 
 def _gaps(points: Array, pairs: NDArray[np.intp]) -> Array:
-    """Distance (m,) [m] between the convex hulls of points (n, k, 2) for pairs (m, 2) of them; 0 where they overlap.
+    """Return the distance (m,) [m] between convex hulls of points (n, k, 2) for pairs (m, 2); 0 where they overlap.
 
-    It is the widest strip between them, over all directions of the strip; between two hulls that lie apart its width
-    has one maximum, so that a coarse search finds where to look closely.
+    It is the widest strip between them, over all directions of the strip; between two hulls that lie apart its width has one
+    maximum, so that a coarse search finds where to look closely.
     """
     reach = _COARSE_DIRECTIONS @ points.swapaxes(1, 2)  # (n, _COARSE, k): how far each point lies in each direction
     outermost = reach.argmax(axis=2)
@@ -127,9 +127,9 @@ def _gaps(points: Array, pairs: NDArray[np.intp]) -> Array:
 
 
 def _strips(reach: Array, pairs: NDArray[np.intp]) -> Array:
-    """Width (m, _COARSE) [m] of the strip between two outlines in each coarse direction, negative where they overlap.
+    """Return the width (m, _COARSE) [m] of the strip between two outlines per coarse direction, negative where they overlap.
 
-    reach (n, _COARSE): how far each outline reaches in each direction [m]; pairs (m, 2) of them.
+    reach (n, _COARSE): reach of each outline in each direction [m]; pairs (m, 2) of them.
     """
     return -reach[pairs[:, 1]][:, _OPPOSITE] - reach[pairs[:, 0]]
 
@@ -144,7 +144,7 @@ _OPPOSITE = np.roll(np.arange(_COARSE), _COARSE // 2)  # of each coarse directio
 
 
 def _sphere(count: int) -> Array:
-    """Directions (count, 3) spread evenly over the sphere: a Fibonacci lattice."""
+    """Return directions (count, 3) spread evenly over the sphere: a Fibonacci lattice."""
     place = np.arange(count) + 0.5
     z, turn = 1 - 2 * place / count, np.pi * (1 + np.sqrt(5)) * place
     across = np.sqrt(1 - z * z)

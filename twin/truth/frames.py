@@ -1,4 +1,4 @@
-"""Where everybody truly is at one moment: what only the twin knows."""
+"""Types of the truth: people and feet at one stamp, boxes in images, runs of beams, situations of two people."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ Separation = Literal["", "joined", "hidden", "both"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FootTruth(NanEqual):
-    """Where one foot truly is and what it carries, in the room frame.
+    """True pose and load of one foot, in the room frame.
 
-    x, y: point of the sole under the ankle, as if the foot were flat [m]; z: lowest point of the sole above the floor
-    [m]; yaw [rad]; load_n: weight that it carries to the floor [N]; pressure_x, pressure_y: where that acts [m], NaN for a
-    foot in the air; cells: by floor sensor, the cells it loads at a stamp of that sensor, counted row by row from 0.
+    x, y: point of the sole under the ankle, as if the foot were flat [m]; z: lowest point of the sole above the floor [m]; yaw
+    [rad]; load_n: weight that it carries to the floor [N]; pressure_x, pressure_y: centre of pressure [m], NaN for a foot in
+    the air; cells: by floor sensor, the cells it loads at a stamp of that sensor, counted row by row from 0.
     """
 
     side: Literal["left", "right"]
@@ -34,17 +34,17 @@ class FootTruth(NanEqual):
 
     @property
     def contact(self) -> bool:
-        """Whether it stands on the floor."""
+        """True while it stands on the floor."""
         return self.load_n > 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PersonTruth(NanEqual):
-    """Where one person truly is, in the room frame.
+    """True pose of one person, in the room frame.
 
-    x, y: ground point under the pelvis [m]; z: height of the pelvis [m]; yaw: heading of the trunk [rad]; head_*:
-    centre of the head [m] and its yaw [rad]; vx, vy: velocity [m/s]; in_area: inside the tracked area; visible: by
-    sensor, the share (0–1) of points on the body that a ray from the sensor reaches; feet: left, right. NaN where unknown.
+    x, y: ground point under the pelvis [m]; z: height of the pelvis [m]; yaw: heading of the trunk [rad]; head_*: centre of
+    the head [m] and its yaw [rad]; vx, vy: velocity [m/s]; in_area: in the tracked area; visible: by sensor, the share (0–1)
+    of points on the body that a ray from the sensor reaches; feet: left, right. NaN where unknown.
     """
 
     id: int
@@ -65,7 +65,7 @@ class PersonTruth(NanEqual):
 
 @dataclass(frozen=True, slots=True)
 class TruthFrame:
-    """All people at one stamp; an empty tuple says that nobody is there."""
+    """All people at one stamp; an empty tuple: no person is present."""
 
     stamp_ns: int
     people: tuple[PersonTruth, ...]
@@ -92,7 +92,7 @@ class Box:
 
 @dataclass(frozen=True, slots=True)
 class BoxFrame:
-    """Everybody to be seen in one picture of a camera, by id; an empty tuple says that nobody is."""
+    """All people visible in one image of a camera, by id; an empty tuple: none is."""
 
     stamp_ns: int
     camera: str
@@ -121,8 +121,8 @@ class RayFrame:
 class Situation:
     """One situation of two people (first_id < second_id), from the first frame in which it holds to the first after.
 
-    kind, how and least_m are explained in `twin.truth.situations`. sensor: the scanner that cannot tell them apart, '' for
-    what does not depend on one. complete: its end was seen; else the run ended first, and end_ns is the end of the run.
+    kind, how and least_m are explained in `twin.truth.situations`. sensor: the scanner that cannot separate them, '' for what
+    does not depend on one. complete: its end was seen; else the run ended first, and end_ns is the end of the run.
     """
 
     kind: SituationKind
@@ -137,4 +137,4 @@ class Situation:
 
 
 TruthDetail = BoxFrame | RayFrame | Situation
-"""What goes with a picture, with a scan, or with a stretch of time, rather than with a moment of everybody."""
+"""Truth of an image, a scan, or a time span, rather than of all people at one stamp."""

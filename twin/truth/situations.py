@@ -52,8 +52,8 @@ _SHORTEST_NS: Mapping[SituationKind, int] = {"merged_rig": round(RIG_SHORTEST_S 
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
-    """That a situation of a pair holds in a frame: how, and the distance it goes by [m]."""
+class PairState:
+    """State of a pair while a situation holds in a frame: the kind of separation lost, and the distance [m]."""
 
     how: Separation = ""
     least_m: float = nan
@@ -68,19 +68,21 @@ class _Open:
 
 
 class OpenSituations:
-    """Situations that hold, frame by frame: what holds without a break, or one that its kind allows, is one."""
+    """Situations that hold, frame by frame: one that continues without a break, or with one that its kind allows, is one."""
 
     def __init__(self) -> None:
         self._open: dict[tuple[SituationKind, str], dict[Pair, _Open]] = {}
 
     @property
     def first_break_ns(self) -> int | None:
-        """Since when the first of those does not hold that may go on; None where there is none."""
+        """Start of the first break that may still end [ns]; None where there is none."""
         breaks = [one.break_ns for open_ in self._open.values() for one in open_.values() if one.break_ns is not None]
         return min(breaks, default=None)
 
-    def update(self, kind: SituationKind, sensor: str, stamp_ns: int, holding: Mapping[Pair, Held]) -> list[Situation]:
-        """Those that end with this frame, by pair; `holding`: the pairs (first id < second id) for whom it holds."""
+    def update(
+        self, kind: SituationKind, sensor: str, stamp_ns: int, holding: Mapping[Pair, PairState]
+    ) -> list[Situation]:
+        """Return the situations that end with this frame, by pair; `holding`: the pairs (first id < second id) in one."""
         open_ = self._open.setdefault((kind, sensor), {})
         ended = []
         for pair in sorted(open_.keys() - holding.keys()):
@@ -100,7 +102,7 @@ class OpenSituations:
         return ended
 
     def finish(self, end_ns: int) -> list[Situation]:
-        """Those that hold when the run ends, by kind, sensor and pair."""
+        """Return the situations that hold when the run ends, by kind, sensor and pair."""
         rest = [
             situation
             for (kind, sensor), open_ in sorted(self._open.items())
@@ -112,7 +114,7 @@ class OpenSituations:
 
 
 def _situation(kind: SituationKind, sensor: str, pair: Pair, one: _Open, end_ns: int) -> list[Situation]:
-    """A situation, where it is long enough: complete where it no longer holds, else up to the end of the run."""
+    """Return a situation, where it is long enough: complete where it no longer holds, else up to the end of the run."""
     complete = one.break_ns is not None
     end_ns = one.break_ns if one.break_ns is not None else end_ns
     if end_ns - one.start_ns < _SHORTEST_NS.get(kind, 0):
@@ -123,7 +125,7 @@ def _situation(kind: SituationKind, sensor: str, pair: Pair, one: _Open, end_ns:
 def joined_pairs(
     range_m: NDArray[np.floating], person_of_ray: NDArray[np.int16], angle_increment_rad: float
 ) -> set[Pair]:
-    """Pairs of people with beams in one cluster of an ideal scan: ranges [m] and ids, both (n_beam,)."""
+    """Find pairs of people with beams in one cluster of an ideal scan: ranges [m] and ids, both (n_beam,)."""
     beams = np.flatnonzero((person_of_ray > 0) & np.isfinite(range_m))
     person = person_of_ray[beams]
     following = np.stack([beams[:-1], beams[1:]])
@@ -139,7 +141,7 @@ def joined_pairs(
 
 
 def _splits(range_m: NDArray[np.floating], beams: NDArray[np.intp], angle_increment_rad: float) -> NDArray[np.bool_]:
-    """Whether a cluster ends between two beams on people that follow one another, (n,) of the pairs `beams` (2, n)."""
+    """Return True where a cluster ends between two consecutive beams on people, (n,) of the pairs `beams` (2, n)."""
     near, angle = range_m[beams].astype(np.float64), angle_increment_rad * beams
     across, along = near * np.sin(angle), near * np.cos(angle)
     step = np.hypot(along[1] - along[0], across[1] - across[0])
@@ -152,19 +154,19 @@ Pair = tuple[int, int]
 
 @lru_cache(maxsize=256)
 def every_pair(count: int) -> NDArray[np.intp]:
-    """The pairs of `count` people, (count · (count - 1) / 2, 2) of their places, first < second; not to be written to."""
+    """Return all pairs of `count` people, (count · (count - 1) / 2, 2) indices, first < second; read-only."""
     pairs = np.stack(np.triu_indices(count, k=1), axis=1)
     pairs.flags.writeable = False
     return pairs
 
 
 def ordered_pairs(first: NDArray[np.integer], second: NDArray[np.integer]) -> list[Pair]:
-    """Pairs of ids (m,), the smaller first."""
+    """Convert pairs of ids (m,) to tuples, the smaller first."""
     return list(zip(np.minimum(first, second).tolist(), np.maximum(first, second).tolist(), strict=True))
 
 
 def pairs_within(ids: NDArray[np.integer], place_m: NDArray[np.float64], limit_m: float) -> dict[Pair, float]:
-    """Distance [m] of the pairs of people, by ids (n,) at places (n, 2) [m], that are less than `limit_m` apart."""
+    """Return the distance [m] of pairs of people, ids (n,) at places (n, 2) [m], that are less than `limit_m` apart."""
     first, second = every_pair(len(ids)).T
     apart = np.hypot(*(place_m[first] - place_m[second]).T)
     near = np.flatnonzero(apart < limit_m)
@@ -177,10 +179,10 @@ _LATEST_S = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
-    """What one scanner meets of people at a stamp: points (k, 2) [m] on the floor, and on whom each is (k,).
+class ScanPoints:
+    """Points of one scanner on people at a stamp: points (k, 2) [m] on the floor, and the id of each (k,).
 
-    unmet: whom it has in its plane and field, near somebody, and meets with no beam.
+    unmet: people in its plane and field, near another person, without any beam.
     """
 
     stamp_ns: int
@@ -189,38 +191,43 @@ class Look:
     unmet: frozenset[int] = frozenset()
 
 
-def look_of(scan: LaserScan, person_of_ray: NDArray[np.int16], view: SensorView, unmet: frozenset[int]) -> Look:
-    """A look from an ideal scan and the ids (n_beam,) of whom its beams meet, 0 for the room."""
+def scan_points(
+    scan: LaserScan, person_of_ray: NDArray[np.int16], view: SensorView, unmet: frozenset[int]
+) -> ScanPoints:
+    """Convert an ideal scan and the person ids (n_beam,) of its beams, 0 for the room, to points on people."""
     beams = np.flatnonzero((person_of_ray > 0) & np.isfinite(scan.ranges_m))
     angle = scan.angle_min_rad + scan.angle_increment_rad * beams
     ahead = scan.ranges_m[beams].astype(np.float64) * np.stack([np.cos(angle), np.sin(angle)])
     points = view.room_from_sensor_xyz[:2] + (view.room_from_sensor_rotation[:2, :2] @ ahead).T
-    return Look(scan.stamp_ns, points, person_of_ray[beams], unmet)
+    return ScanPoints(scan.stamp_ns, points, person_of_ray[beams], unmet)
 
 
 def merged_pairs(
-    looks: Mapping[str, Look], stamp_ns: int, near: Mapping[Pair, float], place_m: Mapping[int, NDArray[np.float64]]
-) -> dict[Pair, Held]:
-    """The pairs that the scanners cannot separate at a stamp, by the latest look of each.
+    looks: Mapping[str, ScanPoints],
+    stamp_ns: int,
+    near: Mapping[Pair, float],
+    place_m: Mapping[int, NDArray[np.float64]],
+) -> dict[Pair, PairState]:
+    """Find the pairs that the scanners cannot separate at a stamp, by the latest points of each.
 
-    near: distance [m] of the pairs that are less than 1.5 m apart; place_m: where everybody is, (2,) [m] by id.
+    near: distance [m] of the pairs that are less than 1.5 m apart; place_m: position of each person, (2,) [m] by id.
     """
     latest = [look for look in looks.values() if stamp_ns - look.stamp_ns <= _LATEST_S * NS_PER_S]
     ids = np.concatenate([look.ids for look in latest])
     met = set(ids.tolist())
     unmet = frozenset().union(*(look.unmet for look in latest)) - met
     merged = {
-        pair: Held("hidden", apart_m)
+        pair: PairState("hidden", apart_m)
         for pair, apart_m in near.items()
         if unmet.intersection(pair) and met.intersection(pair)
     }
     for first, second in linked_pairs(np.concatenate([look.points for look in latest]), ids):
-        merged[first, second] = Held("joined", float(np.hypot(*(place_m[first] - place_m[second]))))
+        merged[first, second] = PairState("joined", float(np.hypot(*(place_m[first] - place_m[second]))))
     return merged
 
 
 def linked_pairs(points: NDArray[np.float64], ids: NDArray[np.int16]) -> set[Pair]:
-    """Pairs of people (ids (k,) of points (k, 2) [m]) with points in one cluster of single linkage at `LINKAGE_M`."""
+    """Find pairs of people (ids (k,) of points (k, 2) [m]) in one cluster of single linkage at `LINKAGE_M`."""
     if not len(points):
         return set()
     links = KDTree(points).query_pairs(LINKAGE_M, output_type="ndarray")

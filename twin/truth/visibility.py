@@ -29,7 +29,7 @@ _PLANE_BAND_M = 0.15
 
 @dataclass(frozen=True, eq=False)
 class SensorView:
-    """Where a sensor looks from, and what it can reach at best."""
+    """Pose of a sensor, and its field and range at best."""
 
     room_from_sensor_xyz: NDArray[np.float64]  # (3,) [m]
     room_from_sensor_rotation: NDArray[np.float64]  # (3, 3)
@@ -38,7 +38,7 @@ class SensorView:
 
     @property
     def is_scanner(self) -> bool:
-        """Whether it looks in one plane only."""
+        """True where it observes in one plane only."""
         return not isinstance(self.sees, Intrinsics)
 
     @property
@@ -48,7 +48,7 @@ class SensorView:
 
 
 def sensor_view(sensor: RigSensor, description: SensorDescription) -> SensorView | None:
-    """The view of a sensor that hangs where the rig says and sees as its description says; None: it feels, a floor."""
+    """Return the view of a sensor with the rig's pose and its description's field; None for a floor, which has none."""
     pose = sensor.room_from_sensor
     match description:
         case FloorDescription():
@@ -64,27 +64,27 @@ def sensor_view(sensor: RigSensor, description: SensorDescription) -> SensorView
 def visible_share(
     view: SensorView, snapshot: Snapshot, points: NDArray[np.float64], ids: NDArray[np.int16]
 ) -> NDArray[np.float64]:
-    """Share, 0 to 1, of the points on each body (n_people, n_point, 3) [m] that a ray from the sensor reaches, (n_people,).
+    """Return the share, 0 to 1, of the points on each body (n_people, n_point, 3) [m] that a ray reaches, (n_people,).
 
-    A ray reaches a point when it meets that person first, or nothing before the point. For a scanner the points are
-    those near its plane, moved into it, so that the share speaks of what the sweep can meet; 0 where no part of the
-    body crosses the plane. `ids` are the people's ids, as in the snapshot's `person_of_geom`.
+    A ray reaches a point when it meets that person first, or nothing before the point. For a scanner the points are those near
+    its plane, moved into it, so that the share speaks of what the sweep can meet; 0 where no part of the body crosses the
+    plane. `ids` are the people's ids, as in the snapshot's `person_of_geom`.
     """
     if len(points) == 0:
         return np.zeros(0)
-    counted, met = first_met(view, snapshot, points, ids)
+    counted, met = first_hits(view, snapshot, points, ids)
     total = counted.sum(axis=1)
     reached = (met == ids[:, None]).sum(axis=1)
     return np.divide(reached, total, out=np.zeros(len(points)), where=total > 0)
 
 
-def first_met(
+def first_hits(
     view: SensorView, snapshot: Snapshot, points: NDArray[np.float64], ids: NDArray[np.int16]
 ) -> tuple[NDArray[np.bool_], NDArray[np.int16]]:
-    """Which points of each body (n_people, n_point, 3) count for a sensor, and whom a ray towards each meets first.
+    """Return which points of each body (n_people, n_point, 3) count for a sensor, and the person that a ray to each meets first.
 
-    Both (n_people, n_point). The id is the body's own where the ray reaches the point, that of whoever stands before
-    it, 0 for the room, and -1 where no ray goes: points that do not count, or lie out of the sensor's field or range.
+    Both (n_people, n_point). The id is the body's own where the ray reaches the point, that of the person in front of it, 0
+    for the room, and -1 without a ray: points that do not count, or lie out of the sensor's field or range.
     """
     local = (points - view.room_from_sensor_xyz) @ view.room_from_sensor_rotation  # (n, k, 3)
     if isinstance(view.sees, Intrinsics):
@@ -99,7 +99,7 @@ def first_met(
     met = np.where(candidate, ids[:, None], np.int16(-1))
     if candidate.any():
         directions = (local[candidate] / distance[candidate, None]) @ view.room_from_sensor_rotation.T
-        met[candidate] = _Rays(view, snapshot, directions, distance[candidate], met[candidate]).first_met()
+        met[candidate] = _Rays(view, snapshot, directions, distance[candidate], met[candidate]).first_hits()
     return counted, met
 
 
@@ -107,7 +107,7 @@ def first_met(
 class _Rays:
     """Rays from a sensor to points on bodies.
 
-    Unit directions (n, 3) in the room frame, how far the points are (n,) [m], and the ids (n,) of whom they are on.
+    Unit directions (n, 3) in the room frame, distances of the points (n,) [m], and the ids (n,) of their people.
     """
 
     view: SensorView
@@ -116,21 +116,21 @@ class _Rays:
     distance_m: NDArray[np.float64]
     ids: NDArray[np.int16]
 
-    def first_met(self) -> NDArray[np.int16]:
-        """Whom each ray meets first (n,), 0 for the room; who its point is on where it meets nothing before."""
+    def first_hits(self) -> NDArray[np.int16]:
+        """Return the person each ray meets first (n,), 0 for the room; the point's own person where it meets nothing before."""
         # Whatever of that person a ray meets first, it has met them: bodies in nobody else's way need not be cast,
-        in_nobodys_way, body_from_m = self._bystanders()
-        first, first_m = self._cast(in_nobodys_way)
+        unobstructing, body_from_m = self._bystanders()
+        first, first_m = self._hits(unobstructing)
         # but of a ray that somebody stops, its own person's may come before.
         unsure = (first != self.ids) & (first_m >= body_from_m)
-        first[unsure] = self._those(unsure)._cast()[0]
+        first[unsure] = self._those(unsure)._hits()[0]
         return first
 
     def _those(self, which: NDArray[np.bool_]) -> _Rays:
         return _Rays(self.view, self.snapshot, self.directions[which], self.distance_m[which], self.ids[which])
 
-    def _cast(self, left_out: NDArray[np.bool_] | None = None) -> tuple[NDArray[np.int16], NDArray[np.float64]]:
-        """Whom each meets first but for the geoms left out, (n,), and where, (n,) [m], -1 for nowhere."""
+    def _hits(self, left_out: NDArray[np.bool_] | None = None) -> tuple[NDArray[np.int16], NDArray[np.float64]]:
+        """Return the person each ray meets first, without the geoms left out, (n,), and the distance (n,) [m], -1 for none."""
         geom, hit_m = np.empty(self.ids.size, dtype=np.int32), np.empty(self.ids.size)
         if self.ids.size:
             cast(
@@ -141,9 +141,9 @@ class _Rays:
         return np.where(nothing_before, self.ids, self.snapshot.person_of_geom[geom]), hit_m
 
     def _bystanders(self) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-        """Geoms of people (n_geom,) that no ray to another person can meet, by their bounding spheres.
+        """Return the geoms of people (n_geom,) that no ray to another person can meet, by their bounding spheres.
 
-        And for each ray how near its own person's geoms come to the sensor at most, (n,) [m].
+        Also returns for each ray the least distance of its own person's geoms from the sensor, (n,) [m].
         """
         person, normal = self.snapshot.person_of_geom, self.view.normal
         centre, radius = (
@@ -155,11 +155,11 @@ class _Rays:
             geoms = geoms[np.abs(centre[geoms] @ normal) <= radius[geoms]]
         person, centre, radius = person[geoms], centre[geoms], radius[geoms]
         others = person != self.ids[:, None]  # (n, m)
-        in_nobodys_way = np.zeros(self.snapshot.person_of_geom.shape, dtype=np.bool_)
+        unobstructing = np.zeros(self.snapshot.person_of_geom.shape, dtype=np.bool_)
         near = passes_spheres(self.directions, self.distance_m, centre, radius)
-        in_nobodys_way[geoms] = ~(near & others).any(axis=0)
+        unobstructing[geoms] = ~(near & others).any(axis=0)
         from_m = np.where(others, np.inf, np.sqrt((centre * centre).sum(axis=1)) - radius)
-        return in_nobodys_way, from_m.min(axis=1, initial=np.inf)
+        return unobstructing, from_m.min(axis=1, initial=np.inf)
 
 
 _SPACING_M = 0.25
@@ -167,16 +167,16 @@ _MOST_PLACES = 1000
 _HEIGHTS_M = (0.1, 0.9, 1.6)
 """Feet, middle and head of somebody who stands there [m]."""
 
-_NOBODY = np.array([np.iinfo(np.int16).max], dtype=np.int16)
+_NO_PERSON = np.array([np.iinfo(np.int16).max], dtype=np.int16)
 
 
-def sees_some_of(view: SensorView, empty: Snapshot, area: NDArray[np.float64]) -> bool:
-    """Whether a ray from the camera reaches any point in which a body in the area (k, 2) [m] of the empty room might be."""
-    return bool(visible_share(view, empty, _points(area)[None], _NOBODY)[0] > 0)
+def sees_any_of(view: SensorView, empty: Snapshot, area: NDArray[np.float64]) -> bool:
+    """Return True where a ray from the camera reaches a possible point of a body in the area (k, 2) [m] of the empty room."""
+    return bool(visible_share(view, empty, _points(area)[None], _NO_PERSON)[0] > 0)
 
 
 def _points(area: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points over the area, at a few heights, (n, 3) [m]; the corners' middle alone where it is narrower than the grid."""
+    """Return points over the area, at a few heights, (n, 3) [m]; the corners' mean alone where it is narrower than the grid."""
     low, high = area.min(axis=0), area.max(axis=0)
     spacing_m = max(_SPACING_M, float(np.sqrt(np.prod(high - low) / _MOST_PLACES)))
     x, y = np.meshgrid(np.arange(low[0], high[0], spacing_m), np.arange(low[1], high[1], spacing_m))
@@ -187,23 +187,23 @@ def _points(area: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 OUTSIDE = -1
-"""What an id picture holds where the lens sees nothing."""
+"""Value of an id image outside the lens's field."""
 
 
 @runtime_checkable
-class SeesPeople(Protocol):
+class PersonImaging(Protocol):
     """A camera that can tell which person each of its pixels shows."""
 
     def person_image(self, snapshot: Snapshot) -> NDArray[np.int16]:
-        """The id of the person at each pixel's centre, 0 for the room, -1 outside the lens's field, (height, width).
+        """Return the id of the person at each pixel's centre, 0 for the room, -1 outside the lens's field, (height, width).
 
-        In the pixels of the pictures that it reports, distortion included; sharp and without noise.
+        In the pixels of the images that it reports, distortion included; sharp and without noise.
         """
         ...
 
 
 def person_boxes(people: NDArray[np.int16]) -> tuple[Box, ...]:
-    """The boxes of all people in an id picture (height, width), in the order of their ids."""
+    """Return the boxes of all people in an id image (height, width), in the order of their ids."""
     inside = np.maximum(people, 0)
     count = np.bincount(inside.ravel())
     if len(count) < 2:
@@ -219,8 +219,8 @@ def person_boxes(people: NDArray[np.int16]) -> tuple[Box, ...]:
 
 
 def _rim(people: NDArray[np.int16]) -> NDArray[np.bool_]:
-    """The pixels at the border of the picture and beside the outside of the lens's field, (height, width)."""
+    """Return the pixels at the border of the image and next to the outside of the lens's field, (height, width)."""
     outside = np.ones((people.shape[0] + 2, people.shape[1] + 2), dtype=np.uint8)
     outside[1:-1, 1:-1] = people == OUTSIDE
-    beside = cv2.dilate(outside, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)))
-    return beside[1:-1, 1:-1].astype(np.bool_)
+    near_outside = cv2.dilate(outside, cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)))
+    return near_outside[1:-1, 1:-1].astype(np.bool_)

@@ -11,7 +11,7 @@ from trackers.arrays import Mask
 from twin.people.population import Population
 
 SAMPLE_S = 0.1
-"""How often people are asked what they do [s]."""
+"""Period at which people's actions are sampled [s]."""
 
 _MOVES_M_S = 0.3
 _FULL_STRIDE = 0.9
@@ -33,34 +33,34 @@ _ATTEMPTS = {
     "bend": "bends",
     "reach": "reaches",
 }
-"""What somebody does who never gets so far."""
+"""Verbs of an action that never shows."""
 SIDEWAYS, BACKWARDS = "walks sideways", "walks backwards"
 
 
 @dataclass(frozen=True)
 class Activity:
-    """Somebody does something at time t [s]."""
+    """A person's activity at time t [s]."""
 
     person: str
     verb: str
     t: float
 
     def __str__(self) -> str:
-        """As it is written under a picture."""
+        """Format the caption of an image."""
         return f"{self.person} {self.verb}, {self.t:.1f} s"
 
 
 def verb(kind: str, under_way: bool = False) -> str:
-    """What somebody does whose action is of this kind, as in "anna sits"; `under_way`: "goes to sit", on the way there."""
+    """Return the verb of an action of this kind, as in "anna sits"; `under_way`: "goes to sit", on the way there."""
     return _ATTEMPTS.get(kind, _VERBS[kind]) if under_way else _VERBS[kind]
 
 
 def activities(population: Population, duration_s: float) -> list[Activity]:
-    """Of everybody and everything that they do within the duration, one moment: by person, in order of time.
+    """Find one time for each activity of each person within the duration, by person, in order of time.
 
-    The moment is the middle of the longest stretch in which the action shows: of sitting, lying, bending and reaching
-    when the posture is reached, of a meeting when both stand, of a walk when the person moves. What never comes so far
-    is shown in the middle of the attempt, and called one. The population is new, and stepped to the end.
+    The time is the middle of the longest stretch in which the action shows: of sitting, lying, bending and reaching when the
+    posture is reached, of a meeting when both stand, of a walk when the person moves. An action that never comes so far is
+    shown in the middle of the attempt, and called one. The population is new, and stepped to the end.
     """
     observed = _observe(population, duration_s)
     found = []
@@ -80,7 +80,7 @@ def activities(population: Population, duration_s: float) -> list[Activity]:
 
 @dataclass(frozen=True, eq=False)
 class _Observed:
-    """What n people did at k times; arrays (k, n), t (k,)."""
+    """Actions and motion of n people at k times; arrays (k, n), t (k,)."""
 
     t: NDArray[np.float64]
     present: Mask
@@ -88,19 +88,19 @@ class _Observed:
     holds: Mask
     looks: Mask
     speed: NDArray[np.float64]
-    aside: NDArray[np.float64]  # angle between way and heading, 0 to π
+    drift_rad: NDArray[np.float64]  # angle between way and heading, 0 to π
     turn_rate: NDArray[np.float64]
 
 
 def _observe(population: Population, duration_s: float) -> _Observed:
     t = np.arange(0.0, duration_s, SAMPLE_S)
     doing, holds, looks, truths = [], [], [], []
-    for moment in t.tolist():
-        population.advance(moment)
+    for sample in t.tolist():
+        population.advance(sample)
         doing.append(population.doing)
         holds.append(population.holds_posture())
         looks.append(population.looks())
-        truth = population.truth(moment)
+        truth = population.truth(sample)
         truths.append(replace(truth, present=truth.present.copy()))  # theirs is overwritten later
     velocity = np.array([truth.vx + 1j * truth.vy for truth in truths]).reshape(len(t), -1)
     facing = np.exp(1j * np.array([truth.yaw for truth in truths])).reshape(len(t), -1)
@@ -119,14 +119,14 @@ def _observe(population: Population, duration_s: float) -> _Observed:
 
 
 def _shows(kind: str, observed: _Observed, place: int) -> dict[str, Mask]:
-    """By verb, when an action of a kind is to be seen, (k,)."""
-    speed, aside = observed.speed[:, place], observed.aside[:, place]
+    """Return by verb when an action of a kind is visible, (k,)."""
+    speed, drift_rad = observed.speed[:, place], observed.drift_rad[:, place]
     moves = speed > _MOVES_M_S
     if kind in _HOLDS:
         return {_VERBS[kind]: observed.holds[:, place]}
     if kind == "walk":
-        sideways = (aside > _SIDEWAYS_RAD) & (aside < _BACKWARDS_RAD)
-        backwards = aside >= _BACKWARDS_RAD
+        sideways = (drift_rad > _SIDEWAYS_RAD) & (drift_rad < _BACKWARDS_RAD)
+        backwards = drift_rad >= _BACKWARDS_RAD
         return {_VERBS[kind]: moves & ~sideways & ~backwards, SIDEWAYS: moves & sideways, BACKWARDS: moves & backwards}
     if kind in _GOES:
         return {_VERBS[kind]: moves}
@@ -138,7 +138,7 @@ def _shows(kind: str, observed: _Observed, place: int) -> dict[str, Mask]:
 
 
 def _middle(shows: Mask, speed: NDArray[np.float64]) -> int | None:
-    """The middle of the longest stretch in which the flags (k,) hold, of one on the way when they are in full stride.
+    """Return the middle of the longest stretch in which the flags (k,) hold; of a person on the way, at full stride.
 
     None without a stretch that is long enough. speed (k,) [m/s].
     """

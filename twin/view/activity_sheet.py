@@ -30,21 +30,21 @@ from twin.world.world import World
 _WIDE_PX = 1200
 _COLUMNS = 5
 _ACTIVITY_PX = (_WIDE_PX // _COLUMNS, 280)
-_BESIDE = 2
-_FIGURE_PX = (_WIDE_PX // (4 * _BESIDE), 250)
+_FIGURES_PER_ROW = 2
+_FIGURE_PX = (_WIDE_PX // (4 * _FIGURES_PER_ROW), 250)
 _FINER = 2
 _COMPANION_WITHIN_M = 2.5
-_ASIDE_DEG = {"bends": 75.0, "reaches": 60.0, "lies": 90.0, "sits": 40.0, "looks": 15.0}
-_ASIDE_ELSE_DEG = 30.0
+_AZIMUTH_DEG = {"bends": 75.0, "reaches": 60.0, "lies": 90.0, "sits": 40.0, "looks": 15.0}
+_AZIMUTH_ELSE_DEG = 30.0
 """Whence an action is seen best: degrees aside from where the person faces."""
 
 
 def write_people(
     scenario: Scenario, path: Path, on_progress: Callable[[str, float, float], None] | None = None
 ) -> list[Activity]:
-    """Write a PNG of everybody from the front, the side, behind and high, and of everything they do; gives what they do.
+    """Write a PNG of each person from the front, the side, behind and high, and of their activities; return these.
 
-    Raises InputError for a scenario without people, a name that is no picture's, a file that cannot be written.
+    Raises InputError for a scenario without people, a name that is no image's, a file that cannot be written.
     """
     check_picture_name(path)
     if not scenario.people:
@@ -55,7 +55,7 @@ def write_people(
     found = activities(populate(scenario, scene), scenario.duration_s)
     found.sort(key=lambda activity: (listed.index(activity.person), activity.t))
     figures = [Portrait(_label(scenario, name), scene.appearances[name]) for name in listed]
-    sheet = [draw_portraits(figures, columns=min(_BESIDE, len(figures)), cell_px=_FIGURE_PX)]
+    sheet = [draw_portraits(figures, columns=min(_FIGURES_PER_ROW, len(figures)), cell_px=_FIGURE_PX)]
     if found:
         pictures = _pictures(scenario, found, on_progress)
         panels = [np.vstack([label_strip(str(activity), _ACTIVITY_PX[0]), pictures[activity]]) for activity in found]
@@ -67,7 +67,7 @@ def write_people(
 def _pictures(
     scenario: Scenario, found: Sequence[Activity], on_progress: Callable[[str, float, float], None] | None
 ) -> dict[Activity, NDArray[np.uint8]]:
-    """A picture of each activity, taken in the order of time."""
+    """Draw an image of each activity, in the order of time."""
     world = World(scenario)
     names = world.population.names
     pictures = {}
@@ -91,7 +91,7 @@ def _pictures(
                 world.scene.ids[activity.person],
                 float(truth.yaw[place]),
                 aspect,
-                _ASIDE_DEG.get(activity.verb, _ASIDE_ELSE_DEG),
+                _AZIMUTH_DEG.get(activity.verb, _AZIMUTH_ELSE_DEG),
                 near,
             )
             pictures[activity] = render_picture(
@@ -103,7 +103,7 @@ def _pictures(
 
 
 def _companion(scenario: Scenario, activity: Activity) -> str | None:
-    """With whom somebody meets, or whom they follow."""
+    """Return the person met or followed; None where there is none."""
     for action in scenario.people[activity.person].script:
         if action.kind in ("meet", "follow") and verb(action.kind) == activity.verb:
             return companions(action)[0][1]
@@ -116,7 +116,7 @@ def _label(scenario: Scenario, name: str) -> str:
 
 
 def _stacked(parts: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    """Pictures below each other, the narrower ones filled up with white."""
+    """Stack images below each other, the narrower ones filled up with white."""
     width = max(part.shape[1] for part in parts)
     return np.vstack(
         [np.pad(part, ((0, 0), (0, width - part.shape[1]), (0, 0)), constant_values=255) for part in parts]

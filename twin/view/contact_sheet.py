@@ -35,7 +35,7 @@ _COLUMNS, _COLUMNS_WITH_DEPTH = (3,), (4, 3)
 
 _LABEL_PX, _EDGE_PX = 30, 5
 _LETTERS_PX = (16, 15, 14, 13, 12, 11)
-"""How high a label's letters are: the largest at which it fits."""
+"""Heights of a label's letters: the largest that fits is used."""
 _WHAT = {"fisheye": "fisheye camera", "camera": "pinhole camera", "stereo": "stereo camera", "floor": "pressure floor"}
 
 _FINER = 2
@@ -62,7 +62,7 @@ def write_view(scenario: Scenario, t: float, path: Path) -> tuple[str, ...]:
 def drawn_view(
     scenario: Scenario, t: float, tile_px: tuple[int, int] = _TILE_PX
 ) -> tuple[NDArray[np.uint8], tuple[str, ...]]:
-    """The picture that `write_view` writes, RGB (height, width, 3), and its warnings.
+    """Return the image that `write_view` writes, RGB (height, width, 3), and its warnings.
 
     `tile_px`: width and height of each tile. Raises InputError for a time outside the scenario.
     """
@@ -97,14 +97,14 @@ def drawn_view(
 
 
 def _what(sensor: RigSensor) -> str:
-    """What kind of sensor this is, in words."""
+    """Name the kind of a sensor in words."""
     if sensor.kind == "laser":
         return f"scanner, {sensor.room_from_sensor.translation[2]:.2f} m high"
     return _WHAT[sensor.kind]
 
 
 def framed(label: str, tile: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """A tile under its label, with an edge around both."""
+    """Add a label above a tile, and an edge around both."""
     strip = np.full((_LABEL_PX, tile.shape[1], 3), BACKDROP, dtype=np.uint8)
     fitting = (size for size in _LETTERS_PX if text_width(label, size, BOLD) <= tile.shape[1] - 4)
     write(strip, label, 2, _LABEL_PX - 10, INK, next(fitting, _LETTERS_PX[-1]), BOLD)
@@ -115,7 +115,7 @@ def framed(label: str, tile: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 class Sheet:
-    """Draws one moment's tiles, all of the same size."""
+    """Draws the tiles of one time, all of the same size."""
 
     def __init__(self, simulation: Simulation, t: float, tile_px: tuple[int, int]) -> None:
         self._simulation, self._tile_px = simulation, tile_px
@@ -126,7 +126,7 @@ class Sheet:
         self._outline = room_outline(self._snapshot.model, self._snapshot.data)
 
     def room(self) -> NDArray[np.uint8]:
-        """The room from a free place high up that shows most of the people."""
+        """Draw the room from a free place high up that shows most of the people."""
         scene = self._world.scene
         aspect = self._tile_px[0] / self._tile_px[1]
         points = [np.concatenate([scene.area, np.full((len(scene.area), 1), height)], axis=1) for height in (0.1, 1.0)]
@@ -144,18 +144,18 @@ class Sheet:
         return shown
 
     def light(self) -> str:
-        """That the room is dark, where its picture is lit for the eye."""
+        """Return a note where the room is dark, and its image is lit for the eye."""
         return DARK_NOTE if light_of(self._snapshot.model) < ENOUGH_LIGHT else ""
 
     def plan_label(self) -> str:
-        """What the plan shows."""
+        """Return the plan's label."""
         what = "from above: truth, scans, floors"
         return (
             f"{what} as calibrated (dashed)" if assumed_poses(self._simulation.rig, self._simulation.true_rig) else what
         )
 
     def plan(self, looks: Mapping[str, Observation], silent: Collection[str] = ()) -> NDArray[np.uint8]:
-        """The plan with the true people, what these scanners see and what these floors feel, as trackers take it.
+        """Draw the plan with the true people, these scans and floor frames, by the rig that trackers get.
 
         `silent`: sensors that report nothing, which are labelled so.
         """
@@ -169,7 +169,7 @@ class Sheet:
         return panel
 
     def camera(self, rgb: NDArray[np.uint8], boxes: Sequence[Box]) -> NDArray[np.uint8]:
-        """A camera's picture, with a box around what it sees of each person."""
+        """Draw a camera's image, with the box of each visible person."""
         shown, scale, offset = _fitted(rgb, self._tile_px)
         tags = []
         for box in boxes:
@@ -183,7 +183,7 @@ class Sheet:
 
 
 def _coloured(depth_m: NDArray[np.float32]) -> tuple[str, NDArray[np.uint8]]:
-    """A depth picture in colours, and what the colours mean."""
+    """Colour a depth image, and return the legend."""
     there = depth_m > 0
     if not there.any():
         return "nothing matched", np.zeros((*depth_m.shape, 3), dtype=np.uint8)
@@ -197,7 +197,7 @@ def _coloured(depth_m: NDArray[np.float32]) -> tuple[str, NDArray[np.uint8]]:
 
 
 def _fitted(rgb: NDArray[np.uint8], tile_px: tuple[int, int]) -> tuple[NDArray[np.uint8], float, NDArray[np.float64]]:
-    """The picture scaled into a tile, on black; its scale and the place of its corner [px]."""
+    """Scale an image into a tile, on black; return its scale and the place of its corner [px]."""
     width, height = tile_px
     scale = min(width / rgb.shape[1], height / rgb.shape[0])
     size = round(rgb.shape[1] * scale), round(rgb.shape[0] * scale)

@@ -19,7 +19,7 @@ from twin.room.building import check_mount
 from twin.sensors.rays import cast
 from twin.world.world import World
 
-_ASIDE_DEG = (30, -30, 60, -60, 80, -80, 0, 100, -100, 130, -130, 160, -160, 180)
+_AZIMUTHS_DEG = (30, -30, 60, -60, 80, -80, 0, 100, -100, 130, -130, 160, -160, 180)
 _AWAY_M = (3.2, 2.6, 2.1, 1.7, 1.35)
 _ABOVE_M = (0.25, 0.7, 1.2, 1.6)
 _LIKED_M = 2.6
@@ -43,7 +43,7 @@ class Standpoint:
 
 
 class CameraSpace:
-    """Where a camera can be: on the floor's plan, clear of walls and furniture.
+    """Free space for a camera: over the floor's plan, clear of walls and furniture.
 
     `snapshot`: any of the scene; `floor` (k, 2): the polygon to stay over [m].
     """
@@ -53,7 +53,7 @@ class CameraSpace:
         self._middle = floor.mean(axis=0)
 
     def is_free(self, snapshot: Snapshot, eye: Array) -> bool:
-        """Whether a camera can be at `eye` (3,) [m]."""
+        """Return True where a camera can be at `eye` (3,) [m]."""
         inward = self._middle - eye[:2]
         outward = eye[:2] - _FROM_WALLS_M * inward / max(float(np.linalg.norm(inward)), 1e-9)
         if not self._floor.contains(np.stack([eye[:2], outward])).all():
@@ -75,12 +75,12 @@ def standpoint_for(
     person: int,
     facing_rad: float,
     aspect: float,
-    aside_deg: float,
+    azimuth_deg: float,
     also: int | None = None,
 ) -> Standpoint:
-    """Whence to look at a person (id): best from so far left or right of where they face; `also`: to be in the picture too.
+    """Choose a viewpoint on a person (id), best `azimuth_deg` left or right of their heading; `also`: a second person in view.
 
-    `aspect`: width over height of the picture. What is seen of the person counts most, by rays to every part of the body.
+    `aspect`: width over height of the image. The visible share of the person counts most, by rays to every part of the body.
     """
     parts, radius = body_parts(snapshot, person)
     shown, shown_radius, others = parts, radius, None
@@ -91,14 +91,14 @@ def standpoint_for(
     spread = np.ptp(parts, axis=0)
     best_above = 1.2 if spread[2] < 0.8 * max(spread[:2]) else 0.25  # who lies is seen from higher up
     best: tuple[float, Standpoint] | None = None
-    for aside in _ASIDE_DEG:
-        angle = facing_rad + np.deg2rad(aside)
+    for azimuth in _AZIMUTHS_DEG:
+        angle = facing_rad + np.deg2rad(azimuth)
         for away in _AWAY_M:
             for above in _ABOVE_M:
                 eye = target + np.array([away * np.cos(angle), away * np.sin(angle), above])
                 if not room.is_free(snapshot, eye):
                     continue
-                liked = 0.25 * np.cos(np.deg2rad(abs(aside) - aside_deg)) - 0.08 * abs(away - _LIKED_M)
+                liked = 0.25 * np.cos(np.deg2rad(abs(azimuth) - azimuth_deg)) - 0.08 * abs(away - _LIKED_M)
                 liked -= 0.08 * abs(above - best_above)
                 if best is not None and 1.0 + liked <= best[0]:
                     continue
@@ -116,7 +116,7 @@ def standpoint_for(
 
 
 def overview(snapshot: Snapshot, room: CameraSpace, points: Array, aspect: float) -> Standpoint:
-    """Whence to look at points (k, 3) [m], the places of people over a time: from high up, from as near as shows most."""
+    """Choose a viewpoint on points (k, 3) [m], the places of people over a time: high up, as near as shows most."""
     low, high = np.quantile(points, 0.05, axis=0), np.quantile(points, 0.95, axis=0)
     target = 0.5 * (low + high)
     size = max(float(np.linalg.norm(high - low)), _LIKED_M)
@@ -129,7 +129,7 @@ def overview(snapshot: Snapshot, room: CameraSpace, points: Array, aspect: float
                 if not room.is_free(snapshot, eye):
                     continue
                 half_height = min(fitting(eye, target, points, np.zeros(len(points)), aspect), _WIDEST / aspect)
-                shown = _reached(snapshot, eye, points) & _inside(eye, target, points, half_height, aspect)
+                shown = _reached(snapshot, eye, points) & _in_picture(eye, target, points, half_height, aspect)
                 score = float(shown.mean()) - 0.25 * half_height * aspect - 0.02 * away
                 score -= 1.5 * _in_the_way(snapshot, eye, target, half_height, aspect)
                 if best is None or score > best[0]:
@@ -140,13 +140,13 @@ def overview(snapshot: Snapshot, room: CameraSpace, points: Array, aspect: float
 
 
 def body_parts(snapshot: Snapshot, person: int) -> tuple[Array, Array]:
-    """Middles (k, 3) [m] of the geoms of a person (id), and their radii (k,) [m]."""
+    """Return the middles (k, 3) [m] of the geoms of a person (id), and their radii (k,) [m]."""
     mine = np.flatnonzero(snapshot.person_of_geom == person)
     return snapshot.data.geom_xpos[mine].copy(), np.maximum(snapshot.model.geom_rbound[mine], _BODY_M)
 
 
 def fitting(eye: Array, target: Array, points: Array, radius: Array, aspect: float) -> float:
-    """Tangent of half the vertical field in which points (k, 3) with radii (k,) [m] all are, with a margin."""
+    """Return the tangent of half the vertical field that holds points (k, 3) with radii (k,) [m], with a margin."""
     right, up, forward = axes_towards(eye, target)
     local = points - eye
     depth = np.maximum(local @ forward, 0.2)
@@ -156,7 +156,7 @@ def fitting(eye: Array, target: Array, points: Array, radius: Array, aspect: flo
 
 
 def seen_share(snapshot: Snapshot, eye: Array, person: int) -> float:
-    """Share of the parts of a person (id) that are seen from `eye` (3,) [m], 0 to 1."""
+    """Return the share of the parts of a person (id) that are visible from `eye` (3,) [m], 0 to 1."""
     return _seen(snapshot, eye, body_parts(snapshot, person)[0], person)
 
 
@@ -174,8 +174,8 @@ def _reached(snapshot: Snapshot, eye: Array, points: Array) -> NDArray[np.bool_]
     return met >= distance - 1e-6
 
 
-def _inside(eye: Array, target: Array, points: Array, half_height: float, aspect: float) -> NDArray[np.bool_]:
-    """Which points (k, 3) [m] are within the picture."""
+def _in_picture(eye: Array, target: Array, points: Array, half_height: float, aspect: float) -> NDArray[np.bool_]:
+    """Return which points (k, 3) [m] are in the image."""
     right, up, forward = axes_towards(eye, target)
     local = points - eye
     depth = local @ forward
@@ -184,7 +184,7 @@ def _inside(eye: Array, target: Array, points: Array, half_height: float, aspect
 
 
 def _in_the_way(snapshot: Snapshot, eye: Array, target: Array, half_height: float, aspect: float) -> float:
-    """Share of the picture that something fills which is close to the eye."""
+    """Return the share of the image that is filled by things close to the eye."""
     right, up, forward = axes_towards(eye, target)
     across, along = np.meshgrid(np.linspace(-1, 1, 7), np.linspace(-1, 1, 7))
     rays = forward + half_height * (aspect * across.ravel()[:, None] * right + along.ravel()[:, None] * up)
@@ -194,13 +194,13 @@ def _in_the_way(snapshot: Snapshot, eye: Array, target: Array, half_height: floa
 
 
 def _met(snapshot: Snapshot, eye: Array, rays: Array) -> tuple[NDArray[np.int32], Array]:
-    """The geoms that unit rays (n, 3) from `eye` meet first, -1: none, and how far away, infinite: none [m]."""
+    """Return the geoms that unit rays (n, 3) from `eye` meet first, -1: none, and the distances, infinite: none [m]."""
     geom, distance = np.empty(len(rays), dtype=np.int32), np.empty(len(rays))
     cast(snapshot, np.ascontiguousarray(eye), np.ascontiguousarray(rays), geom, distance)
     return geom, np.where(distance < 0, np.inf, distance)
 
 
-_FOLLOW_ASIDE_DEG = 35.0
+_FOLLOW_AZIMUTH_DEG = 35.0
 _SEEN_AT_LEAST = 0.4
 _NEAREST_M, _FARTHEST_M = 1.2, 4.5
 _CUTS_APART_S = 2.0
@@ -219,14 +219,14 @@ class FollowCamera:
         self._cut_at_s = -np.inf
 
     def at(self, snapshot: Snapshot, facing_rad: float) -> Standpoint:
-        """The camera at the snapshot's time; times rise."""
+        """Return the camera at the snapshot's time; times rise."""
         parts, radius = body_parts(snapshot, self._person)
         middle = 0.5 * (parts.min(axis=0) + parts.max(axis=0))
         stand = self._stand
         if stand is None or (
             snapshot.t - self._cut_at_s > _CUTS_APART_S and self._is_badly_seen(snapshot, stand, middle)
         ):
-            found = standpoint_for(snapshot, self._room, self._person, facing_rad, self._aspect, _FOLLOW_ASIDE_DEG)
+            found = standpoint_for(snapshot, self._room, self._person, facing_rad, self._aspect, _FOLLOW_AZIMUTH_DEG)
             stand = Standpoint(found.eye, found.target, _WIDER * found.half_height)
             self._cut_at_s = snapshot.t
         else:
@@ -250,7 +250,7 @@ _FILL: RGB = (45, 52, 64)
 
 
 def name_tags(world: World, snapshot: Snapshot, stand: Standpoint, size_px: tuple[int, int]) -> list[Tag]:
-    """A tag over everybody whose place is within the picture of this size, hidden or not."""
+    """Return a name tag over each person within the image of this size, hidden or not."""
     width, height = size_px
     right, up, forward = axes_towards(stand.eye, stand.target)
     present = world.population.present(snapshot.t)

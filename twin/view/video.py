@@ -62,11 +62,11 @@ def write_video(
     follow: str | None = None,
     on_progress: Callable[[str, float, float], None] | None = None,
 ) -> None:
-    """Write an MP4 of the people from `start_s` to `end_s` [s] (None: the scenario's end), 25 pictures a second.
+    """Write an MP4 of the people from `start_s` to `end_s` [s] (None: the scenario's end), 25 images per second.
 
-    From a free camera over the tracked area, or one that follows the person `follow`. A plan with what scanners and
-    floors report is in the corner. Raises InputError for times outside the scenario, somebody who is not in it or
-    not there meanwhile, a name that is no video's, and a file that cannot be written.
+    From a free camera over the tracked area, or one that follows the person `follow`. A plan with the reports of scanners and
+    floors is in the corner. Raises InputError for times outside the scenario, a person who is not in it or not present
+    meanwhile, a name that is no video's, and a file that cannot be written.
     """
     end_s = scenario.duration_s if end_s is None else end_s
     _check(scenario, path, start_s, end_s, follow)
@@ -109,7 +109,7 @@ def _check(scenario: Scenario, path: Path, start_s: float, end_s: float, follow:
 
 
 def _whereabouts(scenario: Scenario, scene: Scene, start_s: float, end_s: float) -> NDArray[np.float64]:
-    """Feet, hips and heads of everybody from one time to another, (k, 3) [m]; the area's corners without anybody."""
+    """Return feet, hips and heads of all people from one time to another, (k, 3) [m]; without people the area's corners."""
     population = populate(randomized(scenario), scene)
     places = []
     for t in np.arange(start_s, end_s, _SAMPLE_S).tolist():
@@ -148,18 +148,18 @@ class _Reports:
         self.silent = self._silence_monitor.silent(round(t * NS_PER_S))
 
     def scans(self) -> dict[str, LaserScan]:
-        """The newest scan of each scanner that is not silent."""
+        """Return the newest scan of each scanner that is not silent."""
         return {name: each for name, each in self._heard() if isinstance(each, LaserScan)}
 
     def floors(self) -> dict[str, FloorFrame]:
-        """The newest frame of each floor that is not silent."""
+        """Return the newest frame of each floor that is not silent."""
         return {name: each for name, each in self._heard() if isinstance(each, FloorFrame)}
 
     def _heard(self) -> list[tuple[str, Observation]]:
         return [(name, each) for name, each in self.newest.items() if name not in self.silent]
 
     def floor(self, name: str) -> FloorSensor:
-        """The grid of a floor where it truly lies."""
+        """Return the grid of a floor at its true pose."""
         assert self.true_rig is not None, "a floor has reported"
         return self.true_rig.floors()[name]
 
@@ -193,7 +193,7 @@ class _Film:
             self._plan = FloorPanel(reports.rig, outline, *_PLAN_PX, true=reports.true_rig)
 
     def picture(self, t: float) -> NDArray[np.uint8]:
-        """The picture at time t [s]; times rise."""
+        """Draw the image at time t [s]; times rise."""
         self._reports.until(t)
         snapshot = self._world.snapshot(t)
         stand = self._stand_at(snapshot)
@@ -217,7 +217,7 @@ class _Film:
         return self._stand
 
     def _marks(self) -> list[Mark]:
-        """The loaded elements of the newest floor frames, on the floor."""
+        """Return marks of the loaded elements of the newest floor frames."""
         marks = []
         red, green, blue = (each / 255 for each in PRESSED)
         for name, frame in self._reports.floors().items():
@@ -234,7 +234,7 @@ class _Film:
         return marks
 
     def _lay_plan(self, shown: NDArray[np.uint8], t: float) -> None:
-        """The plan in an upper corner."""
+        """Draw the plan into an upper corner."""
         if self._plan is None or self._reports.rig is None:
             return
         width, height = _PLAN_PX
@@ -249,7 +249,7 @@ class _Film:
         shown[_EDGE_PX : _EDGE_PX + height, left : left + width] = panel
 
     def _is_fuller_on_the_right(self, whereabouts: NDArray[np.float64]) -> bool:
-        """Whether the upper right corner of the fixed camera's picture shows more people than the upper left."""
+        """Return True where the upper right corner of the fixed camera's image shows more people than the upper left."""
         right, up, forward = axes_towards(self._stand.eye, self._stand.target)
         local = whereabouts - self._stand.eye
         depth = np.maximum(local @ forward, 1e-6)
@@ -259,7 +259,7 @@ class _Film:
         return bool((high & (side > corner)).sum() > (high & (side < -corner)).sum())
 
     def _strip(self, t: float, is_dark: bool) -> NDArray[np.uint8]:
-        """The time, whether the room is dark, and who does what."""
+        """Draw the time, a note on a dark room, and the activities."""
         strip = np.full((_STRIP_PX, _SIZE_PX[0], 3), _STRIP, dtype=np.uint8)
         population = self._world.population
         present = population.present(t)

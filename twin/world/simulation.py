@@ -37,7 +37,7 @@ from twin.sensors.schedule import MessageFaults, Schedule, Scheduled
 from twin.sensors.sensor import Reading, Sensor
 from twin.streams import stream
 from twin.truth.frames import Box, TruthDetail, TruthFrame
-from twin.truth.visibility import SeesPeople, person_boxes, sees_some_of, sensor_view
+from twin.truth.visibility import PersonImaging, person_boxes, sees_any_of, sensor_view
 from twin.world.heap import trim_heap
 from twin.world.precomputed import PrecomputedScene
 from twin.world.scene import foot_shapes
@@ -224,7 +224,7 @@ class Simulation:
         return {name: person_boxes(people) for name, people in self.person_images(t).items()}
 
     def person_images(self, t: float) -> dict[str, NDArray[np.int16]]:
-        """Which person each pixel of each camera shows at time t [s], by name (`SeesPeople.person_image`)."""
+        """Which person each pixel of each camera shows at time t [s], by name (`PersonImaging.person_image`)."""
         snapshot = self.world.snapshot(t)
         return {name: camera.person_image(snapshot) for name, camera in self._cameras().items()}
 
@@ -265,9 +265,9 @@ class Simulation:
         device = stream(self.scenario.seed, "device", name)
         return build_sensor(name, self._descriptions[name], self._renderer, shapes=shapes, device=device)
 
-    def _cameras(self) -> dict[str, SeesPeople]:
+    def _cameras(self) -> dict[str, PersonImaging]:
         """The cameras without their noise, by name."""
-        return {name: timed.ideal for name, timed in self._sensors.items() if isinstance(timed.ideal, SeesPeople)}
+        return {name: timed.ideal for name, timed in self._sensors.items() if isinstance(timed.ideal, PersonImaging)}
 
     def _truth_details(self, tell: Callable[[TruthDetail], object]) -> TruthDetails:
         boxes_hz = self.scenario.truth.boxes_hz
@@ -290,7 +290,7 @@ class Simulation:
         blind = [
             f"sensors.{name}.mount: the camera sees nothing of the walkable area; another place or direction is expected"
             for name, view in self.views.items()
-            if not view.is_scanner and not sees_some_of(view, empty, area)
+            if not view.is_scanner and not sees_any_of(view, empty, area)
         ]
         dark = [
             f"room: {scene.room_file.name} is dark at the start, so that cameras see next to nothing; a <light> that shines, "

@@ -18,17 +18,17 @@ from twin.truth.frames import BoxFrame, RayFrame, RayRun, Situation, TruthDetail
 from twin.truth.situations import (
     CORRELATED_M,
     INTERACTION_M,
-    Held,
-    Look,
     OpenSituations,
     Pair,
+    PairState,
+    ScanPoints,
     joined_pairs,
-    look_of,
     merged_pairs,
     ordered_pairs,
     pairs_within,
+    scan_points,
 )
-from twin.truth.visibility import SeesPeople, SensorView, first_met, person_boxes
+from twin.truth.visibility import PersonImaging, SensorView, first_hits, person_boxes
 from twin.world.scene import Scene
 
 
@@ -67,7 +67,7 @@ class TruthDetails:
         self,
         world: InhabitedWorld,
         views: Mapping[str, SensorView],
-        cameras: Mapping[str, SeesPeople],
+        cameras: Mapping[str, PersonImaging],
         boxes_hz: float,
         tell: Callable[[TruthDetail], object],
     ) -> None:
@@ -82,7 +82,7 @@ class TruthDetails:
         self._situations = OpenSituations()
         self._last_period: dict[str, int] = {}
         self._untold: list[Situation] = []
-        self._looks: dict[str, Look] = {}
+        self._looks: dict[str, ScanPoints] = {}
         self._scanned_ns: int | None = None  # the frame of merging for the rig that is not judged yet
         self._near: dict[Pair, float] = {}
         self._present = np.zeros(0, dtype=np.int16)
@@ -94,12 +94,12 @@ class TruthDetails:
         self._present = np.array([person.id for person in frame.people], dtype=np.int16)
         self._place_m = np.array([(person.x, person.y) for person in frame.people], dtype=float).reshape(-1, 2)
         self._near = pairs_within(self._present, self._place_m, INTERACTION_M)
-        interacting = {pair: Held(least_m=distance) for pair, distance in self._near.items()}
+        interacting = {pair: PairState(least_m=distance) for pair, distance in self._near.items()}
         if snapshot.model is not self._outlines.model:
             self._outlines = BodyOutlines(snapshot.model, snapshot.person_of_geom)
         pairs, gaps = self._outlines.nearer(snapshot.data, self._present, CORRELATED_M)
         ids = ordered_pairs(self._present[pairs[:, 0]], self._present[pairs[:, 1]])
-        correlated = {pair: Held(least_m=gap) for pair, gap in zip(ids, gaps.tolist(), strict=True)}
+        correlated = {pair: PairState(least_m=gap) for pair, gap in zip(ids, gaps.tolist(), strict=True)}
         self._tell_all(self._situations.update("interaction", "", frame.stamp_ns, interacting))
         self._tell_all(self._situations.update("correlated", "", frame.stamp_ns, correlated))
 
@@ -154,14 +154,14 @@ class TruthDetails:
         person_of_ray = reading.truth["person_of_ray"]
         self._tell(RayFrame(stamp_ns, sensor, person_runs(person_of_ray)))
         unmet, hidden = self._hidden(sensor, stamp_ns, person_of_ray)
-        merged = {pair: Held("hidden", self._near[pair]) for pair in hidden}
+        merged = {pair: PairState("hidden", self._near[pair]) for pair in hidden}
         place = self._places()
         for first, second in joined_pairs(reading.truth["range_m"], person_of_ray, scan.angle_increment_rad):
             apart_m = float(np.hypot(*(place[first] - place[second])))
-            merged[first, second] = Held("joined", apart_m)
+            merged[first, second] = PairState("joined", apart_m)
         self._tell_all(self._situations.update("merged", sensor, stamp_ns, merged))
         ideal = replace(scan, stamp_ns=stamp_ns, ranges_m=reading.truth["range_m"])
-        self._looks[sensor] = look_of(ideal, person_of_ray, self._views[sensor], unmet)
+        self._looks[sensor] = scan_points(ideal, person_of_ray, self._views[sensor], unmet)
         self._scanned_ns = stamp_ns
 
     def _hidden(self, sensor: str, stamp_ns: int, person_of_ray: np.ndarray) -> tuple[frozenset[int], list[Pair]]:
@@ -174,7 +174,7 @@ class TruthDetails:
         snapshot = self._world.snapshot(stamp_ns / NS_PER_S)
         rows = np.flatnonzero(np.isin(self._ids, hidden))
         points = snapshot.data.site_xpos[self._world.scene.bodies.point_site[rows]]
-        _, met = first_met(self._views[sensor], snapshot, points, self._ids[rows])
+        _, met = first_hits(self._views[sensor], snapshot, points, self._ids[rows])
         pairs = []
         for row, whom in zip(rows, met, strict=True):
             before = np.unique(whom[whom > 0])

@@ -24,7 +24,7 @@ from trackers.errors import InputError
 from trackers.observations import DepthImage, Image, LaserScan
 from trackers.rig import LaserSensor, PinholeSensor, Rig, StereoSensor
 from twin.recording.bag import open_bag
-from twin.recording.depth_images import DepthPairs, decode_depth, partners
+from twin.recording.depth_images import DepthPairs, decode_depth, match_images
 from twin.recording.messages import COMPRESSED_IMAGE, RAW_IMAGE, TYPESTORE, decode, encode, time_message
 from twin.recording.reader import Recording
 from twin.recording.writer import BagWriter
@@ -279,7 +279,7 @@ def test_pairs_find_each_other_late_early_and_across_gaps():
     late, early, apart = [1040 * MS], [997 * MS], [1300 * MS]
     colours = np.array([k * 100 * MS for k in range(10)] + late + [1100 * MS], np.int64)
     depths = np.array([k * 100 * MS + 20 * MS for k in range(8)] + early + apart, np.int64)
-    assert partners(colours, depths).tolist() == [*range(8), -1, -1, 8, -1]
+    assert match_images(colours, depths).tolist() == [*range(8), -1, -1, 8, -1]
     pairs, depth_m = DepthPairs(np.array([1, 0, -1, 2])), np.ones((32, 48), dtype=np.float32)
     picture = Image("deep", 7 * MS, a_depth_image(0).rgb)
     assert pairs.depth(0, depth_m) is None
@@ -299,8 +299,8 @@ def test_pictures_stamped_apart_find_each_other_at_any_rate(gap_ms, apart):
     depths = colours + round(apart * gap_ms * MS)
     lost = np.array([3, 4, 17])
     kept = np.delete(np.arange(40), lost)
-    np.testing.assert_array_equal(partners(colours, depths[kept])[kept], np.arange(37))
-    assert (partners(colours, depths[kept])[lost] == -1).all()
+    np.testing.assert_array_equal(match_images(colours, depths[kept])[kept], np.arange(37))
+    assert (match_images(colours, depths[kept])[lost] == -1).all()
 
 
 def test_a_robots_bag_of_raw_colour_and_depth(tmp_path):

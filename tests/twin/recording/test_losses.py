@@ -29,7 +29,7 @@ from trackers.errors import InputError
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor, Rig
 from twin.recording.bag import open_bag
-from twin.recording.losses import Heard, lines, missing
+from twin.recording.losses import ObservationLog, lines, missing
 from twin.recording.messages import LASER_SCAN, TYPESTORE, encode, time_message
 from twin.recording.reader import Recording
 from twin.recording.track_topics import START
@@ -126,7 +126,7 @@ def test_messages_that_are_missing_are_counted_by_the_rhythm_of_the_rest(lost, r
 
 
 def test_scans_that_see_less_than_usual_are_told():
-    heard = Heard()
+    heard = ObservationLog()
     for k, stamp_ns in enumerate(STAMPS):
         ranges = np.full(100, np.nan if k in (4, 5, 6) else 2.0, np.float32)
         heard.add(LaserScan("waist", stamp_ns, ranges, 0.0, 0.01, 0.1, 10.0))

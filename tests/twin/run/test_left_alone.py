@@ -76,7 +76,7 @@ def test_what_a_tracker_doubts_is_told_at_first_and_on_the_way(ran: tuple[Told, 
     doubts = (f"{name}: doubts the rig", f"{name}: doubts the room")
     result = track_recording(ran[1] / "recording.mcap", trackers=[name], **told.keywords(tmp_path))
     assert told.told[0] == doubts[0] and told.told.index(doubts[1]) > told.told.index("tracking")
-    assert result.doubts == doubts and set(doubts) <= set(result.warnings)
+    assert result.tracker_warnings == doubts and set(doubts) <= set(result.warnings)
     page = (tmp_path / "report.html").read_text()
     assert all(doubt in page for doubt in doubts)
 

@@ -12,8 +12,8 @@ from pydantic import TypeAdapter
 from trackers.observations import DepthImage, FloorFrame, Image, LaserScan
 from twin.scenario.sensors import SensorDescription, build_sensor
 from twin.sensors.check import check_sensor
-from twin.sensors.fault_effects import Blob, BrokenBeams, BrokenCells
-from twin.sensors.fault_kinds import DeadBeams, DeadCells, Fault, FaultDescription, Occlusion
+from twin.sensors.fault_effects import DeadBeamMask, DeadCellMask, LensCover
+from twin.sensors.fault_kinds import DeadBeams, DeadCells, Fault, FaultDescription, LensOcclusion
 from twin.sensors.layers import Faulty, Noisy, with_faults
 from twin.sensors.render import RendererOnDemand
 from twin.sensors.schedule import MessageFaults
@@ -67,12 +67,12 @@ def test_dead_are_the_beams_and_elements_that_are_named_and_no_others() -> None:
     beams = fault(kind="dead_beams", beams=[[3, 5], [8]], bearings_deg=(0, 1))
     scan = LaserScan("one", 0, np.full(20, 2.0, np.float32), np.deg2rad(-15), np.deg2rad(1), 0.05, 8.0)
     assert isinstance(beams, DeadBeams)
-    read = BrokenBeams(beams, np.random.default_rng(0)).spoil(scan).ranges_m
+    read = DeadBeamMask(beams, np.random.default_rng(0)).apply(scan).ranges_m
     assert np.flatnonzero(np.isnan(read)).tolist() == [3, 4, 5, 8, 15, 16]
     cells = fault(kind="dead_cells", cells=[[1, 2]], rows=[3], columns=[0])
     assert isinstance(cells, DeadCells)
     values = (
-        BrokenCells(cells, np.random.default_rng(0)).spoil(FloorFrame("one", 0, np.full((4, 5), 9, np.uint8))).values
+        DeadCellMask(cells, np.random.default_rng(0)).apply(FloorFrame("one", 0, np.full((4, 5), 9, np.uint8))).values
     )
     dead = np.zeros((4, 5), np.bool_)
     dead[1, 2] = dead[3] = dead[:, 0] = True
@@ -80,8 +80,10 @@ def test_dead_are_the_beams_and_elements_that_are_named_and_no_others() -> None:
 
 
 def test_a_blob_lies_where_it_says_and_is_as_large(renderer: RendererOnDemand) -> None:
-    round_one = Occlusion(sensor=("one",), kind="occlusion", at=(0.25, 0.75), size=0.5, irregularity=0, softness=0.2)
-    cover = Blob(round_one, build(CAMERA, renderer).rig_sensor(), np.random.default_rng(0)).cover(400, 200)
+    round_one = LensOcclusion(
+        sensor=("one",), kind="occlusion", at=(0.25, 0.75), size=0.5, irregularity=0, softness=0.2
+    )
+    cover = LensCover(round_one, build(CAMERA, renderer).rig_sensor(), np.random.default_rng(0)).cover(400, 200)
     assert cover.shape == (200, 400)
     assert (cover.min(), cover.max()) == (0, 1)
     row, column = np.indices(cover.shape)
@@ -95,8 +97,8 @@ def test_a_blob_lies_where_it_says_and_is_as_large(renderer: RendererOnDemand) -
 
 def test_an_outline_is_drawn_from_the_stream_alone(renderer: RendererOnDemand) -> None:
     rig, blob = build(CAMERA, renderer).rig_sensor(), fault(kind="occlusion")
-    assert isinstance(blob, Occlusion)
-    one, same, other = (Blob(blob, rig, np.random.default_rng(seed)).cover(64, 48) for seed in (0, 0, 1))
+    assert isinstance(blob, LensOcclusion)
+    one, same, other = (LensCover(blob, rig, np.random.default_rng(seed)).cover(64, 48) for seed in (0, 0, 1))
     np.testing.assert_array_equal(one, same)
     assert (one != other).any()
 

@@ -11,7 +11,7 @@ from footfalls import soles, somewhere, standing, walking
 from hypothesis import given, settings, strategies as st
 
 from twin.instant.snapshot import Feet, FootShapes
-from twin.sensors.floor_plate import FloorPlate, Pressed
+from twin.sensors.floor_plate import FloorLoad, FloorPlate
 from twin.sensors.floor_soles import sheet_cells, sole_points, soles_model
 
 ROWS, COLUMNS, PITCH_M = 14, 18, 0.2
@@ -24,7 +24,7 @@ def one(
     return standing(*(np.array(value) for value in ([[x, y]], [yaw], [weight_n], [left], [ahead_m])))
 
 
-def assert_same_bits(first: Pressed, second: Pressed) -> None:
+def assert_same_bits(first: FloorLoad, second: FloorLoad) -> None:
     for name, value in vars(first).items():
         assert value.tobytes() == getattr(second, name).tobytes(), name
 

@@ -16,7 +16,7 @@ from silhouettes import RING
 from twin.instant.snapshot import RAY_GROUPS
 from twin.scenario.sensors import FisheyeDescription, SensorDescription, build_sensor
 from twin.sensors.render import RendererOnDemand
-from twin.truth.visibility import SeesPeople, person_boxes
+from twin.truth.visibility import PersonImaging, person_boxes
 
 MOUNT = {"xyz": [0, 0.2, 1.0], "yaw_deg": 90}
 CAMERAS = {
@@ -62,7 +62,7 @@ def test_every_pixel_shows_whom_its_ray_meets(name: str):
     snapshot = world.snapshot(0.0)
     with RendererOnDemand(world.model) as renderer:
         sensor = build_sensor("camera", camera, renderer)
-        assert isinstance(sensor, SeesPeople)
+        assert isinstance(sensor, PersonImaging)
         sensor.observe(0, [snapshot], None, np.random.default_rng(0))
         people = sensor.person_image(snapshot)
         again = sensor.person_image(snapshot)
@@ -88,7 +88,7 @@ def test_boxes_hold_what_rays_meet_to_a_pixel(name: str):
     snapshot = world.snapshot(0.0)
     with RendererOnDemand(world.model) as renderer:
         sensor = build_sensor("camera", camera, renderer)
-        assert isinstance(sensor, SeesPeople)
+        assert isinstance(sensor, PersonImaging)
         boxes = {box.id: box for box in person_boxes(sensor.person_image(snapshot))}
     true = {box.id: box for box in person_boxes(ids_by_rays(world, camera))}
     compared = [id_ for id_, box in true.items() if box.visible_px > 200]
@@ -107,5 +107,5 @@ def test_a_body_behind_the_room_is_not_seen():
     snapshot = world.snapshot(0.0)
     with RendererOnDemand(world.model) as renderer:
         sensor = build_sensor("camera", describe(CAMERAS["pinhole"]), renderer)
-        assert isinstance(sensor, SeesPeople)
+        assert isinstance(sensor, PersonImaging)
         assert [box.id for box in person_boxes(sensor.person_image(snapshot))] == [2]

@@ -7,7 +7,7 @@ from capsule_room import CapsuleWorld, capsule_model
 
 from trackers.rig import Pose
 from twin.instant.snapshot import Snapshot
-from twin.sensors.rays import Fan, cast
+from twin.sensors.rays import RayFan, cast
 
 _BEAMS = 720
 _RANGE_M = 6.0
@@ -23,11 +23,11 @@ _DOOR_ROOM = """
 """
 
 
-def fan_and_rays(pitch_rad: float = 0.0) -> tuple[Fan, np.ndarray, np.ndarray]:
+def fan_and_rays(pitch_rad: float = 0.0) -> tuple[RayFan, np.ndarray, np.ndarray]:
     pose = Pose(xyz=(0.0, 0.2, 1.0), rpy=(0.0, pitch_rad, np.pi / 2))
     angles = np.linspace(-np.pi, np.pi, _BEAMS)
     rays = np.stack([np.cos(angles), np.sin(angles), np.zeros(_BEAMS)], axis=1) @ pose.rotation.T
-    return Fan(pose.translation, rays, pose.rotation[:, 2], _RANGE_M), pose.translation, rays
+    return RayFan(pose.translation, rays, pose.rotation[:, 2], _RANGE_M), pose.translation, rays
 
 
 def cast_anew(snapshot: Snapshot, origin_m: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

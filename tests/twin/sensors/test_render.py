@@ -43,7 +43,7 @@ def test_leaving_out_the_unseen_changes_no_pixel():
     world = CapsuleWorld(capsule_model())
     with (
         OffscreenRenderer(world.model) as leaving_out,
-        OffscreenRenderer(world.model, leave_out_unseen=False) as drawing_all,
+        OffscreenRenderer(world.model, cull=False) as drawing_all,
     ):
         picture = draw(leaving_out, world)
         np.testing.assert_array_equal(picture, draw(drawing_all, world))

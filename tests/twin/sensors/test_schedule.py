@@ -13,7 +13,7 @@ from hypothesis import given, strategies as st
 from trackers.observations import LaserScan
 from trackers.rig import LaserSensor
 from twin.instant.snapshot import Snapshot
-from twin.sensors.schedule import Delivery, Event, Schedule, Scheduled, Timing
+from twin.sensors.schedule import Delivery, Schedule, Scheduled, SensorEvent, Timing
 from twin.sensors.sensor import Reading, State
 
 
@@ -68,7 +68,7 @@ def test_stamps_are_exact_and_the_end_is_left_out():
     events = list(schedule({"rate_hz": 10}, duration_s=26.2).events())
     assert len(events) == 262
     assert [event.stamp_ns for event in events] == [number * 100_000_000 for number in range(262)]
-    assert events[3] == Event("s0", 300_000_000, 300_000_000, dropped=False)
+    assert events[3] == SensorEvent("s0", 300_000_000, 300_000_000, dropped=False)
 
 
 def test_stamps_do_not_drift():

@@ -6,7 +6,7 @@ import numpy as np
 
 from twin.recording.tables import TruthTable
 from twin.truth.frames import Situation
-from twin.truth.situations import INTERACTION_M, Held, OpenSituations, pairs_within
+from twin.truth.situations import INTERACTION_M, OpenSituations, PairState, pairs_within
 
 
 def interactions_of(truth: TruthTable) -> list[Situation]:
@@ -18,6 +18,6 @@ def interactions_of(truth: TruthTable) -> list[Situation]:
     for stamp_ns, frame in zip(stamps_ns, map(slice, first, last), strict=True):
         place_m = np.stack([truth.x[frame], truth.y[frame]], axis=1)
         near = pairs_within(truth.id[frame], place_m, INTERACTION_M)
-        holding = {pair: Held(least_m=distance) for pair, distance in near.items()}
+        holding = {pair: PairState(least_m=distance) for pair, distance in near.items()}
         found += open_.update("interaction", "", stamp_ns, holding)
     return found + (open_.finish(stamps_ns[-1]) if stamps_ns else [])

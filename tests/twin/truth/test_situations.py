@@ -19,14 +19,14 @@ from twin.recording.tables import truth_table
 from twin.truth.frames import PersonTruth, Situation, TruthFrame
 from twin.truth.situations import (
     LINKAGE_M,
-    Held,
-    Look,
     OpenSituations,
+    PairState,
+    ScanPoints,
     joined_pairs,
     linked_pairs,
-    look_of,
     merged_pairs,
     pairs_within,
+    scan_points,
 )
 from twin.truth.visibility import SensorView
 
@@ -64,12 +64,12 @@ def test_beams_without_a_range_join_nobody():
 
 def test_a_situation_lasts_from_its_first_frame_to_the_first_without_it():
     open_ = OpenSituations()
-    assert open_.update("merged", "waist", 10, {(1, 2): Held("hidden", 0.8)}) == []
-    assert open_.update("merged", "waist", 20, {(1, 2): Held("joined", 0.5)}) == []
-    assert open_.update("merged", "knee", 20, {(1, 2): Held("joined", 0.5)}) == []
+    assert open_.update("merged", "waist", 10, {(1, 2): PairState("hidden", 0.8)}) == []
+    assert open_.update("merged", "waist", 20, {(1, 2): PairState("joined", 0.5)}) == []
+    assert open_.update("merged", "knee", 20, {(1, 2): PairState("joined", 0.5)}) == []
     (ended,) = open_.update("merged", "waist", 30, {})
     assert ended == Situation("merged", 1, 2, "waist", 10, 30, complete=True, how="both", least_m=0.5)
-    assert open_.update("merged", "waist", 40, {(1, 2): Held("hidden", 0.9)}) == []
+    assert open_.update("merged", "waist", 40, {(1, 2): PairState("hidden", 0.9)}) == []
     assert open_.finish(50) == [
         Situation("merged", 1, 2, "knee", 20, 50, complete=False, how="joined", least_m=0.5),
         Situation("merged", 1, 2, "waist", 40, 50, complete=False, how="hidden", least_m=0.9),
@@ -84,7 +84,7 @@ def merges(*held_s: tuple[float, float], period_s: float = 0.04, end_s: float = 
     """The merges for the rig of a pair that is merged in these stretches (from, until) [s], up to a run's end."""
     open_, found = OpenSituations(), []
     for t in np.arange(0.0, end_s, period_s):
-        holding = {(1, 2): Held("joined", 0.7)} if any(a <= t + 1e-9 < b for a, b in held_s) else {}
+        holding = {(1, 2): PairState("joined", 0.7)} if any(a <= t + 1e-9 < b for a, b in held_s) else {}
         found += open_.update("merged_rig", "", round(t * S), holding)
     return found + open_.finish(round(end_s * S))
 
@@ -106,8 +106,8 @@ def test_breaks_of_a_merge_are_closed_and_short_ones_dropped():
 def test_while_a_merge_may_go_on_its_end_is_not_told():
     open_ = OpenSituations()
     assert open_.first_break_ns is None
-    open_.update("merged_rig", "", 0, {(1, 2): Held("joined", 0.7), (1, 3): Held("hidden", 0.9)})
-    open_.update("merged_rig", "", S // 10, {(1, 3): Held("hidden", 0.9)})
+    open_.update("merged_rig", "", 0, {(1, 2): PairState("joined", 0.7), (1, 3): PairState("hidden", 0.9)})
+    open_.update("merged_rig", "", S // 10, {(1, 3): PairState("hidden", 0.9)})
     open_.update("merged_rig", "", S // 5, {})
     assert open_.first_break_ns == S // 10
     assert [each.second_id for each in open_.update("merged_rig", "", S // 2, {})] == []  # 0.1 s long
@@ -116,14 +116,16 @@ def test_while_a_merge_may_go_on_its_end_is_not_told():
     assert open_.first_break_ns is None
 
 
-def look(stamp_ns: int = 0, unmet: frozenset[int] = frozenset(), **points: list[tuple[float, float]]) -> Look:
+def look(stamp_ns: int = 0, unmet: frozenset[int] = frozenset(), **points: list[tuple[float, float]]) -> ScanPoints:
     """What a scanner meets: points [m] of each person, p1, p2, ..."""
     ids = [int(name[1:]) for name, own in points.items() for _ in own]
     places = np.array([place for own in points.values() for place in own], dtype=float).reshape(-1, 2)
-    return Look(stamp_ns, places, np.array(ids, dtype=np.int16), unmet)
+    return ScanPoints(stamp_ns, places, np.array(ids, dtype=np.int16), unmet)
 
 
-def merged(looks: dict[str, Look], near: dict[tuple[int, int], float], stamp_ns: int = 0) -> dict[tuple[int, int], str]:
+def merged(
+    looks: dict[str, ScanPoints], near: dict[tuple[int, int], float], stamp_ns: int = 0
+) -> dict[tuple[int, int], str]:
     places = {number: np.array([number, 0.0]) for number in range(1, 5)}
     return {pair: held.how for pair, held in merged_pairs(looks, stamp_ns, near, places).items()}
 
@@ -190,6 +192,6 @@ def test_the_points_of_a_look_lie_in_the_room():
     pose = Pose(xyz=(1.0, 2.0, 0.5), rpy=(0.0, 0.0, np.pi / 2))  # looks along y, its left is −x
     view = SensorView(pose.translation, pose.rotation, np.pi, 8.0)
     scan = LaserScan("knee", 0, np.array([3.0, 2.0, np.inf, 1.0], np.float32), -np.pi / 2, np.pi / 2, 0.05, 8.0)
-    look = look_of(scan, np.array([0, 7, 7, 9], np.int16), view, frozenset())
+    look = scan_points(scan, np.array([0, 7, 7, 9], np.int16), view, frozenset())
     assert look.ids.tolist() == [7, 9]
     np.testing.assert_allclose(look.points, [(1.0, 4.0), (1.0, 1.0)], atol=1e-6)

@@ -15,7 +15,7 @@ from twin.recording.situation_table import situation_table
 from twin.recording.tables import truth_table
 from twin.scenario import Scenario, load_scenario
 from twin.truth.frames import BoxFrame, RayFrame, Situation, TruthDetail, TruthFrame
-from twin.truth.visibility import SeesPeople
+from twin.truth.visibility import PersonImaging
 from twin.world.simulation import Simulation
 
 WAIST = {"kind": "laser", "rate_hz": 10, "noise": "off", "mount": {"xyz": [0, 0, 1.0]}}
@@ -250,4 +250,4 @@ def test_every_camera_sees_people():
     described = load_scenario("lab-five-people", LAB)
     with Simulation(described) as simulation:
         cameras = set(simulation.rig.cameras())
-        assert cameras == {name for name, each in simulation._sensors.items() if isinstance(each.ideal, SeesPeople)}
+        assert cameras == {name for name, each in simulation._sensors.items() if isinstance(each.ideal, PersonImaging)}

@@ -8,7 +8,7 @@ from trackers.cameras import FisheyeIntrinsics
 from twin.instant.snapshot import Snapshot
 from twin.scenario import load_scenario
 from twin.sensors.rays import cast
-from twin.truth.visibility import SensorView, first_met
+from twin.truth.visibility import SensorView, first_hits
 from twin.world.simulation import Simulation
 
 _TIMES_S = np.arange(0.0, 8.0, 0.5)
@@ -37,7 +37,7 @@ def test_who_hides_whom_is_what_rays_at_everything_say(name: str):
             snapshot = world.snapshot(float(t))
             points = snapshot.data.site_xpos[world.scene.bodies.point_site]
             for view in simulation.views.values():
-                counted, met = first_met(view, snapshot, points, ids)
+                counted, met = first_hits(view, snapshot, points, ids)
                 asked = met >= 0
                 assert not (asked & ~counted).any()
                 assert np.array_equal(met[asked], met_one_by_one(view, snapshot, points, ids)[asked])
@@ -59,7 +59,7 @@ def test_ones_own_body_comes_before_what_is_inside_it(other_m: float, whom: int,
     turn = np.eye(3) if is_scanner else np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     lens = FisheyeIntrinsics(width=64, height=64, fx=40, fy=40, cx=31.5, cy=31.5, field_of_view_rad=np.pi / 2)
     view = SensorView(np.array([0.0, 0.0, 1.0]), turn, np.pi / 4 if is_scanner else lens, 8.0)
-    counted, met = first_met(view, snapshot, np.array([[[2.3, 0.0, 1.0]]]), np.array([1], dtype=np.int16))
+    counted, met = first_hits(view, snapshot, np.array([[[2.3, 0.0, 1.0]]]), np.array([1], dtype=np.int16))
     assert counted.all()
     assert met.tolist() == [[whom]]
 
@@ -79,7 +79,7 @@ def test_a_fisheye_does_not_see_what_its_picture_cuts_off():
         FisheyeIntrinsics(width=200, height=80, fx=80, fy=80, cx=99.5, cy=39.5, field_of_view_rad=2.0),
         np.inf,
     )
-    _, met = first_met(view, snapshot, places, np.array([1, 1, 1], dtype=np.int16))
+    _, met = first_hits(view, snapshot, places, np.array([1, 1, 1], dtype=np.int16))
     assert met[:, 0].tolist() == [1, 1, -1]  # the picture ends 0.5 rad above its middle, the field of view 1 rad
 
 
@@ -92,6 +92,6 @@ def test_a_scanner_counts_what_lies_within_15_cm_of_its_plane():
     snapshot = Snapshot(0.0, model, data, np.array([1], dtype=np.int16))
     points = np.array([[[1.8, 0.0, 1.0 + off] for off in (-0.2, -0.14, 0.0, 0.14, 0.16)]])
     view = SensorView(np.array([0.0, 0.0, 1.0]), np.eye(3), np.pi / 4, 8.0)
-    counted, met = first_met(view, snapshot, points, np.array([1], dtype=np.int16))
+    counted, met = first_hits(view, snapshot, points, np.array([1], dtype=np.int16))
     assert counted.tolist() == [[False, True, True, True, False]]
     assert met.tolist() == [[-1, 1, 1, 1, -1]]
