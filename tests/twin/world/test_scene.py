@@ -127,12 +127,9 @@ def test_people_outside_the_room_are_refused(ann: str, said: str) -> None:
     "waypoints",
     [
         [[-2.3, 0.8], [2.3, 0.8], [2.3, 2.6]],
-        pytest.param(
-            [[-2.3, 0.35], [0, 2]],
-            marks=pytest.mark.xfail(strict=True, reason="stands 0.21 m off the corner for good; 0.2 m would do"),
-        ),
+        *([corner, [0, 2]] for corner in ([-2.3, 0.35], [-2.3, 3.1], [2.3, 0.35], [2.3, 3.1])),
     ],
-    ids=["border", "corner"],
+    ids=["border", "corner", "upper", "right", "upper right"],
 )
 def test_walks_may_leave_the_tracked_area_and_touch_the_border_of_the_walkable_one(waypoints: list) -> None:
     described = lab(person("ann", "start: [2.2, 0.4]", walk(str(waypoints), ", repeat: true")))
@@ -143,6 +140,22 @@ def test_walks_may_leave_the_tracked_area_and_touch_the_border_of_the_walkable_o
     assert not Area(scene.area).contains(way).all()
     for place in waypoints:
         assert np.hypot(*(way - place).T).min() < 0.25, place
+
+
+@pytest.mark.parametrize("apex_m", [0.6, 1.2, 2.4])
+@pytest.mark.parametrize("halt", [True, False])
+def test_a_corner_of_any_angle_is_reached_or_told(tmp_path: Path, apex_m: float, halt: bool) -> None:
+    waypoints, more = ("[[2, 0]]", "") if halt else ("[[2, 0], [-1.5, 0.2]]", ", repeat: true")
+    wedge = f"2 0  -2 {apex_m}  -2 -{apex_m}"
+    world = World(in_room(tmp_path, wedge, "area=null", person("ann", "start: [-1.5, 0]", walk(waypoints, more))))
+    way = []
+    for t in np.arange(0.0, 20.0, 0.1):
+        world.population.advance(t)
+        way.append(world.population.truth(t))
+    x = np.array([truth.x[0] for truth in way])
+    assert x.max() > 0.5
+    came_back = x[x.argmax() :].min() < 0.0
+    assert world.population.late() or (halt and x[-1] > 1.8) or (not halt and came_back)
 
 
 @pytest.mark.parametrize(

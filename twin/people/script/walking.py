@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from trackers.arrays import Array
+from twin.people.crowd.ground import standing_place
 from twin.people.crowd.motion_command import End, MotionCommand
 from twin.people.script.actor import Actor
 from twin.scenario.behaviour import Run, Walk, Wander
@@ -21,6 +22,8 @@ LOOKS_AGAIN_S = 0.1
 HALT_M = 0.05
 """Distance within which a person has arrived at a place to halt at [m]."""
 _PASS_M = 0.2
+_BESIDE_M = 0.02
+"""People come so near to the nearest place that they can stand at, of a corner say [m]."""
 _CANDIDATES = 6
 _LEAST_WAY_M = 0.8
 _LOOK_AHEAD_M = 1.0
@@ -99,12 +102,15 @@ def _by_a_way(
     actor: Actor, goal: Array | tuple[float, float], speed_m_s: float, *, halt: bool, face: Any, exactly: bool
 ) -> Commands:
     """Along a way; where others stand in it, wait a moment and look for a way again."""
-    near = actor.context.ground.routes.near(np.asarray(goal, dtype=float))
+    place_m = np.asarray(goal, dtype=float)
+    near = actor.context.ground.routes.near(place_m)
+    off_m = float(np.hypot(*(standing_place(place_m, actor.context.ground.walkable) - place_m)))
+    pass_m = max(_PASS_M, off_m + _BESIDE_M)
     while True:
         way = actor.way_to(goal)
         for place in way:
             last = place is way[-1]
-            arrive_m = HALT_M if (halt or exactly) and last else _PASS_M
+            arrive_m = HALT_M if (halt or exactly) and last else pass_m if last else _PASS_M
             end = yield from _towards(
                 actor, MotionCommand(place, speed_m_s, inf, arrive_m, halt and last, near=near), face
             )
