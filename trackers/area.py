@@ -16,7 +16,7 @@ from trackers.pose import Coordinate
 
 _TOLERANCE_M = 1e-9
 TOLERANCE_M = 1e-6
-"""What lies this near to a border lies on it [m]: numbers that users write are rounded."""
+"""Distance from a border up to which a point lies on it [m]: numbers that users write are rounded."""
 
 
 class Area:
@@ -38,7 +38,7 @@ class Area:
         self._convex = rotation != 0 and bool((self._inward @ self._start >= self._border - _TOLERANCE_M).all())
 
     def contains(self, points: Array) -> Mask:
-        """Whether points (n, 2) lie in the polygon or within the margin of its border, (n,)."""
+        """Mark points (n, 2) in the polygon or within the margin of its border, (n,)."""
         if not self._convex:
             return self._exactly(points)
         # how far inside the nearest side's line: all that is to be asked, but in the margin and on the border

@@ -46,7 +46,7 @@ _DAMAGED = (
     UserWarning,
     ValueError,
 )
-"""What numpy and zipfile raise on a file cut or overwritten at any place."""
+"""Errors that numpy and zipfile raise on a file cut or overwritten at any place."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class ArraySpec:
 
 @dataclass(frozen=True)
 class _Header:
-    """What an array says of itself; `length` [bytes] of the header."""
+    """Header of an array; `length` [bytes] of it."""
 
     shape: tuple[int, ...]
     fortran_order: bool

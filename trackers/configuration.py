@@ -24,7 +24,7 @@ _SHAPES = {"tuple_type": "a list", "list_type": "a list"} | dict.fromkeys(
 _SHAPES |= {"bool_type": "true or false", "bool_parsing": "true or false", "string_type": "a text"}
 _SHAPES |= dict.fromkeys(("int_type", "int_parsing", "float_type", "float_parsing", "number_type"), "a number")
 _SHAPES |= {"finite_number": "a finite number", "int_parsing_size": f"a whole number of no more than {2**63 - 1}"}
-"""What the file must hold, where pydantic names the Python type."""
+"""Words for what the file must hold, where pydantic names the Python type."""
 
 
 _MOST_LINES = 50

@@ -1,4 +1,4 @@
-"""What a tracker's detector saw, told one by one: an optional part of being a tracker (`trackers.tracks.Reporting`).
+"""Detections of a tracker, one by one: an optional part of being a tracker (`trackers.tracks.Reporting`).
 
 So the same detections can be given to another tracker, or compared with the truth; `twin detections` writes them down.
 """

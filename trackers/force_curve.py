@@ -50,7 +50,7 @@ class ForceCurve(Strict):
 
     @property
     def full_value(self) -> int:
-        """What a saturated element reads."""
+        """Reading of a saturated element."""
         return int(np.rint(self.signal(np.array(self.saturation_n))))
 
     def signal(self, load_n: Array) -> Array:
@@ -60,7 +60,7 @@ class ForceCurve(Strict):
         return np.where(load_n >= self.threshold_n, FULL_SCALE * conductance / (1 + conductance), 0.0)
 
     def values(self, load_n: Array) -> NDArray[np.uint8]:
-        """What elements under these loads read [N], same shape."""
+        """Return the readings of elements under these loads [N], same shape."""
         return np.rint(self.signal(load_n)).astype(np.uint8)
 
     def load_n(self, values: NDArray[np.uint8]) -> Array:

@@ -1,4 +1,4 @@
-"""What a sensor reports: the decoded message, the same live, from a twin's recording and from a robot's bag.
+"""Observations, what sensors report: the decoded message, the same live, from a twin's recording and from a robot's bag.
 
 Stamps are integer nanoseconds as in a bag (`stamp_ns`); `t` is the same in seconds.
 """

@@ -8,7 +8,7 @@ from collections import Counter
 from trackers.observations import NS_PER_S, Observation
 
 MAX_WAIT_S = 0.3
-"""How long an observation is held back for older ones [s]: two scans and a half at 10 Hz."""
+"""Time for which an observation waits for older ones [s]: two scans and a half at 10 Hz."""
 
 LATE = "too late: newer ones had been worked"
 TWICE = "twice under one stamp"
@@ -35,11 +35,11 @@ class StampOrder:
 
     @property
     def discarded(self) -> int:
-        """How many observations were dropped."""
+        """Number of observations that were dropped."""
         return self.losses.total()
 
     def add(self, observation: Observation) -> list[Observation]:
-        """What may be handed on now that `observation` has arrived, oldest first."""
+        """Take an observation; return what may be handed on now, oldest first."""
         ns, key = observation.stamp_ns, (observation.stamp_ns, observation.sensor)
         is_late = self._left_ns is not None and ns < self._left_ns
         if is_late or key in self._known:
@@ -52,11 +52,11 @@ class StampOrder:
         return self._leave(self._newest_ns - self._max_wait_ns)
 
     def finish(self) -> list[Observation]:
-        """What is still held back when the observations have ended, oldest first."""
+        """Return what still waits when the observations have ended, oldest first."""
         return self._leave(None)
 
     def _leave(self, until_ns: int | None) -> list[Observation]:
-        """Whatever is held of stamps up to this one [ns] (None: all of it)."""
+        """Hand on what waits of stamps up to this one [ns] (None: all of it)."""
         leaving = []
         while self._held and (until_ns is None or self._held[0][0] <= until_ns):
             leaving.append(heapq.heappop(self._held)[2])

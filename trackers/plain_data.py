@@ -70,7 +70,7 @@ _WORDS = {
         "-+.0123456789",
     ),
 }
-"""What a bare word of each type looks like, and what it begins with; asked in this order."""
+"""Patterns of bare words of each type, and their first characters; asked in this order."""
 _OF_1_1 = ("merge", "value")  # '<<' and '=', which are refused
 _COLOUR = re.compile(r"\s*:?\s*(#(?:[0-9a-fA-F]{3}|[0-9a-fA-F]{6}|[0-9a-fA-F]{8}))(?=[\s,\]}]|$)")
 _FLOW_COLOUR = re.compile(r"[\[{,:]" + _COLOUR.pattern)
@@ -244,7 +244,7 @@ def _load(text: str) -> Any:
 
 
 def parse_json(text: str, source: str, expected: str) -> Any:
-    """What a JSON text holds; raises InputError naming the source, the line where known, and what is `expected`."""
+    """Parse a JSON text; raises InputError naming the source, the line where known, and what is `expected`."""
 
     def refuse(constant: str) -> None:
         raise InputError(f"{source}: is not JSON ({constant} is no number in it); {expected} is expected")

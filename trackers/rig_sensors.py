@@ -23,7 +23,7 @@ WAIST_FROM_M = 0.7
 """A scanner without a role mounted at least this high [m] is taken for a waist scanner."""
 
 DepthMode = Literal["matched", "ideal", "disparity-noise"]
-"""How the twin makes depth: two pictures matched; the true depth; the true depth with noise on its disparity."""
+"""Ways in which the twin makes depth: two pictures matched; the true depth; the true depth with noise on its disparity."""
 
 _IMAGE, _DEPTH = "image/compressed", "depth/compressed"
 
@@ -188,7 +188,7 @@ class StereoSensor(Strict):
 
     @model_validator(mode="before")
     @classmethod
-    def _depth_beside_the_picture(cls, content: Any) -> Any:
+    def _depth_topic_of_the_picture(cls, content: Any) -> Any:
         if not isinstance(content, dict) or content.get("depth_topic") or not isinstance(content.get("topic"), str):
             return content
         if not content["topic"].endswith(_IMAGE):
@@ -204,7 +204,7 @@ class StereoSensor(Strict):
         return self
 
     def eyes_m(self) -> list[NDArray[np.float64]]:
-        """Where the views look from in the room: the left one (3,), and the right one where the baseline is known [m]."""
+        """Return the places of the views in the room: the left one (3,), and the right one where the baseline is known [m]."""
         left, right_axis = self.room_from_sensor.translation, self.room_from_sensor.rotation[:, 0]
         return [left] if self.baseline_m is None else [left, left + self.baseline_m * right_axis]
 

@@ -45,7 +45,7 @@ def read_text(source: AnyPath, expected: str, most_bytes: int | None = MOST_TEXT
 
 
 def is_file(path: AnyPath) -> bool:
-    """Whether there is a file of this path; one that no file can have (too long, a NUL in it) names none."""
+    """Tell whether there is a file of this path; one that no file can have (too long, a NUL in it) names none."""
     try:
         return Path(path).is_file()
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""What a tracker reports, the two calls that make something a tracker, and what one may tell besides."""
+"""Tracks: the reports of trackers, the two calls that make a tracker, and the optional parts of one."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class Track(NanEqual):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScoreMap:
-    """Where in a camera's picture a tracker finds that a person may be, for the preview."""
+    """A map of where in a camera's picture a person may be, for the preview."""
 
     id: int
     sensor: str
@@ -77,7 +77,7 @@ class ScoreMap:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypotheses:
-    """Where a tracker thinks a person, or their head, may be, some of its hypotheses for the preview.
+    """Places where a person, or their head, may be, some of its hypotheses for the preview.
 
     window: what of a camera's picture is looked at about their middle: left, top, width, height [px], None where it does not
     show that.
@@ -119,7 +119,7 @@ class Tracker(Protocol):
 
 
 class Reporting(Protocol):
-    """What runs, replays and reports read of a tracker beside its tracks. Each part is optional and has a default.
+    """Parts that runs, replays and reports read of a tracker besides its tracks. Each is optional and has a default.
 
     It is read by the functions below and nowhere else; `misreported` tells which parts are not what they should be.
     """
@@ -146,7 +146,7 @@ class Reporting(Protocol):
 
     @property
     def warnings(self) -> Sequence[str]:
-        """What the tracker lacks, or doubts, of what it was handed, in a clause each: whoever starts a run is told. Default:
+        """Warnings of what the tracker lacks, or doubts, of what it was handed, in a clause each, shown at a run. Default:
         nothing."""
         ...
 
@@ -160,12 +160,12 @@ class Reporting(Protocol):
         ...
 
     def detections(self) -> list[Detection]:
-        """What the moments worked by the last `update` or `finish` showed, oldest first. Default: it does not tell."""
+        """Return the detections of the frames of the last `update` or `finish`, oldest first. Default: there are none."""
         ...
 
 
 def takes_any_order(tracker: Tracker) -> bool:
-    """Whether the tracker takes observations as they arrive."""
+    """Tell whether the tracker takes observations as they arrive."""
     return getattr(tracker, "takes_any_order", False)
 
 
@@ -189,12 +189,12 @@ def unused_sensors(tracker: Tracker) -> Sequence[str]:
 
 
 def warnings(tracker: Tracker) -> Sequence[str]:
-    """What the tracker lacks or doubts."""
+    """Return what the tracker lacks or doubts."""
     return getattr(tracker, "warnings", ())
 
 
 def background_learned_causally(tracker: Tracker) -> bool:
-    """Whether the tracker learns the background as it goes."""
+    """Tell whether the tracker learns the background as it goes."""
     return getattr(tracker, "background_learned_causally", False)
 
 

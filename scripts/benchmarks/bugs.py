@@ -303,8 +303,8 @@ _BY_FILE = {
         (
             "degrees for OpenCV's half degrees",
             "_Background.differs",
-            "options.hue_change_deg / 2",
-            "options.hue_change_deg",
+            "_HUE_CHANGE_DEG / 2",
+            "_HUE_CHANGE_DEG",
         ),
     ],
     "trackers/vision/patches.py": [
@@ -356,24 +356,24 @@ _BY_FILE = {
             "_A.bearings(_B) + _B[3]",
         ),
     ],
-    "trackers/camera_floor_particle/loads.py": [
-        ("rows and columns exchanged", "Loads.log_likelihood", "_A.T[::-1]", "_A.T"),
+    "trackers/likelihood/floor.py": [
+        ("rows and columns exchanged", "FloorLikelihood.log_likelihood", "_A.T[::-1]", "_A.T"),
     ],
-    "trackers/rgbd_head/sight.py": [
+    "trackers/rgbd_head/likelihoods.py": [
         (
             "moved back to the picture",
-            "Sight.weighed",
+            "Likelihoods.by_camera",
             "_A[_B][:3] += np.float32(_C) * _D",
             "_A[_B][:3] -= np.float32(_C) * _D",
         ),
     ],
-    "trackers/rgbd_head/picture.py": [
-        ("depth for range", "CameraFrontEnd.__init__", "1000 * _A", "np.full_like(_A, 1000)"),
+    "trackers/vision/stereo_picture.py": [
+        ("depth for range", "StereoCamera.__init__", "1000 * _A", "np.full_like(_A, 1000)"),
     ],
-    "trackers/rgbd_head/colours.py": [
+    "trackers/vision/head_colours.py": [
         ("blue for red", "_numbers", "cv2.COLOR_RGB2YCrCb", "cv2.COLOR_BGR2YCrCb"),
     ],
-    "trackers/rgbd_head/outline.py": [
+    "trackers/vision/head_outlines.py": [
         ("seen from behind", "outlines", "np.arctan2(-_A[1], -_A[0])", "np.arctan2(_A[1], _A[0])"),
     ],
     "trackers/environment/model.py": [

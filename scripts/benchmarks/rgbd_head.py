@@ -11,15 +11,15 @@ import numpy as np
 from distributed import LocalCluster
 
 from benchmarks.figure import Figure
+from trackers.likelihood.stereo_head import StereoHeadOptions, StereoHeads
 from trackers.observations import DepthImage, Observation
 from trackers.presets import make_tracker
 from trackers.prior import Prior
-from trackers.rgbd_head.colours import HeadColours
-from trackers.rgbd_head.learned import SHIPPED, load_learned
-from trackers.rgbd_head.options import WeightOptions
-from trackers.rgbd_head.picture import CameraFrontEnd
-from trackers.rgbd_head.weighing import Weigher
 from trackers.rig import Rig, StereoSensor
+from trackers.vision.front_end import CameraFrontEnd, FrontEndOptions
+from trackers.vision.head_colours import HeadColours
+from trackers.vision.head_model import load_head_model
+from trackers.vision.stereo_picture import StereoCamera
 from twin import Simulation, load_scenario
 
 _S = 5
@@ -46,23 +46,25 @@ def measure() -> Iterator[Figure]:
     sensor, image = rig.sensors["stereo_1"], next(each for each in seen if each.sensor == "stereo_1" and each.t > 2)
     assert isinstance(sensor, StereoSensor)
     assert isinstance(image, DepthImage)
-    learned, options = load_learned(SHIPPED), WeightOptions()
-    watcher = CameraFrontEnd(sensor, [each for each in known if each.sensor == "stereo_1"], learned, options)
-    picture = watcher.ready(image)
+    model = load_head_model()
+    camera = StereoCamera(CameraFrontEnd("stereo_1", sensor, list(known), FrontEndOptions()), sensor, None)
+    picture = camera.pack(image)
     assert picture is not None
-    weigher = Weigher([watcher])
+    likelihood = StereoHeads([camera.camera], model, StereoHeadOptions())
     heads = (
         np.random.default_rng(0)
         .normal(np.reshape([0, 0, 1.4, 0], (4, 1, 1, 1)), 0.2, (4, 1, 1, 512))
         .astype(np.float32)
     )
-    tables = HeadColours.unknown(1).expected(learned.common, options.colour).tables
+    tables = HeadColours.unknown(1).expected(model.common).tables
     yield Figure(
-        "512 hypotheses on one picture", _ms(lambda: weigher.weights([picture], heads, tables)), "ms", "<= 0.6"
+        "512 hypotheses on one picture",
+        _ms(lambda: likelihood.log_likelihood([picture], heads, tables)),
+        "ms",
+        "<= 0.6",
     )
-    # in turn: the same picture for the third time is a frozen one, at which nobody looks
     images = itertools.cycle([each for each in seen if isinstance(each, DepthImage) and each.sensor == "stereo_1"])
-    yield Figure("a picture made ready", _ms(lambda: watcher.ready(next(images))), "ms", "")
+    yield Figure("a picture made ready", _ms(lambda: camera.pack(next(images))), "ms", "")
     yield from _on_workers(rig, known, [each for each in seen if each.t < 3.5])
 
 

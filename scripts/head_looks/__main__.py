@@ -18,10 +18,9 @@ from head_looks.samples import PAINT, Head, heads
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from trackers.rgbd_head.colours import COLOURS, STEPS
-from trackers.rgbd_head.learned import SHIPPED
-from trackers.rgbd_head.outline import CELLS
-from trackers.rgbd_head.skin import HUES, SATURATIONS
+from trackers.vision.head_colours import COLOURS, STEPS
+from trackers.vision.head_model import HUES, SATURATIONS, SHIPPED
+from trackers.vision.head_outlines import CELLS
 from twin.run.live import run_scenario
 from twin.scenario import load_scenario
 

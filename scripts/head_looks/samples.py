@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackers.cameras import CameraGroup
+from trackers.likelihood.stereo_head import StereoHeadOptions
 from trackers.observations import DepthImage
-from trackers.rgbd_head.colours import colour_numbers
-from trackers.rgbd_head.options import WeightOptions
-from trackers.rgbd_head.outline import cells_shown, inner_points, outlines
 from trackers.rig import placed_camera
+from trackers.vision.head_colours import colour_numbers
+from trackers.vision.head_outlines import cells_shown, inner_points, outlines
 from twin.recording.reader import Recording
 from twin.recording.tables import read_truth
 
@@ -51,7 +51,7 @@ def heads(plain: Path, painted: Path) -> Iterator[Head]:
         assert isinstance(label, DepthImage)
         camera, now = placed_camera(recording.rig.cameras()[picture.sensor]), truth.stamps_ns == picture.stamp_ns
         people = np.stack([truth.head_x[now], truth.head_y[now], truth.head_z[now], truth.head_yaw[now]])
-        seen_as = outlines(CameraGroup([camera]), people[:, None], WeightOptions().semi_axes_m)
+        seen_as = outlines(CameraGroup([camera]), people[:, None], StereoHeadOptions().semi_axes_m)
         columns, rows = (np.rint(each).astype(np.intp) for each in seen_as.pixels(inner_points(_POINTS)))
         inside = (columns >= 0) & (columns < camera.intrinsics.width) & (rows >= 0) & (rows < camera.intrinsics.height)
         colour, hsv = colour_numbers(picture.rgb), cv2.cvtColor(picture.rgb, cv2.COLOR_RGB2HSV)

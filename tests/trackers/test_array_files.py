@@ -24,12 +24,12 @@ from trackers.environment import (
 )
 from trackers.errors import InputError
 from trackers.limits import NO_LIMITS
-from trackers.rgbd_head.learned import SHIPPED as HEADS, load_learned
+from trackers.vision.head_model import SHIPPED as HEADS, load_head_model
 from trackers.vision.person_model import SHIPPED as PEOPLE, PersonModel
 
 LOADERS: dict[str, Callable[[Path], Any]] = {
     "environment": load_environment,
-    "heads": load_learned.__wrapped__,
+    "heads": load_head_model.__wrapped__,
     "people": PersonModel.load,
 }
 

@@ -14,11 +14,15 @@ from synthetic_home import LOAD, PERIOD_S, empty_room, observe, rig, walks
 from trackers.area import Area
 from trackers.camera_floor_particle.body import BodyFilter, smoothed
 from trackers.camera_floor_particle.exclusion import excluded
-from trackers.camera_floor_particle.loads import FloorWatch
-from trackers.camera_floor_particle.options import CameraFloorParticleOptions, ExclusionOptions, MotionOptions
+from trackers.camera_floor_particle.loads import FloorFrontEnd
+from trackers.camera_floor_particle.options import (
+    CameraFloorParticleOptions,
+    ExclusionOptions,
+    FacingOptions,
+    MotionOptions,
+)
 from trackers.camera_floor_particle.pan import GRID, Looks, pan_bin, turned, walk as walk_of
 from trackers.camera_floor_particle.people import PAN_BINS
-from trackers.camera_floor_particle.views import CameraFrontEnds, padded_roots, shows_floor
 from trackers.errors import InputError
 from trackers.filters.circular import diffused, drawn
 from trackers.observations import NS_PER_S, FloorFrame, Image
@@ -26,6 +30,9 @@ from trackers.pose import Pose
 from trackers.presets import make_tracker
 from trackers.rig import placed_camera
 from trackers.tracks import TrackFrame, track_frames, warnings
+from trackers.vision.foreground import shows_floor
+from trackers.vision.front_end import FrontEndOptions, front_ends
+from trackers.vision.views import CameraViews, padded_roots
 
 RIG, ROOM = rig(), empty_room(rig())
 WALK = walks(3, 40)
@@ -39,8 +46,8 @@ def follow(observations=SEEN, on=RIG, room=ROOM, name="camera-floor-particle", *
 def test_the_velocity_keeps_its_share_of_the_last_one():
     before, way = np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 0.1, 0.0]])
     assert smoothed(before, way, 0.1, MotionOptions(memory=0.0)) == pytest.approx(np.array([[0.0, 1.0, 0.0]]))
-    motion = MotionOptions(memory=0.8, step_s=0.1)
-    assert smoothed(before, way, 0.1, motion) == pytest.approx(np.array([[0.8, 0.2, 0.0]]))
+    motion = MotionOptions(memory=0.8)
+    assert smoothed(before, way, 0.05, motion) == pytest.approx(np.array([[0.8, 0.4, 0.0]]))
     # as long a way in two steps, or in one of twice the time, leaves as much of what was before
     halfway = smoothed(before, way / 2, 0.05, motion)
     assert smoothed(halfway, way / 2, 0.05, motion) == pytest.approx(smoothed(before, way, 0.1, motion))
@@ -106,7 +113,7 @@ def test_people_are_followed_through(what, spoiled):
     assert sorted(ids) == [1, 2, 3], what
 
 
-@pytest.mark.parametrize(("what", "value"), [("nobody's weight", 0), ("weight almost everywhere", 255)])
+@pytest.mark.parametrize(("what", "value"), [("no person's weight", 0), ("weight almost everywhere", 255)])
 def test_a_floor_broken_from_the_start_finds_nobody_and_is_named(what, value):
     tracker = make_tracker("camera-floor-particle", RIG, ROOM, np.random.default_rng(0))
     frames = list(track_frames(tracker, RIG, changed(FloorFrame, floor_of(value))[:60]))
@@ -232,14 +239,14 @@ def test_the_same_recording_gives_the_same_bits():
 
 
 def test_everybody_dropped_coasts_and_says_so():
-    frames = follow(changed(FloorFrame, floor_of(0), 2.0), body={"no_load": "drop", "floor_smoothing_m": 0.0})
+    frames = follow(changed(FloorFrame, floor_of(0), 2.0), load={"no_load": "drop", "smoothing_m": 0.0})
     assert {track.status for track in frames[25].tracks} == {"coasting"}
 
 
 def test_a_body_is_drawn_under_its_head_unless_that_is_held_low():
     tracker = make_tracker("camera-floor-particle", RIG, ROOM, np.random.default_rng(0))
     list(track_frames(tracker, RIG, SEEN[:30]))
-    people = tracker.inside().people
+    people = tracker.debug_state().people
     filter_ = BodyFilter(CameraFloorParticleOptions(), None)
     places = np.repeat(people.head_place + people.head_velocity * 0.05, 2, axis=0).T
     places[0, 1::2] += 0.1
@@ -270,16 +277,16 @@ def test_the_load_over_a_cluster_is_its_share_by_element_or_smoothed():
     values = np.zeros((14, 18), np.uint8)
     values[3, 4], values[3, 5] = 100, 50
     centres = floor.centres[3, [4, 5, 9]].T
-    paper = CameraFloorParticleOptions.model_validate({"body": {"floor_smoothing_m": 0.0, "no_load": "drop"}})
-    loads = FloorWatch(floor, [], paper).loads(FloorFrame("floor", 0, values), 0)
+    paper = CameraFloorParticleOptions.model_validate({"load": {"smoothing_m": 0.0, "no_load": "drop"}})
+    loads = FloorFrontEnd(floor, [], paper).loads(FloorFrame("floor", 0, values), 0)
     assert loads is not None
     load_n = floor.load_n(values)
-    share = np.exp(loads.log_likelihood(centres, paper.body))
+    share = np.exp(loads.likelihood.log_likelihood(centres))
     np.testing.assert_allclose(share, [load_n[3, 4] / load_n.sum(), load_n[3, 5] / load_n.sum(), 0.0])
     ours = CameraFloorParticleOptions()
-    smoothed = FloorWatch(floor, [], ours).loads(FloorFrame("floor", 0, values), 0)
+    smoothed = FloorFrontEnd(floor, [], ours).loads(FloorFrame("floor", 0, values), 0)
     assert smoothed is not None
-    between = smoothed.log_likelihood(centres, ours.body)
+    between = smoothed.likelihood.log_likelihood(centres)
     assert between[0] > between[2] > -np.inf
 
 
@@ -311,7 +318,7 @@ def test_a_camera_that_hangs_elsewhere_is_named_while_somebody_walks(believed, d
 
 
 def test_old_and_broken_frames_say_nothing():
-    watch = FloorWatch(RIG.floors()["floor"], [], CameraFloorParticleOptions())
+    watch = FloorFrontEnd(RIG.floors()["floor"], [], CameraFloorParticleOptions())
     frame = FloorFrame("floor", 0, np.full((14, 18), 90, np.uint8))
     assert watch.loads(frame, 0) is None and watch.loads(None, 0) is None
     assert watch.loads(replace(frame, values=np.zeros((14, 18), np.uint8)), round(PERIOD_S * 20 * NS_PER_S)) is None
@@ -320,9 +327,12 @@ def test_old_and_broken_frames_say_nothing():
 @pytest.mark.parametrize("pixels", ["foreground", "all"])
 def test_windows_are_like_references_by_the_bhattacharyya_coefficient(pixels):
     options = CameraFloorParticleOptions.model_validate({"head": {"window": {"pixels": pixels, "stride": 1}}})
-    views = CameraFrontEnds(RIG.cameras(), ROOM, options).views({each.sensor: each for each in SEEN[:4]})
+    views = CameraViews(front_ends(RIG.cameras(), ROOM, FrontEndOptions())).views(
+        {each.sensor: each for each in SEEN[:4]}
+    )
     places = np.column_stack([*np.c_[WALK[0], [1.3, 1.3, 1.3]], [0.9, 0.0, 1.2]])
-    at, seen, _ = views.look(places)
+    look = views.look(places)
+    at, seen = look.pixels, look.seen
     view, window = views[1], options.head.window
     there = np.flatnonzero(seen[1])
     roots = np.sqrt(np.random.default_rng(0).dirichlet(np.ones(110), 2))
@@ -350,7 +360,7 @@ def test_pans_come_round():
 
 
 def test_skin_is_believed_as_far_as_it_is_where_people_walk():
-    people = tracker_after(SEEN).inside().people
+    people = tracker_after(SEEN).debug_state().people
     walking = people.changed(
         course=np.tile([0.0, 1.0], (3, 1)), velocity=np.tile([0.0, 1.0, 0.0], (3, 1)), skin_true=np.ones(3)
     )
@@ -362,15 +372,15 @@ def test_skin_is_believed_as_far_as_it_is_where_people_walk():
             looks_of, np.zeros(3), np.zeros((3, 1)), np.zeros((3, PAN_BINS)), np.full(3, 0.4 * np.exp(1j * where))
         )
         for _ in range(200):
-            after = turned(after, PERIOD_S, seen, CameraFloorParticleOptions().head)
+            after = turned(after, PERIOD_S, 0.1, seen, FacingOptions())
         np.testing.assert_allclose(after.skin_true, trust, atol=0.02)
         np.testing.assert_allclose(np.angle(np.exp(1j * (after.pan - np.pi / 2))), 0, atol=0.1)
     standing = walking.changed(course=np.zeros((3, 2)), velocity=np.zeros((3, 3)), facing=east)
-    assert (turned(standing, PERIOD_S, seen, CameraFloorParticleOptions().head).skin_true == 1).all()
+    assert (turned(standing, PERIOD_S, 0.1, seen, FacingOptions()).skin_true == 1).all()
 
 
 def test_who_turns_is_taken_to_look_ahead_of_their_course():
-    people = tracker_after(SEEN).inside().people
+    people = tracker_after(SEEN).debug_state().people
     people = people.changed(course=np.tile([1.0, 0.0], (3, 1)), velocity=np.tile([1.0, 0.25, 0.0], (3, 1)))
     heading, speed = walk_of(people)
     np.testing.assert_allclose(heading, np.arctan2(0.5, 1.0))

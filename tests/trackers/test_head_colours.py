@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis.extra.numpy import arrays
 
-from trackers.rgbd_head.colours import COLOURS, colour_numbers
+from trackers.vision.head_colours import COLOURS, colour_numbers
 
 
 def steps(numbers):

@@ -14,41 +14,40 @@ from synthetic_meeting import HEAD_M, LENS, empty_room, met, observe, rig, walks
 from trackers.cameras import CameraGroup, Ellipsoids, PlacedCamera
 from trackers.environment import Environment
 from trackers.errors import InputError
+from trackers.likelihood.stereo_head import StereoHeadOptions, StereoHeads
 from trackers.observations import NS_PER_S, DepthImage
 from trackers.pose import Pose
 from trackers.presets import PRESETS, make_tracker
-from trackers.rgbd_head.calibration import is_turned
-from trackers.rgbd_head.calibration_check import Doubts
-from trackers.rgbd_head.colours import COLOURS, HeadColours, colour_numbers
+from trackers.rgbd_head.calibration import CalibrationCheck, is_turned
 from trackers.rgbd_head.evaluators import Evaluator
-from trackers.rgbd_head.learned import SHIPPED, load_learned
-from trackers.rgbd_head.options import WeightOptions
-from trackers.rgbd_head.outline import cells_shown, inner_points, outlines, ring_points
-from trackers.rgbd_head.picture import CameraFrontEnd, Picture
 from trackers.rgbd_head.rules import PAPER
 from trackers.rgbd_head.tracker import RgbdHead
-from trackers.rgbd_head.weighing import Weigher, expected_share
 from trackers.rig import LaserSensor, Rig, StereoSensor
 from trackers.tracks import TrackFrame, track_frames
+from trackers.vision.front_end import CameraFrontEnd, FrontEndOptions
+from trackers.vision.head_colours import COLOURS, HeadColours, colour_numbers
+from trackers.vision.head_model import SHIPPED, load_head_model
+from trackers.vision.head_outlines import cells_shown, inner_points, outlines, ring_points
+from trackers.vision.stereo_picture import PackedPicture, StereoCamera
 
 RIG, ROOM = rig(), empty_room(rig())
 WALK = walks(3, 25)
 SEEN = observe(RIG, WALK)
-LEARNED = load_learned(SHIPPED)
+MODEL = load_head_model()
 
 
-def watching(options: WeightOptions) -> tuple[CameraFrontEnd, Picture]:
-    """The first camera, and its picture of the eleventh moment."""
+def camera_and_picture() -> tuple[StereoCamera, PackedPicture]:
+    """The first camera, and its picture of the eleventh frame."""
     sensor, image = RIG.sensors["stereo_1"], SEEN[40]
     assert isinstance(sensor, StereoSensor)
     assert isinstance(image, DepthImage)
-    watcher = CameraFrontEnd(sensor, [each for each in ROOM if each.sensor == "stereo_1"], LEARNED, options)
-    picture = watcher.ready(image)
+    camera = StereoCamera(CameraFrontEnd("stereo_1", sensor, ROOM, FrontEndOptions()), sensor, MODEL.skin)
+    picture = camera.pack(image)
     assert picture is not None
-    return watcher, picture
+    return camera, picture
 
 
-CAMERA = watching(WeightOptions())[0].camera
+CAMERA = camera_and_picture()[0].camera
 
 
 def follow(observations=SEEN, on=RIG, room=ROOM, name="rgbd-head", **options) -> list[TrackFrame]:
@@ -105,15 +104,15 @@ def test_the_surface_is_where_rays_meet_it(head):
 def test_a_camera_before_the_face_sees_face_and_one_behind_sees_hair():
     front = CAMERA.eye_m + np.array([1.5, 1.5, -0.9])
     bearing = np.arctan2(*(CAMERA.eye_m - front)[1::-1])
-    shares = LEARNED.share[cells_shown(64)]
+    shares = MODEL.share[cells_shown(64)]
     looks = outlines(CameraGroup([CAMERA]), np.array([[*front, bearing], [*front, bearing + np.pi]]).T[:, None], HEAD_M)
     towards, away = shares[:, looks.aspects()].mean(axis=0)
     assert towards > 0.4 and away < 0.25
 
 
-def one_by_one(watcher, picture, head, table, options):
+def one_by_one(camera, picture, head, table, options):
     """The two weights of one head, a pixel at a time, as the paper's equations and our rules say it in words."""
-    seen_as = outlines(CameraGroup([watcher.camera]), head[:, None, None], options.semi_axes_m)
+    seen_as = outlines(CameraGroup([camera.camera]), head[:, None, None], options.semi_axes_m)
     filled, skin, inside, logs, off, known = 0, 0, 0, 0.0, 0.0, 0
     inner = inner_points(options.points)
     for k, (x, y) in enumerate(inner):
@@ -124,28 +123,29 @@ def one_by_one(watcher, picture, head, table, options):
         code = pixel & 0xFFFF
         inside, filled, skin = inside + within, filled + bool(code & 1 << 10), skin + bool(code & 1 << 11)
         if table is not None:
-            step = LEARNED.share_steps[cells_shown(options.points)[k, seen_as.aspects()[0]]]
+            step = MODEL.share_steps[cells_shown(options.points)[k, seen_as.aspects()[0]]]
             logs += table[step * COLOURS + (code & (COLOURS - 1))]
         away = 1e-3 * (pixel >> 16)
         if away == 0:
             continue
         known += 1
         surface = seen_as.range_m[0] + seen_as.ahead_m(inner)[k, 0]
-        if options.depth.by_range:
+        if options.depth is not None:
             sigma = options.depth.sigma_m + options.depth.sigma_per_m * seen_as.range_m[0] ** 2
             off += min(abs(away - surface) / sigma, options.depth.most)
         else:
-            on_ray = np.array([np.sqrt(seen_as.aside_m2(inner)[k, 0]), surface])
+            on_ray = np.array([np.sqrt(seen_as.off_ray_m2(inner)[k, 0]), surface])
             middle = np.array([0.0, seen_as.range_m[0]])
             point = on_ray / np.linalg.norm(on_ray) * away
-            off += min(abs(np.linalg.norm(point - middle) - np.linalg.norm(on_ray - middle)), options.depth.most_m)
-    n, colour = len(inner), options.colour
+            far = abs(np.linalg.norm(point - middle) - np.linalg.norm(on_ray - middle))
+            off += min(far, options.depth_in_metres.most_m)
+    n, colour = len(inner), options.skin_share
     if table is not None:
-        weight = colour.power * logs / n
+        weight = options.person_colour.power * logs / n
     else:
-        expected = float(expected_share(seen_as.facing, options)[0])
+        expected = float(colour.expected(seen_as.facing)[0])
         weight = np.log(max(colour.linear[0] - colour.linear[1] * abs(skin / inside - expected), 1e-3))
-    if options.silhouette.power:
+    if options.silhouette is not None:
         free = 0
         ring = ring_points(options.silhouette.ring_points, options.silhouette.ring)
         for x, y in ring:
@@ -155,22 +155,23 @@ def one_by_one(watcher, picture, head, table, options):
             free += not (within and picture.pixels[row, column] & 1 << 10)
         shares = max(filled / n, options.silhouette.floor) * max(free / len(ring), options.silhouette.floor)
         weight += options.silhouette.power * np.log(shares)
-    if options.depth.by_range:
+    if options.depth is not None:
         return weight, -options.depth.power * off / n
-    return weight, np.log(max(options.depth.linear[0] - options.depth.linear[1] * off / known, 1e-3)) if known else 0.0
+    a, b = options.depth_in_metres.linear
+    return weight, np.log(max(a - b * off / known, 1e-3)) if known else 0.0
 
 
-@pytest.mark.parametrize("rules", [{}, PAPER["weights"]], ids=["ours", "paper"])
+@pytest.mark.parametrize("rules", [{}, PAPER["stereo_head"]], ids=["ours", "paper"])
 def test_weights_are_those_of_one_head_after_another(rules):
-    options = WeightOptions(**rules)
-    watcher, picture = watching(options)
+    options = StereoHeadOptions(**rules)
+    camera, picture = camera_and_picture()
     rng = np.random.default_rng(3)
     heads = WALK[10, np.arange(60) % 3].T + rng.normal(size=(4, 60)) * np.array([[0.1], [0.1], [0.1], [1.0]])
     heads = heads.astype(np.float32)
-    table = HeadColours.unknown(1).expected(LEARNED.common, options.colour).tables if options.colour.by_person else None
-    weights = Weigher([watcher]).weights([picture], heads[:, None, None], table)[0]
+    table = HeadColours.unknown(1).expected(MODEL.common).tables if options.person_colour is not None else None
+    weights = StereoHeads([camera.camera], MODEL, options).log_likelihood([picture], heads[:, None, None], table)[0]
     scalar = [
-        one_by_one(watcher, picture, head, None if table is None else table[0], options)
+        one_by_one(camera, picture, head, None if table is None else table[0], options)
         for head in heads.T.astype(float)
     ]
     np.testing.assert_allclose(np.stack([weights.colour, weights.depth], axis=-1), scalar, rtol=0, atol=1e-4)
@@ -179,32 +180,32 @@ def test_weights_are_those_of_one_head_after_another(rules):
 
 @pytest.mark.parametrize("by_person", [True, False])
 def test_directions_are_weighed_as_hypotheses_that_face_there(by_person):
-    rules = {"colour": {"by_person": by_person}, "silhouette": {"power": 0}, "depth": {"used": False}}
+    rules = {"person_colour": {} if by_person else None, "skin_share": None if by_person else {}}
     round_m = (0.09, 0.09, 0.125)  # whose outline is the same however it is turned
-    options = WeightOptions.model_validate({"points": 64, "semi_axes_m": round_m, **rules})
-    watcher, picture = watching(options)
-    colours = HeadColours.unknown(3).expected(LEARNED.common, options.colour)
+    options = StereoHeadOptions(points=64, semi_axes_m=round_m, silhouette=None, depth=None, **rules)
+    camera, picture = camera_and_picture()
+    likelihood, colours = StereoHeads([camera.camera], MODEL, options), HeadColours.unknown(3).expected(MODEL.common)
     heads, turns = WALK[10].T, np.arange(72) * 2 * np.pi / 72
-    found = Weigher([watcher]).facing([picture], heads[:, None], colours.tables if by_person else None)[0]
+    found = likelihood.facing([picture], heads[:, None], colours.tables if by_person else None)[0]
     # the middle of a step of the angle between nose and camera, as the cells have it
     bearing = np.arctan2(*(CAMERA.eye_m[:2, None] - heads[:2])[::-1])
     step = 2 * np.pi / 72
     middle = bearing - (np.floor(bearing / step) + 0.5) * step
     faces = np.broadcast_to(heads[..., None], (4, 3, 72)).astype(np.float32)
     faces[3] = turns + middle[:, None]
-    weights = Weigher([watcher]).weights([picture], faces[:, None], colours.tables if by_person else None)[0]
+    weights = likelihood.log_likelihood([picture], faces[:, None], colours.tables if by_person else None)[0]
     assert weights.seen.any() and np.ptp(found, axis=1).max() > 0.5
     np.testing.assert_allclose(found, weights.colour.reshape(3, 72), atol=0.02 if by_person else 0.05)
 
 
 def test_weights_do_not_depend_on_who_else_is_weighed():
-    options = WeightOptions()
-    watcher, picture = watching(options)
+    camera, picture = camera_and_picture()
+    likelihood = StereoHeads([camera.camera], MODEL, StereoHeadOptions())
     heads = (WALK[10].T[..., None] + np.linspace(-0.1, 0.1, 64)).astype(np.float32)
-    tables = HeadColours.unknown(3).expected(LEARNED.common, options.colour).tables
-    together = Weigher([watcher]).weights([picture], heads[:, None], tables)[0]
+    tables = HeadColours.unknown(3).expected(MODEL.common).tables
+    together = likelihood.log_likelihood([picture], heads[:, None], tables)[0]
     for k in range(3):
-        alone = Weigher([watcher]).weights([picture], heads[:, None, k : k + 1], tables[k : k + 1])[0]
+        alone = likelihood.log_likelihood([picture], heads[:, None, k : k + 1], tables[k : k + 1])[0]
         assert (alone.colour == together.colour.reshape(3, 64)[k]).all()
         assert (alone.depth == together.depth.reshape(3, 64)[k]).all()
 
@@ -214,12 +215,12 @@ def test_colours_are_learned_as_face_and_as_hair():
     face, hair = (
         int(colour_numbers(np.full((1, 1, 3), rgb, np.uint8))[0, 0]) for rgb in ((120, 70, 40), (200, 170, 90))
     )
-    colours, options = HeadColours.unknown(1), WeightOptions().colour
+    colours = HeadColours.unknown(1)
     for _ in range(20):
         step = rng.integers(0, 8, 100)
         shown = np.where(rng.random(100) < step / 7, face, hair)
-        colours = colours.learned(np.zeros(100, int), step, shown, LEARNED.common, options)
-    table = colours.expected(LEARNED.common, options).tables.reshape(8, COLOURS)
+        colours = colours.learned(np.zeros(100, int), step, shown, MODEL.common)
+    table = colours.expected(MODEL.common).tables.reshape(8, COLOURS)
     assert table[7, face] > table[0, face] + 1 and table[0, hair] > table[7, hair] + 1
 
 
@@ -249,19 +250,19 @@ def test_pictures_are_weighed_at_their_own_stamps():
 
 
 def test_what_is_behind_somebody_by_how_far_distances_may_be_off_is_theirs():
-    watcher, _ = watching(WeightOptions())
-    evaluator, image = Evaluator(watcher), SEEN[40]
+    camera, _ = camera_and_picture()
+    evaluator, image = Evaluator(camera, MODEL, StereoHeadOptions()), SEEN[40]
     assert isinstance(image, DepthImage) and evaluator.take(image)
-    points = evaluator.strangers(np.empty((0, 2)), 0.5)
+    points = evaluator.unassigned(np.empty((0, 2)), 0.5)
     point = points[:, np.linalg.norm(points[:3].T - CAMERA.eye_m, axis=1).argmax()]
     ahead = (point[:2] - CAMERA.eye_m[:2]) / np.linalg.norm(point[:2] - CAMERA.eye_m[:2])
     aside = np.array([-ahead[1], ahead[0]])
 
-    def is_strange(known_m):
-        return bool((evaluator.strangers(known_m[None], 0.5) == point[:, None]).all(axis=0).any())
+    def is_unassigned(known_m):
+        return bool((evaluator.unassigned(known_m[None], 0.5) == point[:, None]).all(axis=0).any())
 
-    assert not is_strange(point[:2] - 0.6 * ahead) and not is_strange(point[:2] + 0.45 * aside)
-    assert is_strange(point[:2] - 0.6 * aside) and is_strange(point[:2] - 1.5 * ahead)
+    assert not is_unassigned(point[:2] - 0.6 * ahead) and not is_unassigned(point[:2] + 0.45 * aside)
+    assert is_unassigned(point[:2] - 0.6 * aside) and is_unassigned(point[:2] - 1.5 * ahead)
 
 
 def test_a_known_start_is_followed_from_there():
@@ -377,21 +378,21 @@ def longer():
     ids=["right", "5° aside", "5° down", "8° up", "2° aside"],
 )
 def test_a_camera_that_shows_heads_elsewhere_is_named(told, named, longer):
-    tracker = make_tracker("rgbd-head", told, ROOM, np.random.default_rng(0), {"environment": {"used": False}})
+    tracker = make_tracker("rgbd-head", told, ROOM, np.random.default_rng(0), {"environment": None})
     list(track_frames(tracker, told, longer))
     assert [each.partition(" shows heads elsewhere")[0] for each in tracker.warnings] == named
 
 
-def test_who_is_named_is_looked_at_no_more(longer):
+def test_a_camera_that_is_named_is_left_out(longer):
     """With a camera that hangs 5° aside tracks are drawn aside from time to time, and without it they are not."""
     told = told_otherwise("stereo_1", 5, 1)
     means = {}
     for leave_out in (False, True):
-        given = {"environment": {"used": False}, "leave_out": leave_out}
+        given = {"environment": None, "leave_out": leave_out}
         tracker = make_tracker("rgbd-head", told, ROOM, np.random.default_rng(0), given)
         frames = list(track_frames(tracker, told, longer))
         means[leave_out] = np.mean([end_errors(frames[:k], walks(3, 45))[0] for k in range(36, 46)])
-        assert ["looked at no more" in each for each in tracker.warnings] == [leave_out]
+        assert ["not used any more" in each for each in tracker.warnings] == [leave_out]
     assert means[True] < 0.025 and means[True] < 0.6 * means[False]
 
 
@@ -405,16 +406,16 @@ def test_who_is_not_named_changes_nothing(longer):
 
 def test_most_cameras_hang_right():
     names = ["a", "b", "c", "d"]
-    assert Doubts(names, ["b"], True).left_out == {"b"}
-    assert not Doubts(names, ["b"], False).left_out
-    both = Doubts(names, ["b", "c"], True)  # rather the room is another one
+    assert CalibrationCheck(names, ["b"], True).left_out == {"b"}
+    assert not CalibrationCheck(names, ["b"], False).left_out
+    both = CalibrationCheck(names, ["b", "c"], True)  # rather the room is another one
     assert not both.left_out and len(both.warnings) == 2
-    assert not Doubts(["a", "b"], ["b"], True).left_out
+    assert not CalibrationCheck(["a", "b"], ["b"], True).left_out
 
 
 def test_by_heads_one_camera_after_another_is_doubted_until_half_remain():
     names, right, off = ["a", "b", "c", "d", "e"], np.zeros((1, 2)), np.array([[0.1, 0.0]])
-    doubts = Doubts(names, [], True)
+    doubts = CalibrationCheck(names, [], True)
     for wrong in ("a", "b", "c"):
         for _ in range(40):
             for name in names:
@@ -422,12 +423,12 @@ def test_by_heads_one_camera_after_another_is_doubted_until_half_remain():
                     doubts.take(name, off if name == wrong else right)
     assert doubts.left_out == {"a", "b"}
     assert [each.partition(" ")[0] for each in doubts.warnings] == ["a", "b", "c"]
-    assert ["no more" in each for each in doubts.warnings] == [True, True, False]
+    assert ["not used any more" in each for each in doubts.warnings] == [True, True, False]
 
 
 def test_of_two_cameras_nobody_can_tell_which_hangs_otherwise():
     both = told_otherwise("stereo_1", 8, 1, rig(2))
-    tracker = make_tracker("rgbd-head", both, empty_room(rig(2)), options={"environment": {"used": False}})
+    tracker = make_tracker("rgbd-head", both, empty_room(rig(2)), options={"environment": None})
     list(track_frames(tracker, both, [each for each in SEEN if each.sensor in both.sensors]))
     assert not tracker.warnings
 
@@ -463,11 +464,29 @@ def test_bad_input_is_told():
     with pytest.raises(InputError, match="head"):
         make_tracker("rgbd-head", RIG, ROOM, options={"heads": 0})
     with pytest.raises(InputError, match="cannot be read"):
-        load_learned(SHIPPED.with_name("nothing.npz"))
+        load_head_model(SHIPPED.with_name("nothing.npz"))
 
 
 def test_presets_of_the_paper_have_no_rule_of_ours():
     for name in [each for each in PRESETS if each.startswith("rgbd-head-paper")]:
         options = make_tracker(name, RIG, ROOM).options
-        assert not options.weights.colour.by_person and not options.weights.depth.by_range
-        assert options.weights.silhouette.power == 0 and options.motion.walking == 0
+        assert options.stereo_head.person_colour is options.stereo_head.depth is options.stereo_head.silhouette is None
+        assert options.motion.walking == 0 and not options.motion.directions
+
+
+@pytest.mark.parametrize(
+    ("former", "current"),
+    [
+        ({"weights": {"colour": {"by_person": False}}}, {"stereo_head": {"person_colour": None, "skin_share": {}}}),
+        ({"weights": {"colour": {"used": False}}}, {"stereo_head": {"person_colour": None}}),
+        ({"weights": {"colour": {"power": 3.0}}}, {"stereo_head": {"person_colour": {"power": 3.0}}}),
+        ({"weights": {"depth": {"by_range": False}}}, {"stereo_head": {"depth": None, "depth_in_metres": {}}}),
+        ({"weights": {"depth": {"sigma_m": 0.1}}}, {"stereo_head": {"depth": {"sigma_m": 0.1}}}),
+        ({"weights": {"silhouette": {"power": 0}}}, {"stereo_head": {"silhouette": None}}),
+        ({"weights": {"shadows": "everywhere"}}, {"front_end": {"shadow_region": "everywhere"}}),
+        ({"life": {"gone_s": 1.0, "unseen": 0.1}}, {"track_management": {"coast_s": 1.0}, "stereo_head": {"out_of_view": 0.1}}),
+        ({"environment": {"used": False}}, {"environment": None}),
+    ],
+)  # fmt: skip
+def test_former_options_are_read_as_today_s(former, current):
+    assert RgbdHead(RIG, ROOM, **former).options == RgbdHead(RIG, ROOM, **current).options

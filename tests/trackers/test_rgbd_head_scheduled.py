@@ -54,7 +54,7 @@ def test_tracks_are_the_local_ones_to_the_bit_whatever_order_answers_come_in(thr
         return later
 
     expected = repr(followed(made(room=room)))
-    for name in ("take", "expect", "weights", "facing", "silhouette_offsets", "look", "strangers"):
+    for name in ("take", "expect", "log_likelihood", "facing", "head_offsets", "colours_on", "unassigned"):
         monkeypatch.setattr(Evaluator, name, slow(getattr(Evaluator, name)))
     tracker = made(threads.scheduler_address, room)
     assert repr(followed(tracker)) == expected
@@ -93,9 +93,9 @@ def test_a_worker_that_dies_is_taken_over_with_the_same_bits(threads, monkeypatc
             raise OSError("gone")
         return weights(self, heads)
 
-    weights = Evaluator.weights
+    weights = Evaluator.log_likelihood
     tracker = made(threads.scheduler_address)
-    monkeypatch.setattr(Evaluator, "weights", dying)
+    monkeypatch.setattr(Evaluator, "log_likelihood", dying)
     assert repr(followed(tracker)) == expected
     assert [each for each in tracker.warnings if "was lost; its pictures are weighed here" in each]
 

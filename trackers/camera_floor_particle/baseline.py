@@ -1,56 +1,80 @@
-"""The naive baselines: clusters of the floor, a Kalman filter a person, the nearest neighbour; and the same with colour."""
+"""The naive baselines: clusters of the floor, a Kalman filter per person, the nearest neighbour; and the same with colour."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
-from filterpy.kalman import KalmanFilter
-from jaxtyping import Bool, Float
-from pydantic import Field
+from jaxtyping import Bool, Float, Int
+from pydantic import Field, PositiveInt
 
-from trackers.arrays import Array, Mask
-from trackers.camera_floor_particle.options import CameraFloorParticleOptions
+from trackers.arrays import Array, Index, Mask
+from trackers.camera_floor_particle.options import HeadOptions
 from trackers.camera_floor_particle.tracker import the_floor
-from trackers.camera_floor_particle.views import CameraFrontEnds, Views
-from trackers.configuration import Strict, validate
+from trackers.configuration import Strict, described, validate
 from trackers.filters.gating import distances
+from trackers.filters.rows import Rows
 from trackers.floor.clusters import FloorClusterOptions, floor_clusters
 from trackers.observations import NS_PER_S, FloorFrame, Observation
 from trackers.rig import Rig
-from trackers.tracking.association import Stage, associate
+from trackers.sort import KalmanTracks, of_both_axes
+from trackers.tracking.association import Stage, associate, left_over
+from trackers.tracking.roster import Roster
 from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synced_tracker import SynchronizedTracker
-from trackers.tracking.track_manager import lasted_s
+from trackers.tracking.track_manager import TrackManagementOptions, TrackManager, measured_now
 from trackers.tracks import Track
+from trackers.vision.front_end import FrontEndOptions, front_ends
 from trackers.vision.histogram import bhattacharyya_distance, normalised
+from trackers.vision.views import BINS, CameraViews, Views
 
-_LOOK_AT_M = 1.1
-"""Height of the chest, whose colours tell who it is."""
+_CHEST_M = 1.1
+"""Height of the chest, whose colours tell people apart."""
+_WINDOW = HeadOptions().window
+
+
+class ClusterTrackManagementOptions(TrackManagementOptions):
+    """Those of every tracker; a track is measured where it has a cluster."""
+
+    confirm_s: float = Field(default=0.28, ge=0, description=described(TrackManagementOptions, "confirm_s"))
+    confirm_hits: PositiveInt = Field(default=2, description=described(TrackManagementOptions, "confirm_hits"))
+    start_apart_m: float = Field(default=0.0, ge=0, description=described(TrackManagementOptions, "start_apart_m"))
+    area_margin_m: float = Field(default=100.0, ge=0, description="how far outside the rig's area tracks are kept [m]")
 
 
 class ClusterKalmanOptions(Strict):
     """Constants of the baselines."""
 
+    former_names: ClassVar[Mapping[str, str]] = {
+        "confirm_s": "track_management.confirm_s",
+        "gone_s": "track_management.coast_s",
+    }
+
     colour: float = Field(
         default=0.0,
         ge=0,
-        description="what the distance D in colour adds to the distance of a pair [m]; 0: not looked at",
+        description="what the distance D in colour adds to the distance of a pair [m]; 0: no camera is used",
     )
     floor: FloorClusterOptions = Field(
-        default=FloorClusterOptions(least_load_n=80.0), description="what counts as somebody's load"
+        default=FloorClusterOptions(least_load_n=80.0), description="what counts as a person's load"
     )
     acceleration_m_s2: float = Field(default=3.0, gt=0, description="standard deviation of the acceleration [m/s²]")
     measurement_m: float = Field(default=0.1, gt=0, description="standard deviation of a cluster's middle [m]")
-    radius_m: float = Field(default=0.8, gt=0, description="a cluster farther from everybody is somebody new [m]")
-    confirm_s: float = Field(
-        default=0.28,
-        ge=0,
-        description="a track measured at each frame for longer than this is confirmed, each frame standing for the time since "
-        "the one before [s]",
+    radius_m: float = Field(default=0.8, gt=0, description="a cluster farther from every track initiates another [m]")
+    track_management: ClusterTrackManagementOptions = Field(
+        default=ClusterTrackManagementOptions(),
+        description="when tracks are initiated, confirmed, reported and deleted",
     )
-    gone_s: float = Field(default=2.0, gt=0, description="who is not measured for so long is gone [s]")
+
+
+@dataclass(frozen=True, eq=False)
+class ClusterTracks(Rows):
+    """n tracks: Kalman filters, and the colours that cameras saw over the first cluster."""
+
+    kalman: KalmanTracks
+    colours: Float[Array, "n bins"]
 
 
 class ClusterKalman(SynchronizedTracker):
@@ -64,66 +88,72 @@ class ClusterKalman(SynchronizedTracker):
         self._name = the_floor(rig, "floor-kalman", empty_room)
         self._floor = rig.floors()[self._name]
         cameras = rig.cameras() if self.options.colour else {}
-        self._shared = CameraFloorParticleOptions()
-        self._watchers = CameraFrontEnds(cameras, empty_room, self._shared)
+        self._views = CameraViews(front_ends(cameras, empty_room, FrontEndOptions()))
         self.unused_sensors = [name for name in rig.sensors if name not in cameras and name != self._name]
         super().__init__(SyncPolicy((self._name,), attached=tuple(cameras)))
-        self._people: list[Any] = []
-        self._ns, self._last_id = 0, 0
+        self._manager = TrackManager(self.options.track_management, rig.area or None)
+        self._roster = Roster.started(self._started(np.empty((0, 2)), np.empty((0, BINS.size))), 0)
+        self._ns = 0
 
     def tracks(self) -> list[Track]:
-        """Everybody confirmed, as of the moment worked last."""
+        """Return the tracks to report as of the last frame."""
+        roster, measured = self._roster, measured_now(self._roster, self._ns)
         return [
-            Track(p.id, *p.x[[0, 2, 1, 3]].tolist(), status="confirmed" if p.ns == self._ns else "coasting")
-            for p in self._people
-            if p.id
+            Track(
+                int(roster.id[k]),
+                *roster.state.kalman.filters[k].x[[0, 2, 1, 3]].tolist(),
+                status="confirmed" if measured[k] else "coasting",
+            )
+            for k in np.flatnonzero(self._manager.reported(roster, self._ns))
         ]
 
-    def _work(self, moment: SyncedFrame) -> None:
-        options, before_ns, self._ns = self.options, self._ns, moment.ns
-        dt = (moment.ns - before_ns) / NS_PER_S
-        for p in self._people:
-            p.F = np.kron(np.eye(2), [[1, dt], [0, 1]])
-            p.Q = np.kron(np.eye(2), np.outer([dt**2 / 2, dt], [dt**2 / 2, dt])) * options.acceleration_m_s2**2
-            p.predict()
-        frame = moment.observations.get(self._name)
-        floor = isinstance(frame, FloorFrame)
-        places = floor_clusters(frame, self._floor, options.floor).centroid if floor else np.empty((0, 2))
-        colours = self._colours(places, self._watchers.views(moment.observations))
-        rows, columns = self._paired(places, colours)
-        for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
-            p = self._people[row]
-            p.update(places[column])
-            p.ns = moment.ns
-            if not p.id and lasted_s(p.born_ns, moment.ns, before_ns) > options.confirm_s:
-                self._last_id = p.id = self._last_id + 1
-        self._people = [p for p in self._people if self._ns - p.ns <= (options.gone_s * NS_PER_S if p.id else 0)]
-        for column in np.setdiff1d(np.arange(len(places)), columns):
-            self._people.append(self._started(places[column], colours[column]))
+    def _work(self, synced: SyncedFrame) -> None:
+        before_ns, self._ns = self._ns, synced.ns
+        roster, manager = self._roster, self._manager
+        dt = (synced.ns - before_ns) / NS_PER_S
+        for each in roster.state.kalman.filters:
+            each.F = of_both_axes(np.array([[1, dt], [0, 1]]))
+            each.Q = of_both_axes(np.outer([dt**2 / 2, dt], [dt**2 / 2, dt])) * self.options.acceleration_m_s2**2
+            each.predict()
+        frame = synced.observations.get(self._name)
+        is_there = isinstance(frame, FloorFrame)
+        places = floor_clusters(frame, self._floor, self.options.floor).centroid if is_there else np.empty((0, 2))
+        colours = self._colours(places, self._views.views(synced.observations))
+        rows, columns = self._paired(roster.state, places, colours)
+        for each, place in zip(roster.state.kalman.filters[rows], places[columns], strict=True):
+            each.update(place)
+        roster = roster.measured(rows, self._ns, roster.state)
+        roster = manager.confirm(roster, manager.to_confirm(roster, self._ns, self._ns - before_ns))
+        kept = manager.lasting(roster, self._ns) & manager.inside(roster.state.kalman.positions)
+        roster = roster.select(kept)
+        for column in left_over(len(places), columns):
+            place = places[[column]]
+            if (
+                self.options.track_management.start_apart_m
+                and not manager.may_start(place, roster.state.kalman.positions).all()
+            ):
+                continue
+            roster = roster.joined(Roster.started(self._started(place, colours[[column]]), self._ns))
+        self._roster = roster
 
-    def _paired(self, places: Float[Array, "k 2"], colours: Float[Array, "k bins"]) -> tuple[Any, Any]:
-        expected = np.array([p.x[::2] for p in self._people]).reshape(-1, 2)
-        away = distances(expected, places)
+    def _paired(
+        self, tracks: ClusterTracks, places: Float[Array, "k 2"], colours: Float[Array, "k bins"]
+    ) -> tuple[Int[Index, "p"], Int[Index, "p"]]:
+        away = distances(tracks.kalman.positions, places)
         cost = away
-        if self.options.colour and len(places) and self._people:
-            cost = away + self.options.colour * bhattacharyya_distance(
-                np.array([p.colours for p in self._people]), colours
-            )
-        everybody: Bool[Mask, "n"] = np.ones(len(expected), np.bool_)
-        return associate([Stage(everybody, [cost], [away > self.options.radius_m])])
+        if self.options.colour and len(places) and len(tracks):
+            cost = away + self.options.colour * bhattacharyya_distance(tracks.colours, colours)
+        every: Bool[Mask, "n"] = np.ones(len(tracks), np.bool_)
+        return associate([Stage(every, [cost], [away > self.options.radius_m])])
 
     def _colours(self, places: Float[Array, "k 2"], views: Views) -> Float[Array, "k bins"]:
-        """The colours of the foreground at the height of a chest over each place, all cameras together."""
-        total = np.zeros((len(places), self._shared.histogram.size))
-        chest = np.column_stack([places, np.full(len(places), _LOOK_AT_M)]).T
-        pixels, seen, _ = views.look(chest)
-        if seen.any():
-            np.add.at(total, seen.nonzero()[1], views.colours(chest, pixels, seen, self._shared.head.window))
+        """Count the colours of the foreground at the height of a chest over each place, all cameras together."""
+        total = np.zeros((len(places), BINS.size))
+        chest = np.column_stack([places, np.full(len(places), _CHEST_M)]).T
+        look = views.look(chest)
+        if look.seen.any():
+            np.add.at(total, look.seen.nonzero()[1], views.colours(chest, look.pixels, look.seen, _WINDOW))
         return normalised(total)
 
-    def _started(self, place: Float[Array, "2"], colours: Float[Array, "bins"]) -> Any:
-        p: Any = KalmanFilter(dim_x=4, dim_z=2)
-        p.x, p.id, p.colours = np.array([place[0], 0, place[1], 0]), 0, colours
-        p.ns = p.born_ns = self._ns
-        p.H, p.R, p.P = np.eye(4)[::2], np.eye(2) * self.options.measurement_m**2, np.diag([0.01, 1.0] * 2)
-        return p
+    def _started(self, places: Float[Array, "n 2"], colours: Float[Array, "n bins"]) -> ClusterTracks:
+        return ClusterTracks(KalmanTracks.started(places, self.options.measurement_m), colours)

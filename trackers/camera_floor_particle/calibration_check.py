@@ -1,4 +1,4 @@
-"""What tells of a camera that it cannot hang where the rig says: the silhouettes of walkers."""
+"""Check of calibration by the silhouettes of walkers: a camera that shows them elsewhere does not hang as the rig says."""
 
 from __future__ import annotations
 
@@ -6,39 +6,37 @@ import numpy as np
 
 from trackers.camera_floor_particle.body import CROWN_M
 from trackers.camera_floor_particle.people import People
-from trackers.camera_floor_particle.views import Views
-from trackers.vision.calibration_monitor import CalibrationMonitor, silhouette_top
+from trackers.vision.calibration_monitor import CalibrationMonitor, silhouette_offsets
+from trackers.vision.views import Views
 
-OFF_M = 0.04
-"""A camera whose median look is farther off than this hangs elsewhere."""
-FEWEST = 40
-"""Looks of a camera, two seconds of one walker, that a doubt takes: fewer are off by chance."""
+_OFF_M = 0.04
+"""A camera whose median offset is larger hangs elsewhere."""
+_FEWEST = 40
+"""Looks of a camera, two seconds of one walker, that a warning takes: fewer are off by chance."""
 _WALKS_M_S = 0.3
 _BENT_M = 0.1
-"""Whose head is lower than upright by more than this is left out: what is topmost may not be the head."""
+"""Heads lower than upright by more than this are left out: what is topmost may not be the head."""
 _SEARCHED_M = 0.35
-"""So far about a crown its silhouette's top is searched for."""
-_TOP_M = 0.12
-"""So much of a silhouette, from its top down, is the head whose middle counts."""
+"""Reach about a crown in which its silhouette's top is searched for."""
 _APART_M = 0.7
 """Heads with another so near, as a camera sees them, are left out."""
 
 
-def look(doubts: CalibrationMonitor, people: People, views: Views) -> None:
-    """Take in a moment, in metres. Two cameras cannot tell which of them is wrong."""
+def monitor(n_camera: int) -> CalibrationMonitor:
+    """Make the monitor of so many cameras, whose offsets are in metres."""
+    return CalibrationMonitor(n_camera, _OFF_M, _FEWEST)
+
+
+def take(calibration: CalibrationMonitor, people: People, views: Views) -> None:
+    """Take in the offsets of one frame. Of two cameras it cannot be told which is wrong."""
     upright = people.head_place[:, 2] > people.height_m - CROWN_M - _BENT_M
     walking = upright & (np.hypot(*people.velocity[:, :2].T) > _WALKS_M_S) & ~people.lost
     if len(views) < 3 or not walking.any():
         return
-    crowns = people.head_place.T + np.array([[0.0], [0.0], [CROWN_M]])
-    pixels, seen, _ = views.look(crowns)
-    fx = np.array([[view.camera.intrinsics.fx] for view in views])
-    m_per_px = np.linalg.norm(crowns.T - views.eyes_m[:, None], axis=2) / fx  # (cameras, n)
-    apart = np.abs(pixels[:, :, None] - pixels[:, None]).max(axis=3) * m_per_px[..., None]
-    near = (apart < _APART_M).sum(axis=2) > 1  # than themselves
-    for number, row in np.argwhere(seen & walking & ~near).tolist():
-        view, size = views[number], m_per_px[number, row]
-        reach, head = max(2, round(_SEARCHED_M / size)), max(2, round(_TOP_M / size))
-        off = silhouette_top(view.mask, pixels[number, row], reach, head)
-        if off is not None:
-            doubts.take(view.number, off * size)
+    crowns = people.head_place + np.array([0.0, 0.0, CROWN_M])
+    for view in views:
+        m_per_px = np.linalg.norm(crowns - view.camera.eye_m, axis=1) / view.camera.intrinsics.fx
+        reach_px = np.maximum(2, np.rint(_SEARCHED_M / m_per_px))
+        off_px = silhouette_offsets(view.camera, view.mask, crowns, reach_px, _APART_M / m_per_px)
+        for off_m in (off_px * m_per_px[:, None])[walking & np.isfinite(off_px[:, 0])]:
+            calibration.take(view.number, off_m)

@@ -1,4 +1,4 @@
-"""The head's filter (section 5): x, y, z and pan, some particles drawn about the body, weighted by how heads look around."""
+"""The head's filter (section 5): x, y, z and pan, some particles drawn about the body, weighted by appearance all around."""
 
 from __future__ import annotations
 
@@ -7,19 +7,27 @@ from jaxtyping import Float
 
 from trackers.area import Area
 from trackers.arrays import Array, Index
-from trackers.camera_floor_particle.body import FILTER, checked, in_room, smoothed, spread
+from trackers.camera_floor_particle.body import FILTER, in_room, smoothed, spread
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
 from trackers.camera_floor_particle.pan import aligned, learned, looks, pan_bin, turned, whole
 from trackers.camera_floor_particle.people import PAN_BINS, People
-from trackers.camera_floor_particle.views import Views, padded_roots
 from trackers.filters.circular import circular_mean, drawn
 from trackers.filters.particle import Cloud
 from trackers.filters.proposal import MixtureProposal
 from trackers.filters.staged import LikelihoodStage, staged
+from trackers.likelihood.colour import window_log_likelihood
+from trackers.likelihood.silhouette import point_log_likelihood
+from trackers.vision.views import BINS, Views, padded_roots
+
+_CROWN_M = np.array([[0.0], [0.0], [0.15]])
+"""From the middle of a head to a point above all of it."""
 
 
 class HeadFilter:
-    """Moves and weights the head particles of everybody at once, about bodies that have been estimated."""
+    """Moves and weights the head particles of all tracks at once, about bodies that have been estimated.
+
+    area: the room, None: no limit.
+    """
 
     def __init__(self, options: CameraFloorParticleOptions, area: Area | None) -> None:
         self._options = options
@@ -33,7 +41,7 @@ class HeadFilter:
         views: Views,
         rng: np.random.Generator,
     ) -> People:
-        """Everybody's head `dt` seconds later. offset: from body to head before, h_{t−1} (eq. 7) [m]."""
+        """Return the tracks with their heads `dt` seconds later. offset: from body to head before, h_{t−1} (eq. 7) [m]."""
         options = self._options.head
         turn = np.full((1, len(people)), np.deg2rad(options.turn_deg) * np.sqrt(options.motion.steps(dt)))
         sigma = np.concatenate([spread(people.velocity, dt, options.motion), turn])[..., None]
@@ -51,13 +59,14 @@ class HeadFilter:
         place = cloud.expectation(cloud.state[:3]).T
         velocity = smoothed(people.head_velocity, place - people.head_place, dt, options.motion)
         people = people.changed(head=cloud, head_place=place, head_velocity=velocity)
-        if options.pan == "particles":
+        if options.facing is None:
             pan, _ = circular_mean(cloud.state[3], cloud.weights.normalised)
             return people.changed(pan=np.atleast_1d(pan))
         seen = looks(people, views, options)
-        people = aligned(turned(people, dt, seen, options))
-        if options.learning and seen is not None:
-            people = learned(people, seen, options)
+        turns = np.deg2rad(options.turn_deg) * np.sqrt(options.motion.steps(dt))
+        people = aligned(turned(people, dt, turns, seen, options.facing))
+        if options.facing.learning and seen is not None:
+            people = learned(people, seen, options.facing.learning)
         state = cloud.state.copy()
         state[3] = drawn(people.facing, options.particles, rng)
         return people.changed(head=Cloud(state, cloud.weights))
@@ -74,21 +83,17 @@ class HeadFilter:
 
     def _seen_by(self, views: Views, people: People) -> LikelihoodStage:
         options = self._options.head
-        hair = whole(people.hair, options.parts[0] * options.parts[1]).reshape(-1, self._options.histogram.size)
+        hair = whole(people.hair, options.parts[0] * options.parts[1]).reshape(-1, BINS.size)
         hair = padded_roots(hair)
 
         def log_likelihood(state: Array, of: Index) -> Array:
-            pixels, seen, on_foreground = views.look(state[:3])
-            total = checked(seen, on_foreground, options)
-            left = ~np.isneginf(total)
+            look = views.look(state[:3])
+            total = point_log_likelihood(look.seen, look.on_foreground, options.checks, -options.colour)
             reference = of * PAN_BINS + pan_bin(views.bearings(state) - state[3])
-            for view, at, here, alike_to in zip(views, pixels, seen & left, reference, strict=True):
-                looked = np.flatnonzero(here)
-                alike = view.similarity(state[:3, looked], at[looked], options.window, hair, alike_to[looked])
-                total[looked] += options.colour * (alike - 1)
-            if options.crown_m:
-                _, _, covered = views.look(state[:3] + np.array([[0.0], [0.0], [options.crown_m]]))
-                total += options.covered * covered.sum(axis=0)
+            references = [(hair, number) for number in reference]
+            total = window_log_likelihood(total, state[:3], look, options.window, references, options.colour)
+            if options.covered:
+                total += options.covered * views.look(state[:3] + _CROWN_M).on_foreground.sum(axis=0)
             return total
 
         return log_likelihood

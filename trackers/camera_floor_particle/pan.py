@@ -1,8 +1,8 @@
-"""The pan of heads: what a head looks like from every side, learned as people walk, and where it faces.
+"""The pan of heads: their appearance from every side, learned as people walk, and the direction that they face.
 
 By the paper the pan is a component of the head's particles. Here (ours) it is a distribution over a grid of directions: every
-camera's picture at the head's estimate is compared, part by part of the window, with the references of all sides. Who walks
-looks ahead, more or less, which is what tells the front of a head from its back.
+camera's picture at the head's estimate is compared, part by part of the window, with the references of all sides. People who
+walk look ahead, more or less, which separates the front of a head from its back.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ import numpy as np
 from jaxtyping import Complex, Float, Int
 
 from trackers.arrays import AnyArray, Array, Index
-from trackers.camera_floor_particle.options import HeadOptions
+from trackers.camera_floor_particle.options import FacingOptions, HeadOptions
 from trackers.camera_floor_particle.people import PAN_BINS, People
-from trackers.camera_floor_particle.views import Views
 from trackers.filters.circular import diffused, grid_of, mean_direction
 from trackers.filters.particle import Cloud
+from trackers.vision.views import Views
 
 PAN_STEPS = 72
 """Directions of the grid."""
@@ -25,9 +25,9 @@ GRID = grid_of(PAN_STEPS)
 SIDES = np.linspace(0, 2 * np.pi, PAN_BINS, endpoint=False)
 """Angles from the face of the references."""
 SURE_M_S = 0.5
-"""Who walks faster than this knows where forward is, and looks there more often than not."""
+"""From this speed on the course says where forward is, and people look there more often than not."""
 _AHEAD = 2.0
-"""The course lags behind who turns, and heads are ahead of their walk: so many times as far as the velocity is off the course."""
+"""The course lags behind turns, and heads are ahead of the walk: so many times as far as the velocity is off the course."""
 _CLEAR = 0.6
 """Similarity to one of the sides from which a look at a head is its own, and is learned from."""
 _NARROW = 6.0
@@ -41,7 +41,7 @@ _LEAST = 1e-4
 
 
 class Looks(NamedTuple):
-    """What cameras see of heads: whose, from where [rad], their colours as roots, part by part, how alike each side, skin."""
+    """Looks of cameras at heads: rows of tracks, bearings [rad], colours as roots, part by part, likeness to each side, skin."""
 
     rows: Int[Index, "k"]
     bearing: Float[Array, "k"]
@@ -51,9 +51,10 @@ class Looks(NamedTuple):
 
 
 def looks(people: People, views: Views, options: HeadOptions) -> Looks | None:
-    """What the cameras see at the estimates of the heads, where they see foreground; none where none does."""
+    """Look at the estimates of the heads in every view that has foreground there; None where none has."""
     places = people.head_place.T
-    pixels, _, shown = views.look(places)
+    look = views.look(places)
+    pixels, shown = look.pixels, look.on_foreground
     if not shown.any():
         return None
     window = options.window.model_copy(update={"stride": 1})  # few looks, so every pixel
@@ -64,9 +65,12 @@ def looks(people: People, views: Views, options: HeadOptions) -> Looks | None:
     return Looks(rows, from_east, roots, alike, skin)
 
 
-def turned(people: People, dt: float, seen: Looks | None, options: HeadOptions) -> People:
-    """Everybody's pan `dt` seconds later: heads have turned, look as they look, and face ahead while they walk."""
-    belief = diffused(people.facing, np.deg2rad(options.turn_deg) * np.sqrt(options.motion.steps(dt)))
+def turned(people: People, dt: float, turns_rad: float, seen: Looks | None, options: FacingOptions) -> People:
+    """Update pans `dt` seconds later: heads have turned, look as they look, and face ahead while their people walk.
+
+    turns_rad: standard deviation of turns in that time.
+    """
+    belief = diffused(people.facing, turns_rad)
     log = np.log(belief + _LEAST / PAN_STEPS)
     if seen is not None:
         face = np.zeros(len(people), complex)
@@ -76,7 +80,7 @@ def turned(people: People, dt: float, seen: Looks | None, options: HeadOptions) 
         share = at - np.floor(at)
         side = np.arange(len(seen.rows))[:, None]
         alike = (1 - share) * seen.alike[side, below] + share * seen.alike[side, (below + 1) % PAN_BINS]
-        np.add.at(log, seen.rows, options.pan_colour * alike)
+        np.add.at(log, seen.rows, options.colour * alike)
         people = _trusting_skin(people, face)
         face = face * np.maximum(people.skin_true, 0.0)
         log += options.skin * (face[:, None] * np.exp(-1j * GRID)).real
@@ -89,7 +93,7 @@ def turned(people: People, dt: float, seen: Looks | None, options: HeadOptions) 
 
 
 def _trusting_skin(people: People, face: Complex[AnyArray, "n"]) -> People:
-    """Who walks teaches whether skin is where their face is, and not hair of its colour or light on it: the mean cosine."""
+    """Learn from people who walk whether skin is where faces are, and not hair of its colour or light on it: the mean cosine."""
     heading, speed = walk(people)
     right = np.cos(np.angle(face) - heading) - people.skin_true
     taught = (speed > SURE_M_S) & (face != 0)
@@ -97,7 +101,7 @@ def _trusting_skin(people: People, face: Complex[AnyArray, "n"]) -> People:
 
 
 def aligned(people: People) -> People:
-    """Whose first steps tell where forward is: their pan is turned to it, and their references with it."""
+    """Turn pans, and references with them, to where first steps say that forward is."""
     heading, speed = walk(people)
     due = ~people.pan_known & (speed > SURE_M_S)
     if not due.any():
@@ -116,8 +120,8 @@ def aligned(people: People) -> People:
     )
 
 
-def learned(people: People, seen: Looks, options: HeadOptions) -> People:
-    """The references of the sides that cameras see of whose pan is sure: means of the last looks at each."""
+def learned(people: People, seen: Looks, most_looks: float) -> People:
+    """Learn the sides that cameras see of heads whose pan is sure: references are means of the last looks at each."""
     _, sure = mean_direction(people.facing)
     clear = people.pan_known & (sure > _SURE) & ~people.lost
     own = clear[seen.rows] & (seen.alike.max(axis=1) > _CLEAR)
@@ -127,22 +131,22 @@ def learned(people: People, seen: Looks, options: HeadOptions) -> People:
     of_person[rows, :, np.arange(len(rows))] = about
     hair = people.hair + of_person @ seen.roots[own]
     n_look = _length(hair)
-    return people.changed(hair=hair * np.minimum(1.0, options.learning / np.maximum(n_look, 1.0)))
+    return people.changed(hair=hair * np.minimum(1.0, most_looks / np.maximum(n_look, 1.0)))
 
 
 def walk(people: People) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
-    """Where everybody walks [rad], and how fast [m/s]."""
+    """Return headings of the walk [rad] and speeds [m/s]."""
     x, y = (people.course + _AHEAD * (people.velocity[:, :2] - people.course)).T
     return np.arctan2(y, x), np.hypot(*people.course.T)
 
 
 def pan_bin(angle: Float[Array, "*n"]) -> Int[Index, "*n"]:
-    """The reference of a head seen at this angle from its face [rad]."""
+    """Return the reference of a head seen at this angle from its face [rad]."""
     return np.rint(angle * (PAN_BINS / (2 * np.pi))).astype(np.intp) % PAN_BINS
 
 
 def unit(roots: Float[Array, "*k b"]) -> Float[Array, "*k b"]:
-    """Roots of histograms of length 1, whose squares sum to 1; all-zero ones stay."""
+    """Scale roots of histograms to length 1, so that squares sum to 1; all-zero ones stay."""
     length = _length(roots)
     return roots / np.where(length > 0, length, 1.0)
 
@@ -152,7 +156,7 @@ def _length(roots: Float[Array, "*k b"]) -> Float[Array, "*k 1"]:
 
 
 def around(seen: Float[Array, "k b"], from_face: Float[Array, "k"], *, mixed: bool = True) -> Float[Array, "pans b"]:
-    """References for every pan from looks (roots) at these angles from the face [rad].
+    """Make references for every pan from looks (roots) at these angles from the face [rad].
 
     In between looks that are less than 90° off they are mixed; farther off, or not `mixed`, it is the nearest look.
     """
@@ -164,6 +168,6 @@ def around(seen: Float[Array, "k b"], from_face: Float[Array, "k"], *, mixed: bo
 
 
 def whole(hair: Float[Array, "n pans colours"], n_part: int) -> Float[Array, "n pans b"]:
-    """References of the whole window, as roots, from those of its parts."""
+    """Make references of the whole window, as roots, from those of its parts."""
     n, n_pan, n_colour = hair.shape
     return unit(np.sqrt((hair.reshape(n, n_pan, n_part, n_colour // n_part) ** 2).sum(axis=2)))

@@ -1,4 +1,4 @@
-"""Who is tracked: the two clouds of particles of each person, and what each looks like to each camera."""
+"""Tracks of people: a roster of clouds of body particles, the cloud of each head, and the appearance to each camera."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Int
 from trackers.arrays import Array, Index, Mask
 from trackers.filters.particle import Cloud
 from trackers.filters.rows import Rows
+from trackers.tracking.roster import Roster
 
 PAN_BINS = 12
 """References of the head, one for each 30° under which a camera sees it; 0 is the face."""
@@ -16,9 +17,9 @@ PAN_BINS = 12
 
 @dataclass(frozen=True, eq=False)
 class People(Rows):
-    """n persons. Histograms are kept as their roots, which is what similarity takes."""
+    """n tracks, measured when floor or cameras show them. Histograms are kept as their roots, which similarity takes."""
 
-    body: Cloud  # x, y, z of the middle of the body [m]
+    roster: Roster[Cloud]  # x, y, z of the middle of the body [m]
     head: Cloud  # x, y, z of the middle of the head [m], pan [rad]
     place: Float[Array, "n 3"]  # the body's estimate [m]
     velocity: Float[Array, "n 3"]  # [m/s]
@@ -33,5 +34,14 @@ class People(Rows):
     pan_known: Bool[Mask, "n"]  # whether steps have told where forward is
     weight_n: Float[Array, "n"]  # on the floor, learned [N]
     height_m: Float[Array, "n"]
-    shown_ns: Int[Index, "n"]  # when floor or cameras last showed the person
     lost: Bool[Mask, "n"]  # nothing was left of the particles: they coast
+
+    @property
+    def body(self) -> Cloud:
+        """Particles of the middles of bodies, x, y, z [m]."""
+        return self.roster.state
+
+    @property
+    def ids(self) -> Int[Index, "n"]:
+        """Ids of the tracks."""
+        return self.roster.id

@@ -1,4 +1,4 @@
-"""The tracker `camera-floor-particle`: a pair of particle filters a person, that meet only where they would overlap."""
+"""The tracker `camera-floor-particle`: a pair of particle filters per person, that meet only where they would overlap."""
 
 from __future__ import annotations
 
@@ -8,18 +8,15 @@ from math import nan
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from trackers.area import Area
 from trackers.camera_floor_particle.body import BodyFilter
-from trackers.camera_floor_particle.calibration_check import FEWEST, OFF_M, look
-from trackers.camera_floor_particle.detection import Newcomers, hull_over
+from trackers.camera_floor_particle.calibration_check import monitor, take
 from trackers.camera_floor_particle.head import HeadFilter
-from trackers.camera_floor_particle.loads import FloorWatch, Loads
+from trackers.camera_floor_particle.initiation import Initiation, hull_over
+from trackers.camera_floor_particle.loads import FloorFrontEnd, Loads
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
-from trackers.camera_floor_particle.pan import unit
 from trackers.camera_floor_particle.people import People
-from trackers.camera_floor_particle.views import CameraFrontEnds, Views
+from trackers.camera_floor_particle.track_manager import FloorTrackManager
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, FloorFrame, Observation
@@ -27,15 +24,11 @@ from trackers.rig import Rig
 from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synced_tracker import SynchronizedTracker
 from trackers.tracks import Hypotheses, Track
-from trackers.vision.calibration_monitor import CalibrationMonitor
+from trackers.vision.front_end import front_ends
+from trackers.vision.views import CameraViews, Views
 
-_LEAST_SHOWN = 0.5
-"""Share of the cameras that see a place from which, showing foreground there, they show somebody."""
-_WEIGHT_MEMORY = 0.9
-_MOST_GONE = 50
-"""So many of those who left are remembered, so that memory stays flat."""
 _SHOWN = 60
-"""So many particles of a body, or of a head, are told for drawings, or a few more."""
+"""So many particles of a body, or of a head, are handed out for drawings, or a few more."""
 _LONGEST_S = 0.5
 """However long nothing came, people move for no longer at once."""
 
@@ -54,17 +47,16 @@ def the_floor(rig: Rig, tracker: str, empty_room: Iterable[Observation]) -> str:
     )
 
 
-class Inside(NamedTuple):
-    """What the tracker knew at the moment worked last: pictures as it saw them, the floor's loads, everybody's particles."""
+class DebugState(NamedTuple):
+    """Views and loads of the last frame, and the tracks after it."""
 
     views: Views
     loads: Loads | None
     people: People | None
-    ids: NDArray[np.intp]
 
 
 class CameraFloorParticle(SynchronizedTracker):
-    """Cameras open a moment, the pressure floor's newest frame is held; without cameras the floor alone opens.
+    """Cameras trigger a frame, the pressure floor's latest frame is used; without cameras the floor alone triggers.
 
     Raises InputError for a rig without a pressure floor, which detects people, and for wrong options.
     """
@@ -77,55 +69,56 @@ class CameraFloorParticle(SynchronizedTracker):
         self._floor = the_floor(rig, "camera-floor-particle", empty_room)
         cameras = rig.cameras() if self.options.use_cameras else {}
         self.unused_sensors = [name for name in rig.sensors if name not in cameras and name != self._floor]
-        area = Area(rig.area, self.options.room_margin_m) if rig.area else None
         self._rng = np.random.default_rng(0) if rng is None else rng
-        self._watchers = CameraFrontEnds(cameras, empty_room, self.options, area)
+        self._manager = FloorTrackManager(self.options, rig.area or None)
+        area = self._manager.area
+        self._views = CameraViews(front_ends(cameras, empty_room, self.options.front_end, area))
         empty_floor = [each for each in empty_room if isinstance(each, FloorFrame) and each.sensor == self._floor]
-        self._watch = FloorWatch(rig.floors()[self._floor], empty_floor, self.options)
+        self._loads = FloorFrontEnd(rig.floors()[self._floor], empty_floor, self.options)
         self._bodies, self._heads = BodyFilter(self.options, area), HeadFilter(self.options, area)
-        self._newcomers = Newcomers(self.options, len(cameras))
-        self._cameras, self._doubts = tuple(cameras), CalibrationMonitor(len(cameras), OFF_M, FEWEST)
-        self.background_learned_causally = self._watchers.learns_background
-        opens, held = (tuple(cameras), (self._floor,)) if cameras else ((self._floor,), ())
-        main = rig.main_sensor if rig.main_sensor in opens else None
-        super().__init__(SyncPolicy(opens, latest=held, main=main, awaited=(*opens, *held)))
+        self._initiation = Initiation(self.options, self._manager, len(cameras))
+        self._cameras, self._calibration = tuple(cameras), monitor(len(cameras))
+        self.background_learned_causally = self._views.learns_background
+        triggers, latest = (tuple(cameras), (self._floor,)) if cameras else ((self._floor,), ())
+        main = rig.main_sensor if rig.main_sensor in triggers else None
+        super().__init__(SyncPolicy(triggers, latest=latest, main=main, awaited=(*triggers, *latest)))
         self._has_pictures = bool(cameras)
         self._people: People | None = None
-        self._ids = np.empty(0, np.intp)
-        self._gone: dict[int, People] = {}
-        self._last_id, self._ns, self._began = 0, 0, False
-        self._views = Views(())
-        self._loads: Loads | None = None
+        self._ns, self._began = 0, False
+        self._last: tuple[Views, Loads | None] = Views(()), None
 
     def tracks(self) -> list[Track]:
-        """Everybody, as of the moment worked last."""
+        """Return all tracks, as of the last frame."""
         people = self._people
         if people is None:
             return []
         z, head, pan = people.place[:, 2], people.head_place, people.pan
-        if not self._has_pictures:  # a floor tells no heights
+        if not self._has_pictures:  # a floor shows no heights
             z, head, pan = np.full(z.shape, nan), np.full(head.shape, nan), np.full(pan.shape, nan)
         rows = np.column_stack([people.place[:, :2], people.velocity[:, :2], z, head, pan]).tolist()
-        status = np.where(people.lost | (people.shown_ns < self._ns), "coasting", "confirmed").tolist()
+        status = np.where(people.lost | (people.roster.measured_ns < self._ns), "coasting", "confirmed").tolist()
+        reported = self._manager.reported(people.roster, self._ns)
         return [
-            Track(number, *row, status=each) for number, row, each in zip(self._ids.tolist(), rows, status, strict=True)
+            Track(number, *row, status=each)
+            for number, row, each, counts in zip(people.ids.tolist(), rows, status, reported, strict=True)
+            if counts
         ]
 
     @property
     def warnings(self) -> list[str]:
-        """What of floor and cameras is not as the rig says, as far as it has been seen by now."""
-        floor = self._watch.doubt
+        """Findings about floor and cameras that are not as the rig says, so far."""
+        floor = self._loads.warning
         return [f"{self._floor} {floor}"] * (floor is not None) + [
             f"{self._cameras[number]} shows walkers' heads elsewhere than the other cameras do, and cannot hang as the rig says"
-            for number in self._doubts.doubted
+            for number in self._calibration.doubted
         ]
 
-    def inside(self) -> Inside:
-        """What was known at the moment worked last, for drawings."""
-        return Inside(self._views, self._loads, self._people, self._ids)
+    def debug_state(self) -> DebugState:
+        """Return the state of the last frame, for drawings."""
+        return DebugState(*self._last, self._people)
 
     def _maps(self) -> tuple[Hypotheses, ...]:
-        """Some particles of everybody's body and head, and the windows about both estimates."""
+        """Return some particles of all bodies and heads, and the windows about both estimates."""
         people = self._people
         if people is None or not self._has_pictures:
             return ()
@@ -136,86 +129,41 @@ class CameraFloorParticle(SynchronizedTracker):
                 (people.head, people.head_place, self.options.head.window),
             )
             for some in (cloud.state[:3, :, :: max(1, cloud.state.shape[2] // _SHOWN)],)
-            for row, number in enumerate(self._ids.tolist())
+            for row, number in enumerate(people.ids.tolist())
         )
 
-    def _work(self, moment: SyncedFrame) -> None:
-        dt = min((moment.ns - self._ns) / NS_PER_S, _LONGEST_S) if self._began else 0.0
-        self._ns, self._began = moment.ns, True
-        frame = {**moment.latest, **moment.observations}.get(self._floor)
+    def _work(self, synced: SyncedFrame) -> None:
+        dt = min((synced.ns - self._ns) / NS_PER_S, _LONGEST_S) if self._began else 0.0
+        self._ns, self._began = synced.ns, True
+        frame = {**synced.latest, **synced.observations}.get(self._floor)
         frame = frame if isinstance(frame, FloorFrame) else None
-        is_new = self._watch.is_new(frame, moment.ns)
-        loads = self._watch.loads(frame, moment.ns)
-        views = self._watchers.views(moment.observations)
-        self._views, self._loads = views, loads
+        is_new = self._loads.is_new(frame, synced.ns)
+        loads = self._loads.loads(frame, synced.ns)
+        views = self._views.views(synced.observations)
+        self._last = views, loads
         if self._people is not None and len(self._people) and dt > 0:
             offset = self._people.head_place - self._people.place
-            self._people = self._bodies.step(self._people, dt, loads, views, self._rng)
+            people = self._bodies.step(self._people, dt, loads, views, self._rng)
             if self._has_pictures:
-                self._people = self._heads.step(self._people, offset, dt, views, self._rng)
-                look(self._doubts, self._people, views)
-            self._look_after(loads, views, is_new=is_new)
+                people = self._heads.step(people, offset, dt, views, self._rng)
+                take(self._calibration, people, views)
+            self._people = self._manager.updated(people, loads, views, self._ns, is_new=is_new)
         if loads is not None and is_new:
-            self._detect(loads, views)
+            self._initiate(loads, views)
 
-    def _look_after(self, loads: Loads | None, views: Views, *, is_new: bool) -> None:
-        """Who is shown by floor or cameras; whoever is not for long is gone."""
-        people = self._people
-        assert people is not None
-        n_seen, n_shown = (each.sum(axis=0) for each in views.look(people.place.T)[1:])
-        shown = (n_shown > 0) & (n_shown >= _LEAST_SHOWN * n_seen) & ~people.lost
-        alike = 1 + people.body.weights.log_mean / (self.options.body.colour * max(len(views), 1))
-        shown &= alike >= self.options.detection.least_alike
-        if loads is not None:
-            near = loads.cluster_near(people.place[:, :2], self.options.detection.apart_m)
-            shown |= near.any(axis=1) if not views else False
-            alone = near & (near.sum(axis=0) == 1)
-            load_n = alone @ loads.clusters.load_n
-            learned = _WEIGHT_MEMORY * people.weight_n + (1 - _WEIGHT_MEMORY) * load_n
-            if is_new:
-                people = people.changed(weight_n=np.where(load_n > 0, learned, people.weight_n))
-        people = people.changed(shown_ns=np.where(shown, self._ns, people.shown_ns))
-        stays = self._ns - people.shown_ns <= self.options.detection.gone_s * NS_PER_S
-        for row in np.flatnonzero(~stays):
-            self._gone[int(self._ids[row])] = people.select(np.array([row]))
-            if len(self._gone) > _MOST_GONE:
-                del self._gone[next(iter(self._gone))]
-        self._people, self._ids = people.select(stays), self._ids[stays]
-
-    def _detect(self, loads: Loads, views: Views) -> None:
-        """Clusters that are somebody new, or somebody again."""
-        new = self._newcomers.unexplained(self._people, loads)
-        centroid = loads.clusters.centroid
+    def _initiate(self, loads: Loads, views: Views) -> None:
+        """Initiate tracks of clusters that no track explains and over which cameras see a person."""
+        people, centroid = self._people, loads.clusters.centroid
+        new = self._initiation.unexplained(people, loads)
         hulls = {k: hull_over(centroid[k], views) for k in np.flatnonzero(new)}
         if views:
-            nobody = np.zeros(len(new), np.bool_)
-            nobody[[k for k, hull in hulls.items() if not len(hull)]] = True
-            self._watch.learn_own(loads, nobody, self._ns)
-            new &= ~nobody
+            empty = np.zeros(len(new), np.bool_)
+            empty[[k for k, hull in hulls.items() if not len(hull)]] = True
+            self._loads.learn_own(loads, empty, self._ns)
+            new &= ~empty
         places = np.flatnonzero(new)
-        for k in places[self._newcomers.confirmed(centroid[places], self._ns)]:
+        for k in places[self._initiation.due(centroid[places], self._ns)]:
             load_n = float(loads.clusters.load_n[k])
-            person = self._newcomers.person(centroid[k], load_n, hulls[k], views, self._ns, self._rng)
-            self._join(person)
-
-    def _join(self, person: People) -> None:
-        """Take somebody in: under the number of who is gone and looks the same, else under a new one."""
-        number = self._recognised(person)
-        if number:
-            del self._gone[number]
-        else:
-            self._last_id = number = self._last_id + 1
-        self._people = person if self._people is None else self._people.joined(person)
-        self._ids = np.append(self._ids, number)
-
-    def _recognised(self, person: People) -> int:
-        """Who of those gone wears these clothes, by D of eq. 4 of the colours of all cameras together; 0: none."""
-        if not self._gone or not person.clothes.any():
-            return 0
-        look = unit(person.clothes[0].mean(axis=0))
-        distance = {
-            number: np.sqrt(max(0.0, 1 - float(look @ unit(gone.clothes[0].mean(axis=0)))))
-            for number, gone in self._gone.items()
-        }
-        best = min(distance, key=distance.__getitem__)
-        return best if distance[best] < self.options.detection.same_below else 0
+            person = self._initiation.person(centroid[k], load_n, hulls[k], views, self._ns, self._rng)
+            person = self._manager.identified(person)
+            self._people = person if self._people is None else self._people.joined(person)

@@ -36,12 +36,12 @@ class Ellipsoids:
         Yaw is about the vertical, counter-clockwise from the room's x axis.
         """
         centre = np.asarray(centre_m, dtype=float)
-        ahead, aside, up = np.moveaxis(np.broadcast_to(np.square(np.asarray(semi_axes_m, float)), centre.shape), -1, 0)
+        ahead, across, up = np.moveaxis(np.broadcast_to(np.square(np.asarray(semi_axes_m, float)), centre.shape), -1, 0)
         cosine, sine = np.cos(yaw_rad), np.sin(yaw_rad)
         shape = np.zeros((*centre.shape, 3))
-        shape[:, 0, 0] = ahead * cosine**2 + aside * sine**2
-        shape[:, 1, 1] = ahead * sine**2 + aside * cosine**2
-        shape[:, 0, 1] = shape[:, 1, 0] = (ahead - aside) * cosine * sine
+        shape[:, 0, 0] = ahead * cosine**2 + across * sine**2
+        shape[:, 1, 1] = ahead * sine**2 + across * cosine**2
+        shape[:, 0, 1] = shape[:, 1, 0] = (ahead - across) * cosine * sine
         shape[:, 2, 2] = up
         return cls(centre, shape)
 
@@ -62,11 +62,11 @@ class Ellipses:
     shape: Float[Array, "n 2 2"]
 
     def __len__(self) -> int:
-        """How many they are."""
+        """Number of ellipses."""
         return len(self.centre)
 
     def points(self, of_unit_disc: Float[Array, "m 2"]) -> Float[Array, "n m 2"]:
-        """Where points of the unit disc come to lie in each [px]; its rim on the ellipses.
+        """Map points of the unit disc into each ellipse [px]; its rim on the outline.
 
         The disc's y axis runs down the picture: points keep their order and spread evenly if they did in the disc.
         """
@@ -95,7 +95,7 @@ class Ellipses:
 
 
 def outline_ellipses(intrinsics: Intrinsics, solids: Ellipsoids) -> Ellipses:
-    """What a camera sees of ellipsoids in its own frame, one ellipse each (see the module for how exact)."""
+    """Project ellipsoids in a camera's own frame, one ellipse each (see the module for how exact)."""
     if not isinstance(intrinsics, PinholeIntrinsics):
         towards = _looking_at(solids.centre)  # a fisheye has no plane that all it sees lies before
         turned = Ellipsoids(
@@ -136,8 +136,8 @@ def _looking_at(places: Float[Array, "n 3"]) -> Float[Array, "n 3 3"]:
     """Rotations that take the frame to one whose z axis points at each place."""
     ahead = places / np.linalg.norm(places, axis=1, keepdims=True)
     # across to whichever axis is farther off
-    aside = np.where(np.abs(ahead[:, 1:2]) < 0.7, (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
-    right = np.cross(aside, ahead)
+    off_axis = np.where(np.abs(ahead[:, 1:2]) < 0.7, (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
+    right = np.cross(off_axis, ahead)
     right /= np.linalg.norm(right, axis=1, keepdims=True)
     return np.stack([right, np.cross(ahead, right), ahead], axis=1)
 

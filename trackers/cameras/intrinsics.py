@@ -1,4 +1,4 @@
-"""What every calibrated camera has: a picture with edges, a way from points to pixels, and one back to rays."""
+"""Base of every calibrated camera: a picture with edges, a way from points to pixels, and one back to rays."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Intrinsics(Strict):
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
     def contains(self, pixels: Float[Array, "*n 2"]) -> Bool[Mask, "*n"]:
-        """Whether pixel coordinates lie within the picture's edges; NaN does not."""
+        """Mark pixel coordinates within the picture's edges; NaN is not."""
         u, v = pixels[..., 0], pixels[..., 1]
         return np.asarray((u >= -0.5) & (u < self.width - 0.5) & (v >= -0.5) & (v < self.height - 0.5))
 
@@ -72,7 +72,7 @@ class Intrinsics(Strict):
 
 
 def first_turn(growth: Polynomial) -> float:
-    """Where above 0 a polynomial first stops growing; inf: nowhere. Beyond it a lens folds its picture back."""
+    """Find where above 0 a polynomial first stops growing; inf: nowhere. Beyond it a lens folds its picture back."""
     roots = growth.deriv().trim(_NOTHING).roots()
     turns = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0)]
     return float(turns.min()) if turns.size else np.inf

@@ -19,11 +19,11 @@ MAX_TANGENT = 8.0
 """The farthest a pinhole's picture may reach from its axis (tangent of the angle): 166° across."""
 _NEWTON_STEPS = 30
 _CONVERGED = 1e-9
-"""How near [tangent of the angle] a direction must come back to its pixel to count as found."""
+"""Distance [tangent of the angle] from its pixel up to which a direction counts as found."""
 
 
 _LENGTHS = (0, 4, 5, 8, 12, 14)
-"""How many coefficients OpenCV and ROS write; those from the sixth on are of the rational, thin-prism and tilted models."""
+"""Number of coefficients that OpenCV and ROS write; those from the sixth on are of the rational, thin-prism and tilted models."""
 
 
 def _plumb_bob(values: Any) -> Any:
@@ -57,7 +57,7 @@ class PinholeIntrinsics(Intrinsics):
 
     @property
     def is_distorted(self) -> bool:
-        """Whether the lens bends anything."""
+        """True where the lens bends rays."""
         return any(self.distortion)
 
     @property
@@ -165,7 +165,7 @@ class PinholeIntrinsics(Intrinsics):
 
 @lru_cache(maxsize=64)
 def _fold_radius(distortion: tuple[float, float, float, float, float]) -> float:
-    """Where the radial polynomial stops growing; asked for at every projection, and slow to find."""
+    """Find where the radial polynomial stops growing; asked for at every projection, and slow to find."""
     k1, k2, _, _, k3 = distortion
     return first_turn(Polynomial([0, 1, 0, k1, 0, k2, 0, k3]))
 

@@ -63,13 +63,13 @@ class PlacedCamera:
 
     @cached_property
     def _depth_rays(self) -> Float[Array, "3 height width"]:
-        """What a pixel sees in the depth of 1 m, seen from the eye: numpy is fastest along long rows."""
+        """Points that pixels see in a depth of 1 m, from the eye: numpy is fastest along long rows."""
         if not isinstance(self.intrinsics, PinholeIntrinsics):
             raise TypeError(f"{type(self.intrinsics).__name__}: depth along an axis is for pinhole cameras")
         return _kept(np.moveaxis(self.intrinsics.directions() @ self.rotation.T, -1, 0))
 
     def ellipses(self, solids: Ellipsoids) -> tuple[Ellipses, Bool[Mask, "n"]]:
-        """What the picture shows of ellipsoids: an ellipse each, and whether its centre lies in the picture."""
+        """Project ellipsoids: an ellipse each, and whether its centre lies in the picture."""
         ellipses = outline_ellipses(self.intrinsics, solids.seen_from(self.eye_m, self.rotation))
         return ellipses, self.project(solids.centre)[1] & self.intrinsics.contains(ellipses.centre)
 

@@ -31,15 +31,15 @@ _STRAY = 0.0005
 """This share of the points may lie beyond the grid on each side: seen through a door, say."""
 _BORDER_VOXELS = 3
 _SURFACE_M = 0.025
-"""What a column's top is averaged over, down from its highest point [m]: the noise of a level surface."""
+"""Depth over which a column's top is averaged, down from its highest point [m]: the noise of a level surface."""
 _CLOSED_VOXELS = (3, 3)
 """Gaps in the tops of things that hold no such block of columns are closed."""
 _ON_THE_FLOOR_M = 0.04
-"""What rises less above the floor is the floor [m]."""
+"""Height above the floor up to which points are the floor's [m]."""
 
 
 class EnvironmentOptions(Strict):
-    """How finely space is divided, and what counts as something being there."""
+    """Options of the grid, and of what is occupied."""
 
     voxel_m: float = Field(default=0.05, ge=SMALLEST_VOXEL_M, le=LARGEST_VOXEL_M, description="side of a voxel [m]")
     height_m: float = Field(default=3.0, ge=2.2, le=30, description="the grid reaches this high above the floor [m]")
@@ -128,7 +128,7 @@ def _grid(cloud: PointCloud, floor_m: float, ceiling_m: float, options: Environm
 
 
 def _has_neighbours(occupied: Bool[Mask, "size"], grid: Grid) -> Bool[Mask, "size"]:
-    """Whether any of the 26 voxels around each is occupied."""
+    """Mark the voxels of which any of the 26 around is occupied."""
     block = occupied.reshape(grid.shape).astype(np.uint8)
     for axis in range(3):
         block = ndimage.correlate1d(block, np.ones(3), axis=axis, mode="constant", output=np.uint8)

@@ -14,7 +14,7 @@ from trackers.environment.cloud import PointCloud
 Counts = NDArray[np.uint32]
 
 UNKNOWN, FREE, OCCUPIED = 0, 1, 2
-"""What is known of a voxel: no ray came there; rays passed through; something is there."""
+"""States of a voxel: no ray came there; rays passed through; something is there."""
 
 SMALLEST_VOXEL_M, LARGEST_VOXEL_M = 0.01, 0.5
 MOST_VOXELS = 100_000_000
@@ -34,7 +34,7 @@ class Grid:
 
     @property
     def size(self) -> int:
-        """How many voxels there are."""
+        """Number of voxels."""
         return self.shape[0] * self.shape[1] * self.shape[2]
 
     @property
@@ -72,7 +72,7 @@ class Grid:
 
 
 def count_rays(cloud: PointCloud, grid: Grid) -> tuple[UInt32[Counts, "size"], UInt32[Counts, "size"]]:
-    """How many points lie in each voxel, and how many rays passed through it.
+    """Count the points in each voxel, and the rays that passed through it.
 
     A ray is looked at every voxel's length, so a voxel of which it only clips a corner may be missed, and none counts
     twice for it but by rounding. The stations are in the grid.

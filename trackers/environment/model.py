@@ -44,12 +44,12 @@ class Environment:
     walls_m: Float[Array, "w 2 2"]
 
     def is_free(self, points: ArrayLike) -> Bool[Mask, "n"]:
-        """Whether rays of the scan passed through the voxel of each point (n, 3): unknown space is not free."""
+        """Mark points (n, 3) in voxels that rays of the scan passed through: unknown space is not free."""
         flat, inside = self.grid.flat(_points(points))
         return inside & (self.state.ravel()[flat] == FREE)
 
     def is_occupied(self, points: ArrayLike) -> Bool[Mask, "n"]:
-        """Whether the scanner met something in the voxel of each point (n, 3)."""
+        """Mark points (n, 3) in voxels where the scanner met something."""
         flat, inside = self.grid.flat(_points(points))
         return inside & (self.state.ravel()[flat] == OCCUPIED)
 
@@ -85,7 +85,7 @@ class Environment:
     def head_possible(
         self, points: ArrayLike, *, clearance_m: float = 0.1, body_m: float = 0.0, tallest_m: float = 2.1
     ) -> Bool[Mask, "n"]:
-        """Whether a head can be with its centre at each point (n, 3).
+        """Mark points (n, 3) where the centre of a head can be.
 
         In free space, at least `clearance_m` from every surface, at most `tallest_m` above the floor; with `body_m` > 0,
         nothing is in the way of a body that reaches straight down so far [m] (0.5 for people who sit or stand).
@@ -110,7 +110,7 @@ class Environment:
         low_m: float = 0.8,
         high_m: float = 1.9,
     ) -> Float[Array, "n"]:
-        """How likely a head is at each point (n, 3): the environment model of Suzuki et al. 2007, eq. 8.
+        """Return the weight of a head at each point (n, 3): the environment model of Suzuki et al. 2007, eq. 8.
 
         0 outside the walls and inside things (their region A), `above_furniture` in the column above furniture (B),
         `odd_height` lower than `low_m` or higher than `high_m` above the floor (C), 1 elsewhere; the least where regions
@@ -129,7 +129,7 @@ class Environment:
         return weight
 
     def visible(self, origin: ArrayLike, points: ArrayLike) -> Bool[Mask, "n"]:
-        """Whether nothing that the scanner met stands between the origin (3,) and each point (n, 3).
+        """Mark points (n, 3) with nothing that the scanner met between them and the origin (3,).
 
         What is within 1.5 voxels of either end does not count: cameras hang on walls, heads come close to things. Unknown
         space hides nothing. Beyond the grid nothing is known to stand in the way.
@@ -140,7 +140,7 @@ class Environment:
         return sees(self._leaps, self.grid, origin, points)
 
     def range_along(self, origins: ArrayLike, directions: ArrayLike) -> Float[Array, "n"]:
-        """How far [m] it is from one origin (3,) or from each of (n, 3) to the first thing met along directions (n, 3).
+        """Return distances [m] from one origin (3,) or from each of (n, 3) to the first thing met along directions (n, 3).
 
         Directions may be of any length. inf where nothing is met before the grid ends: through a door, say. Unknown space
         is passed, and what is within 1.5 voxels of an origin does not count. The range is that of the mean of the points

@@ -70,7 +70,7 @@ def find_walls(points: Float[Array, "n 3"], floor_m: float, ceiling_m: float) ->
             break
         for start, end in _runs(cells[own] @ _turned(normal)):
             found.append(_through_points(band[:, :2], normal, offset, start, end))
-            own |= _beside(cells, found[-1])
+            own |= _near_wall(cells, found[-1])
         cells, weights = cells[~own], weights[~own]
     walls = np.array([_facing(wall, band[:, :2], middle) for wall in found]).reshape(-1, 2, 2)
     return _meet_at_corners(walls)
@@ -139,7 +139,7 @@ def _through_points(
     return ends - np.outer(ends @ normal - offset, normal)
 
 
-def _beside(cells: Float[Array, "c 2"], wall: Float[Array, "2 2"]) -> Bool[Mask, "c"]:
+def _near_wall(cells: Float[Array, "c 2"], wall: Float[Array, "2 2"]) -> Bool[Mask, "c"]:
     """Which cells lie at a segment."""
     way = (wall[1] - wall[0]) / np.linalg.norm(wall[1] - wall[0])
     off = cells - wall[0]
@@ -164,8 +164,8 @@ def _facing(wall: Float[Array, "2 2"], places: Float[Array, "n 2"], middle: Floa
     """The segment with the room, where more of the points are, to its left."""
     way = wall[1] - wall[0]
     left = _turned(way) / np.linalg.norm(way)
-    beside = (places - wall[0]) @ left
-    on_left, on_right = (beside > _NEAR_M).sum(), (beside < -_NEAR_M).sum()
+    across = (places - wall[0]) @ left
+    on_left, on_right = (across > _NEAR_M).sum(), (across < -_NEAR_M).sum()
     if on_left == on_right:
         on_left, on_right = float((middle - wall[0]) @ left), 0.0
     return wall if on_left > on_right else wall[::-1]

@@ -12,7 +12,7 @@ from trackers.environment.grid import Grid
 Voxels = NDArray[np.int32]
 
 _ENDS_VOXELS = 1.5
-"""What is this near to a line's end does not count: cameras hang on walls, heads come close to things."""
+"""Distance from a line's ends within which nothing counts: cameras hang on walls, heads come close to things."""
 
 _STEP_VOXELS = 0.75
 _ROUNDS, _LEAPS = 3, 8
@@ -20,7 +20,7 @@ _ROUNDS, _LEAPS = 3, 8
 
 
 def leaps_between(steps: Float[Array, "nx ny nz"]) -> Float32[Singles, "nx ny nz"]:
-    """How far one may go from each voxel, in voxels, without jumping over an occupied one; 0 where it is occupied.
+    """Return the way to go from each voxel, in voxels, without jumping over an occupied one; 0 where it is occupied.
 
     steps: from the middle of each to the middle of its nearest occupied one, in voxels. Two voxels' middles are as far
     apart as two points in them, give or take 1.7 voxels at worst and hardly ever more than 1: a line that only clips the
@@ -32,7 +32,7 @@ def leaps_between(steps: Float[Array, "nx ny nz"]) -> Float32[Singles, "nx ny nz
 def sees(
     leaps: Float32[Singles, "nx ny nz"], grid: Grid, origin: Float[Array, "3"], points: Float[Array, "n 3"]
 ) -> Bool[Mask, "n"]:
-    """Whether no occupied voxel lies between the origin and each point [m], the ends apart."""
+    """Mark points [m] with no occupied voxel between them and the origin, the ends apart."""
     way = np.ascontiguousarray((points - origin).T)
     length = np.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
     way /= np.maximum(length, 1e-9 * grid.voxel_m)
@@ -98,7 +98,7 @@ def _flat(
 def _within(
     start: Float[Array, "3 #n"], way: Float[Array, "3 n"], grid: Grid
 ) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
-    """Where each line enters and leaves the grid, in voxels from the start; it enters after it leaves if it misses."""
+    """Return where each line enters and leaves the grid, in voxels from the start; it enters after it leaves if it misses."""
     across = 1 / np.where(np.abs(way) < 1e-12, 1e-12, way)
     one, other = -start * across, (np.array(grid.shape)[:, None] - start) * across
     margin = 1e-2  # single precision rounds: stay inside

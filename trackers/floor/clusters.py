@@ -1,4 +1,4 @@
-"""Clusters of loaded elements on a pressure floor: where somebody stands, and how heavily."""
+"""Clusters of loaded elements on a pressure floor: places and loads of people."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _EIGHT_NEIGHBOURS = np.ones((3, 3), dtype=bool)
 
 
 class FloorClusterOptions(Strict):
-    """What counts as somebody's load."""
+    """Options of what counts as a person's load."""
 
     least_value: int = Field(
         default=5, ge=1, le=255, description="8-bit value from which an element is loaded; empty ones flicker below it"
@@ -39,7 +39,7 @@ class FloorClusters:
     cell_load_n: Float[Array, "rows columns"]  # the load of elements in clusters, 0 elsewhere [N]
 
     def __len__(self) -> int:
-        """How many they are."""
+        """Number of clusters."""
         return len(self.load_n)
 
     def share_of_cell(self) -> Float[Array, "rows columns"]:

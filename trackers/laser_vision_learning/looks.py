@@ -138,7 +138,7 @@ class Learner:
         )
         taught = (label > 0).any(axis=1) & (label < 0).any(axis=1)
         if self.options.background:
-            beside = self.sampler.drawn_beside(positions_m, self.options.background, rng)
+            beside = self.sampler.drawn_next_to(positions_m, self.options.background, rng)
             room = self._looked_at(rgb, beside.select(served), None)
             samples = np.concatenate([samples, room.features], axis=1)
             label = np.concatenate([label, np.where(room.usable, -1.0, 0.0)], axis=1)

@@ -1,16 +1,19 @@
-"""Whether a camera hangs as the rig says: its empty room against the environment that a scanner saw (ours)."""
+"""Check of calibration (ours): cameras that do not hang as the rig says, by the empty room and by silhouettes of heads."""
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping, Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
-from trackers.arrays import Singles
+from trackers.arrays import Array, Mask, Singles
 from trackers.cameras.placed import PlacedCamera
 from trackers.environment.model import Environment
+from trackers.vision.calibration_monitor import CalibrationMonitor, silhouette_offsets
+from trackers.vision.stereo_picture import StereoCamera
 
 TURNS_DEG = (5.0, 9.0)
 """A camera whose empty room fits better after one of these turns than after none or a tolerated one hangs otherwise."""
@@ -24,8 +27,78 @@ _AXES = np.array([axis for axis in itertools.product((-1, 0, 1), repeat=3) if an
 """The cube's: of the picture, and between them, both ways round."""
 
 
+_OFF_RAD = np.radians(3.5)
+"""A camera whose median offset is larger hangs elsewhere: one that is turned by 5°, and not by 1° or 2°."""
+_FEWEST = 10
+"""Looks of a camera that a warning takes."""
+_SEARCHED_RAD = np.radians(10)
+"""Reach about a crown in which its silhouette's top is searched for; heads with another so near in the picture are left out."""
+
+
+class CalibrationCheck:
+    """names: the cameras. by_room: those whose empty room fits the environment better when they are turned.
+
+    leaves_out: whether cameras that are named are not looked at any more. Most cameras are taken to hang right: never are so
+    many left out that no more than half remain, and of two in use none is doubted by heads, as it cannot be told which is wrong.
+    """
+
+    def __init__(self, names: Sequence[str], by_room: Sequence[str], leaves_out: bool) -> None:
+        self._numbers = {name: number for number, name in enumerate(names)}
+        self._by_room, self._leaves_out = tuple(by_room), leaves_out
+        self._by_heads: list[str] = []
+        self.left_out: set[str] = set()
+        if leaves_out and self._may_miss(len(by_room)):
+            self.left_out.update(by_room)
+        self._looks = self._none_yet()
+
+    def take(self, name: str, off_rad: Float[Array, "n 2"]) -> None:
+        """Take in the offsets at which a camera shows heads (`head_offsets`)."""
+        if len(self._numbers) - len(self.left_out) <= 2:
+            return
+        for each in off_rad[np.isfinite(off_rad[:, 0])]:
+            self._looks.take(self._numbers[name], each)
+        for doubted in self._doubted() if self._leaves_out and self._may_miss(1) else ():
+            self._by_heads.append(doubted)
+            self.left_out.add(doubted)
+            self._looks = self._none_yet()  # its estimates were what the others were compared with
+
+    @property
+    def warnings(self) -> list[str]:
+        """A sentence per camera that is named."""
+        room = f"fits the environment better when turned by {TURNS_DEG[0]:g}° or more than as the rig has it"
+        heads = "shows heads elsewhere than the other cameras do, and cannot hang as the rig says"
+        return [
+            *(f"the empty room that {name} sees {room}{self._and_so(name)}" for name in self._by_room),
+            *(f"{name} {heads}{self._and_so(name)}" for name in (*self._by_heads, *self._doubted())),
+        ]
+
+    def _and_so(self, name: str) -> str:
+        return "; its pictures are not used any more" if name in self.left_out else ""
+
+    def _may_miss(self, n_more: int) -> bool:
+        return 2 * (len(self.left_out) + n_more) < len(self._numbers)
+
+    def _doubted(self) -> list[str]:
+        names = list(self._numbers)
+        return [names[number] for number in self._looks.doubted]
+
+    def _none_yet(self) -> CalibrationMonitor:
+        return CalibrationMonitor(len(self._numbers), _OFF_RAD, _FEWEST)
+
+
+def turned(cameras: Mapping[str, StereoCamera], environment: Environment | None) -> list[str]:
+    """Name the cameras that do not hang as the rig says, as far as the room is known."""
+    if environment is None:
+        return []
+    return [
+        name
+        for name, each in cameras.items()
+        if each.empty_depth_m.size > 1 and is_turned(each.camera, each.empty_depth_m, environment)
+    ]
+
+
 def is_turned(camera: PlacedCamera, depth_m: Float[Singles, "height width"], environment: Environment) -> bool:
-    """Whether the camera's depth of the empty room fits the environment best when it is turned by more than is tolerated."""
+    """Tell whether the camera's depth of the empty room fits the environment best when it is turned by more than is tolerated."""
     known = (depth_m > 0) & (depth_m < _NEAR_M)
     points = camera.points(np.where(known, depth_m, np.float32(0)))[::_EVERY, ::_EVERY].reshape(-1, 3)
     off = points[np.isfinite(points).all(axis=1)] - camera.eye_m
@@ -38,3 +111,15 @@ def is_turned(camera: PlacedCamera, depth_m: Float[Singles, "height width"], env
         return max(environment.agreement(turn.apply(off) + camera.eye_m, _WITHIN_M) for turn in turns)
 
     return max(map(agreement, TURNS_DEG)) > max(agreement(0.0), agreement(_TOLERATED_DEG))
+
+
+def head_offsets(
+    camera: PlacedCamera, mask: Bool[Mask, "height width"], heads: Float[Array, "4 n"], up_m: float
+) -> Float[Array, "n 2"]:
+    """Return the offsets of silhouettes from heads' crowns, to the right and down [rad]; NaN where there is none.
+
+    up_m: height of a crown above the middle of a head.
+    """
+    crowns = heads[:3].T + np.array([0.0, 0.0, up_m])
+    reach_px = np.full(len(crowns), round(camera.intrinsics.fx * np.tan(_SEARCHED_RAD)), float)
+    return silhouette_offsets(camera, mask, crowns, reach_px, reach_px) / camera.intrinsics.fx

@@ -1,6 +1,6 @@
-"""The cameras' evaluators (the paper's clients): each has one camera's picture of the moment and weighs what it is handed.
+"""The cameras' evaluators (the paper's clients): each has one camera's picture of the frame and weighs heads by it.
 
-Handed over and back are pictures, hypotheses, weights and what else stands in a message; so an evaluator may be anywhere
+Handed over and back are pictures, hypotheses, likelihoods and what else stands in a message; so an evaluator may be anywhere
 (`trackers.rgbd_head.scheduled`).
 """
 
@@ -13,79 +13,78 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from trackers.arrays import Array, Index, Singles
+from trackers.likelihood.stereo_head import HeadLikelihoods, RangeOptions, StereoHeadOptions, StereoHeads
 from trackers.observations import DepthImage
-from trackers.rgbd_head.calibration_check import silhouette_offsets
-from trackers.rgbd_head.colours import ExpectedColours
-from trackers.rgbd_head.picture import CameraFrontEnd, Picture
-from trackers.rgbd_head.weighing import Weigher, Weights
+from trackers.rgbd_head.calibration import head_offsets
+from trackers.vision.head_colours import ExpectedColours
+from trackers.vision.head_model import HeadModel
+from trackers.vision.stereo_picture import PackedPicture, StereoCamera
 
 _LOW_M, _HIGH_M = 0.4, 2.2
-"""Foreground between is asked for newcomers."""
+"""Foreground between is asked for new heads."""
 
 
 class Evaluator:
-    """One camera and its last picture. What it answers is a function of its pictures and of what it is asked, of nothing else.
+    """One camera and its last picture. Its answers are a function of its pictures and of the questions, of nothing else.
 
-    colours: what is expected of everybody; None: the share of skin counts.
+    colours: of each person, as expected; None: the share of skin counts.
     """
 
-    def __init__(self, watcher: CameraFrontEnd) -> None:
-        self.watcher = watcher
-        self._weigher = Weigher([watcher])
+    def __init__(self, camera: StereoCamera, model: HeadModel, options: StereoHeadOptions) -> None:
+        self.camera, self._options = camera, options
+        self._heads = StereoHeads([camera.camera], model, options)
         self.colours: ExpectedColours | None = None
-        self._picture: Picture | None = None
+        self._picture: PackedPicture | None = None
 
     def take(self, image: DepthImage) -> bool:
-        """Make a picture ready; whether it shows anything."""
-        self._picture = self.watcher.ready(image)
+        """Prepare a picture; returns whether it shows anything."""
+        self._picture = self.camera.pack(image)
         return self._picture is not None
 
     def expect(self, colours: ExpectedColours) -> None:
-        """From now on these colours are expected."""
+        """Expect these colours from now on."""
         self.colours = colours
 
-    def weights(self, heads: Float[Singles, "4 n p"]) -> Weights:
-        """The weights that the picture gives heads at its stamp (`Weigher.weights`)."""
-        return self._weigher.weights([self.shown()], heads[:, None], self.tables())[0]
+    def log_likelihood(self, heads: Float[Singles, "4 n p"]) -> HeadLikelihoods:
+        """Weigh heads at the picture's stamp (`StereoHeads.log_likelihood`)."""
+        return self._heads.log_likelihood([self.picture()], heads[:, None], self.tables())[0]
 
     def facing(self, heads: Float[Array, "4 n"]) -> Float[Singles, "n directions"]:
-        """What the picture says of where heads face (`Weigher.facing`)."""
-        return self._weigher.facing([self.shown()], heads[:, None], self.tables())[0]
+        """Weigh directions of heads (`StereoHeads.facing`)."""
+        return self._heads.facing([self.picture()], heads[:, None], self.tables())[0]
 
-    def silhouette_offsets(self, heads: Float[Array, "4 n"]) -> Float[Array, "n 2"]:
-        """How far aside of heads the picture has their silhouettes (`trackers.rgbd_head.calibration_check`)."""
-        return silhouette_offsets(self.watcher.camera, self.shown().mask, heads, self.watcher.crown_m)
+    def head_offsets(self, heads: Float[Array, "4 n"]) -> Float[Array, "n 2"]:
+        """Return the offsets of silhouettes from heads (`trackers.rgbd_head.calibration.head_offsets`)."""
+        return head_offsets(self.camera.camera, self.picture().mask, heads, self._options.semi_axes_m[2])
 
-    def look(self, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
-        """The picture's pixels on heads (`Weigher.look`)."""
-        return self._weigher.look([self.shown()], heads[:, None])
+    def colours_on(self, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
+        """Return the picture's pixels on heads (`StereoHeads.colours_on`)."""
+        return self._heads.colours_on([self.picture()], heads[:, None])
 
-    def strangers(self, known: Float[Array, "n 2"], apart_m: float) -> Float[Array, "4 k"]:
-        """Points of the foreground (`CameraFrontEnd.strangers`) as high as people, farther than `apart_m` from known places.
+    def unassigned(self, known: Float[Array, "n 2"], apart_m: float) -> Float[Array, "4 k"]:
+        """Return foreground points (`StereoCamera.foreground_points`) as high as people, farther than `apart_m` from tracks.
 
-        Along the ray a point may be wherever its distance may be off: what a far camera sees of somebody lies about them.
+        Along the ray a point may be wherever its distance may be off: a far camera shows the points of a person about them.
         """
-        points = self.watcher.strangers(self.shown())
+        points = self.camera.foreground_points(self.picture())
         points = points[:, (points[2] > _LOW_M) & (points[2] < _HIGH_M)]
-        if not len(known):
+        if not len(known) or not points.shape[1]:
             return points
-        if not points.shape[1]:
-            return points
-        eye, depth = self.watcher.camera.eye_m, self.watcher.options.depth
-        ray = points[:3] - eye[:, None]
-        off_m = depth.most * (depth.sigma_m + depth.sigma_per_m * (ray * ray).sum(axis=0))
+        depth = self._options.depth or RangeOptions()
+        ray = points[:3] - self.camera.camera.eye_m[:, None]
+        off_m = depth.most * depth.sigma((ray * ray).sum(axis=0))
         east, north = ray[:2] / np.maximum(np.hypot(*ray[:2]), 1e-9)
         x, y = (points[:2, :, None] - known.T[:, None]).astype(float)
-        along, aside = x * east[:, None] + y * north[:, None], x * north[:, None] - y * east[:, None]
-        away = np.hypot(np.maximum(np.abs(along) - off_m[:, None], 0.0), aside)
+        along, across = x * east[:, None] + y * north[:, None], x * north[:, None] - y * east[:, None]
+        away = np.hypot(np.maximum(np.abs(along) - off_m[:, None], 0.0), across)
         return points[:, away.min(axis=1) > apart_m]
 
     def tables(self) -> Float[Singles, "n entries"] | None:
-        """How likely each colour is (`ExpectedColours.tables`)."""
+        """Return how likely each colour is (`ExpectedColours.tables`); None where no colours are expected."""
         return None if self.colours is None else self.colours.tables
 
-    def shown(self) -> Picture:
-        """The last picture, which shows something."""
+    def picture(self) -> PackedPicture:
+        """Return the last picture, which shows something."""
         if self._picture is None:
             raise RuntimeError("asked before there was a picture that shows anything")
         return self._picture
@@ -97,13 +96,14 @@ class Evaluators:
     taken_over: cameras whose evaluator was elsewhere and was lost.
     """
 
-    def __init__(self, here: Mapping[str, Evaluator]) -> None:
+    def __init__(self, here: Mapping[str, Evaluator], model: HeadModel, options: StereoHeadOptions) -> None:
         self.here = dict(here)
         self.taken_over: list[str] = []
-        self._weighers: dict[tuple[str, ...], Weigher] = {}
+        self._model, self._options = model, options
+        self._heads: dict[tuple[str, ...], StereoHeads] = {}
 
     def take(self, images: Mapping[str, DepthImage]) -> list[str]:
-        """Hand over each camera's picture; those that show anything."""
+        """Hand over each camera's picture; returns the cameras whose pictures show anything."""
         shown = self._ask("take", {name: (images[name],) for name in self.here if name in images})
         return [name for name, is_shown in shown.items() if is_shown]
 
@@ -111,41 +111,45 @@ class Evaluators:
         """Tell these cameras which colours are expected."""
         self._ask("expect", dict.fromkeys(names, (colours,)))
 
-    def weights(self, heads: Mapping[str, Float[Singles, "4 n p"]]) -> dict[str, Weights]:
-        """What each camera makes of the heads at its picture's stamp."""
+    def log_likelihood(self, heads: Mapping[str, Float[Singles, "4 n p"]]) -> dict[str, HeadLikelihoods]:
+        """Weigh heads at each camera's stamp."""
         if not heads:
             return {}
-        weigher, pictures, tables = self._together(tuple(heads))
-        return dict(zip(heads, weigher.weights(pictures, np.stack(list(heads.values()), axis=1), tables), strict=True))
+        together, pictures, tables = self._together(tuple(heads))
+        found = together.log_likelihood(pictures, np.stack(list(heads.values()), axis=1), tables)
+        return dict(zip(heads, found, strict=True))
 
     def facing(self, heads: Mapping[str, Float[Array, "4 n"]]) -> list[Float[Singles, "n directions"]]:
-        """What each camera says of where heads face that are there at its picture's stamp."""
+        """Weigh directions of heads that are there at each camera's stamp."""
         if not heads:
             return []
-        weigher, pictures, tables = self._together(tuple(heads))
-        return list(weigher.facing(pictures, np.stack(list(heads.values()), axis=1), tables))
+        together, pictures, tables = self._together(tuple(heads))
+        return list(together.facing(pictures, np.stack(list(heads.values()), axis=1), tables))
 
-    def silhouette_offsets(self, name: str, heads: Float[Array, "4 n"]) -> Float[Array, "n 2"]:
-        """How far aside of heads one camera has their silhouettes [rad]."""
-        return self._ask("silhouette_offsets", {name: (heads,)})[name]
+    def head_offsets(self, name: str, heads: Float[Array, "4 n"]) -> Float[Array, "n 2"]:
+        """Return the offsets of one camera's silhouettes from heads [rad]."""
+        return self._ask("head_offsets", {name: (heads,)})[name]
 
-    def look(self, name: str, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
-        """One camera's pixels on heads."""
-        return self._ask("look", {name: (heads,)})[name]
+    def colours_on(self, name: str, heads: Float[Array, "4 n"]) -> Int[Index, "3 k"]:
+        """Return one camera's pixels on heads."""
+        return self._ask("colours_on", {name: (heads,)})[name]
 
-    def strangers(self, names: Iterable[str], known: Float[Array, "n 2"], apart_m: float) -> Float[Array, "4 k"]:
-        """Points of these cameras' foreground away from known places."""
-        found: Sequence[Array] = list(self._ask("strangers", dict.fromkeys(names, (known, apart_m))).values())
+    def unassigned(self, names: Iterable[str], known: Float[Array, "n 2"], apart_m: float) -> Float[Array, "4 k"]:
+        """Return points of these cameras' foreground away from tracks."""
+        found: Sequence[Array] = list(self._ask("unassigned", dict.fromkeys(names, (known, apart_m))).values())
         return np.concatenate(found, axis=1)
 
     def close(self) -> None:
-        """Nothing is asked any more."""
+        """Ask nothing any more."""
 
-    def _together(self, names: tuple[str, ...]) -> tuple[Weigher, list[Picture], Float[Singles, "n entries"] | None]:
-        """What weighs heads for these cameras, their pictures, and what all of them expect."""
-        if names not in self._weighers:
-            self._weighers[names] = Weigher([self.here[name].watcher for name in names])
-        return self._weighers[names], [self.here[name].shown() for name in names], self.here[names[0]].tables()
+    def _together(
+        self, names: tuple[str, ...]
+    ) -> tuple[StereoHeads, list[PackedPicture], Float[Singles, "n entries"] | None]:
+        """Return the likelihood by these cameras together, their pictures, and the colours that all of them expect."""
+        if names not in self._heads:
+            cameras = [self.here[name].camera.camera for name in names]
+            self._heads[names] = StereoHeads(cameras, self._model, self._options)
+        return self._heads[names], [self.here[name].picture() for name in names], self.here[names[0]].tables()
 
     def _ask(self, what: str, arguments: Mapping[str, tuple[Any, ...]]) -> dict[str, Any]:
         return {name: getattr(self.here[name], what)(*each) for name, each in arguments.items()}

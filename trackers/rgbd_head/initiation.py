@@ -1,7 +1,7 @@
-"""Where somebody is whom nobody follows: a plan of the foreground's points, as people stand upright (ours).
+"""Initiation: a plan of the foreground's points that belong to no track, as people stand upright (ours).
 
 After M. Harville, "Stereo person tracking with adaptive plan-view templates of height and occupancy statistics" (2004): the
-points of all cameras are counted by the area that each shows, in cells of the floor; the highest of a heap tell the head.
+points of all cameras are counted by the area that each shows, in cells of the floor; the highest of a heap show the head.
 """
 
 from __future__ import annotations
@@ -11,24 +11,24 @@ from jaxtyping import Float
 from scipy import ndimage
 
 from trackers.arrays import Array
-from trackers.rgbd_head.options import LifeOptions
+from trackers.rgbd_head.options import HeadTrackManagementOptions
 
 _CELL_M = 0.1
 _ABOUT_M = 0.3
 """Points this near to the middle of a heap are one person's."""
 _CROWN = 0.93
-"""The share of somebody's area up to which the crown's level is looked for: what is above is noise of the distances."""
+"""Share of a person's area up to which the crown's level is looked for: what is above is noise of the distances."""
 _BELOW_CROWN_M = 0.1
 _MOST = 3
-"""So many at once."""
+"""So many heads in one frame."""
 
 
-def newcomers(points: Float[Array, "4 k"], options: LifeOptions) -> Float[Array, "m 3"]:
-    """Middles of heads [m] that points (x, y, z [m], area [m²]) of the foreground show, none of anybody who is followed."""
+def new_heads(points: Float[Array, "4 k"], options: HeadTrackManagementOptions) -> Float[Array, "m 3"]:
+    """Return middles of heads [m] that points (x, y, z [m], area [m²]) of unassigned foreground show."""
     found: list[Array] = []
     for _ in range(_MOST):
         if found:
-            points = points[:, np.hypot(*(points[:2] - found[-1][:2, None])) > options.apart_m]
+            points = points[:, np.hypot(*(points[:2] - found[-1][:2, None])) > options.start_apart_m]
         if points.shape[1] == 0 or points[3].sum() < options.least_m2:
             break
         low = points[:2].min(axis=1) - 2 * _CELL_M

@@ -1,4 +1,4 @@
-"""How heads move (ours: the paper gives no model): diffusion that grows with speed and time, turns, facing where one walks."""
+"""Motion of heads (ours: the paper gives no model): diffusion that grows with speed and time, turns, facing along the walk."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from trackers.rgbd_head.people import People
 
 
 class Motion:
-    """Of everybody over `dt_s`.
+    """The motion of all tracks over `dt_s`.
 
-    place: where everybody was before.
-    facing (n, directions): where they face before anything is looked at; empty where a hypothesis has a direction of its own.
+    place: of the heads before. facing (n, directions): predicted; empty where a hypothesis has a direction of its own.
     """
 
     def __init__(self, people: People, dt_s: float, options: MotionOptions) -> None:
@@ -31,7 +30,7 @@ class Motion:
             self.facing = (1 - options.turned) * diffused(people.facing, self._turn) + anywhere
 
     def moved(self, state: Float[Array, "4 n p"], rng: np.random.Generator, layer: int) -> Float[Array, "4 n p"]:
-        """Hypotheses of a layer: the first go on and spread, those of later ones spread the less about where they are."""
+        """Move hypotheses of a layer: the first go on and spread, those of later ones spread the less about where they are."""
         options = self._options
         way = self._dt_s * self._people.velocity.T[..., None] if layer == 0 else 0.0
         moved = np.empty_like(state)
@@ -40,21 +39,21 @@ class Motion:
         return moved
 
     def _turned(self, yaw: Float[Array, "n p"], rng: np.random.Generator) -> Float[Array, "n p"]:
-        """Where hypotheses face after turns, some of them anywhere."""
+        """Turn hypotheses, some of them anywhere."""
         yaw = yaw + self._turn * rng.standard_normal(yaw.shape)
-        who = rng.permutation(yaw.shape[1])[: round(self._options.turned * yaw.shape[1])]
-        yaw[:, who] = rng.uniform(-np.pi, np.pi, (len(yaw), who.size))
+        some = rng.permutation(yaw.shape[1])[: round(self._options.turned * yaw.shape[1])]
+        yaw[:, some] = rng.uniform(-np.pi, np.pi, (len(yaw), some.size))
         return yaw
 
     def walking(self, yaw: Float[Array, "n k"]) -> Float[Array, "n k"]:
-        """The logarithm of how likely people face somewhere who walk as they do."""
+        """Return log-likelihoods of directions by where people walk."""
         velocity = self._people.velocity[:, :2]
         heading = np.arctan2(velocity[:, 1], velocity[:, 0])
         speed = np.minimum(np.linalg.norm(velocity, axis=1), 1.0)
         return self._options.walking * speed[:, None] * np.cos(yaw - heading[:, None])
 
     def velocity(self, place: Float[Array, "n 3"]) -> Float[Array, "n 3"]:
-        """How fast everybody is who got there [m/s], a running mean."""
+        """Return velocities of heads that have come to places [m/s], a running mean."""
         before, options = self._people, self._options
         if not (options.velocity_s and self._dt_s):
             return before.velocity

@@ -1,4 +1,4 @@
-"""Whose heads are followed: a roster of clouds of hypotheses (x, y, z, yaw), and what is known of each person."""
+"""Tracks of heads: a roster of clouds of hypotheses (x, y, z, yaw), and what is known of each person."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from trackers.arrays import Array
 from trackers.filters.circular import circular_mean, mean_direction
 from trackers.filters.particle import Cloud
 from trackers.filters.rows import Rows
-from trackers.rgbd_head.colours import HeadColours
 from trackers.tracking.roster import Roster
+from trackers.vision.head_colours import HeadColours
 
 
 @dataclass(frozen=True, eq=False)
 class People(Rows):
-    """n tracks, oldest first, tentative ones among them. usual: what each camera's pictures usually weigh their heads."""
+    """n tracks, oldest first, tentative ones among them. usual: log-likelihoods that their heads usually have in each camera."""
 
     roster: Roster[Cloud]
     velocity: Float[Array, "n 3"]  # [m/s]
@@ -28,7 +28,7 @@ class People(Rows):
 
     @classmethod
     def started(cls, cloud: Cloud, ns: int, n_camera: int, n_direction: int) -> Self:
-        """Tentative tracks of people who stand; where they face is as the hypotheses have it."""
+        """Start tentative tracks of standing people, which face as the hypotheses do."""
         n = len(cloud)
         usual = np.full((n, n_camera), np.nan)
         facing = np.zeros((n, n_direction))
@@ -39,17 +39,17 @@ class People(Rows):
 
     @property
     def place(self) -> Float[Array, "n 3"]:
-        """The middle of each head, the expectation [m]."""
+        """Middle of each head, the expectation [m]."""
         cloud = self.roster.state
         return cloud.expectation(cloud.state[:3]).T
 
     def heads(self, later_s: float, yaw_rad: Float[Array, "n"] | float) -> Float[Array, "4 n"]:
-        """Everybody's head (x, y, z [m], yaw [rad]) some time later, as they go on now."""
+        """Predict heads (x, y, z [m], yaw [rad]) some time later, as they go on now."""
         place = self.place + later_s * self.velocity
         return np.column_stack([place, np.broadcast_to(yaw_rad, len(place))]).T
 
     def direction(self) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
-        """Where each head faces [rad], averaged on the circle, and how sure that is, 0 to 1."""
+        """Return the direction of each head [rad], averaged on the circle, and how sure that is, 0 to 1."""
         if self.facing.shape[1]:
             return mean_direction(self.facing)
         cloud = self.roster.state
@@ -64,7 +64,7 @@ def around(
     n_heads: int,
     rng: np.random.Generator,
 ) -> Cloud:
-    """Hypotheses about places [m]; looking anywhere where the direction is not known."""
+    """Draw hypotheses about places [m], looking anywhere where the direction is not known."""
     n = len(place)
     state = np.empty((4, n, n_heads))
     state[:3] = place.T[..., None] + spread_m * rng.standard_normal((3, n, n_heads))

@@ -16,11 +16,12 @@ from jaxtyping import Float
 
 from trackers.arrays import Array, Singles
 from trackers.errors import InputError
+from trackers.likelihood.stereo_head import HeadLikelihoods, StereoHeadOptions
 from trackers.observations import DepthImage
-from trackers.rgbd_head.colours import ExpectedColours
 from trackers.rgbd_head.evaluators import Evaluator, Evaluators
-from trackers.rgbd_head.weighing import Weights
 from trackers.scheduler import connected
+from trackers.vision.head_colours import ExpectedColours
+from trackers.vision.head_model import HeadModel
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -31,15 +32,17 @@ _START_S = 60.0
 
 
 class ScheduledEvaluators(Evaluators):
-    """Raises InputError where nobody answers at the address, and for fewer workers than cameras."""
+    """Raises InputError where nothing answers at the address, and for fewer workers than cameras."""
 
-    def __init__(self, here: Mapping[str, Evaluator], address: str) -> None:
-        super().__init__(here)
+    def __init__(
+        self, here: Mapping[str, Evaluator], model: HeadModel, options: StereoHeadOptions, address: str
+    ) -> None:
+        super().__init__(here, model, options)
         self._last: dict[str, DepthImage] = {}
         self._colours: ExpectedColours | None = None
         self._client = connected(address, f"tracker rgbd-head: scheduler: {address}", direct=True)
         try:
-            self._kept = _sent(self._client, self.here, address)  # what nobody keeps, Dask lets go
+            self._kept = _sent(self._client, self.here, address)  # what is not kept, Dask lets go
             with self._client.as_current():
                 self._actors = {name: each.result(timeout=_START_S) for name, each in self._kept.items()}
         except BaseException:
@@ -47,24 +50,24 @@ class ScheduledEvaluators(Evaluators):
             raise
 
     def take(self, images: Mapping[str, DepthImage]) -> list[str]:
-        """As here; the last picture of each camera is kept, those before are passed over."""
+        """Do as here; keep the last picture of each camera, and pass over those before."""
         for name in self._actors.keys() & images.keys():
             if name in self._last:
-                self.here[name].watcher.pass_over(self._last[name])
+                self.here[name].camera.front_end.pass_over(self._last[name])
             self._last[name] = images[name]
         return super().take(images)
 
     def expect(self, names: Iterable[str], colours: ExpectedColours) -> None:
-        """As here; the colours are kept for who is taken over later."""
+        """Do as here; keep the colours for evaluators that are taken over later."""
         self._colours = colours
         super().expect(names, colours)
 
-    def weights(self, heads: Mapping[str, Float[Singles, "4 n p"]]) -> dict[str, Weights]:
-        """As here, but each camera's where its picture is."""
-        return self._ask("weights", {name: (each,) for name, each in heads.items()})
+    def log_likelihood(self, heads: Mapping[str, Float[Singles, "4 n p"]]) -> dict[str, HeadLikelihoods]:
+        """Do as here, but each camera's where its picture is."""
+        return self._ask("log_likelihood", {name: (each,) for name, each in heads.items()})
 
     def facing(self, heads: Mapping[str, Float[Array, "4 n"]]) -> list[Float[Singles, "n directions"]]:
-        """As here, but each camera's where its picture is."""
+        """Do as here, but each camera's where its picture is."""
         return list(self._ask("facing", {name: (each,) for name, each in heads.items()}).values())
 
     def close(self) -> None:
@@ -89,7 +92,7 @@ class ScheduledEvaluators(Evaluators):
         return {name: answers[name] for name in arguments}
 
     def _take_over(self, name: str, what: str) -> None:
-        """From now on a camera's evaluator is here; the picture that it is about to take it need not have."""
+        """Take a camera's evaluator over for good, with its last picture, but for one that is about to take another."""
         del self._actors[name]
         self.taken_over.append(name)
         last = self._last.pop(name, None)
@@ -99,7 +102,7 @@ class ScheduledEvaluators(Evaluators):
 
 
 def _sent(client: Client, here: Mapping[str, Evaluator], address: str) -> dict[str, Future]:
-    """The evaluators as actors, each on a worker of its own."""
+    """Send the evaluators as actors, each to a worker of its own."""
     workers = sorted(client.scheduler_info(n_workers=-1)["workers"])
     if len(workers) < len(here):
         raise InputError(

@@ -1,9 +1,9 @@
 """Heads in 3-D, place and direction, from stereo RGB-D cameras and a model of the room.
 
 After T. Suzuki, S. Iwasaki, Y. Kobayashi, Y. Sato and A. Sugimoto: "Incorporating environment models for improving
-vision-based tracking of people" (Systems and Computers in Japan 38(2), 2007). A particle filter a head; every picture weighs
-every hypothesis by colours and by distances (eq. 4 to 7), the room weighs it once a moment (eq. 8), the product counts (eq. 9)
-and the expectation is the estimate. What is ours and not the paper's is an option each, "(ours)" in `options`.
+vision-based tracking of people" (Systems and Computers in Japan 38(2), 2007). A particle filter per head; every picture weighs
+every hypothesis by colours and by distances (eq. 4 to 7), the room weighs it once per frame (eq. 8), the product counts (eq. 9)
+and the expectation is the estimate. Each rule of ours in place of the paper's is an option, "(ours)" in `options`.
 
 A track's x and y are the ground under the head, not under the pelvis; its z is not estimated.
 """
@@ -22,45 +22,46 @@ from trackers.arrays import Array
 from trackers.configuration import validate
 from trackers.errors import InputError
 from trackers.filters.particle import ParticleFilter
+from trackers.likelihood.environment import EnvironmentLikelihood, EnvironmentLikelihoodOptions
+from trackers.likelihood.stereo_head import HeadLikelihoods
 from trackers.observations import NS_PER_S, DepthImage, Observation
 from trackers.prior import Prior
-from trackers.rgbd_head.calibration_check import Doubts
+from trackers.rgbd_head.calibration import CalibrationCheck, turned
 from trackers.rgbd_head.evaluators import Evaluator, Evaluators
-from trackers.rgbd_head.initiation import newcomers
-from trackers.rgbd_head.learned import SHIPPED, load_learned
+from trackers.rgbd_head.initiation import new_heads
+from trackers.rgbd_head.likelihoods import Likelihoods
 from trackers.rgbd_head.motion import Motion
 from trackers.rgbd_head.options import RgbdHeadOptions
 from trackers.rgbd_head.people import People
-from trackers.rgbd_head.picture import CameraFrontEnd
-from trackers.rgbd_head.room import Room
-from trackers.rgbd_head.sight import Sight
-from trackers.rgbd_head.track_manager import TrackManager
-from trackers.rgbd_head.weighing import Weights
+from trackers.rgbd_head.track_manager import HeadTrackManager
 from trackers.rig import Rig, StereoSensor
 from trackers.tracking.synced_frames import SyncedFrame, SyncPolicy
 from trackers.tracking.synced_tracker import SynchronizedTracker
 from trackers.tracks import Hypotheses, Track, TrackFrame
+from trackers.vision.front_end import front_ends
+from trackers.vision.head_model import SHIPPED, HeadModel, load_head_model
+from trackers.vision.stereo_picture import StereoCamera
 
 FILTER = ParticleFilter(threshold=0.7)
 LEARNED = "heads"
-"""Name under which `background.learned` may hold another file than the shipped one (`scripts/learn-heads` makes one)."""
+"""Name under which the prior's `learned` may hold another file than the shipped one (`scripts/learn-heads` makes one)."""
 _LONGEST_S = 0.5
 """However long nothing came, heads move for no longer at once."""
 _SHOWN = 64
 """About so many hypotheses of each person are handed out for the preview."""
-_BESIDE_M = 0.4
+_SHADOWS_M = 0.4
 """So far beside the tracked area there is floor that shadows fall on."""
 
 
-class Inside(NamedTuple):
-    """What the tracker knew at the moment worked last: everybody's hypotheses, and what each picture made of them."""
+class DebugState(NamedTuple):
+    """The tracks after the last frame, and the likelihoods of their hypotheses by each picture."""
 
     people: People
-    weighed: dict[str, Weights]
+    likelihoods: dict[str, HeadLikelihoods]
 
 
 class RgbdHead(SynchronizedTracker):
-    """Stereo cameras open a moment; every head is weighed by all of its pictures, each at its own stamp.
+    """Stereo cameras trigger a frame; every head is weighed by all of its pictures, each at its own stamp.
 
     Raises InputError for a rig without a stereo camera, for wrong options, for pictures of another size than the rig says, and
     for a scheduler that does not answer or has too few workers.
@@ -72,144 +73,145 @@ class RgbdHead(SynchronizedTracker):
         self.options = validate(RgbdHeadOptions, options, "tracker rgbd-head")
         sensors = _stereo_cameras(rig, self.options.cameras)
         self.unused_sensors = [name for name in rig.sensors if name not in sensors]
-        known = Prior.of(background)
-        area = Area(rig.area, _BESIDE_M) if rig.area else None
-        learned = load_learned(known.learned.get(LEARNED, SHIPPED))
-        watchers = {
-            name: CameraFrontEnd(
-                sensor, [each for each in known if each.sensor == name], learned, self.options.weights, area
-            )
-            for name, sensor in sensors.items()
-        }
-        self._room = Room(known.environment, self.options.environment)
-        self.background_learned_causally = any(each.foreground.learns_background for each in watchers.values())
+        prior = Prior.of(background)
+        area = Area(rig.area, _SHADOWS_M) if rig.area else None
+        model = load_head_model(prior.learned.get(LEARNED, SHIPPED))
+        skin = None if self.options.stereo_head.skin_share is None else model.skin
+        prepared = front_ends(sensors, list(prior), self.options.front_end, area)
+        cameras = {name: StereoCamera(each, sensors[name], skin) for name, each in prepared.items()}
+        self.background_learned_causally = any(each.learns_background for each in prepared.values())
         main = rig.main_sensor if rig.main_sensor in sensors else None
         super().__init__(SyncPolicy(tuple(sensors), main=main, period_s=0.25))
         self._rng = np.random.default_rng(0) if rng is None else rng
-        self._track_manager = TrackManager(self.options, len(sensors), self._rng)
-        self._people = self._track_manager.nobody()
-        self._doubts = Doubts(list(sensors), self._room.turned(watchers), self.options.leave_out)
+        self._manager = HeadTrackManager(self.options, rig.area or None, len(sensors), self._rng)
+        self._people = self._manager.no_tracks()
+        known = None if self.options.environment is None else prior.environment
+        self._lacks_environment = known is None and self.options.environment is not None
+        self._calibration = CalibrationCheck(list(sensors), turned(cameras, known), self.options.leave_out)
         self._ns, self._turn, self._began = 0, 0, False
-        self._weights: dict[str, Weights] = {}
-        here = {name: Evaluator(each) for name, each in watchers.items()}
-        self._evaluators = _evaluators_of(here, self.options.scheduler)
-        self._sight = Sight(self._evaluators, self._room, learned.common, self.options)
+        self._found: dict[str, HeadLikelihoods] = {}
+        weighed_by = self.options.stereo_head
+        here = {name: Evaluator(each, model, weighed_by) for name, each in cameras.items()}
+        self._evaluators = _evaluators_of(here, model, self.options)
+        self._room = EnvironmentLikelihood(known, self.options.environment or EnvironmentLikelihoodOptions())
+        self._likelihoods = Likelihoods(self._evaluators, self._room, model.common, self.options)
 
     @property
     def warnings(self) -> list[str]:
-        """What is lacking or doubtful, and which camera's Dask worker was lost."""
+        """Findings: what is lacking or doubtful, and cameras whose Dask worker was lost."""
         lost = [
             f"the Dask worker of {name} was lost; its pictures are weighed here" for name in self._evaluators.taken_over
         ]
-        return [*self._room.warnings, *self._doubts.warnings, *lost]
+        room = ["goes without the room's environment (`twin environment` makes one)"] * self._lacks_environment
+        return [*room, *self._calibration.warnings, *lost]
 
     def finish(self) -> list[TrackFrame]:
-        """The frames still held back; workers are left."""
+        """Return the frames still held back, and leave the workers."""
         frames = super().finish()
         self._evaluators.close()
         return frames
 
     def tracks(self) -> list[Track]:
-        """Everybody confirmed, as of the moment worked last; x and y are the ground under the head."""
+        """Return the confirmed tracks, as of the last frame; x and y are the ground under the head."""
         people = self._people
         place, (yaw, _), shown = people.place, people.direction(), people.roster.measured_ns == self._ns
         rows = np.column_stack([place[:, :2], people.velocity[:, :2], np.full(len(place), nan), place, yaw]).tolist()
         return [
             Track(int(people.roster.id[k]), *rows[k], status="confirmed" if shown[k] else "coasting")
-            for k in np.flatnonzero(people.roster.confirmed)
+            for k in np.flatnonzero(self._manager.reported(people.roster, self._ns))
         ]
 
-    def inside(self) -> Inside:
-        """What was known at the moment worked last, for drawings."""
-        return Inside(self._people, self._weights)
+    def debug_state(self) -> DebugState:
+        """Return the state of the last frame, for drawings."""
+        return DebugState(self._people, self._found)
 
     def _maps(self) -> tuple[Hypotheses, ...]:
-        """Some hypotheses of everybody confirmed."""
+        """Return some hypotheses of all confirmed tracks."""
         roster = self._people.roster
         return tuple(
             Hypotheses(int(roster.id[k]), roster.state.state[:3, k, :: max(1, self.options.heads // _SHOWN)].T)
             for k in np.flatnonzero(roster.confirmed)
         )
 
-    def _work(self, moment: SyncedFrame) -> None:
-        dt = min((moment.ns - self._ns) / NS_PER_S, _LONGEST_S) if self._began else 0.0
-        self._ns, self._began = moment.ns, True
-        later_s = self._taken(moment)
+    def _work(self, synced: SyncedFrame) -> None:
+        dt = min((synced.ns - self._ns) / NS_PER_S, _LONGEST_S) if self._began else 0.0
+        self._ns, self._began = synced.ns, True
+        later_s = self._taken(synced)
         if len(self._people):
             self._follow(dt, later_s)
-        self._people = self._track_manager.begun(self._people, self._ns)
+        self._people = self._manager.with_known_starts(self._people, self._ns)
         if not self.options.start and later_s:
-            self._find(later_s)
+            self._initiate(later_s)
 
-    def _taken(self, moment: SyncedFrame) -> dict[str, float]:
-        """The cameras whose pictures show anything, in the rig's order, and how much later than the moment each was taken [s]."""
+    def _taken(self, synced: SyncedFrame) -> dict[str, float]:
+        """Hand over pictures; returns, of those that show anything, how much later than the frame each was taken [s]."""
         images = {
             name: each
-            for name, each in moment.observations.items()
-            if isinstance(each, DepthImage) and name not in self._doubts.left_out
+            for name, each in synced.observations.items()
+            if isinstance(each, DepthImage) and name not in self._calibration.left_out
         }
         shown = self._evaluators.take(images)
         if not self.options.own_stamps:
             return dict.fromkeys(shown, 0.0)
-        return {name: (images[name].stamp_ns - moment.ns) / NS_PER_S for name in shown}
+        return {name: (images[name].stamp_ns - synced.ns) / NS_PER_S for name in shown}
 
     def _follow(self, dt: float, later_s: dict[str, float]) -> None:
-        """Everybody `dt` later, by what the pictures show."""
-        before, sight, options = self._people, self._sight, self.options.motion
+        """Update all tracks, `dt` later, by what the pictures show."""
+        before, likelihoods, options = self._people, self._likelihoods, self.options.motion
         motion = Motion(before, dt, options)
-        sight.expect(before, later_s)
-        weighed: dict[str, Weights] = {}
+        likelihoods.expect(before, later_s)
+        found: dict[str, HeadLikelihoods] = {}
 
         def log_likelihood(state: Array) -> Array:
-            weighed.update(sight.weighed(before, state, later_s))
-            return sight.log_weight(before, state, weighed, motion) / options.layers
+            found.update(likelihoods.by_camera(before, state, later_s))
+            return likelihoods.log_likelihood(before, state, found, motion) / options.layers
 
         cloud = before.roster.state
         for layer in range(options.layers):
             cloud = FILTER.step(cloud, partial(motion.moved, layer=layer), log_likelihood, self._rng)
         people = before.changed(roster=before.roster.changed(state=cloud))
-        facing = sight.facing(people, motion, later_s) if motion.facing.size else motion.facing
-        velocity, usual = motion.velocity(people.place), sight.usual(people, weighed)
+        facing = likelihoods.facing(people, motion, later_s) if motion.facing.size else motion.facing
+        velocity, usual = motion.velocity(people.place), likelihoods.usual(people, found)
         self._people = people.changed(velocity=velocity, usual=usual, facing=facing)
-        self._weights = weighed
-        self._look(later_s, weighed)
+        self._found = found
+        self._learn(later_s, found)
 
-    def _look(self, later_s: dict[str, float], weighed: dict[str, Weights]) -> None:
-        """Who is shown; their colours are learned; who is not shown for long is gone."""
+    def _learn(self, later_s: dict[str, float], found: dict[str, HeadLikelihoods]) -> None:
+        """Learn colours and calibration from one camera after another, and manage tracks by those that are shown."""
         people = self._people
-        is_shown = self._sight.is_shown(people, weighed)
+        is_shown = self._likelihoods.is_shown(people, found)
         if later_s:
             self._turn += 1
-            name = list(later_s)[self._turn % len(later_s)]  # one camera after another
+            name = list(later_s)[self._turn % len(later_s)]
             heads = people.heads(later_s[name], 0.0)[:, people.roster.confirmed]
             if heads.size:
-                self._doubts.take(name, self._evaluators.silhouette_offsets(name, heads))
-            if self.options.weights.colour.by_person:
-                people = people.changed(colours=self._sight.colours(people, is_shown, name, later_s[name]))
-        self._people = self._track_manager.shown(people, is_shown, self._ns)
+                self._calibration.take(name, self._evaluators.head_offsets(name, heads))
+            if self._likelihoods.learns_colours:
+                people = people.changed(colours=self._likelihoods.colours(people, is_shown, name, later_s[name]))
+        self._people = self._manager.updated(people, is_shown, self._ns)
 
-    def _find(self, later_s: dict[str, float]) -> None:
-        """Begin heads where the foreground shows somebody whom nobody follows."""
-        people, life = self._people, self.options.life
+    def _initiate(self, later_s: dict[str, float]) -> None:
+        """Initiate heads where the foreground shows a person that no track has."""
+        people, limits = self._people, self.options.track_management
         known = people.place[people.roster.measured_ns == self._ns, :2]
-        points = self._evaluators.strangers(later_s, known, life.apart_m)
-        found = newcomers(points, life)
+        points = self._evaluators.unassigned(later_s, known, limits.start_apart_m)
+        found = new_heads(points, limits)
         if len(found):
-            found = found[np.isfinite(self._room.log_weight(found))]
-            self._people = self._track_manager.found(people, found, self._ns)
+            found = found[np.isfinite(self._room.log_likelihood(found))]
+            self._people = self._manager.initiated(people, found, self._ns)
 
 
-def _evaluators_of(here: Mapping[str, Evaluator], scheduler: str | None) -> Evaluators:
-    """Those that are asked: here, or on the workers of a Dask scheduler, which is loaded then alone."""
-    if scheduler is None:
-        return Evaluators(here)
+def _evaluators_of(here: Mapping[str, Evaluator], model: HeadModel, options: RgbdHeadOptions) -> Evaluators:
+    """Make the evaluators that are asked: here, or on the workers of a Dask scheduler, which is loaded then alone."""
+    if options.scheduler is None:
+        return Evaluators(here, model, options.stereo_head)
     from trackers.rgbd_head.scheduled import ScheduledEvaluators
 
-    return ScheduledEvaluators(here, scheduler)
+    return ScheduledEvaluators(here, model, options.stereo_head, options.scheduler)
 
 
 def _stereo_cameras(rig: Rig, chosen: Sequence[str]) -> dict[str, StereoSensor]:
-    """The rig's stereo cameras, or those chosen; raises InputError where there is none of that name, or none at all."""
+    """Return the rig's stereo cameras, or those chosen; raises InputError where there is none of that name, or none at all."""
     found = {name: each for name, each in rig.sensors.items() if isinstance(each, StereoSensor)}
     if not found:
         raise InputError(

@@ -1,1 +1,1 @@
-"""What an image says about people before any tracking: foreground masks, torso windows and colour histograms."""
+"""Vision: what pictures show of people before any tracking: foreground, windows, colours, outlines of heads, detections."""

@@ -1,4 +1,4 @@
-"""Which colour bin each pixel of a picture counts in, found once, and histograms of many windows gathered from it.
+"""Colour bins of a picture's pixels, found once, and histograms of many windows gathered from them.
 
 A window's histogram is a count of its pixels' bins. So a picture is binned once, and hundreds of windows, one for each
 hypothesis of a particle filter say, cost a look-up and a count each, whatever the number of colours.
@@ -37,7 +37,7 @@ class BinnedSamples:
     size: int
 
     def histograms(self, inside: Bool[Mask, "k n"] | None = None) -> Float[Array, "k {self.size}"]:
-        """How much of each set falls in each bin; of the pixels `inside` alone where given."""
+        """Count each set in each bin; only the pixels `inside` where given."""
         return self.counts(inside)[:, : self.size].astype(float)
 
     def counts(self, inside: Bool[Mask, "k n"] | None = None) -> Shaped[AnyArray, "k padded"]:
@@ -121,7 +121,7 @@ class HueSaturationValueBins(Strict):
 
     @property
     def size(self) -> int:
-        """How many bins there are: hue × saturation in rows of hue, then value."""
+        """Number of bins: hue × saturation in rows of hue, then value."""
         return self.hue * self.saturation + self.value
 
     def picture(self, rgb: UInt8[Bytes, "height width 3"]) -> BinnedPicture:
@@ -163,7 +163,7 @@ def _with_border(planes: NDArray[Any], border: float) -> NDArray[Any]:
 
 @lru_cache
 def _bin_tables(hues: int, saturations: int, values: int) -> tuple[NDArray[np.integer], ...]:
-    """What each 8-bit hue, saturation, and value of pixels without colour adds to the number of a bin."""
+    """Return what each 8-bit hue, saturation, and value of pixels without colour adds to the number of a bin."""
     step, size = np.arange(FULL + 1), hues * saturations + values
     kind = np.uint8 if size <= FULL else np.uint16
     grey = step * values // (FULL + 1) + hues * saturations if values else np.full_like(step, size)
@@ -186,7 +186,7 @@ class HueAndGreyBins:
 
     @property
     def size(self) -> int:
-        """How many bins there are: hue, then brightness."""
+        """Number of bins: hue, then brightness."""
         return self.hue + self.grey
 
     def samples(self, rgb: UInt8[Bytes, "k n 3"]) -> BinnedSamples:

@@ -18,7 +18,7 @@ _LEAST_CELL_PX = 1.0
 
 
 class FloorPlaces:
-    """Places `pitch_m` apart whose windows the picture shows by at least a share of `least_inside`.
+    """Places `pitch_m` apart whose windows the picture shows by at least a share of `least_in_picture`.
 
     They are those of an area and `margin_m` about it, or without one those within `reach_m` of the camera.
     """
@@ -32,7 +32,7 @@ class FloorPlaces:
         pitch_m: float,
         margin_m: float,
         reach_m: float,
-        least_inside: float,
+        least_in_picture: float,
     ) -> None:
         eye = camera.eye_m[:2]
         corners = eye + reach_m * np.array([(-1.0, -1.0), (1.0, 1.0)]) if area is None else np.asarray(area, float)
@@ -44,10 +44,10 @@ class FloorPlaces:
         of_grid = near.nonzero()[0]
         windows = person_windows(camera, grid[of_grid], *cells)
         share = windows.inside.mean(axis=(1, 2))
-        shown = (share >= least_inside) & (windows.cell_px >= _LEAST_CELL_PX)
+        shown = (share >= least_in_picture) & (windows.cell_px >= _LEAST_CELL_PX)
         self.position: Float[Array, "n 2"] = grid[of_grid[shown]]
         self.windows = windows.select(shown)
-        self.share_inside: Float[Array, "n"] = share[shown]
+        self.share_in_picture: Float[Array, "n"] = share[shown]
         self._of_grid: Int[Index, "n"] = of_grid[shown]
         self._low, self._pitch_m, self._shape = low, pitch_m, (int(rows), int(columns))
         self._whole = self.map(np.arange(len(self)), np.ones(len(self), np.float32))
@@ -62,10 +62,10 @@ class FloorPlaces:
         return grid
 
     def read(self, grid: Float32[Singles, "rows columns"], positions: Float[Array, "2 *n"]) -> Float[Array, "*n"]:
-        """What such a map holds at positions x and y [m], linear between its places; 0 beyond them."""
+        """Read such a map at positions x and y [m], linear between its places; 0 beyond them."""
         column, row = (each - low for each, low in zip(positions, self._low, strict=True))
         return map_coordinates(grid, [row / self._pitch_m, column / self._pitch_m], np.float64, order=1)
 
     def shows(self, positions: Float[Array, "n 2"]) -> Bool[Mask, "n"]:
-        """Whether there is a place of these near positions [m]: whether somebody there would be seen but for what hides them."""
+        """Mark positions [m] near one of these places: a person there is in the picture, unless hidden."""
         return self.read(self._whole, positions.T) > 0

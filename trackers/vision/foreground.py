@@ -1,26 +1,27 @@
-"""Which pixels of a camera show what is not the empty room: HSV difference, shadows left out, small regions removed.
+"""Foreground: pixels of a camera that show more than the empty room, by HSV difference, without shadows and small regions.
 
 A pixel has changed where its value, saturation or hue differ from the background's by more than a threshold; saturation
 and hue only count where there is light enough, and hue where there is colour, to know them. A changed pixel that is darker
 than the background by a factor within bounds while its hue and saturation stayed is a cast shadow (Cucchiara et al. 2003,
 Detecting moving objects, ghosts, and shadows in video streams, eq. 6; compared with others by Prati et al. 2003). What is
 left is eroded, dilated, and rid of small regions. A grey shirt before a lighter grey wall passes for a shadow: where the
-lights throw none, `shadows: false` keeps it, and who knows where none can fall says so (`may_be_shaded`).
+lights throw none, `shadows: false` keeps it, and `may_be_shaded` says where one can fall.
 
 Without pictures of the empty room the background is learned as pictures come, each channel drifting towards what is seen (the
-approximate median of McFarlane and Schofield 1995). Whoever stands still from the start is background until they leave, and
-then their place is foreground until it has drifted.
+approximate median of McFarlane and Schofield 1995). A person who stands still from the start is background until they leave,
+and then their place is foreground until it has drifted.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
-from pydantic import Field, NonNegativeInt, model_validator
+from pydantic import Field, NonNegativeInt
 
 from trackers.area import Area
 from trackers.arrays import Bytes, Floats, Mask, Singles
@@ -33,12 +34,33 @@ from trackers.vision.hsv import FULL, HALF_TURNS, Hsv, hsv_of
 
 _MOST_PICTURES = 25
 """So many of the empty room are enough for a median."""
+_HUE_CHANGE_DEG = 20.0
+"""Difference of hue from which a pixel has changed."""
+_COLOUR_FROM_VALUE, _HUE_FROM_SATURATION = 0.25, 0.2
+"""Value from which saturation counts, as noise makes colours of the dark, and saturation from which hue counts."""
+_SHADOW_DARKEST, _SHADOW_LIGHTEST = 0.5, 0.95
+"""Shares α and β of the background's value between which a pixel may be a shadow (Cucchiara et al., eq. 6)."""
+_SHADOW_SATURATION, _SHADOW_HUE_DEG = 0.1, 15.0
+"""Changes τ_S of saturation and τ_H of hue that a shadow makes at most."""
+_LEARNED_LEVELS_PER_S = 12.0
+"""Speed at which a learned background drifts to the pictures [8-bit levels/s]."""
 _LONGEST_DRIFT_S = 1.0
 """However long no picture came, the background drifts by no more than this long's worth at one."""
 
 
 class ForegroundOptions(Strict):
-    """How far a pixel is from the empty room's before it is foreground, and what regions are too small to be somebody."""
+    """Options of the differences from the empty room that are foreground, and of the size of regions."""
+
+    fixed_values: ClassVar[Mapping[str, Any]] = {
+        "hue_change_deg": 20.0,
+        "colour_from_value": 0.25,
+        "hue_from_saturation": 0.2,
+        "shadow_darkest": 0.5,
+        "shadow_lightest": 0.95,
+        "shadow_saturation": 0.1,
+        "shadow_hue_deg": 15.0,
+        "learned_levels_per_s": 12.0,
+    }
 
     value_change: float = Field(
         default=0.1, gt=0, lt=1, description="difference of value from which a pixel has changed"
@@ -46,41 +68,10 @@ class ForegroundOptions(Strict):
     saturation_change: float = Field(
         default=0.2, gt=0, le=1, description="difference of saturation from which a pixel has changed"
     )
-    hue_change_deg: float = Field(
-        default=20.0, gt=0, le=180, description="difference of hue from which a pixel has changed [°]"
-    )
-    colour_from_value: float = Field(
-        default=0.25, ge=0, lt=1, description="value from which saturation counts: noise makes colours of the dark"
-    )
-    hue_from_saturation: float = Field(default=0.2, ge=0, lt=1, description="saturation from which hue counts")
     shadows: bool = Field(default=True, description="whether what may be a cast shadow is left out")
-    shadow_darkest: float = Field(
-        default=0.5, gt=0, lt=1, description="share of the background's value down to which it may be a shadow (α)"
-    )
-    shadow_lightest: float = Field(
-        default=0.95, gt=0, le=1, description="share of the background's value up to which it may be a shadow (β)"
-    )
-    shadow_saturation: float = Field(
-        default=0.1, ge=0, le=1, description="how much a shadow changes saturation at most (τ_S)"
-    )
-    shadow_hue_deg: float = Field(
-        default=15.0, ge=0, le=180, description="how much a shadow changes hue at most [°] (τ_H)"
-    )
     erode_px: NonNegativeInt = Field(default=1, le=20, description="radius by which regions are eroded [px]")
     dilate_px: NonNegativeInt = Field(default=2, le=20, description="radius by which they are dilated after it [px]")
     least_area_px: NonNegativeInt = Field(default=60, description="a smaller region is removed [px]")
-    learned_levels_per_s: float = Field(
-        default=12.0,
-        gt=0,
-        allow_inf_nan=False,
-        description="how fast a learned background drifts to what is seen [8-bit levels/s]",
-    )
-
-    @model_validator(mode="after")
-    def _shadow_bounds_in_order(self) -> ForegroundOptions:
-        if self.shadow_darkest >= self.shadow_lightest:
-            raise ValueError(f"shadow_darkest must be less than shadow_lightest = {self.shadow_lightest}")
-        return self
 
 
 class Foreground:
@@ -111,7 +102,7 @@ class Foreground:
             self._background = self._background_of(median)
 
     def mask(self, image: Image | DepthImage, hsv: Hsv | None = None) -> Bool[Mask, "height width"]:
-        """Where a picture, whose channels may be at hand (`hsv`), shows what is not the empty room.
+        """Mark the pixels of a picture, whose channels may be at hand (`hsv`), that are foreground.
 
         A learned background is that of the pictures before it; of the first, nothing is foreground. Raises InputError for
         a picture of another size than the camera's.
@@ -133,18 +124,18 @@ class Foreground:
         return image.rgb
 
     def _learned(self, rgb: UInt8[Bytes, "height width 3"], t: float) -> _Background:
-        """The background before this picture, which it learns from; one that is no newer than another teaches nothing."""
+        """Return the background before this picture, and learn from it where it is newer than the last."""
         if self._levels is None or self._t is None:
             self._levels, self._t = rgb.astype(np.float32), t
         background = self._background_of(self._levels)
         if t > self._t:
-            step = np.float32(self.options.learned_levels_per_s * min(t - self._t, _LONGEST_DRIFT_S))
+            step = np.float32(_LEARNED_LEVELS_PER_S * min(t - self._t, _LONGEST_DRIFT_S))
             self._levels += np.clip(rgb - self._levels, -step, step)
             self._t = t
         return background
 
     def _background_of(self, levels: Float[Floats, "height width 3"]) -> _Background:
-        background = _Background.of(np.rint(levels).astype(np.uint8), self.options)
+        background = _Background.of(np.rint(levels).astype(np.uint8))
         if self._may_be_shaded is None:
             return background
         return replace(background, lightest=np.where(self._may_be_shaded, background.lightest, np.uint8(0)))
@@ -175,7 +166,7 @@ class Foreground:
 
 
 def shows_floor(camera: PlacedCamera, area: Area | None) -> Bool[Mask, "height width"]:
-    """Which pixels show the floor of an area (None: any of it), but for what stands on it."""
+    """Mark the pixels that show the floor of an area (None: any of it), but for what stands on it."""
     down = -camera.pixel_rays[..., 2]
     away_m = camera.eye_m[2] / np.where(down > 0, down, np.nan)  # NaN, which is nowhere, where a ray goes up
     place = camera.eye_m[:2] + away_m[..., None] * camera.pixel_rays[..., :2]
@@ -193,29 +184,29 @@ class _Background:
     lightest: UInt8[Bytes, "height width"]
 
     @classmethod
-    def of(cls, rgb: UInt8[Bytes, "height width 3"], options: ForegroundOptions) -> _Background:
+    def of(cls, rgb: UInt8[Bytes, "height width 3"]) -> _Background:
         hue, saturation, value = hsv_of(rgb)
         level = np.arange(FULL + 1)
-        darkest, lightest = np.ceil(level * options.shadow_darkest), np.floor(level * options.shadow_lightest)
+        darkest, lightest = np.ceil(level * _SHADOW_DARKEST), np.floor(level * _SHADOW_LIGHTEST)
         return cls(hue, saturation, value, *(each.astype(np.uint8)[value] for each in (darkest, lightest)))
 
     def differs(self, hsv: Hsv, options: ForegroundOptions) -> Bool[Mask, "height width"]:
-        """Where a picture has changed and no shadow explains it."""
+        """Mark the pixels that have changed and that no shadow explains."""
         hue, saturation, value = hsv
         hue_off = cv2.absdiff(hue, self.hue)
         hue_off = np.minimum(hue_off, HALF_TURNS - hue_off)
         saturation_off, value_off = cv2.absdiff(saturation, self.saturation), cv2.absdiff(value, self.value)
         # whole thresholds: numpy would compare with broken ones in double precision
-        lit = np.minimum(value, self.value) > int(FULL * options.colour_from_value)
-        hued = lit & (np.minimum(saturation, self.saturation) > int(FULL * options.hue_from_saturation))
+        lit = np.minimum(value, self.value) > int(FULL * _COLOUR_FROM_VALUE)
+        hued = lit & (np.minimum(saturation, self.saturation) > int(FULL * _HUE_FROM_SATURATION))
         changed = value_off > int(FULL * options.value_change)
         changed |= lit & (saturation_off > int(FULL * options.saturation_change))
-        changed |= hued & (hue_off > int(options.hue_change_deg / 2))
+        changed |= hued & (hue_off > int(_HUE_CHANGE_DEG / 2))
         if not options.shadows:
             return changed
         shadow = (value >= self.darkest) & (value <= self.lightest)
-        shadow &= ~lit | (saturation_off <= int(FULL * options.shadow_saturation))
-        shadow &= ~hued | (hue_off <= int(options.shadow_hue_deg / 2))
+        shadow &= ~lit | (saturation_off <= int(FULL * _SHADOW_SATURATION))
+        shadow &= ~hued | (hue_off <= int(_SHADOW_HUE_DEG / 2))
         return changed & ~shadow
 
 

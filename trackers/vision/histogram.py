@@ -19,7 +19,7 @@ from trackers.vision.colour_bins import HueAndGreyBins
 
 
 class HistogramOptions(Strict):
-    """How a torso's colours are counted and remembered."""
+    """Options of counting and remembering the colours of a torso."""
 
     hue_bins: PositiveInt = Field(default=360, description="bins of hue over the full circle (paper: 360)")
     grey_bins: NonNegativeInt = Field(

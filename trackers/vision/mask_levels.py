@@ -1,4 +1,4 @@
-"""How much of the cells of windows a mask fills: averaged over squares of a few sizes once, then one look-up a cell.
+"""Shares of the cells of windows that a mask fills: averaged over squares of a few sizes once, then one look-up a cell.
 
 The mask is halved again and again and averaged over squares of three by three at each level (the sum-pooled channels of
 Dollár et al., "Fast feature pyramids for object detection", 2014, of which the mask is the only one here). A cell is read at
@@ -36,7 +36,7 @@ class MaskLevels:
         self._length = sum(lengths)
 
     def index(self, pixels: Float[Array, "n *cells 2"], level: Int[AnyArray, "n"]) -> Int[AnyArray, "n *cells"]:
-        """Where in the table the squares about pixels stand; of one outside the picture, or NaN, somewhere on the border."""
+        """Return the indices in the table of the squares about pixels; outside the picture, or for NaN, on the border."""
         index = np.zeros(pixels.shape[:-1], np.int32)
         for each, (rows, columns) in self._shape.items():
             of = level == each
@@ -46,7 +46,7 @@ class MaskLevels:
         return index
 
     def table(self, mask: Bool[Mask, "height width"]) -> UInt8[Bytes, "size"]:
-        """How much of each square a mask fills, 0 to 255."""
+        """Return the share of each square that a mask fills, 0 to 255."""
         table = np.zeros(self._length, np.uint8)
         plane, level = np.asarray(mask).view(np.uint8) * np.uint8(255), 0
         for each, (rows, columns) in self._shape.items():

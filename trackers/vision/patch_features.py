@@ -1,4 +1,4 @@
-"""What patches of a picture look like, a vector each: colours, edge orientations, texture; from integral images of a crop.
+"""Features of patches of a picture, a vector each: colours, edge orientations, texture; from integral images of a crop.
 
 Edge orientation histogram after Levi and Weiss ("Learning object detection from a small number of examples", 2004): Sobel
 gradients of the grey picture, their magnitudes summed by orientation, each orientation's share of the sum of all. Texture after
@@ -22,7 +22,7 @@ Feature = Literal["rgb", "edges", "texture"]
 
 
 class FeatureOptions(Strict):
-    """What is measured on a patch."""
+    """Options of the features of a patch."""
 
     kinds: tuple[Feature, ...] = Field(
         default=("rgb", "edges"),

@@ -23,7 +23,7 @@ _SAME_M = 1e-6
 
 
 class PatchOptions(Strict):
-    """How many patches are drawn on a body, and from where on it."""
+    """Options of the number of patches on a body, and of their places."""
 
     count: PositiveInt = Field(default=40, description="patches drawn on a body")
     size_m: float = Field(default=0.2, gt=0, description="side of a patch on the body [m]")
@@ -69,13 +69,13 @@ class PatchSampler:
         """
         count, half_m = count or self.options.count, 0.5 * self.options.width_m
         centre, heights_m, shown = self._drawn(positions_m, rng, count, 0.0, half_m)
-        everybody_m = positions_m if others_m is None else others_m
-        distance, theirs = (np.hypot(*(each - self.camera.eye_m[:2]).T) for each in (positions_m, everybody_m))
+        all_m = positions_m if others_m is None else others_m
+        distance, theirs = (np.hypot(*(each - self.camera.eye_m[:2]).T) for each in (positions_m, all_m))
         nearer = theirs < distance[:, None] - _SAME_M  # nobody stands before themselves
-        hidden = (self._covered(centre, *self._axes(everybody_m)) & nearer[:, None]).any(axis=-1)
+        hidden = (self._covered(centre, *self._axes(all_m)) & nearer[:, None]).any(axis=-1)
         return Patches(centre, heights_m, self._axes(positions_m)[1], shown & ~hidden)
 
-    def drawn_beside(self, positions_m: Float[Array, "n 2"], count: int, rng: np.random.Generator) -> Patches:
+    def drawn_next_to(self, positions_m: Float[Array, "n 2"], count: int, rng: np.random.Generator) -> Patches:
         """So many patches beside each body, within its breadth of its sides; not shown where they are on anybody."""
         half = 0.5 * (self.options.width_m + self.options.size_m)
         centre, heights_m, shown = self._drawn(positions_m, rng, count, half, 3 * half)
@@ -87,12 +87,12 @@ class PatchSampler:
     ) -> Patches:
         """So many patches for each place, each on a body of its own that stands no farther than `reach_m` from it."""
         options, n = self.options, len(positions_m)
-        turn, out, aside, up = rng.random((4, n, count))
+        turn, out, across, up = rng.random((4, n, count))
         off = reach_m * np.sqrt(out) * np.exp(2j * np.pi * turn)
         places = (positions_m[:, None] + np.stack([off.real, off.imag], axis=-1)).reshape(-1, 2)
-        aside_m = (aside - 0.5) * options.width_m
+        off_axis_m = (across - 0.5) * options.width_m
         heights_m = options.low_m + up * (options.high_m - options.low_m)
-        centre, shown = self._projected(places, aside_m.reshape(-1, 1), heights_m.reshape(-1, 1))
+        centre, shown = self._projected(places, off_axis_m.reshape(-1, 1), heights_m.reshape(-1, 1))
         return Patches(centre.reshape(n, count, 2), heights_m, self._axes(positions_m)[1], shown.reshape(n, count))
 
     def middles(self, positions_m: Float[Array, "n 2"]) -> Float[Array, "n 2"]:
@@ -101,14 +101,14 @@ class PatchSampler:
         return self._projected(positions_m, np.zeros_like(heights), heights)[0][:, 0]
 
     def _projected(
-        self, positions_m: Float[Array, "n 2"], aside_m: Float[Array, "n k"], heights_m: Float[Array, "n k"]
+        self, positions_m: Float[Array, "n 2"], off_axis_m: Float[Array, "n k"], heights_m: Float[Array, "n k"]
     ) -> tuple[Float[Array, "n k 2"], Bool[Mask, "n k"]]:
         """Pixels of points so far to one side of bodies' axes, seen from the camera, and so far up; whether they are shown."""
         towards = positions_m - self.camera.eye_m[:2]
         distance = np.hypot(towards[:, 0], towards[:, 1])[:, None]
         across = towards[:, ::-1] * (-1, 1) / np.maximum(distance, 1e-9)  # under the camera a body has no side
         points = np.empty((*heights_m.shape, 3))
-        points[..., :2] = positions_m[:, None] + aside_m[..., None] * across[:, None]
+        points[..., :2] = positions_m[:, None] + off_axis_m[..., None] * across[:, None]
         points[..., 2] = heights_m
         return self.camera.project(points)
 
@@ -125,11 +125,11 @@ class PatchSampler:
     ) -> tuple[Float[Array, "n k 2"], Float[Array, "n k"], Bool[Mask, "n k"]]:
         """Random points between two distances aside of bodies' axes, either side, at any height: pixels, heights, shown."""
         options = self.options
-        aside, up = rng.random((2, len(positions_m), count))
-        aside = 2 * aside - 1
-        aside_m = np.copysign(least_m, aside) + aside * (most_m - least_m)
+        across, up = rng.random((2, len(positions_m), count))
+        across = 2 * across - 1
+        off_axis_m = np.copysign(least_m, across) + across * (most_m - least_m)
         heights_m = options.low_m + up * (options.high_m - options.low_m)
-        centre, shown = self._projected(positions_m, aside_m, heights_m)
+        centre, shown = self._projected(positions_m, off_axis_m, heights_m)
         return centre, heights_m, shown
 
     def _covered(

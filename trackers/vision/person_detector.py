@@ -8,7 +8,9 @@ such windows mean, weighted by how high they are judged.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
@@ -34,14 +36,16 @@ is a person."""
 
 
 class DetectorOptions(Strict):
-    """Where people are looked for, and from when on something is one."""
+    """Options of the places where people are looked for, and of what is a detection."""
+
+    former_names: ClassVar[Mapping[str, str]] = {"least_inside": "least_in_picture"}
 
     pitch_m: float = Field(default=0.2, ge=0.05, description="from place to place of the floor [m]")
     margin_m: float = Field(default=0.5, ge=0, description="how far outside the rig's area they are looked for [m]")
     reach_m: float = Field(
         default=15.0, gt=0, le=50, description="how far off they are looked for where the rig has no area [m]"
     )
-    least_inside: float = Field(
+    least_in_picture: float = Field(
         default=0.5, gt=0, le=1, description="least share of a person's window that the picture must show"
     )
     least_foreground: float = Field(
@@ -83,7 +87,7 @@ class PersonDetector:
             pitch_m=options.pitch_m,
             margin_m=options.margin_m,
             reach_m=options.reach_m,
-            least_inside=options.least_inside,
+            least_in_picture=options.least_in_picture,
         )
         windows, lens = self.places.windows, camera.intrinsics
         level = level_of(windows.cell_px)
@@ -92,7 +96,7 @@ class PersonDetector:
         middle = index[:, ROWS // 4 : ROWS - ROWS // 4 : 2, COLUMNS // 2 - 1 : COLUMNS // 2 + 1]
         self._middle = np.ascontiguousarray(middle.reshape(len(index), middle[0].size if len(index) else 0))
         self._index = index.reshape(len(index), ROWS * COLUMNS)
-        self._besides = np.stack([windows.steepness, self.places.share_inside], axis=1).astype(np.float32)
+        self._more_inputs = np.stack([windows.steepness, self.places.share_in_picture], axis=1).astype(np.float32)
 
     def candidates(self, mask: Bool[Mask, "height width"]) -> tuple[Int[Index, "c"], Float32[Singles, "c inputs"]]:
         """The places at which somebody may stand, and what the model is told of each one's window."""
@@ -101,7 +105,7 @@ class PersonDetector:
         index = (filled >= 255 * self.options.least_foreground * self._middle.shape[1]).nonzero()[0]
         inputs = np.empty((len(index), INPUTS), np.float32)
         np.divide(table.take(self._index[index]), _FULL, out=inputs[:, : ROWS * COLUMNS])
-        inputs[:, ROWS * COLUMNS :] = self._besides[index]
+        inputs[:, ROWS * COLUMNS :] = self._more_inputs[index]
         return index, inputs
 
     def detect(self, mask: Bool[Mask, "height width"]) -> PeopleSeen:

@@ -1,4 +1,4 @@
-"""What has been learned of the silhouettes of people: two small networks over the cells of a window.
+"""A learned model of the silhouettes of people: two small networks over the cells of a window.
 
 One says how near to the window's place a person stands, 1 there and exp(−d² / 2 σ²) at a distance of d (a heat map, so that
 people next to each other have a peak each); the other where from the window's place that person is. Fitted by scikit-learn
@@ -45,7 +45,7 @@ class Network:
     out_bias: Float32[Singles, "outputs"]
 
     def __call__(self, inputs: Float32[Singles, "n inputs"]) -> Float32[Singles, "n outputs"]:
-        """What it says of n windows."""
+        """Return the outputs of n windows."""
         return np.maximum(inputs @ self.into + self.into_bias, 0) @ self.out + self.out_bias
 
 

@@ -19,7 +19,7 @@ from trackers.filters.rows import Rows
 HEIGHT_M, DEPTH_M = 1.75, 0.5
 """Of the person that a window is cut for: they come as high as 1.95 m, and lean."""
 _AROUND = 1.15
-"""How much longer the window is than that person."""
+"""Length of the window, in that of the person."""
 WIDTH_M = 1.0
 
 
@@ -51,9 +51,9 @@ def person_windows(camera: PlacedCamera, places_m: Float[Array, "n 2"], rows: in
     points = np.repeat((middle[:, None] + along[..., None] * up[:, None])[:, :, None], columns, axis=2)
     points[..., :2] += across[:, None] * right[:, None, None]
     pixels, inside = camera.project(points)
-    beside = middle.copy()
-    beside[:, :2] += right * (WIDTH_M / columns)
-    cell = camera.project(beside)[0] - camera.project(middle)[0]
+    next_cell = middle.copy()
+    next_cell[:, :2] += right * (WIDTH_M / columns)
+    cell = camera.project(next_cell)[0] - camera.project(middle)[0]
     return PersonWindows(pixels, inside, np.hypot(cell[:, 0], cell[:, 1]), right, ahead, np.abs(down))
 
 

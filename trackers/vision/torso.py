@@ -7,7 +7,9 @@ as a grid of points in the room and projected through the lens, so that it bends
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -21,7 +23,9 @@ from trackers.vision.person_windows import largest_overlap
 
 
 class TorsoOptions(Strict):
-    """Where the window stands on a person, and how finely it is sampled."""
+    """Options of the place of the window on a person, and of its samples."""
+
+    former_names: ClassVar[Mapping[str, str]] = {"min_inside": "min_in_picture"}
 
     low_m: float = Field(default=1.0, gt=0, description="lower edge of the window above the floor [m]")
     high_m: float = Field(default=1.35, gt=0, description="upper edge of the window above the floor [m]")
@@ -36,7 +40,7 @@ class TorsoOptions(Strict):
         ge=0,
         description="least width of a cluster whose window is learned from [m]; 0: every window (ours)",
     )
-    min_inside: float = Field(
+    min_in_picture: float = Field(
         default=0.8, gt=0, le=1, description="least share of a window's samples that the picture must show"
     )
     max_overlap: float = Field(
@@ -86,7 +90,7 @@ class TorsoProjector:
         points[..., :2] = on_floor[:, None]
         points[..., 2] = self._heights[None, :, None]
         pixels, inside = self._camera.project(points)
-        usable = (inside.mean(axis=(1, 2)) >= options.min_inside) & (detections.width_m >= options.min_width_m)
+        usable = (inside.mean(axis=(1, 2)) >= options.min_in_picture) & (detections.width_m >= options.min_width_m)
         clear = usable & (detections.width_m >= options.learn_width_m)
         clear &= largest_overlap(pixels) <= options.max_overlap
         return TorsoWindows(pixels, inside, usable, clear)

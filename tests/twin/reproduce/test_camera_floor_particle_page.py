@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from trackers.camera_floor_particle.options import CameraFloorParticleOptions
-from trackers.camera_floor_particle.tracker import Inside
-from trackers.camera_floor_particle.views import View, Views
+from trackers.camera_floor_particle.tracker import DebugState
 from trackers.cameras.pinhole import PinholeIntrinsics
 from trackers.errors import InputError
 from trackers.observations import NS_PER_S, FloorFrame
@@ -19,6 +18,7 @@ from trackers.pose import Pose
 from trackers.rig import FloorSensor, PinholeSensor, Rig, placed_camera
 from trackers.tracks import Hypotheses, Track, TrackFrame
 from trackers.vision.hsv import hsv_of
+from trackers.vision.views import View, Views
 from twin.report.floor_panel import TruePoses
 from twin.reproduce.camera_floor_particle.replays import (
     PEOPLE,
@@ -138,15 +138,14 @@ def test_frames_are_drawn_with_masks_particles_floor_and_truth():
     mask = np.zeros((90, 120), np.bool_)
     mask[40:70, 50:70] = True
     grey = np.full((90, 120, 3), 90, np.uint8)
-    options = CameraFloorParticleOptions()
     floors = {"floor": FloorFrame("floor", 0, np.full((10, 10), 200, np.uint8))}
     truth = TruePoses(np.array([1]), np.array([[0.0, 1.0]]), np.zeros(1))
     cloud = Hypotheses(1, np.array([[0.3, 1.5, 1.0]]), lambda _: (50.0, 40.0, 20.0, 30.0))
 
     def sides(mask, maps, floors):
-        views = Views([View(0, placed_camera(camera), grey, hsv_of(grey), mask, options.histogram)])
+        views = Views([View(0, placed_camera(camera), grey, hsv_of(grey), mask)])
         frame = TrackFrame(0, (Track(1, 0.0, 1.0),), maps)
-        jpeg = draw_debug_state(Inside(views, None, None, np.array([1])), frame, rig, floors, truth)
+        jpeg = draw_debug_state(DebugState(views, None, None), frame, rig, floors, truth)
         drawn = np.asarray(cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR), np.int16)
         return drawn[:, :1280], drawn[:, 1280:]
 
@@ -161,7 +160,7 @@ def test_frames_are_drawn_with_masks_particles_floor_and_truth():
     ):
         assert (same(left, others[0]), same(right, others[1])) == (is_left, is_right)
     with pytest.raises(ValueError, match="no camera"):
-        draw_debug_state(Inside(Views(()), None, None, np.empty(0, int)), TrackFrame(0, ()), rig, {}, truth)
+        draw_debug_state(DebugState(Views(()), None, None), TrackFrame(0, ()), rig, {}, truth)
 
 
 @pytest.mark.parametrize("shadows", [False, True])

@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from trackers.camera_floor_particle.tracker import Inside
+from trackers.camera_floor_particle.tracker import DebugState
 from trackers.observations import NS_PER_S, FloorFrame, Image
 from trackers.presets import make_tracker
 from trackers.prior import Prior
@@ -55,7 +55,7 @@ VARIANTS: Mapping[str, Mapping[str, Any]] = {
     "strides 8 and 6": {"body": {"window": {"stride": 8}}, "head": {"window": {"stride": 6}}},
     "half the particles": {"body": {"particles": 125}, "head": {"particles": 75}},
     "twice the particles": {"body": {"particles": 500}, "head": {"particles": 300}},
-    "the paper's references of the pan": {"head": {"pan": "particles", "parts": (1, 1), "references": "nearest"}},
+    "the paper's references of the pan": {"head": {"facing": None, "references": "nearest"}},
 }
 
 
@@ -117,7 +117,7 @@ def frame_picture(case: Case, cache: RecordingCache, t_s: float) -> bytes:
                 break
             if isinstance(observation, FloorFrame):
                 floors[observation.sensor] = observation
-        return draw_debug_state(tracker.inside(), frames[-1], bag.rig, floors, _poses(entry / TRUTH, t_s))
+        return draw_debug_state(tracker.debug_state(), frames[-1], bag.rig, floors, _poses(entry / TRUTH, t_s))
 
 
 def closest_pair_s(truth: TruthTable, fewest_s: float = 1.5) -> float:
@@ -151,7 +151,7 @@ _MASK = (255, 255, 255)
 
 
 def draw_debug_state(
-    inside: Inside,
+    state: DebugState,
     frame: TrackFrame,
     rig: Rig,
     floors: Mapping[str, FloorFrame],
@@ -161,12 +161,12 @@ def draw_debug_state(
 
     Figures 2, 4 and 5 of Mori et al. Raises ValueError where no camera has a view in that frame.
     """
-    if not len(inside.views):
+    if not len(state.views):
         raise ValueError("no camera has a view in that frame")
     cameras = list(rig.cameras())
     images = {
         cameras[view.number]: Image(cameras[view.number], frame.stamp_ns, _outlined(view.rgb, view.mask))
-        for view in inside.views
+        for view in state.views
     }
     colours = IdentityColours()
     colours.meet(sorted(track.id for track in frame.tracks))

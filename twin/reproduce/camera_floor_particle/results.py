@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from trackers.area import Area
 from trackers.arrays import Array
-from trackers.camera_floor_particle.options import CameraFloorParticleOptions
-from trackers.camera_floor_particle.views import CameraFrontEnds
 from trackers.observations import NS_PER_S, Image
+from trackers.vision.front_end import FrontEndOptions, front_ends
+from trackers.vision.views import CameraViews
 from twin.recording.reader import Recording
 from twin.reproduce.bootstrap import Bootstrap, Interval, interval
 from twin.reproduce.results import Result
@@ -172,10 +172,10 @@ def _foreground(path: Path) -> Iterator[tuple[Image, NDArray[np.bool_]]]:
     """Yield the tracker's foreground in each camera's pictures, one per half second."""
     bag = Recording(path)
     area = None if bag.rig.area is None else Area(bag.rig.area)
-    front_ends = CameraFrontEnds(bag.rig.cameras(), list(bag.background), CameraFloorParticleOptions(), area)
+    cameras = CameraViews(front_ends(bag.rig.cameras(), list(bag.background), FrontEndOptions(), area))
     last_ns: dict[str, int] = {}
     for image in bag.observations():
         if isinstance(image, Image) and image.stamp_ns - last_ns.get(image.sensor, -NS_PER_S) >= _EVERY_S * NS_PER_S:
             last_ns[image.sensor] = image.stamp_ns
-            for view in front_ends.views({image.sensor: image}):
+            for view in cameras.views({image.sensor: image}):
                 yield image, view.mask

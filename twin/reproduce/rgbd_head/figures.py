@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from trackers.arrays import Array
 from trackers.cameras import Ellipsoids
 from trackers.environment import Environment
+from trackers.likelihood.stereo_head import StereoHeadOptions
 from trackers.observations import DepthImage, Observation
-from trackers.rgbd_head.options import WeightOptions
-from trackers.rgbd_head.tracker import Inside
+from trackers.rgbd_head.tracker import DebugState
 from trackers.rig import Rig, placed_camera
 from twin.recording.tables import TrackTable, TruthTable
 from twin.report.palette import IDENTITY_COLOURS, hex_colour
@@ -124,7 +124,7 @@ def head_views(observations: Sequence[Observation], rig: Rig, t_s: float, head: 
         towards = camera.eye_m[:2] - place[:2]
         facing = np.cos(np.arctan2(towards[1], towards[0]) - yaw)
         level = int(110 + 72 * (1 + facing))
-        ellipses, shown = camera.ellipses(Ellipsoids.upright(place[None], WeightOptions().semi_axes_m, yaw))
+        ellipses, shown = camera.ellipses(Ellipsoids.upright(place[None], StereoHeadOptions().semi_axes_m, yaw))
         if shown[0]:
             outline = np.rint(_TIMES * ellipses.outline()[0]).astype(np.int32)
             cv2.polylines(picture, [outline], True, (level, level, 0), 2, cv2.LINE_AA)
@@ -137,14 +137,14 @@ def head_views(observations: Sequence[Observation], rig: Rig, t_s: float, head: 
 
 
 def weights_picture(
-    observations: Sequence[Observation], rig: Rig, t_s: float, inside: Inside, camera_name: str
+    observations: Sequence[Observation], rig: Rig, t_s: float, state: DebugState, camera_name: str
 ) -> bytes:
     """Draw figure 10: hypotheses in one camera's picture, from blue (least) to red by colour weight, beside it by depth
     weight.
     """
-    weights = inside.weighed[camera_name]
+    weights = state.likelihoods[camera_name]
     camera = placed_camera(rig.cameras()[camera_name])
-    places = inside.people.roster.state.state[:3].reshape(3, -1)
+    places = state.people.roster.state.state[:3].reshape(3, -1)
     pixels, seen = camera.project(places.T)
     panels = []
     for what, log in (("colour", weights.colour), ("depth", weights.depth)):

@@ -13,7 +13,7 @@ from trackers.environment import Environment
 from trackers.observations import Observation
 from trackers.presets import make_tracker
 from trackers.prior import Prior
-from trackers.rgbd_head.tracker import Inside
+from trackers.rgbd_head.tracker import DebugState
 from trackers.rig import Rig
 from trackers.tracks import TrackFrame
 from twin.messages import OnProgress
@@ -74,14 +74,14 @@ class LoadedRecording:
             frames += tracker.update(observation)
         return track_table([*frames, *tracker.finish()])
 
-    def debug_state(self, preset: str, seed: int, options: Mapping[str, Any], t_s: float) -> Inside:
+    def debug_state(self, preset: str, seed: int, options: Mapping[str, Any], t_s: float) -> DebugState:
         """Run a tracker up to a time; return its debug state."""
         tracker = self.tracker(preset, seed, options)
         for observation in self.observations:
             frames = tracker.update(observation)
             if frames and frames[-1].stamp_ns >= t_s * 1e9:
                 break
-        return tracker.inside()
+        return tracker.debug_state()
 
 
 def spread_results(seen: LoadedRecording, n_run: int, on_progress: OnProgress | None) -> list[Result]:

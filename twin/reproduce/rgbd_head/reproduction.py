@@ -201,10 +201,12 @@ def _pictures(runs: SuiteRuns, condition: str, seen: LoadedRecording) -> dict[st
 def _figure_10(seen: LoadedRecording, runs: SuiteRuns, at_s: float) -> bytes:
     """Draw the paper's two cues at a time, in the camera that is nearest to the head."""
     head = _head(case_tracks(_first_case(runs, FIRST), runs), at_s)
-    inside = seen.debug_state("rgbd-head-paper", 0, {"start": seen.start()}, at_s)
+    state = seen.debug_state("rgbd-head-paper", 0, {"start": seen.start()}, at_s)
     cameras = seen.rig.cameras()
-    nearest = min(inside.weighed, key=lambda name: float(np.linalg.norm(cameras[name].room_from_sensor.xyz - head[:3])))
-    return weights_picture(seen.observations, seen.rig, at_s, inside, nearest)
+    nearest = min(
+        state.likelihoods, key=lambda name: float(np.linalg.norm(cameras[name].room_from_sensor.xyz - head[:3]))
+    )
+    return weights_picture(seen.observations, seen.rig, at_s, state, nearest)
 
 
 def _head(tracks: TrackTable, at_s: float) -> Array:

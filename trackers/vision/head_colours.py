@@ -21,7 +21,6 @@ from jaxtyping import Float, Int, Int16, UInt8
 
 from trackers.arrays import AnyArray, Array, Bytes, Index, Singles
 from trackers.filters.rows import Rows
-from trackers.rgbd_head.options import ColourOptions
 
 STEPS = (16, 8, 8)
 """Steps of lightness, red and blue chroma, fine where skin and hair are."""
@@ -32,10 +31,14 @@ SHARES = 8
 _SHARE = np.clip(np.arange(SHARES) / (SHARES - 1), 0.04, 0.96)[:, None]
 _ANYTHING = 0.05
 """Share of pixels that are neither: glasses, eyes, noise, what is behind."""
+COMMON_PIXELS = 60.0
+"""Pixels of a person's own for which counts what is common among people."""
+_MOST_PIXELS = 3000.0
+"""Pixels of a person that are remembered, of face and of hair."""
 
 
 def _blur(steps: int) -> Float[Array, "m m"]:
-    """What each of so many steps takes of its neighbours; beyond the last one it is the last one."""
+    """Return the shares that each of so many steps takes of its neighbours; beyond the last one it is the last one."""
     blur = 0.6 * np.eye(steps) + 0.2 * (np.eye(steps, k=1) + np.eye(steps, k=-1))
     blur[[0, -1], [0, -1]] += 0.2
     return blur
@@ -46,7 +49,7 @@ _BLUR_LUMA, _BLUR_CHROMA = _blur(STEPS[0]), np.kron(_blur(STEPS[1]), _blur(STEPS
 
 @lru_cache(maxsize=1)
 def _numbers() -> Int16[AnyArray, "65536"]:
-    """The number of every colour that 16 bits tell apart: of the middle of what has the same 5, 6 and 5 bits."""
+    """Number every colour that 16 bits tell apart, by the middle of those that have the same 5, 6 and 5 bits."""
     every = np.arange(1 << 16, dtype=np.uint16).view(np.uint8).reshape(256, 256, 2)
     rgb = cv2.cvtColor(every, cv2.COLOR_BGR5652RGB) + np.array([4, 2, 4], np.uint8)
     luma, red, blue = np.moveaxis(cv2.cvtColor(rgb, cv2.COLOR_RGB2YCrCb).astype(np.int16), -1, 0)
@@ -54,32 +57,29 @@ def _numbers() -> Int16[AnyArray, "65536"]:
 
 
 def colour_numbers(rgb: UInt8[Bytes, "height width 3"]) -> Int16[AnyArray, "height width"]:
-    """The number of each pixel's colour: by Y, Cr and Cb, of the first 5 or 6 bits of red, green and blue."""
+    """Number each pixel's colour: by Y, Cr and Cb, of the first 5 or 6 bits of red, green and blue."""
     return _numbers().take(cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR565).view(np.uint16)[..., 0])
 
 
 @dataclass(frozen=True, eq=False)
 class HeadColours(Rows):
-    """How often each colour was seen as the face and as the hair of n people, beside what is common among people."""
+    """Counts of each colour as the face and as the hair of n people, beside what is common among people."""
 
     face: Float[Array, "n colours"]
     hair: Float[Array, "n colours"]
 
     @classmethod
     def unknown(cls, n: int) -> HeadColours:
-        """Of people who have not been seen yet."""
+        """Make the colours of people who have not been seen yet."""
         return cls(np.zeros((n, COLOURS)), np.zeros((n, COLOURS)))
 
-    def shares(
-        self, common: Float[Array, "2 colours"], options: ColourOptions
-    ) -> tuple[Float[Array, "n colours"], Float[Array, "n colours"]]:
-        """F and H."""
-        face = _over(self.face, common[0], options.common_pixels)
-        return face, _over(self.hair, common[1], options.common_pixels)
+    def shares(self, common: Float[Array, "2 colours"]) -> tuple[Float[Array, "n colours"], Float[Array, "n colours"]]:
+        """Return F and H."""
+        return _over(self.face, common[0], COMMON_PIXELS), _over(self.hair, common[1], COMMON_PIXELS)
 
-    def expected(self, common: Float[Array, "2 colours"], options: ColourOptions) -> ExpectedColours:
-        """The same as it is handed to whoever weighs."""
-        return ExpectedColours(*(each.astype(np.float32) for each in self.shares(common, options)))
+    def expected(self, common: Float[Array, "2 colours"]) -> ExpectedColours:
+        """Return the same in single precision, as it travels to cameras."""
+        return ExpectedColours(*(each.astype(np.float32) for each in self.shares(common)))
 
     def learned(
         self,
@@ -87,10 +87,9 @@ class HeadColours(Rows):
         share: Int[Index, "k"],
         colour: Int[Index, "k"],
         common: Float[Array, "2 colours"],
-        options: ColourOptions,
     ) -> HeadColours:
-        """After pixels of these people, at cells of this step of s, of these colours; of old ones a cap is kept."""
-        face, hair = self.shares(common, options)
+        """Learn pixels of these people, at cells of this step of s, of these colours; of old ones a cap is kept."""
+        face, hair = self.shares(common)
         s = _SHARE[share, 0]
         as_face, as_hair = s * face[person, colour], (1 - s) * hair[person, colour]
         total = as_face + as_hair + _ANYTHING / COLOURS
@@ -103,7 +102,7 @@ class HeadColours(Rows):
         ]
         return HeadColours(
             *(
-                _capped(old + new.reshape(-1, COLOURS), options.most_pixels)
+                _capped(old + new.reshape(-1, COLOURS), _MOST_PIXELS)
                 for old, new in zip((self.face, self.hair), added, strict=True)
             )
         )
@@ -111,14 +110,14 @@ class HeadColours(Rows):
 
 @dataclass(frozen=True, eq=False)
 class ExpectedColours:
-    """F and H of n people, as they travel to whoever weighs heads."""
+    """F and H of n people, as they travel to the cameras that weigh heads."""
 
     face: Float[Singles, "n colours"]
     hair: Float[Singles, "n colours"]
 
     @cached_property
     def tables(self) -> Float[Singles, "n entries"]:
-        """log(p(b | c) · COLOURS) for every step of s, in rows of colours, one after another: 0 is what noise gets."""
+        """log(p(b | c) · COLOURS) for every step of s, in rows of colours, one after another; noise has 0."""
         share = ((1 - _ANYTHING) * COLOURS * _SHARE).astype(np.float32)
         likely = share * (self.face - self.hair)[:, None]
         likely += np.float32((1 - _ANYTHING) * COLOURS) * self.hair[:, None] + np.float32(_ANYTHING)

@@ -1,4 +1,4 @@
-"""What cameras see of many heads at once: ellipses, and where points of them lie on the head (eq. 3 of the paper).
+"""Outlines of many heads at once in pictures: ellipses, and where points of them lie on the head (Suzuki et al., eq. 3).
 
 A head is an upright ellipsoid. In the frame of its camera's ray to it (right, down, along) its shape has a lower triangular root
 L: the ellipsoid is L times the unit ball. So a point (x, y) of the unit disc is met on the near surface at
@@ -44,29 +44,29 @@ class Outlines:
     rise: Float[Singles, "n"]
 
     def pixels(self, disc: Float[Array, "k 2"]) -> tuple[Float[Singles, "k n"], Float[Singles, "k n"]]:
-        """Columns and rows of points of the unit disc in each ellipse [px]."""
+        """Return columns and rows of points of the unit disc in each ellipse [px]."""
         points = np.concatenate([np.ones((len(disc), 1)), disc], axis=1, dtype=np.float32)
         columns, rows = np.stack([self.centre, self.across, self.down], axis=1)
         return points @ columns, points @ rows
 
     def ahead_m(self, disc: Float[Array, "k 2"]) -> Float[Singles, "k n"]:
-        """How far beyond the middle, along the camera's ray to it, the surface is met at points of the unit disc [m]."""
+        """Return the distances beyond the middle, along the camera's ray to it, of the surface at points of the unit disc [m]."""
         x, y, towards = _ball(disc)
         return np.concatenate([x, y, -towards], axis=1, dtype=np.float32) @ self.root[3:]
 
-    def aside_m2(self, disc: Float[Array, "k 2"]) -> Float[Singles, "k n"]:
-        """The square of how far from that ray the surface is met [m²]."""
+    def off_ray_m2(self, disc: Float[Array, "k 2"]) -> Float[Singles, "k n"]:
+        """Return the squared distances from that ray of the surface at points of the unit disc [m²]."""
         x, y, _ = _ball(disc)
         right, slant, down, *_ = self.root
         return (x * right) ** 2 + (x * slant + y * down) ** 2
 
     def aspects(self) -> Int[Index, "n"]:
-        """From where each head is seen, as a column of `cells_shown`."""
+        """Return the direction from which each head is seen, as a column of `cells_shown`."""
         return aspects(self.facing, self.rise)
 
 
 def aspects(facing: Float[Floats, "*n"], rise: Float[Floats, "*#n"]) -> Int[Index, "*n"]:
-    """From where a head is seen, as a column of `cells_shown`, by the angles of `Outlines` [rad]."""
+    """Return the direction from which a head is seen, as a column of `cells_shown`, by the angles of `Outlines` [rad]."""
     turn = np.floor(facing * (ASPECTS[0] / (2 * np.pi)))
     turn -= ASPECTS[0] * np.floor(
         turn / ASPECTS[0]
@@ -76,7 +76,7 @@ def aspects(facing: Float[Floats, "*n"], rise: Float[Floats, "*#n"]) -> Int[Inde
 
 
 def outlines(cameras: CameraGroup, heads: Float[Floats, "4 c k"], semi_axes_m: tuple[float, float, float]) -> Outlines:
-    """The ellipses of heads (x, y, z [m], yaw [rad]) of semi-axes ahead, to the side and up [m].
+    """Project heads (x, y, z [m], yaw [rad]) of semi-axes ahead, to the side and up [m] as ellipses.
 
     heads: k of each camera; their ellipses are in a row, one camera's after another's.
     """
@@ -88,13 +88,13 @@ def outlines(cameras: CameraGroup, heads: Float[Floats, "4 c k"], semi_axes_m: t
     range_m = np.sqrt(x + y + z)
     sine, cosine = off[2] / range_m, level_m / range_m
     east, north = off[:2] / level_m
-    ahead, aside, up = np.square(semi_axes_m).tolist()
+    ahead, across_m2, up = np.square(semi_axes_m).tolist()
     facing = np.arctan2(-off[1], -off[0]) - heads[3].reshape(c * k)
     nose = np.cos(facing)
     square = nose * nose
     # the level cut, along the ray and across it to the right
-    hh, rr = aside + (ahead - aside) * square, ahead - (ahead - aside) * square
-    rh = (ahead - aside) * nose * np.sin(facing)
+    hh, rr = across_m2 + (ahead - across_m2) * square, ahead - (ahead - across_m2) * square
+    rh = (ahead - across_m2) * nose * np.sin(facing)
     xx = np.sqrt(rr)
     cross = rh / xx
     xy, xz = sine * cross, cosine * cross
@@ -122,7 +122,7 @@ def outlines(cameras: CameraGroup, heads: Float[Floats, "4 c k"], semi_axes_m: t
 
 @lru_cache(maxsize=32)
 def inner_points(count: int) -> Float[Array, "k 2"]:
-    """Points spread evenly over the unit disc (H. Vogel, "A better way to construct the sunflower head", 1979)."""
+    """Spread points evenly over the unit disc (H. Vogel, "A better way to construct the sunflower head", 1979)."""
     number = np.arange(count) + 0.5
     radius, angle = np.sqrt(number / count), np.pi * (3 - np.sqrt(5)) * number
     return _kept(radius * np.cos(angle), radius * np.sin(angle))
@@ -130,7 +130,7 @@ def inner_points(count: int) -> Float[Array, "k 2"]:
 
 @lru_cache(maxsize=32)
 def ring_points(count: int, size: float) -> Float[Array, "k 2"]:
-    """Points of a half ring over the upper half of the disc, `size` times as large."""
+    """Spread points over a half ring above the upper half of the disc, `size` times as large."""
     angle = np.pi * (np.arange(count) + 0.5) / count
     return _kept(size * np.cos(angle), -size * np.sin(angle))
 
@@ -142,14 +142,14 @@ def _kept(x: Array, y: Array) -> Float[Array, "k 2"]:
 
 
 def _ball(disc: Float[Array, "k 2"]) -> tuple[Float[Array, "k 1"], Float[Array, "k 1"], Float[Array, "k 1"]]:
-    """x, y and how far towards the camera a point of the unit ball is that lies over (x, y)."""
+    """Return x, y and the distance towards the camera of the point of the unit ball over (x, y)."""
     x, y = np.asarray(disc.T, np.float32)[..., None]
     return x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0.0))
 
 
 @lru_cache(maxsize=8)
 def cells_shown(count: int) -> Int[Index, "k m"]:
-    """The cell, by azimuth, then level, that each of `inner_points(count)` shows in every aspect; a head is taken for a ball."""
+    """Number the cell, by azimuth, then level, that each of `inner_points(count)` shows in every aspect of a ball."""
     x, y, towards = (each[:, :, None].astype(float) for each in _ball(inner_points(count)))
     facing = ((np.arange(ASPECTS[0]) + 0.5) / ASPECTS[0] * 2 * np.pi)[:, None]
     rise = ((np.arange(ASPECTS[1]) + 0.5) / ASPECTS[1] - 0.5) * np.pi

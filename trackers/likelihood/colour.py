@@ -1,0 +1,98 @@
+"""Likelihoods of heads and bodies by colours: a person's own in the ellipse of a head, skin there, references in windows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import numpy as np
+from jaxtyping import Float, Float32, Int, Int32
+from pydantic import Field, FiniteFloat
+
+from trackers.arrays import AnyArray, Array, Floats, Index, Singles
+from trackers.configuration import Strict
+from trackers.vision.head_colours import COLOURS, SHARES
+from trackers.vision.stereo_picture import IN_PICTURE, SKIN, mean_of, share_of
+from trackers.vision.views import Look, WindowOptions
+
+Linear = tuple[FiniteFloat, FiniteFloat]
+Share = Annotated[float, Field(ge=0, le=1)]
+
+_NOTHING = 1e-3
+"""A linear weight (eq. 5, 7) is never less: a floor of 0 would let one blocked camera kill a right hypothesis."""
+
+
+class PersonColourOptions(Strict):
+    """Options of a person's own colours of face and hair, by where on the head they are (ours)."""
+
+    power: float = Field(default=12.0, gt=0, description="what the mean logarithm over the ellipse's pixels counts")
+
+    def log_likelihood(
+        self,
+        pixels: Int32[AnyArray, "points n"],
+        steps: Int32[AnyArray, "points n"],
+        tables: Float[Singles, "people entries"],
+        heads_per_person: int,
+    ) -> Float[Singles, "n"]:
+        """Return log-likelihoods of heads by the pixels in their ellipses.
+
+        steps: first entry of the step of s that each point shows; tables: how likely each colour is at each step of s
+        (`ExpectedColours.tables`); heads: `heads_per_person` of each person in turn, for each camera in turn.
+        """
+        entry = pixels & (COLOURS - 1)
+        entry += steps
+        of_person = np.arange(0, tables.size, SHARES * COLOURS, dtype=np.int32)[:, None]
+        entry.reshape(-1, len(tables), heads_per_person)[...] += of_person
+        return np.float32(self.power) * mean_of(tables.ravel().take(entry))
+
+
+class SkinShareOptions(Strict):
+    """Options of the share of skin in the ellipse (the paper, eq. 4 and 5)."""
+
+    linear: Linear = Field(
+        default=(1.0, 1.0), description="a and b of the weight a − b |c̄ − ĉ| (eq. 5; the paper gives neither)"
+    )
+    front: Share = Field(
+        default=0.7, description="ĉ of a head seen from the front, its largest (the paper gives no formula)"
+    )
+    behind: Share = Field(default=0.05, description="ĉ of a head seen from behind, its smallest")
+
+    def share(self, pixels: Int32[AnyArray, "points n"]) -> Float[Singles, "n"]:
+        """Return c̄: the share of skin among the pixels of each ellipse that are in the picture."""
+        return share_of(pixels, SKIN) / np.maximum(share_of(pixels, IN_PICTURE), np.float32(1 / len(pixels)))
+
+    def expected(self, facing: Float[Singles, "*n"]) -> Float[Singles, "*n"]:
+        """Return ĉ of a head whose nose points `facing` away from the camera [rad]; largest from the front."""
+        return np.float32(self.behind) + np.float32((self.front - self.behind) / 2) * (1 + np.cos(facing))
+
+    def log_likelihood(self, share: Float[Singles, "..."], facing: Float[Singles, "..."]) -> Float[Singles, "..."]:
+        """Return log-likelihoods of heads by their shares of skin, and by where their noses point."""
+        return linear_log(np.abs(share - self.expected(facing)), self.linear)
+
+
+def linear_log(off: Float[Singles, "*n"], slope: tuple[float, float]) -> Float[Singles, "*n"]:
+    """Return log(a − b · off), with a floor (eq. 5 and 7)."""
+    a, b = slope
+    return np.log(np.maximum(a - b * off, _NOTHING)).astype(np.float32)
+
+
+def window_log_likelihood(
+    so_far: Float[Array, "k"],
+    places: Float[Array, "3 k"],
+    look: Look,
+    window: WindowOptions,
+    references: Sequence[tuple[Float32[Singles, "n padded"], Int[Index, "k"]]],
+    strength: float,
+) -> Float[Floats, "k"]:
+    """Add to log-likelihoods of places −λ D² (Mori et al., eq. 5) of the colours about their pixels, in every view.
+
+    so_far: −∞ where a place is impossible already, which is not looked at. references: for each view the roots of
+    histograms (`padded_roots`), and the number of the one that each place has. strength: λ.
+    """
+    total = so_far.copy()
+    left = ~np.isneginf(total)
+    for view, at, here, (reference, number) in zip(look.views, look.pixels, look.seen & left, references, strict=True):
+        k = np.flatnonzero(here)
+        alike = view.similarity(places[:, k], at[k], window, reference, number[k])
+        total[k] += strength * (alike - 1)
+    return total

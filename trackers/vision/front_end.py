@@ -1,0 +1,127 @@
+"""The camera front end: what is done with a camera's picture before any tracker looks at it, whatever the lens.
+
+Exposure is normalized to that of the empty room, the foreground is masked, and pictures without people to see are refused: those
+of a covered lens or of another light, which are foreground nearly everywhere. Pictures that repeat the one before do not come
+here: `trackers.tracking.stale_frames` drops them, of cameras as of every other sensor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Generic, Literal, TypeVar
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, UInt8
+from pydantic import Field
+
+from trackers.area import Area
+from trackers.arrays import Bytes, Mask
+from trackers.configuration import Strict
+from trackers.observations import DepthImage, Image, Observation
+from trackers.rig import CameraSensor, placed_camera
+from trackers.vision.foreground import Foreground, ForegroundOptions, shows_floor
+from trackers.vision.hsv import Hsv, hsv_of
+
+Picture = TypeVar("Picture", Image, DepthImage)
+
+_BLIND_FROM = 0.6
+"""Share of a picture that is foreground from which it shows no people but a covered lens, or another light."""
+_EVERY = 16
+"""Distance, along rows and columns, of the pixels by which brightness is compared."""
+_DARKEST = 0.1
+"""A picture darker than this share of the empty room shows a covered lens, and no other light."""
+
+
+class FrontEndOptions(Strict):
+    """Options of a camera's front end."""
+
+    foreground: ForegroundOptions = Field(default=ForegroundOptions(), description="what counts as foreground")
+    shadow_region: Literal["floor", "everywhere"] = Field(
+        default="floor",
+        description="a possible shadow is left out of the foreground everywhere, or only where the camera sees the floor that "
+        "people walk on: grey hair before a grey wall is none (ours)",
+    )
+    exposure_tolerance: float = Field(
+        default=0.08,
+        ge=0,
+        description="exposure is normalized where a picture is lighter or darker than the empty room by more than this share "
+        "(ours); 0: never",
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedPicture(Generic[Picture]):
+    """A picture of normalized exposure, its channels, and its foreground."""
+
+    image: Picture
+    hsv: Hsv
+    mask: Bool[Mask, "height width"]
+
+
+class CameraFrontEnd:
+    """One camera of any lens, where it hangs, with its empty room.
+
+    empty_room: what the camera and others showed of it, in order; without pictures of this camera the background is learned as
+    pictures come. area: where people may walk (None: anywhere), for shadows. Raises InputError for a picture of the empty
+    room of another size than the rig says.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        sensor: CameraSensor,
+        empty_room: Sequence[Observation],
+        options: FrontEndOptions,
+        area: Area | None = None,
+    ) -> None:
+        self.name, self.camera = name, placed_camera(sensor)
+        self.empty_room = [each for each in empty_room if each.sensor == name and isinstance(each, Image | DepthImage)]
+        floor = shows_floor(self.camera, area) if options.shadow_region == "floor" else None
+        self._foreground = Foreground(sensor.intrinsics, self.empty_room, options.foreground, floor)
+        self._brightness = _brightness(self.empty_room[-1].rgb) if self.empty_room else None
+        self._tolerance = options.exposure_tolerance
+
+    @property
+    def learns_background(self) -> bool:
+        """True where the background is learned as pictures come, for want of an empty room."""
+        return self._foreground.learns_background
+
+    def prepare(self, image: Picture) -> PreparedPicture[Picture] | None:
+        """Prepare a picture; None where it is blind. Raises InputError for another size than the rig says."""
+        image = self._normalize_exposure(image)
+        hsv = hsv_of(image.rgb)
+        mask = self._foreground.mask(image, hsv)
+        if cv2.countNonZero(mask.view(np.uint8)) > _BLIND_FROM * mask.size:
+            return None
+        return PreparedPicture(image, hsv, mask)
+
+    def pass_over(self, image: Image | DepthImage) -> None:
+        """Learn from a picture what `prepare` learns, and nothing else."""
+        self._foreground.pass_over(self._normalize_exposure(image))
+
+    def _normalize_exposure(self, image: Picture) -> Picture:
+        """Return the picture as bright as the empty room was, where the light has changed."""
+        before, brightness = self._brightness, _brightness(image.rgb)
+        if before is None or not self._tolerance or brightness.shape != before.shape:
+            return image
+        gains = np.sort(brightness / np.maximum(before, 1.0), axis=None)
+        gain = float(gains[(gains.size - 1) // 2] + gains[gains.size // 2]) / 2  # np.median, without what it costs
+        if abs(gain - 1) <= self._tolerance or gain < _DARKEST:
+            return image
+        return replace(image, rgb=cv2.convertScaleAbs(image.rgb, alpha=1 / gain).astype(np.uint8))
+
+
+def front_ends(
+    cameras: Mapping[str, CameraSensor],
+    empty_room: Sequence[Observation],
+    options: FrontEndOptions,
+    area: Area | None = None,
+) -> dict[str, CameraFrontEnd]:
+    """Make the front end of each camera, by its name (see `CameraFrontEnd`)."""
+    return {name: CameraFrontEnd(name, sensor, empty_room, options, area) for name, sensor in cameras.items()}
+
+
+def _brightness(rgb: UInt8[Bytes, "height width 3"]) -> UInt8[Bytes, "rows columns"]:
+    return rgb[::_EVERY, ::_EVERY].max(axis=-1)

@@ -1,0 +1,158 @@
+"""Pictures of a stereo camera, packed: one number per pixel for all that weighs heads, looked up in many ellipses at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Int32, Shaped, UInt8
+
+from trackers.arrays import AnyArray, Array, Bytes, Mask, Singles
+from trackers.observations import DepthImage
+from trackers.rig import StereoSensor
+from trackers.vision.front_end import CameraFrontEnd
+from trackers.vision.head_colours import colour_numbers
+from trackers.vision.head_model import SkinRegion
+from trackers.vision.head_outlines import Outlines
+
+FOREGROUND, SKIN, IN_PICTURE = 1 << 10, 1 << 11, 1 << 12
+_RANGE_BITS = 16
+"""From this bit on a pixel says how far away it is."""
+_LEAST_DEPTH = 0.02
+"""A depth picture with less than this share of its pixels is broken."""
+_EMPTY = 5
+"""So many depth pictures of the empty room are looked at."""
+_BEFORE_M = 0.3
+"""A surface nearer to the empty room's than this belongs to it: the rim of a mask shows the wall behind."""
+_EVERY = 4
+"""Distance, along rows and columns, of the pixels that are asked for unassigned foreground."""
+_LONGEST = 32767
+"""OpenCV's pictures to look up pixels by have fewer columns."""
+
+
+@dataclass(frozen=True, eq=False)
+class PackedPicture:
+    """pixels: number of each one's colour, flags for foreground, skin and within the picture, and from `_RANGE_BITS` on its
+    range along the ray [mm], 0 where unknown. mask: the foreground alone. knows_depth: false where the depth picture is empty.
+    """
+
+    pixels: Int32[AnyArray, "height width"]
+    mask: Bool[Mask, "height width"]
+    knows_depth: bool
+
+    def at(
+        self, columns: Float[Singles, "points n"], rows: Float[Singles, "points n"], out: Int32[AnyArray, "points n"]
+    ) -> None:
+        """Write the pixels at these columns and rows; 0 beyond the picture's edges."""
+        for first in range(0, columns.shape[1], _LONGEST - 1):
+            part = slice(first, first + _LONGEST - 1)
+            cv2.remap(self.pixels, columns[:, part], rows[:, part], cv2.INTER_NEAREST, out[:, part], borderValue=0)
+
+
+class StereoCamera:
+    """Packs the pictures of one stereo camera. skin: the region of colours to flag; None: no pixel is."""
+
+    def __init__(self, front_end: CameraFrontEnd, sensor: StereoSensor, skin: SkinRegion | None) -> None:
+        self.front_end, self.camera = front_end, front_end.camera
+        self._skin = skin
+        per_depth = np.linalg.norm(sensor.intrinsics.directions(), axis=-1).astype(np.float32)
+        pictures = [each for each in front_end.empty_room if isinstance(each, DepthImage)]
+        self.empty_depth_m, wall_m = _empty_room(pictures)
+        self._mm_per_depth = 1000 * per_depth
+        self._rays = np.ascontiguousarray(self.camera.pixel_rays[::_EVERY, ::_EVERY])
+        self._before_m = np.ascontiguousarray((wall_m * per_depth)[::_EVERY, ::_EVERY]) - _BEFORE_M
+        self._empty = None
+        if pictures:
+            known = np.where(np.isfinite(wall_m), wall_m, np.float32(0))
+            self._empty = self._packed(pictures[-1].rgb, known, np.zeros(known.shape, np.uint8), self._mm_per_depth)
+
+    def pack(self, image: DepthImage) -> PackedPicture | None:
+        """Pack a picture; None where it is blind."""
+        prepared = self.front_end.prepare(image)
+        if prepared is None:
+            return None
+        image, mask = prepared.image, prepared.mask.view(np.uint8)
+        knows_depth = bool((image.depth_m[::_EVERY, ::_EVERY] > 0).mean() >= _LEAST_DEPTH)
+        if self._empty is None:
+            pixels = self._packed(image.rgb, image.depth_m, mask, self._mm_per_depth)
+            return PackedPicture(pixels, prepared.mask, knows_depth)
+        # beyond the foreground it is the empty room
+        left, top, width, height = cv2.boundingRect(mask)
+        box = slice(top, top + height), slice(left, left + width)
+        pixels = self._empty.copy()
+        if width:
+            pixels[box] = self._packed(image.rgb[box], image.depth_m[box], mask[box], self._mm_per_depth[box])
+        return PackedPicture(pixels, prepared.mask, knows_depth)
+
+    def _packed(
+        self,
+        rgb: UInt8[Bytes, "height width 3"],
+        depth_m: Float[Singles, "height width"],
+        mask: UInt8[Bytes, "height width"],
+        mm_per_depth: Float[Singles, "height width"],
+    ) -> Int32[AnyArray, "height width"]:
+        """Pack a part of a picture as `PackedPicture.pixels` holds it."""
+        rgb = np.ascontiguousarray(rgb)
+        code = colour_numbers(rgb)
+        code += np.int16(IN_PICTURE)
+        code += mask * np.int16(FOREGROUND)
+        if self._skin is not None:
+            code += self._skin.shown_in(rgb).view(np.uint8) * np.int16(SKIN)
+        # rounded, and not more than 16 bits hold with a sign
+        range_mm = np.asarray(cv2.multiply(depth_m, mm_per_depth, dtype=cv2.CV_16S), np.int16)
+        pixels = np.left_shift(range_mm, _RANGE_BITS, dtype=np.int32)
+        pixels |= code
+        return pixels
+
+    def foreground_points(self, picture: PackedPicture) -> Float[Array, "4 k"]:
+        """Return places (x, y, z) [m] of foreground before the empty room's surfaces, and the area that each shows [m²]."""
+        foreground = np.flatnonzero(picture.mask[::_EVERY, ::_EVERY])
+        away = range_m(picture.pixels[::_EVERY, ::_EVERY].reshape(-1).take(foreground))
+        shown = (away > 0) & (away < self._before_m.reshape(-1).take(foreground))
+        away = away[shown]
+        places = self._rays.reshape(-1, 3).take(foreground[shown], axis=0).T * away + self.camera.eye_m[:, None]
+        pixel = _EVERY**2 / (self.camera.intrinsics.fx * self.camera.intrinsics.fy)
+        return np.concatenate([places, [pixel * away**2]]).astype(float)
+
+
+def _empty_room(
+    pictures: Sequence[DepthImage],
+) -> tuple[Float[Singles, "height width"], Float[Singles, "height width"]]:
+    """Return the depth of the empty room at each pixel, by the median and at most [m]; inf where no picture knows."""
+    if not pictures:
+        nothing = np.full((1, 1), np.inf, np.float32)
+        return nothing, nothing
+    depth = np.array([each.depth_m for each in pictures[:_EMPTY]])
+    depth = np.sort(np.where(depth > 0, depth, np.float32(np.inf)), axis=0)
+    last = np.maximum(np.isfinite(depth).sum(axis=0) - 1, 0)
+    median, most = (np.take_along_axis(depth, each[None], axis=0)[0] for each in (last // 2, last))
+    return median, most
+
+
+def pixels_in(
+    pictures: Sequence[PackedPicture], ellipses: Outlines, disc: Float[Array, "points 2"]
+) -> Int32[AnyArray, "points n"]:
+    """Look up each picture's pixels at points of the unit disc in its ellipses, one picture's after another's."""
+    columns, rows = ellipses.pixels(disc)
+    found, n = np.empty(columns.shape, np.int32), columns.shape[1] // len(pictures)
+    for number, each in enumerate(pictures):
+        own = slice(number * n, number * n + n)
+        each.at(columns[:, own], rows[:, own], found[:, own])
+    return found
+
+
+def range_m(pixels: Int32[AnyArray, "*n"]) -> Float[Singles, "*n"]:
+    """Return the range of each pixel along its ray [m], 0 where unknown."""
+    return (pixels >> _RANGE_BITS) * np.float32(1e-3)
+
+
+def share_of(pixels: Int32[AnyArray, "k n"], flag: int) -> Float[Singles, "n"]:
+    """Return the share of pixels that have a flag."""
+    return mean_of(pixels & flag) / np.float32(flag)
+
+
+def mean_of(rows: Shaped[AnyArray, "k n"]) -> Float[Singles, "n"]:
+    """Average over the first axis, by a product, which numpy does fastest."""
+    return np.full(len(rows), 1 / len(rows), np.float32) @ rows.astype(np.float32, copy=False)
