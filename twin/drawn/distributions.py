@@ -1,4 +1,5 @@
-"""What drawn rooms, people and rigs are drawn from. Every range is uniform and every share a probability, unless it says so."""
+"""Distributions that rooms, people and rigs are drawn from. Every range is uniform and every share a probability,
+unless it says so."""
 
 from __future__ import annotations
 

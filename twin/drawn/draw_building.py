@@ -38,7 +38,7 @@ class Placement:
     turn: float
 
     def to_room(self, places: Array) -> Array:
-        """Places (n, 2) of the plan in the room frame [m], to the millimetre."""
+        """Return places (n, 2) of the plan in the room frame [m], to the millimetre."""
         cos, sin = np.cos(self.turn), np.sin(self.turn)
         turned = (places - np.array(self.middle)) @ np.array([[cos, sin], [-sin, cos]])
         return np.round(turned, 3) + 0.0
@@ -97,7 +97,7 @@ def room_mjcf(
 
 
 def _axes(turn: float) -> str:
-    """The axes of a plane that looks down, its x along the plan's."""
+    """Return the axes of a plane that looks down, its x along the plan's."""
     cos, sin = np.cos(turn), np.sin(turn)
     return f"{cos:.9g} {sin:.9g} 0 {sin:.9g} {-cos:.9g} 0"
 
@@ -132,7 +132,8 @@ def _assets(chosen: dict[str, str], floor: tuple[str, str, str]) -> Iterator[str
 
 
 def _lights(is_dim: bool, rng: np.random.Generator) -> Iterator[str]:
-    """Directional lights without shadows, as in the shipped rooms: daylight, ceiling lights, and fill from two sides."""
+    """Add directional lights without shadows, as in the shipped rooms: daylight, ceiling lights, and fill from two
+    sides."""
     level = rng.uniform(0.35, 0.5) if is_dim else rng.uniform(0.9, 1.1)
     side = rng.uniform(0, 2 * np.pi)
     cos, sin = np.cos(side), np.sin(side)
@@ -150,7 +151,7 @@ def _lights(is_dim: bool, rng: np.random.Generator) -> Iterator[str]:
 
 
 def _shell(plan: FloorPlan, rng: np.random.Generator) -> Iterator[str]:
-    """Outer walls with skirting, doors and windows."""
+    """Add outer walls with skirting, doors and windows."""
     half = plan.height_m / 2
     for number, wall in enumerate(plan.walls, start=1):
         (x, y), (ax, ay) = wall.at(wall.length_m / 2), wall.along
@@ -188,7 +189,7 @@ def _shell(plan: FloorPlan, rng: np.random.Generator) -> Iterator[str]:
 def _on_wall(
     name: str, wall: Wall, along_m: float, width_m: float, low_m: float, high_m: float, thick_m: float, material: str
 ) -> Iterator[str]:
-    """A flat box on the inner face of a wall."""
+    """Add a flat box on the inner face of a wall."""
     x, y = wall.at(along_m, thick_m / 2)
     yaw = np.degrees(np.arctan2(wall.along[1], wall.along[0]))
     yield (
@@ -198,7 +199,7 @@ def _on_wall(
 
 
 def _partitions(plan: FloorPlan) -> Iterator[str]:
-    """Walls between rooms: two stretches beside the doorway, and a lintel over it."""
+    """Add walls between rooms: two stretches beside the doorway, and a lintel over it."""
     for number, partition in enumerate(plan.partitions, start=1):
         wall, (first, last) = partition.wall, partition.gap_m
         low = min(2.1, plan.height_m - 0.1)
@@ -239,7 +240,7 @@ _LEAST_FREE = 0.35
 
 @dataclass(frozen=True)
 class DrawnBuilding:
-    """What people and sensors are drawn into, and the room's file."""
+    """A drawn building, into which people and sensors are drawn, and its MJCF file."""
 
     plan: FloorPlan
     pieces: tuple[Piece, ...]
@@ -248,7 +249,7 @@ class DrawnBuilding:
     mjcf: str
 
     def spots(self, kind: str) -> list[str]:
-        """Names, as scenarios use them, of the seats or beds."""
+        """Return names, as scenarios use them, of the seats or beds."""
         return [
             f"{piece.name}_{number}_{place}"
             for number, piece in enumerate(self.pieces, start=1)
@@ -257,7 +258,7 @@ class DrawnBuilding:
         ]
 
     def to_room(self, places: Array) -> list[tuple[float, float]]:
-        """Places (n, 2) of the plan in the room frame [m]."""
+        """Return places (n, 2) of the plan in the room frame [m]."""
         return [(float(x), float(y)) for x, y in self.placement.to_room(np.reshape(places, (-1, 2)))]
 
 

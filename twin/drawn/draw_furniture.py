@@ -30,7 +30,7 @@ class Solid:
 
 @dataclass(frozen=True)
 class Spot:
-    """Where one sits or lies: `kind` seat or bed, place on top [m], yaw in the piece's frame [rad]."""
+    """A place to sit or lie: `kind` seat or bed, place on top [m], yaw in the piece's frame [rad]."""
 
     kind: str
     place: tuple[float, float, float]
@@ -55,12 +55,12 @@ class Piece:
     yaw: float = 0.0
 
     def placed(self, local: Array) -> Array:
-        """Points (n, 2) of its frame in the plan's [m]."""
+        """Transform points (n, 2) from its frame to the plan's [m]."""
         cos, sin = np.cos(self.yaw), np.sin(self.yaw)
         return local @ np.array([[cos, sin], [-sin, cos]]) + self.place
 
     def footprint(self, grown_m: float = 0.0, ahead_m: float = 0.0) -> Array:
-        """Its corners (4, 2) in the plan's frame [m], grown to all sides, and to the front."""
+        """Return its corners (4, 2) in the plan's frame [m], grown to all sides, and to the front."""
         x, y0, y1 = self.width_m / 2 + grown_m, -grown_m, self.depth_m + grown_m + ahead_m
         return self.placed(np.array([[-x, y0], [x, y0], [x, y1], [-x, y1]]))
 
@@ -222,7 +222,7 @@ def draw_furniture(plan: FloorPlan, options: DrawnRoom, space: FreeSpace, rng: n
 def _against_a_wall(
     piece: Piece, plan: FloorPlan, space: FreeSpace, others: list[Piece], rng: np.random.Generator
 ) -> Piece | None:
-    """The piece with its back to a wall or partition, where it fits; taken from `space`."""
+    """Place the piece with its back to a wall or partition, where it fits; taken from `space`."""
     walls = [(wall, 0.0) for wall in plan.walls]
     for each in plan.partitions:
         walls += [(each.wall, PARTITION_M / 2), (Wall(each.end, each.start), PARTITION_M / 2)]
@@ -249,7 +249,7 @@ def _stood(
     rng: np.random.Generator,
     gap_m: float = 0.0,
 ) -> Piece | None:
-    """The piece free in a room, along its walls or across, where it fits; taken from `space`."""
+    """Place the piece free in a room, along its walls or across, where it fits; taken from `space`."""
     for _ in range(_TRIES):
         place = space.draw(1, rng)[0]
         placed = replace(piece, place=(float(place[0]), float(place[1])), yaw=float(rng.integers(4)) * np.pi / 2)
@@ -261,7 +261,7 @@ def _stood(
 def _chairs(
     table: Piece, plan: FloorPlan, space: FreeSpace, others: list[Piece], rng: np.random.Generator
 ) -> list[Piece]:
-    """Chairs about a table or before a desk, pulled out and turned aside as people leave them."""
+    """Draw chairs about a table or before a desk, pulled out and turned aside as people leave them."""
     chairs: list[Piece] = []
     for side in (1,) if table.at_wall else (1, -1):
         n_chair = 1 if table.at_wall else int(rng.integers(0, int(table.width_m / 0.75) + 1))
@@ -318,7 +318,7 @@ def _put(piece: Piece, plan: FloorPlan, space: FreeSpace, others: list[Piece]) -
 
 
 def standing_places(piece: Piece) -> Array:
-    """Places (n, 2) [m] of the plan from which somebody sits or lies down on the piece."""
+    """Return places (n, 2) [m] of the plan from which somebody sits or lies down on the piece."""
     places = []
     for spot in piece.spots:
         if spot.kind == "seat":
@@ -331,7 +331,7 @@ def standing_places(piece: Piece) -> Array:
 
 
 def _strip(wall: Wall, first_m: float, last_m: float, half_m: float) -> Array:
-    """The rectangle (4, 2) along a wall from `first_m` to `last_m`, so far to both sides [m]."""
+    """Return the rectangle (4, 2) along a wall from `first_m` to `last_m`, so far to both sides [m]."""
     return np.array(
         [wall.at(first_m, -half_m), wall.at(last_m, -half_m), wall.at(last_m, half_m), wall.at(first_m, half_m)]
     )

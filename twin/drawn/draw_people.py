@@ -49,7 +49,7 @@ def _name(number: int) -> str:
 
 
 def _groups(count: int, options: DrawnPeople, rng: np.random.Generator) -> list[int]:
-    """Sizes of the groups that `count` people come in; 1: alone."""
+    """Draw the sizes of the groups that `count` people come in; 1: alone."""
     groups: list[int] = []
     grouped, left = 0, count
     while left:
@@ -73,7 +73,7 @@ class _PeopleDraws:
         self._starts: list[Array] = []
 
     def group(self, names: list[str], others: list[str]) -> list[dict[str, Any] | None]:
-        """One person, or a group: its first member walks about and the others go with them."""
+        """Draw one person, or a group: its first member walks about and the others go with them."""
         options, rng = self._options, self._rng
         arrives = bool(self._building.plan.doors) and rng.random() < options.arriving
         leaves = bool(self._building.plan.doors) and rng.random() < options.leaving
@@ -93,7 +93,7 @@ class _PeopleDraws:
         return members
 
     def _person(self, arrive_s: float, near: Array | None, by_door: bool) -> dict[str, Any] | None:
-        """Stature and start of somebody; None where no place to start is left."""
+        """Draw stature and start of somebody; None where no place to start is left."""
         rng, building = self._rng, self._building
         is_child = rng.random() < self._options.children
         height_m = rng.uniform(1.05, 1.38) if is_child else np.clip(rng.normal(1.71, 0.08), 1.5, 1.98)
@@ -112,7 +112,7 @@ class _PeopleDraws:
         return person
 
     def _start(self, near: Array | None) -> Array | None:
-        """A free place away from all other starts; close to `near` where that is given."""
+        """Draw a free place away from all other starts; close to `near` where that is given."""
         for place in self._building.space.draw(60, self._rng):
             if all(np.hypot(*(place - other)) >= _APART_M for other in self._starts) and (
                 near is None or np.hypot(*(place - near)) < 2.0
@@ -121,7 +121,7 @@ class _PeopleDraws:
         return None if near is None else self._start(None)
 
     def _script(self, others: list[str]) -> Script:
-        """One to four activities; the last goes on to the end."""
+        """Draw one to four activities; the last goes on to the end."""
         rng, options = self._rng, self._options
         kinds = [kind for kind, weight in options.activities.items() if weight > 0]
         weights = np.array([options.activities[kind] for kind in kinds])
@@ -132,7 +132,7 @@ class _PeopleDraws:
         return [*script, self._wandering(None)]
 
     def _activity(self, kind: str, others: list[str]) -> Script:
-        """The actions of one activity; nothing where there is nothing to do it with."""
+        """Draw the actions of one activity; nothing where there is nothing to do it with."""
         rng = self._rng
         lasts_s = round(float(rng.uniform(2, max(0.4 * self._duration_s, 3))), 1)
         match kind:
@@ -177,7 +177,7 @@ class _PeopleDraws:
         return action if for_s is None else action | {"for_s": for_s}
 
     def _walking(self) -> Script:
-        """Through a few places, then standing a while, then about."""
+        """Walk through a few places, then stand a while, then wander."""
         speed = round(float(self._rng.uniform(*self._options.speed_m_s)), 2)
         walk = {"kind": "walk", "waypoints": self._places(int(self._rng.integers(2, 6))), "speed_m_s": speed}
         return [walk, {"kind": "stand", "for_s": round(float(self._rng.uniform(1, 6)), 1)}, self._wandering(None)]
@@ -186,7 +186,7 @@ class _PeopleDraws:
         return [list(place) for place in self._building.to_room(self._building.space.draw(count, self._rng))]
 
     def _following(self, person: str, place: int, leaves: bool) -> dict[str, Any]:
-        """With the first of the group: abreast on alternate sides, or behind."""
+        """Follow the first of the group: abreast on alternate sides, or behind."""
         rng = self._rng
         action: dict[str, Any] = {"kind": "follow", "person": person}
         if rng.random() < self._options.abreast and place <= 2:

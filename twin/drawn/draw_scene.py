@@ -61,6 +61,6 @@ def _building(options: DrawnRoom, seed: int, source: str) -> DrawnBuilding:
 
 
 def _asks(content: dict[str, Any], field: str) -> bool:
-    """Whether a field is a mapping with `kind: drawn`; a person or sensor called kind is a mapping itself."""
+    """Return whether a field is a mapping with `kind: drawn`; a person or sensor called kind is a mapping itself."""
     entry = content.get(field)
     return isinstance(entry, dict) and entry.get("kind") == "drawn"

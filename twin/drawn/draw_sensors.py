@@ -56,7 +56,7 @@ class _RigDraws:
         rng.shuffle(self._corners)
 
     def scanner(self) -> dict[str, Any]:
-        """A scanner on a wall, level, looking into the room."""
+        """Draw a scanner on a wall, level, looking into the room."""
         rng, options = self._rng, self._options
         is_waist = rng.random() < options.waist
         height = float(rng.uniform(0.85, 1.1) if is_waist else rng.uniform(0.25, 0.45))
@@ -75,7 +75,7 @@ class _RigDraws:
         }
 
     def fisheye(self) -> dict[str, Any]:
-        """A fisheye camera at head height on a wall, looking into the room."""
+        """Draw a fisheye camera at head height on a wall, looking into the room."""
         place, yaw = self._on_a_wall()
         return {
             "kind": "fisheye",
@@ -88,17 +88,17 @@ class _RigDraws:
         }
 
     def camera(self) -> dict[str, Any]:
-        """A pinhole camera in a corner under the ceiling, looking down into the room."""
+        """Draw a pinhole camera in a corner under the ceiling, looking down into the room."""
         return {"kind": "camera", "rate_hz": self._rate(), "size": [480, 360], "vertical_field_of_view_deg": 62,
                 "mount": self._in_a_corner(), "noise": self._noise()}  # fmt: skip
 
     def stereo(self) -> dict[str, Any]:
-        """A stereo camera in a corner under the ceiling."""
+        """Draw a stereo camera in a corner under the ceiling."""
         return {"kind": "stereo", "rate_hz": min(self._rate(), 8.0), "size": [320, 240], "vertical_field_of_view_deg": 59,
                 "baseline_m": 0.12, "mode": "matched", "mount": self._in_a_corner(), "noise": self._noise()}  # fmt: skip
 
     def floor(self) -> dict[str, Any]:
-        """A pressure floor of 200 mm elements under the largest room."""
+        """Draw a pressure floor of 200 mm elements under the largest room."""
         room = max(self._building.plan.rooms, key=lambda each: each.area_m2)
         columns, rows = int((room.x1 - room.x0 - 0.1) / 0.2), int((room.y1 - room.y0 - 0.1) / 0.2)
         corner = self._building.to_room(np.array([room.x0 + 0.05, room.y0 + 0.05]))[0]
@@ -113,7 +113,7 @@ class _RigDraws:
         return round(float(self._rng.uniform(*self._options.camera_hz)), 1)
 
     def _mount(self, place: Array, height_m: float, yaw_deg: float, pitch_deg: float = 0.0) -> dict[str, Any]:
-        """A mount of a place and yaw of the plan."""
+        """Return a mount of a place and yaw of the plan."""
         yaw = (yaw_deg + np.degrees(self._building.placement.turn) + 180) % 360 - 180
         mount: dict[str, Any] = {
             "xyz": [*self._building.to_room(place)[0], round(height_m, 3)],
@@ -122,7 +122,8 @@ class _RigDraws:
         return mount | ({"pitch_deg": round(pitch_deg, 1)} if pitch_deg else {})
 
     def _on_a_wall(self) -> tuple[Array, float]:
-        """A free place on an outer wall, not behind furniture, in a door or beside another sensor, and where it faces [deg]."""
+        """Draw a free place on an outer wall, not behind furniture, in a door or beside another sensor, and where it
+        faces [deg]."""
         plan, rng = self._building.plan, self._rng
         lengths = np.array([wall.length_m for wall in plan.walls])
         best: tuple[float, Array, float] | None = None
@@ -146,7 +147,7 @@ class _RigDraws:
         return best[1], best[2]
 
     def _is_clear(self, place: Array, inwards: Array) -> bool:
-        """Whether no piece of furniture stands right before a place on a wall, or where a partition meets it."""
+        """Return whether no piece of furniture stands right before a place on a wall, or where a partition meets it."""
         ahead = place + np.linspace(0, _CLEAR_M, 7)[:, None] * inwards
         aside = np.array([-inwards[1], inwards[0]])
         points = np.concatenate([ahead, ahead + 0.15 * aside, ahead - 0.15 * aside])
@@ -164,7 +165,7 @@ class _RigDraws:
         return all(np.hypot(*(place - end)) > 0.4 for end in ends)
 
     def _in_a_corner(self) -> dict[str, Any]:
-        """A place in a corner under the ceiling that looks at the middle of the nearest room."""
+        """Draw a place in a corner under the ceiling that looks at the middle of the nearest room."""
         plan, rng = self._building.plan, self._rng
         corner = self._corners.pop() if self._corners else int(rng.integers(len(plan.outline)))
         before, after = plan.walls[corner - 1], plan.walls[corner]

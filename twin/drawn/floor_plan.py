@@ -69,7 +69,7 @@ class Wall:
         return np.array([-self.along[1], self.along[0]])
 
     def at(self, along_m: float, off_m: float = 0.0) -> Array:
-        """The place (2,) so far along the wall and off it, into the room [m]."""
+        """Return the place (2,) so far along the wall and off it, into the room [m]."""
         return np.array(self.start) + along_m * self.along + off_m * self.inwards
 
 
@@ -96,7 +96,7 @@ class Door:
     along_m: float
 
     def before(self, off_m: float) -> Array:
-        """The place (2,) before the door, so far into the room [m]."""
+        """Return the place (2,) before the door, so far into the room [m]."""
         return self.wall.at(self.along_m, off_m)
 
 
@@ -173,7 +173,7 @@ def _pair(place: Array) -> tuple[float, float]:
 def _divided(
     rooms: list[Rectangle], partitions: list[Partition], options: DrawnRoom, rng: np.random.Generator
 ) -> list[Rectangle] | None:
-    """The rooms with the largest one that can be divided in two, and its partition added; None where none can."""
+    """Return the rooms with the largest one that can be divided in two, and its partition added; None where none can."""
     for room in sorted(rooms, key=lambda each: -each.area_m2):
         sides = np.array([room.x1 - room.x0, room.y1 - room.y0])
         axis = int(sides.argmax())
@@ -195,7 +195,7 @@ def _divided(
 
 
 def _meets_a_doorway(start: tuple[float, float], end: tuple[float, float], partitions: list[Partition]) -> bool:
-    """Whether a partition would end in or right beside a doorway of another."""
+    """Return whether a partition would end in or right beside a doorway of another."""
     for each in partitions:
         for place in (start, end):
             off = np.array(place) - each.start
@@ -212,7 +212,7 @@ def _partition(
     options: DrawnRoom,
     rng: np.random.Generator,
 ) -> Partition:
-    """A partition with its doorway, away from both ends."""
+    """Draw a partition with its doorway, away from both ends."""
     length = Wall(start, end).length_m
     gap = min(round(rng.uniform(*options.doorway_m), 2), length - 2 * _FROM_CORNER_M)
     first = round(rng.uniform(_FROM_CORNER_M, length - _FROM_CORNER_M - gap), 2)
@@ -222,7 +222,7 @@ def _partition(
 def _doors(
     walls: tuple[Wall, ...], partitions: list[Partition], count: int, rng: np.random.Generator
 ) -> tuple[Door, ...]:
-    """Doors that lead out, apart from each other, from corners and from where partitions meet the wall."""
+    """Draw doors that lead out, apart from each other, from corners and from where partitions meet the wall."""
     ends = np.array([place for each in partitions for place in (each.start, each.end)]).reshape(-1, 2)
     doors: list[Door] = []
     lengths = np.array([wall.length_m for wall in walls])
@@ -296,7 +296,7 @@ class FreeSpace:
         return self._number
 
     def is_reached(self, places: Array) -> NDArray[np.bool_]:
-        """Which places (n, 2) [m] are free and in the largest free part."""
+        """Mask the places (n, 2) [m] that are free and in the largest free part."""
         parts = self._parts
         cells = np.rint(places / _CELL_M + 1).astype(int)
         there = ((cells >= 0) & (cells < parts.shape[::-1])).all(axis=1)

@@ -18,7 +18,8 @@ _SIDES = 24  # of the polygon that stands for a circle
 
 
 def hull_points(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Array | None:
-    """Points (n, 3) [m] whose hull is the geom's, round ones to 1 %; None for height fields. `data` needs kinematics."""
+    """Return points (n, 3) [m] whose hull is the geom's, round ones to 1 %; None for height fields. `data` needs
+    kinematics."""
     kind, size = model.geom_type[geom], model.geom_size[geom]
     angle = np.linspace(0, 2 * np.pi, _SIDES, endpoint=False)
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -65,7 +66,7 @@ def _cube(x: list[float], y: list[float], z: list[float]) -> Array:
 
 
 def _ball(circle: Array) -> Array:
-    """Points (n, 3) of the unit sphere: rings between the poles."""
+    """Return points (n, 3) of the unit sphere: rings between the poles."""
     rings = [
         np.column_stack([np.cos(up) * circle, np.full(len(circle), np.sin(up))])
         for up in np.deg2rad(np.arange(-75, 76, 15))

@@ -12,7 +12,8 @@ from trackers.arrays import Array
 
 
 def leaves_at(corners: Array, start: Array, end: Array) -> Array | None:
-    """The first place (2,) [m] found outside the simple polygon (k, 2) [m] on the way start to end (2,), None if none is.
+    """Return the first place (2,) [m] found outside the simple polygon (k, 2) [m] on the way start to end (2,), None if
+    none is.
 
     The way is cut where it meets an edge and beside each corner; between two cuts it is inside or outside as a whole.
     """
@@ -31,18 +32,18 @@ def leaves_at(corners: Array, start: Array, end: Array) -> Array | None:
 
 
 def strictly_inside(corners: Array, place: Array) -> bool:
-    """Whether a place (2,) lies in the simple polygon (k, 2) and not on its border [m]."""
+    """Return whether a place (2,) lies in the simple polygon (k, 2) and not on its border [m]."""
     inside = bool(Area(corners).contains(place[None])[0])
     return inside and float(edge_gaps(corners, place[None]).min()) > TOLERANCE_M
 
 
 def polygon_area(corners: Array) -> float:
-    """Area of the simple polygon (k, 2) [m²], in either sense of rotation."""
+    """Return area of the simple polygon (k, 2) [m²], in either sense of rotation."""
     return 0.5 * abs(float(cross(corners, np.roll(corners, -1, axis=0)).sum()))
 
 
 def gap_between(first: Array, second: Array) -> float:
-    """Least distance between two simple polygons (k, 2) and (l, 2) [m], 0 where they overlap."""
+    """Return least distance between two simple polygons (k, 2) and (l, 2) [m], 0 where they overlap."""
     if Area(first).contains(second).any() or Area(second).contains(first).any():
         return 0.0
     one, other = np.roll(first, -1, axis=0) - first, np.roll(second, -1, axis=0) - second
@@ -54,7 +55,8 @@ def gap_between(first: Array, second: Array) -> float:
 
 
 def inset(corners: Array, margin_m: float) -> Array | None:
-    """The simple polygon (k, 2) drawn in by a margin [m], corner by corner; None where it is too narrow for that."""
+    """Return the simple polygon (k, 2) drawn in by a margin [m], corner by corner; None where it is too narrow for
+    that."""
     way = np.roll(corners, -1, axis=0) - corners
     turn = np.sign(cross(corners, np.roll(corners, -1, axis=0)).sum())
     inward = turn * np.stack([-way[:, 1], way[:, 0]], axis=-1) / np.linalg.norm(way, axis=1)[:, None]

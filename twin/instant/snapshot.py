@@ -32,7 +32,7 @@ class Feet:
 
     @property
     def pressure_point(self) -> Array:
-        """Where the weight acts on the floor, (n, 2, 2) x, y [m]."""
+        """Points at which the weight acts on the floor, (n, 2, 2) x, y [m]."""
         ahead = np.stack([np.cos(self.yaw), np.sin(self.yaw)], axis=-1)
         return self.place + self.pressure_ahead_m[..., None] * ahead
 
@@ -48,7 +48,7 @@ class FootShapes:
 
 
 def on_the_floor(load: Array, height: Array) -> Array:
-    """Loads (2, n) with those of feet that are still, or already, off the floor given to the other foot.
+    """Give the loads (2, n) of feet that are still, or already, off the floor to the other foot.
 
     height: (2, n) above the floor [m]. Between two ticks, of which a foot stands at one only, both its height and its load
     are partly there.
@@ -88,5 +88,5 @@ class SnapshotSource(Protocol):
     """A world: gives the scene at any time of the last second or so, moving forward."""
 
     def snapshot(self, t: float) -> Snapshot:
-        """The scene at time t [s]; the snapshot given before becomes invalid."""
+        """Return the scene at time t [s]; the snapshot given before becomes invalid."""
         ...

@@ -1,4 +1,4 @@
-"""Everybody in the room, stepped on a fixed clock, with a short memory for sensors that look back."""
+"""The people in the room, stepped on a fixed clock, with a short history for sensors that look back."""
 
 from __future__ import annotations
 
@@ -110,24 +110,25 @@ class Population(Poses):
 
     @property
     def under_way(self) -> Mask:
-        """Who is still on their way to what they are to do, as of the last step, (n,)."""
+        """Mask (n,) of the people still on the way to what they are to do, as of the last step."""
         going = np.zeros(len(self), dtype=bool)
         going[list(self._context.going)] = True
         return going
 
     def late(self) -> list[str]:
-        """Who has not got where their script sends them in twice the time that the way takes, as of the last step."""
+        """Tell who has not got where their script sends them in twice the time that the way takes, as of the last step."""
         return self._context.late()
 
     def holds_posture(self) -> Mask:
-        """Who sits, lies, bends or reaches and has got there, as of the last step, (n,)."""
+        """Return a mask (n,) of the people who sits, lies, bends or reaches and has got there, as of the last step."""
         parts: tuple[Part, ...] = ("body", "bend", "reach")
         held = self._postures.rows[[OFF_FEET, PELVIS_PITCH, HANDS, HANDS + 4]].any(axis=0)
         done = [all(self._postures.done(number, part) for part in parts) for number in range(len(self))]
         return np.asarray(held, dtype=bool) & np.array(done, dtype=bool)
 
     def looks(self) -> Mask:
-        """Who keeps the head turned to somebody, to a place or by an angle, as of the last step, (n,)."""
+        """Return a mask (n,) of the people who keeps the head turned to somebody, to a place or by an angle, as of the
+        last step."""
         return self._postures.rows[LOOK] == 1.0
 
     def motion(self, until_s: float) -> PopulationMotion:
@@ -229,14 +230,15 @@ class Population(Poses):
 
 
 def _seat_from_start(person: Person, ground: Ground) -> Seat | None:
-    """The seat on which somebody begins; None: they begin on their feet."""
+    """Return the seat that a person sits on from the start; None: the person starts on their feet."""
     action = person.script[0] if person.script else None
     found = ground.furniture[action.seat] if isinstance(action, Sit) and action.seated else None
     return found if isinstance(found, Seat) else None
 
 
 def _put_before_seat(person: Person, ground: Ground, measures: BodyMeasures, number: int) -> Person:
-    """Who begins seated, with start and heading as of somebody who has just sat down there."""
+    """Return a person who starts seated with the start and heading of one who has just sat down there; others as they
+    are."""
     seat = _seat_from_start(person, ground)
     if seat is None:
         return person
@@ -246,7 +248,7 @@ def _put_before_seat(person: Person, ground: Ground, measures: BodyMeasures, num
 
 
 def _kept_in(person: Person, ground: Ground) -> Array | None:
-    """The polygon (k, 2) [m] that a person does not leave: wanderers the tracked area, others the walkable one."""
+    """Return the polygon (k, 2) [m] that a person does not leave: wanderers the tracked area, others the walkable one."""
     if person.script and isinstance(person.script[0], RecordedPath):
         return None
     only_wanders = all(isinstance(action, Wander) for action in person.script)

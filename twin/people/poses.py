@@ -1,4 +1,4 @@
-"""Everybody's poses at any moment of the last seconds, whoever moves them: stepped anew, or as they moved before."""
+"""Poses of all people at any time of the last seconds, whether stepped now or precomputed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ HISTORY_S = 3.0
 
 
 class PoseHistory:
-    """What was at each of the last ticks, `HISTORY_S` of them, of n people; its size does not grow with time."""
+    """Gait, posture and presence of n people at the ticks of the last `HISTORY_S`; its size does not grow with time."""
 
     def __init__(self, count: int) -> None:
         size = round(HISTORY_S / TICK_S) + 1
@@ -50,16 +50,16 @@ class PoseHistory:
         self._posture[slot], self._present[slot] = posture, present
 
     def last(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """What was remembered at the last tick: floor, rows, posture, present; copies."""
+        """Return copies of the last tick's rows: floor, rows, posture, present; copies."""
         slot = self.tick % len(self)
         return tuple(each[slot].copy() for each in (self._floor, self._rows, self._posture, self._present))  # pyright: ignore[reportReturnType]
 
     def present(self, t: float) -> NDArray[np.bool_]:
-        """Who was in the room at time t [s], (n,)."""
+        """Return a mask (n,) of the people in the room at time t [s]."""
         return self._present[self._slots(t)[0]].copy()
 
     def at(self, t: float) -> tuple[GaitState, Array]:
-        """The moment and the posture at time t [s], between the two ticks around it; ValueError for one not kept."""
+        """Interpolate gait state and posture (POSTURE_ROWS, n) at time t [s]. Raises ValueError for a time not kept."""
         early, late, share = self._slots(t)
         floor, rows, posture = self._floor, self._rows, self._posture
         return GaitState(
@@ -67,7 +67,8 @@ class PoseHistory:
         ), posture[early] + share * (posture[late] - posture[early])
 
     def ticks_around(self, t: float) -> list[tuple[GaitState, Array]]:
-        """GaitState and posture at the two ticks around time t [s], the earlier first; nothing before the second tick."""
+        """Return gait state and posture at the two ticks around time t [s], the earlier first; nothing before the
+        second tick."""
         if self.tick == 0:
             return []
         late = max(min(int(t / TICK_S + 1e-9) + 1, self.tick), 1)
@@ -75,7 +76,7 @@ class PoseHistory:
         return [(GaitState(self._floor[slot], self._rows[slot]), self._posture[slot]) for slot in slots]
 
     def _slots(self, t: float) -> tuple[int, int, float]:
-        """The two remembered ticks around time t [s], and the share of the later one."""
+        """Return the two remembered ticks around time t [s], and the share of the later one."""
         size = len(self)
         oldest = max(0, self.tick - size + 1)
         place = t / TICK_S
@@ -91,7 +92,7 @@ class PoseHistory:
 
 @dataclass(frozen=True, eq=False)
 class PopulationTruth:
-    """Where everybody is at one time, room frame, people in the order of their names.
+    """Truth about all people at one time, in the room frame, in the order of their names.
 
     present: who is in the room, (n,); x, y, z: the pelvis (middle between the hip joints) [m]; yaw: where the person faces,
     for somebody who lies on the back where the feet point [rad]; vx, vy: velocity of the ground point under the pelvis
@@ -108,7 +109,7 @@ class PopulationTruth:
 
 
 class Poses(ABC):
-    """What sensors and truth ask of people, in the order of their names, from the memory of their last ticks."""
+    """Poses, soles and truth of people in the order of their names, from the history of their last ticks."""
 
     def __init__(self, names: Sequence[str], appearances: Mapping[str, BodyAppearance], measures: BodyMeasures) -> None:
         """`appearances`: their looks, for proportions and mass; `measures`: those of their bodies, in the order of `names`."""
@@ -132,11 +133,12 @@ class Poses(ABC):
         """Take the people on by one tick."""
 
     def present(self, t: float) -> Mask:
-        """Who is in the room at time t [s], (n,)."""
+        """Return a mask (n,) of the people in the room at time t [s]."""
         return self._history.present(t)
 
     def qpos(self, t: float) -> Array:
-        """Joint coordinates (n, NQ_PERSON) at time t [s], laid out as `twin.people.body.person_spec.JOINTS` says.
+        """Return joint coordinates (n, NQ_PERSON) at time t [s], laid out as `twin.people.body.person_spec.JOINTS`
+        says.
 
         Those who are not present have the coordinates of when they were, or will be.
         """
@@ -145,7 +147,7 @@ class Poses(ABC):
         return self._asked[2].copy()
 
     def feet(self, t: float) -> Feet:
-        """Everybody's soles and the weight on them at time t [s]."""
+        """Return all soles and the weight on them at time t [s]."""
         state, posture = self._history.at(t)
         present = self.present(t)
         feet = foot_loads(state, self._skeleton)
@@ -162,7 +164,7 @@ class Poses(ABC):
         )
 
     def truth(self, t: float) -> PopulationTruth:
-        """Where everybody is at time t [s]."""
+        """Return the truth about all people at time t [s]."""
         state, posture = self._history.at(t)
         qpos = self.qpos(t)
         velocity = state.pelvis_velocity + self._posture_velocity(t)
@@ -174,7 +176,8 @@ class Poses(ABC):
         return overlay_postures(joint_coordinates(state, self._skeleton), posture, self._measures)
 
     def _posture_velocity(self, t: float) -> NDArray[np.complex128]:
-        """What sitting down, bending and the like add to the velocity of the ground point under the pelvis, (n,) [m/s]."""
+        """Return what sitting down, bending and the like add to the velocity of the ground point under the pelvis, (n,)
+        [m/s]."""
         around = self._history.ticks_around(t)
         if not any(len(active(posture)) for _, posture in around):
             return np.zeros(len(self), dtype=complex)
@@ -187,7 +190,7 @@ class Poses(ABC):
 
 @dataclass(frozen=True, eq=False)
 class PopulationMotion:
-    """What a population's memory held at each tick t of n people, from the start on: see `PoseHistory`."""
+    """Motion of n people: the rows of a `PoseHistory` at every tick t from the start on."""
 
     floor: NDArray[np.complex128]  # (t, FLOOR_ROWS, n)
     rows: NDArray[np.float64]  # (t, ROWS, n)
@@ -204,7 +207,7 @@ class PopulationMotion:
 
     @classmethod
     def load(cls, path: Path) -> PopulationMotion:
-        """The motion in a file that `save` has written, to the bit."""
+        """Read a file that `save` has written, to the bit."""
         with np.load(path) as held:
             posture = np.zeros(held["shape"])
             posture[np.unpackbits(held["which"], count=posture.size).reshape(posture.shape).astype(bool)] = held[
@@ -213,12 +216,12 @@ class PopulationMotion:
             return cls(held["floor"], held["rows"], posture, held["present"])
 
     def same(self, other: PopulationMotion) -> bool:
-        """Whether both are the same to the bit."""
+        """Return whether both are the same to the bit."""
         return all(getattr(self, each.name).tobytes() == getattr(other, each.name).tobytes() for each in fields(self))
 
 
 class PrecomputedPoses(Poses):
-    """People who move as they did before, on the clock of whoever asks.
+    """Poses of people whose motion was precomputed.
 
     Ticks come into the memory one by one as time goes on, as they did when the people were stepped: what lies between the
     last two ticks is then interpolated alike, whatever sensor asks in which order.

@@ -1,4 +1,4 @@
-"""Where a thing may be put up: inside the building, in free space, out of people's way. Here meshes count as walls."""
+"""The building: where a thing may be mounted (indoors, in free space, out of people's way), and its outline from above."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Building:
     def of(
         cls, model: mujoco.MjModel, data: mujoco.MjData, floor: list[Array], walkable: Array, furniture: Footprints
     ) -> Building:
-        """The building of an empty room; `floor`: convex pieces (k, 2), `walkable` (k, 2): where bodies' middles may go [m]."""
+        """Build from an empty room; `floor`: convex pieces (k, 2), `walkable` (k, 2): where bodies' middles may go [m]."""
         walls, standing = standing_footprints(model, data)
         plan = Plan.over(floor, standing, common_direction(walls or floor))
         ground = plan.within(plan.drawn(floor))
@@ -70,7 +70,7 @@ class Building:
         )
 
     def is_indoors(self, places_m: Array) -> Mask:
-        """Which places (n, 2 or 3) [m] are above the building's floor, or in its walls."""
+        """Mask the places (n, 2 or 3) [m] that are above the building's floor, or in its walls."""
         cells = np.rint(self.plan.cells_of(places_m[:, :2])).astype(int)
         rows, columns = self.plan.shape
         there = (cells >= 0).all(axis=1) & (cells[:, 0] < columns) & (cells[:, 1] < rows)
@@ -79,7 +79,7 @@ class Building:
         return inside
 
     def is_solid(self, places_m: Array) -> Mask:
-        """Which places (n, 3) [m] are in a wall or a thing of the room; a mesh is taken as its convex hull."""
+        """Mask the places (n, 3) [m] that are in a wall or a thing of the room; a mesh is taken as its convex hull."""
         model, data = self.model, self.data
         solid = np.zeros(len(places_m), dtype=bool)
         for geom in range(model.ngeom):
@@ -95,7 +95,7 @@ class Building:
         return solid
 
     def is_walked(self, places_m: Array, below_m: float) -> Mask:
-        """Which places (n, 3) [m] are lower than this where people walk: not right beside, or above, furniture."""
+        """Mask the places (n, 3) [m] that are lower than this where people walk: not right beside, or above, furniture."""
         walked = (places_m[:, 2] < below_m) & self.walkable.contains(places_m[:, :2])
         if len(self.furniture) and walked.any():
             _, gap_m = self.furniture.gaps(places_m[walked, 0] + 1j * places_m[walked, 1])
@@ -103,7 +103,8 @@ class Building:
         return walked
 
     def along_walls(self, every_m: float, off_m: float, heights_m: Sequence[float]) -> tuple[Array, Array]:
-        """Places (n, 3) [m] this far off the walls, at most so far from each other, and where the walls there face (n,) [rad]."""
+        """Return places (n, 3) [m] this far off the walls, at most so far from each other, and where the walls there
+        face (n,) [rad]."""
         places, facing = [np.zeros((0, 3))], [np.zeros(0)]
         for start, way in zip(self.outline, np.roll(self.outline, -1, axis=0) - self.outline, strict=True):
             length = float(np.hypot(*way))
@@ -123,18 +124,20 @@ class Building:
         return found[free], np.concatenate(facing)[free]
 
     def _free_m(self, place_m: Array, direction: Array) -> float:
-        """How far it is from a place (3,) [m] to the first thing of the room in a direction; inf where there is none."""
+        """Measure the distance from a place (3,) [m] to the first thing of the room in a direction; inf where there is
+        none."""
         geom = np.zeros(1, dtype=np.int32)
         found = mujoco.mj_ray(self.model, self.data, place_m, direction, RAY_GROUPS, 1, -1, geom, None)
         return found if found >= 0 else np.inf
 
     def ceiling_m(self, places_m: Array) -> Array:
-        """Height (n,) [m] of what is over places (n, 2) [m] of the floor from 2 m on; inf under the sky."""
+        """Return height (n,) [m] of what is over places (n, 2) [m] of the floor from 2 m on; inf under the sky."""
         up = np.array([0.0, 0.0, 1.0])
         return np.array([2.0 + self._free_m(np.array([x, y, 2.0]), up) for x, y in places_m])
 
     def way_along_walls_m(self, start_m: Array, places_m: Array) -> Array:
-        """Length (n,) [m] of a cable from a point (3,) to places (n, 3): to the wall, along it, up or down, and off it."""
+        """Return length (n,) [m] of a cable from a point (3,) to places (n, 3): to the wall, along it, up or down, and
+        off it."""
         ends = np.roll(self.outline, -1, axis=0)
         way = ends - self.outline
         length = np.hypot(way[:, 0], way[:, 1])
@@ -152,7 +155,8 @@ class Building:
         return gap0 + found[:, 1] + np.minimum(round_m, before[-1] - round_m) + np.abs(places_m[:, 2] - start_m[2])
 
     def walls_nearest(self, place_m: Array) -> list[tuple[float, Array, Array]]:
-        """The two nearest walls that lie across each other: distance [m], foot (2,) on the wall, the wall's direction (2,)."""
+        """Return the two nearest walls that lie across each other: distance [m], foot (2,) on the wall, the wall's
+        direction (2,)."""
         ends = np.roll(self.outline, -1, axis=0)
         way = ends - self.outline
         length = np.hypot(way[:, 0], way[:, 1])
@@ -185,7 +189,7 @@ def check_mount(model: mujoco.MjModel, data: mujoco.MjData, field: str, xyz: NDA
 
 
 def inside_geom(kind: int, size: NDArray[np.float64], local: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Which points (n, 3) in the geom's frame lie inside it, (n,); meshes and height fields are taken as empty."""
+    """Mask the points (n, 3) in the geom's frame that lie inside it, (n,); meshes and height fields are taken as empty."""
     match kind:
         case mujoco.mjtGeom.mjGEOM_PLANE:
             # One-sided: behind it is inside the wall. A size of 0 means endless.
@@ -210,7 +214,7 @@ _LOW_M, _HIGH_M = 0.1, 1.8
 
 
 def room_outline(model: mujoco.MjModel, data: mujoco.MjData) -> list[NDArray[np.float64]]:
-    """Convex outlines (k, 2) [m] of the static geoms that stand in the room; `data` needs kinematics."""
+    """Return convex outlines (k, 2) [m] of the static geoms that stand in the room; `data` needs kinematics."""
     outlines = []
     for geom in range(model.ngeom):
         if model.body_weldid[model.geom_bodyid[geom]] != 0 or model.geom_rgba[geom, 3] == 0:

@@ -1,4 +1,4 @@
-"""How much a room's files ask MuJoCo to make: read from their headers and counted before it makes any of it.
+"""Limits on what a room's files ask MuJoCo to make, counted from their headers before it makes any of it.
 
 A line of MJCF can ask for a billion copies, a picture of a kilobyte for a gigabyte of pixels.
 """
@@ -71,7 +71,7 @@ def check_bytes(asked: list[float], room: Path) -> None:
 
 
 def bytes_asked(element: ElementTree.Element, defaults: list[ElementTree.Element], contents: list[bytes]) -> float:
-    """About how much memory an asset takes once it is compiled [bytes].
+    """Estimate the memory that an asset takes once it is compiled [bytes].
 
     `defaults`: the elements of its tag under `<default>`; `contents`: of its files.
     """
@@ -93,7 +93,7 @@ def bytes_asked(element: ElementTree.Element, defaults: list[ElementTree.Element
 
 
 def _builtin_faces(said: Mapping[str, str]) -> float:
-    """Faces of a mesh that MuJoCo makes by itself, or more."""
+    """Count the faces of a mesh that MuJoCo makes by itself, or more."""
     first, second, third = (*_numbers(said.get("params", "")), 1.0, 1.0, 1.0)[:3]
     match said.get("builtin", "none"):
         case "none":
@@ -109,7 +109,7 @@ def _builtin_faces(said: Mapping[str, str]) -> float:
 
 
 def _pixels(content: bytes) -> float:
-    """Pixels of a picture, by the header of a PNG; of other formats as many as it has bytes."""
+    """Count the pixels of a picture, by the header of a PNG; of other formats as many as it has bytes."""
     if content.startswith(_PNG) and len(content) >= 24:
         width, height = struct.unpack(">II", content[16:24])
         return float(width) * height
@@ -117,7 +117,7 @@ def _pixels(content: bytes) -> float:
 
 
 def _faces(content: bytes) -> float:
-    """Faces, or vertices where they are more, of a mesh: OBJ by its lines, STL and MSH by their headers."""
+    """Count faces, or vertices where they are more, of a mesh: OBJ by its lines, STL and MSH by their headers."""
     head = content[:4096]
     if b"\0" not in head:
         corners = sum(max(len(line.split()) - 3, 1) for line in re.findall(rb"^\s*f\s[^\n]*", content, re.MULTILINE))
@@ -129,13 +129,13 @@ def _faces(content: bytes) -> float:
 
 
 def _copies(replicate: ElementTree.Element) -> float:
-    """How many things a `<replicate>` makes, one within another multiplied."""
+    """Count the things that a `<replicate>` makes, one within another multiplied."""
     inner = sum(_copies(each) for child in replicate for each in _outermost(child))
     return _number(replicate.get("count", "")) * max(inner, 1.0, len(replicate))
 
 
 def _outermost(element: ElementTree.Element) -> Iterator[ElementTree.Element]:
-    """The replicates in an element, itself included, that are in no other of them."""
+    """Return the replicates in an element, itself included, that are in no other of them."""
     if element.tag == "replicate":
         yield element
     else:
@@ -144,7 +144,8 @@ def _outermost(element: ElementTree.Element) -> Iterator[ElementTree.Element]:
 
 
 def _things(element: ElementTree.Element, attached: float) -> float:
-    """Elements that an element makes, itself included; `attached`: those of a model or file that it brings in."""
+    """Count the elements that an element makes, itself included; `attached`: those of a model or file that it brings
+    in."""
     inside = sum(_things(child, attached) for child in element)
     match element.tag:
         case "replicate":
@@ -160,7 +161,7 @@ def _numbers(text: str) -> list[float]:
 
 
 def _number(text: str) -> float:
-    """A number of an attribute as it stands; 0 for what is none, which MuJoCo tells of."""
+    """Return a number of an attribute as it stands; 0 for what is none, which MuJoCo tells of."""
     try:
         return float(text)
     except ValueError:

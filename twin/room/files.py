@@ -76,7 +76,7 @@ def allow_room_root(folder: Path) -> None:
 
 
 def room_files(room: Path) -> dict[Path, bytes]:
-    """The room's file and all that it reads, however deep, each with its content, in the order of their paths.
+    """Return the room's file and all that it reads, however deep, each with its content, in the order of their paths.
 
     MuJoCo takes a path from the model's folder or from that of the included file, with or without the compiler's meshdir,
     texturedir or assetdir, without its folders under strippath: each place at which there is a file counts. Files that are
@@ -135,7 +135,7 @@ def _where(path: Path, room: Path) -> str:
 
 
 def _parsed(content: bytes, path: Path, room: Path) -> ElementTree.Element:
-    """The root of an MJCF file, read as MuJoCo reads it: UTF-8 without a document type of its own."""
+    """Parse the root of an MJCF file, read as MuJoCo reads it: UTF-8 without a document type of its own."""
     where = _where(path, room)
     try:
         text = content.decode("utf-8-sig")
@@ -153,7 +153,8 @@ def _parsed(content: bytes, path: Path, room: Path) -> ElementTree.Element:
 def _places(
     part: _Part, element: str | None, room: Path, of_model: tuple | list[ElementTree.Element]
 ) -> Iterator[tuple[ElementTree.Element, Path]]:
-    """The files there are for what the elements of one name say, None: all that do not name MJCF; each with its element."""
+    """Return the files there are for what the elements of one name say, None: all that do not name MJCF; each with its
+    element."""
     compilers = [compiler for root in of_model for compiler in root.iter("compiler")]
     folders = [""] + [compiler.get(name, "") for compiler in compilers for name in _FOLDERS]
     strips = any(compiler.get("strippath") == "true" for compiler in compilers)
@@ -176,7 +177,7 @@ def _places(
 
 
 def _joined(base: Path, folder: str, name: str) -> Path:
-    """As MuJoCo joins them: backslashes are slashes, what is absolute stands alone."""
+    """Join paths as MuJoCo does: backslashes are slashes, what is absolute stands alone."""
     place = base
     for step in (folder, name):
         step = step.replace("\\", "/")
@@ -185,7 +186,7 @@ def _joined(base: Path, folder: str, name: str) -> Path:
 
 
 def _inside(candidates: list[Path], room: Path, said: str, part: Path, folders: list[str]) -> Iterator[Path]:
-    """Those of the candidates at which there is a file; raises InputError where that, or all of them, is elsewhere."""
+    """Return the candidates at which there is a file. Raises InputError where that, or all of them, is elsewhere."""
     homes = [room.parent.resolve()]
     if root := os.environ.get(ROOM_ROOT):
         homes.append(Path(root).resolve())

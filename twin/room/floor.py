@@ -30,7 +30,8 @@ class LevelSurface:
 
 
 def level_surfaces(model: mujoco.MjModel, data: mujoco.MjData) -> list[LevelSurface]:
-    """The tops of the room's level planes, boxes, cylinders and meshes that stand still and are seen, at any height.
+    """Return the tops of the room's level planes, boxes, cylinders and meshes that stand still and are seen, at any
+    height.
 
     Planes without an end reach as far as `hull_points` says. `data` needs kinematics.
     """
@@ -47,7 +48,7 @@ def level_surfaces(model: mujoco.MjModel, data: mujoco.MjData) -> list[LevelSurf
 
 
 def floor_of(model: mujoco.MjModel, data: mujoco.MjData, source: str) -> list[Array]:
-    """The convex pieces (k, 2) [m] of the room's floor; they may overlap. `data` needs kinematics.
+    """Return the convex pieces (k, 2) [m] of the room's floor; they may overlap. `data` needs kinematics.
 
     Raises InputError, naming `source`, where nothing level is at z = 0.
     """
@@ -63,7 +64,7 @@ def floor_of(model: mujoco.MjModel, data: mujoco.MjData, source: str) -> list[Ar
 
 
 def floor_hull(pieces: Sequence[Array]) -> Array:
-    """The convex hull (k, 2) [m] of the floor's pieces."""
+    """Return the convex hull (k, 2) [m] of the floor's pieces."""
     points = np.concatenate(pieces)
     return points[ConvexHull(points).vertices]
 
@@ -102,7 +103,7 @@ def _of_solid(model: mujoco.MjModel, data: mujoco.MjData, geom: int, name: str) 
 
 
 def _of_mesh(model: mujoco.MjModel, data: mujoco.MjData, geom: int, name: str) -> list[LevelSurface]:
-    """A surface a height, of the mesh's triangles that face up."""
+    """Return one surface per height, of the mesh's triangles that face up."""
     points = hull_points(model, data, geom)
     assert points is not None
     mesh = model.geom_dataid[geom]

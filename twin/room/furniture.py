@@ -49,7 +49,7 @@ class Seat:
         return float(self.place[2])
 
     def before(self, gap_m: float) -> Array:
-        """The place on the floor (2,) that is `gap_m` [m] ahead of the front edge."""
+        """Return the place on the floor (2,) that is `gap_m` [m] ahead of the front edge."""
         return self.place[:2] + (self.to_front_m + gap_m) * _direction(self.yaw)
 
 
@@ -73,7 +73,7 @@ class Bed:
         return float(self.place[2])
 
     def beside(self, gap_m: float, along_m: float = 0.0) -> Array:
-        """Places on the floor (2, 2), left and right of the bed, `gap_m` [m] off its edges.
+        """Return places on the floor (2, 2), left and right of the bed, `gap_m` [m] off its edges.
 
         `along_m`: so far from the middle towards the head [m].
         """
@@ -83,7 +83,7 @@ class Bed:
 
 
 def furniture_of(model: mujoco.MjModel, source: str = "room") -> dict[str, Seat | Bed]:
-    """The seats and beds of a room by NAME, in the order of the file; people attached to the model are left out.
+    """Return the seats and beds of a room by NAME, in the order of the file; people attached to the model are left out.
 
     Raises InputError, naming `source`, for a site without furniture under it, one that is not level, and a name used twice.
     """
@@ -128,7 +128,8 @@ def furniture_of(model: mujoco.MjModel, source: str = "room") -> dict[str, Seat 
 
 
 def _reach(points: Array) -> float:
-    """How far ahead (x) the hull of points (n, 3) reaches straight before the origin [m], -inf where it is beside."""
+    """Return how far ahead (x) the hull of points (n, 3) reaches straight before the origin [m], -inf where it is
+    beside."""
     flat = points[:, :2]
     start = flat[ConvexHull(flat).vertices]
     way = np.roll(start, -1, axis=0) - start

@@ -66,7 +66,7 @@ def light_room(spec: mujoco.MjSpec, source: str) -> None:
 
 
 def light_of(model: mujoco.MjModel) -> float:
-    """How bright the lamps of a model shine together, those behind walls too; 1: as bright as lamps of a room are."""
+    """Sum the brightness of a model's lamps, those behind walls too; 1: as bright as lamps of a room are."""
     lamps = (model.light_diffuse + model.light_ambient).max(axis=1, initial=0.0)
     head = model.vis.headlight
     return float(lamps[model.light_active != 0].sum()) + (float(head.ambient.max()) if head.active else 0.0)
@@ -108,7 +108,7 @@ class Lighting:
             array[:] = own * (self._shares @ factors)
 
     def factors(self, t: float, *, until_s: float = inf) -> NDArray[np.float64]:
-        """What each light's brightness is multiplied by at time t [s], (n_light,)."""
+        """Return the factors (n_light,) on the brightness of each light at time t [s]."""
         return np.array([_factor(changes, min(t, until_s), t) for changes in self._changes])
 
     def _of_lights(self) -> tuple[NDArray, ...]:
@@ -120,7 +120,7 @@ class Lighting:
 
 
 def _factor(changes: Sequence[LightChange], begun_by_s: float, t: float) -> float:
-    """The brightness that one light's changes, in order of time, have led to at time t."""
+    """Return the brightness that one light's changes, in order of time, have led to at time t."""
     factor, last = 1.0, None
     begun = [change for change in changes if change.at_s <= begun_by_s]
     for place, change in enumerate(begun):

@@ -36,7 +36,7 @@ _NOT_SET = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
 
 
 def load_room(path: Path) -> mujoco.MjSpec:
-    """The room of an MJCF file, all of it at rest, with the twin's own settings in place of the file's.
+    """Load the room of an MJCF file, all of it at rest, with the twin's own settings in place of the file's.
 
     Raises InputError for files that it may not read, for elements that are not modelled, and where it is no valid MJCF.
     """
@@ -52,7 +52,7 @@ def load_room(path: Path) -> mujoco.MjSpec:
 
 
 def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
-    """The model of a room; raises InputError naming its file where it does not compile."""
+    """Compile a room. Raises InputError naming its file where it does not compile."""
     try:
         model = spec.compile()
     except ValueError as error:
@@ -63,7 +63,7 @@ def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
 
 
 def what_is_wrong(error: Exception) -> str:
-    """MuJoCo's message and, where it gives them, the element and the line."""
+    """Return MuJoCo's message and, where it gives them, the element and the line."""
     what, *where = [line.strip().rstrip(".") for line in str(error).strip().splitlines()]
     return ", ".join([what, *(line for line in where if line.startswith("Element"))])
 
@@ -91,7 +91,7 @@ def set_planes(
 
 
 def _stepped(length_m: float, least_m: float) -> float:
-    """The least of `least_m` times a power of `_STEP` that is at least as long [m]."""
+    """Return the least of `least_m` times a power of `_STEP` that is at least as long [m]."""
     while least_m < length_m:
         least_m *= _STEP
     return least_m

@@ -55,7 +55,8 @@ class Obstacle:
 
 
 def obstacles_of(model: mujoco.MjModel, source: str = "room") -> list[Obstacle]:
-    """The footprints of a room's furniture and walls; people attached to the model are left out, as they can move.
+    """Return the footprints of a room's furniture and walls; people attached to the model are left out, as they can
+    move.
 
     Geoms whose top is below `LOW_M`, whose foot is above `HIGH_M`, floors and what nobody sees (alpha 0) are no
     obstacles. Footprints of one piece of furniture that (nearly) cover each other become one, round ones an octagon
@@ -92,7 +93,7 @@ def obstacles_of(model: mujoco.MjModel, source: str = "room") -> list[Obstacle]:
 
 
 def within_reach(obstacles: Sequence[Obstacle], area: Array, reach_m: float) -> list[Obstacle]:
-    """The obstacles that lie in the polygon `area` (k, 2) [m] or less than `reach_m` [m] from it."""
+    """Return the obstacles that lie in the polygon `area` (k, 2) [m] or less than `reach_m` [m] from it."""
     return [each for each in obstacles if gap_between(area, each.corners) < reach_m - TOLERANCE_M]
 
 
@@ -119,14 +120,14 @@ class Footprints:
         return len(self._names)
 
     def belong_to(self, furniture: Collection[str]) -> Mask:
-        """Which obstacles belong to the named pieces of furniture, (m,); raises ValueError for an unknown name."""
+        """Mask (m,) the obstacles that belong to the named pieces of furniture. Raises ValueError for an unknown name."""
         unknown = set(furniture).difference(self._names)
         if unknown:
             raise ValueError(f"no obstacle belongs to {sorted(unknown)}; there are {sorted(set(self._names))}")
         return np.array([name in furniture for name in self._names], dtype=bool)
 
     def gaps(self, places: Planar) -> tuple[Planar, Array]:
-        """Directions (n, m) from places (n,) to the nearest border of each obstacle, and distances (n, m) [m].
+        """Return directions (n, m) from places (n,) to the nearest border of each obstacle, and distances (n, m) [m].
 
         Inside an obstacle the distance is negative and the direction points further in, away from the nearest border.
         """
@@ -148,14 +149,15 @@ class Footprints:
 
 
 def inflated(corners: Array, margin_m: float, sides: int = 12) -> Array:
-    """The convex polygon (k, 2) with a margin [m] all around, corners cut by a polygon of `sides` about the circle."""
+    """Return the convex polygon (k, 2) with a margin [m] all around, corners cut by a polygon of `sides` about the
+    circle."""
     angle = 2 * np.pi * (np.arange(sides) + 0.5) / sides
     disc = margin_m / np.cos(np.pi / sides) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     return _hull((corners[:, None] + disc).reshape(-1, 2))
 
 
 def _covered(obstacles: list[Obstacle]) -> list[bool]:
-    """Which footprints a larger one holds all of."""
+    """Mask the footprints that a larger one holds all of."""
     if not obstacles:
         return []
     low = np.array([each.corners.min(axis=0) for each in obstacles])
@@ -171,7 +173,7 @@ def _covered(obstacles: list[Obstacle]) -> list[bool]:
 
 
 def _few_corners(corners: Array) -> Array:
-    """The convex polygon (k, 2) itself, or an octagon about it where it has more corners."""
+    """Return the convex polygon (k, 2) itself, or an octagon about it where it has more corners."""
     if len(corners) <= len(_OCTAGON):
         return corners
     support = (corners @ _OCTAGON.T).max(axis=0)  # along eight directions
@@ -181,14 +183,14 @@ def _few_corners(corners: Array) -> Array:
 
 
 def _hull(points: Array) -> Array:
-    """The convex hull (k, 2), counter-clockwise; what is too thin for one is made `_THIN_M` thick."""
+    """Return the convex hull (k, 2), counter-clockwise; what is too thin for one is made `_THIN_M` thick."""
     if min(np.linalg.svd(points - points.mean(axis=0), compute_uv=False)) < _THIN_M:
         points = (points[:, None] + _THIN_M * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])).reshape(-1, 2)
     return points[ConvexHull(points).vertices]
 
 
 def _merged(shapes: list[Array]) -> list[Array]:
-    """The shapes with those that nearly cover each other, or stand in line, made one."""
+    """Return the shapes with those that nearly cover each other, or stand in line, made one."""
     shapes = list(shapes)
     while True:
         for first in range(len(shapes)):

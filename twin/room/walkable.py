@@ -1,4 +1,4 @@
-"""Where people walk in a room that does not say it: from its floor and its walls.
+"""The walkable area of a room that does not say it, from its floor and its walls.
 
 On a grid of 2 cm (coarser over 40 m), turned as most of the walls are:
 
@@ -61,7 +61,8 @@ _MARGINS_M = (KEEP_FROM_EDGE_M + 0.03, KEEP_FROM_EDGE_M + 0.1)
 
 
 def walkable_area(model: mujoco.MjModel, data: mujoco.MjData, floor: Sequence[Array], source: str) -> Array:
-    """Where a body's middle may go: a simple polygon (k, 2), counter-clockwise, in the room frame [m].
+    """Compute the area in which a body's middle may go: a simple polygon (k, 2), counter-clockwise, in the room frame
+    [m].
 
     `floor`: convex pieces (k, 2) [m]; `data` needs kinematics. Raises InputError, naming `source`, where there is no such
     place.
@@ -95,7 +96,7 @@ class Plan:
 
     @classmethod
     def over(cls, floor: Sequence[Array], standing: Sequence[Array], turn: float) -> Plan:
-        """The grid that holds the floor, as far as it counts."""
+        """Make the grid that holds the floor, as far as it counts."""
         points = _turned(np.concatenate(floor), -turn)
         low, high = points.min(axis=0), points.max(axis=0)
         things = _turned(np.concatenate(standing), -turn) if standing else np.zeros((1, 2))
@@ -107,11 +108,11 @@ class Plan:
         return cls(turn, low - _EDGE_M, (int(rows), int(columns)), cell_m)
 
     def cells(self, length_m: float) -> int:
-        """A length in whole cells, at least one."""
+        """Return a length in whole cells, at least one."""
         return max(1, round(length_m / self.cell_m))
 
     def drawn(self, shapes: Iterable[Array]) -> Mask:
-        """The convex polygons (k, 2) [m] filled with 1; each cell that one touches counts."""
+        """Draw the convex polygons (k, 2) [m] filled with 1; each cell that one touches counts."""
         mask = np.zeros(self.shape, dtype=np.uint8)
         for shape in shapes:
             cells = self.cells_of(shape)
@@ -119,23 +120,23 @@ class Plan:
         return mask
 
     def within(self, mask: Mask) -> Mask:
-        """The mask without what lies on the edge of the grid."""
+        """Return the mask without what lies on the edge of the grid."""
         edge = self.cells(_EDGE_M)
         inner = np.zeros_like(mask)
         inner[edge:-edge, edge:-edge] = mask[edge:-edge, edge:-edge]
         return inner
 
     def cells_of(self, places: Array) -> Array:
-        """The cells (n, 2), column and row and not rounded, of places (n, 2) [m] of the room frame."""
+        """Return the cells (n, 2), column and row and not rounded, of places (n, 2) [m] of the room frame."""
         return (_turned(places, -self.turn) - self.low) / self.cell_m
 
     def places(self, cells: Array) -> Array:
-        """The places (n, 2) [m] of cells (n, 2), in the room frame."""
+        """Return the places (n, 2) [m] of cells (n, 2), in the room frame."""
         return _turned(cells * self.cell_m + self.low, self.turn)
 
 
 def standing_footprints(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[list[Array], list[Array]]:
-    """The footprints (k, 2) [m] of the walls, and of all that is in people's way, walls included."""
+    """Return the footprints (k, 2) [m] of the walls, and of all that is in people's way, walls included."""
     walls, standing = [], []
     for geom in range(model.ngeom):
         if model.body_weldid[model.geom_bodyid[geom]] != 0 or model.geom_rgba[geom, 3] == 0:
@@ -153,7 +154,7 @@ def standing_footprints(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[lis
 
 
 def _outline(points: Array) -> Array:
-    """The convex hull (k, 2) of points (n, 2) [m]; of points in a line, its ends."""
+    """Return the convex hull (k, 2) of points (n, 2) [m]; of points in a line, its ends."""
     try:
         return points[ConvexHull(points).vertices]
     except QhullError:
@@ -162,7 +163,8 @@ def _outline(points: Array) -> Array:
 
 
 def common_direction(shapes: Iterable[Array]) -> float:
-    """The angle [rad], from -45 to 45 degrees, that most of the edges of shapes (k, 2), by length, lie along or across."""
+    """Return the angle [rad], from -45 to 45 degrees, that most of the edges of shapes (k, 2), by length, lie along or
+    across."""
     ways = np.concatenate([(np.roll(shape, -1, axis=0) - shape) @ np.array([1, 1j]) for shape in shapes])
     degrees, length = np.rad2deg(np.angle(ways)) % 90, np.abs(ways)
     near = [np.abs((degrees - each + 45) % 90 - 45) < _ALIKE_DEG for each in range(90)]
@@ -173,7 +175,7 @@ def common_direction(shapes: Iterable[Array]) -> float:
 
 
 def outdoors_of(standing: Mask, plan: Plan) -> Mask:
-    """The cells that a square as wide as a door reaches from the edge of the grid."""
+    """Return the cells that a square as wide as a door reaches from the edge of the grid."""
     door = plan.cells(_DOOR_M)
     middles = cv2.erode(1 - standing, _square(door), borderType=cv2.BORDER_CONSTANT, borderValue=1)
     number = _numbered(middles.astype(np.uint8))
@@ -183,7 +185,7 @@ def outdoors_of(standing: Mask, plan: Plan) -> Mask:
 
 
 def _walked(free: Mask, outdoors: Mask, plan: Plan) -> Mask:
-    """The largest part of the free cells in which a body's middle can walk about."""
+    """Return the largest part of the free cells in which a body's middle can walk about."""
     margin = plan.cells(OBSTACLE_REACH_M)
     area = cv2.erode(free, _square(2 * margin), borderType=cv2.BORDER_CONSTANT, borderValue=0).astype(np.uint8)
     area = _opened(area, plan.cells(_WAY_M))
@@ -197,7 +199,8 @@ def _walked(free: Mask, outdoors: Mask, plan: Plan) -> Mask:
 
 
 def _without_dead_ends(area: Mask, cells: int, only_at: Mask | None = None) -> Mask:
-    """The area without what is narrower, unless that leads from one wide part to another; `only_at`: or does not touch it."""
+    """Return the area without what is narrower, unless that leads from one wide part to another; `only_at`: or does not
+    touch it."""
     wide = _opened(area, cells)
     number = _numbered(wide)
     narrow = _numbered(area & ~wide)
@@ -218,7 +221,7 @@ def _without_dead_ends(area: Mask, cells: int, only_at: Mask | None = None) -> M
 
 
 def _polygon(area: Mask, plan: Plan, source: str) -> Array:
-    """The outline of a part, as simple as it must be to keep from its edge."""
+    """Return the outline of a part, as simple as it must be to keep from its edge."""
     outlines, _ = cv2.findContours(area, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     outline = max(outlines, key=cv2.contourArea)
     for rough_m in _ROUGH_M:
@@ -237,7 +240,7 @@ def _polygon(area: Mask, plan: Plan, source: str) -> Array:
 
 
 def _numbered(mask: Mask) -> NDArray[np.int32]:
-    """The connected parts of a mask, numbered from 1; 0 where it is 0."""
+    """Return the connected parts of a mask, numbered from 1; 0 where it is 0."""
     return cv2.connectedComponents(mask, connectivity=4)[1].astype(np.int32, copy=False)
 
 
@@ -250,11 +253,11 @@ def _closed(mask: Mask, cells: int) -> Mask:
 
 
 def _square(cells: int) -> Mask:
-    """A square as wide as so many cells, or one more: its middle is a cell."""
+    """Return a square as wide as so many cells, or one more: its middle is a cell."""
     return np.ones((cells | 1, cells | 1), dtype=np.uint8)
 
 
 def _turned(points: Array, angle: float) -> Array:
-    """Points (n, 2) turned about the origin by an angle [rad]."""
+    """Return points (n, 2) turned about the origin by an angle [rad]."""
     cos, sin = np.cos(angle), np.sin(angle)
     return points @ np.array([[cos, sin], [-sin, cos]])

@@ -44,7 +44,7 @@ from twin.run.outcome import (
 from twin.run.tracker_runner import file_name
 from twin.scenario import Scenario
 from twin.scenario.load import dump_scenario
-from twin.scenario.scenario import conditions_of
+from twin.scenario.scenario import describe_conditions
 from twin.streams import stream
 from twin.truth.frames import TruthDetail, TruthFrame
 from twin.world.heap import heap_trimmed
@@ -204,7 +204,7 @@ class _LiveRun:
             sensors=self._simulation.sensor_costs(),
             command=_command(self._out.path, self._chosen, self._request.images),
             notes=(
-                *conditions_of(scenario),
+                *describe_conditions(scenario),
                 *(f"{each}." for each in (*self._warnings, *self._late, *lines(self._losses))),
                 *prior_notes(self._prior_files),
                 *tracker_notes(self._feed.runners, scenario.faults),

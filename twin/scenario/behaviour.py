@@ -1,4 +1,4 @@
-"""What people do, as a scenario says it: a small vocabulary of actions, done one after another.
+"""Behaviour of people in a scenario: a small vocabulary of actions, done one after another.
 
 A person's script is one action or a list of them. Every action may wait for a time (`at_s`) and for a condition (`when`),
 standing meanwhile; `for_s` says how long it lasts where it has no end of its own. After the last action people stand.
@@ -246,7 +246,7 @@ class Follow(_Lasting):
 
     @property
     def keeps_m(self) -> float:
-        """How far from the other the follower keeps [m]."""
+        """Distance that the follower keeps from the other [m]."""
         default_m = 1.2 if self.beside is None else 0.7
         return default_m if self.distance_m is None else self.distance_m
 
@@ -313,14 +313,14 @@ Action = Annotated[
 
 
 def endless(action: Action) -> bool:
-    """Whether nothing after this action would ever be done."""
+    """Return whether nothing after this action would ever be done."""
     if isinstance(action, Wander | Stand | Sit | Lie | Follow):
         return action.for_s is None
     return isinstance(action, RecordedPath | Leave) or (isinstance(action, Walk | Run) and action.repeat)
 
 
 def companions(action: Action) -> list[tuple[str, str]]:
-    """The people an action names, each as (field, name)."""
+    """Return the people an action names, each as (field, name)."""
     named = []
     match action:
         case Follow() | Meet():

@@ -50,7 +50,8 @@ class Distortion(Strict):
 
 
 class MotionBlur(Strict):
-    """How long the shutter is open [s], from the stamp on, and at how many instants, evenly spaced, light is gathered."""
+    """Motion blur: the time the shutter is open from the stamp on [s], and the number of instants, evenly spaced, at
+    which light is gathered."""
 
     exposure_s: float = Field(gt=0, le=0.25, description="how long the shutter is open, from the stamp on [s]")
     instants: int = Field(
@@ -62,7 +63,7 @@ class MotionBlur(Strict):
 
 
 class PerspectiveDescription(Mounted):
-    """What pinhole and stereo cameras have in common: a place, a size and a focal length.
+    """Common part of pinhole and stereo cameras: a place, a size and a focal length.
 
     The mount's x axis is the optical axis. The focal length is given by one of `field_of_view_deg` (horizontal, edge to
     edge, of the undistorted picture), `vertical_field_of_view_deg`, or `fx` [px] (and `fy`, by default `fx`). The
@@ -123,7 +124,7 @@ class PerspectiveDescription(Mounted):
         return self
 
     def intrinsics(self) -> PinholeIntrinsics:
-        """How it projects."""
+        """Return the intrinsics without distortion."""
         width, height = self.size
         if self.field_of_view_deg is not None:
             fx = width / 2 / tan(radians(self.field_of_view_deg) / 2)
@@ -160,7 +161,7 @@ class PinholeDescription(PerspectiveDescription):
         return self
 
     def intrinsics(self) -> PinholeIntrinsics:
-        """How it projects."""
+        """Return the intrinsics with distortion."""
         lens = self.distortion
         return super().intrinsics().model_copy(update={"distortion": (lens.k1, lens.k2, lens.p1, lens.p2, lens.k3)})
 
@@ -178,7 +179,7 @@ class PinholeDescription(PerspectiveDescription):
         return _exposed(self.noise, self)
 
     def rig_sensor(self, name: str) -> PinholeSensor:
-        """What a tracker is told of it."""
+        """Return the camera as a rig holds it."""
         return PinholeSensor(
             topic=f"/{name}/image/compressed",
             room_from_sensor=self.mount.room_from_optical(),
@@ -231,7 +232,7 @@ class StereoDescription(PerspectiveDescription):
         return _exposed(self.noise, self)
 
     def rig_sensor(self, name: str) -> StereoSensor:
-        """What a tracker is told of it."""
+        """Return the camera as a rig holds it."""
         return StereoSensor(
             topic=f"/{name}/image/compressed",
             depth_topic=f"/{name}/depth/compressed",

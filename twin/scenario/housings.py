@@ -45,7 +45,7 @@ def check_on_housing(description: Any, housings: Mapping[str, Housing]) -> None:
 
 
 def in_the_room(scenario: HasSensors, name: str) -> AnyDescription:
-    """The description of a sensor with its mount in the room's frame, whatever housing it is on."""
+    """Return the description of a sensor with its mount in the room's frame, whatever housing it is on."""
     description = scenario.sensors[name]
     if isinstance(description, FloorDescription) or description.housing is None:
         return description
@@ -67,14 +67,14 @@ def check_place(scenario: HasSensors, name: str) -> None:
         check_layer(role, description.mount.room_from_housing())
 
 
-def check_told(scenario: HasSensors, name: str) -> None:
-    """Raise ValueError where what trackers are told of a sensor is nothing that a rig can say."""
+def check_assumed_sensor(scenario: HasSensors, name: str) -> None:
+    """Raise ValueError where the assumed sensor is nothing that a rig can hold."""
     description = in_the_room(scenario, name)
     if description.calibration_error is None:
         return
     try:
-        told = assumed_sensor(description, description.rig_sensor(name))
-        type(told).model_validate(told.model_dump())
+        assumed = assumed_sensor(description, description.rig_sensor(name))
+        type(assumed).model_validate(assumed.model_dump())
     except ValidationError as error:
         faults = [".".join(map(str, each["loc"])) + ": " * bool(each["loc"]) + each["msg"] for each in error.errors()]
         raise ValueError(
@@ -100,7 +100,7 @@ def check_calibration_error(description: Any) -> None:
 
 
 def assumed_sensor(description: AnyDescription, true: RigSensor) -> RigSensor:
-    """What trackers are told of a sensor that hangs in the room as described and truly is as `true` says."""
+    """Return the sensor that trackers assume, which hangs in the room as described and truly is as `true` says."""
     assumed = description.calibration_error
     if assumed is None:
         return true
@@ -121,14 +121,14 @@ def assumed_sensor(description: AnyDescription, true: RigSensor) -> RigSensor:
     return true.model_copy(update=change)
 
 
-def rig_told(scenario: HasSensors, area: tuple[Point2, ...]) -> Rig:
-    """The rig as trackers are told of it, that of a simulation of the scenario, without building any sensor.
+def assumed_rig(scenario: HasSensors, area: tuple[Point2, ...]) -> Rig:
+    """Return the rig that trackers assume, that of a simulation of the scenario, without building any sensor.
 
     area: the tracked area, a polygon in the room's frame [m].
     """
     hung = {name: in_the_room(scenario, name) for name in scenario.sensors}
-    told = {name: assumed_sensor(description, description.rig_sensor(name)) for name, description in hung.items()}
-    return Rig(sensors=told, area=area, room=scenario.room_name, main=scenario.main_sensor)
+    assumed = {name: assumed_sensor(description, description.rig_sensor(name)) for name, description in hung.items()}
+    return Rig(sensors=assumed, area=area, room=scenario.room_name, main=scenario.main_sensor)
 
 
 def _assumed_pose(description: AnyDescription, assumed: CalibrationError) -> Pose:

@@ -57,7 +57,7 @@ class DrawableScenarioFile(ScenarioFile):
 def load_scenario(
     name: AnyPath, overrides: Sequence[str] = (), *, suites: Sequence[str] = (), folder: AnyPath = Path()
 ) -> Scenario:
-    """The scenario of this name (shipped) or path, with overrides like 'sensors.waist.rate_hz=20' applied.
+    """Load the scenario of this name (shipped) or path, with overrides like 'sensors.waist.rate_hz=20' applied.
 
     suites: overrides applied before those, whose paths are relative to `folder`, a suite's.
 
@@ -83,7 +83,7 @@ def load_scenario(
 
 
 def _read(path: Path, children: tuple[Path, ...]) -> dict[str, Any]:
-    """The content of a scenario file over that of the scenario it extends."""
+    """Read a scenario file, merged over the scenario that it extends."""
     expected = "a scenario (room, people, sensors, duration_s)"
     content = parse_yaml(read_text(path, expected), str(path), expected)
     content = checked_current_names(ScenarioFile, content, str(path))
@@ -133,9 +133,9 @@ def _bring_pedestrians(content: dict[str, Any], source: str) -> None:
     if not isinstance(duration_s, int | float) or not duration_s > 0:
         return  # the scenario's own check says so
     people, warnings = people_from(pedestrians, duration_s, source)
-    told = content.get("warnings", [])
+    given = content.get("warnings", [])
     if warnings:
-        content["warnings"] = [*(told if isinstance(told, list) else [told]), *warnings]
+        content["warnings"] = [*(given if isinstance(given, list) else [given]), *warnings]
     own = content.setdefault("people", {})
     if isinstance(own, dict):
         twice = sorted(own.keys() & people.keys())
@@ -147,7 +147,7 @@ def _bring_pedestrians(content: dict[str, Any], source: str) -> None:
 
 
 def _without_removed(content: dict[str, Any]) -> dict[str, Any]:
-    """The content without entries that are null; options of trackers are the trackers' to read."""
+    """Return the content without entries that are null; options of trackers are the trackers' to read."""
     kept = without_null(content)
     if isinstance(trackers := content.get("trackers"), dict):
         kept["trackers"] = {name: choice for name, choice in trackers.items() if choice is not None}
@@ -155,14 +155,14 @@ def _without_removed(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def without_null(content: Any) -> Any:
-    """The content without entries that are null, at any depth of mappings."""
+    """Return the content without entries that are null, at any depth of mappings."""
     if isinstance(content, dict):
         return {key: without_null(value) for key, value in content.items() if value is not None}
     return content
 
 
 def apply_overrides(content: dict[str, Any], overrides: Sequence[str]) -> dict[str, Any]:
-    """The content with 'path.to.field=value' overrides applied in order; raises InputError for one that is malformed."""
+    """Apply 'path.to.field=value' overrides to the content in order. Raises InputError for one that is malformed."""
     changed = deepcopy(content)
     for override in overrides:
         _apply(changed, override)
@@ -170,7 +170,7 @@ def apply_overrides(content: dict[str, Any], overrides: Sequence[str]) -> dict[s
 
 
 def _said(override: str) -> str:
-    """An override as an error tells it: cut where nobody would read on."""
+    """Return an override as errors show it, cut to `_MOST_SHOWN` characters."""
     return f"--set {override}" if len(override) <= _MOST_SHOWN else f"--set {override[:_MOST_SHOWN]}..."
 
 
@@ -206,7 +206,7 @@ def _apply(content: dict[str, Any], override: str) -> None:
 
 
 def _valued(override: str, path: list[str], part: str) -> InputError:
-    """What to say of a path that leads into a value, a list's item."""
+    """Return the error for a path that leads into a value, a list's item."""
     return InputError(f"{_said(override)}: {'.'.join(path)} is a value, not a mapping; it has no {part!r}")
 
 
@@ -217,7 +217,7 @@ def _index(items: list[Any], part: str, override: str) -> int:
 
 
 def dump_scenario(scenario: Scenario) -> str:
-    """The resolved scenario as YAML that runs again to the same bits."""
+    """Write the resolved scenario as YAML that runs again to the same bits."""
     content = scenario.model_dump(mode="json", exclude_none=True)
     return dump_yaml(content)
 

@@ -1,4 +1,4 @@
-"""Where a sensor hangs, alone or on a housing that carries several, and where it is assumed to hang."""
+"""Mounts of sensors: true and assumed, in the room or on a housing that carries several."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _UPRIGHT = 1e-9
 
 
 class Mount(Strict):
-    """Where a sensor hangs and how it is turned: `xyz` [m] in the room frame; angles [deg] of its frame.
+    """Pose of a sensor in the room: `xyz` [m] in the room frame; angles [deg] of its frame.
 
     Its frame is x ahead, y left, z up, for cameras too. Turned by yaw about z (90 looks along the room's y), then by
     pitch about the new y (positive looks down), then by roll about the new x. Of a sensor on a housing, all of this is
@@ -41,22 +41,22 @@ class Mount(Strict):
     )
 
     def room_from_housing(self) -> Pose:
-        """The pose of the frame x ahead, y left, z up."""
+        """Return the pose of the frame x ahead, y left, z up."""
         return Pose(xyz=self.xyz, rpy=(radians(self.roll_deg), radians(self.pitch_deg), radians(self.yaw_deg)))
 
     def room_from_optical(self) -> Pose:
-        """The pose of a camera's optical frame, x right, y down, z ahead."""
+        """Return the pose of a camera's optical frame, x right, y down, z ahead."""
         rotation: NDArray[np.float64] = self.room_from_housing().rotation @ _HOUSING_FROM_OPTICAL
         return Pose.from_matrix(rotation, self.xyz)
 
     def carrying(self, inner: Mount) -> Mount:
-        """The mount in this one's own surroundings of something that hangs in this one's frame at `inner`."""
+        """Return the mount in this one's own surroundings of something that hangs in this one's frame at `inner`."""
         outer, held = self.room_from_housing(), inner.room_from_housing()
         return mount_of(outer.rotation @ held.rotation, outer.translation + outer.rotation @ held.translation)
 
 
 def mount_of(rotation: NDArray[np.float64], xyz: NDArray[np.float64]) -> Mount:
-    """The mount with this rotation matrix (3, 3) and place (3,) [m]."""
+    """Return the mount with this rotation matrix (3, 3) and place (3,) [m]."""
     pitch = asin(min(1.0, max(-1.0, -rotation[2, 0])))
     if cos(pitch) > _UPRIGHT:
         yaw, roll = atan2(rotation[1, 0], rotation[0, 0]), atan2(rotation[2, 1], rotation[2, 2])
@@ -67,7 +67,7 @@ def mount_of(rotation: NDArray[np.float64], xyz: NDArray[np.float64]) -> Mount:
 
 
 class CalibrationError(Strict):
-    """What a tracker believes of a sensor beyond where and how it is: assumed minus true.
+    """Calibration error of a sensor: assumed minus true.
 
     `xyz` [m]: how far off it is assumed, along the room's axes; `rpy_deg` [deg]: turned by this about its own frame (x
     ahead, y left, z up; of a camera too): roll about x, pitch about y, yaw about z. `focal_scale`: the assumed focal length
@@ -75,7 +75,7 @@ class CalibrationError(Strict):
     alone. `time_offset_s` is what the rig tells a tracker to add to the stamps [s].
 
     The twin senses from the true place with the true lens, and so is the truth; the rig that trackers get and that a bag
-    carries holds what is assumed. A pressure floor's belief is level: no z, no roll, no pitch.
+    carries holds what is assumed. The error of a pressure floor is level: no z, no roll, no pitch.
     """
 
     xyz: Point3 = Field(
@@ -91,9 +91,7 @@ class CalibrationError(Strict):
         default=(0.0, 0.0),
         description="assumed principal point off the true one, right and down, of cameras only [px]",
     )
-    time_offset_s: FiniteFloat = Field(
-        default=0.0, description="what trackers are told to add to the sensor's stamps [s]"
-    )
+    time_offset_s: FiniteFloat = Field(default=0.0, description="what the rig adds to the sensor's stamps [s]")
 
     @model_validator(mode="after")
     def _consistent(self) -> CalibrationError:
@@ -107,16 +105,16 @@ class CalibrationError(Strict):
 
     @property
     def changes_lens(self) -> bool:
-        """Whether the assumed lens is another than the true one."""
+        """True if the assumed lens is another than the true one."""
         return self.focal_scale != 1 or self.principal_px != (0.0, 0.0)
 
     @property
     def changes_pose(self) -> bool:
-        """Whether the assumed pose is another than the true one."""
+        """True if the assumed pose is another than the true one."""
         return any(self.xyz) or any(self.rpy_deg)
 
     def mount(self, true: Mount) -> Mount:
-        """Where a sensor that hangs at this mount of the room is assumed to hang."""
+        """Return the assumed mount of a sensor that hangs at this mount of the room."""
         roll, pitch, yaw = self.rpy_deg
         turned = true.carrying(Mount(xyz=(0.0, 0.0, 0.0), yaw_deg=yaw, pitch_deg=pitch, roll_deg=roll))
         x, y, z = (np.array(true.xyz) + np.array(self.xyz)).tolist()
@@ -124,9 +122,9 @@ class CalibrationError(Strict):
 
 
 class Mounted(Timing):
-    """A sensor that hangs somewhere: in the room, or on a `housing` by its name, whose frame `mount` is in then.
+    """A sensor with a mount: in the room, or on a `housing` by its name, whose frame `mount` is in then.
 
-    `calibration_error`: what trackers are told of it, where that is not the truth.
+    `calibration_error`: what its calibration says wrongly.
     """
 
     former_names: ClassVar = {"believed": "calibration_error"}

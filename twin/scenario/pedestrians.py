@@ -73,13 +73,13 @@ class Pedestrians(Strict):
 def people_from(
     pedestrians: Pedestrians, duration_s: float, source: str
 ) -> tuple[dict[str, dict[str, Any]], list[str]]:
-    """The people as entries of a scenario's `people:`, by name, in the order of their numbers; and what to warn of.
+    """Read people as entries of a scenario's `people:`, by name, in the order of their numbers; and warnings.
 
     Somebody with a single row has no path: they are left out, with a warning. Raises InputError naming file, line and
     value for what is no path: gaps, repeated stamps, jumps, NaN, nobody there.
     """
     path = Path(pedestrians.file)
-    paths, told = _read(path, pedestrians.frame_rate_hz, f"{source}: pedestrians.frame_rate_hz")
+    paths, notes = _read(path, pedestrians.frame_rate_hz, f"{source}: pedestrians.frame_rate_hz")
     wanted = None if pedestrians.ids is None else list(dict.fromkeys(str(number) for number in pedestrians.ids))
     seen_once = [number for number, rows in paths.items() if len(rows) < 2]
     for number in seen_once:
@@ -104,7 +104,6 @@ def people_from(
                 f"{source}: pedestrians.ids: {path} {what}; one of {_some(sorted(paths, key=by_number))} is expected"
             )
     people = {}
-    angle = radians(pedestrians.turn_deg)
     for number in sorted(paths if wanted is None else wanted, key=by_number):
         rows = paths[number]
         _check_gaps(rows, usual_s, f"{path}: person {number}")
@@ -116,14 +115,7 @@ def people_from(
                 f"{rows[-1][0] - first_s:g} s, not during the scenario's 0 to {duration_s:g} s; "
                 "another number, start_s or duration_s is expected"
             )
-        points = [
-            [
-                round(t - first_s, 9),
-                x * cos(angle) - y * sin(angle) + pedestrians.shift_m[0],
-                x * sin(angle) + y * cos(angle) + pedestrians.shift_m[1],
-            ]
-            for t, x, y in rows
-        ]
+        points = _in_room(rows, pedestrians, first_s)
         # where a bag is carried, and kept out of others' way, a path does not say
         people[f"{pedestrians.prefix}{number}"] = {"bag": "none", "script": [{"kind": "path", "points": points}]}
     if not people:
@@ -132,7 +124,14 @@ def people_from(
             f"{source}: pedestrians.start_s: nobody of {path} is there from {pedestrians.start_s:g} s on for "
             f"{duration_s:g} s; a moment from 0 to {last:g} s at which somebody walks is expected"
         )
-    return people, [*(f"pedestrians: {note}" for note in told), *_warnings(path, seen_once if wanted is None else [])]
+    return people, [*(f"pedestrians: {note}" for note in notes), *_warnings(path, seen_once if wanted is None else [])]
+
+
+def _in_room(rows: list[Row], pedestrians: Pedestrians, first_s: float) -> list[list[float]]:
+    """Return rows t [s] since the scenario's start, at `first_s` of the file, and x, y [m] in the room's frame."""
+    cosine, sine = cos(radians(pedestrians.turn_deg)), sin(radians(pedestrians.turn_deg))
+    (right, up) = pedestrians.shift_m
+    return [[round(t - first_s, 9), x * cosine - y * sine + right, x * sine + y * cosine + up] for t, x, y in rows]
 
 
 def _warnings(path: Path, seen_once: list[str]) -> list[str]:
@@ -149,7 +148,7 @@ def _warnings(path: Path, seen_once: list[str]) -> list[str]:
 
 
 def _read(path: Path, frame_rate_hz: float | None, rate_field: str) -> tuple[dict[str, list[Row]], list[str]]:
-    """The rows of each person in order of time, by label; and what was guessed."""
+    """Read the rows of each person in order of time, by label; and notes on what was guessed."""
     found = read_people(path, "a table of paths", MOST_TEXT_BYTES, frame_rate_hz, rate_field)
     x, y = (found.rows.numbers(name, may_be_empty=False) for name in "xy")
     for row in np.flatnonzero(np.maximum(np.abs(x), np.abs(y)) > _FURTHEST_M)[:1]:
@@ -157,7 +156,7 @@ def _read(path: Path, frame_rate_hz: float | None, rate_field: str) -> tuple[dic
             f"{path}: line {found.rows.lines[row]}: [{x[row]:g}, {y[row]:g}] is out of the world; at most {_FURTHEST_M:g} m "
             "are expected"
         )
-    told = [*found.notes, *doubts(found)]
+    notes = [*found.notes, *doubts(found)]
     paths: dict[str, list[Row]] = {}
     for who, stamp_ns, *place in zip(found.labels, found.stamps_ns.tolist(), x.tolist(), y.tolist(), strict=True):
         paths.setdefault(who, []).append((stamp_ns / NS_PER_S, place[0], place[1]))
@@ -168,7 +167,7 @@ def _read(path: Path, frame_rate_hz: float | None, rate_field: str) -> tuple[dic
             raise InputError(f"{path}: id {who!r} makes no name of a person; letters, digits, _ and - are expected")
     for who, rows in paths.items():
         _check_jumps(rows, f"{path}: person {who}")
-    return paths, told
+    return paths, notes
 
 
 def _check_jumps(rows: list[Row], where: str) -> None:

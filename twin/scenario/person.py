@@ -36,7 +36,7 @@ class Wardrobe:
     worn: dict[str, float]
 
     def check(self, garment: Garment, colour: str, *, may_be_none: bool = False) -> str:
-        """The colour itself when it is a name of this garment's or '#rrggbb'; raises ValueError saying what is valid.
+        """Return the colour if it is a name of this garment's or '#rrggbb'. Raises ValueError saying what is valid.
 
         `may_be_none`: 'none' is valid too.
         """
@@ -48,14 +48,14 @@ class Wardrobe:
         raise ValueError(f"no {what} colour {colour!r}{_meant(colour, names)}; valid are {', '.join(names)} or {other}")
 
     def check_choice(self, choice: Choice, name: str) -> str:
-        """The name itself when it is one of this kind's; raises ValueError saying what is valid."""
+        """Return the name if it is one of this kind's. Raises ValueError saying what is valid."""
         names = self.choices[choice]
         if name in names:
             return name
         raise ValueError(f"no {choice.replace('_', ' ')} {name!r}{_meant(name, names)}; valid are {', '.join(names)}")
 
     def rgb(self, garment: Garment, colour: str) -> tuple[float, float, float]:
-        """The colour as red, green, blue, 0 to 1; raises ValueError saying what is valid."""
+        """Return the colour as red, green, blue, 0 to 1. Raises ValueError saying what is valid."""
         code = self.colours[garment].get(self.check(garment, colour), colour)
         red, green, blue = (int(code[place : place + 2], 16) / 255 for place in (1, 3, 5))
         return red, green, blue
@@ -68,7 +68,7 @@ def _meant(name: str, names: Iterable[str]) -> str:
 
 @cache
 def wardrobe() -> Wardrobe:
-    """The shipped wardrobe (`models/people/wardrobe.yaml`)."""
+    """Load the shipped wardrobe (`models/people/wardrobe.yaml`)."""
     content = load_yaml("people/wardrobe.yaml")
     choices = {choice: content.pop(choice) for choice in _CHOICES}
     worn = content.pop("worn")
@@ -88,7 +88,7 @@ def _one_of(choice: Choice) -> AfterValidator:
 
 
 def _as_list(script: Any) -> Any:
-    """A script of one action may be given without brackets."""
+    """Put a single action, given without brackets, into a list."""
     return script if isinstance(script, list | tuple) else (script,)
 
 
@@ -96,7 +96,7 @@ Script = Annotated[tuple[Action, ...], BeforeValidator(_as_list, json_schema_inp
 
 
 class Person(Strict):
-    """Who walks in the room; what is left out is drawn from the person's own seed.
+    """A person in the room; what is left out is drawn from the person's own seed.
 
     Colours are names of the wardrobe or '#rrggbb'; a skirt, coat, cap or bag may be 'none'. A shirt that is named is
     seen: it is plain unless a pattern is named, and neither coat nor bag is drawn over it. Who wears a skirt has bare

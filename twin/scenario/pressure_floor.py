@@ -31,7 +31,7 @@ _FloorElectronics = Annotated[
 
 
 class FloorMount(Strict):
-    """Where a floor's grid lies: `xyz` [m] of the outer corner of element (0, 0) in the room frame, on the floor, z = 0.
+    """Place of a floor's grid: `xyz` [m] of the outer corner of element (0, 0) in the room frame, on the floor, z = 0.
 
     Rows run along the room's x, turned by yaw about z; rows follow each other along y, turned likewise.
     """
@@ -50,7 +50,7 @@ class FloorMount(Strict):
         return self
 
     def room_from_grid(self) -> Pose:
-        """The pose of the grid's frame: x along a row, y from row to row, z up."""
+        """Return the pose of the grid's frame: x along a row, y from row to row, z up."""
         return Pose(xyz=self.xyz, rpy=(0.0, 0.0, radians(self.yaw_deg)))
 
 
@@ -85,7 +85,7 @@ class FloorDescription(Timing):
         return self
 
     def rig_sensor(self, name: str) -> FloorSensor:
-        """What a tracker is told of it."""
+        """Return the floor as a rig holds it."""
         return FloorSensor(
             topic=f"/{name}/floor",
             room_from_sensor=self.mount.room_from_grid(),

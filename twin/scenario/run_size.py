@@ -1,4 +1,4 @@
-"""How much a run of a scenario makes: said before it starts, and refused where nobody can have meant it."""
+"""Size of a run: estimated before it starts, and refused above limits that catch mistakes."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _DEPTH_BYTES_PER_PIXEL = 0.77
 
 @dataclass(frozen=True)
 class RunSize:
-    """What runs make: seconds simulated, people, observations, and about how many bytes of recording."""
+    """Size of runs: seconds simulated, people, observations, and about how many bytes of recording."""
 
     seconds: float = 0.0
     people: int = 0
@@ -48,7 +48,7 @@ class RunSize:
 
 
 def size_of(scenario: Scenario, *, images: bool = True) -> RunSize:
-    """What a run makes, by what shipped scenarios were measured to make: bytes within a factor of two or so."""
+    """Estimate the size of a run from measurements of shipped scenarios: bytes within a factor of two or so."""
     observations, n_bytes, most_looks = 0, 0.0, 0
     for sensor in scenario.sensors.values():
         if _pixels(sensor) and not images:
@@ -63,7 +63,7 @@ def size_of(scenario: Scenario, *, images: bool = True) -> RunSize:
 
 
 def total(sizes: Iterable[RunSize]) -> RunSize:
-    """All runs together; of their people, the most of any."""
+    """Add up the sizes of runs; of their people, the most of any."""
     sizes = list(sizes)
     return RunSize(
         sum(each.seconds for each in sizes),
@@ -104,7 +104,7 @@ def _refuser(source: str) -> Callable[[str, str, str], None]:
 
 
 def _pixels(sensor: AnyDescription) -> int:
-    """Of a sensor's picture; 0 where it takes none."""
+    """Count the pixels of a sensor's picture; 0 where it takes none."""
     if isinstance(sensor, FisheyeDescription | PinholeDescription | StereoDescription):
         lens = sensor.intrinsics()
         return lens.width * lens.height

@@ -12,7 +12,7 @@ from trackers.area import Polygon
 from trackers.configuration import Strict, Typed
 from trackers.rig import NO_PRIOR, Name, PriorFiles
 from twin.scenario.behaviour import companions
-from twin.scenario.housings import Housing, check_calibration_error, check_on_housing, check_place, check_told
+from twin.scenario.housings import Housing, check_assumed_sensor, check_calibration_error, check_on_housing, check_place
 from twin.scenario.person import STEADY, Person, Randomize
 from twin.scenario.sensors import SensorDescription
 from twin.sensors.fault_kinds import FaultDescription, check_fault
@@ -74,8 +74,8 @@ class Rendering(Strict):
 
     def __str__(self) -> str:
         """What is switched on, in words; empty where nothing is."""
-        told = ["shadows"] if self.shadows else []
-        return " and ".join([*told, *([f"{self.samples} samples a pixel"] if self.samples else [])])
+        messages = ["shadows"] if self.shadows else []
+        return " and ".join([*messages, *([f"{self.samples} samples a pixel"] if self.samples else [])])
 
 
 PLAIN = Rendering()
@@ -101,18 +101,18 @@ class TrackerChoice(Typed):
 
     @model_serializer
     def _written(self) -> dict[str, JsonValue]:
-        """As a file holds it; an option that is none stays, whatever else is left out."""
+        """Serialize as a file holds it; an option that is none stays, whatever else is left out."""
         return ({} if self.preset is None else {"preset": self.preset}) | self.options
 
 
 class TruthOptions(Strict):
-    """What is kept of the truth that costs something to find out."""
+    """Truth that is costly to compute: how often it is kept."""
 
     boxes_hz: float = Field(
         default=2.0,
         ge=0,
         le=1000,
-        description="pictures a second of each camera in which people's boxes are told [Hz]; 0: none",
+        description="pictures a second of each camera in which people's boxes are kept [Hz]; 0: none",
     )
 
 
@@ -170,12 +170,12 @@ class Scenario(Strict):
     )
     truth: TruthOptions = Field(default=TruthOptions(), description="what is kept of the truth")
     warnings: tuple[str, ...] = Field(
-        default=(), description="what to tell with every run of the scenario", exclude_if=lambda told: not told
+        default=(), description="what to tell with every run of the scenario", exclude_if=lambda messages: not messages
     )
 
     @property
     def room_name(self) -> str:
-        """What the room is called in a rig and in the file of its environment: the name of its MJCF file."""
+        """Name of the room in a rig and in the file of its environment: that of its MJCF file."""
         return PurePath(self.room).stem
 
     @model_validator(mode="after")
@@ -190,7 +190,7 @@ class Scenario(Strict):
             _under(f"sensors.{name}.", lambda sensor=sensor: check_on_housing(sensor, self.housings))
             _under(f"sensors.{name}.", lambda sensor=sensor: check_calibration_error(sensor))
             _under(f"sensors.{name}.", lambda name=name: check_place(self, name))
-            _under(f"sensors.{name}.", lambda name=name: check_told(self, name))
+            _under(f"sensors.{name}.", lambda name=name: check_assumed_sensor(self, name))
         for name, fault in self.faults.items():
             _under(f"faults.{name}.", lambda fault=fault: check_fault(fault, self.sensors))
         return self
@@ -222,28 +222,28 @@ def _under(path: str, check: Callable[[], None]) -> None:
         raise ValueError(f"{path}{error}") from error
 
 
-def conditions_of(scenario: Scenario) -> list[str]:
-    """One sentence each on faults, lights, rendering, and what trackers are made to believe; none where nothing is."""
-    told = []
+def describe_conditions(scenario: Scenario) -> list[str]:
+    """Describe faults, lights, rendering and calibration errors, one sentence each; none where nothing is."""
+    messages = []
     if scenario.faults:
         faults = (
             f"{fault.kind.replace('_', ' ')} of {_listed(fault.sensor)} {_span(fault.from_s, fault.to_s)}"
             for fault in scenario.faults.values()
         )
-        told.append(f"Faults: {'; '.join(faults)}.")
+        messages.append(f"Faults: {'; '.join(faults)}.")
     if scenario.lights:
         changes = (f"{change.name} to {change.brightness:g} from {change.at_s:g} s" for change in scenario.lights)
-        told.append(f"Light: {'; '.join(changes)}.")
+        messages.append(f"Light: {'; '.join(changes)}.")
     if str(scenario.rendering):
-        told.append(f"Pictures are drawn with {scenario.rendering}.")
+        messages.append(f"Pictures are drawn with {scenario.rendering}.")
     misled = [name for name, sensor in scenario.sensors.items() if sensor.calibration_error is not None]
     if misled:
-        told.append(f"Trackers believe another pose, lens or clock than the true one of: {', '.join(misled)}.")
-    return told
+        messages.append(f"Trackers assume another pose, lens or clock than the true one of: {', '.join(misled)}.")
+    return messages
 
 
-def never_begins(scenario: Scenario) -> list[str]:
-    """One sentence each on faults, changes of the light and sensors whose time is not before the end of the run."""
+def describe_late_starts(scenario: Scenario) -> list[str]:
+    """Describe faults, changes of the light and sensors whose time is not before the end of the run, one sentence each."""
     end_s = scenario.duration_s
     times = [
         *((f"sensors.{name}.phase_s", sensor.phase_s, "never looks") for name, sensor in scenario.sensors.items()),

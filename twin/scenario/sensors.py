@@ -100,7 +100,7 @@ class LaserDescription(Mounted):
         return max(1, round(self.field_of_view_deg / (self.resolution_deg or 0.5))) + 1
 
     def rig_sensor(self, name: str) -> LaserSensor:
-        """What a tracker is told of it."""
+        """Return the scanner as a rig holds it."""
         return LaserSensor(topic=f"/{name}/scan", room_from_sensor=self.mount.room_from_housing(), role=self.role)
 
 
@@ -127,11 +127,11 @@ class FisheyeDescription(Mounted):
         return self
 
     def intrinsics(self) -> FisheyeIntrinsics:
-        """The lens at the picture's size."""
+        """Return the lens at the picture's size."""
         return self.lens.intrinsics(self.size)
 
     def rig_sensor(self, name: str) -> FisheyeSensor:
-        """What a tracker is told of it."""
+        """Return the camera as a rig holds it."""
         return FisheyeSensor(
             topic=f"/{name}/image/compressed",
             room_from_sensor=self.mount.room_from_optical(),
@@ -160,7 +160,8 @@ def build_sensor(
     shapes: Callable[[], FootShapes] = _no_soles,
     device: np.random.Generator | None = None,
 ) -> Sensor:
-    """The sensor with its noise; `renderer` is called when a camera takes its first picture, never for another sensor.
+    """Build the sensor with its noise; `renderer` is called when a camera takes its first picture, never for another
+    sensor.
 
     `shapes` gives the soles of the snapshots' people, and is called when somebody first treads on a floor. `device`
     decides what differs between two floors of the same description: which elements are dead; without it the first

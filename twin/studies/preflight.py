@@ -14,7 +14,7 @@ from trackers.tracks import unused_sensors
 from twin import models
 from twin.run.chosen_trackers import NONE_TRUSTED, STUDY, ChosenTracker, TrustedClasses, choose
 from twin.scenario import Scenario, load_scenario
-from twin.scenario.housings import rig_told
+from twin.scenario.housings import assumed_rig
 from twin.scenario.pressure_floor import FloorDescription
 from twin.streams import stream
 from twin.studies.apply_placement import apply_placement
@@ -192,7 +192,7 @@ def _unused_sensor_faults(
             moved = [
                 name for name, each in scenario.sensors.items() if _is_moved(study, candidate_set.scenario, name, each)
             ]
-            rig = rig_told(scenario, area)
+            rig = assumed_rig(scenario, area)
             for place, each in enumerate(chosen):
                 rng = stream(scenario.seed, "tracker", each.name)
                 try:

@@ -28,7 +28,7 @@ from twin.run.chosen_trackers import (
     redefined,
 )
 from twin.scenario import Scenario
-from twin.scenario.housings import rig_told
+from twin.scenario.housings import assumed_rig
 from twin.scenario.scenario import TrackerChoice
 from twin.streams import stream
 from twin.suites.overrides import Variant
@@ -137,7 +137,7 @@ class TrackerCheck:
         """Make the rig that trackers get in every run of this scenario. Raises InputError for an invalid room."""
         if scenario.room not in self._walkable:
             self._walkable[scenario.room] = tuple((float(x), float(y)) for x, y in walkable_in(scenario))
-        return rig_told(scenario, scenario.area or self._walkable[scenario.room])
+        return assumed_rig(scenario, scenario.area or self._walkable[scenario.room])
 
 
 def _known(target: str) -> bool:

@@ -1,4 +1,4 @@
-"""The bodies of a scene's people, or of some of them, compiled with the room they are in."""
+"""Bodies compiled with the room they are in, and the pools of people who have bodies at the same time."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Bodies:
         ids: Mapping[str, int],
         looks: Mapping[str, BodyAppearance],
     ) -> Bodies:
-        """The bodies of those who have `looks`, in the order of `everybody`, in a room, which stays as it is.
+        """Compile a copy of a room with the bodies of those who have `looks`, in the order of `everybody`.
 
         Raises InputError naming the room's file, `path`, where the whole does not compile.
         """
@@ -73,12 +73,12 @@ class Bodies:
 
     @property
     def there(self) -> NDArray[np.bool_]:
-        """Who has a body, (n_people,)."""
+        """Mask (n_people,) of the people who have bodies."""
         return self.head_site >= 0
 
 
 def _person_of_geom(model: mujoco.MjModel, ids: Mapping[str, int]) -> NDArray[np.int16]:
-    """By the body at the root of each person: a room's own body may be called like a person."""
+    """Find the person of each geom by the body at the root: a room's own body may be called like a person."""
     owner = np.zeros(model.nbody, dtype=np.int16)
     for name, number in ids.items():
         owner[model.jnt_bodyid[model.joint(f"{name}/root").id]] = number
@@ -86,13 +86,14 @@ def _person_of_geom(model: mujoco.MjModel, ids: Mapping[str, int]) -> NDArray[np
 
 
 def _addresses(model: mujoco.MjModel, names: Sequence[str]) -> NDArray[np.intp]:
-    """Places of each person's coordinates in qpos: one free joint, then hinges, contiguous in the order of the body."""
+    """Return places of each person's coordinates in qpos: one free joint, then hinges, contiguous in the order of the
+    body."""
     starts = [int(model.jnt_qposadr[model.joint(f"{name}/root").id]) for name in names]
     return np.array(starts, dtype=np.intp)[:, None] + np.arange(NQ_PERSON)
 
 
 def _points(model: mujoco.MjModel, names: Sequence[str]) -> NDArray[np.intp]:
-    """The sites of each person's fixed points, of which everybody has as many, (n_names, n_point)."""
+    """Return the sites of each person's fixed points, of which everybody has as many, (n_names, n_point)."""
     rows = []
     for name in names:
         numbers = (mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, f"{name}/point_{each:02d}") for each in count())
@@ -108,7 +109,8 @@ _SPARE_S = 2 * TICK_S
 
 @dataclass(frozen=True)
 class BodyPool:
-    """The people who have bodies from `from_s` until before `until_s` [s], sorted: all who are in the room then.
+    """A pool of bodies: the people who have bodies from `from_s` until before `until_s` [s], sorted: all who are in the
+    room then.
 
     And all who are there in the last `HISTORY_S` before, since sensors look back.
     """
@@ -118,12 +120,12 @@ class BodyPool:
     until_s: float
 
     def covers(self, t: float) -> bool:
-        """Whether everybody who is in the room at time t [s] has a body."""
+        """Return whether everybody who is in the room at time t [s] has a body."""
         return self.from_s - HISTORY_S <= t < self.until_s
 
 
 def body_pools(people: Mapping[str, Person]) -> tuple[BodyPool, ...]:
-    """The pools of a scenario in order of time, the first from -inf and the last to inf.
+    """Plan the body pools of a scenario in order of time, the first from -inf and the last to inf.
 
     Of those who keep recorded paths it is known when they come and go: a pool holds who is there at its beginning and as
     many more, in the order in which they come, and lasts until the next one comes. So there are never more than about
@@ -153,6 +155,6 @@ def _keeps_a_path(person: Person) -> bool:
 
 
 def _stay(path: object) -> tuple[float, float]:
-    """When somebody who keeps a path is in the room, at most: from and to [s]."""
+    """Return the longest stay of somebody who keeps a path: from and to [s]."""
     assert isinstance(path, RecordedPath)
     return path.points[0][0] - _SPARE_S, path.points[-1][0] + _SPARE_S

@@ -30,5 +30,5 @@ def heap_trimmed() -> Iterator[None]:
 
 @cache
 def _malloc_trim() -> Any:
-    """The function of the C library; None where it has none: musl, macOS."""
+    """Return the function of the C library; None where it has none: musl, macOS."""
     return getattr(ctypes.CDLL(None), "malloc_trim", None)

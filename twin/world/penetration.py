@@ -1,4 +1,4 @@
-"""Whether bodies pass through each other or through the room: the depth of every overlap of a posed world.
+"""Penetration of bodies into each other and into the room: the depth of every overlap of a posed world.
 
 Overlaps are measured between MuJoCo's own geoms (`mj_geomDistance`: exact for convex shapes), after a broad phase on
 bounding spheres for all pairs at once. Of a person the geoms of group 1 count (the body and its clothes; not eyes, ears
@@ -67,7 +67,8 @@ class PenetrationCheck:
         self._walls = np.flatnonzero(still & (kind == mujoco.mjtGeom.mjGEOM_PLANE) & upright)
 
     def at(self, snapshot: Snapshot, allowed: Allowed | None = None, least_m: float = TOLERANCE_M) -> list[Penetration]:
-        """Overlaps deeper than `least_m` [m], in the order of ids: one a pair of people, one a person and room geom.
+        """Find overlaps deeper than `least_m` [m], in the order of ids: one a pair of people, one a person and room
+        geom.
 
         People far below the floor are not in the room, and overlap nothing.
         """
@@ -92,7 +93,7 @@ class PenetrationCheck:
         return [deepest[key] for key in sorted(deepest)]
 
     def _near(self, data: Any, body: NDArray[np.intp], place: Array, reach: Array) -> Iterable[tuple[int, int]]:
-        """Pairs of geoms whose bounding spheres meet: a person's, then another person's or the room's."""
+        """Yield pairs of geoms whose bounding spheres meet: a person's, then another person's or the room's."""
         owner = self._owner[body]
         pairs = (owner[:, None] < owner) & (_apart(place, place) < reach[:, None] + reach)
         for first, second in np.argwhere(pairs):
@@ -115,13 +116,13 @@ class PenetrationCheck:
 
 
 def penetrations(snapshot: Snapshot, allowed: Allowed | None = None, least_m: float = TOLERANCE_M) -> list[Penetration]:
-    """Overlaps of people with each other and with the room in one snapshot, deeper than `least_m` [m]."""
+    """Find overlaps of people with each other and with the room in one snapshot, deeper than `least_m` [m]."""
     return PenetrationCheck(snapshot.model, snapshot.person_of_geom).at(snapshot, allowed, least_m)
 
 
 @dataclass
 class PenetrationCount:
-    """What a run of moments held: how many moments, how many with an overlap, and the deepest of each pair."""
+    """Overlaps of a run: the number of moments, of those with an overlap, and the deepest overlap of each pair."""
 
     moments: int = 0
     with_overlap: int = 0
@@ -158,7 +159,7 @@ def count_penetrations(
     allowed: Callable[[float], Allowed] | None = None,
     least_m: float = TOLERANCE_M,
 ) -> PenetrationCount:
-    """Overlaps over a simulation, looked for at `times` [s], which rise; `allowed(t)`: what may be pressed into then."""
+    """Count overlaps over a simulation at `times` [s], which rise; `allowed(t)`: what may be pressed into then."""
     count = PenetrationCount()
     check: PenetrationCheck | None = None
     for t in times:
@@ -170,12 +171,12 @@ def count_penetrations(
 
 
 def _apart(first: Array, second: Array) -> Array:
-    """Distances (n, m) [m] between points (n, 3) and (m, 3)."""
+    """Return distances (n, m) [m] between points (n, 3) and (m, 3)."""
     return np.linalg.norm(first[:, None] - second, axis=-1)
 
 
 def _top(model: Any, data: Any, geom: int) -> float:
-    """Greatest height that a geom can reach by its bounding box [m]."""
+    """Return greatest height that a geom can reach by its bounding box [m]."""
     middle, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
     turn = data.geom_xmat[geom].reshape(3, 3)
     return float(data.geom_xpos[geom, 2] + turn[2] @ middle + np.abs(turn[2]) @ half)

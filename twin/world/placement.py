@@ -1,4 +1,4 @@
-"""Whether a scenario's area and people fit into its room and between its furniture, checked before anything is built."""
+"""Placement checks: a scenario's area and people fit into its room and between its furniture."""
 
 from __future__ import annotations
 
@@ -171,7 +171,8 @@ def _check_path(points: Array, walkable: Array, routes: Routes, field: str) -> N
 
 
 def _times_along(points: Array) -> Array:
-    """When to look at a path (k, 3) t, x, y from t = 0 on: the rows, and between two as often as time and way ask for."""
+    """Choose the times at which a path (k, 3) t, x, y is checked from t = 0 on: the rows, and between two as often as
+    time and way ask for."""
     looks = []
     for (t, x, y), (t2, x2, y2) in pairwise(points):
         if t2 > 0:
@@ -182,7 +183,7 @@ def _times_along(points: Array) -> Array:
 
 
 def _moment(points: Array, t: float, field: str) -> str:
-    """Where on a path: at a row, or between two."""
+    """Name a place on a path: at a row, or between two."""
     row = int(np.searchsorted(points[:, 0], t))
     if points[row, 0] == t:
         return f"{field}.{row}, at {t:g} s"
@@ -216,12 +217,12 @@ def _start_field(person: Person) -> str:
 
 
 def _script_field(person: Person, number: int) -> str:
-    """A script of one action is written without brackets."""
+    """Name an action's field: a script of one action is written without brackets."""
     return "script" if len(person.script) == 1 else f"script.{number}"
 
 
 def _within(area: Array) -> str:
-    """Where one may be, in words: a range each for a rectangle along the axes, else the corners."""
+    """Describe an area in words: a range each for a rectangle along the axes, else the corners."""
     low, high = area.min(axis=0), area.max(axis=0)
     if len(area) == 4 and ((area == low) | (area == high)).all():
         return f"x {low[0]:g} to {high[0]:g} m, y {low[1]:g} to {high[1]:g} m"

@@ -1,4 +1,4 @@
-"""A scenario's people, moved once: their bodies in the room and their motion, for any sensors to look at."""
+"""Precomputed motion of a scenario's people, with their bodies in the room, for any sensors to look at."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LONGEST_LOOK_S = 1.0
 
 
 class PoseCache:
-    """Where the geoms of people are at the moments at which scanners have looked, for scanners that look at the same moments.
+    """Poses of people's geoms at the times at which scanners have looked, for scanners that look at the same times.
 
     A ray asks for nothing else: neither joints nor soles, cameras or lights are kept.
     """
@@ -47,17 +47,17 @@ class PrecomputedScene:
 
     @classmethod
     def of(cls, scenario: Scenario, motion: PopulationMotion) -> PrecomputedScene:
-        """The scenario's people in its room. Raises InputError as `build_scene` does."""
+        """Build the scene of the scenario's people. Raises InputError as `build_scene` does."""
         return cls(build_scene(randomized(scenario)), motion)
 
     def scene_for(self, scenario: Scenario) -> Scene:
-        """The scene for one world: with a model of its own where the world changes its light."""
+        """Return the scene for one world: with a model of its own where the world changes its light."""
         if not scenario.lights:
             return self.scene
         return replace(self.scene, bodies=replace(self.scene.bodies, model=copy.copy(self.scene.model)))
 
 
 def precompute_motion(scenario: Scenario) -> PopulationMotion:
-    """The motion of a scenario's people, stepped to its end. Raises InputError as `build_scene` does."""
+    """Step a scenario's people to its end and return their motion. Raises InputError as `build_scene` does."""
     scenario = randomized(scenario)
     return populate(scenario, build_scene(scenario)).motion(scenario.duration_s + LONGEST_LOOK_S)

@@ -71,7 +71,7 @@ class Scene:
         return self.bodies.person_of_geom
 
     def with_bodies(self, names: Collection[str]) -> Scene:
-        """The same room and people, of whom these have bodies."""
+        """Return the same room and people, of whom these have bodies."""
         looks = {name: self.appearances[name] for name in names}
         bodies = Bodies.in_room(self.room, self.room_file, self.names, self.ids, looks)
         return replace(self, bodies=bodies)
@@ -119,7 +119,8 @@ def build_scene(scenario: Scenario) -> Scene:
 
 
 def walkable_in(scenario: Scenario) -> NDArray[np.float64]:
-    """The walkable area of the scenario's room, polygon (k, 2) [m, room frame], without building the rest of the scene.
+    """Compute the walkable area of the scenario's room, polygon (k, 2) [m, room frame], without building the rest of
+    the scene.
 
     Raises InputError for a room that reads files outside its folder, does not compile, has no floor or nowhere to walk.
     """
@@ -132,13 +133,13 @@ def walkable_in(scenario: Scenario) -> NDArray[np.float64]:
 
 
 def precomputed_poses(scene: Scene, motion: PopulationMotion) -> PrecomputedPoses:
-    """The scene's people as they moved in a run before, with the same bodies."""
+    """Return the poses of the scene's people from a precomputed motion."""
     measures = BodyMeasures.in_room(scene.model, scene.appearances, scene.bodies.names)
     return PrecomputedPoses(scene.names, scene.appearances, measures, motion)
 
 
 def populate(scenario: Scenario, scene: Scene) -> Population:
-    """The scenario's people as they move, each with a stream of their own."""
+    """Make the scenario's people, each with a random stream of their own."""
     streams = {name: stream(scenario.seed, "person", name) for name in scene.names}
     measures = BodyMeasures.in_room(scene.model, scene.appearances, scene.bodies.names)
     _check_seats(scenario, scene, measures)
@@ -147,7 +148,7 @@ def populate(scenario: Scenario, scene: Scene) -> Population:
 
 
 def foot_shapes(scene: Scene) -> FootShapes:
-    """The soles of the scene's people, in the order of their names."""
+    """Return the soles of the scene's people, in the order of their names."""
     lengths = [scene.appearances[name].proportions for name in scene.names]
     measures = ("heel_behind_ankle", "ball_before_ankle", "shoe_length", "foot_breadth")
     return FootShapes(*(np.array([getattr(each, measure) for each in lengths], dtype=float) for measure in measures))
@@ -167,7 +168,7 @@ def _check_seats(scenario: Scenario, scene: Scene, measures: BodyMeasures) -> No
 
 
 def _places_of_sensors(scenario: Scenario) -> list[NDArray[np.float64]]:
-    """Where the sensors hang, (3,) in the room frame [m]."""
+    """Return the places of the sensors, (3,) each in the room frame [m]."""
     described = (in_the_room(scenario, name) for name in scenario.sensors)
     return [np.array(each.mount.xyz, dtype=float) for each in described if not isinstance(each, FloorDescription)]
 
@@ -201,7 +202,8 @@ def _check_furniture(scenario: Scenario, furniture: Mapping[str, Seat | Bed]) ->
 def _where_one_walks(
     spec: mujoco.MjSpec, room: mujoco.MjModel, data: mujoco.MjData, path: Path
 ) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
-    """The pieces (k, 2) of the room's floor and its walkable area (k, 2) [m], the room's own or from its geometry."""
+    """Return the pieces (k, 2) of the room's floor and its walkable area (k, 2) [m], the room's own or from its
+    geometry."""
     check_extent(room, data, str(path))
     floor = floor_of(room, data, str(path))
     walkable = _own_walkable_area(spec, path)
@@ -212,7 +214,8 @@ def _where_one_walks(
 
 
 def _own_walkable_area(spec: mujoco.MjSpec, path: Path) -> NDArray[np.float64] | None:
-    """The polygon (k, 2) [m] in the room's `<custom><numeric name="walkable_area"/>`, None where the room has none."""
+    """Return the polygon (k, 2) [m] in the room's `<custom><numeric name="walkable_area"/>`, None where the room has
+    none."""
     for numeric in spec.numerics:
         if numeric.name == "walkable_area":
             data = np.array(numeric.data, dtype=float)

@@ -27,7 +27,7 @@ from twin.room.lighting import DARK_LIGHT, light_of
 from twin.scenario import Scenario
 from twin.scenario.housings import assumed_sensor, in_the_room
 from twin.scenario.pressure_floor import FloorDescription, check_floor
-from twin.scenario.scenario import never_begins
+from twin.scenario.scenario import describe_late_starts
 from twin.scenario.sensors import CAMERA_KINDS, build_sensor
 from twin.sensors.floor import Floor
 from twin.sensors.gl_context import GlInfo
@@ -65,8 +65,8 @@ class Simulation:
 
     Iterating yields them in order of arrival, once: like a file, a simulation goes on where it was left, by whatever loop,
     and one that has ended or failed refuses another loop. Make another for another look; of the same scenario it is the
-    same to the bit. `rig` is what a tracker may know of the sensors, and so what the
-    scenario has it believe; `true_rig` is where they are and how they project in truth. `on_truth` is
+    same to the bit. `rig` is what trackers assume of the sensors, calibration
+    errors included; `true_rig` is the truth. `on_truth` is
     called with the truth at every stamp of every sensor, in order of time, before the observation of that stamp
     comes. `on_detail` is called with what goes with pictures, scans and situations (`twin.world.truth_details`) as they are
     measured; without it none of that is found out. With `images=False` the cameras are left out, and nothing is rendered.
@@ -128,20 +128,17 @@ class Simulation:
             name: timed.ideal.cells_of_feet for name, timed in self._sensors.items() if isinstance(timed.ideal, Floor)
         }
         self._details = self._truth_details(on_detail) if on_detail is not None else None
-        scheduled = [
-            Scheduled(
-                sensor,
-                self._descriptions[name],
-                stream(scenario.seed, "sensor", name),
-                MessageFaults(name, scenario.faults, scenario.seed),
-            )
-            for name, sensor in self._sensors.items()
-        ]
-        self._schedule = Schedule(scheduled, scenario.duration_s)
+        self._schedule = Schedule([self._scheduled(name) for name in self._sensors], scenario.duration_s)
         self._truth_stamps = groupby(self._schedule.events(), key=attrgetter("stamp_ns"))
         self._next_truth = self._following_truth()
         self._coming: Iterator[Delivered] | None = None
         self._over = ""  # why nothing comes any more
+
+    def _scheduled(self, name: str) -> Scheduled:
+        """Return a sensor with its schedule, its random stream and the faults of its messages."""
+        seed = self.scenario.seed
+        faults = MessageFaults(name, self.scenario.faults, seed)
+        return Scheduled(self._sensors[name], self._descriptions[name], stream(seed, "sensor", name), faults)
 
     def __enter__(self) -> Self:
         return self
@@ -162,11 +159,12 @@ class Simulation:
         return (delivered.observation for delivered in self.deliveries())
 
     def background(self) -> list[Observation]:
-        """What each sensor sees of the empty room; nothing where the scenario's background is 'none'."""
+        """Observe the empty room with each sensor; nothing where the scenario's background is 'none'."""
         return [self.as_read(encoded) for encoded in self.background_messages()]
 
     def background_messages(self) -> Iterator[Encoded]:
-        """The empty room as messages, sensor by sensor, stamped from 0 at the sensor's rate; no sensor has faults yet."""
+        """Return the empty room as messages, sensor by sensor, stamped from 0 at the sensor's rate; no sensor has
+        faults yet."""
         if self.scenario.background == "none":
             return
         for name, timed in self._sensors.items():
@@ -178,7 +176,8 @@ class Simulation:
                 yield encode(reading.observation)
 
     def deliveries(self) -> Iterator[Delivered]:
-        """Every observation with its message and its truth, in order of arrival, from where the last loop stopped."""
+        """Yield every observation with its message and its truth, in order of arrival, from where the last loop
+        stopped."""
         if self._over:
             raise RuntimeError(
                 f"the simulation of {self.scenario.name!r} {self._over}; make another Simulation to iterate again"
@@ -201,13 +200,14 @@ class Simulation:
         self._over = "has come to its end"
 
     def as_read(self, encoded: Encoded) -> Observation:
-        """The observation as a tracker reads it off its message: on the clock that the rig says."""
+        """Return the observation as a tracker reads it off its message: on the clock that the rig says."""
         observation = encoded.observation
         offset_ns = round(self.rig.sensors[observation.sensor].time_offset_s * NS_PER_S)
         return replace(observation, stamp_ns=observation.stamp_ns + offset_ns) if offset_ns else observation
 
     def look(self, stamp_ns: int) -> dict[str, Observation]:
-        """What each sensor would report at one stamp, by name, outside its schedule; nothing of one that is silent then."""
+        """Return what each sensor would report at one stamp, by name, outside its schedule; nothing of one that is
+        silent then."""
         looks = {}
         for name, timed in self._sensors.items():
             faults = self.scenario.faults
@@ -220,25 +220,25 @@ class Simulation:
         return looks
 
     def boxes(self, t: float) -> dict[str, tuple[Box, ...]]:
-        """The pixel boxes of the people in each camera's picture at time t [s], by name."""
+        """Return the pixel boxes of the people in each camera's picture at time t [s], by name."""
         return {name: person_boxes(people) for name, people in self.person_images(t).items()}
 
     def person_images(self, t: float) -> dict[str, NDArray[np.int16]]:
-        """Which person each pixel of each camera shows at time t [s], by name (`PersonImaging.person_image`)."""
+        """Return the person that each pixel of each camera shows at time t [s], by name (`PersonImaging.person_image`)."""
         snapshot = self.world.snapshot(t)
         return {name: camera.person_image(snapshot) for name, camera in self._cameras().items()}
 
     def snapshot(self, t: float) -> Snapshot:
-        """The world at time t [s], after the truth of every stamp until then has been told."""
+        """Return the world at time t [s], after the truth of every stamp until then has been told."""
         self._tell_truth_until(t)
         return self.world.snapshot(t)
 
     def gl_info(self) -> GlInfo | None:
-        """The OpenGL that renders; None in a run without cameras."""
+        """Return the OpenGL that renders; None in a run without cameras."""
         return self._renderer().gl_info() if self.rig.cameras() else None
 
     def sensor_costs(self) -> dict[str, dict[str, float | int | None]]:
-        """By sensor, how many observations were made and what one cost [ms]."""
+        """Return by sensor, how many observations were made and what one cost [ms]."""
         return {
             name: {"frames": timed.frames, "ms_mean": 1e3 * timed.spent_s / timed.frames if timed.frames else None}
             for name, timed in self._sensors.items()
@@ -257,7 +257,7 @@ class Simulation:
             self._next_truth = self._following_truth()
 
     def _following_truth(self) -> tuple[int, set[str]] | None:
-        """The next stamp at which a sensor looks, and which do."""
+        """Return the next stamp at which a sensor looks, and the names of those that do."""
         stamp_ns, events = next(self._truth_stamps, (None, ()))
         return None if stamp_ns is None else (stamp_ns, {event.sensor for event in events})
 
@@ -266,7 +266,7 @@ class Simulation:
         return build_sensor(name, self._descriptions[name], self._renderer, shapes=shapes, device=device)
 
     def _cameras(self) -> dict[str, PersonImaging]:
-        """The cameras without their noise, by name."""
+        """Return the cameras without their noise, by name."""
         return {name: timed.ideal for name, timed in self._sensors.items() if isinstance(timed.ideal, PersonImaging)}
 
     def _truth_details(self, tell: Callable[[TruthDetail], object]) -> TruthDetails:
@@ -277,7 +277,7 @@ class Simulation:
         return details
 
     def late(self) -> list[str]:
-        """Who has not got where their script sends them in twice the time that the way takes, at the latest moment shown.
+        """Tell who has not arrived in twice the time that the way takes, at the latest time shown.
 
         Nothing is known of people whose motion was computed before.
         """
@@ -298,9 +298,9 @@ class Simulation:
             for _ in range(bool(self._cameras()) and light_of(empty.model) < DARK_LIGHT)
         ]
         close = warning_of(close_calls(self.scenario.people, self.scenario.duration_s))
-        late = [*too_late(self.scenario.people, self.scenario.duration_s), *never_begins(self.scenario)]
-        told = [*self.scenario.warnings, *blind, *dark, *late, *([f"people: {close}"] if close else [])]
-        return tuple(f"scenario {self.scenario.name!r}: {each}" for each in told)
+        late = [*too_late(self.scenario.people, self.scenario.duration_s), *describe_late_starts(self.scenario)]
+        messages = [*self.scenario.warnings, *blind, *dark, *late, *([f"people: {close}"] if close else [])]
+        return tuple(f"scenario {self.scenario.name!r}: {each}" for each in messages)
 
     def _check_mounts(self) -> None:
         snapshot = self.world.empty_snapshot(0.0)

@@ -33,7 +33,7 @@ from twin.world.scene import Scene
 
 
 def person_runs(person_of_ray: NDArray[np.int16]) -> tuple[RayRun, ...]:
-    """Runs of equal ids in (n_beam,) ids by beam, those of the room (0) left out."""
+    """Find runs of equal ids in (n_beam,) ids by beam, those of the room (0) left out."""
     if person_of_ray.size == 0:
         return ()
     starts = np.flatnonzero(np.diff(person_of_ray, prepend=np.int16(-1)))
@@ -49,7 +49,7 @@ class InhabitedWorld(SnapshotSource, Protocol):
 
     @property
     def scene(self) -> Scene:
-        """Who has which body in the snapshot taken last."""
+        """The scene of the snapshot taken last: its people and bodies."""
         ...
 
 
@@ -116,11 +116,11 @@ class TruthDetails:
         self._tell_all(self._situations.finish(end_ns))
 
     def _places(self) -> dict[int, np.ndarray]:
-        """Where everybody is at the stamp told last, (2,) [m] by id."""
+        """Return all places at the stamp told last, (2,) [m] by id."""
         return dict(zip(self._present.tolist(), self._place_m, strict=True))
 
     def _merge_for_the_rig(self) -> None:
-        """Judge the frame in which scanners looked last, now that all have that look at its stamp."""
+        """Return judge the frame in which scanners looked last, now that all have that look at its stamp."""
         if self._scanned_ns is None:
             return
         stamp_ns, self._scanned_ns = self._scanned_ns, None
@@ -138,7 +138,7 @@ class TruthDetails:
                 self._tell(situation)
 
     def _is_due(self, camera: str, stamp_ns: int) -> bool:
-        """Whether this is the camera's first picture in its period of 1 / boxes_hz."""
+        """Return whether this is the camera's first picture in its period of 1 / boxes_hz."""
         if self._boxes_hz == 0:
             return False
         period = int(stamp_ns * self._boxes_hz / NS_PER_S + 1e-9)
@@ -165,8 +165,8 @@ class TruthDetails:
         self._scanned_ns = stamp_ns
 
     def _hidden(self, sensor: str, stamp_ns: int, person_of_ray: np.ndarray) -> tuple[frozenset[int], list[Pair]]:
-        """Whom a scanner has in its plane and field, near somebody, and meets with no beam; and the pairs near each other
-        of whom one is so because of the other."""
+        """Return the people whom a scanner has in its plane and field, near somebody, and meets with no beam; and the
+        pairs near each other of whom one is so because of the other."""
         unmet = set(self._present.tolist()) - set(np.unique(person_of_ray).tolist())
         hidden = sorted(unmet & {id_ for pair in self._near for id_ in pair})
         if not hidden:

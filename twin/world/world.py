@@ -1,4 +1,4 @@
-"""The world: the scene at any moment of the run, and the truth about it."""
+"""The world: the scene at any time of the run, and the truth about it."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class World:
         return self.people
 
     def snapshot(self, t: float) -> Snapshot:
-        """The world at time t [s] since the start; valid until the next snapshot is taken."""
+        """Pose the world at time t [s] since the start; valid until the next snapshot is taken."""
         self._embody(t)
         if t != self._posed_at and self.pose_cache is not None and t in self.pose_cache.places:
             self.pose_cache.restore(t, self.data)
@@ -80,7 +80,7 @@ class World:
         return Snapshot(t, self.scene.model, self.data, self.scene.person_of_geom, self._feet)
 
     def empty_snapshot(self, t: float) -> Snapshot:
-        """The room at time t before anybody entered: the people are taken far below the floor.
+        """Pose the empty room at time t: the people are taken far below the floor.
 
         Its light is that of the scenario's start: of the changes only those at 0 s have begun.
         """
@@ -111,7 +111,8 @@ class World:
     def truth(
         self, stamp_ns: int, views: Mapping[str, SensorView], floors: Mapping[str, CellsOfFeet] | None = None
     ) -> TruthFrame:
-        """Where everybody in the room truly is at a stamp, and how much of them each sensor can see.
+        """Return the truth at a stamp: places of all people in the room, and the share of them that each sensor can
+        see.
 
         `floors`: the floor sensors that look at this stamp, each as a function that tells which cells each foot loads.
         """
@@ -151,7 +152,7 @@ class World:
 
     @staticmethod
     def _feet_truth(snapshot: Snapshot, floors: Mapping[str, CellsOfFeet]) -> list[tuple[FootTruth, FootTruth]]:
-        """Both feet of everybody, in the order of the people's names."""
+        """Return both feet of everybody, in the order of the people's names."""
         feet = snapshot.feet
         assert feet is not None, "a snapshot of the room with its people has their feet"
         cells = {name: cells_of(feet) for name, cells_of in floors.items()}

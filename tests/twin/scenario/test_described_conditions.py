@@ -13,7 +13,7 @@ from twin import Simulation, cli, run_scenario
 from twin.run.outcome import simplifications
 from twin.scenario import load_scenario
 from twin.scenario.load import dump_scenario
-from twin.scenario.scenario import conditions_of, never_begins
+from twin.scenario.scenario import describe_conditions, describe_late_starts
 from twin.suites.worker import renderer_of
 
 pytestmark = pytest.mark.slow
@@ -33,33 +33,33 @@ NEVER = [
 
 
 def test_a_scenario_that_does_nothing_to_them_is_passed_over() -> None:
-    assert conditions_of(load_scenario("lab-five-people")) == []
+    assert describe_conditions(load_scenario("lab-five-people")) == []
 
 
 def test_how_pictures_are_drawn_is_named() -> None:
     home = load_scenario("home-cameras", ["rendering={shadows: true, samples: 4}"])
-    assert conditions_of(home) == ["Pictures are drawn with shadows and 4 samples a pixel."]
-    assert conditions_of(load_scenario("home-cameras", ["rendering.shadows=false"])) == []
+    assert describe_conditions(home) == ["Pictures are drawn with shadows and 4 samples a pixel."]
+    assert describe_conditions(load_scenario("home-cameras", ["rendering.shadows=false"])) == []
     assert "no shadows" in simplifications(None)[-1] and "no shadows" not in simplifications(home)[-1]
     assert renderer_of(home).endswith(", with shadows and 4 samples a pixel")
     assert "rendering" in dump_scenario(home) and "rendering" not in dump_scenario(load_scenario("home-cameras"))
 
 
 def test_faults_and_beliefs_are_named_with_their_times() -> None:
-    faults, misled = conditions_of(load_scenario("lab-faults"))
+    faults, misled = describe_conditions(load_scenario("lab-faults"))
     assert faults.startswith("Faults: dead beams of waist throughout; dropout of knee from 3 to 6 s; ")
     assert "delay of knee and fisheye from 7 to 9 s" in faults and "occlusion of fisheye from 19 s on" in faults
-    assert misled == "Trackers believe another pose, lens or clock than the true one of: fisheye."
+    assert misled == "Trackers assume another pose, lens or clock than the true one of: fisheye."
 
 
 def test_changes_of_the_light_are_named_with_their_times() -> None:
     dim = load_scenario("lab-five-people", ['lights=[{"at_s": 5, "brightness": 0.1, "over_s": 2}]'])
-    assert conditions_of(dim) == ["Light: all to 0.1 from 5 s."]
+    assert describe_conditions(dim) == ["Light: all to 0.1 from 5 s."]
 
 
 def test_what_would_begin_after_the_end_is_told_and_nothing_else() -> None:
-    assert never_begins(load_scenario("lab-five-people", TOO_LATE)) == NEVER
-    assert never_begins(load_scenario("lab-faults")) == []
+    assert describe_late_starts(load_scenario("lab-five-people", TOO_LATE)) == NEVER
+    assert describe_late_starts(load_scenario("lab-faults")) == []
 
 
 def test_what_would_begin_after_the_end_is_a_warning_of_a_run_its_report_and_a_view(

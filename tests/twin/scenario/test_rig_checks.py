@@ -14,7 +14,7 @@ import yaml
 from trackers.errors import InputError
 from trackers.rig import Rig
 from twin.scenario import load_scenario
-from twin.scenario.housings import rig_told
+from twin.scenario.housings import assumed_rig
 
 SCENARIO = """
 name: all-kinds
@@ -237,7 +237,7 @@ def contents(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], 
     scenario = load_scenario(path)
     area = scenario.area
     assert area is not None
-    return yaml.safe_load(SCENARIO), yaml.safe_load(rig_told(scenario, area).dump_yaml())
+    return yaml.safe_load(SCENARIO), yaml.safe_load(assumed_rig(scenario, area).dump_yaml())
 
 
 def changed(content: dict[str, Any], change: Change) -> str:

@@ -13,7 +13,7 @@ from trackers.errors import InputError
 from twin import cli, models
 from twin.run.chosen_trackers import TrustedClasses
 from twin.scenario import load_scenario
-from twin.scenario.housings import rig_told
+from twin.scenario.housings import assumed_rig
 from twin.suites import run as suite_run
 from twin.suites.expansion import expand
 from twin.suites.spec import load_suite
@@ -182,4 +182,4 @@ def test_the_rig_that_trackers_are_tried_on_is_the_one_they_get(name: str) -> No
     scenario = load_scenario(name).model_copy(update={"people": {}})  # who cost the most and change no rig
     with Simulation(scenario) as simulation:
         area = scenario.area or tuple((float(x), float(y)) for x, y in walkable_in(scenario))
-        assert rig_told(scenario, area) == simulation.rig
+        assert assumed_rig(scenario, area) == simulation.rig

@@ -10,7 +10,7 @@ import pytest
 from trackers.errors import InputError
 from trackers.observations import LaserScan, Observation
 from twin.scenario import Scenario, load_scenario
-from twin.scenario.housings import rig_told
+from twin.scenario.housings import assumed_rig
 from twin.scenario.load import dump_scenario
 from twin.truth.frames import TruthFrame
 from twin.world.simulation import Simulation
@@ -147,7 +147,7 @@ def test_the_main_sensor_that_a_scenario_states_is_the_rigs() -> None:
     stated = load_scenario("lab-five-people", [*SHORT, "main_sensor=knee"])
     with Simulation(stated, images=False) as simulation:
         assert simulation.rig.main_sensor == simulation.true_rig.main_sensor == "knee"
-        assert rig_told(stated, simulation.rig.area or ()).main_sensor == "knee"
+        assert assumed_rig(stated, simulation.rig.area or ()).main_sensor == "knee"
     with Simulation(load_scenario("lab-five-people", [*SHORT, "main_sensor=fisheye"]), images=False) as simulation:
         assert simulation.rig.main_sensor == "waist"  # the camera is left out
 

@@ -1,4 +1,4 @@
-"""What one person looks like, everything decided: what the scenario names, the rest drawn."""
+"""The appearance of one person: features that the scenario names, the others drawn."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MORE_GARMENTS: tuple[Garment, ...] = ("skirt", "coat", "cap", "bag_colour")
 _CHOICES: tuple[Choice, ...] = ("hair_style", "shirt_pattern", "bag")
 _EXTRAS: tuple[Extra, ...] = ("skirt", "coat", "cap", "glasses", "beard")
 _BEARDED_STYLES = ("short", "bald", "cropped", "curly", "afro")
-_TOLD_APART = 0.45
+_LEAST_CONTRAST = 0.45
 """Least distance of the two colours of a pattern, in the unit cube of red, green, blue."""
 
 _ADULT_BMI = 22.5
@@ -61,7 +61,8 @@ class BodyAppearance:
 
 
 def mass_of(height_m: float, build: float, child: bool) -> float:
-    """Mass [kg] of a body of this stature [m] and build: the body mass index is 22.5 (child: 16) × build² (ours).
+    """Return the mass [kg] of a body from its stature [m] and build: the body mass index is 22.5 (child: 16) × build²
+    (ours).
 
     22.5 kg/m² is near the middle of the World Health Organization's normal range for adults, 16 near the median of
     its growth reference from 2 to 9 years.
@@ -70,7 +71,7 @@ def mass_of(height_m: float, build: float, child: bool) -> float:
 
 
 def appearance_of(person: Person, rng: np.random.Generator) -> BodyAppearance:
-    """The looks of a person; every look is drawn, then what the scenario names replaces it.
+    """Draw the appearance of a person: every feature is drawn, then what the scenario names replaces it.
 
     So naming one garment changes no other, but for what would hide it (see `Person`).
     """
@@ -80,9 +81,7 @@ def appearance_of(person: Person, rng: np.random.Generator) -> BodyAppearance:
     drawn: dict[str, str] = {garment: _any_of(available, garment, rng) for garment in _FIRST_GARMENTS}
     rng.integers(4)  # a draw that had a meaning once: without it the same seed would give other sleeves
     long_sleeves = bool(rng.random() < 0.5)
-    for choice in _CHOICES:
-        shares = np.array(list(available.choices[choice].values()), dtype=float)
-        drawn[choice] = str(rng.choice(list(available.choices[choice]), p=shares / shares.sum()))
+    drawn |= {choice: _draw_choice(available, choice, rng) for choice in _CHOICES}
     worn = {extra: bool(100 * rng.random() < available.worn[extra]) for extra in _EXTRAS}
     drawn |= {garment: _any_of(available, garment, rng) for garment in _MORE_GARMENTS}
     second_order = rng.permutation(len(available.colours["shirt_second"]))
@@ -101,11 +100,7 @@ def appearance_of(person: Person, rng: np.random.Generator) -> BodyAppearance:
     colours = {garment: available.rgb(garment, named(garment)) for garment in _FIRST_GARMENTS}
     shirt_is_named = person.shirt is not None
     pattern = "plain" if shirt_is_named and person.shirt_pattern is None else named("shirt_pattern")
-    second = (
-        available.rgb("shirt_second", person.shirt_second)
-        if person.shirt_second is not None
-        else _second_colour(available, colours["shirt"], second_order)
-    )
+    second = _second_colour(available, person.shirt_second, colours["shirt"], second_order)
     skirt = extra_colour("skirt", may_be_drawn=person.trousers is None)
     style = named("hair_style")
     height_m = height_m if person.height_m is None else person.height_m
@@ -138,9 +133,16 @@ def _any_of(available: Wardrobe, garment: Garment, rng: np.random.Generator) -> 
     return str(rng.choice(list(available.colours[garment])))
 
 
-def _second_colour(available: Wardrobe, first: Rgb, order: np.ndarray) -> Rgb:
-    """The first colour in this order that is told apart from `first`."""
+def _draw_choice(available: Wardrobe, choice: Choice, rng: np.random.Generator) -> str:
+    shares = np.array(list(available.choices[choice].values()), dtype=float)
+    return str(rng.choice(list(available.choices[choice]), p=shares / shares.sum()))
+
+
+def _second_colour(available: Wardrobe, named: str | None, first: Rgb, order: np.ndarray) -> Rgb:
+    """Return the named second colour; without one, the first colour in this order that is far enough from `first`."""
+    if named is not None:
+        return available.rgb("shirt_second", named)
     colours = [available.rgb("shirt_second", name) for name in available.colours["shirt_second"]]
     apart = [float(np.linalg.norm(np.subtract(colours[place], first))) for place in order]
-    chosen = next((place for place, gap in enumerate(apart) if gap >= _TOLD_APART), int(np.argmax(apart)))
+    chosen = next((place for place, gap in enumerate(apart) if gap >= _LEAST_CONTRAST), int(np.argmax(apart)))
     return colours[order[chosen]]

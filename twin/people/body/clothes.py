@@ -22,7 +22,7 @@ COAT_HEM = 0.74
 
 
 def bell(sign: int, thigh: float, hip_aside: float, breadth: float, depth: float, hem: float, flare: float) -> Surface:
-    """Half of a skirt, around the left (sign 1) or right (-1) thigh, in the thigh's frame.
+    """Make half of a skirt, around the left (sign 1) or right (-1) thigh, in the thigh's frame.
 
     `thigh`: its length; `hip_aside`: from the middle of the body to the hip joint; `breadth`, `depth`: half breadth and
     half depth of the hips with the cloth on [m]; `hem`: where it ends as a share of the thigh; `flare`: how much wider
@@ -39,7 +39,7 @@ def bell(sign: int, thigh: float, hip_aside: float, breadth: float, depth: float
 
 
 def backpack(trunk: float, depth: float, k: float) -> Surface:
-    """On the back, in the trunk's frame: `trunk` from waist to shoulder, `depth` of the back behind its middle [m]."""
+    """Make a backpack, in the trunk's frame: `trunk` from waist to shoulder, `depth` of the back behind its middle [m]."""
     rows = [
         (-depth - 0.055 * k, 0, 0.10 * trunk, 0.045 * k, 0.105 * k),
         (-depth - 0.070 * k, 0, 0.13 * trunk, 0.075 * k, 0.130 * k),
@@ -57,12 +57,12 @@ def backpack(trunk: float, depth: float, k: float) -> Surface:
 
 
 def over_the_shoulder(front: np.ndarray, k: float, sign: int) -> Surface:
-    """One strap of a backpack; `front` (m, 3): where the chest's surface is from the top down, left side [m]."""
+    """Make one strap of a backpack; `front` (m, 3): where the chest's surface is from the top down, left side [m]."""
     return cord(front * (1, sign, 1), 0.013 * k)
 
 
 def shoulder_bag(k: float) -> Surface:
-    """A bag worn behind the hip, flat against the body, about its middle."""
+    """Make a bag worn behind the hip, flat against the body, about its middle."""
     rows = [
         (0, 0, -0.105 * k, 0.030 * k, 0.115 * k),
         (0, 0, -0.095 * k, 0.042 * k, 0.135 * k),
@@ -73,7 +73,7 @@ def shoulder_bag(k: float) -> Surface:
 
 
 def handbag(k: float) -> Surface:
-    """A bag that hangs from the fist at the origin: two handles and the bag below."""
+    """Make a bag that hangs from the fist at the origin: two handles and the bag below."""
     rows = [
         (0, 0, -0.300 * k, 0.130 * k, 0.045 * k),
         (0, 0, -0.285 * k, 0.145 * k, 0.055 * k),
@@ -88,7 +88,7 @@ def handbag(k: float) -> Surface:
 
 
 def sleeve(length: float, top: float, end: float) -> Surface:
-    """A short sleeve around the upper arm, its open end cut level [m]."""
+    """Make a short sleeve around the upper arm, its open end cut level [m]."""
     return limb(
         [(-length, end, end), (-0.5 * length, 0.5 * (top + end), 0.5 * (top + end)), (0.0, top, top)], 10, False
     )
@@ -107,7 +107,7 @@ _FRONT_PX = (128, 160)  # rows, columns of a trunk's picture
 
 
 def tile(pattern: str, colour: ArrayLike, second: ArrayLike) -> Picture:
-    """One repeat (32, 32, 3) of 'striped' or 'checked' cloth."""
+    """Paint one repeat (32, 32, 3) of 'striped' or 'checked' cloth."""
     place = (np.arange(_TILE_PX) + 0.5) / _TILE_PX
     across, down = np.meshgrid(place, place)
     if pattern == "striped":
@@ -121,7 +121,7 @@ def tile(pattern: str, colour: ArrayLike, second: ArrayLike) -> Picture:
 
 
 def printed(motif: str, colour: ArrayLike, second: ArrayLike) -> Picture:
-    """A trunk's picture with a print on the chest; u = 0.5 is the front, rows from the top."""
+    """Paint a trunk's texture with a print on the chest; u = 0.5 is the front, rows from the top."""
     rows, columns = _FRONT_PX
     across = ((np.arange(columns) + 0.5) / columns - 0.5) / 0.072
     up = (1 - (np.arange(rows) + 0.5) / rows - 0.58) / 0.13
@@ -153,7 +153,7 @@ def _motif(motif: str, x: Array, y: Array) -> Array:
 
 
 def coat_front(coat: ArrayLike, shirt: ArrayLike) -> Picture:
-    """A trunk's picture: a coat closed by a row of buttons, the shirt in its neck; rows from the top."""
+    """Paint a trunk's texture: a coat closed by a row of buttons, the shirt in its neck; rows from the top."""
     rows, columns = _FRONT_PX
     coat = np.asarray(coat, dtype=float)
     u, v = np.meshgrid((np.arange(columns) + 0.5) / columns - 0.5, 1 - (np.arange(rows) + 0.5) / rows)

@@ -24,7 +24,7 @@ _DARK = np.array([0.12, 0.09, 0.08])
 
 
 def head_picture(looks: BodyAppearance, rises: Array) -> NDArray[np.uint8]:
-    """The head's picture (rows, columns, 3), rows from the crown down.
+    """Paint the texture of the head (rows, columns, 3), rows from the crown down.
 
     `rises`: the height of each row of the mesh's texture, v = 0 ... 1, as a share of the head's height, both ends
     included.
@@ -68,7 +68,7 @@ def scalp(turn: ArrayLike, rise: ArrayLike) -> Array:
 
 
 def hairline(turn: ArrayLike) -> Array:
-    """The lowest hair as a share of the head's height: the forehead, the temples, behind the ears, the nape."""
+    """Return the lowest hair as a share of the head's height: the forehead, the temples, behind the ears, the nape."""
     return np.interp(
         np.abs(np.asarray(turn)),
         [0.0, 0.55, 0.85, 1.15, 1.35, 1.60, 1.95, 2.30, np.pi],
@@ -92,7 +92,7 @@ def _blend(out: Array, colour: ArrayLike, share: Array) -> None:
 
 
 def _soft(square: Array, edge: float) -> Array:
-    """1 inside an ellipse (square of the relative radius below 1), falling to 0 over `edge`."""
+    """Return 1 inside an ellipse (square of the relative radius below 1), falling to 0 over `edge`."""
     return np.clip((1 + edge - square) / edge, 0, 1)
 
 
@@ -147,7 +147,7 @@ class HeadShape:
         return self.crown - self.chin
 
     def ring(self, grow: Array | float = 0.0, sections: Array = _SECTIONS, sides: int = _SIDES) -> Array:
-        """Rings of the head's skin, moved outwards by `grow` (m, sides) [m]."""
+        """Make rings of the head's skin, moved outwards by `grow` (m, sides) [m]."""
         share, front, back, half = sections.T
         middle = 0.5 * (front + back) * self.length
         plain = np.column_stack(
@@ -169,20 +169,21 @@ class HeadShape:
 
 
 def shape_of(chin: float, top: float, length: float, breadth: float, looks: BodyAppearance) -> HeadShape:
-    """The head whose chin is at `chin` and whose hair or cap ends at `top` [m]; what stands out more is above it."""
+    """Return the shape of a head whose chin is at `chin` and whose hair or cap ends at `top` [m]; what stands out more
+    is above it."""
     cover = _CAP_M if looks.cap is not None else min(_thickness(looks.hair_style), 0.024)
     return HeadShape(chin, chin + (top - chin) / (1 + cover / _DRAWN_AT_M), length, breadth)
 
 
 def _thickness(style: str) -> float:
-    """Of the hair on the crown [m], on a head of 0.2275 m."""
+    """Return the thickness of the hair on the crown [m], on a head of 0.2275 m."""
     if style in _NO_VOLUME:
         return 0.0
     return _THICK_M.get(style, 0.008) + (0.0 if style in ("afro", "curly") else 0.006)
 
 
 def skull(shape: HeadShape, looks: BodyAppearance) -> Surface:
-    """The head with nose and ears."""
+    """Make the head with nose and ears."""
     surface = loft(shape.ring())
     k = shape.height / _DRAWN_AT_M
     eyes = shape.chin + EYES * shape.height
@@ -206,7 +207,7 @@ def skull(shape: HeadShape, looks: BodyAppearance) -> Surface:
 
 
 def picture(shape: HeadShape, looks: BodyAppearance) -> NDArray[np.uint8]:
-    """The picture that the head wears."""
+    """Paint the texture that is wrapped around the head."""
     steps = np.linalg.norm(np.diff(shape.ring(), axis=0), axis=-1).mean(axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
     rises = np.interp(np.linspace(0, 1, 64), along, _SECTIONS[:, 0])
@@ -214,7 +215,7 @@ def picture(shape: HeadShape, looks: BodyAppearance) -> NDArray[np.uint8]:
 
 
 def hair(shape: HeadShape, style: str, capped: bool, shoulder: float) -> Surface | None:
-    """The hair's volume, None where none stands out from the scalp.
+    """Make the hair's volume, None where none stands out from the scalp.
 
     `capped`: a cap holds it down; `shoulder` [m]: height of the shoulders, for what falls on them.
     """
@@ -256,7 +257,7 @@ def hair(shape: HeadShape, style: str, capped: bool, shoulder: float) -> Surface
 
 
 def _curtain(top: float, end: float, back: float, breadth: float, k: float) -> Surface:
-    """Hair that hangs behind the face: a horseshoe in each level, from over the ears to its end."""
+    """Make hair that hangs behind the face: a horseshoe in each level, from over the ears to its end."""
     sides = 12
     angle = np.linspace(0.50 * np.pi, 1.50 * np.pi, sides)
     rows = []
@@ -274,7 +275,7 @@ def _curtain(top: float, end: float, back: float, breadth: float, k: float) -> S
 
 
 def cap(shape: HeadShape) -> Surface:
-    """A cap with its peak ahead."""
+    """Make a cap with its peak ahead."""
     k = shape.height / _DRAWN_AT_M
     keep = np.array([0.64, 0.70, 0.78, 0.86, 0.93, 0.98, 1.0])
     sections = np.column_stack([np.interp(keep, _SECTIONS[:, 0], column) for column in _SECTIONS.T])

@@ -19,27 +19,27 @@ def _about(angle: Array, first: int, second: int) -> Array:
 
 
 def about_x(angle: Array) -> Array:
-    """Rotation matrices (..., 3, 3) about x by angles (...) [rad]."""
+    """Return rotation matrices (..., 3, 3) about x by angles (...) [rad]."""
     return _about(np.asarray(angle, dtype=float), 1, 2)
 
 
 def about_y(angle: Array) -> Array:
-    """Rotation matrices (..., 3, 3) about y by angles (...) [rad]."""
+    """Return rotation matrices (..., 3, 3) about y by angles (...) [rad]."""
     return _about(np.asarray(angle, dtype=float), 2, 0)
 
 
 def about_z(angle: Array) -> Array:
-    """Rotation matrices (..., 3, 3) about z by angles (...) [rad]."""
+    """Return rotation matrices (..., 3, 3) about z by angles (...) [rad]."""
     return _about(np.asarray(angle, dtype=float), 0, 1)
 
 
 def turned(rotation: Array, vector: Array) -> Array:
-    """Vectors (..., 3) turned by rotations (..., 3, 3)."""
+    """Return vectors (..., 3) turned by rotations (..., 3, 3)."""
     return (rotation @ vector[..., None])[..., 0]
 
 
 def matrix_of(quaternion: Array) -> Array:
-    """Rotation matrices (m, 3, 3) of unit quaternions (m, 4), w first."""
+    """Return rotation matrices (m, 3, 3) of unit quaternions (m, 4), w first."""
     w, x, y, z = quaternion.T
     return np.array(
         [
@@ -51,14 +51,14 @@ def matrix_of(quaternion: Array) -> Array:
 
 
 def quaternion_about(axis: int, angle: Array) -> Array:
-    """Quaternions (m, 4), w first, of rotations about x (0), y (1) or z (2) by angles (m,) [rad]."""
+    """Return quaternions (m, 4), w first, of rotations about x (0), y (1) or z (2) by angles (m,) [rad]."""
     out = np.zeros((len(angle), 4))
     out[:, 0], out[:, 1 + axis] = np.cos(0.5 * angle), np.sin(0.5 * angle)
     return out
 
 
 def quaternion_product(first: Array, second: Array) -> Array:
-    """Hamilton products (m, 4): the second rotation, then the first."""
+    """Return Hamilton products (m, 4): the second rotation, then the first."""
     a, b, c, d = first.T
     e, f, g, h = second.T
     return np.stack(
@@ -73,14 +73,14 @@ def quaternion_product(first: Array, second: Array) -> Array:
 
 
 def hip_angles(rotation: Array) -> tuple[Array, Array, Array]:
-    """Yaw, roll, pitch [rad] of Rz Rx Ry (..., 3, 3): the thigh as the pelvis sees it."""
+    """Return yaw, roll, pitch [rad] of Rz Rx Ry (..., 3, 3): the thigh as the pelvis sees it."""
     roll = np.arcsin(np.minimum(np.maximum(rotation[..., 2, 1], -1.0), 1.0))
     pitch = np.arctan2(-rotation[..., 2, 0], rotation[..., 2, 2])
     return np.arctan2(-rotation[..., 0, 1], rotation[..., 1, 1]), roll, pitch
 
 
 def direction(yaw: Array, pitch: Array) -> Array:
-    """Unit vectors (..., 3) along x turned by Rz(yaw) Ry(pitch): a positive pitch points down."""
+    """Return unit vectors (..., 3) along x turned by Rz(yaw) Ry(pitch): a positive pitch points down."""
     return np.stack([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)], axis=-1)
 
 
@@ -90,7 +90,7 @@ Planar = NDArray[np.complex128]
 def leg_angles(
     over_floor: Planar, up: Array, pelvis_yaw: Array, foot_yaw: Array, foot_pitch: Array, thigh: Array, shank: Array
 ) -> tuple[Array, Array, Array, Array, Array, Array]:
-    """Hip yaw, roll, pitch, knee, ankle pitch, roll [rad] that hold each foot where it is asked.
+    """Return hip yaw, roll, pitch, knee, ankle pitch, roll [rad] that hold each foot where it is asked.
 
     over_floor, up: from ankle to hip joint, x + iy and z in the room frame [m]; the pelvis is turned by
     Rz(pelvis_yaw), the foot by Rz(foot_yaw) Ry(foot_pitch), so pitch > 0 lifts the heel; thigh, shank [m]. Any shapes

@@ -52,7 +52,7 @@ class Girths:
         self._sections[:, 2:] *= (1 - 0.6 * narrow * (1 - 1 / build))[:, None]
 
     def trunk(self, grow: float, tucked: bool) -> Surface:
-        """From the hem over the hips to the neck, `grow` [m] wider than a shirt; in the trunk's frame.
+        """Make the trunk from the hem over the hips to the neck, `grow` [m] wider than a shirt; in the trunk's frame.
 
         `tucked`: the hem is inside what is worn on the hips, otherwise it hangs over it.
         """
@@ -69,7 +69,7 @@ class Girths:
         return [(x * g, 0.0, share * length, a * g + grow, b * g + grow) for share, x, a, b in self._sections]
 
     def _front(self, share: Array, grow: float, sign: int = 1) -> Array:
-        """x of the front (sign 1) or back (-1) of the trunk in the middle, at shares of waist to shoulder [m]."""
+        """Return x of the front (sign 1) or back (-1) of the trunk in the middle, at shares of waist to shoulder [m]."""
         s = self._sections
         x, a = np.interp(share, s[:, 0], s[:, 1]), np.interp(share, s[:, 0], s[:, 2])
         return np.asarray((x + sign * a) * self.girth + sign * grow)
@@ -78,11 +78,11 @@ class Girths:
         return np.asarray(np.interp(share, self._sections[:, 0], self._sections[:, 3]) * self.girth + grow)
 
     def back(self, grow: float) -> float:
-        """How far the back is behind the trunk's middle [m]."""
+        """Return how far the back is behind the trunk's middle [m]."""
         return -float(self._front(np.array(0.7), grow, -1))
 
     def strap_path(self, grow: float) -> Array:
-        """A backpack's left strap over the shoulder, (m, 3) [m], from the back to below the arm."""
+        """Return the path of a backpack's left strap over the shoulder, (m, 3) [m], from the back to below the arm."""
         length, g = self.trunk_length, self.girth
         top = 1.02 * length + grow
         over = [
@@ -99,7 +99,7 @@ class Girths:
         return np.array(over + down + under)
 
     def sash(self, grow: float) -> Surface:
-        """A shoulder bag's strap: from the left shoulder across chest and back to the right hip."""
+        """Make a shoulder bag's strap: from the left shoulder across chest and back to the right hip."""
         share = np.array([-0.15, 0.10, 0.35, 0.60, 0.82, 0.95])
         y = np.interp(share, [-0.15, 0.95], [-0.150, 0.105]) * self.girth
         halves = []
@@ -116,7 +116,7 @@ class Girths:
         return cord(path, 0.012 * self.girth)
 
     def neck(self) -> Surface:
-        """From between the shoulders into the head; in the trunk's frame."""
+        """Make the neck from between the shoulders into the head; in the trunk's frame."""
         k = self.lengths.shoulder_width / 0.453
         low = 0.98 * self.trunk_length
         high = self.lengths.chin_height - self.lengths.waist_height + 0.016 * k
@@ -124,7 +124,7 @@ class Girths:
         return limb([(low, 1.12 * radius, 1.15 * radius, -0.012 * k), (high, radius, 0.95 * radius, -0.006 * k)], 12)
 
     def hips(self, grow: float, belted: bool) -> Surface:
-        """Belt to crotch; in the pelvis' frame. `belted`: closed over the shirt, not under it."""
+        """Make the hips from belt to crotch; in the pelvis' frame. `belted`: closed over the shirt, not under it."""
         g = self.girth
         rise = self.lengths.waist_height - self.lengths.hip_height
         rows = [
@@ -144,38 +144,39 @@ class Girths:
         return loft(rings(section, 14, square=2.3))
 
     def hip_depth(self, grow: float) -> float:
-        """How far the buttocks are behind the hip joints [m]."""
+        """Return how far the buttocks are behind the hip joints [m]."""
         return 0.130 * self.girth + grow
 
     def shoulder_joint(self) -> tuple[float, float, float]:
-        """The left shoulder joint in the trunk's frame [m]: inside the acromion, sleeve and deltoid add the rest."""
+        """Return the left shoulder joint in the trunk's frame [m]: inside the acromion, sleeve and deltoid add the
+        rest."""
         build = 1 + 0.75 * (self.girth * 1.75 / (self.lengths.hip_joint_width / 0.1) - 1)
         return -0.008 * self.girth, 0.415 * self.lengths.shoulder_width * build, 0.865 * self.trunk_length
 
     def upper_arm(self, grow: float) -> Surface:
-        """A covered upper arm; in its frame, the shoulder at the origin."""
+        """Make a covered upper arm; in its frame, the shoulder at the origin."""
         g, length = self.girth, self.lengths.upper_arm
         rows = [(-1.0, 0.041), (-0.65, 0.046), (-0.30, 0.051), (0.0, 0.053)]
         return limb([(share * length, r * g + grow, r * g * 0.95 + grow) for share, r in rows], 10)
 
     def short_sleeve(self) -> Surface:
-        """A short sleeve; in the upper arm's frame."""
+        """Make a short sleeve; in the upper arm's frame."""
         return clothes.sleeve(0.58 * self.lengths.upper_arm, 0.054 * self.girth, 0.055 * self.girth)
 
     def bare_upper_arm(self) -> Surface:
-        """What a short sleeve leaves bare; in the upper arm's frame."""
+        """Make the part of the arm that a short sleeve leaves bare; in the upper arm's frame."""
         g, length = self.girth, self.lengths.upper_arm
         return limb([(share * length, r * g, r * g) for share, r in ((-1.0, 0.039), (-0.7, 0.043), (-0.35, 0.046))], 10)
 
     def forearm(self, grow: float, covered: bool) -> Surface:
-        """Elbow to wrist; in the forearm's frame."""
+        """Make the forearm from elbow to wrist; in the forearm's frame."""
         g, length = self.girth, self.lengths.forearm
         wrist = 0.034 if covered else 0.028
         rows = [(-1.0, wrist, wrist * 0.85), (-0.6, 0.036, 0.034), (-0.22, 0.043, 0.040), (0.0, 0.039, 0.039)]
         return limb([(s * length, a * g + grow, b * g + grow) for s, a, b in rows], 10, round_low=not covered)
 
     def thigh(self, slim: bool) -> Surface:
-        """Hip to knee; in the thigh's frame. `slim`: without trousers."""
+        """Make the thigh from hip to knee; in the thigh's frame. `slim`: without trousers."""
         g, length = self.girth, self.lengths.thigh
         grow = -0.005 * g if slim else 0.0
         rows = [
@@ -188,7 +189,8 @@ class Girths:
         return limb([(s * length, a * g + grow, b * g + grow, x * g, y) for s, a, b, x, y in rows], 12)
 
     def shank(self, slim: bool) -> Surface:
-        """Knee to ankle; in the shank's frame. `slim`: a bare calf, otherwise a trouser leg over the shoe."""
+        """Make the shank from knee to ankle; in the shank's frame. `slim`: a bare calf, otherwise a trouser leg over
+        the shoe."""
         g, length = self.girth, self.lengths.shank
         if slim:
             rows = [
@@ -209,7 +211,7 @@ class Girths:
         return limb([(s * length, a * g, b * g, x * g) for s, a, b, x in rows], 12, round_low=False)
 
     def bell(self, sign: int, hem: float, flare: float, grow: float) -> Surface:
-        """Half of a skirt or of a coat's tail; in the frame of the left (sign 1) or right (-1) thigh."""
+        """Make half of a skirt or of a coat's tail; in the frame of the left (sign 1) or right (-1) thigh."""
         return clothes.bell(
             sign,
             self.lengths.thigh,
@@ -222,7 +224,7 @@ class Girths:
 
 
 def hand(lengths: Proportions, k: float) -> Surface:
-    """The left hand, hanging: palm to the thigh, thumb ahead, fingers half closed; in the forearm's frame."""
+    """Make the left hand, hanging: palm to the thigh, thumb ahead, fingers half closed; in the forearm's frame."""
     wrist, span = -lengths.forearm, lengths.hand
     rows = [
         (0.010, -0.020, -1.00, 0.016, 0.009),
@@ -243,7 +245,7 @@ def hand(lengths: Proportions, k: float) -> Surface:
 
 
 def _sole_rings(rows: Array, sides: int = 12) -> Array:
-    """Upright rings (m, sides, 3) along x from rows (m, 4): x, half breadth, top, sole [m].
+    """Make upright rings (m, sides, 3) along x from rows (m, 4): x, half breadth, top, sole [m].
 
     Flat below, round above.
     """
@@ -261,7 +263,8 @@ def _sole_rings(rows: Array, sides: int = 12) -> Array:
 
 
 def shoe(lengths: Proportions, k: float) -> Surface:
-    """Heel to ball with the collar around the ankle; in the foot's frame, the sole level and at its lowest."""
+    """Make the shoe from heel to ball with the collar around the ankle; in the foot's frame, the sole level and at its
+    lowest."""
     half, ankle = 0.5 * lengths.foot_breadth, lengths.ankle_height
     heel, ball = -lengths.heel_behind_ankle, lengths.ball_before_ankle
     rows = [
@@ -278,7 +281,7 @@ def shoe(lengths: Proportions, k: float) -> Surface:
 
 
 def toe_cap(lengths: Proportions, k: float) -> Surface:
-    """Ball to tip; in the toes' frame, whose origin is on the sole under the ball."""
+    """Make the toe cap from ball to tip; in the toes' frame, whose origin is on the sole under the ball."""
     half = 0.5 * lengths.foot_breadth
     length = lengths.shoe_length - lengths.heel_behind_ankle - lengths.ball_before_ankle
     rows = [

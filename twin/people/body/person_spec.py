@@ -66,7 +66,7 @@ _COAT_ADDS_M = 0.014
 
 
 def person_spec(appearance: BodyAppearance, only: Collection[str] | None = None) -> mujoco.MjSpec:
-    """The body as a model of its own, to be attached to a room's worldbody with a prefix.
+    """Build the body as a model of its own, to be attached to a room's worldbody with a prefix.
 
     `only`: the names of its geoms, where not all are needed; all segments and joints are there all the same.
 

@@ -60,7 +60,7 @@ def _tables() -> dict[str, Any]:
 
 
 def fractions(height_m: float | None = None, child: bool = False) -> Proportions:
-    """The shipped table, fractions of stature: an adult's, or a child's of this stature [m]."""
+    """Return the shipped table, fractions of stature: an adult's, or a child's of this stature [m]."""
     table = dict(_tables()["adult"])
     if child:
         if height_m is None:
@@ -72,7 +72,7 @@ def fractions(height_m: float | None = None, child: bool = False) -> Proportions
 
 
 def proportions_of(height_m: float, child: bool = False) -> Proportions:
-    """Segment lengths [m] of a person of this stature [m]."""
+    """Return segment lengths [m] of a person of this stature [m]."""
     table = fractions(height_m, child)
     return Proportions(**{field.name: getattr(table, field.name) * height_m for field in fields(table)})
 

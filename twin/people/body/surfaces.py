@@ -35,25 +35,25 @@ class Surface:
         )
 
     def moved(self, by: ArrayLike) -> Surface:
-        """Shifted by (3,) [m]."""
+        """Return the surface shifted by (3,) [m]."""
         return Surface(self.vertex + np.asarray(by), self.face, self.texture, self.texture_face)
 
     def turned(self, pitch_rad: float) -> Surface:
-        """Turned about the y axis, forward and down."""
+        """Return the surface turned about the y axis, forward and down."""
         c, s = np.cos(pitch_rad), np.sin(pitch_rad)
         rotation = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
         return Surface(self.vertex @ rotation.T, self.face, self.texture, self.texture_face)
 
     def mirrored(self) -> Surface:
-        """Left and right exchanged, its texture with it."""
+        """Return the surface with left and right exchanged, its texture with it."""
         return Surface(self.vertex * (1, -1, 1), self.face[:, ::-1], self.texture, self.texture_face[:, ::-1])
 
     def painted(self, u: float, v: float) -> Surface:
-        """All of it in the colour of one place of the texture."""
+        """Return the surface, all of it in the colour of one place of the texture."""
         return Surface(self.vertex, self.face, np.array([[u, v]]), np.zeros_like(self.face))
 
     def tiled(self, around: float, along: float) -> Surface:
-        """Its texture repeated, so many times around and along."""
+        """Return the surface with its texture repeated, so many times around and along."""
         return Surface(self.vertex, self.face, self.texture * (around, along), self.texture_face)
 
     def add_to(self, spec: mujoco.MjSpec, name: str) -> None:
@@ -70,12 +70,13 @@ class Surface:
 
 
 def around(sides: int) -> Array:
-    """Angles of a ring's places (sides,) [rad], from the back over the right side; 0 is ahead."""
+    """Return angles of a ring's places (sides,) [rad], from the back over the right side; 0 is ahead."""
     return -np.pi + 2 * np.pi * np.arange(sides) / sides
 
 
 def rings(sections: ArrayLike, sides: int = 14, square: float = 2.0) -> Array:
-    """Level rings (m, sides, 3) from sections (m, 5) of x, y, z of the middle, half depth (x), half breadth (y) [m].
+    """Return level rings (m, sides, 3) from sections (m, 5) of x, y, z of the middle, half depth (x), half breadth (y)
+    [m].
 
     `square`: exponent of the superellipse; 2 is an ellipse, more is squarer.
     """
@@ -90,7 +91,7 @@ def rings(sections: ArrayLike, sides: int = 14, square: float = 2.0) -> Array:
 
 
 def loft(ring: Array) -> Surface:
-    """The closed surface through rings (m, n, 3) [m], each counter-clockwise as seen from the end of the last one."""
+    """Make the closed surface through rings (m, n, 3) [m], each counter-clockwise as seen from the end of the last one."""
     count, sides, _ = ring.shape
     middles = ring.mean(axis=1)
     vertex = np.vstack([ring.reshape(-1, 3), middles[0], middles[-1]])
@@ -120,7 +121,7 @@ def _faces(count: int, sides: int, place, poles: int):
 def limb(
     stations: Sequence[tuple[float, ...]], sides: int = 12, round_low: bool = True, round_high: bool = True
 ) -> Surface:
-    """A rounded limb along z: stations (z, half depth, half breadth, x = 0, y = 0) [m] from low to high.
+    """Make a rounded limb along z: stations (z, half depth, half breadth, x = 0, y = 0) [m] from low to high.
 
     A round end is half an ellipsoid about its station, so that the next segment, turning about the same place, leaves
     no gap.
@@ -135,7 +136,7 @@ def limb(
 
 
 def ellipsoid(middle: ArrayLike, size: ArrayLike, sides: int = 10) -> Surface:
-    """An ellipsoid about `middle` (3,) with half axes `size` (3,) [m]."""
+    """Make an ellipsoid about `middle` (3,) with half axes `size` (3,) [m]."""
     x, y, z = np.asarray(middle, dtype=float)
     a, b, c = np.asarray(size, dtype=float)
     tilt = np.deg2rad([-65.0, -30.0, 0.0, 30.0, 65.0])
@@ -143,7 +144,7 @@ def ellipsoid(middle: ArrayLike, size: ArrayLike, sides: int = 10) -> Surface:
 
 
 def cord(path: ArrayLike, radius: float, sides: int = 6) -> Surface:
-    """A strap of this radius [m] along a path (m, 3) [m]."""
+    """Make a strap of this radius [m] along a path (m, 3) [m]."""
     path = np.asarray(path, dtype=float)
     way = np.gradient(path, axis=0)
     way /= np.linalg.norm(way, axis=1, keepdims=True)

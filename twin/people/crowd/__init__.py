@@ -1,1 +1,1 @@
-"""Where people can go, and how they keep clear of each other."""
+"""Motion of people over the floor: free floor, routes, social force, collision avoidance."""

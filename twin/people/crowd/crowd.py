@@ -1,4 +1,4 @@
-"""How people move over the floor among others: towards their goals, around each other, inside their area.
+"""Motion of people over the floor among others: towards their goals, around each other, inside their area.
 
 Three layers, for all people at once:
 
@@ -155,19 +155,21 @@ class Crowd:
         self._distance[person] = np.inf
 
     def drive(self, place: Planar, velocity: Planar) -> None:
-        """Where those who are `driven` will be at the end of the next step, (n,) each [m, m/s]; other rows are unused."""
+        """Set where those who are `driven` will be at the end of the next step, (n,) each [m, m/s]; other rows are
+        unused."""
         self._path_place, self._path_velocity = place, velocity
 
     def arrived(self) -> Mask:
-        """Who has come to their goal, (n,)."""
+        """Return a mask (n,) of the people who has come to their goal."""
         return (self._distance <= self._arrive_m) & self.present
 
     def halting(self, within_m: float) -> Mask:
-        """Who is about to halt at a goal that is less than `within_m` [m] away, (n,)."""
+        """Return a mask (n,) of the people who is about to halt at a goal that is less than `within_m` [m] away."""
         return (self._distance < within_m) & (self._slow_down < _PASSES) & self.present
 
     def taken(self) -> Mask:
-        """Who is about to halt at a goal that somebody else is closer to than people come to each other, (n,)."""
+        """Return a mask (n,) of the people who is about to halt at a goal that somebody else is closer to than people
+        come to each other."""
         close = self.halting(TAKEN_WITHIN_M)
         if not close.any():
             return close
@@ -176,11 +178,12 @@ class Crowd:
         return near.any(axis=1) & close
 
     def blocked(self) -> Mask:
-        """Who wants to walk and hardly moves, (n,)."""
+        """Return a mask (n,) of the people who wants to walk and hardly moves."""
         return (np.abs(self.velocity) < 0.12 * self._going) & self.present & ~self.driven
 
     def heading_error(self) -> Array:
-        """How far everybody still has to turn to the heading they were told to hold, (n,) [rad], 0 where to none."""
+        """Return how far everybody still has to turn to the heading they were told to hold, (n,) [rad], 0 where to
+        none."""
         error = (self._hold - self.heading + np.pi) % (2 * np.pi) - np.pi
         return np.where(self._holds, error, 0.0)
 
@@ -231,7 +234,8 @@ class Crowd:
         self._turn(rows, velocity + (0.4 * going) * way, dt)
 
     def _unfelt(self, rows: Any, self_far: Array) -> Array:
-        """A great length (n, n) [m] where one of those present does not feel the other: themselves, and companions."""
+        """Return a great length (n, n) [m] where one of those present does not feel the other: themselves, and
+        companions."""
         if not np.count_nonzero(self._companions):
             return self_far
         together = self._companions[rows][:, rows]
@@ -239,7 +243,7 @@ class Crowd:
 
     @staticmethod
     def _spread(whole: NDArray[Any], rows: Any, part: NDArray[Any]) -> NDArray[Any]:
-        """`whole` (n,) with those present replaced by `part`."""
+        """Return `whole` (n,) with those present replaced by `part`."""
         if rows is _EVERYBODY:
             return part
         whole = whole.copy()
@@ -247,7 +251,8 @@ class Crowd:
         return whole
 
     def _wanted_speed(self, rows: Any, way: Planar, length: Array, velocity: Planar, facing: Planar) -> Array:
-        """How fast those present want to go along their way (unit, 0 for who stands), `length` [m] before its end."""
+        """Return how fast those present want to go along their way (unit, 0 for who stands), `length` [m] before its
+        end."""
         speed = self._speed[rows]
         along = np.minimum(np.maximum(FACING * (way * facing.conj()).real, 0.0), 1.0)
         slowed = speed * along
@@ -260,7 +265,7 @@ class Crowd:
         return np.minimum(slowed, np.minimum(length * self._slow_down[rows], np.sqrt(left * self._slow_late[rows])))
 
     def _safe(self, velocity: Planar, normals: Planar, limit: Array) -> Planar:
-        """The velocities made to approach nothing faster than its limit.
+        """Limit velocities so that nothing is approached faster than its limit.
 
         normals (n, k): directions to what is approached; limit (n, k) [m/s], negative for what one should back away
         from. Rounds of projection keep what motion there is along an obstacle; what is still too fast then is slowed as
@@ -302,13 +307,13 @@ class Crowd:
 
 
 def planar(points: Array) -> Planar:
-    """Points (..., 2) as complex numbers."""
+    """Return points (..., 2) as complex numbers x + iy."""
     return points[..., 0] + 1j * points[..., 1]
 
 
 def _edges(areas: Sequence[Array | None]) -> tuple[list[Obstacle], Array]:
-    """The edges of all areas, each an obstacle without an inside, and how far everybody keeps from them, (n, edges) [m]:
-    from those of other people's areas not at all."""
+    """Return the edges of all areas, each an obstacle without an inside, and how far everybody keeps from them, (n,
+    edges) [m]: from those of other people's areas not at all."""
     edges: list[Obstacle] = []
     keep = np.full((len(areas), 0), -_FAR_M)
     known: list[Array] = []

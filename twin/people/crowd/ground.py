@@ -30,7 +30,8 @@ def free_places(
     clear_m: float = KEEP_FROM_FURNITURE_M,
     source: str = "area",
 ) -> Array:
-    """Places (count, 2) [m], uniform in the polygon `area` (k, 2) outside of all that is within `clear_m` of an obstacle.
+    """Draw places (count, 2) [m], uniform in the polygon `area` (k, 2) outside of all that is within `clear_m` of an
+    obstacle.
 
     Raises InputError, naming `source`, where next to nothing of the area is free.
     """
@@ -63,7 +64,8 @@ def standing_place(place: Array, walkable: Array) -> Array:
 
 
 def nearest_free(place: Array, area: Array, obstacles: Sequence[Obstacle], clear_m: float) -> Array | None:
-    """A place (2,) near `place` (2,) [m] in the area and `clear_m` off all obstacles, to 5 cm; None within 3 m of none."""
+    """Return a place (2,) near `place` (2,) [m] in the area and `clear_m` off all obstacles, to 5 cm; None within 3 m
+    of none."""
     steps = 0.05 * np.arange(-60, 61)
     grid = np.round(place, 2) + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     grid = grid[Area(area).contains(grid)]
@@ -77,7 +79,7 @@ _MARGIN_M = KEEP_FROM_EDGE_M + 0.1
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """Where the people of a scenario walk.
+    """The floor that the people of a scenario walk on.
 
     `area` (k, 2): polygon in which wanderers stay and starts are drawn, `walkable` (k, 2): where everybody stays, room
     frame [m]; `furniture`: seats and beds by name; `source`: what describes the area, as errors name it.
@@ -101,5 +103,5 @@ class Ground:
         return inner
 
     def free_places(self, count: int, rng: np.random.Generator) -> Array:
-        """Random places (count, 2) [m] in the area, clear of furniture; raises InputError where there is none."""
+        """Draw places (count, 2) [m] in the area, clear of furniture; raises InputError where there is none."""
         return free_places(self.inner, self.obstacles, count, rng, source=f"{self.source}: area")

@@ -1,4 +1,4 @@
-"""What a person is asked to do with their body on the floor until the next command: go, stand, turn."""
+"""A command to one person's body on the floor, which holds until the next: go, stand, turn."""
 
 from __future__ import annotations
 

@@ -65,7 +65,8 @@ class Routes:
         self._main = parts == np.bincount(parts).argmax() if len(parts) else np.zeros(0, dtype=bool)
 
     def way(self, start: Array, goal: Array) -> Array | None:
-        """The shortest way (k, 2) [m] from start to goal (2,): the corners to pass, then the goal; None without a way.
+        """Find the shortest way (k, 2) [m] from start to goal (2,): the corners to pass, then the goal; None without a
+        way.
 
         Ends may be closer to furniture than the radius; the way leaves it, and comes to it, directly.
         """
@@ -97,24 +98,25 @@ class Routes:
         return np.concatenate([nodes[passed[::-1]], goal[None]])
 
     def reachable(self, place: Array) -> bool:
-        """Whether one can come to a place (2,) [m] from the larger part of the room's free floor."""
+        """Return whether one can come to a place (2,) [m] from the larger part of the room's free floor."""
         place = np.asarray(place, dtype=float)
         if not self._stands(place):
             return False
         return not len(self._nodes) or bool((self._leg(place, self._nodes) & self._main).any())
 
     def near(self, place: Array) -> frozenset[str]:
-        """The furniture that a place (2,) [m] is closer to than routes keep: what a command to go there comes near to."""
+        """Return the furniture that a place (2,) [m] is closer to than routes keep: what a command to go there comes
+        near to."""
         inside = self._wide.contains(np.asarray(place, dtype=float)[None])[0]
         return frozenset(name for name, close in zip(self._furniture, inside, strict=True) if close)
 
     def _stands(self, place: Array) -> bool:
-        """Whether somebody can stand at a place (2,), be it close to furniture."""
+        """Return whether somebody can stand at a place (2,), be it close to furniture."""
         return bool(self._inside.contains(place[None])[0] and not self._close.contains(place[None]).any())
 
     def _leg(self, end: Array, others: Array, also: Array | None = None) -> Mask:
-        """Which straight ways from an end (2,) to others (n, 2) are free; close to furniture that the end, or the end
-        `also`, is close to."""
+        """Return which straight ways from an end (2,) to others (n, 2) are free; close to furniture that the end, or
+        the end `also`, is close to."""
         ends = end[None] if also is None else np.stack([end, also])
         beside = np.asarray(self._wide.contains(ends).any(axis=0))
         inner = self._inner if self._well_inside.contains(ends).all() else self.area
@@ -122,7 +124,7 @@ class Routes:
 
     @staticmethod
     def _sees(start: Array, end: Array, shapes: _Convex, area: Array) -> Mask:
-        """Which straight ways start to end (n, 2) pass through no shape and stay in the area (k, 2)."""
+        """Return which straight ways start to end (n, 2) pass through no shape and stay in the area (k, 2)."""
         seen = ~_cut(area, start, end)
         # dearer questions only of the ways that are left
         seen[seen] = ~shapes.crossed(start[seen], end[seen])
@@ -151,7 +153,7 @@ class _Convex:
             self._offset[number, : len(corners)] = (normal * corners).sum(axis=1)
 
     def where(self, replaced: Mask, other: _Convex) -> _Convex:
-        """These polygons, those in `replaced` (m,) taken from another set of as many."""
+        """Return these polygons, those in `replaced` (m,) taken from another set of as many."""
         if not replaced.any():
             return self
         mixed = _Convex([])
@@ -171,11 +173,12 @@ class _Convex:
         )
 
     def contains(self, places: Array) -> Mask:
-        """Whether places (n, 2) lie strictly inside each, (n, m)."""
+        """Return whether places (n, 2) lie strictly inside each, (n, m)."""
         return (np.einsum("nc,mkc->nmk", places, self._normal) < self._offset).all(axis=2)
 
     def crossed(self, start: Array, end: Array) -> Mask:
-        """Whether straight ways start to end (n, 2) pass through the inside of any, (n,) (Cyrus and Beck's clipping)."""
+        """Return whether straight ways start to end (n, 2) pass through the inside of any, (n,) (Cyrus and Beck's
+        clipping)."""
         way, shape = np.nonzero(self._comes_near(start, end))
         depth = self._offset[shape] - np.einsum("pc,pkc->pk", start[way], self._normal[shape])  # positive: inside of it
         speed = np.einsum("pc,pkc->pk", (end - start)[way], self._normal[shape])  # outwards
@@ -190,20 +193,20 @@ class _Convex:
         return crossed
 
     def _comes_near(self, start: Array, end: Array) -> Mask:
-        """Whether straight ways start to end (n, 2) come into the circle about each, (n, m)."""
+        """Return whether straight ways start to end (n, 2) come into the circle about each, (n, m)."""
         return _gap_square(start, end, self._middle) <= self._radius**2
 
 
 def _is_convex(corners: Array) -> bool:
-    """Whether a simple polygon (k, 2) turns one way at all its corners."""
+    """Return whether a simple polygon (k, 2) turns one way at all its corners."""
     way = np.roll(corners, -1, axis=0) - corners
     turn = _cross(way, np.roll(way, -1, axis=0))
     return bool((turn >= 0).all() or (turn <= 0).all())
 
 
 def _shares(area: Array, start: Array, end: Array) -> tuple[Array, Array]:
-    """Where straight ways start to end (n, 2) meet the lines of the polygon's edges (k, 2), as shares of the way and of
-    the edge, both (n, k); neither finite where they are parallel."""
+    """Return where straight ways start to end (n, 2) meet the lines of the polygon's edges (k, 2), as shares of the way
+    and of the edge, both (n, k); neither finite where they are parallel."""
     edge = np.roll(area, -1, axis=0) - area
     way = end - start
     offset = area - start[:, None]  # (n, k, 2)
@@ -213,7 +216,8 @@ def _shares(area: Array, start: Array, end: Array) -> tuple[Array, Array]:
 
 
 def _cut(area: Array, start: Array, end: Array) -> Mask:
-    """Which straight ways start to end (n, 2) an edge of the polygon (k, 2) cuts in two, well between all four ends."""
+    """Return which straight ways start to end (n, 2) an edge of the polygon (k, 2) cuts in two, well between all four
+    ends."""
     along_way, along_edge = _shares(area, start, end)
     between = (along_way > _CUTS_FROM) & (along_way < 1 - _CUTS_FROM)
     between &= (along_edge > _CUTS_FROM) & (along_edge < 1 - _CUTS_FROM)
@@ -221,7 +225,7 @@ def _cut(area: Array, start: Array, end: Array) -> Mask:
 
 
 def _stay_inside(area: Array, start: Array, end: Array) -> Mask:
-    """Whether straight ways start to end (n, 2) stay in the simple polygon (k, 2), its border included."""
+    """Return whether straight ways start to end (n, 2) stay in the simple polygon (k, 2), its border included."""
     inside = Area(area).contains(start)
     near = _touches(area, start, end)  # the others are on one side of the border all along
     inside[near] = _stays_inside_piecewise(area, start[near], end[near])
@@ -229,7 +233,7 @@ def _stay_inside(area: Array, start: Array, end: Array) -> Mask:
 
 
 def _touches(area: Array, start: Array, end: Array) -> Mask:
-    """Which straight ways start to end (n, 2) come to the border of the polygon (k, 2), or next to it."""
+    """Return which straight ways start to end (n, 2) come to the border of the polygon (k, 2), or next to it."""
     following = np.roll(area, -1, axis=0)
     along_way, along_edge = _shares(area, start, end)
     met = (along_way >= 0) & (along_way <= 1) & (along_edge >= 0) & (along_edge <= 1)
@@ -242,7 +246,8 @@ def _touches(area: Array, start: Array, end: Array) -> Mask:
 
 
 def _stays_inside_piecewise(area: Array, start: Array, end: Array) -> Mask:
-    """The same as `_stay_inside`, by the middles of the pieces into which the edges' lines and corners part each way."""
+    """Return the same as `_stay_inside`, by the middles of the pieces into which the edges' lines and corners part each
+    way."""
     inside = Area(area, TOLERANCE_M)
     way = end - start
     edge = np.roll(area, -1, axis=0) - area
@@ -259,7 +264,7 @@ def _stays_inside_piecewise(area: Array, start: Array, end: Array) -> Mask:
 
 
 def _gap_square(start: Array, end: Array, places: Array) -> Array:
-    """Squares of the distances [m²] of straight ways start to end (n, 2) from places (m, 2), (n, m)."""
+    """Return squares of the distances [m²] of straight ways start to end (n, 2) from places (m, 2), (n, m)."""
     way = end - start
     x, y = places[:, 0] - start[:, :1], places[:, 1] - start[:, 1:]
     length_square = np.maximum((way**2).sum(axis=1), TOLERANCE_M**2)[:, None]

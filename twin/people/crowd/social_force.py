@@ -36,7 +36,7 @@ _PASS = np.exp(1j * PASS_ON_THE_RIGHT_RAD)
 def repulsion(
     between: Planar, distance: Array, towards: Planar, velocity: Planar, facing: Planar, going: Array, self_far: Array
 ) -> Planar:
-    """Social force (n,) [m/s²] of the others on each.
+    """Return social force (n,) [m/s²] of the others on each.
 
     between (n, n): from each to each [m], towards its direction and distance (n, n) its length; velocity (n,) [m/s],
     facing (n,) unit; going (n,): 1 who walks, 0 who stands; self_far (n, n): a great length on the diagonal [m].

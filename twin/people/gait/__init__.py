@@ -1,1 +1,1 @@
-"""How people walk and run: published gait data, footsteps, the pose of the body over them."""
+"""Walking and running: published gait data, footsteps, the pose of the body over them."""

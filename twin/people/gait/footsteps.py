@@ -60,7 +60,7 @@ _BUMP = 1.0 / ((3 / 7) ** 1.5 * (4 / 7) ** 2)
 
 
 class MovingBodies(Protocol):
-    """What the feet must know of n bodies on the floor; a `Crowd` offers it."""
+    """State of n bodies on the floor that footsteps follow; a `Crowd` has it."""
 
     place: Planar
     velocity: Planar
@@ -71,7 +71,7 @@ class MovingBodies(Protocol):
 
 
 class BodyMotion(NamedTuple):
-    """How n bodies go, as they see it, (n,) each.
+    """Motion of n bodies in their own frames, (n,) each.
 
     velocity: complex, ahead + left i [m/s]; speed [m/s]; ahead, aside: cosine with where they face and size of the sine,
     both less near standstill; forward: ahead where that is positive, else 0; seen_from: complex, turns what the room
@@ -120,12 +120,12 @@ class Footsteps:
 
     @property
     def place(self) -> Planar:
-        """Where the feet are, (2, n) [m]."""
+        """Places of the feet, (2, n) complex [m]."""
         return self.soles[_PLACE]
 
     @property
     def yaw(self) -> Array:
-        """Where they point, (2, n) [rad]."""
+        """Yaw of the feet, (2, n) [rad]."""
         return self.soles[_YAW].real
 
     def stand(self, who: Mask, bodies: MovingBodies, style: GaitStyle) -> None:
@@ -196,7 +196,7 @@ class Footsteps:
         self.own = self.progress - ~self.lands
 
     def _land(self, landed: Mask) -> None:
-        """Feet come down; whose other foot is in the air goes straight on to the next step."""
+        """Put down the feet that land; a person whose other foot is in the air goes straight on to the next step."""
         lands = landed & self.lands
         self.soles = np.where(lands, self._target, self.soles)
         self.in_air &= ~lands
@@ -268,7 +268,7 @@ class Footsteps:
             self.height = np.zeros_like(pitch)
 
     def _swing(self, bodies: MovingBodies, motion: BodyMotion, style: GaitStyle) -> None:
-        """Feet in the air go from where they left to their target, with the bump and pitch of a swing."""
+        """Move the feet in the air from where they left to their target, with the bump and pitch of a swing."""
         step_time = 1.0 / self.rate
         remaining = np.maximum(1.0 - self.own, 0.0) * step_time
         turn = np.minimum(np.maximum(bodies.turn_rate * (remaining + 0.4 * step_time), -0.7), 0.7)
@@ -295,6 +295,6 @@ class Footsteps:
 
 
 def _smooth(share: Array) -> Array:
-    """0 at 0, 1 from 1 on, a cubic between; share must not be negative."""
+    """Return 0 at 0, 1 from 1 on, a cubic between; share must not be negative."""
     share = np.minimum(share, 1.0)
     return share * share * (3.0 - 2.0 * share)

@@ -150,7 +150,8 @@ class Gait:
         self._record(crowd)
 
     def _carry(self, motion: BodyMotion, style: GaitStyle) -> tuple[Array, Array, Array, Array]:
-        """The regular cycle at this time (n, 4); what is wanted: share on the left foot (n,), points of load (2, n).
+        """Return the regular cycle at this time (n, 4); what is wanted: share on the left foot (n,), points of load (2,
+        n).
 
         And the share of its stance that is over for each foot (2, n), 0 for who does not step.
         """
@@ -170,14 +171,14 @@ class Gait:
         return cycle, left, point, stance
 
     def _reference(self, cycle: Array, motion: BodyMotion, style: GaitStyle) -> tuple[Array, Array]:
-        """Height of the pelvis [m] about its standing height and its rate [m/s] in a regular gait."""
+        """Return height of the pelvis [m] about its standing height and its rate [m/s] in a regular gait."""
         step_time = self._feet.stepping / self._feet.rate
         unit = GRAVITY_M_S2 * step_time
         drop = style.pelvis_drop * (1.0 + _ASIDE_DROP * motion.aside + _BACK_DROP * (motion.forward - motion.ahead))
         return cycle[:, HEIGHT] * (unit * step_time) - drop, cycle[:, RATE] * unit
 
     def _bear(self, cycle: Array, left: Array, motion: BodyMotion, style: GaitStyle, dt: float) -> None:
-        """The load of this tick, shared between the feet, and the pelvis's rate after it."""
+        """Share the load of this tick between the feet, and step the pelvis's rate."""
         feet, bob = self._feet, self._bob
         regular = np.where(feet.stepping, cycle[:, LOAD], 1.0)
         height, rate = self._reference(cycle, motion, style)
@@ -197,7 +198,8 @@ class Gait:
         self._load[1] = load - self._load[0]
 
     def _reach(self) -> Array:
-        """Height of the pelvis about its standing height that the legs of the loaded feet before the body allow [m]."""
+        """Return height of the pelvis about its standing height that the legs of the loaded feet before the body allow
+        [m]."""
         seen, leg = self._feet.seen, self._leg
         ahead = np.maximum(seen.real - self._rolls, 0.0)
         aside = seen.imag - self._skeleton.hip_offset
@@ -206,7 +208,7 @@ class Gait:
         return -np.maximum(down[0], down[1])
 
     def _lean(self, crowd: MovingBodies, motion: BodyMotion, gaze: Array, style: GaitStyle, dt: float) -> None:
-        """The pelvis goes over the foot that carries, on a critically damped spring; habits follow slowly."""
+        """Move the pelvis over the foot that carries, on a critically damped spring; habits follow slowly."""
         across = self._feet.seen.imag
         goal = (2.0 * _SWAY_SHARE) * (across[1] + self._left * (across[0] - across[1]))
         goal = np.minimum(np.maximum(goal, -_SWAY_MOST_M), _SWAY_MOST_M)

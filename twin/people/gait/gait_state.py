@@ -1,4 +1,4 @@
-"""From a moment of the gait to the whole body: heels, pelvis, legs, arms, head."""
+"""The state of a gait, and the whole body that follows from it: heels, pelvis, legs, arms, head."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ _ARMS = tuple(
 
 @dataclass(frozen=True, eq=False)
 class GaitState:
-    """How n people move at one time, in numbers that may be interpolated linearly (angles are unwrapped).
+    """State of the gait of n people at one time, in numbers that may be interpolated linearly (angles are unwrapped).
 
     floor (FLOOR_ROWS, n), rows (ROWS, n): the constants of this module name their rows.
     """
@@ -88,7 +88,7 @@ class GaitState:
 
 
 def heel_and_pelvis(state: GaitState, skeleton: Skeleton) -> tuple[Array, Array, Array]:
-    """Pitch of the feet (2, n) [rad], yaw (n,) [rad] and height (n,) [m] of the pelvis.
+    """Return pitch of the feet (2, n) [rad], yaw (n,) [rad] and height (n,) [m] of the pelvis.
 
     Heels come up as far as the legs need to reach the hips; where that is not enough the pelvis comes down (it does not
     in a regular gait, so there its height is that of the loads' motion).
@@ -125,7 +125,7 @@ class FootLoads(NamedTuple):
 
 
 def foot_loads(state: GaitState, skeleton: Skeleton) -> FootLoads:
-    """What each foot carries, and where it is."""
+    """Return the load and the place of each foot."""
     rows = state.rows
     # straight toes of a foot that points down are its lowest
     toes = skeleton.toes * np.sin(np.maximum(rows[FEET_PITCH], 0.0) * _free(state, skeleton))
@@ -134,7 +134,7 @@ def foot_loads(state: GaitState, skeleton: Skeleton) -> FootLoads:
 
 
 def joint_coordinates(state: GaitState, skeleton: Skeleton) -> Array:
-    """`qpos` (n, NQ_PERSON) of each person, laid out as `twin.people.body.person_spec.JOINTS` says."""
+    """Return `qpos` (n, NQ_PERSON) of each person, laid out as `twin.people.body.person_spec.JOINTS` says."""
     pitch, yaw, height = heel_and_pelvis(state, skeleton)
     pelvis, rows = state.pelvis, state.rows
     facing = np.exp(1j * yaw)
@@ -168,18 +168,18 @@ def joint_coordinates(state: GaitState, skeleton: Skeleton) -> Array:
 
 
 def _free(state: GaitState, skeleton: Skeleton) -> Array:
-    """How much the toes of each foot are straight, 0 on the floor to 1 in the air, (2, n)."""
+    """Return how much the toes of each foot are straight, 0 on the floor to 1 in the air, (2, n)."""
     return np.minimum(state.rows[FEET_HEIGHT] / (_TOES_FREE_M * skeleton.scale), 1.0)
 
 
 def _stride(state: GaitState) -> Array:
-    """How far the left foot is before the right one, along the heading, (n,) [m]."""
+    """Return how far the left foot is before the right one, along the heading, (n,) [m]."""
     left, right = state.floor[FEET]
     return ((left - right) * np.exp(-1j * state.rows[HEADING])).real
 
 
 def _ankles(state: GaitState, pitch: Array, skeleton: Skeleton) -> tuple[Planar, Array]:
-    """Ankle joints: places (2, n) complex and heights (2, n) [m].
+    """Return ankle joints: places (2, n) complex and heights (2, n) [m].
 
     A foot with its heel up (pitch > 0) turns about the ball, one with its toes up about the heel, so that the pivot of
     a standing foot stays where it is.
@@ -192,7 +192,7 @@ def _ankles(state: GaitState, pitch: Array, skeleton: Skeleton) -> tuple[Planar,
 
 
 def _heel_needed(state: GaitState, hips: Planar, height: Array, skeleton: Skeleton) -> Array:
-    """Pitch (2, n) [rad] by which a foot must turn about its ball for the leg to reach it, 0 where it need not.
+    """Return pitch (2, n) [rad] by which a foot must turn about its ball for the leg to reach it, 0 where it need not.
 
     In the plane of the foot: the ankle lies on a circle about the ball, and must come within the leg's length of the
     hip; law of cosines.

@@ -31,7 +31,7 @@ _ROLL = np.linspace(0.0, 1.0, 201)
 
 
 class GaitStyle(NamedTuple):
-    """How n people move at their paces now, each (n,); the rows of `models/people/gait.yaml`.
+    """Gait parameters of n people at their paces, (n,) each; the rows of `models/people/gait.yaml`.
 
     step_time [s]; double_support: share of a step, negative: share in the air; step_width, clearance (of the swinging
     foot), pelvis_drop [m]; lands_ahead: share of a step; heel_off: share of the stance at which the heel begins to rise;
@@ -67,7 +67,7 @@ _PER_LENGTH = ("arm_swing_rad_m",)
 
 
 class Ramps(NamedTuple):
-    """How a walker's foot takes up its load and gives it away; `stance_load` in `models/people/gait.yaml`.
+    """Rise and fall of the load on a walker's foot; `stance_load` in `models/people/gait.yaml`.
 
     dip_at: share of the stance at the trough; unloading: its time from the second hump, as a share of that to the first;
     starts, ends: slope at first and at last contact, as a share of the ramp's mean slope.
@@ -110,7 +110,7 @@ def _table() -> _Table:
 
 
 def stance_load(share: Array, double_support: Array, humps: Array, runs: Array, ramps: Ramps) -> Array:
-    """Vertical load of one foot over its stance, (p, k), in body weights.
+    """Return vertical load of one foot over its stance, (p, k), in body weights.
 
     share (k,): through the stance, 0 to 1; double_support (p,): share of a step; humps (3, p): a walker's first hump,
     trough and second hump; runs (p,): 0 a walker, 1 a runner; ramps: a walker's. A walker's curve is cubics through the
@@ -144,7 +144,7 @@ def stance_load(share: Array, double_support: Array, humps: Array, runs: Array, 
 
 
 def _hermite(x: Array, slope: float) -> Array:
-    """A cubic from 0, where it has this slope, to 1, where it is flat."""
+    """Return a cubic from 0, where it has this slope, to 1, where it is flat."""
     return slope * x * (1 - x) ** 2 + x * x * (3 - 2 * x)
 
 
@@ -153,7 +153,7 @@ def _between(low: Array, high: Array, x: Array) -> Array:
 
 
 def _cycle(double_support: Array, humps: Array, runs: Array, ramps: Ramps) -> Array:
-    """The load of a regular step and the bob that it causes, (paces · (phases + 1), 4); see `GaitTable.cycle`."""
+    """Return the load of a regular step and the bob that it causes, (paces · (phases + 1), 4); see `GaitTable.cycle`."""
     share = (np.arange(_SHAPE) + 0.5) / _SHAPE
     curve = stance_load(share, double_support, humps, runs, ramps)
     phase = np.arange(_PHASES) / _PHASES
@@ -207,16 +207,16 @@ class GaitTable:
         return self._table.walks_below
 
     def similar(self, speed: Array) -> Array:
-        """The speeds (n,) [m/s] at which the reference person would move likewise."""
+        """Return the speeds (n,) [m/s] at which the reference person would move likewise."""
         return speed * self._per_speed
 
     def at(self, pace: Array) -> GaitStyle:
-        """The parameters at these paces (n,) [m/s], of the reference person; beyond the last those of the last."""
+        """Look up the parameters at these paces (n,) [m/s], of the reference person; beyond the last those of the last."""
         row = (np.minimum(pace, self._table.last_pace) * (1.0 / _STEP) + 0.5).astype(np.intp)
         return GaitStyle._make([*(self._table.styles[:, row] * self._factors), row])
 
     def cycle(self, row: NDArray[np.intp], progress: Array) -> Array:
-        """A regular step at these places through it (0 to 1), (n, 4).
+        """Look up a regular step at these places through it (0 to 1), (n, 4).
 
         The whole load [body weights]; height of the body's centre about its mean and its rate, in units of g T² and
         g T for a step time T; the share of the load that the foot behind still carries. The second derivative of the
@@ -230,7 +230,7 @@ class GaitTable:
         return low + (place - whole)[:, None] * (high - low)
 
     def roll(self, stance: Array, runs: Array) -> Array:
-        """Where the load acts at these shares of their stance (2, n), as a share of the shoe from its heel.
+        """Return where the load acts at these shares of their stance (2, n), as a share of the shoe from its heel.
 
         runs (n,): 0 a walker, 1 a runner.
         """

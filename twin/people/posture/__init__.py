@@ -1,1 +1,1 @@
-"""What bodies do beside walking: sitting, lying, bending, reaching, looking."""
+"""Postures beside walking: sitting, lying, bending, reaching, looking."""

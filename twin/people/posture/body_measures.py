@@ -60,14 +60,14 @@ class BodyMeasures:
 
     @classmethod
     def of(cls, appearances: Sequence[BodyAppearance]) -> BodyMeasures:
-        """The measures of people who look like this, in their order; each body is compiled for it."""
+        """Measure people by their appearances, in their order; each body is compiled for it."""
         return cls._of_rows([_measured_alone(looks) for looks in appearances])
 
     @classmethod
     def in_room(
         cls, model: mujoco.MjModel, appearances: Mapping[str, BodyAppearance], bodies: Collection[str]
     ) -> BodyMeasures:
-        """The same of people of whom some, `bodies`, are in a compiled room already, NAME/ before their elements' names.
+        """Measure people of whom some, `bodies`, are in a compiled room already, NAME/ before their elements' names.
 
         The others' bodies are compiled for it.
         """
@@ -87,7 +87,7 @@ class BodyMeasures:
         return len(self.stature)
 
     def of_people(self, people: Array | NDArray[np.intp]) -> BodyMeasures:
-        """The measures of some of the people, by index or mask."""
+        """Return the measures of some of the people, by index or mask."""
         return BodyMeasures(**{field.name: getattr(self, field.name)[people] for field in fields(self)})
 
     @property
@@ -108,7 +108,7 @@ class BodyMeasures:
 
 
 def _standing(model: mujoco.MjModel, prefixes: Sequence[str]) -> mujoco.MjData:
-    """The people, by the prefixes of their elements' names, standing straight with the hip joints at the origin."""
+    """Pose the people, by the prefixes of their elements' names, standing straight with the hip joints at the origin."""
     data = mujoco.MjData(model)
     for prefix in prefixes:
         start = model.jnt_qposadr[model.joint(f"{prefix}root").id]
@@ -118,7 +118,7 @@ def _standing(model: mujoco.MjModel, prefixes: Sequence[str]) -> mujoco.MjData:
 
 
 def _measured_alone(looks: BodyAppearance) -> dict[str, float]:
-    """The measures of a body that is compiled for it, without what has none."""
+    """Measure a body that is compiled for it, without geoms that are not measured."""
     spec = person_spec(looks, only=_MEASURED)
     spec.compiler.boundmass = spec.compiler.boundinertia = 1.0  # a segment without geoms has no mass of its own
     model = spec.compile()
@@ -126,7 +126,7 @@ def _measured_alone(looks: BodyAppearance) -> dict[str, float]:
 
 
 def _measured(model: mujoco.MjModel, data: mujoco.MjData, prefix: str, looks: BodyAppearance) -> dict[str, float]:
-    """The measures by name of one body who stands straight with the hip joints at the origin."""
+    """Measure one body, by name of the measure, which stands straight with the hip joints at the origin."""
 
     def place(body: str) -> Array:
         return model.body(prefix + body).pos
@@ -171,7 +171,7 @@ def _measured(model: mujoco.MjModel, data: mujoco.MjData, prefix: str, looks: Bo
 
 
 def _bag_behind(model: mujoco.MjModel, prefix: str, surface: Callable[[str], Array]) -> float:
-    """How far a bag worn on the trunk reaches behind the body's middle [m]."""
+    """Return how far a bag worn on the trunk reaches behind the body's middle [m]."""
     number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{prefix}bag")
     if number < 0 or model.body(model.geom_bodyid[number]).name != f"{prefix}trunk":
         return 0.0

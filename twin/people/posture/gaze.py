@@ -1,4 +1,4 @@
-"""Looking: turning the head to a point, to a person or by an angle, as fast as heads turn."""
+"""Gaze: heads that turn to a point, to a person or by an angle, as fast as heads turn, or look about freely."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class _Aim(IntEnum):
 
 
 class GazeControl:
-    """Where n people look on purpose; those who do not have their head where the gait has it."""
+    """Controlled gaze of n people; heads that are not controlled stay where the gait has them."""
 
     def __init__(self, count: int) -> None:
         self.share = MinimumJerkProfile(1, count)
@@ -74,12 +74,12 @@ class GazeControl:
             self.share.go(person, 0.0, max(_SHORTEST_S, PEAK_RATE * self._size(person) / HEAD_RATE_RAD_S))
 
     def done(self, person: int) -> bool:
-        """Whether the head is where it was asked to go, or as far as it turns."""
+        """Return whether the head is where it was asked to go, or as far as it turns."""
         turned = self._aim[person] == _Aim.AHEAD or (self._progress[person] >= 1.0 and self._behind[person] < 1e-3)
         return bool(turned and not self.share.moving[person] and not self._fresh[person])
 
     def idle(self) -> bool:
-        """Whether nobody looks at anything."""
+        """Return whether nobody looks at anything."""
         return not (self._aim.any() or self.share.value.any() or self.share.moving.any())
 
     def step(self, dt: float, head: Array, body: Array, rows: Array) -> None:
@@ -151,7 +151,7 @@ _LOOKS_FOR_S = (0.8, 3.0)
 
 
 class FreeGaze:
-    """Where n people look who look at nothing in particular, as an angle from their heading, each by a generator of their own."""
+    """Random gaze of n people who look at nothing in particular: an angle from the heading, each by its own generator."""
 
     def __init__(self, random: Sequence[np.random.Generator]) -> None:
         self._random = random
@@ -159,7 +159,7 @@ class FreeGaze:
         self._until = np.zeros(len(random))
 
     def at(self, t: float) -> Array:
-        """The angles (n,) [rad] at time t [s]; times must grow."""
+        """Return the angles (n,) [rad] at time t [s]; times must grow."""
         over = t >= self._until
         if over.any():
             for place in np.flatnonzero(over).tolist():

@@ -1,4 +1,4 @@
-"""Time courses of movements: from one value to another along a minimum-jerk curve."""
+"""Minimum-jerk profiles: movements from one value to another."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def minimum_jerk(progress: ArrayLike, begin: float | Array = 0.0, end: float | A
 
 
 class MinimumJerkProfile:
-    """Values (k, n) of n people that go to new goals along minimum-jerk curves."""
+    """Values (k, n) of n people that go to new goals along minimum-jerk profiles."""
 
     def __init__(self, size: int, count: int) -> None:
         self.value = np.zeros((size, count))
@@ -47,7 +47,7 @@ class MinimumJerkProfile:
         self.moving[person] = False
 
     def goal(self, person: int) -> Array:
-        """Where one person's values are going, (k,)."""
+        """Return where one person's values are going, (k,)."""
         return self._goal[:, person].copy()
 
     def step(self, dt: float) -> None:

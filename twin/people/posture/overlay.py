@@ -1,4 +1,4 @@
-"""Laying postures over standing and walking bodies: pelvis, legs, trunk, arms and head of those who have one."""
+"""Overlay of postures on standing and walking bodies: pelvis, legs, trunk, arms and head of those who have one."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ _HAND_OVER_M = 0.015
 
 
 def overlay_postures(qpos: Array, rows: Array, measures: BodyMeasures) -> Array:
-    """Joint coordinates with the postures laid over them, (n, NQ_PERSON).
+    """Overlay postures on joint coordinates; return (n, NQ_PERSON).
 
     qpos (n, NQ_PERSON): standing or walking; rows (POSTURE_ROWS, n), see `twin.people.posture.posture_rows`. Feet on the floor
     stay exactly where qpos has them; who has no posture keeps the very same numbers. qpos itself is not changed.
@@ -112,7 +112,8 @@ def _move_pelvis(q: Array, stands: Array, feet: list[tuple[Array, Array]], rows:
 
 
 def _windings(yaw: Array, rows: Array, faces: Array) -> Array:
-    """How often the posture's yaw must be turned all around to lie next to the body's, which is known to a turn only."""
+    """Return how often the posture's yaw must be turned all around to lie next to the body's, which is known to a turn
+    only."""
     held = rows[PLACE_YAW] / np.where(faces > 0, faces, 1.0)
     return np.round((yaw - held) / (2 * np.pi))
 
@@ -204,7 +205,7 @@ def _turn_head(q: Array, trunk: Array, rows: Array) -> None:
 
 
 def _foot(q: Array, pelvis: Array, number: int, measures: BodyMeasures) -> tuple[Array, Array]:
-    """Ankle joint (m, 3) and room_from_foot (m, 3, 3)."""
+    """Return ankle joint (m, 3) and room_from_foot (m, 3, 3)."""
     yaw, roll, pitch, knee, ankle_pitch, ankle_roll = q[:, _LEG[number, :6]].T
     thigh = pelvis @ about_z(yaw) @ about_x(roll) @ about_y(pitch)
     shank = thigh @ about_y(knee)
@@ -214,7 +215,7 @@ def _foot(q: Array, pelvis: Array, number: int, measures: BodyMeasures) -> tuple
 
 
 def _trunk(q: Array, pelvis: Array, measures: BodyMeasures) -> tuple[Array, Array]:
-    """room_from_trunk (m, 3, 3) and where the trunk bends (m, 3)."""
+    """Return room_from_trunk (m, 3, 3) and where the trunk bends (m, 3)."""
     yaw, pitch, roll = q[:, _SPINE].T
     waist = q[:, :3] + turned(pelvis, -_down(measures.waist))
     return pelvis @ about_z(yaw) @ about_y(pitch) @ about_x(roll), waist

@@ -1,4 +1,4 @@
-"""The numbers that say how a posture lies over the standing body, and where each stands.
+"""Rows of numbers that describe a posture over the standing body, and the load on the feet that follows from them.
 
 All may be interpolated linearly between ticks: what has a weight is stored multiplied by it, so that halfway between
 "no" and "there" is "half there".
@@ -50,12 +50,13 @@ POSTURE_ROWS = 46
 
 
 def active(rows: Array) -> NDArray[np.intp]:
-    """Who has any posture but standing, as indices (m,) into rows (POSTURE_ROWS, n)."""
+    """Return the indices (m,) of people with any posture but standing, from rows (POSTURE_ROWS, n)."""
     return np.nonzero(rows.any(axis=0))[0]
 
 
 def faced(heading: Array, rows: Array) -> Array:
-    """Where people face with their postures, (n,) [rad], unwrapped: who lies, towards the feet end of the bed.
+    """Return the yaw (n,) [rad] in which people face with their postures, unwrapped: who lies, towards the feet end of
+    the bed.
 
     heading (n,): where the gait has them face [rad], unwrapped as it was when they sat down.
     """
@@ -80,7 +81,7 @@ class CentreOfMass:
 
     @property
     def moves(self) -> bool:
-        """Whether anybody's centre of mass is not where standing has it, at rest."""
+        """True unless all centres of mass are at rest where standing has them."""
         return bool(self._up.any() or self._rate.any())
 
     def step(self, rows: Array, dt: float) -> None:
@@ -107,7 +108,7 @@ class CentreOfMass:
 
 
 def hips_up(rows: Array, measures: BodyMeasures) -> Array:
-    """Height of the hip joints (n,) [m], the gait's small motions left out."""
+    """Return height of the hip joints (n,) [m], the gait's small motions left out."""
     over_ankles = np.sqrt(np.maximum(measures.leg**2 - rows[BACK] ** 2, 0.0)) - rows[DROP]
     return (1 - rows[HELD_HIGH]) * (over_ankles + measures.ankle_height) + rows[PLACE_Z]
 
@@ -121,5 +122,5 @@ def support(rows: Array) -> tuple[Array, Array]:
 
 
 def pressure_shift_m(rows: Array) -> Array:
-    """How far the postures move the centre of pressure forward under the feet, (n,) [m]."""
+    """Return how far the postures move the centre of pressure forward under the feet, (n,) [m]."""
     return rows[PRESSURE]

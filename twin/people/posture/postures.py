@@ -67,7 +67,7 @@ _STANDS, _SITS, _LIES = 0, 1, 2
 
 
 class Postures:
-    """What n people do over standing and walking; `rows` (POSTURE_ROWS, n) says how it lies over them now.
+    """Postures of n people over standing and walking; `rows` (POSTURE_ROWS, n) describe them now.
 
     Commands take a person's index and begin at the next `step`; they raise ValueError where they make no sense.
     """
@@ -203,7 +203,7 @@ class Postures:
         self._gaze.ahead(person)
 
     def done(self, person: int, part: Part | None = None) -> bool:
-        """Whether what was last asked for is reached: of one part, or (None) of everything."""
+        """Return whether what was last asked for is reached: of one part, or (None) of everything."""
         done = {
             "body": self._sitting[person] == (self._aim[person] >= _SITS)
             and self._lying[person] == (self._aim[person] == _LIES),
@@ -214,7 +214,7 @@ class Postures:
         return bool(all(done.values()) if part is None else done[part])
 
     def may_walk(self) -> NDArray[np.bool_]:
-        """Who is on their feet and may be sent about, (n,)."""
+        """Return a mask (n,) of the people who is on their feet and may be sent about."""
         if self._idle:
             return self._everybody
         return (self._sitting == 0) & (self._aim == _STANDS)
@@ -290,7 +290,7 @@ class Postures:
             rows[first + 1 : first + 4] = reach[number] * self._points.value[3 * number : 3 * number + 3]
 
     def _heads(self, rows: Array) -> tuple[Array, Array]:
-        """Centres of the heads (n, 3) [m] and room_from_body (n, 3, 3), the gait's small motions left out."""
+        """Return centres of the heads (n, 3) [m] and room_from_body (n, 3, 3), the gait's small motions left out."""
         measures = self.measures
         yaw = faced(self._heading, rows)
         body = about_z(yaw) @ about_y(rows[PELVIS_PITCH])
@@ -308,7 +308,7 @@ class Postures:
         return hips + turned(body, waist + turned(about_y(rows[SPINE_PITCH]), head)), body
 
     def _hips(self, person: int) -> tuple[Array, float]:
-        """Hip joints x, y, z (3,) [m] and yaw [rad] of one person whose bends are taken away."""
+        """Return hip joints x, y, z (3,) [m] and yaw [rad] of one person whose bends are taken away."""
         place, yaw = complex(self._place[person]), float(self._heading[person])
         if self._aim[person] == _STANDS:
             height = float(self.measures.leg[person] * 0.9945 + self.measures.ankle_height[person])

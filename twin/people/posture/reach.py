@@ -34,7 +34,7 @@ _DROPS = np.linspace(0.0, 0.45, 8)
 
 
 def arm_angles(point: Array, side: float, measures: BodyMeasures) -> tuple[Array, Array, Array, Array]:
-    """Shoulder pitch, roll, yaw and elbow [rad], (m,) each, that bring the middle of the hand to a point.
+    """Return shoulder pitch, roll, yaw and elbow [rad], (m,) each, that bring the middle of the hand to a point.
 
     point (m, 3): from the shoulder, in the trunk's frame [m]; side: 1 left, -1 right. A point farther than the arm
     reaches is met in direction only: the hand gets as near as it can. The upper arm's turn about itself is what is left

@@ -1,4 +1,4 @@
-"""Sitting down and standing up: where one sits and stands on and before a seat, and the movement between."""
+"""Resting: poses on seats and beds, and the movements to sit down, lie down and get up."""
 
 from __future__ import annotations
 
@@ -56,7 +56,8 @@ _KNEE_HANGING_RAD = 1.22
 
 @dataclass(frozen=True)
 class SeatedPose:
-    """Where one person sits: hips x, y, z [m], yaw [rad]; feet_ahead_m: ankles before the hips; feet_hang: off the floor."""
+    """Pose of a person on a seat: hips x, y, z [m], yaw [rad]; feet_ahead_m: ankles before the hips; feet_hang: off the
+    floor."""
 
     hips: tuple[float, float, float]
     yaw: float
@@ -65,12 +66,12 @@ class SeatedPose:
 
     @property
     def standing_place(self) -> complex:
-        """Where one stands before sitting down and after standing up, x + iy [m]; facing `yaw`."""
+        """Place to stand before sitting down and after standing up, x + iy [m], facing `yaw`."""
         return complex(self.hips[0], self.hips[1]) + self.feet_ahead_m * complex(np.cos(self.yaw), np.sin(self.yaw))
 
 
 def seated_pose(seat: Seat, measures: BodyMeasures, person: int) -> SeatedPose:
-    """Where this person sits on this seat, of which as much is taken to lie behind its middle as before it.
+    """Return a person's pose on a seat, of which as much is taken to lie behind its middle as before it.
 
     As far back as the seat, a bag on the back, or the thighs allow; nearer to the front edge where the seat is
     high, so that the feet stay flat on the floor and the thighs slope down to them; where that would be too near,
@@ -141,8 +142,8 @@ _TOWARDS_HEAD_M = 0.04
 
 @dataclass(frozen=True)
 class LyingPose:
-    """Where one person lies: hips x, y, z [m], yaw towards the feet end [rad], unwrapped from the edge's; the edge: where
-    they sit before and after; turns_left: whether they turn left to lie down."""
+    """Pose of a person on a bed: hips x, y, z [m], yaw towards the feet end [rad], unwrapped from the edge's; edge: the
+    seated pose before and after; turns_left: to lie down."""
 
     hips: tuple[float, float, float]
     yaw: float
@@ -151,7 +152,7 @@ class LyingPose:
 
 
 def lying_pose(bed: Bed, measures: BodyMeasures, person: int, beside: complex) -> LyingPose:
-    """Where this person lies in this bed, who comes from the place `beside` x + iy [m]: on the long side nearest to it.
+    """Return a person's pose in a bed who comes from the place `beside`, x + iy [m]: on the long side nearest to it.
 
     On the back, the middle of the body in the middle of the bed; in a bed too short the feet hang over its end.
     """
@@ -176,7 +177,7 @@ def lying_pose(bed: Bed, measures: BodyMeasures, person: int, beside: complex) -
 
 
 def add_lying(rows: Array, progress: Array, seated: Array, lying: Array, turns_left: Array, drop: Array) -> None:
-    """Lay lying down over sitting; rows (POSTURE_ROWS, m) hold sitting on the edge.
+    """Add lying down to sitting; rows (POSTURE_ROWS, m) hold sitting on the edge.
 
     progress (m,): 0 seated, 1 on the back; seated, lying (4, m): hips x, y, z, yaw there and here; turns_left (m,): 1 or 0;
     drop (m,): slope of the legs from the hips down to heels on the mattress [rad]. The legs leave the floor, the one

@@ -1,1 +1,1 @@
-"""What people are told to do, one action after another, or by a recorded path."""
+"""Scripts of people: actions one after another, or a recorded path."""

@@ -1,4 +1,4 @@
-"""What each action of a script means, as commands one after another.
+"""Actions of a script, each as motion commands one after another.
 
 An action is a generator: it yields a command, and is resumed with the reason for which the command ended.
 """
@@ -47,7 +47,7 @@ _STANDS_FOR_S = 0.6
 
 
 def perform(actor: Actor, script: Sequence[Action]) -> Commands:
-    """One action after another, then stand for ever."""
+    """Perform one action after another, then stand for ever."""
     for action in script:
         yield from _wait_for(actor, action)
         actor.context.doing[actor.number] = action.kind
@@ -156,7 +156,7 @@ def _go_and_take(actor: Actor, name: str) -> Commands:
 
 
 def _settled(actor: Actor, for_s: float | None, part: Part) -> Commands:
-    """Until a part of the posture is where it was sent, and then for a time."""
+    """Wait until a part of the posture is where it was sent, and then for a time."""
     postures, number = actor.context.postures, actor.number
     yield MotionCommand(None, firm=True, done=lambda: postures.done(number, part))
     if for_s is None or for_s > 0:
@@ -164,7 +164,7 @@ def _settled(actor: Actor, for_s: float | None, part: Part) -> Commands:
 
 
 def _step_away(actor: Actor) -> Commands:
-    """From the seat or bed that one got up from, to where ways begin."""
+    """Step away from the seat or bed that one got up from, to where ways begin."""
     context, number = actor.context, actor.number
     for name in [name for name, user in context.taken.items() if user == number]:
         here, heading = actor.here, actor.heading

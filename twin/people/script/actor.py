@@ -29,7 +29,8 @@ _LATE, _SETS_OUT_S = 2.0, 2.0
 
 @dataclass(frozen=True)
 class Approach:
-    """How somebody comes to a seat or bed: where they turn round (2,), and stand to sit down [m], facing `heading` [rad]."""
+    """Approach of a seat or bed: the place to turn round (2,), and to stand before sitting down [m], facing `heading`
+    [rad]."""
 
     turns_round_at: Array
     stands_at: tuple[float, float]
@@ -61,7 +62,7 @@ def approaches(
 
 @dataclass(frozen=True)
 class Going:
-    """Where somebody is on their way to: in words, from when [s], and how long the way takes [s]; None: there is none."""
+    """A walk under way: its goal in words, its begin [s], and how long the way takes [s]; None: no way leads there."""
 
     goal: str
     since_s: float
@@ -70,7 +71,7 @@ class Going:
 
 @dataclass(eq=False)
 class ScriptContext:
-    """What all actors share: the clock, everybody's places and postures, the room.
+    """State that all actors share: the clock, places and postures of all people, the room.
 
     `doing`: the kind of action that each is at; `taken`: who uses a seat or bed; `leaving`: who is to go, `gone`: who has
     gone;
@@ -90,8 +91,8 @@ class ScriptContext:
     going: dict[int, Going] = field(default_factory=dict)
 
     def late(self) -> list[str]:
-        """Who has not got where they are on their way to in twice the time that the way takes, one sentence each."""
-        told = []
+        """Tell who has not arrived in twice the time that the way takes, one sentence each."""
+        messages = []
         for number, going in sorted(self.going.items()):
             took_s = self.t - going.since_s
             if not self.crowd.present[number] or took_s <= _LATE * (going.takes_s or 0.0) + _SETS_OUT_S:
@@ -105,11 +106,11 @@ class ScriptContext:
                 else "something is in the way"
             )
             why = "no way leads there" if going.takes_s is None else why
-            told.append(f"{self.names[number]} has not reached {going.goal} after {took_s:.0f} s: {why}")
-        return told
+            messages.append(f"{self.names[number]} has not reached {going.goal} after {took_s:.0f} s: {why}")
+        return messages
 
     def number_of(self, name: str) -> int:
-        """The place of a person in all arrays."""
+        """Return the index of a person in all arrays."""
         return self.names.index(name)
 
     def end_looks(self) -> None:
@@ -134,38 +135,38 @@ class Actor:
 
     @property
     def here(self) -> Array:
-        """Where the person is, (2,) [m]."""
+        """Place of the person, (2,) [m]."""
         return self.place_of(self.number)
 
     @property
     def heading(self) -> float:
-        """Where the person faces [rad]."""
+        """Heading of the person [rad]."""
         return float(self.context.crowd.heading[self.number])
 
     def place_of(self, number: int) -> Array:
-        """Where somebody is, (2,) [m]."""
+        """Return the place of a person, (2,) [m]."""
         place = self.context.crowd.place[number]
         return np.array([place.real, place.imag])
 
     def target(self, target: Target) -> Array:
-        """The ground point of somebody by name or of a place, (2,) [m]."""
+        """Return the ground point of somebody by name or of a place, (2,) [m]."""
         if isinstance(target, str):
             return self.place_of(self.context.number_of(target))
         return np.array(target[:2])
 
     def distance_to(self, target: Target) -> float:
-        """Distance on the floor [m]; infinite to somebody who is not there."""
+        """Return distance on the floor [m]; infinite to somebody who is not there."""
         if isinstance(target, str) and not self.context.crowd.present[self.context.number_of(target)]:
             return inf
         return float(np.linalg.norm(self.target(target) - self.here))
 
     def bearing_of(self, target: Target) -> float:
-        """Direction on the floor to a target [rad]."""
+        """Return direction on the floor to a target [rad]."""
         way = self.target(target) - self.here
         return float(np.arctan2(way[1], way[0]))
 
     def speed_of(self, name: str) -> float:
-        """How fast somebody walks [m/s]."""
+        """Return how fast somebody walks [m/s]."""
         return float(abs(self.context.crowd.velocity[self.context.number_of(name)]))
 
     def look(self, action: Look) -> None:
@@ -183,7 +184,7 @@ class Actor:
             context.postures.look_ahead(number)
 
     def approach(self, furniture: Seat | Bed) -> Approach:
-        """How to come to a seat or bed: to the nearest side of a bed that a way leads to."""
+        """Return how to come to a seat or bed: to the nearest side of a bed that a way leads to."""
         context = self.context
         here = complex(context.crowd.place[self.number])
         found = approaches(furniture, context.postures.measures, self.number, here)
@@ -202,18 +203,18 @@ class Actor:
         self.context.going.pop(self.number, None)
 
     def is_gone(self, name: str) -> bool:
-        """Whether somebody has left for good."""
+        """Return whether somebody has left for good."""
         return self.context.number_of(name) in self.context.gone
 
     def draws_the_eyes_of(self, name: str) -> None:
-        """Somebody who only stands about turns to this person, and looks at them."""
+        """Turn somebody who only stands about to this person."""
         context, other = self.context, self.context.number_of(name)
         if context.doing[other] == "stand" and context.postures.may_walk()[other]:
             way = self.here - self.place_of(other)
             context.crowd.command(other, MotionCommand(None, heading=float(np.arctan2(way[1], way[0])), firm=True))
 
     def others(self) -> Array:
-        """Where everybody else who is there is, (k, 2) [m]."""
+        """Return the places of all others in the room, (k, 2) [m]."""
         crowd = self.context.crowd
         there = crowd.present.copy()
         there[self.number] = False
@@ -221,14 +222,14 @@ class Actor:
         return np.stack([places.real, places.imag], axis=-1)
 
     def ends_at(self, for_s: float | None) -> float:
-        """The time [s] at which something that begins now is over."""
+        """Return the time [s] at which something that begins now is over."""
         return inf if for_s is None else self.t + for_s
 
     def free_places(self, count: int) -> Array:
-        """Random places (count, 2) [m] in the area, clear of furniture."""
+        """Draw places (count, 2) [m] in the area, clear of furniture."""
         return self.context.ground.free_places(count, self.rng)
 
     def way_to(self, goal: Array | tuple[float, float]) -> list[tuple[float, float]]:
-        """Places to pass on the way around furniture, the goal last; none where there is no way."""
+        """Return the places to pass on the way around furniture, the goal last; none where there is no way."""
         way = self.context.ground.routes.way(self.here, np.asarray(goal, dtype=float))
         return [] if way is None else [(float(x), float(y)) for x, y in way]

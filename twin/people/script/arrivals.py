@@ -1,4 +1,4 @@
-"""Where people start and which way they face."""
+"""Starts of people: place, heading and time."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _APART_M = 0.75
 
 
 def known_start(person: Person) -> Point | None:
-    """Where a person's description says they start [m]; None: a place is drawn.
+    """Return the start that a person's description gives, x, y [m]; None: a place is drawn.
 
     As asked, at the beginning of a recorded path, or at the first waypoint of a walk.
     """
@@ -39,7 +39,8 @@ def known_start(person: Person) -> Point | None:
 def start_places(
     names: Sequence[str], people: Sequence[Person], ground: Ground, random: Sequence[np.random.Generator], source: str
 ) -> Array:
-    """Where everybody starts, (n, 2) [m]: as described, or drawn in the area, clear of furniture and away from those placed.
+    """Return where all people start, (n, 2) [m]: as described, or drawn in the area, clear of furniture and away from
+    those placed.
 
     Raises InputError where the area has no room left.
     """
@@ -65,35 +66,38 @@ def start_places(
 
 
 def comes_at(person: Person) -> float:
-    """When a person comes into the room [s]."""
+    """Return the time at which a person comes into the room [s]."""
     if person.script and isinstance(person.script[0], RecordedPath):
         return max(0.0, person.script[0].points[0][0])
     return person.arrive_s
 
 
 def too_late(people: Mapping[str, Person], duration_s: float) -> list[str]:
-    """One sentence for each person and action whose time is not before the end of the run at `duration_s` [s]."""
-    told = []
+    """Return one sentence for each person and action whose time is not before the end of the run at `duration_s` [s]."""
+    messages = []
     never = [name for name, person in people.items() if comes_at(person) >= duration_s]
     if len(never) > 1:
-        told.append(f"people: {len(never)} never come, as the end at {duration_s:g} s is before: {', '.join(never)}")
+        messages.append(
+            f"people: {len(never)} never come, as the end at {duration_s:g} s is before: {', '.join(never)}"
+        )
     for name, person in people.items():
         if name in never:
             if len(never) == 1:
-                told.append(
+                messages.append(
                     f"people.{name}.arrive_s: {comes_at(person):g} s is after the end at {duration_s:g} s: never comes"
                 )
             continue
-        told += [
+        messages += [
             f"people.{name}.script.{place}.at_s: {action.at_s:g} s is after the end at {duration_s:g} s: never done"
             for place, action in enumerate(person.script)
             if action.at_s is not None and action.at_s >= duration_s
         ]
-    return told
+    return messages
 
 
 def first_heading(person: Person, start: Array, rng: np.random.Generator) -> float:
-    """Where a person faces at the start [rad]: as asked, towards the first waypoint that is not here, or at random."""
+    """Return a person's heading at the start [rad]: as asked, towards the first waypoint that is not here, or at
+    random."""
     drawn = float(rng.uniform(-np.pi, np.pi))
     if person.heading_deg is not None:
         return float(np.deg2rad(person.heading_deg))

@@ -49,7 +49,7 @@ def follow(actor: Actor, action: Follow) -> Commands:
 
 
 def _one_step_on(actor: Actor, person: str, speed_m_s: float, until: float, distance_m: float) -> Commands:
-    """A moment's walk towards somebody who moves, to end at a distance from them."""
+    """Walk for a moment towards somebody who moves, to end at a distance from them."""
     there, bearing = actor.target(person), actor.bearing_of(person)
     before = (float(there[0]) - distance_m * cos(bearing), float(there[1]) - distance_m * sin(bearing))
     way = actor.way_to(there) or actor.way_to(before)
@@ -105,7 +105,7 @@ def _walk_beside(actor: Actor, action: Follow) -> Commands:
 
 
 def _keep_up(actor: Actor, action: Follow, other: int, goal: complex, until: float) -> MotionCommand:
-    """The command for a moment: be where the place one keeps will be, or stand there, facing as the other does."""
+    """Return the command for a moment: be where the place one keeps will be, or stand there, facing as the other does."""
     crowd, here = actor.context.crowd, actor.context.crowd.place[actor.number]
     velocity = crowd.velocity[other]
     stands = abs(velocity) < _STANDS_M_S
@@ -120,7 +120,7 @@ def _keep_up(actor: Actor, action: Follow, other: int, goal: complex, until: flo
 
 
 def _has_room(actor: Actor, other: int, place: complex, beside: complex, velocity: complex) -> bool:
-    """Whether the place beside somebody is free, and stays so for a while as they go on."""
+    """Return whether the place beside somebody is free, and stays so for a while as they go on."""
     routes, crowd = actor.context.ground.routes, actor.context.crowd
     points = [np.array([at.real, at.imag]) for at in (place, beside, beside + velocity * _SEES_AHEAD_S)]
     for start, end in ((points[0], points[1]), (points[1], points[2])):

@@ -1,4 +1,4 @@
-"""People who keep a recorded path: where it has them at every tick of the people's clock."""
+"""Recorded paths of people: places and velocities at every tick of the people's clock."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _XY = np.array([1, 1j])
 
 
 def curve_through(rows: Array) -> PchipInterpolator:
-    """The curve of places over time through rows (k, 3) t [s], x, y [m]."""
+    """Fit the curve of places over time through rows (k, 3) t [s], x, y [m]."""
     return PchipInterpolator(rows[:, 0], rows[:, 1:])
 
 
@@ -61,11 +61,11 @@ class RecordedPaths:
         self._window: Planar = np.zeros((0, 2, len(self._curves)), dtype=complex)  # (_WINDOW, place and velocity, k)
 
     def there(self, tick: int) -> NDArray[np.bool_]:
-        """Who is there at a tick, (k,)."""
+        """Return a mask (k,) of the people who is there at a tick."""
         return (self.first <= tick) & (tick <= self.last)
 
     def at(self, tick: int) -> tuple[Planar, Planar]:
-        """Places [m] and velocities [m/s] (k,) at a tick; before and after a path its first and last."""
+        """Return places [m] and velocities [m/s] (k,) at a tick; before and after a path its first and last."""
         if not self._from <= tick < self._from + _WINDOW:
             self._look_ahead(tick)
         place, velocity = self._window[tick - self._from]
@@ -81,7 +81,7 @@ class RecordedPaths:
             self._window[:, :, row] = self._along(row, np.clip(ticks, self.first[row], self.last[row])).T
 
     def _along(self, row: int, ticks: NDArray[np.intp]) -> Planar:
-        """Places and velocities (2, n) of one person at some ticks."""
+        """Return places and velocities (2, n) of one person at some ticks."""
         curve = self._curves[row]
         at = np.clip(ticks * self._tick_s, curve.x[0], curve.x[-1])
         return np.stack([curve(at) @ _XY, curve(at, 1) @ _XY])
@@ -100,7 +100,8 @@ class CloseCall:
 def close_calls(
     people: Mapping[str, Person], until_s: float = np.inf, within_m: float = BODIES_NEED_M
 ) -> list[CloseCall]:
-    """Where two recorded paths come closer than bodies allow before `until_s`, the closest moment of each pair, by time."""
+    """Find where two recorded paths come closer than bodies allow before `until_s`: the closest approach of each pair,
+    by time."""
     names = sorted(
         name for name, person in people.items() if person.script and isinstance(person.script[0], RecordedPath)
     )
@@ -122,7 +123,7 @@ def close_calls(
 
 
 def warning_of(calls: Sequence[CloseCall]) -> str:
-    """One sentence that says where recorded paths ask of bodies what they cannot do; empty without calls."""
+    """Return one sentence that says where recorded paths ask of bodies what they cannot do; empty without calls."""
     if not calls:
         return ""
     worst = min(calls, key=lambda call: call.apart_m)

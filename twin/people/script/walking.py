@@ -31,7 +31,7 @@ _SHUT_IN_S = 0.5
 
 
 def wander(actor: Actor, action: Wander) -> Commands:
-    """Random places one after another (see `twin.scenario.behaviour.Wander`)."""
+    """Walk to random places one after another (see `twin.scenario.behaviour.Wander`)."""
     ends_at = actor.ends_at(action.for_s)
     walking = False
     rng = actor.rng
@@ -53,7 +53,7 @@ def wander(actor: Actor, action: Wander) -> Commands:
 
 
 def _goal(actor: Actor) -> Array:
-    """Of a few random goals the one whose first metre is freest of others: nobody sets out into somebody's back."""
+    """Choose of a few random goals the one whose first metre is freest of others: nobody sets out into somebody's back."""
     here, others = actor.here, actor.others()
     goals = actor.free_places(_CANDIDATES)
     way = goals - here
@@ -92,7 +92,7 @@ def walk_to(
     exactly: bool = False,
     what: str = "",
 ) -> Commands:
-    """Around furniture to a place, called `what` where it has a name."""
+    """Walk around furniture to a place (2,) [m], called `what` where it has a name."""
     actor.sets_out(goal, speed_m_s, what)
     yield from _by_a_way(actor, goal, speed_m_s, halt=halt, face=face, exactly=exactly)
     actor.arrives()
@@ -101,7 +101,7 @@ def walk_to(
 def _by_a_way(
     actor: Actor, goal: Array | tuple[float, float], speed_m_s: float, *, halt: bool, face: Any, exactly: bool
 ) -> Commands:
-    """Along a way; where others stand in it, wait a moment and look for a way again."""
+    """Walk along a way; where others stand in it, wait a moment and look for a way again."""
     place_m = np.asarray(goal, dtype=float)
     near = actor.context.ground.routes.near(place_m)
     off_m = float(np.hypot(*(standing_place(place_m, actor.context.ground.walkable) - place_m)))
@@ -127,7 +127,7 @@ def _by_a_way(
 
 
 def _towards(actor: Actor, command: MotionCommand, face: Any) -> Commands:
-    """One stretch of the way, facing somebody or something meanwhile."""
+    """Walk one stretch of the way, facing somebody or something meanwhile."""
     if face is None:
         return (yield command)
     while True:
